@@ -1,0 +1,62 @@
+"""Parametric studies of static thermoelastic contact with nonmonotone, multivalued friction.
+
+    import tcstudy
+    study = tcstudy.load("configs/quickstart.yaml", ["mesh.levels=2"])
+    tree = tcstudy.run(study)              # xarray.DataTree; also written to results/quickstart.nc
+    tree["level_1"]["u_T"]                 # tangential displacements on the second mesh
+
+The functions import what they need when they are called, so that `import tcstudy` costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import xarray
+
+    from tcstudy.scene.records import Study
+
+__all__ = ["load", "open_results", "run"]
+
+
+def load(path: str | Path, overrides: Sequence[str] = ()) -> Study:
+    """Read and check a study file; `overrides` are "key=value" texts as with --set.
+
+    Raises tcstudy.errors.StudyError with all faults of the file, each with its place and remedy.
+    """
+    from tcstudy.scene.reader import read_study
+
+    return read_study(Path(path), overrides)
+
+
+def run(study: Study | str | Path, output: str | Path | None = None, *, progress: bool = False) -> xarray.DataTree:
+    """Run a study (or a study file), write its netCDF file and return its data, loaded into memory.
+
+    progress: show progress on stderr. Points that fail have a status and a reason in the data.
+    Raises StudyError, tcstudy.data.store.StoreError or tcstudy.fem.geometry.GeometryFailed.
+    """
+    from tcstudy.report.progress import progress as terminal
+    from tcstudy.study.execute import execute
+
+    study = load(study) if isinstance(study, str | Path) else study
+    watcher = terminal() if progress else None
+    try:
+        result = execute(study, Path(output) if output is not None else None, watcher, ("tcstudy.run",))
+    finally:
+        if watcher is not None:
+            watcher.close()
+    with open_results(result.output) as tree:
+        return tree.load()
+
+
+def open_results(path: str | Path) -> xarray.DataTree:
+    """Open a result file as an xarray.DataTree: results at the root, one group per mesh level.
+
+    Raises tcstudy.data.store.StoreError if there is none or its run has not finished.
+    """
+    from tcstudy.data.store import open_results as open_tree
+
+    return open_tree(Path(path))

@@ -1,0 +1,162 @@
+"""Where a result comes from: study text, command, versions, commit; the global attributes of a result file.
+
+Nothing of a machine is recorded: absolute paths are cut to the file name; host and user names are never read.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import re
+import shlex
+import subprocess
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any
+
+from tcstudy.scene.records import Study
+
+CONVENTIONS = "CF-1.11"
+REFERENCES = "Sestak & Jovanovic, Appl. Math. Mech. 31 (2010), doi:10.3879/j.issn.1000-0887.2010.01.008"
+PACKAGES = ("numpy", "scipy", "ngsolve", "xarray", "netCDF4", "tcstudy")
+NUMERICS = ("numpy", "scipy", "ngsolve", "netgen-mesher", "tcstudy")
+"""Packages whose version can change a result (meshes are equal across runs, not across versions)."""
+
+GIT_TIMEOUT = 5.0
+"""Seconds that git may take, for example on a slow network disk."""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What is known of a run beside its study.
+
+    history:    date and command, one line per step
+    versions:   package → version
+    git_commit: commit of the study's checkout, with "-dirty" if the study or a tracked file differs; or "unknown"
+    """
+
+    history: str
+    versions: tuple[tuple[str, str], ...]
+    git_commit: str
+
+
+def collect(study: Study, command: Sequence[str], now: datetime | None = None) -> Provenance:
+    """Provenance of a run started with `command` (the words of the command line) at `now`."""
+    date = (now or datetime.now(UTC)).isoformat(timespec="seconds")
+    versions = {"python": platform.python_version(), **package_versions(PACKAGES)}
+    return Provenance(f"{date} {_command_line(command)}", tuple(versions.items()), git_commit(study.source))
+
+
+def global_attributes(study: Study, provenance: Provenance) -> dict[str, Any]:
+    """Global attributes of the result file: those of CF, and all that is needed to repeat the run."""
+    versions = dict(provenance.versions)
+    return {
+        "Conventions": CONVENTIONS,
+        "title": study.title or "untitled study",
+        "institution": study.institution or "unspecified",
+        "source": f"tcstudy {versions.get('tcstudy', 'unknown')}",
+        "history": provenance.history,
+        "references": REFERENCES,
+        "solver": study.solver.name,
+        "solver_tolerance": float(study.solver.tolerance),
+        "unit_system": study.units,
+        "sweep_mode": study.mode,
+        "study_yaml": study.text,
+        "study_sha256": study_sha256(study),
+        "overrides": "\n".join(without_directories(study.overrides)),
+        "versions": json.dumps(versions),
+        "git_commit": provenance.git_commit,
+    }
+
+
+def study_sha256(study: Study) -> str:
+    """SHA-256 of all that decides the results: YAML text, overrides, and the bytes of its geometry files.
+
+    Without overrides and geometry files it is the checksum of the YAML file.
+    """
+    digest = hashlib.sha256(study.text.encode())
+    for override in study.overrides:
+        digest.update(b"\0" + override.encode())
+    bodies = (scene.body.brep for scene in study.scenes)
+    for path in sorted({brep.path for brep in bodies if brep is not None}):
+        digest.update(b"\0" + path.name.encode() + b"\0")
+        if path.is_file():
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def package_versions(names: Iterable[str]) -> dict[str, str]:
+    """Installed versions by package name, without importing the packages; "unknown" if there is none."""
+    versions = {}
+    for name in names:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            versions[name] = "unknown"
+    return versions
+
+
+def git_commit(source: Path | None) -> str:
+    """Commit of the checkout that holds the study file, "-dirty" if it does not hold the study as run."""
+    if source is None:
+        return "unknown"
+    directory = source.resolve().parent
+    commit = _git(directory, "rev-parse", "--verify", "HEAD")
+    changes = _git(directory, "status", "--porcelain", "--untracked-files=no")
+    if commit is None or changes is None:
+        return "unknown"
+    tracked = _git(directory, "ls-files", "--error-unmatch", "--", source.name) is not None
+    return commit if tracked and not changes else f"{commit}-dirty"
+
+
+def _git(directory: Path, *arguments: str) -> str | None:
+    """Output of a git command, None if git is missing, too slow or says no."""
+    # GIT_OPTIONAL_LOCKS: asking for the status must not take a lock in the user's checkout
+    environment = {**os.environ, "GIT_OPTIONAL_LOCKS": "0", "LC_ALL": "C"}
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(directory), *arguments],
+            capture_output=True,
+            text=True,
+            timeout=GIT_TIMEOUT,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError, UnicodeDecodeError):
+        return None
+    return done.stdout.strip()
+
+
+def _command_line(command: Sequence[str]) -> str:
+    words = list(without_directories(command))
+    if words and words[0] == "__main__.py":
+        words[0] = "tcstudy"
+    return shlex.join(words)
+
+
+def without_directories(words: Iterable[str]) -> tuple[str, ...]:
+    """Words of a command or override; an absolute path, alone or after "=", is cut to its last part."""
+    return tuple("=".join(_file_name(part) for part in word.split("=")) for word in words)
+
+
+def _file_name(text: str) -> str:
+    stripped = text.strip().strip("'\"")
+    if PurePosixPath(stripped).is_absolute():
+        return PurePosixPath(stripped).name
+    if PureWindowsPath(stripped).is_absolute():
+        return PureWindowsPath(stripped).name
+    return text
+
+
+_PATH = re.compile(r"(?<![^\s'\"(=:])(?:[A-Za-z]:)?[/\\](?:[^\s'\"/\\]+[/\\])+")
+
+
+def without_paths(sentence: str) -> str:
+    """A sentence with every absolute path cut to its last part (a slash within a unit stays)."""
+    return _PATH.sub("", sentence)

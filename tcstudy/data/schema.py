@@ -1,0 +1,241 @@
+"""What stands in a result file: one table of variables, their dimensions, units and meaning (CF-1.11).
+
+Root:           results by sweep point and level, and what a level has once
+/level_0, …:    the contact line of that mesh and, if asked for, the whole-body fields (UGRID-1.0)
+Missing values: NaN for floats (as _FillValue); −1 for counts, outside their valid_min and without _FillValue,
+                so that no reader turns an integer array into floats; 0 ("not_run") for the status
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from tcstudy.data.records import LevelRecord, PointStatus
+from tcstudy.scene.records import Axis, Study
+
+Dtype = Literal["f8", "i4", "i1", "str"]
+
+SWEEP = "*"
+"""Stands for the dimensions of the sweep in a `Variable.dims`."""
+
+POINT = "point"
+"""The one sweep dimension of a study in list mode."""
+
+POINT_LEVEL = (SWEEP, "level")
+MISSING_COUNT = -1
+NOT_RUN = "not run"
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One netCDF variable.
+
+    units:      SI; a dimensionless study ("none") writes "1" in place of everything but seconds
+    dims:       dimension names; SWEEP stands for those of the sweep
+    coordinate: True if it locates data: no missing values, no _FillValue
+    extra:      further attributes
+    """
+
+    name: str
+    dtype: Dtype
+    units: str
+    long_name: str
+    dims: tuple[str, ...] = POINT_LEVEL
+    coordinate: bool = False
+    extra: tuple[tuple[str, Any], ...] = ()
+
+    @property
+    def missing(self) -> float | int | str:
+        """What stands where there is no value."""
+        return {"f8": float("nan"), "i4": MISSING_COUNT, "i1": 0, "str": NOT_RUN}[self.dtype]
+
+    @property
+    def fill_value(self) -> float | Literal[False]:
+        """The _FillValue attribute; False for none."""
+        return float("nan") if self.dtype == "f8" and not self.coordinate else False
+
+
+_STATUS = (
+    ("standard_name", "status_flag"),
+    ("flag_values", np.array([int(s) for s in PointStatus], dtype=np.int8)),
+    ("flag_meanings", " ".join(s.name.lower() for s in PointStatus)),
+)
+_COUNT = (("valid_min", np.int32(0)), ("comment", f"{MISSING_COUNT} where there is no value"))
+_JUDGED = (("ancillary_variables", "status"),)
+_DIFFERENCE = (("units_metadata", "temperature: difference"),)
+_LEVEL = ("level",)
+
+
+def _count(name: str, long_name: str, dims: tuple[str, ...] = POINT_LEVEL, extra: Any = ()) -> Variable:
+    return Variable(name, "i4", "1", long_name, dims, extra=_COUNT + extra)
+
+
+def _result(name: str, units: str, long_name: str, extra: Any = ()) -> Variable:
+    return Variable(name, "f8", units, long_name, extra=_JUDGED + extra)
+
+
+ROOT: tuple[Variable, ...] = (
+    Variable("h_max", "f8", "m", "longest element edge", _LEVEL),
+    _count("n_dof", "number of displacement unknowns", _LEVEL),
+    _count("n_contact", "number of contact unknowns m", _LEVEL),
+    Variable("status", "i1", "1", "status of the sweep point", extra=_STATUS),
+    Variable("reason", "str", "1", "why the point is not ok, in words; empty if it is"),
+    _result("energy", "J m-1", "energy of the discrete problem at the solution, per unit thickness"),
+    _result(
+        "inclusion_residual", "1", "largest distance of -S_T from the filled friction law, over its scale"
+    ),
+    _count("iterations", "steps of the solver", extra=_JUDGED),
+    _count("evaluations", "evaluations of the energy", extra=_JUDGED),
+    _result("u_T_max", "m", "largest absolute tangential displacement on the contact line"),
+    _result("friction_resultant", "N m-1", "integral of -S_T over the contact line, per unit thickness"),
+    _result("slip_length", "m", "length of the contact line that does not stick"),
+    _result("lambda_1", "Pa m-1", "smallest tangential stiffness of the body per contact length"),
+    _result("omega", "Pa m-1", "steepest fall of the friction law; infinite if it jumps down"),
+    _result("uniqueness_margin", "Pa m-1", "lambda_1 - omega; the solution is unique if positive"),
+    _result("theta_mean", "K", "mean temperature of the body above its stress-free state", _DIFFERENCE),
+    _result("heat_balance", "1", "relative defect of heat convected away against heat put in"),
+    Variable("time_mesh", "f8", "s", "wall time of the mesh", _LEVEL),
+    Variable("time_assemble", "f8", "s", "wall time of assembling the matrices", _LEVEL),
+    Variable("time_condense", "f8", "s", "wall time of condensing to the contact line"),
+    Variable("time_solve", "f8", "s", "wall time of solving the contact problem"),
+)
+
+LEVEL_COORDINATE = Variable("level", "i4", "1", "mesh level, from coarse to fine", _LEVEL, coordinate=True)
+
+_NODE = ("node",)
+_AT_NODE = (("coordinates", "arclength x y"),)
+
+CONTACT: tuple[Variable, ...] = (
+    Variable("arclength", "f8", "m", "arc length along the contact line", _NODE, coordinate=True),
+    Variable("x", "f8", "m", "x of the contact node", _NODE, coordinate=True),
+    Variable("y", "f8", "m", "y of the contact node", _NODE, coordinate=True),
+    Variable("c", "f8", "m", "length of the contact segment around the node", _NODE, extra=_AT_NODE),
+    Variable("edge", "i1", "1", "contact edge that the node lies on", _NODE, extra=_AT_NODE),
+    Variable("u_T", "f8", "m", "tangential displacement", (SWEEP, "node"), extra=_JUDGED + _AT_NODE),
+    Variable("xi", "f8", "Pa", "tangential traction -S_T", (SWEEP, "node"), extra=_JUDGED + _AT_NODE),
+)
+
+_MESH_NODE = ("mesh_node",)
+_AT_MESH = (("coordinates", "node_x node_y"), ("mesh", "mesh"), ("location", "node"), *_JUDGED)
+_CONNECTIVITY = (("cf_role", "face_node_connectivity"), ("start_index", np.int32(0)))
+MESH_TOPOLOGY: dict[str, Any] = {
+    "cf_role": "mesh_topology",
+    "long_name": "triangulation of the body",
+    "units": "1",
+    "topology_dimension": np.int32(2),
+    "node_coordinates": "node_x node_y",
+    "face_node_connectivity": "triangle",
+}
+"""Attributes of the scalar variable `mesh` that ties a level's mesh together (UGRID-1.0)."""
+
+MESH: tuple[Variable, ...] = (
+    Variable("node_x", "f8", "m", "x of the mesh node", _MESH_NODE, coordinate=True),
+    Variable("node_y", "f8", "m", "y of the mesh node", _MESH_NODE, coordinate=True),
+    Variable("triangle", "i4", "1", "nodes of the triangle", ("mesh_face", "corner"), extra=_CONNECTIVITY),
+)
+FIELDS: tuple[Variable, ...] = (
+    Variable(
+        "theta",
+        "f8",
+        "K",
+        "temperature above the stress-free state",
+        (SWEEP, "mesh_node"),
+        extra=_AT_MESH + _DIFFERENCE,
+    ),
+    Variable("u_x", "f8", "m", "displacement in x", (SWEEP, "mesh_node"), extra=_AT_MESH),
+    Variable("u_y", "f8", "m", "displacement in y", (SWEEP, "mesh_node"), extra=_AT_MESH),
+)
+
+NUMBERS = frozenset(v.name for v in ROOT if v.dims == POINT_LEVEL and v.name not in ("status", "reason"))
+"""Names that `PointRecord.numbers` may hold."""
+
+FIELD_NAMES = frozenset(v.name for v in FIELDS)
+"""Names that `PointRecord.fields` may hold."""
+
+RESERVED = frozenset(v.name for v in (*ROOT, *CONTACT, *MESH, *FIELDS)) | {
+    *("level", "node", "mesh_node", "mesh_face", "corner", "mesh", POINT)
+}
+"""Names of the file that no swept parameter may take."""
+
+
+def sweep_dims(study: Study) -> tuple[str, ...]:
+    """Names of the sweep dimensions, in the order of `study.shape`."""
+    if not study.axes:
+        return ()
+    return tuple(axis.name for axis in study.axes) if study.mode == "grid" else (POINT,)
+
+
+def expand(dims: tuple[str, ...], study: Study) -> tuple[str, ...]:
+    """Dimension names with SWEEP replaced by those of the study."""
+    return tuple(name for d in dims for name in (sweep_dims(study) if d == SWEEP else (d,)))
+
+
+def attributes(variable: Variable, study: Study) -> dict[str, Any]:
+    """Attributes of a variable in the file of this study (without _FillValue)."""
+    dimensionless = study.units == "none" and variable.units != "s"
+    extra = dict(variable.extra)
+    if dimensionless:
+        extra.pop("units_metadata", None)
+    if study.mode == "list" and SWEEP in variable.dims:
+        names = (extra.get("coordinates", ""), *(axis.name for axis in study.axes))
+        extra["coordinates"] = " ".join(names).strip()
+    return {"long_name": variable.long_name, "units": "1" if dimensionless else variable.units, **extra}
+
+
+def axis_attributes(axis: Axis) -> dict[str, Any]:
+    """Attributes of the coordinate variable of a swept parameter."""
+    attrs = {"long_name": f"swept parameter {'.'.join(axis.path)}", "units": axis.units}
+    return attrs | dict(_DIFFERENCE) if axis.units == "K" else attrs
+
+
+def axis_labels(axis: Axis) -> np.ndarray[Any, Any]:
+    """Labels of a swept parameter: float64, or objects if one of them is a text."""
+    if any(isinstance(label, str) for label in axis.labels):
+        return np.array([str(label) for label in axis.labels], dtype=object)
+    return np.array(axis.labels, dtype=float)
+
+
+def edge_attributes(edge_names: Sequence[str]) -> dict[str, Any]:
+    """Flags that name the contact edges of `edge`."""
+    if not edge_names:
+        return {}
+    values = np.arange(len(edge_names), dtype=np.int8)
+    return {"flag_values": values, "flag_meanings": " ".join(edge_names)}
+
+
+def axis_problems(study: Study) -> list[str]:
+    """One sentence for each swept parameter whose name cannot stand in the file."""
+    names = [axis.name for axis in study.axes]
+    problems = [
+        f"two swept parameters are named {n!r}" for n in sorted({n for n in names if names.count(n) > 1})
+    ]
+    for name in names:
+        if name in RESERVED:
+            problems.append(f"the swept parameter {name!r} has the name of a result; give it another name")
+        elif not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
+            problems.append(f"the swept parameter {name!r} needs a name of letters, digits and underscores")
+    return problems
+
+
+def expected_bytes(study: Study, levels: Sequence[LevelRecord | tuple[int, int]]) -> int:
+    """Size of the result file [byte], for a look at the disk before the work.
+
+    levels: one record per level, or predicted (contact nodes, mesh nodes)
+    """
+    points = int(np.prod(study.shape, dtype=np.int64))
+    total = 100_000 + len(study.text.encode()) + 8 * len(ROOT) * points * study.mesh.levels
+    for level in levels:
+        contact, nodes = level if isinstance(level, tuple) else _counts(level)
+        total += 8 * (2 * points + 6) * contact
+        if study.output.fields:
+            total += 8 * (len(FIELDS) * points + 5) * nodes
+    return total
+
+
+def _counts(level: LevelRecord) -> tuple[int, int]:
+    return level.n_contact, len(level.fields.get("node_x", ()))

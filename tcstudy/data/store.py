@@ -1,0 +1,363 @@
+"""The result file: one netCDF-4 file per run, complete or not there at all.
+
+A file is written aside in the same directory, brought to the disk (fsync) and renamed over the old one, so that
+a crash, a full disk or a power cut leaves the old file as it was, and a reader of the old file keeps it.
+`tcstudy.data.schema` says what stands in the file.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tcstudy.data import schema
+from tcstudy.data.provenance import Provenance, global_attributes, without_paths
+from tcstudy.data.records import LevelRecord, PointRecord
+from tcstudy.scene.records import Study
+
+if TYPE_CHECKING:
+    import netCDF4
+    import xarray
+
+Arrays = dict[str, np.ndarray[Any, Any]]
+
+FINISHED = "finished"
+"""Global attribute set last: netCDF-4 opens a file whose writer died as if nothing were wrong."""
+
+PARTIAL = ".partial"
+"""What the journal of a run adds to the name of its output."""
+
+ROOM = 2
+"""Free disk that must be there, as a multiple of the expected file (old and new stand side by side)."""
+
+
+class StoreError(Exception):
+    """Results cannot be kept or read; the text says why and what to do."""
+
+
+def write(
+    path: Path,
+    study: Study,
+    levels: Sequence[LevelRecord],
+    points: Iterable[PointRecord],
+    provenance: Provenance,
+) -> None:
+    """Write all results of a run to `path`, replacing an old file in one step.
+
+    Points without a record stay "not run"; of two records of one point the last one counts. Whole-body fields go
+    to the disk record by record, so `points` may be a generator.
+
+    Raises StoreError if the file cannot be written (the old one is then untouched), ValueError if a record does
+    not fit the study.
+    """
+    problems = schema.axis_problems(study)
+    if problems:
+        raise StoreError("; ".join(problems))
+    target = Path(os.path.realpath(path))
+    aside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    try:
+        _refuse_protected(path)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        _write_file(aside, study, levels, points, provenance)
+        _sync_file(aside)
+        if target.exists():
+            shutil.copymode(target, aside)
+        os.replace(aside, target)
+        sync_directory(target.parent)
+    except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as RuntimeError
+        raise StoreError(f"cannot write {path}: {_cause(error)}. {_remedy(error, target.parent)}") from error
+    finally:
+        with suppress(OSError):
+            aside.unlink(missing_ok=True)
+
+
+def check_writable(path: Path, expected_bytes: int) -> list[str]:
+    """Why `path` could not take a result file of this size; empty if it can. Leaves nothing behind."""
+    try:
+        return _write_problems(path, expected_bytes)
+    except OSError as error:
+        return [f"cannot look at {path}: {_cause(error)}; choose another output"]
+
+
+def _write_problems(path: Path, expected_bytes: int) -> list[str]:
+    target = Path(os.path.realpath(path))
+    if target.is_dir():
+        return [f"{path} is a directory; give the name of a file in it"]
+    problems = []
+    try:
+        _refuse_protected(path)
+    except OSError as error:
+        problems.append(f"{path}: {_cause(error)}; make it writable or choose another output")
+    existing = next(p for p in target.parents if p.exists())
+    if not existing.is_dir():
+        return [*problems, f"{existing} is a file, so {path} cannot be made; choose another output"]
+    try:
+        with tempfile.TemporaryFile(dir=existing):
+            pass
+    except OSError as error:
+        return [
+            *problems,
+            f"cannot write in the directory {existing}: {_cause(error)}; choose another output",
+        ]
+    free = shutil.disk_usage(existing).free
+    if free < ROOM * expected_bytes:
+        problems.append(
+            f"{existing} has {_size(free)} free, but the results need {_size(ROOM * expected_bytes)} while they "
+            "are written; free some space, choose another output or ask for less (fields: false, fewer levels)"
+        )
+    return problems
+
+
+def open_results(path: Path) -> xarray.DataTree:
+    """Open a result file lazily; close it after use or open it in a `with`.
+
+    Raises StoreError if there is no file, if it is not a result file or if its run has not finished.
+    """
+    _refuse_unfinished(path)
+    import xarray  # here, because a run needs no xarray and its import takes longer than writing the file
+
+    return xarray.open_datatree(path, engine="netcdf4")
+
+
+def remove_stale(path: Path) -> None:
+    """Remove what a killed writer of `path` left aside. Only for the holder of the journal's lock."""
+    target = Path(os.path.realpath(path))
+    for name in os.listdir(target.parent):
+        if name.startswith(f".{target.name}.") and name.endswith(".tmp"):
+            with suppress(OSError):
+                (target.parent / name).unlink()
+
+
+def sync_directory(directory: Path) -> None:
+    """Bring a directory's entries to the disk, where the system can."""
+    if os.name == "nt":
+        return
+    descriptor = os.open(directory, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # some network file systems know no such thing
+            raise
+    finally:
+        os.close(descriptor)
+
+
+def _sync_file(file: Path) -> None:
+    with open(file, "rb+") as stream:
+        os.fsync(stream.fileno())
+
+
+def _write_file(
+    file: Path,
+    study: Study,
+    levels: Sequence[LevelRecord],
+    points: Iterable[PointRecord],
+    provenance: Provenance,
+) -> None:
+    """One complete file; sweep arrays are allocated whole, so that every point has its place at once."""
+    import netCDF4
+
+    file.touch()  # a directory without permission is told here; below, netCDF4 says "permission" of a full disk, too
+    try:
+        nc = netCDF4.Dataset(file, "w", format="NETCDF4")
+    except OSError as error:
+        raise OSError(errno.EIO, "the netCDF library cannot make the file") from error
+    with nc:
+        nc.setncatts(global_attributes(study, provenance))
+        _put_axes(nc, study)
+        root = _allocate(schema.ROOT, study, {"level": study.mesh.levels})
+        groups: dict[int, netCDF4.Group] = {}
+        contact: dict[int, Arrays] = {}
+        for level in levels:
+            _take_level(root, level)
+            groups[level.level] = _make_group(nc, study, level)
+            contact[level.level] = _contact_arrays(study, level)
+        for point in points:
+            _check_point(point, study)
+            _take_point(root, contact.get(point.level, {}), point)
+            _put_fields(groups.get(point.level), study, point)
+        for variable in schema.ROOT:
+            _put(nc, variable, study, root[variable.name])
+        for level in levels:
+            group = groups[level.level]
+            for variable in schema.CONTACT:
+                _put(group, variable, study, contact[level.level][variable.name])
+            group["edge"].setncatts(schema.edge_attributes(level.edge_names))
+        nc.setncattr(FINISHED, np.int32(1))
+
+
+def _allocate(variables: Sequence[schema.Variable], study: Study, sizes: dict[str, int]) -> Arrays:
+    """Arrays full of missing values."""
+    arrays: Arrays = {}
+    for v in variables:
+        shape = tuple(n for d in v.dims for n in (study.shape if d == schema.SWEEP else (sizes[d],)))
+        arrays[v.name] = np.full(shape, v.missing, dtype=object if v.dtype == "str" else v.dtype)
+    return arrays
+
+
+def _put(
+    where: netCDF4.Dataset, variable: schema.Variable, study: Study, values: np.ndarray[Any, Any] | None
+) -> None:
+    """Define a variable and write its values, if there are any yet."""
+    dims = schema.expand(variable.dims, study)
+    kind: Any = str if variable.dtype == "str" else variable.dtype
+    new = where.createVariable(variable.name, kind, dims, fill_value=variable.fill_value)
+    new.setncatts(schema.attributes(variable, study))
+    if values is not None:
+        new[...] = values
+
+
+def _put_axes(nc: netCDF4.Dataset, study: Study) -> None:
+    """Dimensions and coordinates of the sweep, and the level."""
+    for name, size in zip(schema.sweep_dims(study), study.shape, strict=True):
+        nc.createDimension(name, size)
+    nc.createDimension("level", study.mesh.levels)
+    for axis in study.axes:
+        labels = schema.axis_labels(axis)
+        dim = axis.name if study.mode == "grid" else schema.POINT
+        new = nc.createVariable(axis.name, str if labels.dtype == object else "f8", (dim,), fill_value=False)
+        new.setncatts(schema.axis_attributes(axis))
+        new[...] = labels
+    _put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels, dtype=np.int32))
+
+
+def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF4.Group:
+    """The group of a level, with its whole mesh if the record has one."""
+    group = nc.createGroup(f"level_{level.level}")
+    group.setncattr("level", np.int32(level.level))
+    group.createDimension("node", len(level.arclength))
+    if level.fields:
+        group.createDimension("mesh_node", len(level.fields["node_x"]))
+        group.createDimension("mesh_face", len(level.fields["triangle"]))
+        group.createDimension("corner", 3)
+        mesh = group.createVariable("mesh", "i4", (), fill_value=False)
+        mesh.setncatts(schema.MESH_TOPOLOGY)
+        mesh[...] = 0
+        for variable in schema.MESH:
+            _put(group, variable, study, level.fields[variable.name])
+    return group
+
+
+def _contact_arrays(study: Study, level: LevelRecord) -> Arrays:
+    """The contact line of a level, and room for what every point has on it."""
+    arrays = _allocate(schema.CONTACT, study, {"node": len(level.arclength)})
+    for name in ("arclength", "x", "y", "c", "edge"):
+        values = getattr(level, name)
+        if values.shape != arrays[name].shape:
+            raise ValueError(
+                f"level {level.level}: {name} has shape {values.shape}, not {arrays[name].shape}"
+            )
+        arrays[name][...] = values
+    return arrays
+
+
+def _take_level(root: Arrays, level: LevelRecord) -> None:
+    for variable in schema.ROOT:
+        if variable.dims == ("level",):
+            root[variable.name][level.level] = getattr(level, variable.name)
+
+
+def _take_point(root: Arrays, contact: Arrays, point: PointRecord) -> None:
+    """Put a record in its place."""
+    place = (*point.index, point.level)
+    root["status"][place] = int(point.status)
+    root["reason"][place] = without_paths(point.reason)
+    for name, number in point.numbers.items():
+        if number == number:  # NaN stands for missing, also in counts, which have no NaN
+            root[name][place] = number
+    for name, values in (("u_T", point.u_T), ("xi", point.xi)):
+        if len(values):
+            if not contact:
+                raise ValueError(
+                    f"point {point.index} has values on level {point.level}, which has no record"
+                )
+            contact[name][point.index] = values
+
+
+def _put_fields(group: netCDF4.Group | None, study: Study, point: PointRecord) -> None:
+    """Write a point's whole-body fields; a field's variable is made when its first values come."""
+    if not point.fields:
+        return
+    if group is None or "mesh_node" not in group.dimensions:
+        raise ValueError(f"point {point.index} has whole-body fields, but level {point.level} has no mesh")
+    known = {variable.name: variable for variable in schema.FIELDS}
+    for name, values in point.fields.items():
+        if name not in group.variables:
+            _put(group, known[name], study, None)
+        group[name][point.index] = values
+
+
+def _check_point(point: PointRecord, study: Study) -> None:
+    """Raise ValueError unless the record has a place in the file of this study."""
+    inside = len(point.index) == len(study.shape) and all(
+        0 <= i < n for i, n in zip(point.index, study.shape, strict=True)
+    )
+    if not inside or not 0 <= point.level < study.mesh.levels:
+        raise ValueError(
+            f"point {point.index}, level {point.level} is outside the sweep {study.shape} × {study.mesh.levels}"
+        )
+    unknown = sorted(point.numbers.keys() - schema.NUMBERS) + sorted(point.fields.keys() - schema.FIELD_NAMES)
+    if unknown:
+        raise ValueError(f"no variable {', '.join(unknown)} in the schema")
+
+
+def _refuse_protected(path: Path) -> None:
+    # by the mode, not by os.access: renaming over a file needs no right to write it, and root may do anything
+    if path.exists() and not path.stat().st_mode & 0o222:
+        raise PermissionError(errno.EACCES, "the file is write-protected", str(path))
+
+
+def _refuse_unfinished(path: Path) -> None:
+    """Raise StoreError unless `path` is a complete result file."""
+    import netCDF4
+
+    if not path.exists():
+        if path.with_name(path.name + PARTIAL).exists():
+            raise StoreError(
+                f"{path} is not there yet: its run has not finished. Run the study again to resume it"
+            )
+        raise StoreError(f"there is no file {path}. Run the study first, or check the name")
+    try:
+        with netCDF4.Dataset(path) as nc:
+            finished = FINISHED in nc.ncattrs()
+    except (OSError, RuntimeError) as error:
+        raise StoreError(
+            f"{path} is no netCDF file or is cut short ({_cause(error)}). Run the study again to make it anew"
+        ) from error
+    if not finished:
+        raise StoreError(
+            f"{path} is unfinished (its writer stopped midway) or not made by tcstudy. "
+            "Run the study again to make it anew"
+        )
+
+
+def _cause(error: Exception) -> str:
+    return (error.strerror if isinstance(error, OSError) else None) or str(error)
+
+
+def _remedy(error: Exception, directory: Path) -> str:
+    """What the user can do; a netCDF error has no errno, so the disk itself is asked."""
+    number = error.errno if isinstance(error, OSError) else None
+    if number in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return "Make the place writable or choose another output; finished points are kept in the journal"
+    kept = "finished points are kept in the journal"
+    with suppress(OSError):
+        free = _size(shutil.disk_usage(directory).free)
+        return f"Free some space ({free} left; a quota may be lower) or choose another output; {kept}"
+    return f"Choose another output; {kept}"
+
+
+def _size(number: float) -> str:
+    for unit in ("B", "kB", "MB", "GB"):
+        if number < 1000:
+            return f"{number:.3g} {unit}"
+        number /= 1000
+    return f"{number:.3g} TB"

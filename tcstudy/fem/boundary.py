@@ -1,0 +1,202 @@
+"""Displacement constraints at the nodes: Γ_D by component, u_N = 0 on Γ_C exactly, in a local frame where needed.
+
+At a node with one constrained direction d the local frame is (t, d) with t = (−d₂, d₁), so that the first local
+component is free and the second is fixed; on Γ_C that is (u_T, u_N). Two directions fix the node.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from tcstudy.fem.geometry import GeometryFailed
+from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.scene.expressions import Expression
+from tcstudy.scene.records import Clamped, Contact, Role, Scalar
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+SMOOTH = 1e-6
+"""Sine of the angle below which two directions at a node are one (a smooth junction of curves)."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Local displacement unknowns w with u = R w; row c·n + i is component c of node i.
+
+    rotation: (2n, 2n) orthogonal R
+    fixed:    (2n,) local rows that carry no unknown
+    values:   (2n,) prescribed local displacements on the fixed rows, zero elsewhere [m]
+    """
+
+    rotation: sp.csr_array
+    fixed: NDArray[np.bool_]
+    values: Array
+
+    @property
+    def n_dof(self) -> int:
+        """Number of displacement unknowns."""
+        return int(np.count_nonzero(~self.fixed))
+
+    def local(self, F: Array) -> Array:
+        """RᵀF: a global load in local rows."""
+        return self.rotation.T @ F
+
+    def cartesian(self, w: Array) -> Array:
+        """R w: local displacements in x and y."""
+        return self.rotation @ w
+
+
+@dataclass(frozen=True)
+class _Constraints:
+    """Directions that are held at nodes: d·u(node) = value."""
+
+    node: Indices
+    direction: Array
+    value: Array
+    name: tuple[str, ...]
+
+
+def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames:
+    """Collect the constraints of all clamped and contact edges and turn them into local frames.
+
+    Raises GeometryFailed where two edges prescribe different displacements at their common corner.
+    """
+    held = _collect(mesh, boundary)
+    n = mesh.n_points
+    order = np.argsort(held.node, kind="stable")
+    node, direction, value = held.node[order], held.direction[order], held.value[order]
+    nodes, first, count = np.unique(node, return_index=True, return_counts=True)
+    d0, v0 = direction[first], value[first]
+    own = np.repeat(np.arange(len(nodes)), count)
+    sine = np.abs(_cross(d0[own], direction))
+    second = _argmax_in_groups(sine, first, count)
+    both = sine[second] > SMOOTH
+    u = _solve_pairs(d0, v0, direction[second], value[second], both)
+    _check_agreement(mesh, held, order, own, both, np.einsum("ij,ij->i", direction, u[own]), value)
+    return _frames(n, nodes, d0, v0, u, both)
+
+
+def _collect(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> _Constraints:
+    """Constraints edge by edge; contact first, so that its frame (t, n) wins where it stands alone."""
+    parts: list[tuple[Indices, Array, Array, str]] = []
+    ordered = sorted(boundary, key=lambda item: not isinstance(item[1], Contact))
+    for name, role in ordered:
+        if not isinstance(role, Contact | Clamped):
+            continue
+        for index, curve in enumerate(mesh.geometry.curves):
+            if curve.name != name:
+                continue
+            nodes, normals = curve_normals(mesh, index)
+            if isinstance(role, Contact):
+                parts.append((nodes, normals, np.zeros(len(nodes)), name))
+            else:
+                parts += _clamped(mesh, role, nodes, normals, name)
+    node = np.concatenate([p[0] for p in parts])
+    names = tuple(name for p in parts for name in [p[3]] * len(p[0]))
+    return _Constraints(
+        node, np.concatenate([p[1] for p in parts]), np.concatenate([p[2] for p in parts]), names
+    )
+
+
+def _clamped(
+    mesh: PlaneMesh, role: Clamped, nodes: Indices, normals: Array, name: str
+) -> list[tuple[Indices, Array, Array, str]]:
+    """Constraints of one clamped curve: a direction for every component that is prescribed."""
+    if role.frame == "nt":
+        directions = [normals, np.column_stack([-normals[:, 1], normals[:, 0]])]
+    else:
+        directions = [np.tile(axis, (len(nodes), 1)) for axis in ((1.0, 0.0), (0.0, 1.0))]
+    return [
+        (nodes, direction, values_at(component, mesh.points[nodes]), name)
+        for direction, component in zip(directions, role.u, strict=True)
+        if component is not None
+    ]
+
+
+def values_at(scalar: Scalar, points: Array) -> Array:
+    """A number or an expression at points (n, 2) → (n,)."""
+    if isinstance(scalar, Expression):
+        value = np.broadcast_to(scalar.evaluate(points[:, 0], points[:, 1]), len(points))
+        if not np.all(np.isfinite(value)):
+            raise GeometryFailed(f"the expression {str(scalar)!r} is not finite everywhere on its edge")
+        return np.array(value, dtype=float)
+    return np.full(len(points), float(scalar))
+
+
+def curve_normals(mesh: PlaneMesh, curve: int) -> tuple[Indices, Array]:
+    """Nodes of a boundary curve and the outward unit normals of the exact curve there."""
+    segments = mesh.segments[mesh.segment_curve == curve]
+    nodes = np.unique(segments)
+    normals = mesh.geometry.curves[curve].normal(mesh.points[nodes])
+    tangent = mesh.points[segments[:, 1]] - mesh.points[segments[:, 0]]
+    outward = np.zeros((mesh.n_points, 2))
+    for side in (0, 1):  # the body is on a segment's left, so its outward normal is (t₂, −t₁)
+        np.add.at(outward, segments[:, side], np.column_stack([tangent[:, 1], -tangent[:, 0]]))
+    sign = np.sign(np.einsum("ij,ij->i", outward[nodes], normals))
+    return nodes, normals * sign[:, None]
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+def _argmax_in_groups(x: Array, first: Indices, count: Indices) -> Indices:
+    """Index of the largest x in every consecutive group."""
+    best = np.maximum.reduceat(x, first)
+    hit = np.flatnonzero(x == np.repeat(best, count))
+    group = np.repeat(np.arange(len(first)), count)[hit]
+    return hit[np.unique(group, return_index=True)[1]]
+
+
+def _solve_pairs(d0: Array, v0: Array, d1: Array, v1: Array, both: NDArray[np.bool_]) -> Array:
+    """u with d0·u = v0 and d1·u = v1 where both hold; u = v0 d0 elsewhere."""
+    det = np.where(both, _cross(d0, d1), 1.0)
+    pair = np.column_stack([(v0 * d1[:, 1] - v1 * d0[:, 1]) / det, (v1 * d0[:, 0] - v0 * d1[:, 0]) / det])
+    return np.where(both[:, None], pair, v0[:, None] * d0)
+
+
+def _check_agreement(
+    mesh: PlaneMesh,
+    held: _Constraints,
+    order: Indices,
+    own: Indices,
+    both: NDArray[np.bool_],
+    got: Array,
+    value: Array,
+) -> None:
+    scale = float(np.max(np.abs(value), initial=0.0))
+    wrong = np.flatnonzero(np.abs(got - value) > 1e-9 * scale)
+    if len(wrong):
+        x, y = mesh.points[held.node[order[wrong[0]]]]
+        others = {held.name[order[i]] for i in np.flatnonzero(own == own[wrong[0]])}
+        raise GeometryFailed(
+            f"edges {', '.join(sorted(others))} prescribe different displacements at their common "
+            f"corner ({x:g}, {y:g}); make them agree there, or free a component"
+        )
+
+
+def _frames(n: int, nodes: Indices, d0: Array, v0: Array, u: Array, both: NDArray[np.bool_]) -> Frames:
+    """Assemble R, the fixed rows and their values."""
+    diagonal_x, diagonal_y = np.ones(n), np.ones(n)
+    upper, lower = np.zeros(n), np.zeros(n)
+    one = nodes[~both]
+    d = d0[~both]
+    diagonal_x[one], lower[one] = -d[:, 1], d[:, 0]  # first column of R: t = (−d₂, d₁)
+    upper[one], diagonal_y[one] = d[:, 0], d[:, 1]  # second column: d
+    i = np.arange(n)
+    turned = i[(upper != 0) | (lower != 0)]
+    rows = np.concatenate([i, i + n, turned, turned + n])
+    columns = np.concatenate([i, i + n, turned + n, turned])
+    entries = np.concatenate([diagonal_x, diagonal_y, upper[turned], lower[turned]])
+    rotation = sp.csr_array((entries, (rows, columns)), shape=(2 * n, 2 * n))
+    fixed, values = np.zeros(2 * n, dtype=bool), np.zeros(2 * n)
+    fixed[one + n], values[one + n] = True, v0[~both]
+    two = nodes[both]
+    fixed[two] = fixed[two + n] = True
+    values[two], values[two + n] = u[both, 0], u[both, 1]
+    return Frames(rotation, fixed, values)

@@ -1,0 +1,227 @@
+"""Body → Netgen/OpenCASCADE shape in which every boundary curve keeps its identity.
+
+Every outline, hole or file edge becomes one `Curve` with a mesh boundary name of its own (its `tag`), so that a study
+name may cover several curves and normals on Γ_C are those of the exact curve, not of the mesh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from netgen import occ
+from numpy.typing import NDArray
+
+from tcstudy.scene.records import Body, BrepFace, Edge, Loop
+from tcstudy.scene.shapes import edge_arc, edge_length, edge_normal
+
+Array = NDArray[np.float64]
+INTERFACE = "_interface"
+"""Mesh boundary name of the edges inside the body (outlines of regions)."""
+
+
+class GeometryFailed(RuntimeError):
+    """The geometry kernel or the mesher could not do what the study asks; the text says what and what to try."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One boundary curve.
+
+    tag:      its boundary name in the mesh
+    name:     the study's name of the edge it belongs to
+    length:   exact length [m]
+    straight: whether it is a straight line
+    normal:   points (n, 2) on the curve → unit normals (n, 2), of either sign
+    """
+
+    tag: str
+    name: str
+    length: float
+    straight: bool
+    normal: Callable[[Array], Array]
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """A body ready for meshing: the OCC shape, its curves, the names of its faces and its exact area [m²]."""
+
+    shape: Any
+    curves: tuple[Curve, ...]
+    area: float
+    size: float
+
+    def tags(self, name: str) -> tuple[str, ...]:
+        """Mesh boundary names of all curves of the study edge `name`."""
+        return tuple(curve.tag for curve in self.curves if curve.name == name)
+
+
+def build(body: Body) -> Geometry:
+    """Make the OCC shape of a body that the reader has accepted.
+
+    Raises GeometryFailed if a file has no such face or an edge of the shape cannot be named.
+    """
+    if body.brep is not None:
+        face, edges = _read_face(body.brep)
+        curves = tuple(edges)
+    else:
+        assert body.outline is not None
+        face = _face(body.outline)
+        records = list(body.outline.edges)
+        for hole in body.holes:
+            face = face - _face(hole)
+            records += hole.edges
+        curves = tuple(_curve(edge, f"c{i}") for i, edge in enumerate(records))
+    size = _size(face)
+    finders = _finders(body, curves, face)
+    shape = _with_regions(face, body)
+    _name_edges(shape, finders, 1e-6 * size)
+    return Geometry(shape, curves, sum(f.mass for f in shape.faces), size)
+
+
+def _occ_edge(edge: Edge) -> Any:
+    a, b = occ.Pnt(*edge.start, 0), occ.Pnt(*edge.end, 0)
+    if edge.through is None:
+        return occ.Segment(a, b)
+    return occ.ArcOfCircle(a, occ.Pnt(*edge.through, 0), b)
+
+
+def _face(loop: Loop) -> Any:
+    return occ.Face(occ.Wire([_occ_edge(edge) for edge in loop.edges]))
+
+
+def _curve(edge: Edge, tag: str) -> Curve:
+    return Curve(
+        tag, edge.name, edge_length(edge), edge.through is None, lambda points: edge_normal(edge, points)
+    )
+
+
+def _size(face: Any) -> float:
+    low, high = face.bounding_box
+    return float(np.hypot(high[0] - low[0], high[1] - low[1]))
+
+
+def _with_regions(face: Any, body: Body) -> Any:
+    """Cut the regions out of the body and glue them back, so that the mesh follows their outlines."""
+    face.faces.name = "body"
+    parts, rest = [], face
+    for region in body.regions:
+        part = face * _face(region.loop)
+        part.faces.name = region.name
+        rest = rest - part
+        parts.append(part)
+    rest.faces.name = "body"
+    return occ.Glue([rest, *parts]) if parts else rest
+
+
+def _finders(body: Body, curves: tuple[Curve, ...], face: Any) -> list[Callable[[Array], float]]:
+    """One function per curve: distance of a point from it."""
+    if body.brep is not None:
+        return [_occ_distance(edge) for edge in face.edges]
+    assert body.outline is not None
+    records = [edge for loop in (body.outline, *body.holes) for edge in loop.edges]
+    return [partial(_distance, edge) for edge in records]
+
+
+def _distance(edge: Edge, point: Array) -> float:
+    """Distance of a point from a line or an arc."""
+    start, end = np.array(edge.start), np.array(edge.end)
+    ends = float(min(np.linalg.norm(point - start), np.linalg.norm(point - end)))
+    arc = edge_arc(edge)
+    if arc is None:
+        along = float((point - start) @ (end - start)) / float((end - start) @ (end - start))
+        return float(np.linalg.norm(start + along * (end - start) - point)) if 0.0 <= along <= 1.0 else ends
+    away = point - np.array(arc.center)
+    turned = (np.arctan2(away[1], away[0]) - arc.start) * np.sign(arc.sweep) % (2 * np.pi)
+    return abs(float(np.linalg.norm(away)) - arc.radius) if turned <= abs(arc.sweep) else ends
+
+
+def _occ_distance(edge: Any) -> Callable[[Array], float]:
+    """Distance through the kernel; the edge is named before regions are glued in, so it still exists."""
+    return lambda point: float(edge.Distance(occ.Vertex(occ.Pnt(float(point[0]), float(point[1]), 0))))
+
+
+def _name_edges(shape: Any, finders: list[Callable[[Array], float]], tolerance: float) -> None:
+    """Name every OCC edge after the curve its middle lies on; the rest are interfaces of regions.
+
+    Names given before boolean operations do not survive them, hence the search by position.
+    """
+    found = set()
+    for edge in shape.edges:
+        low, high = edge.parameter_interval
+        middle = edge.Value(0.5 * (low + high))
+        distances = [find(np.array([middle[0], middle[1]])) for find in finders]
+        best = int(np.argmin(distances))
+        edge.name = f"c{best}" if distances[best] <= tolerance else INTERFACE
+        found.add(edge.name)
+    missing = [i for i in range(len(finders)) if f"c{i}" not in found]
+    if missing:
+        raise GeometryFailed(
+            f"boundary curve {missing[0]} vanished when holes and regions were cut; check that parts do not overlap"
+        )
+
+
+def _read_face(record: BrepFace) -> tuple[Any, list[Curve]]:
+    """Read one plane face of a file and name its edges by the points that the study gives."""
+    try:
+        shape = occ.OCCGeometry(str(record.path), dim=2).shape
+    except Exception as error:
+        raise GeometryFailed(f"{record.path.name}: cannot be read as STEP or BREP ({error})") from error
+    faces = list(shape.faces)
+    if record.face >= len(faces):
+        raise GeometryFailed(f"{record.path.name}: has {len(faces)} faces, face {record.face} does not exist")
+    face = faces[record.face]
+    if record.scale != 1.0:
+        face = face.Scale(occ.Pnt(0, 0, 0), record.scale)
+    low, high = face.bounding_box
+    size = float(np.hypot(high[0] - low[0], high[1] - low[1]))
+    if max(abs(low[2]), abs(high[2])) > 1e-6 * size:
+        raise GeometryFailed(f"{record.path.name}: face {record.face} does not lie in the plane z = 0")
+    edges = list(face.edges)
+    names: list[str | None] = [record.other] * len(edges)
+    for name, points in record.edges:
+        for point in points:
+            distances = [_occ_distance(edge)(np.asarray(point)) for edge in edges]
+            names[int(np.argmin(distances))] = name
+    unnamed = [i for i, name in enumerate(names) if name is None]
+    if unnamed:
+        where = edges[unnamed[0]].center
+        raise GeometryFailed(
+            f"{record.path.name}: the edge around ({where[0]:g}, {where[1]:g}) has no name; "
+            "name it by a point under edges, or give `other`"
+        )
+    return face, [_file_curve(edge, f"c{i}", str(names[i])) for i, edge in enumerate(edges)]
+
+
+def _file_curve(edge: Any, tag: str, name: str) -> Curve:
+    """A curve of a file: normals from the kernel's tangents at the nearest parameter."""
+    low, high = edge.parameter_interval
+    grid = np.linspace(low, high, 257)
+    points = np.array([[edge.Value(t)[0], edge.Value(t)[1]] for t in grid])
+    chord = float(np.linalg.norm(points[-1] - points[0]))
+    straight = abs(edge.mass - chord) <= 1e-12 * edge.mass
+
+    def normal(at: Array) -> Array:
+        tangents = [_tangent_at(edge, grid, points, point) for point in at]
+        return np.array([[-t[1], t[0]] for t in tangents])
+
+    return Curve(tag, name, float(edge.mass), straight, normal)
+
+
+def _tangent_at(edge: Any, grid: Array, samples: Array, point: Array) -> tuple[float, float]:
+    """Unit tangent where the curve is closest to `point`: nearest sample, then a few projection steps."""
+    i = int(np.argmin(np.sum((samples - point) ** 2, axis=1)))
+    a, b = max(i - 1, 0), min(i + 1, len(grid) - 1)
+    speed = float(np.linalg.norm(samples[b] - samples[a])) / (grid[b] - grid[a])
+    t = grid[i]
+    for _ in range(8):
+        value, tangent = edge.Value(t), edge.Tangent(t)
+        length = np.hypot(tangent[0], tangent[1])
+        along = ((point[0] - value[0]) * tangent[0] + (point[1] - value[1]) * tangent[1]) / length
+        t = min(max(t + along / speed, grid[0]), grid[-1])
+    tangent = edge.Tangent(t)
+    length = float(np.hypot(tangent[0], tangent[1]))
+    return float(tangent[0]) / length, float(tangent[1]) / length

@@ -1,0 +1,137 @@
+"""Netgen meshes of a body: one coarse mesh refined uniformly, or one mesh per element size; checked after meshing."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import ngsolve as ngs
+import numpy as np
+from netgen.occ import OCCGeometry
+from numpy.typing import NDArray
+
+from tcstudy.fem.geometry import Geometry, GeometryFailed
+from tcstudy.scene.records import MeshPlan
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class PlaneMesh:
+    """A triangle mesh of the body with its arrays copied out of NGSolve.
+
+    mesh:      the NGSolve mesh, for assembly only
+    geometry:  the geometry it was made of
+    level:     position in the study's family, 0 is the coarsest
+    points:    (n, 2) nodes [m];  triangles: (t, 3), counter-clockwise node indices
+    segments:  (s, 2) boundary edges, with the body on their left;  segment_curve: (s,) index of their curve
+    h_max:     longest edge [m];  time_mesh: wall time of meshing or refining [s]
+    """
+
+    mesh: Any
+    geometry: Geometry
+    level: int
+    points: Array
+    triangles: Indices
+    segments: Indices
+    segment_curve: Indices
+    h_max: float
+    time_mesh: float
+
+    @property
+    def n_points(self) -> int:
+        """Number of mesh nodes; P1 unknown i belongs to node i."""
+        return len(self.points)
+
+    def region(self, *names: str) -> str:
+        """NGSolve pattern of the boundary curves that the study edges `names` consist of."""
+        tags = [tag for name in names for tag in self.geometry.tags(name)]
+        return "|".join(tags)
+
+
+def mesh_family(geometry: Geometry, plan: MeshPlan) -> Iterator[PlaneMesh]:
+    """Yield the study's meshes, coarse to fine (made one at a time, as they are asked for).
+
+    Raises GeometryFailed if the mesher fails or its mesh is not the body.
+    """
+    mesh: Any = None
+    for level in range(plan.levels):
+        start = time.perf_counter()
+        if mesh is None or not plan.nested:
+            mesh = _generate(geometry, plan.maxh[level])
+        else:
+            mesh.ngmesh.Refine()  # netgen's uniform refinement: four congruent children, nodes put on arcs
+            mesh = ngs.Mesh(mesh.ngmesh)
+        yield _extract(mesh, geometry, level, start)
+
+
+def _generate(geometry: Geometry, maxh: float) -> Any:
+    try:
+        mesh = ngs.Mesh(OCCGeometry(geometry.shape, dim=2).GenerateMesh(maxh=maxh))
+    except Exception as error:
+        raise GeometryFailed(f"the mesher failed at maxh = {maxh:g} ({error}); try a smaller maxh") from error
+    return mesh
+
+
+def _extract(mesh: Any, geometry: Geometry, level: int, start: float) -> PlaneMesh:
+    """Copy the arrays out (views die with their owner) and check that the mesh is the body."""
+    ngmesh = mesh.ngmesh
+    points = np.array(ngmesh.Coordinates()[:, :2])
+    triangles = ngmesh.Elements2D().NumPy()["nodes"][:, :3].astype(np.intp) - 1
+    lines = ngmesh.Elements1D().NumPy()
+    names = mesh.GetBoundaries()
+    curve_of = np.array([int(name[1:]) if name[0] == "c" else -1 for name in names], dtype=np.intp)
+    curve = curve_of[lines["index"] - 1]
+    outer = curve >= 0
+    segments = lines["nodes"][outer, :2].astype(np.intp) - 1
+    if not len(triangles):
+        raise GeometryFailed("the mesh is empty; try a smaller maxh")
+    corners = points[triangles]
+    twice = doubled_areas(corners)
+    if np.any(twice == 0.0):
+        raise GeometryFailed("the mesh has a triangle without area; try a smaller maxh")
+    triangles = np.where((twice < 0)[:, None], triangles[:, [0, 2, 1]], triangles)
+    segments = orient(segments, triangles, len(points))
+    h_max = float(np.sqrt(np.max(np.sum((corners - np.roll(corners, 1, axis=1)) ** 2, axis=2))))
+    _check(geometry, points, segments, curve[outer], 0.5 * float(np.abs(twice).sum()))
+    elapsed = time.perf_counter() - start
+    return PlaneMesh(mesh, geometry, level, points, triangles, segments, curve[outer], h_max, elapsed)
+
+
+def doubled_areas(corners: Array) -> Array:
+    """Twice the signed areas of triangles given by their corners (t, 3, 2)."""
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+def orient(segments: Indices, triangles: Indices, n_points: int) -> Indices:
+    """Turn boundary segments so that the (counter-clockwise) triangle at each lies on its left."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    directed = np.sort(edges[:, 0] * n_points + edges[:, 1])
+    key = segments[:, 0] * n_points + segments[:, 1]
+    position = np.minimum(np.searchsorted(directed, key), len(directed) - 1)
+    return np.where((directed[position] == key)[:, None], segments, segments[:, ::-1])
+
+
+def _check(geometry: Geometry, points: Array, segments: Indices, curve: Indices, area: float) -> None:
+    """Compare boundary lengths and area with the exact body; bad geometry can mesh into something else."""
+    chords = np.linalg.norm(points[segments[:, 1]] - points[segments[:, 0]], axis=1)
+    slack = 1e-9 * geometry.area
+    for i, exact in enumerate(geometry.curves):
+        own = chords[curve == i]
+        length = float(own.sum())
+        low = exact.length * (1 - 1e-9 if exact.straight else 0.8)
+        if not low <= length <= exact.length * (1 + 1e-6):
+            raise GeometryFailed(
+                f"edge {exact.name!r} has length {length:g} in the mesh, {exact.length:g} in the body; "
+                "try a smaller maxh"
+            )
+        if not exact.straight:
+            slack += exact.length * float(own.max())
+    if abs(area - geometry.area) > slack:
+        raise GeometryFailed(
+            f"the mesh has area {area:g}, the body {geometry.area:g}; try a smaller maxh or simplify the outline"
+        )

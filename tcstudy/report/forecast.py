@@ -1,0 +1,51 @@
+"""The text of `tcstudy plan`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from tcstudy.report.text import number, table
+
+
+class _Level(Protocol):
+    @property
+    def h(self) -> float: ...
+    @property
+    def n_dof(self) -> int: ...
+    @property
+    def n_contact(self) -> int: ...
+
+
+def forecast_text(
+    title: str,
+    axes: Sequence[tuple[str, Sequence[object], str]],
+    points: int,
+    factorisations: int,
+    heat_solves: int,
+    levels: Sequence[_Level],
+    level_count: int,
+    left_out: Sequence[str],
+    notes: Sequence[str],
+    output: str,
+    size: int,
+) -> str:
+    """Counts, predicted sizes, what is left out and why; axes are (name, labels, units)."""
+    lines = [title, ""]
+    for name, labels, units in axes:
+        shown = ", ".join(v if isinstance(v, str) else number(float(str(v))) for v in list(labels)[:6])
+        more = f", … ({len(labels)} values)" if len(labels) > 6 else ""
+        lines.append(f"  {name}: {shown}{more}" + (f" [{units}]" if units != "1" else ""))
+    lines.append(f"  {points} points × {level_count} levels = {points * level_count} solutions")
+    lines.append(f"  per level: {factorisations} stiffness factorisation(s), {heat_solves} temperature field(s)")
+    lines.append("")
+    if levels:
+        rows = [[str(i), number(v.h), f"≈ {v.n_dof}", f"≈ {v.n_contact}"] for i, v in enumerate(levels)]
+        lines.append(table(["level", "maxh", "dofs", "contact unknowns"], rows))
+    else:
+        lines.append("  sizes are known once the file's face is meshed")
+    lines.append("")
+    lines += [f"  left out: {text}" for text in left_out]
+    lines += [f"  note: {text}" for text in notes]
+    lines.append(f"  output: {output} (about {size / 1e6:.2g} MB)")
+    return "\n".join(lines)

@@ -1,0 +1,117 @@
+"""The terminal's summary of a result file: one table of levels, one of the finest level's points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tcstudy.data.records import PointStatus
+from tcstudy.data.store import open_results
+from tcstudy.report.text import number, table
+
+MOST_ROWS = 48
+"""Points shown; the file has them all."""
+
+
+def summary(path: Path) -> str:
+    """Text for the terminal, read from the result file alone. Raises StoreError if it is not one."""
+    with open_results(path) as tree:
+        data = tree.to_dataset().load()
+    parts = [data.attrs["title"], _levels(data), _points(data), _failures(data)]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _sweep_dims(data: Any) -> tuple[str, ...]:
+    return tuple(d for d in data["status"].dims if d != "level")
+
+
+def _levels(data: Any) -> str:
+    """One row per mesh level: size, outcome, worst residual, where the time went."""
+    dims = _sweep_dims(data)
+    ok = (data["status"] == int(PointStatus.OK)).sum(dims)
+    total = int(np.prod([data.sizes[d] for d in dims], dtype=int))
+    rows = []
+    for i in range(data.sizes["level"]):
+        at = data.isel(level=i)
+        rows.append(
+            [
+                str(int(at["level"])),
+                number(at["h_max"]),
+                str(int(at["n_dof"])),
+                str(int(at["n_contact"])),
+                f"{int(ok[i])}/{total}",
+                number(at["inclusion_residual"].max(), 2),
+                number(at["lambda_1"].min()),
+                number(at["time_mesh"] + at["time_assemble"], 2),
+                number(at["time_condense"].sum(), 2),
+                number(at["time_solve"].sum(), 2),
+            ]
+        )
+    unit = data["h_max"].attrs["units"]
+    header = ["level", f"h_max [{unit}]", "dofs", "contact", "ok", "worst residual"]
+    header += [f"λ₁ [{data['lambda_1'].attrs['units']}]", "mesh+assembly [s]", "condense [s]", "solve [s]"]
+    return table(header, rows)
+
+
+_COLUMNS = (
+    ("u_T_max", "max |u_T|"),
+    ("slip_length", "slip length"),
+    ("friction_resultant", "∫ξ"),
+    ("energy", "energy"),
+    ("theta_mean", "mean θ"),
+)
+
+
+def _points(data: Any) -> str:
+    """One row per point on the finest level, with what changed in ∫ξ since the level before."""
+    dims = _sweep_dims(data)
+    shape = tuple(data.sizes[d] for d in dims)
+    fine = data.isel(level=-1)
+    columns = [(name, title) for name, title in _COLUMNS if np.isfinite(fine[name].values).any()]
+    axes = [name for name in data.coords if name != "level"]
+    header = [_titled(axis, data[axis]) for axis in axes]
+    header += [f"{title} [{fine[name].attrs['units']}]" for name, title in columns]
+    refined = data.sizes["level"] > 1
+    header += ["unique", *(["Δ∫ξ to last level"] if refined else [])]
+    rows = []
+    for index in list(np.ndindex(shape))[:MOST_ROWS]:
+        where = dict(zip(dims, index, strict=True))
+        at = fine.isel(where)
+        row = [_label(at[axis].item()) for axis in axes]
+        row += [number(at[name]) for name, _ in columns]
+        row.append("yes" if at["uniqueness_margin"] > 0 else "not shown")
+        if refined:
+            row.append(_change(data["friction_resultant"].isel(where).values))
+        rows.append(row)
+    level = int(fine["level"])
+    more = int(np.prod(shape)) - len(rows)
+    title = f"  Level {level}, the finest:" + (f" first {len(rows)} of {len(rows) + more} points" if more > 0 else "")
+    return title + "\n\n" + table(header, rows)
+
+
+def _titled(name: str, axis: Any) -> str:
+    unit = axis.attrs.get("units", "1")
+    return name if unit == "1" else f"{name} [{unit}]"
+
+
+def _label(value: Any) -> str:
+    return value if isinstance(value, str) else number(value)
+
+
+def _change(values: Any) -> str:
+    """Relative change between the last two levels."""
+    last, before = float(values[-1]), float(values[-2])
+    if not np.isfinite(last - before):
+        return "–"
+    return f"{abs(last - before) / abs(last):.1%}" if last != 0.0 else number(abs(before))
+
+
+def _failures(data: Any) -> str:
+    """Every distinct reason with the number of points it struck."""
+    reasons: dict[str, int] = {}
+    bad = data["status"].values != int(PointStatus.OK)
+    for reason in data["reason"].values[bad]:
+        reasons[str(reason)] = reasons.get(str(reason), 0) + 1
+    return "\n".join(f"  {count} points failed: {reason}" for reason, count in sorted(reasons.items()))

@@ -1,0 +1,184 @@
+"""From a YAML 1.2 text to a tree of marked nodes, and `--set` options put into it.
+
+Anchors and aliases work; tags, merge keys and keys that are not plain words are refused with a remedy.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
+from ruamel.yaml.nodes import Node as YamlNode
+
+from tcstudy.errors import Problem, StudyError
+from tcstudy.scene.node import Collector, Keys, Mark, Node, Scalar, put, split_path
+
+MAX_NODES = 500_000
+MAX_DEPTH = 40
+TAG = "tag:yaml.org,2002:"
+TEXT_TAGS = {TAG + "str", TAG + "timestamp", TAG + "merge", TAG + "value"}
+SCALAR_TAGS = {TAG + "null", TAG + "bool", TAG + "int", TAG + "float"} | TEXT_TAGS
+
+
+def load_text(path: Path) -> str:
+    """The text of a study file; raises StudyError if it cannot be had."""
+    file = str(path)
+    try:
+        return path.read_bytes().decode("utf-8")
+    except FileNotFoundError:
+        raise _refusal(file, "there is no such file", "check the path; see configs/ for examples") from None
+    except IsADirectoryError:
+        raise _refusal(file, "this is a folder", "name the study file in it") from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, UnicodeDecodeError):
+            before = error.object[: error.start]
+            line, column = before.count(b"\n") + 1, len(before) - before.rfind(b"\n")
+            raise _refusal(file, "the file is not UTF-8 text", "save it as UTF-8", line, column) from None
+        reason = getattr(error, "strerror", None) or str(error)
+        raise _refusal(file, f"the file cannot be read ({reason})", "check its path and its permissions") from None
+
+
+def compose(text: str, file: str, errors: Collector, path: str = "", *, option: bool = False) -> Node:
+    """The tree of a YAML text; raises StudyError if the text is no YAML, collects what else is wrong.
+
+    path:   key path of the text's root
+    option: the text is the value of a `--set` option, so that marks have no line
+    """
+    try:
+        root = YAML(typ="safe", pure=True).compose(text)
+        if root is None:
+            raise _refusal(file, "the file is empty", "start from configs/quickstart.yaml")
+        return _Builder(file, errors, option).node(root, path, None)
+    except YAMLError as error:
+        raise _syntax_error(error, text, file, option) from None
+    except RecursionError:
+        raise _refusal(file, "the YAML is nested too deeply", "a study needs fewer than ten levels") from None
+    except (ValueError, IndexError, AttributeError, TypeError, AssertionError) as error:
+        # Malformed escapes, directives and tags make the YAML library fail in its own code.
+        raise _refusal(file, f"the YAML cannot be read ({error})", "look for odd directives, tags or escapes") from None
+
+
+def _refusal(file: str, what: str, remedy: str, line: int = 0, column: int = 0, key: str = "") -> StudyError:
+    return StudyError([Problem(file, line, column, key, what, remedy)])
+
+
+def _syntax_error(error: YAMLError, text: str, file: str, option: bool) -> StudyError:
+    """The library's message in our form."""
+    line, column, what = 1, 1, "this is not valid YAML"
+    position = getattr(error, "position", None)
+    if isinstance(error, MarkedYAMLError):
+        mark = error.problem_mark or error.context_mark
+        line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+        what = ", ".join(str(part) for part in (error.context, error.problem) if part)
+        start = error.context_mark
+        if start is not None and start.line + 1 != line:
+            what += f" (begun in line {start.line + 1})"
+    elif isinstance(position, int):
+        line, column = text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)
+        what = f"the character {text[position : position + 1]!r} is not allowed in YAML"
+    remedy = "correct the YAML here or in the lines above: quotes, brackets, a colon, indentation by blanks"
+    return _refusal(file, f"YAML syntax: {what}", remedy, *((0, 0) if option else (line, column)))
+
+
+class _Builder:
+    """Turns the library's nodes into ours."""
+
+    def __init__(self, file: str, errors: Collector, option: bool) -> None:
+        self.file, self.errors, self.option = file, errors, option
+        self.count = 0
+        self.open: list[YamlNode] = []
+
+    def mark(self, node: YamlNode) -> Mark:
+        if self.option:
+            return Mark(self.file, 0, 0)
+        return Mark(self.file, node.start_mark.line + 1, node.start_mark.column + 1)
+
+    def node(self, node: YamlNode, path: str, key: Mark | None) -> Node:
+        """Our node for one of the library's; key is the place of the key it stands under."""
+        mark = self.mark(node)
+        self.count += 1
+        if self.count > MAX_NODES or len(self.open) > MAX_DEPTH or any(node is outer for outer in self.open):
+            what = "the study is too large, nested too deeply, or an alias contains itself"
+            place = (mark.line, mark.column)
+            raise _refusal(self.file, what, "write long sweeps as {linspace: [a, b, n]}", *place, path)
+        self.open.append(node)
+        value = self.value(node, path, mark)
+        self.open.pop()
+        return Node(value, path, mark, key or mark)
+
+    def value(self, node: YamlNode, path: str, mark: Mark) -> Scalar | Mapping[str, Node] | tuple[Node, ...]:
+        tag = str(node.tag)
+        if isinstance(node, SequenceNode) and tag == TAG + "seq":
+            return tuple(self.node(item, f"{path}[{i}]", None) for i, item in enumerate(node.value))
+        if isinstance(node, MappingNode) and tag == TAG + "map":
+            return self.mapping(node, path)
+        if isinstance(node, ScalarNode) and tag in SCALAR_TAGS:
+            try:
+                return _scalar(tag, str(node.value))
+            except ValueError:
+                self.errors.at_mark(mark, path, f"{str(node.value)[:40]!r} is not a number", "write a decimal number")
+                return None
+        self.errors.at_mark(mark, path, f"the YAML tag {tag.replace(TAG, '!!')} is not supported", "remove the tag")
+        return None
+
+    def mapping(self, node: MappingNode, path: str) -> dict[str, Node]:
+        children: dict[str, Node] = {}
+        for key, item in node.value:
+            mark = self.mark(key)
+            if not isinstance(key, ScalarNode):
+                self.errors.at_mark(mark, path, "a key must be one word", "write `key: value`")
+                continue
+            name = str(key.value)
+            inner = f"{path}.{name}" if path else name
+            if str(key.tag) == TAG + "merge":
+                self.errors.at_mark(mark, inner, "merge keys are not supported", "write the keys out")
+            elif name in children:
+                first = children[name].key_mark.line
+                where = f" (first in line {first})" if first else ""
+                self.errors.at_mark(mark, inner, f"the key is given twice{where}", "keep one of the two")
+            else:
+                children[name] = self.node(item, inner, mark)
+        return children
+
+
+def _scalar(tag: str, text: str) -> Scalar:
+    """The value of a scalar by its YAML 1.2 tag; raises ValueError."""
+    if tag in TEXT_TAGS:
+        return text
+    if tag == TAG + "null":
+        return None
+    if tag == TAG + "bool":
+        return text.lower() in ("true", "yes", "on")
+    number = text.replace("_", "").lower()
+    if tag == TAG + "float":
+        return float(number.replace(".inf", "inf").replace(".nan", "nan"))
+    prefix = re.match(r"[+-]?0[xob]", number)
+    return int(number, 0) if prefix else int(number)
+
+
+def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, str], errors: Collector) -> Node:
+    """The tree with the values of `--set key=value` options put in, one after the other.
+
+    short: short names of keys, such as alpha for heat.alpha. The value null removes a key.
+    """
+    for option in overrides:
+        file = f"--set {option}"
+        key, equals, text = (part.strip() for part in option.partition("="))
+        key = short.get(key, key)
+        keys: Keys | None = split_path(key) if equals else None
+        if keys is None or not text:
+            remedy = "write --set key.path=value, for example --set heat.alpha=25"
+            errors.at_mark(Mark(file, 0, 0), "", "this option is not key=value", remedy)
+            continue
+        try:
+            new = compose(text, file, errors, key, option=True)
+            root = put(root, keys, None if new.value is None else new)
+        except StudyError as error:
+            errors.problems.extend(error.problems)
+        except KeyError as error:
+            errors.at_mark(Mark(file, 0, 0), key, str(error.args[0]), "set a key that the study can have there")
+    return root

@@ -1,0 +1,168 @@
+"""The study as a tree of marked nodes: every value knows its key path and its place in the file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+from tcstudy.errors import Problem
+
+Scalar: TypeAlias = "bool | int | float | str | None"
+Keys: TypeAlias = "tuple[str | int, ...]"
+
+WORDS = {("boundary", "*"): "role", ("solver",): "name", ("output",): "path"}
+"""Places where a single word is short for a mapping, and the key the word stands for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A place: file, line and column from 1 (0, 0 in a command-line option)."""
+
+    file: str
+    line: int
+    column: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Node:
+    """One value of the study.
+
+    value: a scalar, a mapping of nodes or a sequence of nodes
+    path:  key path where the user wrote the value, e.g. "sweep.alpha[1]"
+    mark:  where the value stands;  key_mark: where its key stands (its own place in a list)
+    """
+
+    value: Scalar | Mapping[str, Node] | tuple[Node, ...]
+    path: str
+    mark: Mark
+    key_mark: Mark
+
+    def plain(self) -> object:
+        """The value without marks: scalars, dicts and lists."""
+        if isinstance(self.value, tuple):
+            return [item.plain() for item in self.value]
+        if isinstance(self.value, Mapping):
+            return {key: item.plain() for key, item in self.value.items()}
+        return self.value
+
+    def child(self, key: str) -> Node | None:
+        """The value under a key, None if there is none or this is no mapping."""
+        return self.value.get(key) if isinstance(self.value, Mapping) else None
+
+    def text(self) -> str:
+        """The value as one line of YAML-like text, for messages and labels."""
+        if isinstance(self.value, tuple):
+            return "[" + ", ".join(item.text() for item in self.value) + "]"
+        if isinstance(self.value, Mapping):
+            return "{" + ", ".join(f"{key}: {item.text()}" for key, item in self.value.items()) + "}"
+        if self.value is None or isinstance(self.value, bool):
+            return {None: "null", True: "true", False: "false"}[self.value]
+        return " ".join(str(self.value).split())
+
+    def brief(self) -> str:
+        """The text, shortened so that a message stays one readable line."""
+        text = self.text()
+        return text if len(text) <= 60 else text[:57] + "..."
+
+
+class Collector:
+    """The problems found so far. Faults are collected, never raised one by one.
+
+    point: text that names the sweep point being read; empty while the base study is read
+    """
+
+    def __init__(self) -> None:
+        self.problems: list[Problem] = []
+        self.point = ""
+        self._places: set[tuple[Mark, str]] = set()
+        self._seen: set[Problem] = set()
+
+    def __len__(self) -> int:
+        return len(self.problems)
+
+    def at(self, node: Node, what: str, remedy: str, *, key: str | None = None, on_key: bool = False) -> None:
+        """Record a fault at a node, or at its key; the same fault in further sweep points is one fault."""
+        self.at_mark(node.key_mark if on_key else node.mark, node.path if key is None else key, what, remedy)
+
+    def at_mark(self, mark: Mark, key: str, what: str, remedy: str) -> None:
+        """Record a fault at a place."""
+        if self.point:
+            if (mark, key) in self._places:
+                return
+            if not key.startswith("sweep"):
+                what = f"{what} (at the sweep point {self.point})"
+        problem = Problem(mark.file, mark.line, mark.column, key, what, remedy)
+        self._places.add((mark, key))
+        if problem not in self._seen:
+            self._seen.add(problem)
+            self.problems.append(problem)
+
+
+def split_path(path: str) -> Keys | None:
+    """The keys of a path such as "body.outline[2].edge"; None if it is not one."""
+    if not re.fullmatch(r"[^.\[\]\s]+(\[\d{1,6}\])*(\.[^.\[\]\s]+(\[\d{1,6}\])*)*", path):
+        return None
+    tokens = re.findall(r"\[\d+\]|[^.\[\]]+", path)
+    return tuple(int(token[1:-1]) if token[0] == "[" else token for token in tokens)
+
+
+def deepest(root: Node, keys: Keys) -> Node:
+    """The node at a path, or the last one that exists on the way."""
+    node = root
+    for key in keys:
+        inner: Node | None = None
+        if isinstance(key, int) and isinstance(node.value, tuple) and key < len(node.value):
+            inner = node.value[key]
+        elif isinstance(key, str):
+            inner = node.child(key)
+        if inner is None:
+            break
+        node = inner
+    return node
+
+
+def holds(root: Node, keys: tuple[str, ...]) -> bool:
+    """True if there is a value at the path."""
+    node: Node | None = root
+    for key in keys:
+        node = node.child(key) if node else None
+    return node is not None
+
+
+def put(root: Node, keys: Keys, new: Node | None, done: Keys = ()) -> Node:
+    """A copy of the tree with a value put at a path (None removes the key); shares all that is untouched.
+
+    Missing mappings on the way are made; a word that stands for a mapping is written out first.
+    Raises KeyError with a text if a key on the way holds something else.
+    """
+    if not keys:
+        return root if new is None else new
+    key, rest = keys[0], keys[1:]
+    here = ".".join(map(str, done)) or "the study"
+    if isinstance(key, int):
+        if not isinstance(root.value, tuple) or key >= len(root.value) or (new is None and not rest):
+            raise KeyError(f"{here} has no entry [{key}] to set")
+        items = list(root.value)
+        items[key] = put(items[key], rest, new, (*done, key))
+        return replace(root, value=tuple(items))
+    children = _children(root, here, done)
+    if new is None and not rest:
+        children.pop(key, None)
+    elif new is not None or key in children:
+        empty = Node({}, ".".join(map(str, (*done, key))), (new or root).mark, (new or root).key_mark)
+        children[key] = put(children.get(key, empty), rest, new, (*done, key))
+    return replace(root, value=children)
+
+
+def _children(node: Node, here: str, done: Keys) -> dict[str, Node]:
+    """The children of a mapping, of a word that stands for one, or of an empty value."""
+    if isinstance(node.value, Mapping):
+        return dict(node.value)
+    if node.value is None:
+        return {}
+    word = WORDS.get((str(done[0]), "*") if len(done) == 2 else tuple(map(str, done)))
+    if word is None or not isinstance(node.value, str):
+        raise KeyError(f"{here} is {node.brief()}, not a mapping with keys")
+    return {word: node}

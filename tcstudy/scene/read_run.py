@@ -1,0 +1,76 @@
+"""Reads the sections that say how a study is run: `mesh`, `solver`, `output`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from tcstudy.scene import walker
+from tcstudy.scene.node import Node
+from tcstudy.scene.records import MeshPlan, OutputPlan, SolverPlan
+from tcstudy.scene.units import LENGTH, NONE
+from tcstudy.scene.walker import Context, Fields
+
+SOLVERS = ("separable-newton", "bundle-newton")
+MAX_LEVELS = 15
+
+
+def read_mesh(ctx: Context, node: Node | None, h: Node | None) -> MeshPlan | None:
+    """The meshes, coarse to fine; `h` is the list of a sweep over h, in place of maxh. None after a fault."""
+    before = len(ctx.errors)
+    fields = Fields(ctx, node, () if h else ("maxh",), ("levels", "maxh") if h else ("levels",)) if node else None
+    given = h or (fields["maxh"] if fields else None)
+    single = given is not None and not isinstance(given.value, tuple)
+    sizes = () if given is None else _sizes(ctx, given)
+    levels = walker.integer(ctx, value, 1, MAX_LEVELS) if fields and (value := fields["levels"]) else 1
+    if fields and fields["levels"] and not single and len(sizes) > 1 and levels > 1:
+        remedy = "give one maxh and levels (nested meshes), or a list of maxh alone"
+        ctx.errors.at(fields.values["levels"], "levels go with a single maxh", remedy, on_key=True)
+    if len(ctx.errors) > before or not sizes:
+        return None
+    return MeshPlan(sizes, levels if len(sizes) == 1 else len(sizes))
+
+
+def _sizes(ctx: Context, node: Node) -> tuple[float, ...]:
+    """One element size, or a decreasing list of them."""
+    if not isinstance(node.value, tuple):
+        return (walker.quantity(ctx, node, LENGTH, "positive"),)
+    sizes = [walker.quantity(ctx, item, LENGTH, "positive") for item in walker.items(ctx, node, "a list of sizes", 1)]
+    for i in range(1, len(sizes)):
+        if sizes[i] >= sizes[i - 1]:
+            remedy = "order the sizes from coarse to fine, each once"
+            ctx.errors.at(node.value[i], f"{sizes[i]:g} does not decrease after {sizes[i - 1]:g}", remedy)
+    return tuple(sizes)
+
+
+def read_solver(ctx: Context, node: Node | None) -> SolverPlan | None:
+    """The solver by name, with its options; None after a fault."""
+    default = SolverPlan()
+    if node is None:
+        return default
+    before = len(ctx.errors)
+    if not isinstance(node.value, Mapping):
+        return SolverPlan(walker.choice(ctx, node, SOLVERS)) if len(ctx.errors) == before else None
+    fields = Fields(ctx, node, (), ("name", "tolerance", "max_iterations"))
+    name = walker.choice(ctx, value, SOLVERS) if (value := fields["name"]) else default.name
+    tolerance = fields.quantity("tolerance", NONE, "positive", default.tolerance)
+    if tolerance >= 1.0:
+        remedy = "write for example 1e-10"
+        ctx.errors.at(fields.values["tolerance"], f"must be less than 1, but is {tolerance:g}", remedy)
+    limit = walker.integer(ctx, value, 1) if (value := fields["max_iterations"]) else None
+    return SolverPlan(name, tolerance, limit) if len(ctx.errors) == before else None
+
+
+def read_output(ctx: Context, node: Node | None) -> OutputPlan | None:
+    """Where the data go; None after a fault."""
+    if node is None:
+        return OutputPlan()
+    before = len(ctx.errors)
+    if not isinstance(node.value, Mapping):
+        path: Path | None = Path(walker.text(ctx, node, "a path"))
+        fields = None
+    else:
+        fields = Fields(ctx, node, (), ("path", "fields"))
+        path = Path(walker.text(ctx, value, "a path")) if (value := fields["path"]) else None
+    kept = walker.flag(ctx, value) if fields and (value := fields["fields"]) else False
+    return OutputPlan(path, kept) if len(ctx.errors) == before else None

@@ -1,0 +1,134 @@
+"""A study file to a Study: every number of every sweep point checked, all faults reported at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tcstudy.errors import StudyError
+from tcstudy.scene import walker
+from tcstudy.scene.checks import check_mesh
+from tcstudy.scene.document import apply_overrides, compose, load_text
+from tcstudy.scene.node import Collector, Mark, Node, deepest, holds, put, split_path
+from tcstudy.scene.parameters import SHORT, sweepable
+from tcstudy.scene.read_run import read_mesh, read_output, read_solver
+from tcstudy.scene.read_sweep import Sweep, read_sweep, records
+from tcstudy.scene.records import Body, MeshPlan, OutputPlan, SolverPlan, Study
+from tcstudy.scene.scenes import SceneReader
+from tcstudy.scene.walker import Context, Fields
+
+REQUIRED = ("body", "boundary", "material", "friction", "mesh")
+OPTIONAL = ("title", "institution", "units", "loads", "heat", "solver", "sweep", "output")
+
+
+def read_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
+    """The study in a file, with `--set` options key=value put in; raises StudyError with all its problems."""
+    path = Path(path)
+    return _read(load_text(path), str(path), path, tuple(overrides))
+
+
+def read_study_text(text: str, name: str = "<text>", overrides: Sequence[str] = ()) -> Study:
+    """The study in a text, called `name` in messages; raises StudyError with all its problems."""
+    return _read(text, name, None, tuple(overrides))
+
+
+@dataclass(frozen=True)
+class _Header:
+    title: str
+    institution: str
+
+
+@dataclass(frozen=True)
+class _Plans:
+    mesh: MeshPlan | None
+    solver: SolverPlan | None
+    output: OutputPlan | None
+
+
+def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...]) -> Study:
+    ctx = Context(Collector(), folder=source.parent if source else Path())
+    root = apply_overrides(compose(text, file, ctx.errors), overrides, SHORT, ctx.errors)
+    if not isinstance(root.value, Mapping):
+        ctx.errors.at(root, f"a study is a mapping, but this is {walker.kind(root)}", "see configs/quickstart.yaml")
+        raise StudyError(ctx.errors.problems)
+    header = _read_header(ctx, root, source.stem if source else file)
+    sweep = _read_sweep(ctx, root, overrides)
+    base = _with_swept_keys(root, sweep)
+    _check_keys(ctx, base, sweep)
+    reader = SceneReader(ctx, base, sweep)
+    scenes = reader.read()
+    ctx.errors.point = ""
+    plans = _read_run(ctx, base, sweep, reader.body)
+    if ctx.errors.problems:
+        raise StudyError(ctx.errors.problems)
+    assert plans.mesh and plans.solver and plans.output
+    return Study(
+        title=header.title,
+        text=text,
+        source=source,
+        units=ctx.units,
+        mode=sweep.mode,
+        axes=records(sweep, ctx.units),
+        scenes=scenes,
+        mesh=plans.mesh,
+        solver=plans.solver,
+        output=plans.output,
+        institution=header.institution,
+        overrides=overrides,
+    )
+
+
+def _read_header(ctx: Context, root: Node, default: str) -> _Header:
+    """Title and institution; sets the system of units, on which every number depends."""
+    if units := root.child("units"):
+        ctx.units = walker.choice(ctx, units, ("SI", "none"))
+    title = walker.text(ctx, node) if (node := root.child("title")) else default
+    return _Header(title, walker.text(ctx, node) if (node := root.child("institution")) else "")
+
+
+def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
+    """The sweep; none after a fault in its form, so that the base study is still checked."""
+    boundary, friction = root.child("boundary"), root.child("friction")
+    edges = tuple(boundary.value) if boundary and isinstance(boundary.value, Mapping) else ()
+    law = word.value if friction and (word := friction.child("law")) else None
+    known = sweepable(edges, law if isinstance(law, str) else None)
+    sweep = read_sweep(ctx, root.child("sweep"), known) or Sweep()
+    for option in overrides:
+        key = SHORT.get(option.partition("=")[0].strip(), option.partition("=")[0].strip())
+        keys = split_path(key) or ()
+        for axis in sweep.axes:
+            path = axis.parameter.path
+            if keys[: len(path)] == path:
+                what = f"{axis.key} is swept, so this value would not be used"
+                remedy = f"set sweep.{axis.key} instead, or remove the sweep by --set sweep=null"
+                ctx.errors.at_mark(Mark(f"--set {option}", 0, 0), key, what, remedy)
+    return sweep
+
+
+def _with_swept_keys(root: Node, sweep: Sweep) -> Node:
+    """The base study: swept keys that it does not give have the first of their values."""
+    for axis in sorted(sweep.axes, key=lambda axis: len(axis.parameter.path)):
+        if not holds(root, axis.parameter.path):
+            try:
+                root = put(root, axis.parameter.path, axis.values[0])
+            except KeyError:  # something else stands there, which the section's reader records
+                continue
+    return root
+
+
+def _check_keys(ctx: Context, root: Node, sweep: Sweep) -> None:
+    """Unknown and missing sections."""
+    required = [key for key in REQUIRED if key != "mesh" or sweep.h is None]
+    Fields(ctx, root, required, (*OPTIONAL, "mesh"))
+
+
+def _read_run(ctx: Context, root: Node, sweep: Sweep, body: Body | None) -> _Plans:
+    """Meshes, solver and output."""
+    before = len(ctx.errors)
+    if sweep.h and not isinstance(sweep.h.value, tuple):
+        ctx.errors.at(sweep.h, f"must be a list of sizes, but is {walker.kind(sweep.h)}", "write [20 mm, 10 mm]")
+    mesh = read_mesh(ctx, root.child("mesh"), sweep.h) if len(ctx.errors) == before else None
+    if mesh and body:
+        check_mesh(ctx, sweep.h or deepest(root, ("mesh", "maxh")), mesh, body)
+    return _Plans(mesh, read_solver(ctx, root.child("solver")), read_output(ctx, root.child("output")))

@@ -1,0 +1,253 @@
+"""What a study is: frozen records in SI (or consistent) units, made by the reader, used by every other room.
+
+Symbols follow Šestak & Jovanović (2010): alpha, theta_bar, q, omega (the source region), f, g, k, beta.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from tcstudy.scene.expressions import Expression
+from tcstudy.scene.friction import FrictionLaw
+
+Point = tuple[float, float]
+Scalar = float | Expression
+"""A quantity that is one number or an expression in x and y."""
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A straight edge, or a circular arc through a third point. The next edge starts where this one ends."""
+
+    start: Point
+    end: Point
+    name: str
+    through: Point | None = None
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A closed chain of edges, counter-clockwise (outlines, holes and regions alike)."""
+
+    edges: tuple[Edge, ...]
+
+
+@dataclass(frozen=True)
+class Region:
+    """A named part of the body, for heat sources."""
+
+    name: str
+    loop: Loop
+
+
+@dataclass(frozen=True)
+class BrepFace:
+    """A plane face read from a STEP or BREP file.
+
+    path:  the file
+    face:  which face of it, from 0
+    scale: length of one unit of the file [m]
+    edges: name → points; the edge nearest to each point gets the name
+    other: name of all edges that no point names
+    """
+
+    path: Path
+    face: int
+    scale: float
+    edges: tuple[tuple[str, tuple[Point, ...]], ...]
+    other: str | None
+
+
+@dataclass(frozen=True)
+class Body:
+    """The body Ω: an outline with holes, or a face of a file; and its named regions."""
+
+    outline: Loop | None
+    holes: tuple[Loop, ...] = ()
+    regions: tuple[Region, ...] = ()
+    brep: BrepFace | None = None
+
+
+@dataclass(frozen=True)
+class Clamped:
+    """Γ_D: prescribed displacement, per component; None leaves a component free (a roller).
+
+    u:     the two components [m]
+    frame: "xy" for (u_x, u_y), "nt" for (u_N, u_T) of the edge
+    """
+
+    u: tuple[Scalar | None, Scalar | None] = (0.0, 0.0)
+    frame: Literal["xy", "nt"] = "xy"
+
+
+@dataclass(frozen=True)
+class Traction:
+    """Γ_N: σn = g − p n, g in x and y [Pa], p a normal pressure, positive when it pushes [Pa]."""
+
+    g: tuple[Scalar, Scalar] = (0.0, 0.0)
+    pressure: Scalar = 0.0
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Γ_C: u_N = 0 and −S_T ∈ b̂(u_T), eq. (4)."""
+
+
+@dataclass(frozen=True)
+class Convection:
+    """Γ_θ: −k∂θ/∂n = α(θ − θ̄), eq. (5); traction-free unless g or a pressure is given."""
+
+    g: tuple[Scalar, Scalar] = (0.0, 0.0)
+    pressure: Scalar = 0.0
+
+
+@dataclass(frozen=True)
+class Free:
+    """Neither load nor heat."""
+
+
+Role = Clamped | Traction | Contact | Convection | Free
+
+
+@dataclass(frozen=True)
+class Material:
+    """Isotropic material and the plane assumption.
+
+    lam, mu: Lamé moduli of the plane problem (plane stress already folded into lam) [Pa]
+    beta:    stress–temperature modulus of the plane problem, σ = cε − βθI, eq. (3) [Pa/K]
+    k:       conductivity [W/(m K)], None if the study gives none
+    E, nu:   the three-dimensional constants, for reports and warnings
+    plane:   plane strain or plane stress
+    """
+
+    lam: float
+    mu: float
+    beta: float
+    k: float | None
+    E: float
+    nu: float
+    plane: Literal["strain", "stress"]
+
+
+@dataclass(frozen=True)
+class Heat:
+    """The temperature above the stress-free state: known, or by conduction, eqs. (2), (5).
+
+    theta:     a known temperature field; then nothing else here is used [K]
+    alpha:     heat transfer coefficient on Γ_θ [W/(m² K)]
+    theta_bar: temperature of the surroundings [K]
+    q:         source density in ω [W/m³]
+    omega:     names of the regions that make up ω; empty for the whole body
+    """
+
+    theta: Scalar | None = None
+    alpha: float = 0.0
+    theta_bar: Scalar = 0.0
+    q: Scalar = 0.0
+    omega: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One complete problem: every number of one sweep point."""
+
+    body: Body
+    boundary: tuple[tuple[str, Role], ...]
+    material: Material
+    f: tuple[Scalar, Scalar]
+    heat: Heat
+    friction: FrictionLaw
+
+    def edges(self, *kinds: type) -> tuple[str, ...]:
+        """Names of the edges with one of the given roles, in the order of the study."""
+        return tuple(name for name, role in self.boundary if isinstance(role, kinds))
+
+
+@dataclass(frozen=True)
+class MeshPlan:
+    """The meshes of a study, coarse to fine.
+
+    maxh:   element sizes; one per mesh
+    levels: number of levels; with one maxh, level i is its i-th uniform refinement
+    """
+
+    maxh: tuple[float, ...]
+    levels: int
+
+    @property
+    def nested(self) -> bool:
+        """True if the levels are uniform refinements of one coarse mesh."""
+        return len(self.maxh) == 1
+
+
+@dataclass(frozen=True)
+class SolverPlan:
+    """How the contact problem is solved.
+
+    name:           "separable-newton" or "bundle-newton"
+    tolerance:      largest inclusion residual of an accepted solution
+    max_iterations: iteration limit of the method, None for its own
+    """
+
+    name: str = "separable-newton"
+    tolerance: float = 1e-10
+    max_iterations: int | None = None
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One swept parameter.
+
+    name:   dimension and coordinate name in the data, e.g. "alpha", "friction"
+    path:   key path in the study, e.g. ("heat", "alpha")
+    values: what is put at the path, point by point (plain YAML values)
+    labels: numbers (SI) or texts that stand in the data's coordinate
+    units:  units of the labels, "1" for texts
+    """
+
+    name: str
+    path: tuple[str, ...]
+    values: tuple[object, ...]
+    labels: tuple[float | str, ...]
+    units: str
+
+
+@dataclass(frozen=True)
+class OutputPlan:
+    """Where the data go and what beside the mandatory variables is kept."""
+
+    path: Path | None = None
+    fields: bool = False
+
+
+@dataclass(frozen=True)
+class Study:
+    """A whole study: the sweep and one validated Scene for each of its points.
+
+    mode:   "grid": points are the product of the axes; "list": axes are read together (zip and list)
+    scenes: one per point, in C order of the axes; each is complete
+    text:   the exact YAML text;  source: its file, if any
+    units:  "SI" or "none" (dimensionless)
+    """
+
+    title: str
+    text: str
+    source: Path | None
+    units: Literal["SI", "none"]
+    mode: Literal["grid", "list"]
+    axes: tuple[Axis, ...]
+    scenes: tuple[Scene, ...]
+    mesh: MeshPlan
+    solver: SolverPlan
+    output: OutputPlan
+    institution: str = ""
+    overrides: tuple[str, ...] = field(default=())
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Extent of the sweep along each data dimension (without the level)."""
+        if self.mode == "grid":
+            return tuple(len(axis.values) for axis in self.axes)
+        return (len(self.axes[0].values),) if self.axes else ()

@@ -1,0 +1,122 @@
+"""Physical dimensions and texts such as "210 GPa": a number and a unit, converted to SI.
+
+Units are known to pint; its registry is made when the first text with a unit occurs. Left out on purpose: units with
+an offset (degC), because temperatures are counted from the stress-free state, and logarithmic units.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from functools import lru_cache
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A physical dimension as it is shown to the user and written to data.
+
+    name:    words for messages;  si: the SI unit for pint;  cf: the same in UDUNITS form;  example: a valid text
+    """
+
+    name: str
+    si: str
+    cf: str
+    example: str
+
+
+NONE = Dimension("a plain number", "", "1", "0.3")
+LENGTH = Dimension("a length", "m", "m", "20 mm")
+TRACTION = Dimension("a stress", "Pa", "Pa", "20 MPa")
+STIFFNESS = Dimension("a traction per slip", "Pa/m", "Pa m-1", "5e9 Pa/m")
+BODY_FORCE = Dimension("a force per volume", "N/m^3", "N m-3", "-77 kN/m^3")
+HEAT_SOURCE = Dimension("a heat source density", "W/m^3", "W m-3", "5e6 W/m^3")
+HEAT_TRANSFER = Dimension("a heat transfer coefficient", "W/(m^2*K)", "W m-2 K-1", "100 W/(m^2*K)")
+TEMPERATURE = Dimension("a temperature difference", "K", "K", "20 K")
+CONDUCTIVITY = Dimension("a thermal conductivity", "W/(m*K)", "W m-1 K-1", "45 W/(m*K)")
+EXPANSION = Dimension("a coefficient of thermal expansion", "1/K", "K-1", "12e-6 1/K")
+THERMAL_STRESS = Dimension("a stress per temperature", "Pa/K", "Pa K-1", "6 MPa/K")
+
+LAW_DIMENSIONS = {"none": NONE, "length": LENGTH, "traction": TRACTION, "stiffness": STIFFNESS}
+"""Dimensions of friction parameters by the names that the shapes of laws use."""
+
+NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+QUANTITY = re.compile(rf"\s*({NUMBER})\s*((?:[A-Za-zµμΩΩ°%]|(?<=\s)[0-9(]).*?)\s*", re.DOTALL)
+UNIT = re.compile(r"[A-Za-zµμΩΩ°%·*/^()\s0-9_-]{1,60}")
+
+
+class UnitError(ValueError):
+    """A text with a unit that cannot be read, or has another dimension than expected.
+
+    remedy: what to write instead
+    """
+
+    def __init__(self, message: str, remedy: str) -> None:
+        super().__init__(message)
+        self.remedy = remedy
+
+    def __reduce__(self) -> tuple[type[UnitError], tuple[str, str]]:
+        return type(self), (str(self), self.remedy)
+
+
+def split_quantity(text: str) -> tuple[str, str] | None:
+    """The number and the unit of a text like "210 GPa"; None if it is not of that form (an expression, say)."""
+    match = QUANTITY.fullmatch(text)
+    return (match[1], match[2]) if match else None
+
+
+def to_si(number: str, unit: str, dimension: Dimension) -> float:
+    """The number in the SI unit of the dimension, rounded once; raises UnitError.
+
+    The product is taken in decimals: "40 um" is 4e-5 exactly as if the user had written it so.
+    """
+    factor = _factor(unit, dimension)
+    try:
+        value = float(Decimal(number) * Decimal(repr(factor)))
+    except (InvalidOperation, OverflowError):
+        value = float("inf")
+    if not abs(value) < float("inf"):
+        raise UnitError(f"{number} {unit} is too large for a number", f"write for example {dimension.example}")
+    return value
+
+
+@lru_cache(maxsize=1024)
+def _factor(unit: str, dimension: Dimension) -> float:
+    """How many SI units one `unit` is."""
+    example = f"write for example {dimension.example}"
+    spelt = re.sub(r"\s+", " ", unit.replace("**", "^").replace("·", "*"))
+    spelt = re.sub(r"(?<=[A-Za-zµμ])(-?\d)\b", r"^\1", spelt)
+    # Exponents have one digit: a chain of powers is a typing error and could keep the unit library busy for ever.
+    if not UNIT.fullmatch(unit) or re.search(r"\d\d|\^[^A-Za-z]*\^", spelt):
+        raise UnitError(f"{unit[:40]!r} is not a unit", example)
+    registry = _registry()
+    try:
+        one = registry.Quantity(1.0, registry.parse_units(spelt))
+        zero = registry.Quantity(0.0, registry.parse_units(spelt))
+    except Exception:  # the parser of pint lets errors of its tokenizer and its arithmetic through
+        raise UnitError(f"{unit[:40]!r} is not a known unit", _unknown_remedy(unit, dimension)) from None
+    if not one.is_compatible_with(dimension.si or "dimensionless"):
+        raise UnitError(f"{unit!r} is not a unit of {dimension.name}{_si(dimension)}", example)
+    if dimension == TEMPERATURE and zero.to("K").magnitude != 0.0:
+        raise UnitError(f"{unit!r} has its own zero", "write K; temperatures are counted from the stress-free state")
+    factor = float(one.to(dimension.si or "dimensionless").magnitude)
+    return float(f"{factor:.15g}")
+
+
+def _si(dimension: Dimension) -> str:
+    return f" ({dimension.si})" if dimension.si else ""
+
+
+def _unknown_remedy(unit: str, dimension: Dimension) -> str:
+    if re.search(r"(?<![A-Za-z])([xy]|sin|cos|tan|exp|log|sqrt)(?![A-Za-z])", unit):
+        return f"an expression has no unit and every product its *: write 2*x, not 2 x; a quantity: {dimension.example}"
+    return f"units are case-sensitive: write for example {dimension.example}"
+
+
+@lru_cache(maxsize=1)
+def _registry() -> Any:
+    """The unit registry; imported here because most of the package never needs it."""
+    import pint
+
+    return pint.UnitRegistry(cache_folder=None)

@@ -1,0 +1,138 @@
+"""From an approximate solution to an exact one: identify the active piece of every node, then Newton on the pieces.
+
+A solution of 0 ∈ Ãv − l̃ + ∂Ψ(v) puts every node either on an up-jump of b (v_i = kink, bitwise) or on one smooth
+piece k with (Ãv − l̃)_i + c_i b_k(v_i) = 0. Once every node's place is known the rest is a smooth system:
+one linear solve for a piecewise-linear law, a few Newton steps for exponential pieces. Whoever ends with it has
+an inclusion residual at rounding level, whatever method came before.
+Method: active-set identification as in Hintermüller, Ito & Kunisch, SIAM J. Optim. 13 (2002) 865–888, without its
+globalisation; a start too far away is returned unchanged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tcstudy.scene.friction import UP
+from tcstudy.solve.newton_system import cholesky, submatrix
+from tcstudy.solve.nodal_pieces import relative_residual
+from tcstudy.solve.problem import ContactProblem
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class ActivePieces:
+    """Where every node sits.
+
+    kink:  (m,) index of the up-jump a node rests on, −1 for a free node
+    piece: (m,) index of the smooth piece of a free node (for a resting node the piece to its right)
+    """
+
+    kink: Index
+    piece: Index
+
+    @property
+    def key(self) -> bytes:
+        """Equal for equal identifications."""
+        return bytes(np.where(self.kink >= 0, 2 * self.kink + 1, 2 * self.piece).tobytes())
+
+
+def identify(problem: ContactProblem, v: Array) -> ActivePieces:
+    """Active pieces predicted from v, node by node with the other nodes held.
+
+    A node rests on the nearest adjacent up-jump s with c b⁻ ≤ ξ_i − Ã_ii (s − v_i) ≤ c b⁺: that is where its own
+    energy has a minimum. Otherwise it belongs to the piece v_i lies in, or to the descending side of its kink.
+    """
+    law, c = problem.law, problem.c
+    xi = problem.xi(v)
+    piece = np.where(c * law.b(v, +1) < xi, law.piece(v, +1), law.piece(v, -1))
+    kink = np.full(problem.m, -1, dtype=np.intp)
+    ups = np.flatnonzero(law.kinds == UP)
+    if not len(ups):
+        return ActivePieces(kink, piece)
+    diagonal = np.diagonal(problem.A_tilde)
+    nearest = np.full(problem.m, np.inf)
+    above = np.searchsorted(law.kinks[ups], v)
+    for offset in (0, -1):
+        candidate = ups[np.clip(above + offset, 0, len(ups) - 1)]
+        move = law.kinks[candidate] - v
+        force = xi - diagonal * move
+        rests = (c * law.b_left[candidate] <= force) & (force <= c * law.b_right[candidate])
+        closer = rests & (np.abs(move) < nearest)
+        kink = np.where(closer, candidate, kink)
+        nearest = np.where(closer, np.abs(move), nearest)
+    return ActivePieces(kink, np.where(kink >= 0, kink + 1, piece))
+
+
+def solve_on(problem: ContactProblem, active: ActivePieces, v: Array, newton_steps: int) -> Array | None:
+    """The point that satisfies the smooth equations of the identified pieces, by Newton's method from v (m,).
+
+    Returns None if the equations are singular or the iteration leaves the finite numbers. Nothing checks here
+    whether the point lies in its pieces; the inclusion residual does.
+    """
+    law, c = problem.law, problem.c
+    resting = active.kink >= 0
+    v = np.where(resting, law.kinks[active.kink], v) if len(law.kinks) else v.copy()
+    free = np.flatnonzero(~resting)
+    if not len(free):
+        return v
+    piece, c_free = active.piece[free], c[free]
+    solver = None
+    for _ in range(newton_steps):
+        defect = c_free * law.value(v[free], piece) - problem.xi(v)[free]
+        if solver is None or not law.piecewise_linear:
+            solver = _solver(problem, free, c_free * law.slope(v[free], piece))
+        if solver is None:
+            return None
+        correction = solver(defect)
+        v[free] -= correction
+        if not np.all(np.isfinite(v)):
+            return None
+        if np.max(np.abs(correction)) <= 4 * np.finfo(float).eps * np.max(np.abs(v)):
+            break
+    return v
+
+
+def _solver(problem: ContactProblem, free: Index, slope: Array) -> Callable[[Array], Array] | None:
+    """x = (A_FF + diag(slope))⁻¹ rhs by Cholesky, by LU where the matrix is indefinite, None where it is singular."""
+    matrix = submatrix(problem.A_tilde, free)
+    matrix[np.diag_indices(len(free))] += slope
+    factor, info = cholesky(matrix.copy())
+    if info == 0:
+        return lambda rhs: scipy.linalg.lapack.dpotrs(factor, rhs, lower=1)[0]
+    lu, pivots, info = scipy.linalg.lapack.dgetrf(matrix.T, overwrite_a=1)
+    if info != 0:
+        return None
+    return lambda rhs: scipy.linalg.lapack.dgetrs(lu, pivots, rhs)[0]
+
+
+def finish(problem: ContactProblem, v: Array, rounds: int = 10, newton_steps: int = 8) -> tuple[Array, float]:
+    """(point, inclusion residual) after identification and Newton on the pieces; never worse than v.
+
+    rounds:       identifications, each from the point of the one before; ends when one repeats
+    newton_steps: Newton steps on one identification (a piecewise-linear law needs one, a second refines it)
+
+    The point is a stationary point near v, not necessarily the one with the least energy.
+    """
+    best, least = np.array(v, dtype=float), relative_residual(problem, v)
+    seen: set[bytes] = set()
+    current = best
+    for _ in range(rounds):
+        active = identify(problem, current)
+        if least == 0.0 or active.key in seen:
+            break
+        seen.add(active.key)
+        solved = solve_on(problem, active, current, newton_steps)
+        if solved is None:
+            break
+        current = solved
+        residual = relative_residual(problem, current)
+        if residual < least:
+            best, least = current, residual
+    return best, least

@@ -1,0 +1,54 @@
+"""The one loop that runs every iterative method of this package."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.solve.outcome import Outcome, Status
+
+
+class Method(Protocol):
+    """An immutable record of options that knows how to start, step and stop.
+
+    `start` evaluates the problem at x0; `step` returns the next state and must leave the old one untouched;
+    `verdict` returns None to go on or (status, reason) to stop; `outcome` packs the final state;
+    `line` is one aligned log line about a state.
+    """
+
+    @property
+    def max_iterations(self) -> int: ...
+    def start(self, problem: Any, x0: NDArray[np.float64]) -> Any: ...
+    def step(self, problem: Any, state: Any) -> Any: ...
+    def verdict(self, problem: Any, state: Any) -> tuple[Status, str] | None: ...
+    def outcome(self, problem: Any, state: Any, status: Status, reason: str, iterations: int) -> Outcome: ...
+    def line(self, state: Any, iteration: int) -> str: ...
+
+
+def iterate(
+    method: Method,
+    problem: Any,
+    x0: NDArray[np.float64],
+    log: Callable[[str], None] | None = None,
+) -> Outcome:
+    """Run `method` on `problem` from x0 until its verdict or its iteration limit.
+
+    log: called with one aligned line an iteration (numerics never print by themselves).
+    """
+    state = method.start(problem, np.array(x0, dtype=float))
+    for iteration in range(method.max_iterations + 1):
+        if log is not None:
+            log(method.line(state, iteration))
+        verdict = method.verdict(problem, state)
+        if verdict is not None:
+            return method.outcome(problem, state, *verdict, iteration)
+        if iteration < method.max_iterations:
+            state = method.step(problem, state)
+    reason = (
+        f"no solution within {method.max_iterations} iterations; allow more (max_iterations), "
+        "start from a neighbouring solution, or use another solver"
+    )
+    return method.outcome(problem, state, Status.ITERATION_LIMIT, reason, method.max_iterations)

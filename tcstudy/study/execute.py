@@ -1,0 +1,74 @@
+"""Run a study into its result file: what is finished is kept at once, the netCDF file appears whole at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tcstudy.data.journal import Journal
+from tcstudy.data.provenance import collect
+from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.store import StoreError, check_writable, write
+from tcstudy.scene.records import Study
+from tcstudy.study.plan import expected_bytes, output_of
+from tcstudy.study.run import Watcher, run
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What came of a run: where the data are and how many points there are, failed and resumed ones counted."""
+
+    output: Path
+    points: int
+    failed: int
+    resumed: int
+
+
+class Quiet:
+    """A watcher that shows nothing."""
+
+    def begin(self, total: int, done: int, warnings: Sequence[str]) -> None:
+        """Nothing to show."""
+
+    def level(self, record: LevelRecord) -> None:
+        """Nothing to show."""
+
+    def point(self, record: PointRecord) -> None:
+        """Nothing to show."""
+
+
+def require_writable(study: Study, output: Path) -> None:
+    """Raise StoreError, before any work, if the results could not be kept there."""
+    problems = check_writable(output, expected_bytes(study))
+    if problems:
+        raise StoreError("; ".join(problems))
+
+
+def execute(
+    study: Study, output: Path | None = None, watcher: Watcher | None = None, command: Sequence[str] = ("tcstudy",)
+) -> Summary:
+    """Run all points of a study and write the result file.
+
+    A run that was killed or interrupted leaves its finished points beside the output; the same study then goes on
+    where it stopped. Raises StoreError if the results cannot be kept, GeometryFailed if the body has no mesh;
+    KeyboardInterrupt passes through after the finished points are on the disk.
+    """
+    output = output if output is not None else output_of(study)
+    watcher = watcher if watcher is not None else Quiet()
+    require_writable(study, output)
+    with Journal.open(output, study) as journal:
+        finished = [(level, index) for (index, level), _ in journal.finished.items()]
+        watcher.begin(len(study.scenes) * study.mesh.levels, len(finished), journal.warnings)
+        for record in run(study, finished):
+            journal.add(record)
+            if isinstance(record, LevelRecord):
+                watcher.level(record)
+            else:
+                watcher.point(record)
+        journal.flush()
+        statuses = [point.status for point in journal.points()]
+        write(output, study, journal.levels(), journal.points(), collect(study, command))
+        journal.discard()
+    failed = sum(status != PointStatus.OK for status in statuses)
+    return Summary(output, len(statuses), failed, len(finished))

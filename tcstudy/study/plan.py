@@ -1,0 +1,153 @@
+"""What a run would do, found out without doing it: counts, predicted sizes, what is left out and why.
+
+Knows no mesh: node numbers are predicted from areas and lengths (a Netgen mesh has nearly equilateral triangles).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from tcstudy.scene.expressions import Expression
+from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Study
+from tcstudy.scene.shapes import body_area, boundary_lengths
+
+
+@dataclass(frozen=True)
+class LevelForecast:
+    """One mesh level: element size [m], predicted mesh nodes, displacement unknowns and contact unknowns."""
+
+    h: float
+    nodes: int
+    n_dof: int
+    n_contact: int
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The forecast of a run.
+
+    points:          sweep points per level;  factorisations: stiffness factorisations per level
+    heat_solves:     distinct (α, k, data) temperature fields per level; 0 if no heat problem is solved
+    levels:          one forecast per mesh level; empty if the body comes from a file and is not measured here
+    left_out:        what is not computed, each with its reason
+    notes:           what the user may want to know before starting
+    bytes:           expected size of the result file
+    """
+
+    points: int
+    factorisations: int
+    heat_solves: int
+    levels: tuple[LevelForecast, ...]
+    left_out: tuple[str, ...]
+    notes: tuple[str, ...]
+    bytes: int
+
+
+def plan(study: Study) -> Plan:
+    """The forecast of a study that the reader has accepted."""
+    scenes = study.scenes
+    materials = {(s.material.lam, s.material.mu) for s in scenes}
+    heats = {(s.heat, s.material.k) for s in scenes if needs_heat_solve(s)}
+    levels = forecast(study)
+    return Plan(
+        points=len(scenes),
+        factorisations=len(materials),
+        heat_solves=len(heats),
+        levels=levels,
+        left_out=tuple(_left_out(study, bool(heats))),
+        notes=tuple(_notes(study)),
+        bytes=_bytes(study, levels),
+    )
+
+
+def output_of(study: Study) -> Path:
+    """The study's output, or results/<name of the study file>.nc."""
+    if study.output.path is not None:
+        return study.output.path
+    stem = study.source.stem if study.source is not None else "study"
+    return Path("results") / f"{stem}.nc"
+
+
+def needs_heat_solve(scene: Scene) -> bool:
+    """True if the temperature must be computed and is not simply known."""
+    heat = scene.heat
+    if scene.material.beta == 0.0 or heat.theta is not None or not scene.edges(Convection):
+        return False
+    return isinstance(heat.theta_bar, Expression) or isinstance(heat.q, Expression) or heat.q != 0.0
+
+
+def forecast(study: Study) -> tuple[LevelForecast, ...]:
+    """Predicted sizes of all levels."""
+    body = study.scenes[0].body
+    if body.brep is not None:
+        return ()
+    sizes = [
+        study.mesh.maxh[0] / 2**i if study.mesh.nested else study.mesh.maxh[i] for i in range(study.mesh.levels)
+    ]
+    return tuple(_forecast_level(study.scenes[0], body, h) for h in sizes)
+
+
+def _forecast_level(scene: Scene, body: Body, h: float) -> LevelForecast:
+    """Euler's formula with triangles of edge length 0.8 h, the mean edge that Netgen makes for maxh = h."""
+    edge = 0.8 * h
+    lengths = boundary_lengths(body)
+    perimeter = sum(lengths.values())
+    triangles = body_area(body) / (math.sqrt(3) / 4 * edge**2)
+    nodes = triangles / 2 + perimeter / edge / 2 + 1
+    held = sum(lengths[name] / h for name, role in scene.boundary if isinstance(role, Clamped))
+    contact = sum(lengths[name] / h for name in scene.edges(Contact))
+    n_dof = 2 * nodes - 2 * held - contact
+    return LevelForecast(h, round(nodes), max(1, round(n_dof)), max(1, round(contact)))
+
+
+def _left_out(study: Study, heat_solved: bool) -> list[str]:
+    scenes = study.scenes
+    out = []
+    if not heat_solved:
+        out.append(f"heat problem: {_why_no_heat(scenes)}")
+    elif not all(needs_heat_solve(s) for s in scenes):
+        count = sum(not needs_heat_solve(s) for s in scenes)
+        out.append(f"heat problem at {count} of {len(scenes)} points: {_why_no_heat(scenes)}")
+    if not any(s.f != (0.0, 0.0) for s in scenes):
+        out.append("body force: f is zero or not given")
+    if not study.output.fields:
+        out.append("whole-body fields u₂ and θ in the data: not asked for (output.fields: true keeps them)")
+    return out
+
+
+def _why_no_heat(scenes: tuple[Scene, ...]) -> str:
+    scene = next(s for s in scenes if not needs_heat_solve(s))
+    if scene.material.beta == 0.0:
+        return "beta is 0, so temperature does not load the body"
+    if scene.heat.theta is not None:
+        return "theta is known"
+    if not scene.edges(Convection):
+        return "the study has no heat"
+    return "q is 0 and theta_bar is constant, so theta = theta_bar exactly"
+
+
+def _notes(study: Study) -> list[str]:
+    notes = []
+    nu = max(s.material.nu for s in study.scenes if s.material.plane == "strain") if any(
+        s.material.plane == "strain" for s in study.scenes
+    ) else 0.0
+    if nu > 0.45:
+        notes.append(f"nu = {nu:g} in plane strain: P1 elements lock as nu nears 0.5; compare with a finer mesh")
+    down = sum(math.isinf(s.friction.omega) for s in study.scenes)
+    if down:
+        notes.append(f"{down} of {len(study.scenes)} points have a law with down-jumps: solutions may not be unique")
+    return notes
+
+
+def expected_bytes(study: Study) -> int:
+    """Rough size of the result file, for the check of free space."""
+    return _bytes(study, forecast(study))
+
+
+def _bytes(study: Study, levels: tuple[LevelForecast, ...]) -> int:
+    per_level = [20 * 8 + 16 * level.n_contact for level in levels] or [200_000] * study.mesh.levels
+    if study.output.fields:
+        per_level = [a + 24 * level.nodes for a, level in zip(per_level, levels, strict=False)] or per_level
+    return 100_000 + len(study.scenes) * sum(per_level)

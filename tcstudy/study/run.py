@@ -1,0 +1,146 @@
+"""Run a study: level by level, point by point, each result handed on as soon as it is there."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Iterator, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.condense import NotPositiveDefinite
+from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.fem.geometry import build
+from tcstudy.fem.meshes import PlaneMesh, mesh_family
+from tcstudy.scene.records import Scene, Study
+from tcstudy.solve.contact import solve_contact
+from tcstudy.solve.outcome import Status
+from tcstudy.study.level import Level
+from tcstudy.study.measures import numbers
+
+Array = NDArray[np.float64]
+Key = tuple[int, tuple[int, ...]]
+"""A point at a level: (level, index)."""
+
+
+class Watcher(Protocol):
+    """What a run reports while it works; a terminal shows it, a test ignores it."""
+
+    def begin(self, total: int, done: int, warnings: Sequence[str]) -> None: ...
+    def level(self, record: LevelRecord) -> None: ...
+    def point(self, record: PointRecord) -> None: ...
+
+
+def run(study: Study, finished: Collection[Key] = ()) -> Iterator[LevelRecord | PointRecord]:
+    """Yield each level's record, then the records of its points; points in `finished` are left out.
+
+    A point that fails is yielded with its status and reason, and the rest goes on. Points come in an order that
+    reuses factors and loads, not in the order of the sweep.
+    Raises GeometryFailed if the body cannot be meshed.
+    """
+    done = set(finished)
+    order = _order(study)
+    geometry = build(study.scenes[0].body)
+    for mesh in mesh_family(geometry, study.mesh):
+        todo = [(index, scene) for index, scene in order if (mesh.level, index) not in done]
+        if not todo:
+            continue
+        level = Level(mesh, todo[0][1])
+        yield _level_record(study, mesh, level)
+        for index, scene in todo:
+            yield solve_point(study, level, index, scene)
+
+
+def _order(study: Study) -> list[tuple[tuple[int, ...], Scene]]:
+    """Points sorted so that those that share a factorisation and temperatures follow one another."""
+    indices = list(np.ndindex(study.shape))
+    keys: dict[object, int] = {}
+
+    def rank(i: int) -> tuple[int, int]:
+        scene = study.scenes[i]
+        material = ("material", scene.material.lam, scene.material.mu)
+        thermal = ("thermal", scene.heat.alpha, scene.material.k)
+        return keys.setdefault(material, len(keys)), keys.setdefault(thermal, len(keys))
+
+    ranked = sorted(range(len(indices)), key=rank)
+    return [(indices[i], study.scenes[i]) for i in ranked]
+
+
+def solve_point(study: Study, level: Level, index: tuple[int, ...], scene: Scene) -> PointRecord:
+    """Solve one scene on one level; every failure becomes a status with its reason."""
+    try:
+        return _solve_point(study, level, index, scene)
+    except NotPositiveDefinite as error:
+        status, reason = PointStatus.SINGULAR, str(error)
+    except Exception as error:  # one point must not end a sweep; what it was stands in the data
+        status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
+    return PointRecord(index, level.mesh.level, status, reason, {}, np.empty(0), np.empty(0))
+
+
+def _solve_point(study: Study, level: Level, index: tuple[int, ...], scene: Scene) -> PointRecord:
+    condensed = level.condensed(scene)
+    start = time.perf_counter()
+    plan = study.solver
+    answer = solve_contact(condensed.problem, plan.name, plan.tolerance, plan.max_iterations)
+    elapsed = time.perf_counter() - start
+    temperature = level.temperature(scene) if scene.material.beta != 0.0 else None
+    values = numbers(condensed, answer, temperature, level.lambda_1(scene), elapsed)
+    status = _POINT_STATUS.get(answer.status, PointStatus.NOT_CONVERGED)
+    fields: dict[str, Array] = {}
+    if study.output.fields:
+        u = level.displacement(scene, condensed, answer.v)
+        n = level.mesh.n_points
+        fields = {"u_x": u[:n], "u_y": u[n:]}
+        if temperature is not None:
+            fields["theta"] = temperature.theta
+    traction = condensed.problem.xi(answer.v) / level.line.c
+    return PointRecord(
+        index, level.mesh.level, status, answer.reason, values, answer.v, traction, fields
+    )
+
+
+_POINT_STATUS = {
+    Status.CONVERGED: PointStatus.OK,
+    Status.INCLUSION_VIOLATED: PointStatus.INCLUSION_VIOLATED,
+    Status.NOT_POSITIVE_DEFINITE: PointStatus.SINGULAR,
+}
+
+
+def _level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
+    line = level.line
+    fields: dict[str, NDArray[np.generic]] = {}
+    if study.output.fields:
+        fields = {
+            "node_x": mesh.points[:, 0],
+            "node_y": mesh.points[:, 1],
+            "triangle": mesh.triangles.astype(np.int32),
+        }
+    return LevelRecord(
+        level=mesh.level,
+        h_max=mesh.h_max,
+        n_dof=level.frames.n_dof,
+        n_contact=line.m,
+        arclength=line.arclength,
+        x=line.xy[:, 0],
+        y=line.xy[:, 1],
+        c=line.c,
+        edge=line.edge,
+        edge_names=line.edge_names,
+        time_mesh=mesh.time_mesh,
+        time_assemble=level.time_assemble,
+        fields=fields,
+    )
+
+
+def solve_scene(
+    study: Study, scene: Scene, mesh_level: int, on_level: Callable[[Level], None] | None = None
+) -> PointRecord:
+    """Solve a single scene on one level of a study (for scripts); `on_level` gets the level object."""
+    for mesh in mesh_family(build(scene.body), study.mesh):
+        if mesh.level == mesh_level:
+            level = Level(mesh, scene)
+            if on_level is not None:
+                on_level(level)
+            return solve_point(study, level, (), scene)
+    raise IndexError(f"the study has {study.mesh.levels} levels, level {mesh_level} does not exist")

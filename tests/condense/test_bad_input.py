@@ -1,0 +1,149 @@
+"""What condense refuses, and that it says why."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from tcstudy.condense import NotPositiveDefinite, condense
+from tests.condense.meshes import elasticity, heat, plate
+from tests.condense.test_condensation import neumann_heat, rolled_plate
+
+
+@pytest.mark.parametrize("n", [2, 5, 13, 40, 90])
+@pytest.mark.parametrize("seed", [None, 1, 2, 3])
+def test_a_floating_body_is_refused(n, seed):
+    """In floating point the zero eigenvalues of the rigid motions come out as tiny numbers of either sign."""
+    mesh = plate(n, seed=seed)
+    everything = np.ones(2 * len(mesh.points), dtype=bool)
+    with pytest.raises(NotPositiveDefinite, match="not held"):
+        condense(elasticity(mesh), mesh.points, [], everything, 2)
+    with pytest.raises(NotPositiveDefinite, match="not held"):
+        condense(heat(mesh), mesh.points, [], everything[: len(mesh.points)], 1)
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e11])
+@pytest.mark.parametrize("seed", range(6))
+def test_one_rigid_motion_left_is_refused_in_any_unit(scale, seed):
+    """On rollers at y = 0 the body still slides in x."""
+    mesh = plate(25, seed=seed)
+    free = np.concatenate([np.ones(len(mesh.points), dtype=bool), mesh.points[:, 1] > 0])
+    with pytest.raises(NotPositiveDefinite):
+        condense(scale * elasticity(mesh), scale * mesh.points, [], free, 2)
+
+
+@pytest.mark.parametrize("n", [5, 20, 30])
+def test_rotation_about_a_held_node_is_refused(n):
+    """The last pivots may all be large then: the last unknown hardly moves in a rotation about a node near it."""
+    mesh = plate(n, seed=1)
+    A, nv = elasticity(mesh), len(mesh.points)
+    centre = np.argsort(np.hypot(mesh.points[:, 0] - 1.0, mesh.points[:, 1] - 0.5))[:8]
+    for pin in [*centre, *np.random.default_rng(n).integers(0, nv, 8)]:
+        free = np.ones(2 * nv, dtype=bool)
+        free[[pin, nv + pin]] = False
+        with pytest.raises(NotPositiveDefinite):
+            condense(A, mesh.points, [], free, 2)
+
+
+def test_a_part_that_nothing_holds_is_refused():
+    """A clamped plate beside a floating one."""
+    mesh = plate(8)
+    A, keep_none = elasticity(mesh), np.zeros(0, dtype=int)
+    nv = len(mesh.points)
+    blocks = [[A[r * nv : (r + 1) * nv, s * nv : (s + 1) * nv] for s in range(2)] for r in range(2)]
+    joined = sp.block_array([[sp.block_diag([b, b]) for b in row] for row in blocks]).tocsr()
+    points = np.concatenate([mesh.points, mesh.points + [3.0, 0.0]])
+    free = np.tile(points[:, 0] > 0, 2)
+    with pytest.raises(NotPositiveDefinite):
+        condense(joined, points, keep_none, free, 2)
+
+
+@pytest.mark.parametrize("slender", [30, 300, 1000])
+def test_a_slender_but_held_body_is_accepted(slender):
+    """The smallest eigenvalue falls as (height/length)⁴: badly conditioned, but not singular."""
+    mesh = plate(4)
+    columns = np.linspace(0, slender, 4 * slender + 1)
+    x, y = np.meshgrid(columns, np.linspace(0, 1, 5), indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel()])
+    a = (np.arange(4 * slender)[:, None] * 5 + np.arange(4)).ravel()
+    triangles = np.concatenate([np.column_stack([a, a + 5, a + 6]), np.column_stack([a, a + 6, a + 1])])
+    mesh = type(mesh)(points, triangles)
+    free = np.tile(points[:, 0] > 0, 2)
+    A = elasticity(mesh)
+    F = np.zeros(A.shape[0])
+    F[-1] = 1.0
+    u = condense(A, points, [], free, 2).expand(np.zeros(0), F)
+    residual = (A @ u - F)[free]
+    assert np.max(np.abs(residual)) < 1e-13 * np.max(np.abs(A.data)) * np.max(np.abs(u))
+
+
+@pytest.mark.parametrize("poisson", [0.6, 1.2])
+def test_impossible_poisson_ratio_is_refused(poisson):
+    mesh = plate(8, seed=1)
+    A, points, keep, free, components = rolled_plate(mesh)
+    with pytest.raises(NotPositiveDefinite, match="0.5"):
+        condense(elasticity(mesh, poisson), points, keep, free, components)
+
+
+def test_negative_or_missing_diagonal_is_refused():
+    A, points, keep, free, components = rolled_plate(plate(8))
+    with pytest.raises(NotPositiveDefinite):
+        condense(-A, points, keep, free, components)
+    with pytest.raises(NotPositiveDefinite):
+        condense(0 * A, points, keep, free, components)
+
+
+def test_body_that_slides_along_its_contact_condenses_but_is_not_definite():
+    """u_y = 0 at y = 0 and nothing else: Ã exists and has the rigid slide in its kernel."""
+    mesh = plate(12, seed=3)
+    bottom = mesh.nodes(mesh.points[:, 1] == 0)
+    free = np.concatenate([mesh.points[:, 1] > 0, mesh.points[:, 1] > 0])
+    c = condense(elasticity(mesh), mesh.points, bottom, free, 2)
+    assert np.max(np.abs(c.A_tilde.sum(axis=1))) < 1e-12 * np.max(np.abs(c.A_tilde))
+    with pytest.raises(NotPositiveDefinite):
+        c.require_definite()
+
+
+def test_require_definite_accepts_a_held_body_and_refuses_the_neumann_heat_matrix():
+    A, points, keep, free, components = rolled_plate(plate(12))
+    condense(A, points, keep, free, components).require_definite()
+    A, points, keep, free, components = neumann_heat(plate(12))
+    with pytest.raises(NotPositiveDefinite):
+        condense(A, points, keep, free, components).require_definite()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_entries_that_are_not_finite_are_refused(value):
+    A, points, keep, free, components = rolled_plate(plate(6))
+    A.data[len(A.data) // 2] = value
+    with pytest.raises(ValueError, match="not finite"):
+        condense(A, points, keep, free, components)
+
+
+def test_shapes_and_rows_that_do_not_fit_are_refused():
+    A, points, keep, free, components = rolled_plate(plate(6))
+    n = A.shape[0]
+    bad = [
+        ((A, points, keep, free, 1), "components"),
+        ((A[:0, :0], points[:0], [], [], 2), "no nodes"),
+        ((A, points[:, :1], keep, free, 2), r"\(nv, 2\)"),
+        ((A, points * np.nan, keep, free, 2), "coordinates"),
+        ((A.toarray(), points, keep, free, 2), "CSR"),
+        ((A, points, keep, free[:-1], 2), "mask"),
+        ((A, points, [n], free, 2), "outside"),
+        ((A, points, [-1], free, 2), "outside"),
+        ((A, points, [0.5], free, 2), "row numbers"),
+        ((A, points, [keep[0], keep[0]], free, 2), "twice"),
+        ((A, points, [np.flatnonzero(free)[0]], free, 2), "both"),
+    ]
+    for arguments, message in bad:
+        with pytest.raises(ValueError, match=message):
+            condense(*arguments)
+    c = condense(A, points, keep, free, components)
+    with pytest.raises(ValueError, match="load"):
+        c.condense(np.zeros(n - 1))
+    with pytest.raises(ValueError, match="kept unknowns"):
+        c.expand(np.zeros(c.m + 1))
+    with pytest.raises(ValueError):
+        c.expand(np.zeros((c.m, 2)), np.zeros((n, 3)))

@@ -1,0 +1,398 @@
+"""The journal: what was committed survives whatever happens to the process."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tcstudy.data import journal as journal_module
+from tcstudy.data import store
+from tcstudy.data.journal import Journal
+from tcstudy.data.provenance import Provenance
+from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.store import StoreError
+from tcstudy.scene.records import Study
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+
+def assert_same(a: PointRecord | LevelRecord, b: PointRecord | LevelRecord) -> None:
+    """Equal in every field, arrays and their dtypes included."""
+    assert type(a) is type(b)
+    for name, value in vars(a).items():
+        other = getattr(b, name)
+        if name == "fields":
+            assert value.keys() == other.keys()
+            pairs = [(value[key], other[key]) for key in value]
+        elif isinstance(value, np.ndarray):
+            pairs = [(value, other)]
+        else:
+            assert (value, type(value)) == (other, type(other)), name
+            continue
+        for x, y in pairs:
+            assert x.dtype == y.dtype
+            np.testing.assert_array_equal(x, y)
+
+
+def partial(output: Path) -> Path:
+    return output.with_name(output.name + ".partial")
+
+
+def fill(output: Path, study: Study, records: list[PointRecord]) -> None:
+    with Journal.open(output, study) as journal:
+        for record in records:
+            journal.add(record)
+
+
+def test_records_come_back_exactly(
+    output: Path, study: Study, new_level: Callable[..., LevelRecord], new_point: Callable[..., PointRecord]
+) -> None:
+    levels = [new_level(n, fields=True) for n in range(2)]
+    odd = {"energy": 0.1 + 0.2, "omega": float("inf"), "lambda_1": 5e-324, "iterations": 7}
+    points = [
+        new_point((1, 0, 1), 1, fields=True),
+        replace(new_point((0, 2, 1), 0), numbers=odd),
+        replace(
+            new_point((0, 0, 1), 0), status=PointStatus.ERROR, reason="ü\n'", u_T=np.empty(0), xi=np.empty(0)
+        ),
+    ]
+    with Journal.open(output, study) as journal:
+        assert journal.finished == {} and journal.warnings == ()
+        for record in (*reversed(levels), *points):
+            journal.add(record)
+    with Journal.open(output, study) as journal:
+        assert journal.warnings == ()
+        assert journal.finished == {(p.index, p.level): p.status for p in points}
+        for record, again in zip((*levels, *points), (*journal.levels(), *journal.points()), strict=True):
+            assert_same(record, again)
+
+
+def test_a_second_record_of_a_point_replaces_the_first(
+    output: Path, study: Study, new_point: Callable[..., PointRecord], new_failure: Callable[..., PointRecord]
+) -> None:
+    fill(
+        output,
+        study,
+        [new_failure((0, 0, 0), 0, "crashed"), new_point((0, 0, 0), 1), new_point((0, 0, 0), 0)],
+    )
+    with Journal.open(output, study) as journal:
+        assert journal.finished == {((0, 0, 0), 0): PointStatus.OK, ((0, 0, 0), 1): PointStatus.OK}
+
+
+def test_numpy_scalars_may_stand_in_a_record(
+    output: Path, study: Study, new_point: Callable[..., PointRecord]
+) -> None:
+    numbers = {"energy": np.float64(0.1), "iterations": np.int64(3)}
+    fill(output, study, [replace(new_point((0, 0, 0), 0), numbers=numbers, index=(np.int64(0),) * 3)])  # type: ignore[arg-type]
+    with Journal.open(output, study) as journal:
+        (point,) = journal.points()
+        assert point.numbers == {"energy": 0.1, "iterations": 3} and point.index == (0, 0, 0)
+
+
+def test_the_journal_feeds_the_store_and_is_then_discarded(
+    output: Path,
+    study: Study,
+    levels: tuple[LevelRecord, ...],
+    points: list[PointRecord],
+    provenance: Provenance,
+) -> None:
+    stale = output.with_name(f".{output.name}.999.tmp")
+    stale.parent.mkdir()
+    stale.touch()  # of a writer that was killed
+    with Journal.open(output, study) as journal:
+        for record in (*levels, *points):
+            journal.add(record)
+        store.write(output, study, journal.levels(), journal.points(), provenance)
+        journal.discard()
+    assert os.listdir(output.parent) == [output.name]
+    with store.open_results(output) as tree:
+        assert [tree["energy"].values[(*p.index, p.level)] for p in points] == [
+            p.numbers["energy"] for p in points
+        ]
+
+
+_WRITER = """
+import sys, time
+from pathlib import Path
+sys.path.insert(0, sys.argv[2])
+from conftest import make_level, make_point, make_study
+from tcstudy.data.journal import Journal
+import numpy as np
+from dataclasses import replace
+study = make_study()
+journal = Journal.open(Path(sys.argv[1]), study)
+journal.add(make_level(0))
+mode = sys.argv[3]
+for n, index in enumerate(np.ndindex(study.shape)):
+    journal.add(replace(make_point(index, 0), u_T=np.arange(20000.0) + n))
+    if mode == "flush":
+        journal.flush()
+        print(n, flush=True)
+if mode == "wait":
+    print("added", flush=True)
+while True:
+    if mode == "flush":  # go on adding until killed
+        for index in np.ndindex(study.shape):
+            journal.add(replace(make_point(index, 1), u_T=np.arange(20000.0)))
+            journal.flush()
+    else:
+        time.sleep(0.1)
+"""
+
+
+@pytest.fixture
+def start(output: Path) -> Iterator[Callable[[str], subprocess.Popen[str]]]:
+    """Start a process that writes into the journal of `output` until it is killed."""
+    started: list[subprocess.Popen[str]] = []
+
+    def _start(mode: str) -> subprocess.Popen[str]:
+        command = [sys.executable, "-c", _WRITER, str(output), str(Path(__file__).parent), mode]
+        environment = {**os.environ, "PYTHONPATH": str(Path(store.__file__).parents[2])}
+        started.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment))
+        return started[-1]
+
+    yield _start
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is a matter of POSIX")
+@pytest.mark.parametrize("seen", [1, 5, 12])
+def test_committed_points_survive_kill_9_in_the_middle_of_adding(
+    output: Path,
+    study: Study,
+    start: Callable[[str], subprocess.Popen[str]],
+    new_point: Callable[..., PointRecord],
+    new_level: Callable[..., LevelRecord],
+    seen: int,
+) -> None:
+    process = start("flush")
+    assert process.stdout is not None
+    for _ in range(seen):
+        assert process.stdout.readline()
+    time.sleep(random.random() * 0.02)  # somewhere inside a commit
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    with Journal.open(output, study) as journal:
+        assert journal.warnings == ()
+        on_level_0 = [p for p in journal.points() if p.level == 0]
+        assert len(on_level_0) >= seen
+        for n, (point, index) in enumerate(zip(on_level_0, np.ndindex(study.shape), strict=False)):
+            assert_same(point, replace(new_point(index, 0), u_T=np.arange(20000.0) + n))
+        assert_same(journal.levels()[0], new_level(0))
+        journal.add(new_point((1, 2, 1), 0))
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is a matter of POSIX")
+def test_a_record_is_on_the_disk_soon_although_nobody_flushes(
+    output: Path, study: Study, start: Callable[[str], subprocess.Popen[str]]
+) -> None:
+    process = start("wait")
+    assert process.stdout is not None and process.stdout.readline() == "added\n"
+    time.sleep(4 * journal_module.COMMIT_SECONDS)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    with Journal.open(output, study) as journal:
+        assert len(journal.finished) == 12
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is a matter of POSIX")
+def test_a_second_run_onto_the_same_output_is_refused_until_the_first_dies(
+    output: Path, study: Study, start: Callable[[str], subprocess.Popen[str]], tmp_path: Path
+) -> None:
+    process = start("wait")
+    assert process.stdout is not None and process.stdout.readline()
+    other = replace(study, text="another: study\n")
+    alias = tmp_path / "alias"
+    alias.symlink_to(output.parent)
+    for name, candidate in ((output, study), (output, other), (alias / output.name, study)):
+        with pytest.raises(StoreError, match="another run is writing to the same output"):
+            Journal.open(name, candidate)
+    assert not any(".old" in name for name in os.listdir(output.parent))
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    Journal.open(output, study).close()
+
+
+def test_two_journals_in_one_process_are_refused_too(output: Path, study: Study) -> None:
+    with Journal.open(output, study), pytest.raises(StoreError, match="another run is writing"):
+        Journal.open(output, study)
+    Journal.open(output, study).close()
+
+
+@pytest.mark.parametrize("change", [{"text": "other: text\n"}, {"overrides": ("mesh.levels=3",)}])
+def test_a_journal_of_another_study_is_set_aside_never_deleted(
+    output: Path,
+    study: Study,
+    new_point: Callable[..., PointRecord],
+    change: dict[str, object],
+) -> None:
+    other = replace(study, **change)  # type: ignore[arg-type]
+    for n, (old, new) in enumerate(((study, other), (other, study))):
+        fill(output, old, [new_point((0, 0, n), 0)])
+        with Journal.open(output, new) as journal:
+            assert journal.finished == {}
+            (warning,) = journal.warnings
+            assert "another study" in warning and ".partial.old" in warning
+    names = sorted(os.listdir(output.parent))
+    assert names == ["study.nc.partial", "study.nc.partial.old", "study.nc.partial.old2"]
+    for name, n in (("study.nc.partial.old", 0), ("study.nc.partial.old2", 1)):
+        with sqlite3.connect(output.parent / name) as kept:
+            assert kept.execute("SELECT place FROM record").fetchall() == [(f"0,0,{n}",)]
+        kept.close()
+
+
+def test_a_journal_of_other_versions_is_set_aside(
+    output: Path, study: Study, new_point: Callable[..., PointRecord], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fill(output, study, [new_point((0, 0, 0), 0)])
+    monkeypatch.setattr(journal_module, "package_versions", lambda names: dict.fromkeys(names, "99"))
+    with Journal.open(output, study) as journal:
+        assert journal.finished == {} and "other versions" in journal.warnings[0]
+
+
+@pytest.mark.parametrize("size", [0, 1, 100, 4096, 9000, -5000])
+def test_a_torn_journal_is_set_aside_and_an_empty_one_used(
+    output: Path, study: Study, new_point: Callable[..., PointRecord], size: int
+) -> None:
+    fill(output, study, [replace(new_point((0, 0, i), 0), u_T=np.arange(1000.0)) for i in range(2)])
+    torn = partial(output).read_bytes()[:size]
+    partial(output).write_bytes(torn)
+    with Journal.open(output, study) as journal:
+        assert journal.finished == {}
+        assert bool(journal.warnings) == (size != 0)
+        journal.add(new_point((0, 0, 0), 0))
+    if size:
+        assert partial(output).with_name("study.nc.partial.old").read_bytes() == torn
+    with Journal.open(output, study) as journal:
+        assert len(journal.finished) == 1 and not journal.warnings
+
+
+def test_no_flipped_byte_is_taken_for_a_result(
+    output: Path, study: Study, new_point: Callable[..., PointRecord]
+) -> None:
+    """A damaged byte is either without effect on the records, or noticed; never a wrong number, never a crash."""
+    points = [replace(new_point((0, 0, i), 0), u_T=np.arange(300.0)) for i in range(2)]
+    fill(output, study, points)
+    data = partial(output).read_bytes()
+    generator = random.Random(1)
+    noticed = 0
+    for place in [*range(100), *generator.sample(range(100, len(data)), 60)]:
+        damaged = bytearray(data)
+        damaged[place] ^= 1 + generator.randrange(255)
+        partial(output).write_bytes(damaged)
+        with Journal.open(output, study) as journal:
+            if journal.warnings:
+                noticed += 1
+                assert journal.finished == {}
+            else:
+                for point, again in zip(points, journal.points(), strict=True):
+                    assert_same(point, again)
+    assert noticed > 30
+
+
+def test_any_other_file_at_its_place_is_set_aside(output: Path, study: Study) -> None:
+    output.parent.mkdir()
+    partial(output).write_text("my notes, far from a database\n" * 100)
+    with Journal.open(output, study) as journal:
+        assert "damaged" in journal.warnings[0]
+    foreign = sqlite3.connect(partial(output))
+    foreign.executescript("DROP TABLE record; CREATE TABLE cats (name TEXT);")
+    foreign.close()
+    with Journal.open(output, study) as journal:
+        assert "not a journal" in journal.warnings[0]
+
+
+_LIMITED = """
+import resource, sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[2])
+from conftest import make_point, make_study
+from tcstudy.data.journal import Journal
+from tcstudy.data.store import StoreError
+from dataclasses import replace
+import numpy as np
+journal = Journal.open(Path(sys.argv[1]), make_study())
+journal.add(make_point((0, 0, 0), 0))
+journal.flush()
+soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, hard))
+journal.add(replace(make_point((0, 0, 1), 0), u_T=np.arange(10_000.0)))
+for _ in range(2):
+    try:
+        journal.flush()
+    except StoreError as error:
+        print(error)
+if sys.argv[3] == "mended":
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    journal.close()
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="file size limits are a matter of POSIX")
+@pytest.mark.parametrize(("end", "kept"), [("mended", 2), ("dead", 1)])
+def test_a_full_disk_is_reported_and_costs_no_committed_point(
+    output: Path, study: Study, end: str, kept: int
+) -> None:
+    command = [sys.executable, "-c", _LIMITED, str(output), str(Path(__file__).parent), end]
+    environment = {**os.environ, "PYTHONPATH": str(Path(store.__file__).parents[2])}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, env=environment)
+    assert done.stdout.count("cannot keep finished points") == 2, done.stderr
+    assert "Free some space" in done.stdout
+    with Journal.open(output, study) as journal:
+        assert len(journal.finished) == kept and not journal.warnings
+
+
+def test_the_timers_error_comes_with_the_next_add(
+    output: Path, study: Study, new_point: Callable[..., PointRecord]
+) -> None:
+    journal = Journal.open(output, study)
+    journal.add(new_point((0, 0, 0), 0))
+    journal._connection.execute("PRAGMA max_page_count = 1")  # SQLite's own full disk
+    journal.add(replace(new_point((0, 0, 1), 0), u_T=np.arange(1e5)))
+    deadline = time.monotonic() + 5
+    while journal._error is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    with pytest.raises(StoreError, match="cannot keep finished points"):
+        journal.add(new_point((0, 1, 0), 0))
+    journal._connection.execute("PRAGMA max_page_count = 1000000")
+    journal.close()
+    with Journal.open(output, study) as journal:
+        assert len(journal.finished) == 3
+
+
+def test_a_closed_journal_takes_nothing(
+    output: Path, study: Study, new_point: Callable[..., PointRecord]
+) -> None:
+    journal = Journal.open(output, study)
+    journal.close()
+    journal.close()
+    with pytest.raises(StoreError, match="is closed"):
+        journal.add(new_point((0, 0, 0), 0))
+
+
+def test_a_place_that_cannot_be_written_is_one_clear_error(tmp_path: Path, study: Study) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(StoreError, match="hoose another output"):
+        Journal.open(tmp_path / "file" / "study.nc", study)
+    (tmp_path / "study.nc.partial").mkdir()
+    with pytest.raises(StoreError, match="hoose another output"):
+        Journal.open(tmp_path / "study.nc", study)
+
+
+def test_axes_that_the_store_would_refuse_are_refused_before_the_work(output: Path, study: Study) -> None:
+    bad = replace(study, axes=(replace(study.axes[0], name="xi"),))
+    with pytest.raises(StoreError, match="name of a result"):
+        Journal.open(output, bad)

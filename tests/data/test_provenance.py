@@ -1,0 +1,182 @@
+"""Where a result comes from, without a trace of the machine."""
+
+from __future__ import annotations
+
+import getpass
+import hashlib
+import json
+import platform
+import socket
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tcstudy.data import provenance as provenance_module
+from tcstudy.data.provenance import (
+    collect,
+    git_commit,
+    global_attributes,
+    package_versions,
+    study_sha256,
+    without_paths,
+)
+from tcstudy.data.records import LevelRecord, PointRecord
+from tcstudy.data.store import write
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.records import Body, BrepFace, Heat, Material, Scene, Study
+
+
+def git(directory: Path, *arguments: str) -> None:
+    identity = ("-c", "user.name=n", "-c", "user.email=e@example.org", "-c", "commit.gpgsign=false")
+    subprocess.run(["git", *identity, *arguments], cwd=directory, check=True, capture_output=True)
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    """A study file in a git checkout, committed."""
+    directory = tmp_path / "checkout" / "studies"
+    directory.mkdir(parents=True)
+    git(directory.parent, "init", "--quiet")
+    (directory / "study.yaml").write_text("title: a\n")
+    (directory.parent / "notes.txt").write_text("a\n")
+    git(directory.parent, "add", ".")
+    git(directory.parent, "commit", "--quiet", "-m", "first")
+    return directory / "study.yaml"
+
+
+def test_commit_of_the_checkout_that_holds_the_study(checkout: Path) -> None:
+    commit = git_commit(checkout)
+    assert len(commit) == 40 and int(commit, 16)
+    (checkout.parent / "result.nc").touch()  # untracked files beside the study do not make it dirty
+    assert git_commit(checkout) == commit
+    (checkout.parents[1] / "notes.txt").write_text("b\n")
+    assert git_commit(checkout) == f"{commit}-dirty"
+
+
+def test_a_study_that_was_never_added_is_dirty(checkout: Path) -> None:
+    new = checkout.with_name("new.yaml")
+    new.write_text("title: b\n")
+    assert git_commit(new) == f"{git_commit(checkout)}-dirty"
+
+
+def test_without_git_the_commit_is_unknown(
+    checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "study.yaml").touch()
+    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
+    assert git_commit(None) == git_commit(tmp_path / "study.yaml") == "unknown"
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    git(empty, "init", "--quiet")
+    assert git_commit(empty / "study.yaml") == "unknown"  # no commit yet
+    monkeypatch.setenv("PATH", str(empty))
+    assert git_commit(checkout) == "unknown"
+
+
+def test_a_git_that_hangs_is_given_up(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(provenance_module, "GIT_TIMEOUT", 1e-6)
+    assert git_commit(checkout) == "unknown"
+
+
+def test_versions_are_read_without_importing() -> None:
+    versions = package_versions(("numpy", "no-such-package"))
+    assert versions == {"numpy": np.__version__, "no-such-package": "unknown"}
+    code = (
+        "import sys; from tcstudy.data.provenance import *;"
+        "package_versions(PACKAGES + NUMERICS); print('ngsolve' in sys.modules)"
+    )
+    root = Path(provenance_module.__file__).parents[2]
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_history_is_date_and_command_without_directories(study: Study) -> None:
+    command = [
+        "/opt/x/bin/tcstudy",
+        "run",
+        "/home/me/a study.yaml",
+        "--set",
+        "output.path=/scratch/me/out.nc",
+        "a/b.yaml",
+    ]
+    found = collect(study, command, datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC))
+    assert found.history == (
+        "2026-01-02T03:04:05+00:00 tcstudy run 'a study.yaml' --set output.path=out.nc a/b.yaml"
+    )
+    assert collect(study, [r"C:\py\tcstudy\__main__.py", "run"]).history.endswith(" tcstudy run")
+
+
+def test_attributes_tell_all_that_a_repetition_needs(study: Study) -> None:
+    attributes = global_attributes(study, collect(study, ["tcstudy", "run", "study.yaml"]))
+    assert attributes["study_yaml"] == study.text
+    assert attributes["overrides"] == "mesh.levels=2"
+    assert attributes["solver"] == "separable-newton"
+    assert attributes["institution"] == "Institute of Friction"
+    assert "10.3879/j.issn.1000-0887.2010.01.008" in attributes["references"]
+    versions = json.loads(attributes["versions"])
+    assert versions["python"] == platform.python_version()
+    assert {"numpy", "scipy", "ngsolve", "xarray", "netCDF4", "tcstudy"} < versions.keys()
+    assert attributes["source"] == f"tcstudy {versions['tcstudy']}"
+    nameless = global_attributes(replace(study, title="", institution=""), collect(study, ["tcstudy"]))
+    assert (nameless["title"], nameless["institution"]) == ("untitled study", "unspecified")
+
+
+def test_checksum_is_that_of_the_file_and_changes_with_overrides(study: Study) -> None:
+    plain = replace(study, overrides=())
+    assert study_sha256(plain) == hashlib.sha256(study.text.encode()).hexdigest()
+    different = {
+        study_sha256(replace(study, overrides=o))
+        for o in ((), ("a=1",), ("a=2",), ("a=1", "b=1"), ("b=1", "a=1"))
+    }
+    assert len(different) == 5
+    assert study_sha256(replace(study, title="other")) == study_sha256(study)
+
+
+def test_checksum_changes_with_the_geometry_file(study: Study, tmp_path: Path) -> None:
+    step = tmp_path / "body.step"
+    law = FrictionLaw("none", *(np.zeros(n) for n in (0, 1, 1, 1, 1)))
+    body = Body(outline=None, brep=BrepFace(step, 0, 1.0, (), None))
+    scene = Scene(body, (), Material(1.0, 1.0, 0.0, None, 1.0, 0.0, "strain"), (0.0, 0.0), Heat(), law)
+    found = {study_sha256(replace(study, scenes=(scene, scene)))}
+    for content in ("a", "b"):
+        step.write_text(content)
+        found.add(study_sha256(replace(study, scenes=(scene, scene))))
+    assert len(found) == 3
+
+
+@pytest.mark.parametrize(
+    ("sentence", "kept"),
+    [
+        ("cannot read '/a/b/c.step': gone", "cannot read 'c.step': gone"),
+        ("(/tmp/x.nc) and file=/x/y/z", "(x.nc) and file=z"),
+        (r"C:\Users\me\x.nc is open", "x.nc is open"),
+        ("3 N/m, W/(m^2 K), and/or, 1/K, a/b/c", "3 N/m, W/(m^2 K), and/or, 1/K, a/b/c"),
+    ],
+)
+def test_paths_in_sentences_are_cut(sentence: str, kept: str) -> None:
+    assert without_paths(sentence) == kept
+
+
+def test_nothing_of_the_machine_is_in_the_file(
+    study: Study,
+    output: Path,
+    levels: tuple[LevelRecord, ...],
+    checkout: Path,
+    new_failure: Callable[..., PointRecord],
+) -> None:
+    here = replace(study, source=checkout, overrides=(f"output.path={output}",))
+    found = collect(here, [sys.executable, "run", str(checkout), f"--output={output}"])
+    write(output, here, levels, [new_failure((0, 0, 0), 0, f"cannot read {checkout}")], found)
+    content = output.read_bytes()
+    for trace in (str(output.parent), str(checkout.parent), sys.prefix, socket.gethostname()):
+        assert trace.encode() not in content, trace
+    assert f"{getpass.getuser()}@".encode() not in content
+    assert (
+        b"study.nc" in content and b"study.yaml" in content
+    )  # the names are, so the search finds what is there

@@ -1,0 +1,291 @@
+"""FrictionLaw against quadrature, brute-force limits and sampled falls."""
+
+from __future__ import annotations
+
+import itertools
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from tcstudy.scene.friction import BEND, DOWN, UP, FrictionLaw, GrowthError
+from tcstudy.scene.laws import SHAPES
+
+
+def law_of(name: str, kinks: list[float], pieces: list[tuple[float, float, float, float]]) -> FrictionLaw:
+    p, q, a, r = (np.array(column) for column in zip(*pieces, strict=True))
+    return FrictionLaw(name, np.array(kinks), p, q, a, r)
+
+
+MIXED = law_of(
+    "mixed",
+    [-0.7, -0.2, 0.0, 0.4, 1.5],
+    [(-1, 0.5, 0, 0), (0.3, 0, -2, -4), (0, -1, -0.5, 2), (2, 0, 1, 5), (1, 1, 0, 0), (3, 0, -2, 1)],
+)
+LAWS = {
+    "tresca": SHAPES["tresca"].build(tau=2.0),
+    "slip-weakening": SHAPES["slip-weakening"].build(tau_s=20e6, tau_k=5e6, delta=4e-5),
+    "hardening": SHAPES["slip-weakening"].build(tau_s=1.0, tau_k=5.0, delta=0.4),
+    "exponential": SHAPES["exponential"].build(a=4.0, b=1.0, delta=0.3),
+    "exponential to 0": SHAPES["exponential"].build(a=4.0, b=0.0, delta=0.3),
+    "saw-tooth": SHAPES["saw-tooth"].build(tau=3.0, delta=0.2, teeth=5, drop=0.6, decay=0.8),
+    "all teeth": SHAPES["saw-tooth"].build(tau=3.0, delta=0.2, teeth=5, drop=1.0),
+    "linear": SHAPES["linear"].build(k=3.0),
+    "one-sided": SHAPES["piecewise-linear"].build(
+        points=[[-1, -2], [-0.5, -2], [-0.5, 1], [0.3, 0], [1, 2], [1, 0.5]], odd=False, slopes=[1, 2]
+    ),
+    "mixed": MIXED,
+}
+everywhere = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
+
+
+def reach(law: FrictionLaw) -> float:
+    return float(np.abs(law.kinks).max(initial=0.0)) or law.s_scale or 1.0
+
+
+def slips(law: FrictionLaw, count: int = 60) -> np.ndarray:
+    """Random slips, the kinks themselves, and slips a hair to either side of them."""
+    random = np.random.default_rng(3).uniform(-3 * reach(law), 3 * reach(law), count)
+    return np.concatenate([random, law.kinks, law.kinks * (1 + 1e-9), law.kinks * (1 - 1e-9), [0.0]])
+
+
+def by_quadrature(law: FrictionLaw, s: float) -> tuple[float, float]:
+    """∫₀ˢ b and a bound of ∫|b| over the same, from one quad for each stretch without a kink."""
+    low, high = min(0.0, s), max(0.0, s)
+    stops = [low, *(float(k) for k in law.kinks if low < k < high), high]
+    total = size = 0.0
+    for left, right in itertools.pairwise(stops):
+        middle = law.piece(0.5 * (left + right))
+        bound = (right - left) * float(np.abs(law.value([left, right], middle)).max())
+        noise = 1e-14 * (bound + (right - left) * float(abs(law.p[middle])))
+        total += quad(lambda t, k=middle: float(law.value(t, k)), left, right, epsabs=noise, epsrel=1e-13)[0]
+        size += bound
+    return (total if s >= 0 else -total), size
+
+
+@everywhere
+def test_primitive_is_the_integral(law: FrictionLaw) -> None:
+    for s in slips(law):
+        integral, size = by_quadrature(law, float(s))
+        assert abs(float(law.j(s)) - integral) <= 1e-12 * size
+    assert law.j(0.0) == 0.0
+
+
+@everywhere
+def test_primitive_is_continuous_and_its_one_sided_derivatives_are_b(law: FrictionLaw) -> None:
+    h = 1e-6 * (law.s_scale or reach(law))
+    size = float(np.abs(law.b(np.linspace(-3, 3, 99) * reach(law))).max())
+    for s in law.kinks:
+        for side in (-1, 1):
+            difference = float((law.j(s + side * h) - law.j(s)) / (side * h))
+            assert difference == pytest.approx(float(law.b(s, side)), abs=1e-4 * size)
+
+
+@everywhere
+def test_interval_is_filled_between_the_limits(law: FrictionLaw) -> None:
+    step = law.s_scale or reach(law)
+    size = max(float(np.abs(law.b(slips(law))).max()), np.finfo(float).tiny)
+    for s in np.concatenate([law.kinks, slips(law, 20)]):
+        offsets = step * np.geomspace(1e-9, 1e-8, 5)
+        around = np.concatenate([law.b(s - offsets), law.b(s + offsets)])
+        gap = np.abs(law.kinks - s)
+        if np.any((gap > 0) & (gap < 2e-8 * step)):
+            continue
+        low, high = law.interval(s)
+        assert float(low) == pytest.approx(around.min(), abs=1e-6 * size)
+        assert float(high) == pytest.approx(around.max(), abs=1e-6 * size)
+
+
+@everywhere
+def test_tolerance_fills_the_interval_near_kinks_only(law: FrictionLaw) -> None:
+    if not len(law.kinks):
+        return
+    step = law.s_scale or reach(law)
+    exact = law.interval(law.kinks)
+    near = law.interval(law.kinks + 1e-6 * step, 2e-6 * step)
+    np.testing.assert_array_equal(np.minimum(law.b_left, law.b_right), exact[0])
+    low, high = np.minimum(near[0], exact[0]), np.maximum(near[1], exact[1])
+    np.testing.assert_array_equal((low, high), exact)
+    off = law.kinks + 1e-3 * step
+    np.testing.assert_array_equal(law.interval(off, 1e-6 * step), law.interval(off))
+
+
+@everywhere
+def test_slope_is_the_derivative(law: FrictionLaw) -> None:
+    step = 1e-6 * (law.s_scale or reach(law))
+    s = slips(law, 100)[:100]
+    k = law.piece(s)
+    difference = (law.value(s + step, k) - law.value(s - step, k)) / (2 * step)
+    scale = float(np.abs(difference).max(initial=0.0))
+    np.testing.assert_allclose(law.slope(s, k), difference, atol=1e-5 * scale + 1e-9)
+
+
+def steepest_fall(law: FrictionLaw, count: int = 1500) -> float:
+    """The largest −(b(s₁)−b(s₂))/(s₁−s₂) over all pairs of a grid that puts points close to the kinks."""
+    hairs = np.concatenate([law.kinks + side * 1e-7 * reach(law) for side in (-2, -1, 1, 2)])
+    s = np.unique(np.concatenate([np.linspace(-3, 3, count) * reach(law), hairs]))
+    b = law.b(s)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        quotient = (b[:, None] - b[None, :]) / (s[:, None] - s[None, :])
+    return float(max(0.0, -np.nanmin(quotient)))
+
+
+@everywhere
+def test_omega_is_the_steepest_fall(law: FrictionLaw) -> None:
+    sampled = steepest_fall(law)
+    if np.any(law.kinds == DOWN):
+        assert law.omega == np.inf
+        drop = float((law.b_left - law.b_right).max())
+        assert sampled >= 0.9 * drop / (4e-7 * reach(law))
+    else:
+        assert sampled <= law.omega * (1 + 1e-6) + 1e-9
+        assert sampled >= 0.99 * law.omega
+
+
+def test_omega_known_values() -> None:
+    assert LAWS["slip-weakening"].omega == pytest.approx(15e6 / 4e-5, rel=1e-14)
+    assert LAWS["exponential"].omega == pytest.approx(3.0 / 0.3, rel=1e-14)
+    assert [LAWS[name].omega for name in ("tresca", "hardening", "linear")] == [0, 0, 0]
+    assert LAWS["saw-tooth"].omega == np.inf
+
+
+def test_scales() -> None:
+    assert LAWS["tresca"].b_scale == 2.0
+    assert LAWS["exponential"].b_scale == 4.0
+    assert LAWS["exponential"].s_scale == pytest.approx(0.3)
+    assert LAWS["slip-weakening"].s_scale == 4e-5
+    assert LAWS["linear"].b_scale == 0.0
+    assert LAWS["linear"].s_scale == 0.0
+
+
+@everywhere
+def test_scaled_is_the_same_law_in_other_units(law: FrictionLaw) -> None:
+    s_unit, b_unit = 3e-5, 7e6
+    other = law.scaled(s_unit, b_unit)
+    s = slips(law)
+    s = s[np.min(np.abs(s[:, None] - law.kinks), axis=1, initial=np.inf) > 1e-12 * reach(law)]
+    size = float(np.abs(law.b(s)).max())
+    np.testing.assert_allclose(other.b(s / s_unit) * b_unit, law.b(s), atol=1e-12 * size)
+    np.testing.assert_allclose(
+        other.j(s / s_unit) * b_unit * s_unit, law.j(s), atol=1e-12 * size * 3 * reach(law)
+    )
+    assert other.omega * b_unit / s_unit == pytest.approx(law.omega, rel=1e-13)
+    assert other.b_scale * b_unit == pytest.approx(law.b_scale, rel=1e-13)
+    assert other.s_scale * s_unit == pytest.approx(law.s_scale, rel=1e-13)
+    assert other.kinds.tolist() == law.kinds.tolist()
+
+
+def test_bends_far_from_the_origin_are_no_jumps() -> None:
+    """Continuity is lost to rounding of p + q s there, not to a jump."""
+    for shift in (0.0, 1.0, 1e3, 1e6):
+        points = [[shift + 0.1 * i, (i % 2) * 1e-3] for i in range(6)]
+        law = SHAPES["piecewise-linear"].build(points=points, odd=False, slopes=[1, 1])
+        assert set(law.kinds.tolist()) == {BEND}, shift
+        assert law.omega == pytest.approx(1e-2, rel=1e-6)
+
+
+def test_nearest_kink_and_piece() -> None:
+    law = MIXED
+    s = np.random.default_rng(4).uniform(-2, 3, 300)
+    expected = np.argmin(np.abs(s[:, None] - law.kinks), axis=1)
+    assert np.array_equal(law.nearest_kink(s), expected)
+    assert np.array_equal(law.piece(law.kinks, +1), np.arange(1, 6))
+    assert np.array_equal(law.piece(law.kinks, -1), np.arange(5))
+    assert law.b(np.zeros((2, 3))).shape == (2, 3)
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        (law_of("", [], [(0, -1, 0, 0)]), "wrong sign as s → +∞"),
+        (law_of("", [0], [(1, 0, 0, 0), (1, 0, 0, 0)]), "wrong sign as s → −∞"),
+        (law_of("", [0], [(-1, 0, 0, 0), (-1, 0, 0, 0)]), "wrong sign as s → +∞"),
+        (law_of("", [0], [(-1, 0, 0, 0), (1, 0, 1, -2)]), "exponentially as s → +∞"),
+        (law_of("", [0], [(-1, 0, -1, 2), (1, 0, 0, 0)]), "exponentially as s → −∞"),
+        (law_of("", [0], [(-1, 0, 0, 0), (0, 0, -1, 2)]), "wrong sign as s → +∞"),
+        (law_of("", [1, 0], [(-1, 0, 0, 0), (0, 0, 0, 0), (1, 0, 0, 0)]), "increasing order"),
+        (law_of("", [0], [(-1, 0, 0, 0), (np.inf, 0, 0, 0)]), "not finite"),
+        (law_of("", [np.nan], [(-1, 0, 0, 0), (1, 0, 0, 0)]), "not finite"),
+    ],
+)
+def test_growth_is_refused_with_a_reason(law: FrictionLaw, words: str) -> None:
+    with pytest.raises(GrowthError) as caught:
+        law.check_growth()
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        *LAWS.values(),
+        law_of("zero at infinity", [0], [(0, 0, 0, 0), (0, 0, 1, 2)]),
+        law_of("pushes on at first", [-1, 1], [(-1, 0, 0, 0), (0, -3, 0, 0), (1, 0, 0, 0)]),
+    ],
+)
+def test_growth_is_accepted(law: FrictionLaw) -> None:
+    law.check_growth()
+
+
+def test_laws_compare_by_their_numbers() -> None:
+    build = SHAPES["slip-weakening"].build
+    law, twin, other = (build(tau_s=2.0, tau_k=1.0, delta=d) for d in (0.5, 0.5, 0.25))
+    assert law == twin
+    assert hash(law) == hash(twin)
+    assert law != other
+    assert law != "slip-weakening"
+    assert len({law, twin, other}) == 2
+    assert law.omega == 2.0
+    assert pickle.loads(pickle.dumps(law)) == law
+    assert law_of("", [0], [(-0.0, 1, 0, 0), (0.0, 1, 0, 0)]) == law_of(
+        "", [0.0], [(0.0, 1, 0, 0), (-0.0, 1, 0, 0)]
+    )
+
+
+PIECE = st.tuples(st.floats(-10, 10), st.floats(-10, 10))
+
+
+@st.composite
+def polygons(draw: st.DrawFn) -> FrictionLaw:
+    """Random piecewise-linear laws with jumps and bends, not odd, some kinks close together."""
+    gaps = draw(st.lists(st.sampled_from([1e-3, 0.1, 0.25, 1.0]), min_size=1, max_size=6))
+    kinks = np.cumsum(gaps) + draw(st.floats(-3, 0))
+    pieces = [draw(PIECE) for _ in range(len(kinks) + 1)]
+    return law_of("random", kinks.tolist(), [(p, q, 0.0, 0.0) for p, q in pieces])
+
+
+@settings(max_examples=100, deadline=None)
+@given(polygons(), st.floats(1e-9, 5), st.sampled_from([-1, 1]))
+def test_random_laws_have_exact_primitives(law: FrictionLaw, s: float, sign: int) -> None:
+    s *= sign
+    integral, size = by_quadrature(law, s)
+    assert abs(float(law.j(s)) - integral) <= 1e-12 * max(size, abs(s) * float(np.abs(law.p).max()) * 10)
+
+
+@settings(max_examples=60, deadline=None)
+@given(polygons())
+def test_random_laws_have_right_kinds_and_omega(law: FrictionLaw) -> None:
+    jumps = [law.value(k, i + 1) - law.value(k, i) for i, k in enumerate(law.kinks)]
+    assume(all(jump == 0 or abs(jump) > 1e-9 for jump in jumps))
+    expected = [UP if jump > 0 else DOWN if jump < 0 else BEND for jump in jumps]
+    assert law.kinds.tolist() == expected
+    if DOWN in expected:
+        assert law.omega == np.inf
+    else:
+        assert law.omega == max(0.0, -float(law.q.min()))
+
+
+@settings(max_examples=60, deadline=None)
+@given(polygons(), st.floats(-5, 5))
+def test_random_intervals_hold_both_limits(law: FrictionLaw, s: float) -> None:
+    for slip in (s, *law.kinks.tolist()):
+        low, high = law.interval(slip)
+        left, right = float(law.b(slip, -1)), float(law.b(slip, +1))
+        assert (float(low), float(high)) == (min(left, right), max(left, right))
+        assert (
+            left == float(law.b(np.nextafter(slip, -np.inf)))
+            or abs(slip) < 1e-300
+            or abs(left - float(law.b(np.nextafter(slip, -np.inf)))) < 1e-12
+        )

@@ -1,0 +1,253 @@
+"""The named shapes against their formulas, written down again here point by point; and what is refused."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tcstudy.scene.friction import BEND, DOWN, UP, FrictionLaw, GrowthError
+from tcstudy.scene.laws import MAX_TEETH, SHAPES, LawError
+
+
+def build(name: str, **values: Any) -> FrictionLaw:
+    return SHAPES[name].build(**values)
+
+
+def saw(s: float, tau: float, delta: float, teeth: int, drop: float, decay: float) -> float:
+    i = math.floor(s / delta)
+    if i >= teeth:
+        return (1 - drop) * tau * decay**teeth
+    return tau * decay**i * (1 - drop + drop * (s / delta - i))
+
+
+SAW: dict[str, Any] = {"tau": 3.0, "delta": 0.2, "teeth": 4, "drop": 0.7, "decay": 0.9}
+CASES: list[tuple[str, dict[str, Any], Callable[[float], float]]] = [
+    ("tresca", {"tau": 2.5}, lambda s: 2.5),
+    (
+        "slip-weakening",
+        {"tau_s": 20e6, "tau_k": 5e6, "delta": 4e-5},
+        lambda s: 20e6 - 15e6 * s / 4e-5 if s < 4e-5 else 5e6,
+    ),
+    ("slip-weakening", {"tau_s": 1.0, "tau_k": 3.0, "delta": 0.5}, lambda s: min(1 + 4 * s, 3.0)),
+    ("exponential", {"a": 4.0, "b": 1.5, "delta": 0.3}, lambda s: 2.5 * math.exp(-s / 0.3) + 1.5),
+    ("exponential", {"a": 1.0, "b": 1.5, "delta": 0.3}, lambda s: 1.5 - 0.5 * math.exp(-s / 0.3)),
+    ("saw-tooth", SAW, lambda s: saw(s, **SAW)),
+    ("saw-tooth", {**SAW, "drop": 1.0, "decay": 1.0}, lambda s: saw(s, **{**SAW, "drop": 1.0, "decay": 1.0})),
+    ("linear", {"k": 7.0}, lambda s: 7.0 * s),
+    (
+        "piecewise-linear",
+        {"points": [[0, 2], [0.5, 1], [0.5, 1.5], [1.0, 0.25]], "slope": 0.5},
+        lambda s: 2 - 2 * s if s < 0.5 else 1.5 - 2.5 * (s - 0.5) if s < 1 else 0.25 + 0.5 * (s - 1),
+    ),
+]
+IDS = [f"{name}-{i}" for i, (name, _, _) in enumerate(CASES)]
+
+
+@pytest.mark.parametrize(("name", "values", "formula"), CASES, ids=IDS)
+def test_shapes_follow_their_formulas(
+    name: str, values: dict[str, Any], formula: Callable[[float], float]
+) -> None:
+    law = build(name, **values)
+    reach = 3 * float(law.kinks.max(initial=0.0)) or 1.0
+    slips = np.random.default_rng(1).uniform(0, reach, 500)
+    expected = np.array([formula(float(s)) for s in slips])
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(law.b(slips), expected, rtol=1e-13, atol=1e-13 * scale)
+    np.testing.assert_allclose(law.b(-slips), -expected, rtol=1e-13, atol=1e-13 * scale)
+    assert law.name == name
+
+
+@pytest.mark.parametrize(("name", "values", "formula"), CASES, ids=IDS)
+def test_odd_laws_are_odd_and_their_primitives_even_to_the_bit(
+    name: str, values: dict[str, Any], formula: Callable[[float], float]
+) -> None:
+    law = build(name, **values)
+    reach = 3 * float(law.kinks.max(initial=0.0)) or 1.0
+    slips = np.concatenate([np.random.default_rng(2).uniform(0, reach, 2000), law.kinks[law.kinks >= 0]])
+    assert np.array_equal(law.b(slips, +1), -law.b(-slips, -1))
+    assert np.array_equal(law.b(slips, -1), -law.b(-slips, +1))
+    assert np.array_equal(law.j(slips), law.j(-slips))
+    low, high = law.interval(slips)
+    mirrored_low, mirrored_high = law.interval(-slips)
+    assert np.array_equal(low, -mirrored_high)
+    assert np.array_equal(high, -mirrored_low)
+
+
+def test_kinks_and_their_kinds() -> None:
+    law = build("slip-weakening", tau_s=2, tau_k=1, delta=0.5)
+    assert law.kinks.tolist() == [-0.5, 0.0, 0.5]
+    assert law.kinds.tolist() == [BEND, UP, BEND]
+    law = build("saw-tooth", tau=1, delta=0.1, teeth=3, drop=0.5)
+    np.testing.assert_allclose(law.kinks, np.arange(-3, 4) * 0.1, atol=1e-16)
+    assert law.kinds.tolist() == [DOWN] * 3 + [UP] + [DOWN] * 3
+    np.testing.assert_allclose(law.b_right[4:], 0.5, rtol=1e-14)
+    law = build("piecewise-linear", points=[[0, 1], [1, 2], [1, 3], [2, 1]])
+    assert law.kinds.tolist() == [BEND, UP, UP, UP, BEND]
+
+
+def test_full_drop_does_not_stick() -> None:
+    law = build("saw-tooth", tau=1, delta=0.1, teeth=2, drop=1)
+    assert 0.0 not in law.kinks
+    assert [float(end) for end in law.interval(0.0)] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "kinks"),
+    [
+        ("tresca", {"tau": 0}, []),
+        ("linear", {"k": 0}, []),
+        ("slip-weakening", {"tau_s": 2, "tau_k": 2, "delta": 1}, [0]),
+        ("exponential", {"a": 2, "b": 2, "delta": 1}, [0]),
+        ("piecewise-linear", {"points": [[0, 0.3], [0.1, 0.2], [0.2, 0.1], [0.3, 0.0]]}, [-0.3, 0, 0.3]),
+        ("piecewise-linear", {"points": [[0, 0], [1, 3], [2, 6]], "slope": 3.0}, []),
+        ("piecewise-linear", {"points": [[0, 0], [1, 1]], "odd": False, "slopes": [1.0, 1.0]}, []),
+        ("piecewise-linear", {"points": [[0, 0], [1, 1], [2, 1]], "odd": False}, [0, 1]),
+    ],
+)
+def test_corners_without_a_bend_are_left_out(name: str, values: dict[str, Any], kinks: list[float]) -> None:
+    assert build(name, **values).kinks.tolist() == kinks
+
+
+def test_slope_beyond_the_last_point_is_kept_exactly() -> None:
+    """A last segment that falls by rounding only must not pass for a law that falls for ever."""
+    last = 0.3 * (1 - 2e-16)
+    law = build("piecewise-linear", points=[[0, 0.5], [1, 0.3], [2, last]])
+    assert last < 0.3
+    assert law.q[-1] == 0.0
+    assert law.b(1e9) == last
+
+
+def test_law_over_all_slips() -> None:
+    points = [[-2, -1], [0, -0.5], [0, 2], [1, 1]]
+    law = build("piecewise-linear", points=points, odd=False, slopes=[0.5, 3])
+    assert law.kinks.tolist() == [-2, 0, 1]
+    assert law.kinds.tolist() == [BEND, UP, BEND]
+    assert law.b([-6, -3, -1, 0.5, 3]).tolist() == [-3, -1.5, -0.75, 1.5, 7]
+    assert [float(end) for end in law.interval(0.0)] == [-0.5, 2.0]
+    one = build("piecewise-linear", points=[[1, -1]], odd=False, slopes=[1, 2])
+    assert one.b([0, 1, 2]).tolist() == [-2, -1, 1]
+
+
+def test_both_ways_to_write_the_sticking_jump_mean_the_same() -> None:
+    plain = build("piecewise-linear", points=[[0, 2], [1, 1]])
+    assert plain == build("piecewise-linear", points=[[0, 0], [0, 2], [1, 1]])
+    assert plain == build("piecewise-linear", points=[[0, -2], [0, 2], [1, 1]])
+    shape = build("slip-weakening", tau_s=2, tau_k=1, delta=1)
+    slips = np.linspace(-2, 2, 41)
+    assert np.array_equal(plain.b(slips), shape.b(slips))
+
+
+REFUSED: list[tuple[str, dict[str, Any], str, str]] = [
+    ("tresca", {}, "tau", "missing"),
+    ("tresca", {"tau": -1}, "tau", "at least 0"),
+    ("tresca", {"tau": math.nan}, "tau", "finite"),
+    ("tresca", {"tau": math.inf}, "tau", "finite"),
+    ("tresca", {"tau": 10**400}, "tau", "finite"),
+    ("tresca", {"tau": "2"}, "tau", "number"),
+    ("tresca", {"tau": True}, "tau", "number"),
+    ("tresca", {"tau": 1, "tua": 1}, "tua", "did you mean 'tau'"),
+    ("slip-weakening", {"tau_s": 1, "tau_k": 1, "delta": 0}, "delta", "above 0"),
+    ("slip-weakening", {"tau_s": 1, "tau_k": -1, "delta": 1}, "tau_k", "at least 0"),
+    ("slip-weakening", {"tau_s": None, "tau_k": 1, "delta": 1}, "tau_s", "number"),
+    ("exponential", {"a": 1, "b": 1, "delta": -1}, "delta", "above 0"),
+    ("exponential", {"a": 1, "b": -0.1, "delta": 1}, "b", "at least 0"),
+    ("saw-tooth", {**SAW, "teeth": 0}, "teeth", "from 1"),
+    ("saw-tooth", {**SAW, "teeth": 2.5}, "teeth", "whole"),
+    ("saw-tooth", {**SAW, "teeth": MAX_TEETH + 1}, "teeth", "from 1"),
+    ("saw-tooth", {**SAW, "drop": 0}, "drop", "at most 1"),
+    ("saw-tooth", {**SAW, "drop": 1.1}, "drop", "at most 1"),
+    ("saw-tooth", {**SAW, "decay": 1.5}, "decay", "at most 1"),
+    ("linear", {"k": -1}, "k", "at least 0"),
+    ("piecewise-linear", {"points": []}, "points", "at least one pair"),
+    ("piecewise-linear", {"points": [[0, 1, 2]]}, "points", "pair"),
+    ("piecewise-linear", {"points": [0, 1]}, "points", "list"),
+    ("piecewise-linear", {"points": "0,1"}, "points", "list"),
+    ("piecewise-linear", {"points": [[0, 1], [math.nan, 2]]}, "points", "finite"),
+    ("piecewise-linear", {"points": [[0, 1], [2, 1], [1, 1]]}, "points", "point 3"),
+    ("piecewise-linear", {"points": [[0, 1], [1, 1], [1, 2], [1, 3]]}, "points", "three points"),
+    ("piecewise-linear", {"points": [[0.5, 1]]}, "points", "start with [0, b]"),
+    ("piecewise-linear", {"points": [[-1, 1], [1, 1]]}, "points", "odd: false"),
+    ("piecewise-linear", {"points": [[0, 1], [0, 2]]}, "points", "give one point"),
+    ("piecewise-linear", {"points": [[0, 1]], "slopes": [0, 0]}, "slopes", "one slope"),
+    ("piecewise-linear", {"points": [[0, 1]], "odd": False, "slope": 1}, "slope", "[left, right]"),
+    ("piecewise-linear", {"points": [[0, 1]], "odd": False, "slopes": [1]}, "slopes", "two numbers"),
+    ("piecewise-linear", {"points": [[0, 1]], "odd": 1}, "odd", "true or false"),
+]
+
+
+@pytest.mark.parametrize(("name", "values", "parameter", "words"), REFUSED)
+def test_meaningless_parameters_are_refused(
+    name: str, values: dict[str, Any], parameter: str, words: str
+) -> None:
+    with pytest.raises(LawError) as caught:
+        build(name, **values)
+    assert caught.value.parameter == parameter
+    assert words in str(caught.value)
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"points": [[0, 1]], "slope": -0.1}, "eq. (15)"),
+        ({"points": [[0, 1], [1, -0.5]]}, "eq. (15)"),
+        ({"points": [[-1, 0.5], [1, 1]], "odd": False}, "−∞"),
+        ({"points": [[-1, -0.5], [1, -1]], "odd": False}, "+∞"),
+        ({"points": [[0, 0], [5e-324, 1e300]]}, "eq. (16)"),
+    ],
+)
+def test_laws_against_the_growth_conditions_are_refused(values: dict[str, Any], words: str) -> None:
+    with pytest.raises(GrowthError, match=r"eq\. \(1[56]\)") as caught:
+        build("piecewise-linear", **values)
+    assert words in str(caught.value)
+
+
+def test_parameters_are_described() -> None:
+    for name, shape in SHAPES.items():
+        assert shape.name == name
+        assert shape.summary
+        for parameter in shape.parameters:
+            assert parameter.dimension in ("traction", "length", "stiffness", "none")
+            assert parameter.kind in ("number", "integer", "points", "flag", "numbers")
+            assert parameter.required or parameter.name in ("decay", "odd", "slope", "slopes")
+
+
+def test_defaults_may_be_written_out() -> None:
+    assert build("saw-tooth", **{**SAW, "decay": 1.0}) == build(
+        "saw-tooth", **{k: v for k, v in SAW.items() if k != "decay"}
+    )
+    full = {"points": [[0, 1], [1, 0.5]], "odd": True, "slope": None, "slopes": None}
+    assert build("piecewise-linear", **full) == build("piecewise-linear", points=[[0, 1], [1, 0.5]])
+    assert build("piecewise-linear", **{**full, "slope": 0.0}) == build("piecewise-linear", **full)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.lists(st.tuples(st.floats(0.01, 1.0), st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=6),
+    st.floats(0, 5),
+    st.floats(0, 3),
+)
+def test_random_polygons_pass_through_their_points(
+    steps: list[tuple[float, float, float]], start: float, slope: float
+) -> None:
+    slips = np.cumsum([step[0] for step in steps])
+    end = abs(steps[-1][2])
+    values = [(low, high) for _, low, high in steps[:-1]] + [(steps[-1][1], end)]
+    points = [[0.0, start]]
+    for s, (low, high) in zip(slips, values, strict=True):
+        points += [[float(s), low], [float(s), high]]
+    law = build("piecewise-linear", points=points, slope=slope)
+    lefts, rights = np.array(values).T
+    tolerance = 1e-9 * max(1.0, float(np.abs(points).max()))
+    np.testing.assert_allclose(law.b(slips, -1), lefts, atol=tolerance)
+    np.testing.assert_allclose(law.b(slips, +1), rights, atol=tolerance)
+    np.testing.assert_allclose(law.b(slips[-1] + 2.0), end + 2 * slope, atol=tolerance)
+    assert np.array_equal(law.b(-slips, +1), -law.b(slips, -1))
+    assert np.array_equal(law.j(-slips), law.j(slips))
