@@ -9,28 +9,21 @@ Left out:   unsymmetric and indefinite matrices.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cache
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dpotrf
-from threadpoolctl import ThreadpoolController
 
-from tcstudy.condense.multifrontal import Front, backward, forward, NotPositiveDefinite
+from tcstudy.condense.blas import one_blas_thread
+from tcstudy.condense.checks import checked_columns, checked_matrix, checked_rows
+from tcstudy.condense.conditioning import check_condition, random_probes
+from tcstudy.condense.multifrontal import Front, backward, forward, not_held
 from tcstudy.condense.multifrontal import eliminate as run_elimination
-from tcstudy.condense.ordering import Floats, Ints, Mask
+from tcstudy.condense.ordering import Floats, Ints
 from tcstudy.condense.symbolic import EliminationPlan, plan_elimination
-
-
-PROBES = 4  # random probes of the condition: all of them miss a given vector with probability 1e-4
-SINGULAR = 100.0 * float(
-    np.finfo(np.float64).eps
-)  # reciprocal condition below which a matrix counts as singular
 
 
 @dataclass(frozen=True)
@@ -84,9 +77,9 @@ class Condensation:
     def forward(self, F: ArrayLike) -> ForwardLoad:
         """Forward elimination of F, once for both its condensed load and `expand`; errors as in `condense`."""
         fronts = self._factor()
-        F = _columns(F, len(self._plan.position), "load")
+        F = checked_columns(F, len(self._plan.position), "load")
         rows = np.take(_two_dimensional(F), self._plan.permutation, axis=0)
-        with _one_blas_thread():
+        with one_blas_thread():
             forward(fronts, rows)
         l_tilde = rows[self._kept_rows]
         return ForwardLoad(l_tilde[:, 0] if F.ndim == 1 else l_tilde, rows)
@@ -99,7 +92,7 @@ class Condensation:
         Raises ValueError if shapes do not fit, RuntimeError if the factor was not kept.
         """
         fronts = self._factor()
-        u_k = _columns(u_k, self.m, "vector of kept unknowns")
+        u_k = checked_columns(u_k, self.m, "vector of kept unknowns")
         load = F if F is None or isinstance(F, ForwardLoad) else self.forward(F)
         kept = _two_dimensional(u_k)
         shapes = [kept.shape[1:]] if load is None else [kept.shape[1:], load.rows.shape[1:]]
@@ -108,7 +101,7 @@ class Condensation:
         if load is not None:
             rows[:] = load.rows
         rows[self._kept_rows] = kept
-        with _one_blas_thread():
+        with one_blas_thread():
             backward(fronts, rows)
         full = np.zeros((len(self._plan.position), columns))
         full[self._plan.permutation] = rows
@@ -119,12 +112,12 @@ class Condensation:
 
         A separate question because Ã may be singular on purpose (a Neumann heat matrix on Γ_θ, method §4).
         """
-        with _one_blas_thread():
+        with one_blas_thread():
             L, failed = dpotrf(self.A_tilde, lower=1)
             if failed:
-                raise NotPositiveDefinite("the condensed matrix has a zero or negative pivot")
+                raise not_held("the condensed matrix has a zero or negative pivot")
             rest = solve_triangular(L, self._probes.loads, lower=True) if self.m else self._probes.loads
-        _check_condition(self._probes.energy + np.sum(rest**2, axis=0))
+        check_condition(self._probes.energy + np.sum(rest**2, axis=0))
 
     @property
     def _kept_rows(self) -> Ints:
@@ -154,117 +147,22 @@ def condense(
     eliminate:   (n,) boolean mask, or rows; may be empty. Rows in neither set are fixed at zero and ignored
     keep_factor: False drops the factor (memory) and with it condense, forward and expand
 
-    Raises NotPositiveDefinite (a ValueError) if the eliminated block is not positive definite to rounding, and
-    ValueError on shapes and indices that do not fit or on entries that are not finite.
+    Raises NotPositiveDefinite (a ValueError) if the eliminated block is not positive definite to working precision
+    (see conditioning.py; Ã is not judged, see `Condensation.require_definite`), and ValueError on shapes and indices
+    that do not fit or on entries that are not finite.
     """
-    A, coordinates = _checked(A, coordinates, components)
+    A, coordinates = checked_matrix(A, coordinates, components)
     n = A.shape[0]
-    keep_rows, eliminated = _checked_rows(keep, eliminate, n)
-    with _one_blas_thread():
+    keep_rows, eliminated = checked_rows(keep, eliminate, n)
+    with one_blas_thread():
         plan = plan_elimination(A, coordinates, keep_rows, eliminated)
-        result = run_elimination(A, plan, _probes(A, plan), keep_factor)
-    _check_condition(result.energy)
+        result = run_elimination(A, plan, random_probes(A, plan), keep_factor)
+    check_condition(result.energy)
     lower = np.tril(result.root)
     A_tilde = (lower + np.tril(lower, -1).T)[np.ix_(plan.kept, plan.kept)]
     fronts = tuple(result.fronts) if keep_factor else None
     return Condensation(A_tilde, Probes(result.loads[plan.kept], result.energy), plan, fronts)
 
 
-def _probes(A: sp.csr_matrix | sp.csr_array, plan: EliminationPlan) -> Floats:
-    """(r, N) loads g = D^{½}s with random signs s, D = diag A, for the condition estimate."""
-    diagonal = A.diagonal()[plan.permutation]
-    if not (diagonal > 0.0).all():
-        raise NotPositiveDefinite("a diagonal entry is zero or negative")
-    signs = np.random.default_rng(0).integers(0, 2, (PROBES, len(diagonal)), dtype=np.int8)
-    return np.where(signs, 1.0, -1.0) * np.sqrt(diagonal)
-
-
-def _check_condition(energy: Floats) -> None:
-    """Raise if Â = D^{−½}AD^{−½} is singular to working precision.
-
-    For random signs s the mean of gᵀA⁻¹g = sᵀÂ⁻¹s is trace Â⁻¹, at least 1/λ_min(Â) and for a held body hardly more
-    than N log N. A zero eigenvalue is computed as a few ε of either sign, whatever the mesh; one pivot would not show
-    it (a rotation about a fixed node near the last pivot leaves all pivots large).
-    """
-    worst = float(np.mean(energy))
-    if not worst * SINGULAR <= 1.0:  # "not <=": fails for NaN as well
-        raise NotPositiveDefinite(f"it is singular to working precision (condition about {worst:.0e})")
-
-
-def _checked(
-    A: sp.csr_matrix | sp.csr_array, coordinates: ArrayLike, components: int
-) -> tuple[sp.csr_matrix | sp.csr_array, Floats]:
-    """The matrix in canonical form with finite entries, and coordinates that fit it."""
-    coordinates = np.asarray(coordinates, dtype=np.float64)
-    if coordinates.ndim != 2 or coordinates.shape[1] != 2:
-        raise ValueError(f"the coordinates must have shape (nv, 2), not {coordinates.shape}")
-    if components < 1 or len(coordinates) == 0:
-        raise ValueError("the mesh has no nodes or the unknown no components")
-    n = components * len(coordinates)
-    if not sp.issparse(A) or A.format != "csr":
-        raise ValueError(f"the matrix must be a scipy.sparse CSR matrix, not {type(A).__name__}")
-    if A.shape != (n, n):
-        raise ValueError(
-            f"{components} components on {len(coordinates)} nodes need a ({n}, {n}) matrix, not {A.shape}"
-        )
-    if not np.isfinite(coordinates).all():
-        raise ValueError("the coordinates of the nodes are not finite")
-    if not np.isfinite(A.data).all():
-        raise ValueError(
-            "the matrix has entries that are not finite: check the material constants and the mesh"
-        )
-    if not A.has_canonical_format:
-        A = A.copy()
-        A.sum_duplicates()
-    return A, coordinates
-
-
-def _checked_rows(keep: ArrayLike, eliminate: ArrayLike, n: int) -> tuple[Ints, Mask]:
-    """Kept rows as integers, eliminated rows as a mask; disjoint and in range."""
-    eliminate = np.asarray(eliminate)
-    if eliminate.dtype == bool:
-        if eliminate.shape != (n,):
-            raise ValueError(f"the mask of eliminated unknowns must have shape ({n},), not {eliminate.shape}")
-        mask = eliminate
-    else:
-        mask = np.zeros(n, dtype=bool)
-        mask[_rows(eliminate, n, "eliminate")] = True
-    rows = _rows(np.asarray(keep), n, "keep")
-    count = np.bincount(rows, minlength=n)
-    if len(rows) and count.max() > 1:
-        raise ValueError(f"row {int(count.argmax())} is kept twice")
-    if mask[rows].any():
-        raise ValueError(f"row {int(rows[mask[rows]][0])} is both kept and eliminated")
-    return rows, mask
-
-
-def _rows(index: Ints, n: int, name: str) -> Ints:
-    if index.ndim != 1 or (len(index) and not np.issubdtype(index.dtype, np.integer)):
-        raise ValueError(f"`{name}` must be a list of row numbers")
-    if len(index) and not (0 <= index.min() and index.max() < n):
-        raise ValueError(f"`{name}` has row numbers outside 0..{n - 1}")
-    return index.astype(np.intp)
-
-
-def _columns(values: ArrayLike, rows: int, name: str) -> Floats:
-    """Values as (rows,) or (rows, r) floats."""
-    array = np.asarray(values, dtype=np.float64)
-    if array.ndim not in (1, 2) or array.shape[0] != rows:
-        raise ValueError(f"the {name} must have shape ({rows},) or ({rows}, r), not {array.shape}")
-    return array
-
-
 def _two_dimensional(array: Floats) -> Floats:
     return array[:, None] if array.ndim == 1 else array
-
-
-@cache
-def _thread_pools() -> ThreadpoolController:
-    return ThreadpoolController()  # looks through all loaded libraries: once is enough
-
-
-@contextmanager
-def _one_blas_thread() -> Iterator[None]:
-    """More threads than one make the many small dense operations slower."""
-    with _thread_pools().limit(limits=1, user_api="blas"):
-        yield

@@ -9,6 +9,7 @@ Left out: pivoting (the matrix is positive definite), supernode amalgamation, pa
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
 
 from tcstudy.condense.ordering import Floats, Ints
-from tcstudy.condense.symbolic import EliminationPlan, front_rows
+from tcstudy.condense.symbolic import EliminationPlan, FrontEntries, front_entries
 
 MANY_RUNS = 24  # from here on adding element by element costs less than block by block
 
@@ -26,12 +27,14 @@ MANY_RUNS = 24  # from here on adding element by element costs less than block b
 class NotPositiveDefinite(ValueError):
     """The matrix, or its eliminated block, is not (or, to rounding, hardly) positive definite."""
 
-    def __init__(self, what: str) -> None:
-        super().__init__(
-            f"the matrix is not positive definite: {what}. Likely causes: the body, or a part of it, is not held "
-            "(nothing clamps it, or a boundary name is misspelt); a Poisson ratio ≥ 0.5 or a modulus ≤ 0; a heat "
-            "problem without heat exchange"
-        )
+
+def not_held(what: str) -> NotPositiveDefinite:
+    """The error with its likely causes."""
+    return NotPositiveDefinite(
+        f"the matrix is not positive definite: {what}. Likely causes: the body, or a part of it, is not held "
+        "(nothing clamps it, or a boundary name is misspelt); a Poisson ratio ≥ 0.5 or a modulus ≤ 0; a heat "
+        "problem without heat exchange"
+    )
 
 
 class Front(NamedTuple):
@@ -47,7 +50,7 @@ class Front(NamedTuple):
 class Update(NamedTuple):
     """Schur complement that a front hands to its parent: positions and matrix (lower triangle valid)."""
 
-    index: Ints
+    boundary: Ints
     matrix: Floats
 
 
@@ -75,9 +78,7 @@ class Elimination:
     energy: Floats
 
 
-def eliminate(
-    A: sp.csr_matrix | sp.csr_array, plan: EliminationPlan, probes: Floats, keep_factor: bool
-) -> Elimination:
+def eliminate(A: sp.csr_matrix | sp.csr_array, plan: EliminationPlan, probes: Floats, keep_factor: bool) -> Elimination:
     """Eliminate all fronts but the root. Raises NotPositiveDefinite at a pivot that is not positive.
 
     probes: (r, N) load vectors in elimination order. They are carried as r more rows behind the kept ones
@@ -85,11 +86,12 @@ def eliminate(
     """
     fronts: list[Front] = []
     updates: dict[int, Update] = {}
+    local = np.empty(sum(probes.shape), dtype=np.intp)
     start, extra = 0, len(probes)
-    rows = front_rows(A, plan)
+    entries = front_entries(A, plan)
     for f, (stop, children) in enumerate(zip(plan.stops, plan.children, strict=True)):
         below = [updates.pop(c) for c in children]
-        boundary, blocks = _assemble(start, stop, next(rows), below, probes)
+        boundary, blocks = _assemble(start, stop, next(entries), below, probes, local)
         if f == len(plan.stops) - 1:
             return Elimination(fronts, blocks.ee, blocks.be.T, -blocks.bb.diagonal())
         if stop > start:
@@ -104,28 +106,28 @@ def eliminate(
 
 
 def _assemble(
-    start: int, stop: int, entries: tuple[Ints, Ints, Floats], below: list[Update], probes: Floats
+    start: int, stop: int, entries: FrontEntries, below: list[Update], probes: Floats, local: Ints
 ) -> tuple[Ints, Blocks]:
-    """Boundary and blocks of the front: matrix rows start..stop, the probes, the children's Schur complements."""
-    column, row, value = entries
-    extra, unknowns = probes.shape
-    border = np.arange(unknowns, unknowns + extra, dtype=column.dtype)
+    """Boundary and blocks of the front: matrix rows start..stop, the probes, the children's Schur complements.
+
+    local: work space, (N + r,); the number of an unknown within the boundary of the front at hand.
+    """
+    column, row, value = entries.column, entries.row - np.int32(start), entries.value
     own = column < stop
-    outside = column[~own]
-    splits = [int(np.searchsorted(u.index, stop)) for u in below]
-    boundary = _distinct([outside, border, *(u.index[s:] for u, s in zip(below, splits, strict=True))])
+    outside = ~own
+    behind = column[outside]
+    extra, unknowns = probes.shape
+    border = np.arange(unknowns, unknowns + extra, dtype=np.int32)
+    splits = [int(u.boundary.searchsorted(np.int32(stop))) for u in below]
+    boundary = _distinct([behind, border, *(u.boundary[s:] for u, s in zip(below, splits, strict=True))])
     ne, nb = stop - start, len(boundary)
-    blocks = Blocks(
-        np.zeros((ne, ne), order="F"), np.zeros((nb, ne), order="F"), np.zeros((nb, nb), order="F")
-    )
-    row = row - start
+    local[boundary] = np.arange(nb)
+    blocks = Blocks(np.zeros((ne, ne), order="F"), np.zeros((nb, ne), order="F"), np.zeros((nb, nb), order="F"))
     blocks.ee[column[own] - start, row[own]] = value[own]
-    blocks.be[np.searchsorted(boundary, outside), row[~own]] = value[~own]
+    blocks.be[local[behind], row[outside]] = value[outside]
     blocks.be[nb - extra :] = probes[:, start:stop]
     for update, split in zip(below, splits, strict=True):
-        to_own = update.index[:split] - start
-        to_boundary = np.searchsorted(boundary, update.index[split:])
-        _extend_add(blocks, update.matrix, to_own, to_boundary)
+        _extend_add(blocks, update.matrix, update.boundary[:split] - start, local[update.boundary[split:]])
     return boundary, blocks
 
 
@@ -140,9 +142,9 @@ def _distinct(parts: list[Ints]) -> Ints:
 
 
 def _extend_add(blocks: Blocks, U: Floats, to_own: Ints, to_boundary: Ints) -> None:
-    """Add the lower triangle of U to the front; its leading unknowns belong to the front, the others to the boundary.
+    """Add the lower triangle of U to the front; its leading unknowns are the front's own, the others the boundary's.
 
-    Both index lists increase, so they fall into a few contiguous runs, and U into blocks that NumPy adds as slices.
+    Both index lists increase and fall into a few contiguous runs, and U into blocks that are added as slices.
     """
     split = len(to_own)
     own, boundary = _runs(to_own, 0), _runs(to_boundary, split)
@@ -151,43 +153,43 @@ def _extend_add(blocks: Blocks, U: Floats, to_own: Ints, to_boundary: Ints) -> N
         blocks.be[np.ix_(to_boundary, to_own)] += U[split:, :split]
         blocks.bb[np.ix_(to_boundary, to_boundary)] += U[split:, split:]
         return
-    for k, (a, b, to) in enumerate(own):
-        for c, d, into in own[k:]:
-            blocks.ee[into : into + d - c, to : to + b - a] += U[c:d, a:b]
-        for c, d, into in boundary:
-            blocks.be[into : into + d - c, to : to + b - a] += U[c:d, a:b]
-    for k, (a, b, to) in enumerate(boundary):
-        for c, d, into in boundary[k:]:
-            blocks.bb[into : into + d - c, to : to + b - a] += U[c:d, a:b]
+    for k, (first, last, columns) in enumerate(own):
+        for a, b, rows in own[k:]:
+            target = blocks.ee[rows, columns]
+            target += U[a:b, first:last]
+        for a, b, rows in boundary:
+            target = blocks.be[rows, columns]
+            target += U[a:b, first:last]
+    for k, (first, last, columns) in enumerate(boundary):
+        for a, b, rows in boundary[k:]:
+            target = blocks.bb[rows, columns]
+            target += U[a:b, first:last]
 
 
-def _runs(target: Ints, offset: int) -> list[tuple[int, int, int]]:
-    """Maximal runs of consecutive targets as (first, behind the last, first target), sources counted from offset."""
+def _runs(target: Ints, offset: int) -> list[tuple[int, int, slice]]:
+    """Maximal runs of consecutive targets: (first, behind the last) source, counted from offset, and the targets."""
     if len(target) == 0:
         return []
     breaks = (np.flatnonzero(target[1:] - target[:-1] != 1) + 1).tolist()
-    starts = [0, *breaks]
-    return list(
-        zip(
-            [offset + s for s in starts],
-            [offset + s for s in (*breaks, len(target))],
-            target[starts].tolist(),
-            strict=True,
-        )
-    )
+    bounds = [0, *breaks, len(target)]
+    starts = target[bounds[:-1]].tolist()
+    return [
+        (offset + a, offset + b, slice(to, to + b - a))
+        for a, b, to in zip(bounds[:-1], bounds[1:], starts, strict=True)
+    ]
 
 
 def _factorise(blocks: Blocks) -> tuple[Floats, Floats, Floats]:
     """L, X and U of the front, in place."""
     L, failed = dpotrf(blocks.ee, lower=1, overwrite_a=1, clean=0)
     if failed:
-        raise NotPositiveDefinite("a pivot is zero or negative")
+        raise not_held("a pivot is zero or negative")
     X = dtrsm(1.0, L, blocks.be, side=1, lower=1, trans_a=1, overwrite_b=1)
     U = dsyrk(-1.0, X, beta=1.0, c=blocks.bb, lower=1, overwrite_c=1)
     return L, X, U
 
 
-def forward(fronts: list[Front], y: Floats) -> None:
+def forward(fronts: Sequence[Front], y: Floats) -> None:
     """y ← L⁻¹y on the eliminated rows and y_k − A_ki A_ii⁻¹ y_i on the kept ones; y: (N, r), C order, in place."""
     if y.shape[1] == 0:
         return
@@ -198,7 +200,7 @@ def forward(fronts: list[Front], y: Floats) -> None:
             y[boundary] -= X @ y[start:stop]
 
 
-def backward(fronts: list[Front], y: Floats) -> None:
+def backward(fronts: Sequence[Front], y: Floats) -> None:
     """Solve Lᵀx = y on the eliminated rows with x given on the kept ones; y: (N, r), C order, in place."""
     if y.shape[1] == 0:
         return

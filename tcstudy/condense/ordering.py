@@ -7,6 +7,8 @@ J. W. H. Liu, SIAM Review 34 (1992) 82-109. Left out: graph partitioning without
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -21,7 +23,7 @@ def node_graph(A: sp.csr_matrix | sp.csr_array, nodes: int, active: Mask) -> tup
 
     A is (components·nodes)², component-blocked, canonical CSR with a symmetric pattern.
     """
-    rows = np.repeat(np.arange(nodes, dtype=np.int32), np.diff(A.indptr[: nodes + 1]))
+    rows: Ints = np.repeat(np.arange(nodes, dtype=np.int32), np.diff(A.indptr[: nodes + 1]))
     columns = A.indices[: A.indptr[nodes]]
     if not _blocks_share_pattern(A, nodes, rows, columns):
         rows, columns = _folded_pattern(A, nodes)
@@ -87,7 +89,7 @@ def nested_dissection(coordinates: Floats, i: Ints, j: Ints, active: Mask, leaf:
     return label
 
 
-def _left_halves(coordinates: Floats, orders: list[Ints], part: Ints, counts: Ints) -> Mask:
+def _left_halves(coordinates: Floats, orders: Sequence[Ints], part: Ints, counts: Ints) -> Mask:
     """Mark the lower half (by rank, so equal coordinates do no harm) of every part along its longer extent."""
     ends = np.cumsum(counts)
     starts = ends - counts

@@ -1,12 +1,14 @@
 """What is eliminated when: the fronts of the multifrontal method and the permuted rows of the matrix that they read.
 
-Literature: I. S. Duff and J. K. Reid, ACM Trans. Math. Softw. 9 (1983) 302-325; J. W. H. Liu, SIAM Review 34 (1992) 82-109.
+Literature: I. S. Duff and J. K. Reid, ACM Trans. Math. Softw. 9 (1983) 302-325;
+J. W. H. Liu, SIAM Review 34 (1992) 82-109.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 from tcstudy.condense.ordering import Floats, Ints, Mask, nested_dissection, node_graph
 
 LEAF_UNKNOWNS = 160  # smaller leaves cost interpreter time, larger ones cost flops and factor storage
-WINDOW_ROWS = 1 << 15  # rows permuted at a time: bounds the memory, long enough for NumPy
+WINDOW_ROWS = 1 << 13  # rows permuted at a time: bounds the memory, long enough for NumPy
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ def plan_elimination(
     nodes = len(coordinates)
     components = A.shape[0] // nodes
     by_component = eliminated.reshape(components, nodes)
-    active = by_component.any(axis=0)
+    active: Mask = np.any(by_component, axis=0)
     i, j = node_graph(A, nodes, active)
     label = nested_dissection(coordinates, i, j, active, max(1, LEAF_UNKNOWNS // components))
     heap = _postorder(int(label.max(initial=0)))
@@ -124,10 +126,16 @@ def _gather(starts: Ints, counts: Ints) -> tuple[Ints, Ints]:
     return np.arange(len(owner)) + np.repeat(offset, counts), owner
 
 
-def front_rows(
-    A: sp.csr_matrix | sp.csr_array, plan: EliminationPlan
-) -> Iterator[tuple[NDArray[np.int32], NDArray[np.int32], Floats]]:
-    """For every front in turn the entries of its rows on and right of the diagonal: (column, row, value), by position."""
+class FrontEntries(NamedTuple):
+    """Entries of A in the rows of a front, on and right of the diagonal; row and column are positions."""
+
+    column: NDArray[np.int32]
+    row: NDArray[np.int32]
+    value: Floats
+
+
+def front_entries(A: sp.csr_matrix | sp.csr_array, plan: EliminationPlan) -> Iterator[FrontEntries]:
+    """The entries for every front in turn; the rows of many fronts are permuted at a time."""
     stops = np.asarray(plan.stops)
     first, start = 0, 0
     while first < len(stops):
@@ -137,9 +145,9 @@ def front_rows(
         entries, owner = _gather(A.indptr[rows], A.indptr[rows + 1] - A.indptr[rows])
         column = plan.position[A.indices[entries]]
         row = owner + np.int32(start)
-        use = column >= row
+        use = column >= row  # leaves out what takes no part, at −1
         column, row, value = column[use], row[use], A.data[entries[use]]
-        cuts = np.searchsorted(row, stops[first:last]).tolist()
+        cuts = np.searchsorted(row, stops[first:last].astype(np.int32)).tolist()
         for a, b in zip([0, *cuts[:-1]], cuts, strict=True):
-            yield column[a:b], row[a:b], value[a:b]
+            yield FrontEntries(column[a:b], row[a:b], value[a:b])
         first, start = last, stop

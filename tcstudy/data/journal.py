@@ -130,8 +130,7 @@ class Journal:
                     self._connection.executemany(_INSERT, self._pending)
             except (sqlite3.Error, OSError) as error:
                 self._error = StoreError(
-                    f"cannot keep finished points in {self.path}: {error}. "
-                    "Free some space; the run can then be resumed"
+                    f"cannot keep finished points in {self.path}: {error}. Free some space; the run can then be resumed"
                 )
                 raise self._error from error
             self._pending.clear()
@@ -139,9 +138,7 @@ class Journal:
 
     def levels(self) -> tuple[LevelRecord, ...]:
         """All level records, coarse to fine."""
-        return tuple(
-            sorted((_decode_level(row) for row in self._rows("level")), key=lambda level: level.level)
-        )
+        return tuple(sorted((_decode_level(row) for row in self._rows("level")), key=lambda level: level.level))
 
     def points(self) -> Iterator[PointRecord]:
         """All point records as they finished, read one by one: whole-body fields need not fit into memory."""
@@ -221,10 +218,7 @@ def _obstacle(path: Path, error: Exception) -> str:
     """What keeps a sound journal from being used; empty if the error speaks of damage."""
     text = str(error)
     if "locked" in text:
-        return (
-            f"another run is writing to the same output ({path} is locked). "
-            "Wait for it or choose another output"
-        )
+        return f"another run is writing to the same output ({path} is locked). Wait for it or choose another output"
     # SQLite also calls a file with a damaged header read-only
     if "readonly" in text and os.access(path, os.W_OK):
         return ""
@@ -325,10 +319,10 @@ def _decode_point(row: Row) -> PointRecord:
     return PointRecord(**scalars, **arrays, fields=fields)
 
 
-def _decode(row: Row) -> tuple[dict[str, Any], dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
+def _decode(row: Row) -> tuple[dict[str, Any], dict[str, Any], dict[str, NDArray[Any]]]:
     """Scalars, arrays and whole-body fields of a row."""
     scalars, layout, blob = row[3:6]
-    arrays: dict[str, NDArray[Any]] = {}
+    arrays: dict[str, Any] = {}
     start = 0
     for name, dtype, shape in json.loads(layout):
         size = int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize

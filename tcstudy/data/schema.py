@@ -52,7 +52,8 @@ class Variable:
     @property
     def missing(self) -> float | int | str:
         """What stands where there is no value."""
-        return {"f8": float("nan"), "i4": MISSING_COUNT, "i1": 0, "str": NOT_RUN}[self.dtype]
+        values: dict[Dtype, float | int | str] = {"f8": float("nan"), "i4": MISSING_COUNT, "i1": 0, "str": NOT_RUN}
+        return values[self.dtype]
 
     @property
     def fill_value(self) -> float | Literal[False]:
@@ -86,9 +87,7 @@ ROOT: tuple[Variable, ...] = (
     Variable("status", "i1", "1", "status of the sweep point", extra=_STATUS),
     Variable("reason", "str", "1", "why the point is not ok, in words; empty if it is"),
     _result("energy", "J m-1", "energy of the discrete problem at the solution, per unit thickness"),
-    _result(
-        "inclusion_residual", "1", "largest distance of -S_T from the filled friction law, over its scale"
-    ),
+    _result("inclusion_residual", "1", "largest distance of -S_T from the filled friction law, over its scale"),
     _count("iterations", "steps of the solver", extra=_JUDGED),
     _count("evaluations", "evaluations of the energy", extra=_JUDGED),
     _result("u_T_max", "m", "largest absolute tangential displacement on the contact line"),
@@ -211,9 +210,7 @@ def edge_attributes(edge_names: Sequence[str]) -> dict[str, Any]:
 def axis_problems(study: Study) -> list[str]:
     """One sentence for each swept parameter whose name cannot stand in the file."""
     names = [axis.name for axis in study.axes]
-    problems = [
-        f"two swept parameters are named {n!r}" for n in sorted({n for n in names if names.count(n) > 1})
-    ]
+    problems = [f"two swept parameters are named {n!r}" for n in sorted({n for n in names if names.count(n) > 1})]
     for name in names:
         if name in RESERVED:
             problems.append(f"the swept parameter {name!r} has the name of a result; give it another name")

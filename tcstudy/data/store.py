@@ -203,9 +203,7 @@ def _allocate(variables: Sequence[schema.Variable], study: Study, sizes: dict[st
     return arrays
 
 
-def _put(
-    where: netCDF4.Dataset, variable: schema.Variable, study: Study, values: np.ndarray[Any, Any] | None
-) -> None:
+def _put(where: netCDF4.Dataset, variable: schema.Variable, study: Study, values: np.ndarray[Any, Any] | None) -> None:
     """Define a variable and write its values, if there are any yet."""
     dims = schema.expand(variable.dims, study)
     kind: Any = str if variable.dtype == "str" else variable.dtype
@@ -252,9 +250,7 @@ def _contact_arrays(study: Study, level: LevelRecord) -> Arrays:
     for name in ("arclength", "x", "y", "c", "edge"):
         values = getattr(level, name)
         if values.shape != arrays[name].shape:
-            raise ValueError(
-                f"level {level.level}: {name} has shape {values.shape}, not {arrays[name].shape}"
-            )
+            raise ValueError(f"level {level.level}: {name} has shape {values.shape}, not {arrays[name].shape}")
         arrays[name][...] = values
     return arrays
 
@@ -276,9 +272,7 @@ def _take_point(root: Arrays, contact: Arrays, point: PointRecord) -> None:
     for name, values in (("u_T", point.u_T), ("xi", point.xi)):
         if len(values):
             if not contact:
-                raise ValueError(
-                    f"point {point.index} has values on level {point.level}, which has no record"
-                )
+                raise ValueError(f"point {point.index} has values on level {point.level}, which has no record")
             contact[name][point.index] = values
 
 
@@ -321,9 +315,7 @@ def _refuse_unfinished(path: Path) -> None:
 
     if not path.exists():
         if path.with_name(path.name + PARTIAL).exists():
-            raise StoreError(
-                f"{path} is not there yet: its run has not finished. Run the study again to resume it"
-            )
+            raise StoreError(f"{path} is not there yet: its run has not finished. Run the study again to resume it")
         raise StoreError(f"there is no file {path}. Run the study first, or check the name")
     try:
         with netCDF4.Dataset(path) as nc:

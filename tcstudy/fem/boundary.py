@@ -98,9 +98,7 @@ def _collect(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> _Constr
                 parts += _clamped(mesh, role, nodes, normals, name)
     node = np.concatenate([p[0] for p in parts])
     names = tuple(name for p in parts for name in [p[3]] * len(p[0]))
-    return _Constraints(
-        node, np.concatenate([p[1] for p in parts]), np.concatenate([p[2] for p in parts]), names
-    )
+    return _Constraints(node, np.concatenate([p[1] for p in parts]), np.concatenate([p[2] for p in parts]), names)
 
 
 def _clamped(

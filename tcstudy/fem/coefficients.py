@@ -32,7 +32,7 @@ _FUNCTIONS |= {
 def coefficient(scalar: Scalar) -> Any:
     """A number or an expression in x and y as an NGSolve CoefficientFunction."""
     if isinstance(scalar, Expression):
-        return scalar.fold({"x": ngs.x, "y": ngs.y}, _FUNCTIONS)
+        return ngs.CF(scalar.fold({"x": ngs.x, "y": ngs.y}, _FUNCTIONS))
     return ngs.CF(float(scalar))
 
 

@@ -72,16 +72,14 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
     sort = np.argsort(position, kind="stable")
     sort = sort[~frames.fixed[nodes[sort]]]
     nodes = nodes[sort]
-    return ContactLine(
-        nodes, at[sort], mesh.points[nodes], c[nodes], edges[sort].astype(np.int8), names, segments
-    )
+    return ContactLine(nodes, at[sort], mesh.points[nodes], c[nodes], edges[sort].astype(np.int8), names, segments)
 
 
 def _cells(mesh: PlaneMesh, segments: Indices, lengths: Array, free: NDArray[np.bool_]) -> Array:
     """(n,) c_i on all mesh nodes: half of each adjacent segment, a fixed end's half goes to the other end."""
-    lost = ~free.any(axis=1)
+    lost = np.logical_not(free.any(axis=1))
     if np.any(lost):
-        x, y = mesh.points[segments[lost][0, 0]]
+        x, y = mesh.points[segments[np.argmax(lost), 0]]
         raise GeometryFailed(
             f"the contact line has no free node at ({x:g}, {y:g}), all its nodes there are held; refine the mesh"
         )

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from netgen import occ
 from numpy.typing import NDArray
 
 from tcstudy.scene.records import Body, BrepFace, Edge, Loop
-from tcstudy.scene.shapes import edge_arc, edge_length, edge_normal
+from tcstudy.scene.shapes import edge_distance, edge_length, edge_normal
 
 Array = NDArray[np.float64]
 INTERFACE = "_interface"
@@ -94,9 +93,7 @@ def _face(loop: Loop) -> Any:
 
 
 def _curve(edge: Edge, tag: str) -> Curve:
-    return Curve(
-        tag, edge.name, edge_length(edge), edge.through is None, lambda points: edge_normal(edge, points)
-    )
+    return Curve(tag, edge.name, edge_length(edge), edge.through is None, lambda points: edge_normal(edge, points))
 
 
 def _size(face: Any) -> float:
@@ -123,20 +120,7 @@ def _finders(body: Body, curves: tuple[Curve, ...], face: Any) -> list[Callable[
         return [_occ_distance(edge) for edge in face.edges]
     assert body.outline is not None
     records = [edge for loop in (body.outline, *body.holes) for edge in loop.edges]
-    return [partial(_distance, edge) for edge in records]
-
-
-def _distance(edge: Edge, point: Array) -> float:
-    """Distance of a point from a line or an arc."""
-    start, end = np.array(edge.start), np.array(edge.end)
-    ends = float(min(np.linalg.norm(point - start), np.linalg.norm(point - end)))
-    arc = edge_arc(edge)
-    if arc is None:
-        along = float((point - start) @ (end - start)) / float((end - start) @ (end - start))
-        return float(np.linalg.norm(start + along * (end - start) - point)) if 0.0 <= along <= 1.0 else ends
-    away = point - np.array(arc.center)
-    turned = (np.arctan2(away[1], away[0]) - arc.start) * np.sign(arc.sweep) % (2 * np.pi)
-    return abs(float(np.linalg.norm(away)) - arc.radius) if turned <= abs(arc.sweep) else ends
+    return [lambda point, edge=edge: float(edge_distance(edge, point[None])[0]) for edge in records]  # type: ignore[misc]
 
 
 def _occ_distance(edge: Any) -> Callable[[Array], float]:
@@ -176,11 +160,11 @@ def _read_face(record: BrepFace) -> tuple[Any, list[Curve]]:
     face = faces[record.face]
     if record.scale != 1.0:
         face = face.Scale(occ.Pnt(0, 0, 0), record.scale)
-    low, high = face.bounding_box
-    size = float(np.hypot(high[0] - low[0], high[1] - low[1]))
-    if max(abs(low[2]), abs(high[2])) > 1e-6 * size:
-        raise GeometryFailed(f"{record.path.name}: face {record.face} does not lie in the plane z = 0")
     edges = list(face.edges)
+    # not by the bounding box, which the kernel widens by an absolute tolerance
+    heights = [abs(edge.Value(t)[2]) for edge in edges for t in _parameters(edge, 5)]
+    if max(heights) > 1e-9 * _size(face):
+        raise GeometryFailed(f"{record.path.name}: face {record.face} does not lie in the plane z = 0")
     names: list[str | None] = [record.other] * len(edges)
     for name, points in record.edges:
         for point in points:
@@ -198,8 +182,7 @@ def _read_face(record: BrepFace) -> tuple[Any, list[Curve]]:
 
 def _file_curve(edge: Any, tag: str, name: str) -> Curve:
     """A curve of a file: normals from the kernel's tangents at the nearest parameter."""
-    low, high = edge.parameter_interval
-    grid = np.linspace(low, high, 257)
+    grid = _parameters(edge, 257)
     points = np.array([[edge.Value(t)[0], edge.Value(t)[1]] for t in grid])
     chord = float(np.linalg.norm(points[-1] - points[0]))
     straight = abs(edge.mass - chord) <= 1e-12 * edge.mass
@@ -211,6 +194,12 @@ def _file_curve(edge: Any, tag: str, name: str) -> Curve:
     return Curve(tag, name, float(edge.mass), straight, normal)
 
 
+def _parameters(edge: Any, count: int) -> Array:
+    """Equally spaced curve parameters, both ends included."""
+    low, high = edge.parameter_interval
+    return np.linspace(float(low), float(high), count)
+
+
 def _tangent_at(edge: Any, grid: Array, samples: Array, point: Array) -> tuple[float, float]:
     """Unit tangent where the curve is closest to `point`: nearest sample, then a few projection steps."""
     i = int(np.argmin(np.sum((samples - point) ** 2, axis=1)))
@@ -219,9 +208,9 @@ def _tangent_at(edge: Any, grid: Array, samples: Array, point: Array) -> tuple[f
     t = grid[i]
     for _ in range(8):
         value, tangent = edge.Value(t), edge.Tangent(t)
-        length = np.hypot(tangent[0], tangent[1])
-        along = ((point[0] - value[0]) * tangent[0] + (point[1] - value[1]) * tangent[1]) / length
+        length = np.hypot(tangent.x, tangent.y)
+        along = ((point[0] - value[0]) * tangent.x + (point[1] - value[1]) * tangent.y) / length
         t = min(max(t + along / speed, grid[0]), grid[-1])
     tangent = edge.Tangent(t)
-    length = float(np.hypot(tangent[0], tangent[1]))
-    return float(tangent[0]) / length, float(tangent[1]) / length
+    length = float(np.hypot(tangent.x, tangent.y))
+    return float(tangent.x) / length, float(tangent.y) / length

@@ -57,15 +57,25 @@ def mesh_family(geometry: Geometry, plan: MeshPlan) -> Iterator[PlaneMesh]:
 
     Raises GeometryFailed if the mesher fails or its mesh is not the body.
     """
-    mesh: Any = None
+    mesh: PlaneMesh | None = None
     for level in range(plan.levels):
-        start = time.perf_counter()
-        if mesh is None or not plan.nested:
-            mesh = _generate(geometry, plan.maxh[level])
-        else:
-            mesh.ngmesh.Refine()  # netgen's uniform refinement: four congruent children, nodes put on arcs
-            mesh = ngs.Mesh(mesh.ngmesh)
-        yield _extract(mesh, geometry, level, start)
+        mesh = mesh_at(geometry, plan, level, mesh)
+        yield mesh
+
+
+def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh | None) -> PlaneMesh:
+    """The mesh of one level; `coarser` is the one before, which nested levels are refined from.
+
+    Raises GeometryFailed if the mesher fails or its mesh is not the body.
+    """
+    start = time.perf_counter()
+    if coarser is None or not plan.nested:
+        mesh = _generate(geometry, plan.maxh[level])
+    else:
+        finer = coarser.mesh.ngmesh.Copy()  # the coarse mesh stays usable
+        finer.Refine()  # netgen's uniform refinement: four congruent children, nodes put on arcs
+        mesh = ngs.Mesh(finer)
+    return _extract(mesh, geometry, level, start)
 
 
 def _generate(geometry: Geometry, maxh: float) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
-from tcstudy.report.text import number, table
+from tcstudy.report.text import number, prefix, table
 
 MOST_ROWS = 48
 """Points shown; the file has them all."""
@@ -33,25 +33,27 @@ def _levels(data: Any) -> str:
     ok = (data["status"] == int(PointStatus.OK)).sum(dims)
     total = int(np.prod([data.sizes[d] for d in dims], dtype=int))
     rows = []
+    lambda_1 = data["lambda_1"].min(dims)
+    stiffness, stiffness_unit = prefix(lambda_1.values.tolist(), data["lambda_1"].attrs["units"])
+    size, unit = prefix(data["h_max"].values.tolist(), data["h_max"].attrs["units"])
     for i in range(data.sizes["level"]):
         at = data.isel(level=i)
         rows.append(
             [
                 str(int(at["level"])),
-                number(at["h_max"]),
+                number(at["h_max"] / size),
                 str(int(at["n_dof"])),
                 str(int(at["n_contact"])),
                 f"{int(ok[i])}/{total}",
                 number(at["inclusion_residual"].max(), 2),
-                number(at["lambda_1"].min()),
+                number(lambda_1[i] / stiffness),
                 number(at["time_mesh"] + at["time_assemble"], 2),
                 number(at["time_condense"].sum(), 2),
                 number(at["time_solve"].sum(), 2),
             ]
         )
-    unit = data["h_max"].attrs["units"]
-    header = ["level", f"h_max [{unit}]", "dofs", "contact", "ok", "worst residual"]
-    header += [f"λ₁ [{data['lambda_1'].attrs['units']}]", "mesh+assembly [s]", "condense [s]", "solve [s]"]
+    header = ["level", _bracketed("h_max", unit), "dofs", "contact", "ok", "worst residual"]
+    header += [_bracketed("λ₁", stiffness_unit), "mesh+assembly [s]", "condense [s]", "solve [s]"]
     return table(header, rows)
 
 
@@ -71,8 +73,9 @@ def _points(data: Any) -> str:
     fine = data.isel(level=-1)
     columns = [(name, title) for name, title in _COLUMNS if np.isfinite(fine[name].values).any()]
     axes = [name for name in data.coords if name != "level"]
+    scales = {name: prefix(fine[name].values.ravel().tolist(), fine[name].attrs["units"]) for name, _ in columns}
     header = [_titled(axis, data[axis]) for axis in axes]
-    header += [f"{title} [{fine[name].attrs['units']}]" for name, title in columns]
+    header += [_bracketed(title, scales[name][1]) for name, title in columns]
     refined = data.sizes["level"] > 1
     header += ["unique", *(["Δ∫ξ to last level"] if refined else [])]
     rows = []
@@ -80,19 +83,23 @@ def _points(data: Any) -> str:
         where = dict(zip(dims, index, strict=True))
         at = fine.isel(where)
         row = [_label(at[axis].item()) for axis in axes]
-        row += [number(at[name]) for name, _ in columns]
-        row.append("yes" if at["uniqueness_margin"] > 0 else "not shown")
+        row += [number(at[name] / scales[name][0]) for name, _ in columns]
+        row.append("yes" if at["uniqueness_margin"] > 0 else "open")
         if refined:
             row.append(_change(data["friction_resultant"].isel(where).values))
         rows.append(row)
     level = int(fine["level"])
     more = int(np.prod(shape)) - len(rows)
     title = f"  Level {level}, the finest:" + (f" first {len(rows)} of {len(rows) + more} points" if more > 0 else "")
-    return title + "\n\n" + table(header, rows)
+    legend = "  unique: yes if λ₁ > ω proves that there is no other solution; open if that test does not decide"
+    return title + "\n\n" + table(header, rows) + "\n\n" + legend
 
 
 def _titled(name: str, axis: Any) -> str:
-    unit = axis.attrs.get("units", "1")
+    return _bracketed(name, axis.attrs.get("units", "1"))
+
+
+def _bracketed(name: str, unit: str) -> str:
     return name if unit == "1" else f"{name} [{unit}]"
 
 

@@ -16,6 +16,22 @@ def number(value: float, digits: int = 4) -> str:
     return f"{value:.{digits}g}"
 
 
+PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+
+
+def prefix(values: Sequence[float], units: str) -> tuple[float, str]:
+    """(divisor, units with an SI prefix) that bring the middle of the magnitudes of `values` to 1 … 1000.
+
+    Units that a prefix does not suit ("1", "K", "s" and dimensionless data) stay as they are.
+    """
+    sizes = sorted(abs(v) for v in values if math.isfinite(v) and v != 0.0)
+    if not sizes or units in ("1", "K", "s"):
+        return 1.0, units
+    middle = sizes[len(sizes) // 2]
+    divisor, letter = next((p for p in PREFIXES if middle >= p[0]), PREFIXES[-1])
+    return divisor, letter + units
+
+
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], indent: str = "  ") -> str:
     """Columns aligned right where every cell looks like a number, left otherwise."""
     columns = list(zip(header, *rows, strict=True))

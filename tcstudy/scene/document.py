@@ -6,11 +6,12 @@ Anchors and aliases work; tags, merge keys and keys that are not plain words are
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.error import MarkedYAMLError, YAMLError, YAMLWarning
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 from ruamel.yaml.nodes import Node as YamlNode
 
@@ -49,7 +50,9 @@ def compose(text: str, file: str, errors: Collector, path: str = "", *, option: 
     option: the text is the value of a `--set` option, so that marks have no line
     """
     try:
-        root = YAML(typ="safe", pure=True).compose(text)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", YAMLWarning)  # an anchor may be used again, says YAML 1.2
+            root = YAML(typ="safe", pure=True).compose(text)
         if root is None:
             raise _refusal(file, "the file is empty", "start from configs/quickstart.yaml")
         return _Builder(file, errors, option).node(root, path, None)
@@ -100,11 +103,14 @@ class _Builder:
     def node(self, node: YamlNode, path: str, key: Mark | None) -> Node:
         """Our node for one of the library's; key is the place of the key it stands under."""
         mark = self.mark(node)
+        if key and isinstance(node, ScalarNode) and node.value == "" and node.style is None:
+            mark = key  # the library puts an empty value where the next key begins
         self.count += 1
-        if self.count > MAX_NODES or len(self.open) > MAX_DEPTH or any(node is outer for outer in self.open):
-            what = "the study is too large, nested too deeply, or an alias contains itself"
-            place = (mark.line, mark.column)
-            raise _refusal(self.file, what, "write long sweeps as {linspace: [a, b, n]}", *place, path)
+        if any(node is outer for outer in self.open):
+            raise _refusal(self.file, "an alias contains itself", "write the value out", mark.line, mark.column, path)
+        if self.count > MAX_NODES or len(self.open) > MAX_DEPTH:
+            what, remedy = "the study is too large or nested too deeply", "write long sweeps as {linspace: [a, b, n]}"
+            raise _refusal(self.file, what, remedy, mark.line, mark.column, path)
         self.open.append(node)
         value = self.value(node, path, mark)
         self.open.pop()
@@ -120,9 +126,11 @@ class _Builder:
             try:
                 return _scalar(tag, str(node.value))
             except ValueError:
-                self.errors.at_mark(mark, path, f"{str(node.value)[:40]!r} is not a number", "write a decimal number")
+                what = f"{str(node.value)[:40]!r} is not a number"
+                self.errors.unreadable(mark, path, what, "write a decimal number")
                 return None
-        self.errors.at_mark(mark, path, f"the YAML tag {tag.replace(TAG, '!!')} is not supported", "remove the tag")
+        what = f"the YAML tag {tag.replace(TAG, '!!')} is not supported"
+        self.errors.unreadable(mark, path, what, "remove the tag")
         return None
 
     def mapping(self, node: MappingNode, path: str) -> dict[str, Node]:

@@ -168,9 +168,7 @@ def parse(text: str) -> Expression:
         tree = ast.parse(source, mode="eval")
     except SyntaxError as error:
         at = offset((error.offset or 1) - 1)
-        raise ExpressionError(
-            f"the expression cannot be read from character {at + 1} on; {ALLOWED}", at
-        ) from None
+        raise ExpressionError(f"the expression cannot be read from character {at + 1} on; {ALLOWED}", at) from None
     except (RecursionError, MemoryError):
         raise _too_deep(0) from None
     return Expression(text.strip(), _convert(tree.body, offset, 0))
@@ -204,9 +202,7 @@ def _canonical(text: str) -> tuple[str, list[int]]:
     if depth:
         raise ExpressionError(f"{depth} of the parentheses ( are not closed; add ) at the end", at)
     if previous in "+-*/^**":
-        raise ExpressionError(
-            f"the expression ends with {previous}; write the operand after it or remove it", at
-        )
+        raise ExpressionError(f"the expression ends with {previous}; write the operand after it or remove it", at)
     return source, origin
 
 
@@ -220,9 +216,7 @@ def _word(kind: str, token: str, at: int) -> str:
     if kind == "name":
         known = (*VARIABLES, *CONSTANTS, *FUNCTIONS)
         if token not in known:
-            near = difflib.get_close_matches(token, known, n=1) or difflib.get_close_matches(
-                token.lower(), known, n=1
-            )
+            near = difflib.get_close_matches(token, known, n=1) or difflib.get_close_matches(token.lower(), known, n=1)
             hint = f"did you mean {near[0]!r}? " if near else ""
             raise ExpressionError(f"unknown name {token[:40]!r}; {hint}{ALLOWED}", at)
     return "**" if kind == "power" else token
@@ -247,9 +241,7 @@ def _bad_character(character: str, at: int) -> ExpressionError:
 
 
 def _too_deep(at: int) -> ExpressionError:
-    return ExpressionError(
-        f"the expression is nested too deeply (limit {MAX_DEPTH} levels); split or shorten it", at
-    )
+    return ExpressionError(f"the expression is nested too deeply (limit {MAX_DEPTH} levels); split or shorten it", at)
 
 
 def _convert(node: ast.expr, offset: Callable[[int], int], depth: int) -> _Node:

@@ -127,7 +127,7 @@ class FrictionLaw:
 
     @cached_property
     def _offsets(self) -> Array:
-        """Constants that make j continuous with j(0) = 0, summed outwards from 0: j of an odd law is even to the bit."""
+        """Constants that make j continuous, j(0) = 0; summed outwards, so j of an odd law is even to the bit."""
         index = np.arange(len(self.kinks))
         steps = self._primitive(self.kinks, index) - self._primitive(self.kinks, index + 1)
         centre = int(self.piece(0.0))

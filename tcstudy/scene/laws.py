@@ -146,16 +146,10 @@ def _saw_tooth(tau: float, delta: float, teeth: int, drop: float, decay: float) 
         raise LawError("teeth", f"must be from 1 to {MAX_TEETH}, not {teeth}")
     for name, value in (("drop", drop), ("decay", decay)):
         if not 0.0 < value <= 1.0:
-            raise LawError(
-                name, f"must be above 0 and at most 1, not {value:g}; it is a fraction of the peak"
-            )
+            raise LawError(name, f"must be above 0 and at most 1, not {value:g}; it is a fraction of the peak")
     peaks = [tau * decay**i for i in range(teeth + 1)]
-    pieces = [
-        _Piece(peak * (1.0 - drop - drop * i), drop * peak / delta) for i, peak in enumerate(peaks[:-1])
-    ]
-    return _odd(
-        "saw-tooth", [i * delta for i in range(1, teeth + 1)], [*pieces, _Piece((1.0 - drop) * peaks[-1])]
-    )
+    pieces = [_Piece(peak * (1.0 - drop - drop * i), drop * peak / delta) for i, peak in enumerate(peaks[:-1])]
+    return _odd("saw-tooth", [i * delta for i in range(1, teeth + 1)], [*pieces, _Piece((1.0 - drop) * peaks[-1])])
 
 
 def _linear(k: float) -> FrictionLaw:
@@ -206,9 +200,7 @@ def _vertices(points: list[tuple[float, float]]) -> list[_Vertex]:
         if not vertices or s > vertices[-1].s:
             vertices.append(_Vertex(s, b, b))
         elif number > 2 and points[number - 3][0] == s:
-            raise LawError(
-                "points", f"three points have the same s = {s:g}; a jump has two, before and after"
-            )
+            raise LawError("points", f"three points have the same s = {s:g}; a jump has two, before and after")
         else:
             vertices[-1] = vertices[-1]._replace(right=b)
     return vertices

@@ -16,6 +16,10 @@ WORDS = {("boundary", "*"): "role", ("solver",): "name", ("output",): "path"}
 """Places where a single word is short for a mapping, and the key the word stands for."""
 
 
+COMPONENTS = ("u", "u_x", "u_y", "u_N", "u_T")
+"""Keys that give the displacement of a clamped edge."""
+
+
 @dataclass(frozen=True, slots=True)
 class Mark:
     """A place: file, line and column from 1 (0, 0 in a command-line option)."""
@@ -61,6 +65,18 @@ class Node:
             return {None: "null", True: "true", False: "false"}[self.value]
         return " ".join(str(self.value).split())
 
+    def kind(self) -> str:
+        """What the node holds, in words."""
+        if isinstance(self.value, Mapping):
+            return "a mapping"
+        if isinstance(self.value, tuple):
+            return f"a list of {len(self.value)}" if self.value else "an empty list"
+        if isinstance(self.value, bool):
+            return f"the truth value {self.text()}"
+        if self.value is None or self.value == "":
+            return "empty"
+        return f"the text {self.brief()!r}" if isinstance(self.value, str) else f"the number {self.brief()}"
+
     def brief(self) -> str:
         """The text, shortened so that a message stays one readable line."""
         text = self.text()
@@ -76,18 +92,37 @@ class Collector:
     def __init__(self) -> None:
         self.problems: list[Problem] = []
         self.point = ""
+        self._count = 0
         self._places: set[tuple[Mark, str]] = set()
+        self._said: set[str] = set()
+        self._unreadable: set[Mark] = set()
         self._seen: set[Problem] = set()
 
     def __len__(self) -> int:
-        return len(self.problems)
+        """How often a fault was met, repeated ones included: unchanged if what was read in between is sound."""
+        return self._count
 
     def at(self, node: Node, what: str, remedy: str, *, key: str | None = None, on_key: bool = False) -> None:
         """Record a fault at a node, or at its key; the same fault in further sweep points is one fault."""
         self.at_mark(node.key_mark if on_key else node.mark, node.path if key is None else key, what, remedy)
 
+    def once(self, node: Node, what: str, remedy: str, key: str | None = None) -> None:
+        """Record a fault between sections, whose place depends on the sweep point, at the first place only."""
+        self._count += 1
+        if what not in self._said:
+            self._said.add(what)
+            self.at(node, what, remedy, key=key)
+
+    def unreadable(self, mark: Mark, key: str, what: str, remedy: str) -> None:
+        """Record that there is no value at a place; whatever its readers say about it is no news."""
+        self.at_mark(mark, key, what, remedy)
+        self._unreadable.add(mark)
+
     def at_mark(self, mark: Mark, key: str, what: str, remedy: str) -> None:
         """Record a fault at a place."""
+        self._count += 1
+        if mark in self._unreadable:
+            return
         if self.point:
             if (mark, key) in self._places:
                 return
@@ -151,9 +186,19 @@ def put(root: Node, keys: Keys, new: Node | None, done: Keys = ()) -> Node:
     if new is None and not rest:
         children.pop(key, None)
     elif new is not None or key in children:
+        if len(done) == 2 and done[0] == "boundary":
+            _hold_other(children, key)
         empty = Node({}, ".".join(map(str, (*done, key))), (new or root).mark, (new or root).key_mark)
         children[key] = put(children.get(key, empty), rest, new, (*done, key))
     return replace(root, value=children)
+
+
+def _hold_other(children: dict[str, Node], key: str) -> None:
+    """A clamped edge without a displacement has u = 0: putting one component must not set the other one free."""
+    role = children.get("role")
+    frame = next((pair for pair in (("u_x", "u_y"), ("u_N", "u_T")) if key in pair), ())
+    if role is not None and role.value == "clamped" and not any(name in COMPONENTS for name in children):
+        children.update({name: replace(role, value=0) for name in frame})
 
 
 def _children(node: Node, here: str, done: Keys) -> dict[str, Node]:
@@ -164,5 +209,5 @@ def _children(node: Node, here: str, done: Keys) -> dict[str, Node]:
         return {}
     word = WORDS.get((str(done[0]), "*") if len(done) == 2 else tuple(map(str, done)))
     if word is None or not isinstance(node.value, str):
-        raise KeyError(f"{here} is {node.brief()}, not a mapping with keys")
+        raise KeyError(f"{here} is {node.kind()}, not a mapping with keys")
     return {word: node}

@@ -93,8 +93,9 @@ def sweepable(edges: Iterable[str], law: str | None) -> dict[Keys, Parameter]:
             found.setdefault(path, Parameter(path, kind, LAW_DIMENSIONS[p.dimension]))
     for edge in edges:
         for key, (edge_kind, dimension) in EDGE.items():
-            path = ("boundary", edge, key)
-            found[path] = Parameter(path, "field" if edge_kind == "field" else "text", dimension)
+            found["boundary", edge, key] = Parameter(
+                ("boundary", edge, key), "field" if edge_kind == "field" else "text", dimension
+            )
     return found
 
 

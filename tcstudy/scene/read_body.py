@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tcstudy.scene import shapes, walker
+from tcstudy.scene.fields import Fields
 from tcstudy.scene.node import Node, deepest, split_path
 from tcstudy.scene.records import Body, BrepFace, Edge, Loop, Point, Region
 from tcstudy.scene.units import LENGTH, UnitError, to_si
-from tcstudy.scene.walker import Context, Fields
+from tcstudy.scene.walker import Context
 
 SIDES = ("bottom", "right", "top", "left")
 FORMATS = {".step": "mm", ".stp": "mm", ".brep": "m"}
@@ -64,7 +65,7 @@ def edge_names(body: Body) -> tuple[str, ...]:
 
 def check_shape(ctx: Context, body: Body, root: Node) -> bool:
     """Record what is wrong with the shape of the body where the study gives it; True if it is sound."""
-    faults = shapes.check_body(body)
+    faults = _oversized(body) or shapes.check_body(body)
     for fault in faults:
         where = fault.where
         inline = deepest(root, ("heat", "omega"))
@@ -72,6 +73,27 @@ def check_shape(ctx: Context, body: Body, root: Node) -> bool:
             where = inline.path
         ctx.errors.at(deepest(root, split_path(where) or ("body",)), fault.what, fault.remedy, key=where)
     return not faults
+
+
+def _oversized(body: Body) -> list[shapes.Fault]:
+    """Holes and regions many times larger than the body, found before anything is computed with them."""
+    if body.outline is None:
+        return []
+    places = [(f"body.holes[{i}]", hole) for i, hole in enumerate(body.holes)]
+    places += [(f"body.regions.{region.name}", region.loop) for region in body.regions]
+    size = _reach(body.outline)
+    remedy = "check its numbers and their units"
+    return [
+        shapes.Fault(place, f"it is {_reach(loop) / size:.3g} times as large as the body", remedy)
+        for place, loop in places
+        if _reach(loop) > 10.0 * size > 0.0
+    ]
+
+
+def _reach(loop: Loop) -> float:
+    """Longer side of the box around the points of a loop."""
+    points = [p for edge in loop.edges for p in (edge.start, edge.end, edge.through or edge.start)]
+    return max(max(p[axis] for p in points) - min(p[axis] for p in points) for axis in (0, 1)) if points else 0.0
 
 
 def _outline(ctx: Context, node: Node) -> Loop:
@@ -96,12 +118,21 @@ def _rectangle_body(ctx: Context, node: Node) -> Loop:
     if edges := fields["edges"]:
         given = Fields(ctx, edges, (), SIDES)
         names |= {side: walker.name(ctx, value, "an edge name") for side in SIDES if (value := given[side])}
-    return _rectangle(fields, tuple(names.values()), fields.point("corner", (0.0, 0.0)))
+    bottom, right, top, left = names.values()
+    return _rectangle(fields, (bottom, right, top, left), fields.point("corner", (0.0, 0.0)))
 
 
-def _rectangle(fields: Fields, names: tuple[str, ...], corner: Point) -> Loop:
+def _rectangle(fields: Fields, names: tuple[str, str, str, str], corner: Point) -> Loop:
     width, height = (fields.quantity(key, LENGTH, "positive") for key in ("width", "height"))
-    return shapes.rectangle_loop(corner, width, height, names)
+    if width > 0.0 and height > 0.0:
+        return shapes.rectangle_loop(corner, width, height, names)
+    return _unknown(*names)
+
+
+def _unknown(*names: str) -> Loop:
+    """Stands for a loop that could not be read, of which only the names of the edges are known."""
+    nowhere = (math.nan, math.nan)
+    return Loop(tuple(Edge(nowhere, nowhere, name) for name in names))
 
 
 def _one_shape(ctx: Context, node: Node, kinds: tuple[str, ...]) -> tuple[str, Node] | None:
@@ -121,7 +152,7 @@ def _holes(ctx: Context, node: Node | None) -> tuple[Loop, ...]:
     for item in walker.items(ctx, node, "a list of holes") if node else ():
         shape = _one_shape(ctx, item, ("circle", "rectangle", "outline"))
         if shape is None:
-            holes.append(Loop((Edge((math.nan, 0.0), (math.nan, 0.0), ""),)))
+            holes.append(_unknown(""))
         elif shape[0] == "outline":
             holes.append(_outline(ctx, shape[1]))
         else:
@@ -139,8 +170,9 @@ def _simple_shape(ctx: Context, kind: str, node: Node, edge: str | None) -> Loop
     if edge is None:
         edge = walker.name(ctx, value, "an edge name") if (value := fields["edge"]) else ""
     if kind == "circle":
-        return shapes.circle_loop(fields.point("center"), fields.quantity("radius", LENGTH, "positive"), edge)
-    return _rectangle(fields, (edge,) * 4, fields.point("corner"))
+        radius = fields.quantity("radius", LENGTH, "positive")
+        return shapes.circle_loop(fields.point("center"), radius, edge) if radius > 0.0 else _unknown(edge)
+    return _rectangle(fields, (edge, edge, edge, edge), fields.point("corner"))
 
 
 def read_region(ctx: Context, node: Node, name: str) -> Region:
@@ -151,7 +183,7 @@ def read_region(ctx: Context, node: Node, name: str) -> Region:
     if shape[0] != "polygon":
         return Region(name, _simple_shape(ctx, *shape, edge=name))
     points = tuple(walker.point(ctx, item) for item in walker.items(ctx, shape[1], "a list of points", least=3))
-    return Region(name, shapes.polygon_loop(points, (name,) * len(points)))
+    return Region(name, shapes.polygon_loop(points, name))
 
 
 def read_regions(ctx: Context, node: Node | None) -> tuple[Region, ...]:
@@ -160,7 +192,7 @@ def read_regions(ctx: Context, node: Node | None) -> tuple[Region, ...]:
         return ()
     if not isinstance(node.value, Mapping):
         remedy = "write {NAME: {circle: {center: [x, y], radius: r}}}"
-        ctx.errors.at(node, f"must be a mapping of names to shapes, but is {walker.kind(node)}", remedy)
+        ctx.errors.at(node, f"must be a mapping of names to shapes, but is {node.kind()}", remedy)
         return ()
     for name, item in node.value.items():
         check_name(ctx, name, item)
@@ -206,7 +238,7 @@ def _named_points(ctx: Context, node: Node | None) -> tuple[tuple[str, tuple[Poi
         return ()
     if not isinstance(node.value, Mapping):
         remedy = "write {NAME: [[x, y], ...]}: the edge nearest to each point gets the name"
-        ctx.errors.at(node, f"must be a mapping of names to points, but is {walker.kind(node)}", remedy)
+        ctx.errors.at(node, f"must be a mapping of names to points, but is {node.kind()}", remedy)
         return ()
     named = []
     for name, item in node.value.items():

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from tcstudy.scene import walker
-from tcstudy.scene.node import Node
+from tcstudy.scene.fields import Fields
+from tcstudy.scene.node import COMPONENTS, Node
 from tcstudy.scene.records import Clamped, Contact, Convection, Free, Role, Scalar, Traction
 from tcstudy.scene.units import LENGTH, TRACTION
-from tcstudy.scene.walker import Context, Fields
+from tcstudy.scene.walker import Context
 
 ROLES = ("clamped", "traction", "contact", "convection", "free")
 KEYS: dict[str, tuple[str, ...]] = {
-    "clamped": ("u", "u_x", "u_y", "u_N", "u_T"),
+    "clamped": COMPONENTS,
     "traction": ("g", "pressure"),
     "contact": (),
     "convection": ("g", "pressure"),
@@ -31,7 +32,7 @@ def read_boundary(ctx: Context, node: Node, names: tuple[str, ...] | None) -> Bo
     before = len(ctx.errors)
     if not isinstance(node.value, Mapping):
         remedy = f"write one EDGE: role per line; roles are {', '.join(ROLES)}"
-        ctx.errors.at(node, f"must be a mapping of edges to roles, but is {walker.kind(node)}", remedy)
+        ctx.errors.at(node, f"must be a mapping of edges to roles, but is {node.kind()}", remedy)
         return None
     roles = {edge: _role(ctx, item) for edge, item in node.value.items()}
     if names is not None:
@@ -64,7 +65,7 @@ def _role(ctx: Context, node: Node) -> Role:
         return _build(ctx, node, walker.choice(ctx, node, ROLES), None)
     word = node.child("role")
     if word is None:
-        Fields(ctx, node, ("role",), ("u", "u_x", "u_y", "u_N", "u_T", "g", "pressure"))
+        Fields(ctx, node, ("role",), (*COMPONENTS, "g", "pressure"))
         return Free()
     before = len(ctx.errors)
     kind = walker.choice(ctx, word, ROLES)
@@ -81,7 +82,7 @@ def _build(ctx: Context, node: Node, kind: str, fields: Fields | None) -> Role:
     if kind == "clamped":
         return _clamped(ctx, node, fields) if fields else Clamped()
     if kind == "traction" and (fields is None or not (fields["g"] or fields["pressure"])):
-        remedy = "write {role: traction, g: [0, -1 MPa]} or {role: traction, pressure: 1 MPa}; without load: free"
+        remedy = "write {role: traction, g: [gx, gy]} or {role: traction, pressure: p}, or the role free"
         if fields is None or len(fields.values) == 1:
             ctx.errors.at(node, "a traction edge needs g or pressure", remedy)
         return Traction()
@@ -104,7 +105,7 @@ def _clamped(ctx: Context, node: Node, fields: Fields) -> Clamped:
         parts = [_component(ctx, value) if (value := fields[key]) else None for key in keys]
         result = Clamped((parts[0], parts[1]), "nt" if frame == "nt" else "xy")
     elif whole:
-        both = walker.pair(ctx, whole, "a pair of displacements", "[0 mm, free]" if ctx.units == "SI" else "[0, free]")
+        both = walker.pair(ctx, whole, "a pair of displacements", "[0 mm, free]")
         result = Clamped((_component(ctx, both[0]), _component(ctx, both[1]))) if both else Clamped()
     else:
         result = Clamped()

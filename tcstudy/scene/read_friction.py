@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from tcstudy.scene import walker
+from tcstudy.scene.fields import Fields
 from tcstudy.scene.friction import FrictionLaw, GrowthError
 from tcstudy.scene.laws import SHAPES, LawError, Parameter
 from tcstudy.scene.node import Node
 from tcstudy.scene.units import LAW_DIMENSIONS, LENGTH, TRACTION
-from tcstudy.scene.walker import Context, Fields
+from tcstudy.scene.walker import Context
 
 LAW_EXAMPLES = {
     "length": "40 um",
@@ -25,9 +27,16 @@ LAW_EXAMPLES = {
 def read_friction(ctx: Context, node: Node) -> FrictionLaw | None:
     """The friction law; None after a fault."""
     before = len(ctx.errors)
+    if not isinstance(node.value, Mapping):
+        ctx.errors.at(
+            node,
+            f"must be a mapping, but is {node.kind()}",
+            ctx.example("write for example {law: tresca, tau: 20 MPa}"),
+        )
+        return None
     word = node.child("law")
     if word is None:
-        Fields(ctx, node, ("law",), {p.name for shape in SHAPES.values() for p in shape.parameters})
+        Fields(ctx, node, ("law",), dict.fromkeys(p.name for shape in SHAPES.values() for p in shape.parameters))
         return None
     name = walker.choice(ctx, word, tuple(SHAPES))
     if len(ctx.errors) > before:
@@ -38,7 +47,12 @@ def read_friction(ctx: Context, node: Node) -> FrictionLaw | None:
         misspelt = any(walker.nearest(key, (p.name,)) for key in fields.values if key not in _known(parameters))
         if p.required and fields[p.name] is None and not misspelt:
             example = LAW_EXAMPLES.get(p.kind, LAW_EXAMPLES[p.dimension])
-            ctx.errors.at(node, f"is missing in the law {name}", f"add {p.name}: {example}", key=f"{node.path}.{p.name}")
+            ctx.errors.at(
+                node,
+                f"is missing in the law {name}",
+                f"add {p.name}: {ctx.example(example)}",
+                key=f"{node.path}.{p.name}",
+            )
     values = {p.name: _value(ctx, item, p) for p in parameters if (item := fields[p.name])}
     return _build(ctx, node, name, values) if len(ctx.errors) == before else None
 
@@ -86,5 +100,3 @@ def _point(ctx: Context, node: Node) -> tuple[float, float]:
     if both is None:
         return math.nan, math.nan
     return walker.quantity(ctx, both[0], LENGTH), walker.quantity(ctx, both[1], TRACTION)
-
-

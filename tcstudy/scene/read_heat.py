@@ -1,15 +1,16 @@
-"""Reads the section `heat`: a known temperature, or conduction with a source in ω and exchange on Γ_θ, eqs. (2), (5)."""
+"""Reads the section `heat`: a known temperature, or conduction with a source in ω and exchange on Γ_θ (eqs. 2, 5)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 from tcstudy.scene import walker
+from tcstudy.scene.fields import Fields
 from tcstudy.scene.node import Node
 from tcstudy.scene.read_body import REGION_SHAPES, read_region
-from tcstudy.scene.records import Body, Heat, Region
+from tcstudy.scene.records import Body, Heat
 from tcstudy.scene.units import HEAT_SOURCE, HEAT_TRANSFER, TEMPERATURE
-from tcstudy.scene.walker import Context, Fields
+from tcstudy.scene.walker import Context
 
 INLINE = "omega"
 """Name of the region that `omega` describes in place."""
@@ -37,17 +38,17 @@ def read_heat(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) 
     before = len(ctx.errors)
     if node.child("theta"):
         fields = Fields(ctx, node, ("theta",), ("alpha", "theta_bar", "q", "omega"))
-        for key in ("alpha", "theta_bar", "q", "omega"):
-            if value := fields[key]:
-                remedy = "remove it, or remove theta so that the temperature is computed"
-                ctx.errors.at(value, "has no meaning beside a known temperature theta", remedy, on_key=True)
+        others = [key for key in fields.values if key in ("alpha", "theta_bar", "q", "omega")]
+        if others:
+            what = f"theta is the known temperature, so {', '.join(others)} would not be used"
+            ctx.errors.once(fields.values["theta"], what, "keep theta alone, or remove it to compute the temperature")
         heat = Heat(theta=fields.field("theta", TEMPERATURE))
     else:
         fields = Fields(ctx, node, ("alpha", "theta_bar"), ("q", "omega", "theta"))
         alpha = fields.quantity("alpha", HEAT_TRANSFER, "not negative")
         theta_bar, q = fields.field("theta_bar", TEMPERATURE), fields.field("q", HEAT_SOURCE)
         heat = Heat(None, alpha, theta_bar, q, _omega(ctx, fields["omega"], regions))
-        if alpha == 0.0 and q != 0.0:
+        if alpha == 0.0 and q != 0.0 and len(ctx.errors) == before:
             remedy = "give alpha > 0, or q: 0"
             what = "with alpha = 0 the heat of q cannot leave the body, so there is no steady state"
             ctx.errors.at(fields.values["alpha"], what, remedy)
@@ -63,13 +64,20 @@ def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> 
             remedy = "describe the regions under body.regions and sweep over their names"
             ctx.errors.at(node, "a shape cannot be swept, because the mesh depends on it", remedy)
         return (INLINE,)
-    single = isinstance(node.value, str)
+    if not isinstance(node.value, str) and (not isinstance(node.value, tuple) or not node.value):
+        remedy = f"write NAME or [NAME, ...], or a shape: {', '.join(REGION_SHAPES)}"
+        ctx.errors.at(node, f"must name regions of the body, but is {node.kind()}", remedy)
+        return ()
     names = []
-    for item in (node,) if single else walker.items(ctx, node, "a region, a list of regions or a shape", least=1):
+    for item in node.value if isinstance(node.value, tuple) else (node,):
         name = walker.text(ctx, item, "the name of a region")
         if name and regions is not None and name not in regions:
             shapes = f"one of {', '.join(REGION_SHAPES)}"
-            known = walker.choose(name, regions) if regions else f"add it under body.regions, or write {shapes} here"
+            known = (
+                walker.choose(name, regions, "one of")
+                if regions
+                else f"add it under body.regions, or write {shapes} here"
+            )
             ctx.errors.at(item, f"the body has no region {name!r}", known)
         if name in names:
             ctx.errors.at(item, f"the region {name!r} is given twice", "name each region once")

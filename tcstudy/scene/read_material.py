@@ -7,14 +7,17 @@ plane stress has lam → 2 lam mu/(lam + 2 mu), beta = E alpha_T/(1 − nu).
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 from tcstudy.scene import walker
+from tcstudy.scene.fields import Fields
 from tcstudy.scene.node import Node
 from tcstudy.scene.records import Material, Scalar
 from tcstudy.scene.units import BODY_FORCE, CONDUCTIVITY, EXPANSION, NONE, THERMAL_STRESS, TRACTION
-from tcstudy.scene.walker import Context, Fields
+from tcstudy.scene.walker import Context
 
 KEYS = ("E", "nu", "lambda", "mu", "plane", "k", "alpha_T", "beta")
+PLANES: tuple[Literal["strain", "stress"], ...] = ("strain", "stress")
 
 
 def read_material(ctx: Context, node: Node) -> Material | None:
@@ -22,10 +25,12 @@ def read_material(ctx: Context, node: Node) -> Material | None:
     before = len(ctx.errors)
     fields = Fields(ctx, node, (), KEYS)
     E, nu, lam, mu = _elastic(ctx, fields)
-    plane = walker.choice(ctx, value, ("strain", "stress")) if (value := fields["plane"]) else "strain"
+    plane: Literal["strain", "stress"] = "strain"
+    if value := fields["plane"]:
+        plane = walker.choice(ctx, value, PLANES)
     k = fields.quantity("k", CONDUCTIVITY, "positive") if fields["k"] else None
     if fields["alpha_T"] and fields["beta"]:
-        ctx.errors.at(fields.values["beta"], "both alpha_T and beta are given", "give one of the two", on_key=True)
+        ctx.errors.once(fields.values["beta"], "both alpha_T and beta are given", "give one of the two")
     alpha_T = fields.quantity("alpha_T", EXPANSION, default=0.0)
     beta = fields.quantity("beta", THERMAL_STRESS, default=math.nan)
     if len(ctx.errors) > before:
@@ -42,7 +47,7 @@ def _elastic(ctx: Context, fields: Fields) -> tuple[float, float, float, float]:
     engineering, lame = (bool(fields[a] or fields[b]) for a, b in (("E", "nu"), ("lambda", "mu")))
     if engineering and lame:
         odd = next(fields.values[key] for key in ("lambda", "mu") if fields[key])
-        ctx.errors.at(odd, "the material is given in two ways", "give either E and nu, or lambda and mu", on_key=True)
+        ctx.errors.once(odd, "the material is given in two ways", "give either E and nu, or lambda and mu")
         return (math.nan,) * 4
     if not fields.is_mapping:
         return (math.nan,) * 4

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from tcstudy.scene import walker
+from tcstudy.scene.fields import Fields
 from tcstudy.scene.node import Node
 from tcstudy.scene.records import MeshPlan, OutputPlan, SolverPlan
 from tcstudy.scene.units import LENGTH, NONE
-from tcstudy.scene.walker import Context, Fields
+from tcstudy.scene.walker import Context
 
 SOLVERS = ("separable-newton", "bundle-newton")
 MAX_LEVELS = 15
@@ -23,7 +24,7 @@ def read_mesh(ctx: Context, node: Node | None, h: Node | None) -> MeshPlan | Non
     single = given is not None and not isinstance(given.value, tuple)
     sizes = () if given is None else _sizes(ctx, given)
     levels = walker.integer(ctx, value, 1, MAX_LEVELS) if fields and (value := fields["levels"]) else 1
-    if fields and fields["levels"] and not single and len(sizes) > 1 and levels > 1:
+    if fields and fields["levels"] and not single and len(sizes) > 1 and levels > 1 and len(ctx.errors) == before:
         remedy = "give one maxh and levels (nested meshes), or a list of maxh alone"
         ctx.errors.at(fields.values["levels"], "levels go with a single maxh", remedy, on_key=True)
     if len(ctx.errors) > before or not sizes:

@@ -6,18 +6,18 @@ The values stay nodes of the study: a sweep point is the study with these nodes 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from tcstudy.scene import walker
+from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.node import Node
 from tcstudy.scene.parameters import FIXED, SHORT, Keys, Parameter
 from tcstudy.scene.records import Axis
-from tcstudy.scene.units import Dimension
-from tcstudy.scene.walker import Context, Fields
+from tcstudy.scene.sweep_values import MAX_POINTS, axis_labels, axis_values
+from tcstudy.scene.walker import Context
 
-MAX_POINTS = 1_000_000
 MODES = ("grid", "zip", "list")
 
 
@@ -45,19 +45,24 @@ class Sweep:
     h: Node | None = None
 
 
-def read_sweep(ctx: Context, node: Node | None, known: Mapping[Keys, Parameter]) -> Sweep | None:
-    """The sweep; None after a fault in its form (faults of values are found again in the scenes)."""
+def read_sweep(ctx: Context, node: Node | None, known: Mapping[Keys, Parameter], law: Node | None) -> Sweep | None:
+    """The sweep; None after a fault.
+
+    known: the parameters that can be swept
+    law:   the friction section of the base study
+    """
     if node is None:
         return Sweep()
     before = len(ctx.errors)
     if not isinstance(node.value, Mapping):
         remedy = "write one PARAMETER: [values] per line, for example alpha: [25, 100]"
-        ctx.errors.at(node, f"must be a mapping of parameters to values, but is {walker.kind(node)}", remedy)
+        ctx.errors.at(node, f"must be a mapping of parameters to values, but is {node.kind()}", remedy)
         return None
     mode = walker.choice(ctx, item, MODES) if (item := node.child("mode")) else "grid"
     given = {key: item for key, item in node.value.items() if key not in ("mode", "h")}
     axes = _point_list(ctx, node, given, known) if mode == "list" else _axes(ctx, given, known)
     _check_axes(ctx, node, axes, mode)
+    _check_law_parameters(ctx, axes, law)
     if len(ctx.errors) > before:
         return None
     return Sweep("grid" if mode == "grid" else "list", tuple(axes), node.child("h"))
@@ -69,8 +74,8 @@ def _axes(ctx: Context, given: Mapping[str, Node], known: Mapping[Keys, Paramete
         parameter = _parameter(ctx, key, item, known)
         if parameter is None:
             continue
-        values, names = _values(ctx, item, parameter)
-        axes.append(SweptAxis(key, item, parameter, values, names or _labels(ctx, values, parameter)))
+        values, names = axis_values(ctx, item, parameter)
+        axes.append(SweptAxis(key, item, parameter, values, names or axis_labels(ctx, values, parameter)))
     return axes
 
 
@@ -94,91 +99,25 @@ def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Paramete
     return None
 
 
-def _values(ctx: Context, node: Node, parameter: Parameter) -> tuple[tuple[Node, ...], tuple[str, ...]]:
-    """The values of an axis, and their names if they are laws."""
-    if parameter.kind == "law":
-        if isinstance(node.value, Mapping) and "law" not in node.value and node.value:
-            return tuple(node.value.values()), tuple(node.value)
-        remedy = "write {NAME: {law: tresca, tau: 20 MPa}, NAME: ...}"
-        what = f"must be a mapping of names to laws, but is {walker.kind(node)}"
-        ctx.errors.at(node, "is a single law, not a mapping of names to laws" if node.child("law") else what, remedy)
-        return (), ()
-    if isinstance(node.value, tuple) and node.value:
-        return node.value, ()
-    if isinstance(node.value, Mapping) and parameter.kind != "text":
-        return _spaced(ctx, node, parameter.dimension), ()
-    example = parameter.dimension.example if parameter.kind != "text" and ctx.units == "SI" else "..."
-    remedy = f"write a list such as [{example}, ...]" + ("" if parameter.kind == "text" else " or {linspace: [a, b, n]}")
-    what = "has no values" if node.value in (None, (), {}) else f"must be a list of values, but is {walker.kind(node)}"
-    ctx.errors.at(node, what, remedy)
-    return (), ()
-
-
-def _spaced(ctx: Context, node: Node, dimension: Dimension) -> tuple[Node, ...]:
-    """{linspace: [a, b, n]} or {geomspace: [a, b, n]}: n values from a to b, both included."""
-    before = len(ctx.errors)
-    fields = Fields(ctx, node, (), ("linspace", "geomspace"))
-    if len(fields.values) != 1 or len(ctx.errors) > before:
-        if len(ctx.errors) == before:
-            ctx.errors.at(node, "needs one of linspace and geomspace", "write {linspace: [a, b, n]}")
-        return ()
-    kind, item = next(iter(fields.values.items()))
-    if not isinstance(item.value, tuple) or len(item.value) != 3:
-        ctx.errors.at(item, f"must be [a, b, n], but is {walker.kind(item)}", f"write {{{kind}: [a, b, n]}}")
-        return ()
-    a, b = (walker.quantity(ctx, end, dimension) for end in item.value[:2])
-    n = walker.integer(ctx, item.value[2], 2, MAX_POINTS)
-    if kind == "geomspace" and a * b <= 0.0:
-        remedy = "give two positive numbers, or use linspace"
-        ctx.errors.at(item, f"geomspace needs two ends of one sign, not {a:g} and {b:g}", remedy)
-    if a == b:
-        ctx.errors.at(item, "both ends are equal, so the values are repeated", "give two different ends")
-    if len(ctx.errors) > before:
-        return ()
-    numbers = [_between(kind, a, b, i / (n - 1)) for i in range(n)]
-    return tuple(Node(value, item.path, item.mark, item.key_mark) for value in numbers)
-
-
-def _between(kind: str, a: float, b: float, t: float) -> float:
-    """The point at t of [a, b], the ends exact; geometric spacing rounded to what logarithms give."""
-    if t in (0.0, 1.0):
-        return b if t else a
-    if kind == "linspace":
-        return float(f"{a + (b - a) * t:.15g}")
-    return float(f"{math.copysign(math.exp((1 - t) * math.log(abs(a)) + t * math.log(abs(b))), a):.15g}")
-
-
-def _labels(ctx: Context, values: tuple[Node, ...], parameter: Parameter) -> tuple[float | str, ...]:
-    """Numbers in SI, or texts if any value is none."""
-    if parameter.kind == "text":
-        return tuple(value.text() for value in values)
-    free = parameter.path[0] == "boundary" and parameter.path[-1].startswith("u_")
-    if free and any(value.value == "free" for value in values):
-        return tuple(value.text() for value in values)
-    varies = parameter.kind == "field"
-    labels = [walker.scalar(ctx, value, parameter.dimension, varies=varies) for value in values]
-    if all(isinstance(label, float) for label in labels):
-        return tuple(label for label in labels if isinstance(label, float))
-    return tuple(value.text() for value in values)
-
-
 def _point_list(
     ctx: Context, node: Node, given: Mapping[str, Node], known: Mapping[Keys, Parameter]
 ) -> list[SweptAxis]:
     """mode: list, whose points all name the same parameters."""
-    for key, item in given.items():
-        if key != "points":
-            remedy = "with mode: list every parameter stands in points: [{PARAMETER: value, ...}, ...]"
-            ctx.errors.at(item, f"{key!r} does not belong here", remedy, on_key=True)
     points = given.get("points")
-    if points is None:
+    stray = [key for key in given if key != "points"]
+    if stray:
+        remedy = "put it into points: [{PARAMETER: value, ...}, ...], or use mode: grid"
+        what = f"with mode: list the parameter {stray[0]!r} belongs into points"
+        ctx.errors.at(given[stray[0]], what, remedy, on_key=True)
+    elif points is None:
         ctx.errors.at(node, "is missing", "add points: [{alpha: 25}, {alpha: 100}]", key=f"{node.path}.points")
+    if points is None:
         return []
     rows = walker.items(ctx, points, "a list of points {PARAMETER: value, ...}", least=1)
     first = rows[0].value if rows else {}
     for row in rows:
         if not isinstance(row.value, Mapping) or not row.value:
-            what = f"must be a mapping of parameters to values, but is {walker.kind(row)}"
+            what = f"must be a mapping of parameters to values, but is {row.kind()}"
             ctx.errors.at(row, what, "write {PARAMETER: value, ...}")
             return []
         if isinstance(first, Mapping) and set(row.value) != set(first):
@@ -192,7 +131,7 @@ def _point_list(
             values = tuple(row.value[key] for row in rows if isinstance(row.value, Mapping))
             names = tuple(_law_name(value) for value in values) if parameter.kind == "law" else ()
             values = tuple(_law_node(value) for value in values) if parameter.kind == "law" else values
-            axes.append(SweptAxis(key, points, parameter, values, names or _labels(ctx, values, parameter)))
+            axes.append(SweptAxis(key, points, parameter, values, names or axis_labels(ctx, values, parameter)))
     return axes
 
 
@@ -235,13 +174,27 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
         _check_repeated(ctx, axes[0].values, points)
 
 
+def _check_law_parameters(ctx: Context, axes: list[SweptAxis], law: Node | None) -> None:
+    """A swept parameter of the law must belong to every law of the study."""
+    laws = [value for axis in axes if axis.parameter.kind == "law" for value in axis.values] or ([law] if law else [])
+    words = [str(word.value) for node in laws if (word := node.child("law"))]
+    for axis in axes:
+        for law_name in words if axis.parameter.path[0] == "friction" and axis.parameter.kind != "law" else ():
+            names = [p.name for p in SHAPES[law_name].parameters] if law_name in SHAPES else None
+            if names is not None and axis.parameter.path[-1] not in names:
+                remedy = f"it has {', '.join(names)}; sweep the whole law by friction: {{NAME: {{law: ...}}, ...}}"
+                what = f"the law {law_name} has no parameter {axis.parameter.path[-1]!r}"
+                ctx.errors.at(axis.node, what, remedy, on_key=True)
+                break
+
+
 def _identity(axis: SweptAxis, i: int) -> object:
     """What makes two values the same: the number in SI, else the text."""
     label = axis.labels[i]
     return label if isinstance(label, float) else axis.values[i].text()
 
 
-def _check_repeated(ctx: Context, nodes: tuple[Node, ...], identities: list[object]) -> None:
+def _check_repeated(ctx: Context, nodes: tuple[Node, ...], identities: Sequence[object]) -> None:
     seen: set[object] = set()
     for node, identity in zip(nodes, identities, strict=True):
         if identity in seen:

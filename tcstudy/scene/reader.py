@@ -10,13 +10,14 @@ from tcstudy.errors import StudyError
 from tcstudy.scene import walker
 from tcstudy.scene.checks import check_mesh
 from tcstudy.scene.document import apply_overrides, compose, load_text
+from tcstudy.scene.fields import Fields
 from tcstudy.scene.node import Collector, Mark, Node, deepest, holds, put, split_path
 from tcstudy.scene.parameters import SHORT, sweepable
 from tcstudy.scene.read_run import read_mesh, read_output, read_solver
 from tcstudy.scene.read_sweep import Sweep, read_sweep, records
 from tcstudy.scene.records import Body, MeshPlan, OutputPlan, SolverPlan, Study
 from tcstudy.scene.scenes import SceneReader
-from tcstudy.scene.walker import Context, Fields
+from tcstudy.scene.walker import Context
 
 REQUIRED = ("body", "boundary", "material", "friction", "mesh")
 OPTIONAL = ("title", "institution", "units", "loads", "heat", "solver", "sweep", "output")
@@ -50,7 +51,7 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...])
     ctx = Context(Collector(), folder=source.parent if source else Path())
     root = apply_overrides(compose(text, file, ctx.errors), overrides, SHORT, ctx.errors)
     if not isinstance(root.value, Mapping):
-        ctx.errors.at(root, f"a study is a mapping, but this is {walker.kind(root)}", "see configs/quickstart.yaml")
+        ctx.errors.at(root, f"a study is a mapping, but this is {root.kind()}", "see configs/quickstart.yaml")
         raise StudyError(ctx.errors.problems)
     header = _read_header(ctx, root, source.stem if source else file)
     sweep = _read_sweep(ctx, root, overrides)
@@ -62,7 +63,9 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...])
     plans = _read_run(ctx, base, sweep, reader.body)
     if ctx.errors.problems:
         raise StudyError(ctx.errors.problems)
-    assert plans.mesh and plans.solver and plans.output
+    assert plans.mesh
+    assert plans.solver
+    assert plans.output
     return Study(
         title=header.title,
         text=text,
@@ -93,7 +96,7 @@ def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
     edges = tuple(boundary.value) if boundary and isinstance(boundary.value, Mapping) else ()
     law = word.value if friction and (word := friction.child("law")) else None
     known = sweepable(edges, law if isinstance(law, str) else None)
-    sweep = read_sweep(ctx, root.child("sweep"), known) or Sweep()
+    sweep = read_sweep(ctx, root.child("sweep"), known, friction) or Sweep()
     for option in overrides:
         key = SHORT.get(option.partition("=")[0].strip(), option.partition("=")[0].strip())
         keys = split_path(key) or ()
@@ -127,7 +130,7 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, body: Body | None) -> _Pla
     """Meshes, solver and output."""
     before = len(ctx.errors)
     if sweep.h and not isinstance(sweep.h.value, tuple):
-        ctx.errors.at(sweep.h, f"must be a list of sizes, but is {walker.kind(sweep.h)}", "write [20 mm, 10 mm]")
+        ctx.errors.at(sweep.h, f"must be a list of sizes, but is {sweep.h.kind()}", "write [20 mm, 10 mm]")
     mesh = read_mesh(ctx, root.child("mesh"), sweep.h) if len(ctx.errors) == before else None
     if mesh and body:
         check_mesh(ctx, sweep.h or deepest(root, ("mesh", "maxh")), mesh, body)

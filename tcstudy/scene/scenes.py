@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from tcstudy.scene.checks import check_heat, check_support
+from tcstudy.scene.checks import check_heat, check_support, supports
 from tcstudy.scene.node import Node, put
 from tcstudy.scene.read_body import BodyReading, check_shape, read_body
 from tcstudy.scene.read_boundary import read_boundary
@@ -40,6 +40,7 @@ class SceneReader:
         self.touching = {s: [i for i in self.order if sweep.axes[i].parameter.path[0] == s] for s in SECTIONS}
         self.nodes: dict[tuple[str, Indices], Node | None] = {}
         self.values: dict[tuple[str, Indices], Any] = {}
+        self.supports: set[tuple[object, ...]] = set()
         self.compared: set[tuple[Indices, ...]] = set()
 
     def _body(self, reading: BodyReading) -> Body | None:
@@ -127,7 +128,10 @@ class SceneReader:
             return read_friction(self.ctx, node)
         boundary = read_boundary(self.ctx, node, self.names)
         if boundary and self.body:
-            check_support(self.ctx, node, self.body, boundary)
+            held = supports(boundary)
+            if held not in self.supports:
+                self.supports.add(held)
+                check_support(self.ctx, node, self.body, boundary)
         return boundary
 
     def _compare(self, root: Node, values: Mapping[str, Any]) -> None:

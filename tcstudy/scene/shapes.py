@@ -27,8 +27,8 @@ FLATNESS = 1e-7
 """Largest distance of an arc from its polygon in the checks, relative to the size of the body."""
 MAX_SEGMENTS = 20_000
 """Most straight pieces of one arc in the checks."""
-MAX_FAULTS = 1000
-"""Most pairs of edges or vertices of a loop that are looked at."""
+MAX_FAULTS = 20
+"""Most faults of one kind that are named for one loop."""
 SHARPEST = 1e-4
 """Smallest angle of a corner [rad]."""
 
@@ -328,15 +328,15 @@ def _vertex_faults(loop: Loop, place: str, size: float) -> list[Fault]:
     vertices = shapely.points([edge.start for edge in loop.edges])
     pairs = shapely.STRtree(vertices).query(vertices, predicate="dwithin", distance=TOLERANCE * size)
     faults = []
-    for i, j in _sorted_pairs(pairs):
+    for i, j in _sorted_pairs(pairs)[:MAX_FAULTS]:
         what = f"the vertex {_at(loop.edges[j].start)} begins both {_label(loop, i)} and {_label(loop, j)}"
         faults.append(Fault(_place(place, j), what, "the boundary must not touch itself: move one of the two"))
     return faults
 
 
 def _sorted_pairs(pairs: NDArray[np.intp]) -> list[tuple[int, int]]:
-    """The first MAX_FAULTS pairs (i, j) with i < j."""
-    return sorted((int(i), int(j)) for i, j in pairs.T if i < j)[:MAX_FAULTS]
+    """The pairs (i, j) with i < j, in order."""
+    return sorted((int(i), int(j)) for i, j in pairs.T if i < j)
 
 
 def _line(edge: Edge, size: float) -> BaseGeometry:
@@ -361,23 +361,26 @@ def _crossing_faults(loop: Loop, place: str, size: float) -> list[Fault]:
     gap = TOLERANCE * size
     lines = [_line(edge, size) for edge in loop.edges]
     pairs = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap)
-    faults, count = [], len(lines)
+    faults: list[Fault] = []
     for i, j in _sorted_pairs(pairs):
-        shared = []
-        if j == i + 1:
-            shared.append(loop.edges[j].start)
-        if (j + 1) % count == i:
-            shared.append(loop.edges[i].start)
-        if shared:
-            meeting = shapely.intersection(lines[i], lines[j])
-            away = shapely.difference(meeting, shapely.multipoints(shared).buffer(10.0 * gap))
-            point = None if away.is_empty else shapely.get_coordinates(away)[0]
-        else:
-            point = shapely.get_coordinates(shapely.shortest_line(lines[i], lines[j]))[0]
-        if point is not None:
+        point = _meeting(loop, lines, i, j, gap)
+        if point is not None and len(faults) < MAX_FAULTS:
             what = f"{_label(loop, i)} and {_label(loop, j)} cross or touch at {_at(point)}"
             faults.append(Fault(_place(place, i), what, "the boundary must not meet itself: check the order of points"))
     return faults
+
+
+def _meeting(loop: Loop, lines: list[BaseGeometry], i: int, j: int, gap: float) -> Array | None:
+    """A point at which edges i < j meet, other than a vertex they share; None if there is none."""
+    shared = [loop.edges[j].start] if j == i + 1 else []
+    if (j + 1) % len(lines) == i:
+        shared.append(loop.edges[i].start)
+    meeting = shapely.shortest_line(lines[i], lines[j])
+    if shared:
+        common = shapely.intersection(lines[i], lines[j])
+        meeting = shapely.difference(common, shapely.multipoints(shared).buffer(10.0 * gap))
+    points: Array = shapely.get_coordinates(meeting)
+    return points[0] if len(points) else None
 
 
 def _corner_faults(loop: Loop, place: str) -> list[Fault]:

@@ -41,8 +41,11 @@ THERMAL_STRESS = Dimension("a stress per temperature", "Pa/K", "Pa K-1", "6 MPa/
 LAW_DIMENSIONS = {"none": NONE, "length": LENGTH, "traction": TRACTION, "stiffness": STIFFNESS}
 """Dimensions of friction parameters by the names that the shapes of laws use."""
 
+USUAL = ("nm", "um", "mm", "cm", "m", "Pa", "kPa", "MPa", "GPa", "N", "kN", "mW", "W", "kW", "K", "kg", "s", "J")
+"""Units that are suggested when one is misspelt in upper and lower case."""
+
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
-QUANTITY = re.compile(rf"\s*({NUMBER})\s*((?:[A-Za-zµμΩΩ°%]|(?<=\s)[0-9(]).*?)\s*", re.DOTALL)
+QUANTITY = re.compile(rf"\s*({NUMBER})\s*(?![eE][+-]?[0-9])((?:[A-Za-zµμΩΩ°%]|(?<=\s)[0-9(]).*?)\s*", re.DOTALL)
 UNIT = re.compile(r"[A-Za-zµμΩΩ°%·*/^()\s0-9_-]{1,60}")
 
 
@@ -109,6 +112,10 @@ def _si(dimension: Dimension) -> str:
 
 
 def _unknown_remedy(unit: str, dimension: Dimension) -> str:
+    usual = {name.lower(): name for name in USUAL}
+    spelt = re.sub(r"[A-Za-zµμ]+", lambda word: usual.get(word[0].lower(), word[0]), unit)
+    if spelt != unit:
+        return f"did you mean {spelt!r}? Units are case-sensitive"
     if re.search(r"(?<![A-Za-z])([xy]|sin|cos|tan|exp|log|sqrt)(?![A-Za-z])", unit):
         return f"an expression has no unit and every product its *: write 2*x, not 2 x; a quantity: {dimension.example}"
     return f"units are case-sensitive: write for example {dimension.example}"

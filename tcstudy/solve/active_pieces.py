@@ -76,18 +76,23 @@ def solve_on(problem: ContactProblem, active: ActivePieces, v: Array, newton_ste
     Returns None if the equations are singular or the iteration leaves the finite numbers. Nothing checks here
     whether the point lies in its pieces; the inclusion residual does.
     """
-    law, c = problem.law, problem.c
     resting = active.kink >= 0
-    v = np.where(resting, law.kinks[active.kink], v) if len(law.kinks) else v.copy()
+    v = np.where(resting, problem.law.kinks[active.kink], v) if np.any(resting) else v.copy()
     free = np.flatnonzero(~resting)
     if not len(free):
         return v
-    piece, c_free = active.piece[free], c[free]
-    solver = None
+    # Outside its piece an exponential may overflow; the test on finite numbers catches it.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _newton(problem, free, active.piece[free], v, newton_steps)
+
+
+def _newton(problem: ContactProblem, free: Index, piece: Index, v: Array, newton_steps: int) -> Array | None:
+    """Newton's method for the free nodes on fixed pieces; v is overwritten. One factor serves a linear law."""
+    law, c, solver = problem.law, problem.c[free], None
     for _ in range(newton_steps):
-        defect = c_free * law.value(v[free], piece) - problem.xi(v)[free]
+        defect = c * law.value(v[free], piece) - problem.xi(v)[free]
         if solver is None or not law.piecewise_linear:
-            solver = _solver(problem, free, c_free * law.slope(v[free], piece))
+            solver = _solver(problem, free, c * law.slope(v[free], piece))
         if solver is None:
             return None
         correction = solver(defect)

@@ -104,9 +104,7 @@ def _judge(problem: ContactProblem, outcome: Outcome, tolerance: float) -> Answe
             else f"inclusion residual {residual:.1e} stays above the tolerance {tolerance:.1e}; "
             "the condensed problem is too badly conditioned for it, raise solver.tolerance or check the units"
         )
-    return Answer(
-        v, residual, problem.energy(v), status, reason, outcome.iterations, outcome.evaluations
-    )
+    return Answer(v, residual, problem.energy(v), status, reason, outcome.iterations, outcome.evaluations)
 
 
 def _together(answers: list[Answer]) -> Answer:

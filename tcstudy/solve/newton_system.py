@@ -1,7 +1,8 @@
 """Newton's equations on the free nodes, (A_FF + C q_F) d_F = −g_F, made positive definite where b falls.
 
-A falling piece contributes a negative slope q. Where that makes the matrix indefinite the steepest falls are
-lifted, in halves and at last to zero, until the Cholesky factorisation succeeds; Ã alone is positive definite.
+A falling piece contributes a negative slope q. Where that makes the matrix indefinite the falls are lifted to
+zero; Ã alone is positive definite. (Lifting them in halves first saved no iterations in trials and cost more
+factorisations.)
 """
 
 from __future__ import annotations
@@ -28,14 +29,13 @@ class FreeSystem:
 
     free:           (n,) indices of the free nodes
     factor:         lower factor, Fortran order (upper part not meaningful)
-    lifted:         True if slopes had to be lifted, so that the step is not Newton's
     factorisations: factorisations tried
-    curvature:      (n,) or None; a direction with dᵀ(A_FF + C q_F)d ≤ 0 found by the first failure
+    curvature:      None if A_FF + C q_F itself is positive definite; else the slopes were lifted, and this is a
+                    direction (n,) with dᵀ(A_FF + C q_F)d ≤ 0
     """
 
     free: Index
     factor: Array
-    lifted: bool
     factorisations: int
     curvature: Array | None
 
@@ -57,14 +57,14 @@ def cholesky(matrix: Array) -> tuple[Array, int]:
     return factor, int(info)
 
 
-def factorise(problem: ContactProblem, free: Index, slope: Array, lifts: int) -> FreeSystem:
-    """Factor A_FF + C q_F, lifting q where needed; q = `slope` (n,) of the free nodes' pieces [Pa/m].
+def factorise(problem: ContactProblem, free: Index, slope: Array) -> FreeSystem:
+    """Factor A_FF + C q_F, or with all falls lifted to zero; q = `slope` (n,) of the free nodes' pieces [Pa/m].
 
     Raises NotPositiveDefiniteError if even q ≥ 0 fails.
     """
     diagonal = np.diagonal(problem.A_tilde)[free]
-    q, tried, curvature = slope, 0, None
-    for attempt in range(lifts + 2):
+    tried, curvature = 0, None
+    for q in (slope, np.maximum(slope, 0.0)):
         shifted = diagonal + problem.c[free] * q
         if np.all(shifted > 0.0):
             matrix = submatrix(problem.A_tilde, free)
@@ -72,12 +72,11 @@ def factorise(problem: ContactProblem, free: Index, slope: Array, lifts: int) ->
             factor, info = cholesky(matrix)
             tried += 1
             if info == 0:
-                return FreeSystem(free, factor, attempt > 0, tried, curvature)
+                return FreeSystem(free, factor, tried, curvature)
             if curvature is None:
                 curvature = negative_direction(problem, factor, info, free)
         elif curvature is None:
             curvature = np.where(np.arange(len(free)) == np.argmin(shifted / diagonal), 1.0, 0.0)
-        q = np.maximum(slope, 0.0) if attempt >= lifts else np.maximum(q, 0.5 * float(q.min()))
     raise NotPositiveDefiniteError
 
 

@@ -24,9 +24,12 @@ def piece_integral(law: FrictionLaw, piece: Index, x: Array, y: Array) -> Array:
     step = y - x
     total = step * (law.p[piece] + law.q[piece] * (x + 0.5 * step))
     if not law.piecewise_linear:
-        rate = np.where(law.r[piece] == 0.0, 1.0, law.r[piece])
-        length = np.where(law.r[piece] == 0.0, step, -np.expm1(-rate * step) / rate)
-        total = total + law.a[piece] * np.exp(-law.r[piece] * x) * length
+        # From the end where the exponential is larger, so that expm1 cannot overflow.
+        rate = law.r[piece]
+        larger = np.where(rate * step >= 0.0, x, y)
+        decay = np.abs(rate * step)
+        length = np.where(decay == 0.0, step, step * -np.expm1(-decay) / np.where(decay == 0.0, 1.0, decay))
+        total = total + law.a[piece] * np.exp(-rate * larger) * length
     return total
 
 

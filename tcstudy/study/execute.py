@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
@@ -57,7 +59,8 @@ def execute(
     output = output if output is not None else output_of(study)
     watcher = watcher if watcher is not None else Quiet()
     require_writable(study, output)
-    with Journal.open(output, study) as journal:
+    # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
+    with threadpool_limits(1, user_api="blas"), Journal.open(output, study) as journal:
         finished = [(level, index) for (index, level), _ in journal.finished.items()]
         watcher.begin(len(study.scenes) * study.mesh.levels, len(finished), journal.warnings)
         for record in run(study, finished):

@@ -213,6 +213,7 @@ class Level:
 
     def _material(self, scene: Scene, frames: Frames) -> _Material:
         key = (scene.material.lam, scene.material.mu)
+
         def make() -> _Material:
             R = frames.rotation
             local = sp.csr_array(R.T @ self.elastic.stiffness(*key) @ R)

@@ -83,9 +83,7 @@ def forecast(study: Study) -> tuple[LevelForecast, ...]:
     body = study.scenes[0].body
     if body.brep is not None:
         return ()
-    sizes = [
-        study.mesh.maxh[0] / 2**i if study.mesh.nested else study.mesh.maxh[i] for i in range(study.mesh.levels)
-    ]
+    sizes = [study.mesh.maxh[0] / 2**i if study.mesh.nested else study.mesh.maxh[i] for i in range(study.mesh.levels)]
     return tuple(_forecast_level(study.scenes[0], body, h) for h in sizes)
 
 
@@ -130,9 +128,11 @@ def _why_no_heat(scenes: tuple[Scene, ...]) -> str:
 
 def _notes(study: Study) -> list[str]:
     notes = []
-    nu = max(s.material.nu for s in study.scenes if s.material.plane == "strain") if any(
-        s.material.plane == "strain" for s in study.scenes
-    ) else 0.0
+    nu = (
+        max(s.material.nu for s in study.scenes if s.material.plane == "strain")
+        if any(s.material.plane == "strain" for s in study.scenes)
+        else 0.0
+    )
     if nu > 0.45:
         notes.append(f"nu = {nu:g} in plane strain: P1 elements lock as nu nears 0.5; compare with a finer mesh")
     down = sum(math.isinf(s.friction.omega) for s in study.scenes)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
-from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import PlaneMesh, mesh_family
+from tcstudy.fem.geometry import GeometryFailed, build
+from tcstudy.fem.meshes import PlaneMesh, mesh_at
 from tcstudy.scene.records import Scene, Study
 from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.outcome import Status
@@ -42,14 +42,26 @@ def run(study: Study, finished: Collection[Key] = ()) -> Iterator[LevelRecord | 
     done = set(finished)
     order = _order(study)
     geometry = build(study.scenes[0].body)
-    for mesh in mesh_family(geometry, study.mesh):
-        todo = [(index, scene) for index, scene in order if (mesh.level, index) not in done]
-        if not todo:
+    mesh: PlaneMesh | None = None
+    for i in range(study.mesh.levels):
+        todo = [(index, scene) for index, scene in order if (i, index) not in done]
+        try:
+            mesh = mesh_at(geometry, study.mesh, i, mesh)
+            level = Level(mesh, study.scenes[0]) if todo else None
+        except GeometryFailed as error:
+            if i == 0 or study.mesh.nested:
+                raise
+            yield from (_failed(index, i, PointStatus.MESH_FAILED, str(error)) for index, _ in todo)
             continue
-        level = Level(mesh, todo[0][1])
-        yield _level_record(study, mesh, level)
-        for index, scene in todo:
-            yield solve_point(study, level, index, scene)
+        if level is not None:
+            yield _level_record(study, mesh, level)
+            for index, scene in todo:
+                yield solve_point(study, level, index, scene)
+
+
+def _failed(index: tuple[int, ...], level: int, status: PointStatus, reason: str) -> PointRecord:
+    """The record of a point without results."""
+    return PointRecord(index, level, status, reason, {}, np.empty(0), np.empty(0))
 
 
 def _order(study: Study) -> list[tuple[tuple[int, ...], Scene]]:
@@ -75,7 +87,7 @@ def solve_point(study: Study, level: Level, index: tuple[int, ...], scene: Scene
         status, reason = PointStatus.SINGULAR, str(error)
     except Exception as error:  # one point must not end a sweep; what it was stands in the data
         status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
-    return PointRecord(index, level.mesh.level, status, reason, {}, np.empty(0), np.empty(0))
+    return _failed(index, level.mesh.level, status, reason)
 
 
 def _solve_point(study: Study, level: Level, index: tuple[int, ...], scene: Scene) -> PointRecord:
@@ -95,9 +107,7 @@ def _solve_point(study: Study, level: Level, index: tuple[int, ...], scene: Scen
         if temperature is not None:
             fields["theta"] = temperature.theta
     traction = condensed.problem.xi(answer.v) / level.line.c
-    return PointRecord(
-        index, level.mesh.level, status, answer.reason, values, answer.v, traction, fields
-    )
+    return PointRecord(index, level.mesh.level, status, answer.reason, values, answer.v, traction, fields)
 
 
 _POINT_STATUS = {
@@ -131,16 +141,3 @@ def _level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
         time_assemble=level.time_assemble,
         fields=fields,
     )
-
-
-def solve_scene(
-    study: Study, scene: Scene, mesh_level: int, on_level: Callable[[Level], None] | None = None
-) -> PointRecord:
-    """Solve a single scene on one level of a study (for scripts); `on_level` gets the level object."""
-    for mesh in mesh_family(build(scene.body), study.mesh):
-        if mesh.level == mesh_level:
-            level = Level(mesh, scene)
-            if on_level is not None:
-                on_level(level)
-            return solve_point(study, level, (), scene)
-    raise IndexError(f"the study has {study.mesh.levels} levels, level {mesh_level} does not exist")

@@ -36,9 +36,7 @@ def plate(n: int, hole: bool = False, grading: float = 1.0, seed: int | None = N
     triangles = Delaunay(points).simplices.astype(np.int64)
     corner = points[triangles]
     a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-    triangles = triangles[
-        np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) > 1e-3 / n**2 * (2 / n) ** (grading - 1)
-    ]
+    triangles = triangles[np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) > 1e-3 / n**2 * (2 / n) ** (grading - 1)]
     if hole:
         centre = points[triangles].mean(axis=1)
         triangles = triangles[np.hypot(centre[:, 0] - 1.1, centre[:, 1] - 0.5) > 0.27]
@@ -50,9 +48,7 @@ def plate(n: int, hole: bool = False, grading: float = 1.0, seed: int | None = N
 def gradients(mesh: Mesh) -> tuple[Array, Array]:
     """(nt, 3, 2) gradients of the hat functions and (nt,) areas."""
     corner = mesh.points[mesh.triangles]
-    edge = np.stack(
-        [corner[:, 2] - corner[:, 1], corner[:, 0] - corner[:, 2], corner[:, 1] - corner[:, 0]], axis=1
-    )
+    edge = np.stack([corner[:, 2] - corner[:, 1], corner[:, 0] - corner[:, 2], corner[:, 1] - corner[:, 0]], axis=1)
     twice = edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0]
     return np.stack([-edge[..., 1], edge[..., 0]], axis=-1) / twice[:, None, None], np.abs(twice) / 2
 
@@ -71,9 +67,7 @@ def elasticity(mesh: Mesh, poisson: float = 0.3) -> sp.csr_matrix:
     cross = np.einsum("tic,tjd,t->tcdij", g, g, area)
     return _assemble(
         mesh,
-        lame * cross
-        + shear * cross.swapaxes(1, 2)
-        + shear * np.eye(2)[:, :, None, None] * same[:, None, None],
+        lame * cross + shear * cross.swapaxes(1, 2) + shear * np.eye(2)[:, :, None, None] * same[:, None, None],
     )
 
 
@@ -92,7 +86,5 @@ def _assemble(mesh: Mesh, local: Array) -> sp.csr_matrix:
     ]
     values = [local[:, c, d].ravel() for c in range(components) for d in range(components)]
     n = components * nv
-    A = sp.coo_matrix(
-        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)
-    ).tocsr()
+    A = sp.coo_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)).tocsr()
     return ((A + A.T) * 0.5).tocsr()

@@ -18,7 +18,6 @@ Case = tuple[sp.csr_matrix, Array, NDArray[np.int64], NDArray[np.bool_], int]
 def rolled_plate(mesh: Mesh) -> Case:
     """Clamped at x = 0, rollers at x = 2 (u_x = 0), contact at y = 0 (u_y = 0, u_x kept)."""
     x, y = mesh.points.T
-    nv = len(x)
     clamp, roller, contact = x == 0, x == 2, y == 0
     keep = mesh.nodes(contact & ~clamp & ~roller)
     free = np.concatenate([~clamp & ~roller, ~clamp & ~contact])
@@ -169,9 +168,7 @@ def test_rows_that_take_no_part_are_ignored():
     changed[fixed] = 1e6
     assert np.array_equal(c.condense(changed), c.condense(F))
     other = A.tolil()
-    other[np.flatnonzero(fixed)] = (
-        0.0  # the way some assemblers impose u = 0; also breaks the blocked pattern
-    )
+    other[np.flatnonzero(fixed)] = 0.0  # the way some assemblers impose u = 0; also breaks the blocked pattern
     other[:, np.flatnonzero(fixed)] = 0.0
     other = other.tocsr()
     other.eliminate_zeros()
@@ -215,7 +212,7 @@ def test_nothing_kept_is_a_sparse_solver():
 
 
 def test_nothing_eliminated_returns_the_matrix():
-    A, points, keep, free, components = whole_nodes(MESHES["structured"])
+    A, points, keep, _, components = whole_nodes(MESHES["structured"])
     c = condense(A, points, keep, np.zeros(A.shape[0], dtype=bool), components)
     assert np.array_equal(c.A_tilde, A[keep][:, keep].toarray())
     F = np.arange(A.shape[0], dtype=float)
@@ -244,15 +241,11 @@ def test_random_positive_definite_matrices_on_a_mesh_graph(components):
     rng = np.random.default_rng(components)
     graph = heat(mesh)
     blocks = sp.kron(np.ones((components, components)), abs(graph) > 0).tocoo()
-    values = rng.uniform(-1, 1, blocks.nnz) * (
-        rng.random(blocks.nnz) < 0.7
-    )  # component blocks differ in pattern
+    values = rng.uniform(-1, 1, blocks.nnz) * (rng.random(blocks.nnz) < 0.7)  # component blocks differ in pattern
     B = sp.coo_matrix((values, (blocks.row, blocks.col)), shape=blocks.shape).tocsr()
     B.eliminate_zeros()
     A = (B + B.T).tocsr()
-    A = (
-        A + sp.diags(np.asarray(abs(A).sum(axis=1)).ravel() * rng.uniform(1.0, 3.0, A.shape[0]) + 0.1)
-    ).tocsr()
+    A = (A + sp.diags(np.asarray(abs(A).sum(axis=1)).ravel() * rng.uniform(1.0, 3.0, A.shape[0]) + 0.1)).tocsr()
     role = rng.integers(0, 6, A.shape[0])
     keep, free = rng.permutation(np.flatnonzero(role == 0)), role > 1
     dense = A.toarray()
@@ -279,14 +272,11 @@ def test_separate_bodies_and_isolated_unknowns():
     one = sp.identity(1)
     joined = sp.block_array(
         [
-            [
-                sp.block_diag([blocks[r][s], blocks[r][s]] + [one] * (r == s) + [one * 0] * (r != s))
-                for s in range(2)
-            ]
+            [sp.block_diag([blocks[r][s], blocks[r][s]] + [one] * (r == s) + [one * 0] * (r != s)) for s in range(2)]
             for r in range(2)
         ]
     ).tocsr()
-    both = np.concatenate([points, points + [5.0, 0.0], [[9.0, 9.0]]])
+    both = np.concatenate([points, points + np.array([5.0, 0.0]), [[9.0, 9.0]]])
     mask = np.concatenate([free[:nv], free[:nv], [True], free[nv:], free[nv:], [True]])
     c = condense(joined, both, np.concatenate([keep, nv + keep]), mask, 2)
     expected = condense(A, points, keep, free, 2).A_tilde
@@ -310,7 +300,8 @@ def test_unsorted_and_duplicate_entries_are_summed():
     before = half.data.copy(), half.indices.copy()
     found = condense(half, points, keep, free, components)
     assert relative(found.A_tilde, condense(A, points, keep, free, components).A_tilde) < 1e-14
-    assert np.array_equal(half.data, before[0]) and np.array_equal(half.indices, before[1])
+    assert np.array_equal(half.data, before[0])
+    assert np.array_equal(half.indices, before[1])
 
 
 def _rows(A: sp.csr_matrix) -> NDArray[np.int64]:

@@ -23,9 +23,7 @@ THETA_BAR = Axis("theta_bar", ("heat", "theta_bar"), (0, 20, 40), (0.0, 20.0, 40
 FRICTION = Axis("friction", ("friction",), ({}, {}), ("tresca", "slip weakening"), "1")
 
 
-def make_study(
-    mode: Literal["grid", "list"] = "grid", axes: tuple[Axis, ...] = (ALPHA, THETA_BAR, FRICTION)
-) -> Study:
+def make_study(mode: Literal["grid", "list"] = "grid", axes: tuple[Axis, ...] = (ALPHA, THETA_BAR, FRICTION)) -> Study:
     return Study(
         title="Bärenstark",
         text=TEXT,
@@ -76,9 +74,7 @@ def make_point(index: tuple[int, ...], level: int, fields: bool = False) -> Poin
         for k, name in enumerate(sorted(schema.NUMBERS))
     }
     m = NODES[level]
-    bodies = (
-        {n: seed + np.arange(4.0) * (k + 1) for k, n in enumerate(("theta", "u_x", "u_y"))} if fields else {}
-    )
+    bodies = {n: seed + np.arange(4.0) * (k + 1) for k, n in enumerate(("theta", "u_x", "u_y"))} if fields else {}
     return PointRecord(
         index,
         level,
@@ -92,9 +88,7 @@ def make_point(index: tuple[int, ...], level: int, fields: bool = False) -> Poin
 
 
 def failed(index: tuple[int, ...], level: int, reason: str) -> PointRecord:
-    return PointRecord(
-        index, level, PointStatus.SINGULAR, reason, {"time_solve": 0.125}, np.empty(0), np.empty(0)
-    )
+    return PointRecord(index, level, PointStatus.SINGULAR, reason, {"time_solve": 0.125}, np.empty(0), np.empty(0))
 
 
 @pytest.fixture

@@ -78,12 +78,11 @@ def test_not_run_points_are_visible_and_keep_integers_integer(
     missing = points.pop()
     write(output, study, levels, points, provenance)
     with open_results(output) as tree:
-        here = tree.to_dataset().isel(
-            dict(zip(tree["status"].dims, (*missing.index, missing.level), strict=True))
-        )
+        here = tree.to_dataset().isel(dict(zip(tree["status"].dims, (*missing.index, missing.level), strict=True)))
         assert here["status"] == PointStatus.NOT_RUN
         assert here["reason"] == "not run"
-        assert here["iterations"] == -1 and here["iterations"].dtype == np.int32
+        assert here["iterations"] == -1
+        assert here["iterations"].dtype == np.int32
         assert np.isnan(here["energy"])
         assert np.isnan(tree["level_1"]["u_T"].values[missing.index]).all()
         assert int((tree["status"] == PointStatus.NOT_RUN).sum()) == 1
@@ -105,7 +104,8 @@ def test_a_failed_point_keeps_its_reason_and_what_it_has(
         assert here["status"] == PointStatus.SINGULAR
         assert here["reason"] == "Ã is singular: is an edge of body.step clamped? (slope 3 N/m)"
         assert here["time_solve"] == 0.125
-        assert np.isnan(here["energy"]) and here["iterations"] == -1
+        assert np.isnan(here["energy"])
+        assert here["iterations"] == -1
 
 
 def test_nan_stands_for_a_missing_count(
@@ -156,9 +156,7 @@ def test_list_mode_has_one_dimension_and_a_coordinate_for_each_axis(
         assert root["alpha"].values.tolist() == [100.0, 25.0]
         assert root["friction"].values.tolist() == ["tresca", "decay"]
         assert {"alpha", "friction"} <= set(root.coords)
-        assert [root["energy"].values[p.index[0], p.level] for p in points] == [
-            p.numbers["energy"] for p in points
-        ]
+        assert [root["energy"].values[p.index[0], p.level] for p in points] == [p.numbers["energy"] for p in points]
 
 
 def test_a_study_without_a_sweep_has_levels_only(
@@ -249,7 +247,7 @@ def test_a_full_disk_leaves_the_old_file(
 ) -> None:
     before = written.read_bytes()
     monkeypatch.setattr(os, step, _fail)
-    with pytest.raises(StoreError, match="No space left on device.*Free some space"):
+    with pytest.raises(StoreError, match=r"No space left on device.*Free some space"):
         write(written, study, levels, points[:1], provenance)
     assert written.read_bytes() == before
     assert os.listdir(written.parent) == [written.name]
@@ -279,7 +277,8 @@ def test_a_disk_that_fills_while_netcdf_writes_leaves_the_old_file(written: Path
     command = [sys.executable, "-c", _LIMITED, str(written), str(Path(__file__).parent), str(limit)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, env=_environment())
     assert (done.returncode, done.stderr) == (3, "")
-    assert "cannot write" in done.stdout and "space" in done.stdout
+    assert "cannot write" in done.stdout
+    assert "space" in done.stdout
     assert written.read_bytes() == before
     assert os.listdir(written.parent) == [written.name]
 
@@ -310,7 +309,8 @@ def test_mode_and_symbolic_link_of_the_output_are_kept(
     link = written.with_name("link.nc")
     link.symlink_to(written)
     write(link, study, levels, points[:1], provenance)
-    assert link.is_symlink() and written.stat().st_mode & 0o777 == 0o640
+    assert link.is_symlink()
+    assert written.stat().st_mode & 0o777 == 0o640
     with open_results(written) as tree:
         assert int((tree["status"] == PointStatus.OK).sum()) == 1
 
@@ -339,30 +339,27 @@ def test_check_writable_finds_what_is_wrong_and_leaves_nothing(
     assert "2 MB free, but the results need 2.2 MB" in check_writable(output, 1_100_000)[0]
 
 
-def test_check_writable_finds_a_directory_without_permission(
-    output: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_check_writable_finds_a_directory_without_permission(output: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(**_: object) -> None:
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(store.tempfile, "TemporaryFile", refuse)
     (problem,) = check_writable(output, 0)
-    assert "Permission denied" in problem and "choose another output" in problem
+    assert "Permission denied" in problem
+    assert "choose another output" in problem
 
 
 def test_files_that_are_no_finished_results_are_refused(tmp_path: Path, written: Path) -> None:
     with pytest.raises(StoreError, match="there is no file"):
         open_results(tmp_path / "none.nc")
     (tmp_path / "run.nc.partial").touch()
-    with pytest.raises(StoreError, match="has not finished.*resume"):
+    with pytest.raises(StoreError, match=r"has not finished.*resume"):
         open_results(tmp_path / "run.nc")
     short = tmp_path / "short.nc"
     short.write_bytes(written.read_bytes()[:-1000])
     with pytest.raises(StoreError, match="cut short"):
         open_results(short)
-    with netCDF4.Dataset(
-        tmp_path / "midway.nc", "w"
-    ) as nc:  # what a dead writer leaves opens without an error
+    with netCDF4.Dataset(tmp_path / "midway.nc", "w") as nc:  # what a dead writer leaves opens without an error
         nc.title = "midway"
     with pytest.raises(StoreError, match="is unfinished"):
         open_results(tmp_path / "midway.nc")
@@ -380,13 +377,26 @@ def test_names_of_axes_that_collide_are_refused(
         write(output, twice, levels, [], provenance)
 
 
-def test_a_long_study_text_is_kept_exactly(
-    output: Path, study: Study, levels: Levels, provenance: Provenance
-) -> None:
+def test_a_long_study_text_is_kept_exactly(output: Path, study: Study, levels: Levels, provenance: Provenance) -> None:
     text = "# β in Pa/K, ünïcode\n" + "x: 1\n" * 50_000  # beyond the 64 kB of a compact HDF5 attribute
     write(output, replace(study, text=text), levels, [], provenance)
     with open_results(output) as tree:
         assert tree.attrs["study_yaml"] == text
+
+
+def test_a_directory_without_permission_is_named_as_such(
+    output: Path,
+    study: Study,
+    levels: Levels,
+    provenance: Provenance,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "touch", refuse)  # the superuser, who may run the tests, is refused nothing
+    with pytest.raises(StoreError, match=r"Permission denied\. Make the place writable"):
+        write(output, study, levels, [], provenance)
 
 
 def test_expected_bytes_is_close_to_the_file(
@@ -410,7 +420,5 @@ def test_neither_store_nor_journal_import_what_they_do_not_need() -> None:
         "import sys, tcstudy.data.journal, tcstudy.data.store;"
         "print(sorted({'ngsolve', 'netgen', 'xarray', 'netCDF4'} & set(sys.modules)))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, env=_environment(), check=True
-    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=_environment(), check=True)
     assert done.stdout.strip() == "[]"

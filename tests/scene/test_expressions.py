@@ -25,9 +25,7 @@ NUMPY = {
     "exp(-x^2 - y**2)": lambda x, y: np.exp(-(x**2) - y**2),
     "log(1 + x^2) / sqrt(2 + abs(y))": lambda x, y: np.log(1 + x**2) / np.sqrt(2 + abs(y)),
     "sinh(x) - cosh(y) + tanh(x*y)": lambda x, y: np.sinh(x) - np.cosh(y) + np.tanh(x * y),
-    "min(x, y, 0.5) + 10*max(1, 2, x)": lambda x, y: (
-        np.minimum(np.minimum(x, y), 0.5) + 10 * np.maximum(x, 2)
-    ),
+    "min(x, y, 0.5) + 10*max(1, 2, x)": lambda x, y: np.minimum(np.minimum(x, y), 0.5) + 10 * np.maximum(x, 2),
     "-x^2": lambda x, y: -(x**2),
     "2^-x": lambda x, y: 2.0**-x,
     "2^3^0.5": lambda x, y: 2.0 ** (3**0.5) + 0 * x,
@@ -105,9 +103,7 @@ def test_pickle_and_copy() -> None:
 
 def test_fold_in_another_arithmetic() -> None:
     x, y = Fraction(1, 3), Fraction(2, 7)
-    assert parse("x^3 - y/2 + 4").fold({"x": x, "y": y}, {}) == pytest.approx(
-        float(x**3 - y / 2 + 4), rel=1e-15
-    )
+    assert parse("x^3 - y/2 + 4").fold({"x": x, "y": y}, {}) == pytest.approx(float(x**3 - y / 2 + 4), rel=1e-15)
     assert parse("-x**2 * y").fold({"x": x, "y": y}, {}) == -(x**2) * y
 
 

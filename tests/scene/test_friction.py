@@ -169,9 +169,7 @@ def test_scaled_is_the_same_law_in_other_units(law: FrictionLaw) -> None:
     s = s[np.min(np.abs(s[:, None] - law.kinks), axis=1, initial=np.inf) > 1e-12 * reach(law)]
     size = float(np.abs(law.b(s)).max())
     np.testing.assert_allclose(other.b(s / s_unit) * b_unit, law.b(s), atol=1e-12 * size)
-    np.testing.assert_allclose(
-        other.j(s / s_unit) * b_unit * s_unit, law.j(s), atol=1e-12 * size * 3 * reach(law)
-    )
+    np.testing.assert_allclose(other.j(s / s_unit) * b_unit * s_unit, law.j(s), atol=1e-12 * size * 3 * reach(law))
     assert other.omega * b_unit / s_unit == pytest.approx(law.omega, rel=1e-13)
     assert other.b_scale * b_unit == pytest.approx(law.b_scale, rel=1e-13)
     assert other.s_scale * s_unit == pytest.approx(law.s_scale, rel=1e-13)
@@ -239,9 +237,7 @@ def test_laws_compare_by_their_numbers() -> None:
     assert len({law, twin, other}) == 2
     assert law.omega == 2.0
     assert pickle.loads(pickle.dumps(law)) == law
-    assert law_of("", [0], [(-0.0, 1, 0, 0), (0.0, 1, 0, 0)]) == law_of(
-        "", [0.0], [(0.0, 1, 0, 0), (-0.0, 1, 0, 0)]
-    )
+    assert law_of("", [0], [(-0.0, 1, 0, 0), (0.0, 1, 0, 0)]) == law_of("", [0.0], [(0.0, 1, 0, 0), (-0.0, 1, 0, 0)])
 
 
 PIECE = st.tuples(st.floats(-10, 10), st.floats(-10, 10))

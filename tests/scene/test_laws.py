@@ -51,9 +51,7 @@ IDS = [f"{name}-{i}" for i, (name, _, _) in enumerate(CASES)]
 
 
 @pytest.mark.parametrize(("name", "values", "formula"), CASES, ids=IDS)
-def test_shapes_follow_their_formulas(
-    name: str, values: dict[str, Any], formula: Callable[[float], float]
-) -> None:
+def test_shapes_follow_their_formulas(name: str, values: dict[str, Any], formula: Callable[[float], float]) -> None:
     law = build(name, **values)
     reach = 3 * float(law.kinks.max(initial=0.0)) or 1.0
     slips = np.random.default_rng(1).uniform(0, reach, 500)
@@ -183,9 +181,7 @@ REFUSED: list[tuple[str, dict[str, Any], str, str]] = [
 
 
 @pytest.mark.parametrize(("name", "values", "parameter", "words"), REFUSED)
-def test_meaningless_parameters_are_refused(
-    name: str, values: dict[str, Any], parameter: str, words: str
-) -> None:
+def test_meaningless_parameters_are_refused(name: str, values: dict[str, Any], parameter: str, words: str) -> None:
     with pytest.raises(LawError) as caught:
         build(name, **values)
     assert caught.value.parameter == parameter

@@ -1,0 +1,119 @@
+"""What the pictures share: colours, letters, units, saving, and the error of a picture that cannot be made.
+
+matplotlib is imported when a picture is made, so that the package works without it; pyplot and its list of open
+figures are not used at all.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tcstudy.report.text import prefix
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH = 8.0
+"""Width of every picture [inch]."""
+
+DPI = 160
+"""Pixels per inch of a PNG."""
+
+SUFFIXES = (".png", ".svg", ".pdf")
+
+INK, PALE, SHADE = "#222222", "#8a8a8a", "#dedede"
+BLUE, VERMILLION = "#0072b2", "#d55e00"
+"""From the palette of Okabe and Ito, told apart with every kind of colour vision."""
+
+HEAT = "YlOrRd"
+"""Colour map of the body: light enough for dark lines and letters on most of its range."""
+
+_STYLE = {
+    "font.size": 9.5,
+    "axes.titlesize": 9.5,
+    "axes.labelsize": 9.5,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "axes.edgecolor": PALE,
+    "axes.labelcolor": INK,
+    "text.color": INK,
+    "text.usetex": False,
+    "xtick.color": PALE,
+    "ytick.color": PALE,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.unicode_minus": True,
+    "svg.hashsalt": "tcstudy",
+}
+
+
+class DrawError(Exception):
+    """A picture cannot be made; the text says why and what to do."""
+
+
+def styled() -> AbstractContextManager[None]:
+    """The settings of the pictures, for the time of a `with`; raises DrawError if there is no matplotlib."""
+    try:
+        import matplotlib
+    except ImportError as error:
+        raise DrawError('pictures need matplotlib, which is not installed; pip install "tcstudy[plot]"') from error
+    return matplotlib.rc_context(_STYLE)
+
+
+def check_target(target: Path) -> None:
+    """Raise DrawError unless the name asks for a format that is known, before any work is done."""
+    if target.suffix.lower() not in SUFFIXES:
+        raise DrawError(f"{target}: a picture's name ends in {', '.join(SUFFIXES)}; choose one of them")
+
+
+def save(figure: Figure, target: Path) -> None:
+    """Write a figure in the format of the suffix; the same figure gives the same bytes.
+
+    Raises DrawError if the file cannot be written; an old one stays until the new one is complete in memory.
+    """
+    kind = target.suffix.lower()[1:]
+    dates = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=kind, dpi=DPI, metadata=dates.get(kind))
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(buffer.getvalue())
+    except OSError as error:
+        raise DrawError(f"cannot write {target}: {error.strerror}; choose another place") from error
+
+
+def inches(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """New axes at a place counted in inches from the lower left corner."""
+    across, up = figure.get_size_inches()
+    return figure.add_axes((left / across, bottom / up, width / across, height / up))
+
+
+def scaled_unit(values: Sequence[float], units: str) -> tuple[float, str]:
+    """(divisor, unit) that bring the largest magnitude to 1 … 1000, where a prefix suits the unit.
+
+    A unit that begins with a power (K-1) takes none: a prefix would be raised to the power as well.
+    """
+    if re.match(r"[A-Za-z]+-?\d", units):
+        return 1.0, units
+    return prefix([max((abs(float(v)) for v in values), default=0.0)], units)
+
+
+def pretty(units: str) -> str:
+    """Units with raised exponents, "W m⁻² K⁻¹"; empty for a plain number."""
+    if units == "1":
+        return ""
+    raised = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+    return re.sub(r"(?<=[A-Za-z])-?\d+", lambda power: power[0].translate(raised), units)
+
+
+def labelled(name: str, units: str) -> str:
+    """Text for an axis: the name with its units."""
+    return f"{name} [{pretty(units)}]" if pretty(units) else name

@@ -1,0 +1,227 @@
+"""The model of the bundle-Newton method: the largest of damped quadratic pieces, and its minimiser.
+
+Model:      f(x) + max_j { −α_j + g_jᵀd + ½ρ_j dᵀG_j d },   x the centre, d the step
+Pieces:     f_j = f(y_j) + g(y_j)ᵀδ + ½ρ_j δᵀG_jδ,  g_j = g(y_j) + ρ_j G_j δ,  δ = x − y_j,  0 ≤ ρ_j ≤ 1
+Locality:   α_j = max{ |f(x) − f_j|, γ‖W‖ s_j² },  s_j the distance of y_j from x
+Literature: Lukšan & Vlček, A bundle-Newton method for nonsmooth unconstrained minimization,
+            Math. Programming 83 (1998) 373–391 (quadratic model, damping, subgradient locality measures)
+
+Differences from the publication, each because it saves evaluations:
+  * ‖W‖ in the locality measure makes γ a pure number; s_j is the distance, not the length of the path.
+  * ρ_j is not 0 or 1: it is lowered in proportion to the amount by which the piece lies above f(x).
+  * The published step solves one quadratic programme with W = Σλ_jρ_jG_j of the previous multipliers. Here the
+    programme is repeated about its own solution until the quadratic model itself is minimised: W is then the
+    Hessian of the present Lagrangian and the curvature of the kinks (the second-order correction) is in the step.
+    This costs quadratic programmes but no evaluation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.solve.simplex_qp import Metric, direction, dual_decrease
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """What the oracle said at y, or an aggregate of pieces.
+
+    y:      (n,) point
+    f:      value at y
+    g:      (n,) subgradient at y
+    G:      (n, n) second derivatives of the active piece at y
+    travel: locality that an aggregate inherits from its parts, 0 for the oracle's own pieces
+    """
+
+    y: Array
+    f: float
+    g: Array
+    G: Array
+    travel: float = 0.0
+
+    def distance(self, x: Array) -> float:
+        """Locality s_j of the piece at x."""
+        return self.travel + float(np.linalg.norm(x - self.y))
+
+    @property
+    def finite(self) -> bool:
+        """True if f, g and G are all finite."""
+        return bool(np.isfinite(self.f) and np.all(np.isfinite(self.g)) and np.all(np.isfinite(self.G)))
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Numbers of the model, all without units.
+
+    gamma:      weight of the distance in the locality measure
+    damping:    decrease of ρ_j per relative overestimate of f(x) by the piece's curvature
+    inner:      most quadratic programmes per minimisation of the model
+    inner_tolerance: relative change of the model at which it counts as minimised
+    pivot:      smallest eigenvalue of W relative to its largest
+    least_curvature: smallest eigenvalue of W relative to (largest slope)/radius, for where no piece is curved
+    """
+
+    gamma: float = 1e-3
+    damping: float = 5.0
+    inner: int = 40
+    inner_tolerance: float = 1e-3
+    pivot: float = 1e-8
+    least_curvature: float = 1e-3
+
+
+@dataclass(frozen=True)
+class Model:
+    """Arrays of the model about a centre.
+
+    c: (N,) −α_j
+    A: (N, n) g_j in rows
+    G: (N, n, n) ρ_jG_j
+    s: (N,) localities
+    curvature: ‖Σλ_jG_j‖₂ of the multipliers at hand
+    """
+
+    c: Array
+    A: Array
+    G: Array
+    s: Array
+    curvature: float
+
+    def value(self, d: Array) -> float:
+        """max_j −α_j + g_jᵀd + ½ρ_j dᵀG_jd, the predicted change of f."""
+        return float(np.max(self.c + self.A @ d + 0.5 * ((self.G @ d) @ d)))
+
+
+@dataclass(frozen=True)
+class Step:
+    """A minimiser of the model.
+
+    d:         (n,) step
+    lam:       (N,) multipliers
+    decrease:  predicted decrease of f, ≥ 0
+    shift:     multiple μ of the identity that kept d within the radius, 0 if the radius did not bind
+    factorisations: eigenvalue factorisations spent
+    """
+
+    d: Array
+    lam: Array
+    decrease: float
+    shift: float
+    factorisations: int
+
+    @property
+    def length(self) -> float:
+        """‖d‖."""
+        return float(np.linalg.norm(self.d))
+
+
+def transport(piece: Piece, x: Array, f: float, rules: Rules, curvature: float) -> tuple[float, Array, Array, float]:
+    """−α_j, g_j, ρ_jG_j and s_j of a piece at the centre x with value f."""
+    delta = x - piece.y
+    bend = 0.5 * float(delta @ piece.G @ delta)
+    linear = piece.f + float(piece.g @ delta)
+    rho, error = 1.0, linear + bend - f
+    if error > 0.0 and bend > 0.0:
+        rho = max(0.0, 1.0 - rules.damping * error / bend)
+        error = linear + rho * bend - f
+    s = piece.distance(x)
+    alpha = max(abs(error), rules.gamma * curvature * s * s)
+    return -alpha, piece.g + rho * (piece.G @ delta), rho * piece.G, s
+
+
+def assemble(pieces: Sequence[Piece], lam: Array, x: Array, f: float, rules: Rules) -> Model:
+    """The model of all pieces about (x, f); lam (N,) are the latest multipliers."""
+    curvature = float(np.linalg.norm(np.einsum("j,jik->ik", lam, np.array([p.G for p in pieces])), 2))
+    parts = [transport(p, x, f, rules, curvature) for p in pieces]
+    c, A, G, s = (np.array(column) for column in zip(*parts, strict=True))
+    return Model(c, A, G, s, curvature)
+
+
+def smoothly_joined(p: Piece, q: Piece) -> bool:
+    """True if f looks smooth between two points: then one Taylor expansion, the nearer one, is enough.
+
+    f(q) − f(p) is compared with its fifth-order quadrature ½(g_p+g_q)ᵀd + (1/12)dᵀ(G_p−G_q)d and the change
+    of g with its trapezoidal rule; a kink between the points leaves an error as large as a Taylor expansion's.
+    """
+    d = q.y - p.y
+    change, mean = q.f - p.f, 0.5 * float((p.g + q.g) @ d)
+    hermite = abs(change - mean - float(d @ (p.G - q.G) @ d) / 12.0)
+    forward = abs(change - float(p.g @ d) - 0.5 * float(d @ p.G @ d))
+    backward = abs(change - float(q.g @ d) + 0.5 * float(d @ q.G @ d))
+    eps = np.finfo(float).eps
+    if hermite > 0.1 * max(forward, backward) + 50 * eps * (abs(p.f) + abs(q.f)):
+        return False
+    turn, Gp, Gq = q.g - p.g, p.G @ d, q.G @ d
+    taylor = max(np.linalg.norm(turn - Gp), np.linalg.norm(turn - Gq))
+    noise = 500 * eps * max(np.linalg.norm(p.g), np.linalg.norm(q.g))
+    return bool(np.linalg.norm(turn - 0.5 * (Gp + Gq)) <= 0.5 * taylor + noise)
+
+
+def positive_definite(H: Array, shift: float, pivot: float, least: float) -> Metric:
+    """W: H with negative eigenvalues reversed, plus shift·I; eigenvalues at least pivot·largest and `least`."""
+    w, V = np.linalg.eigh(H)
+    w = np.abs(w) + shift
+    return Metric(np.maximum(w, max(pivot * float(w.max()), least)), V)
+
+
+def minimise(model: Model, lam: Array, shift: float, rules: Rules, radius: float) -> Step:
+    """A local minimiser of model + ½·shift·‖d‖² by repeated quadratic programmes with halving, from d = 0."""
+
+    def merit(d: Array) -> float:
+        return model.value(d) + 0.5 * shift * float(d @ d)
+
+    d = np.zeros(model.A.shape[1])
+    best, used = merit(d), 0
+    least = rules.least_curvature * float(np.max(np.abs(model.A))) / radius
+    promise = 0.0
+    for used in range(1, rules.inner + 1):
+        Gd = model.G @ d
+        metric = positive_definite(np.einsum("j,jik->ik", lam, model.G), shift, rules.pivot, least)
+        lam, q = direction(model.c + model.A @ d + 0.5 * (Gd @ d), model.A + Gd, shift * d, metric, lam)
+        if used == 1:
+            promise = dual_decrease(model.c, model.A, lam, metric)
+        t = 1.0
+        while t > 1e-15 and not (trial := merit(d + t * q)) < best:
+            t *= 0.5
+        if t <= 1e-15:
+            if used > 1:
+                break
+            continue
+        d = d + t * q
+        small = t * np.linalg.norm(q) <= rules.inner_tolerance * np.linalg.norm(d)
+        flat = best - trial <= rules.inner_tolerance * abs(trial)
+        best = trial
+        if used > 1 and (small or flat):
+            break
+    return Step(d, lam, -model.value(d) if np.any(d) else promise, shift, used)
+
+
+def bounded_step(model: Model, lam: Array, rules: Rules, radius: float) -> Step:
+    """The model's minimiser, shifted by the smallest μI found that keeps ‖d‖ ≤ 1.2·radius (μ by bisection)."""
+    step = minimise(model, lam, 0.0, rules, radius)
+    used, low, high = step.factorisations, 0.0, np.inf
+    shift = 0.0
+    for _ in range(25):
+        if step.length > 1.2 * radius or step.length == 0.0 < step.decrease:
+            low = shift
+        elif shift == 0.0 or step.length >= 0.6 * radius or high <= 1e-6 * model.curvature:
+            break
+        else:
+            high = shift
+        if high < 1.3 * low:
+            break
+        if np.isfinite(high):
+            shift = float(np.sqrt(high * max(low, 1e-3 * high)))
+        else:
+            shift = max(float(np.linalg.norm(step.lam @ model.A)) / radius, 10.0 * shift)
+        step = minimise(model, lam, shift, rules, radius)
+        used += step.factorisations
+    if step.length > 1.2 * radius:
+        d = step.d * (radius / step.length)
+        return Step(d, step.lam, max(0.0, -model.value(d)), shift, used)
+    return Step(step.d, step.lam, step.decrease, shift, used)

@@ -1,0 +1,112 @@
+"""The moves of the separable Newton method: clipped path, node by node, escape from saddles, final polish."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.solve.active_pieces import ActivePieces, solve_on
+from tcstudy.solve.newton_state import SeparableState, new_state
+from tcstudy.solve.newton_system import FreeSystem
+from tcstudy.solve.nodal_pieces import energy_change, next_up_jump
+from tcstudy.solve.node_descent import descend_nodes
+from tcstudy.solve.outcome import Status
+from tcstudy.solve.problem import ContactProblem
+
+Array = NDArray[np.float64]
+
+STALLED = (
+    "no node can lower the energy although the inclusion does not hold; the data span too many orders of magnitude "
+    "for double precision: check the units, start from another point, or use another solver"
+)
+ROUNDING = (
+    "the inclusion residual stays at rounding level above the tolerance; the displacements are large against those "
+    "that friction causes: allow a larger tolerance or use a coarser contact mesh"
+)
+_POLISH_STEPS = 8
+
+
+def along_path(
+    problem: ContactProblem, state: SeparableState, system: FreeSystem, armijo: float, halvings: int
+) -> SeparableState | None:
+    """The first of the step lengths 1, ½, ¼ … on the clipped Newton path that satisfies Armijo's rule, else None."""
+    s = state.slopes
+    direction = np.zeros(problem.m)
+    direction[system.free] = -system.solve(s.descent[system.free])
+    uphill = np.where(direction > 0.0, s.right, -s.left) > 0.0
+    direction[s.at_jump & uphill] = 0.0
+    stop = next_up_jump(problem.law, state.v, direction)
+    slope = np.where(direction > 0.0, s.right, s.left)
+    for halving in range(halvings + 1):
+        target = state.v + 0.5**halving * direction
+        reached = np.where(direction > 0.0, target >= stop, target <= stop) & (direction != 0.0)
+        target = np.where(reached, stop, target)
+        step = target - state.v
+        change = energy_change(problem, state.v, state.xi, step, problem.A_tilde @ step)
+        state = replace(state, evaluations=state.evaluations + 1)
+        if change < 0.0 and change <= -armijo * abs(float(slope @ step)):
+            new = moved(problem, state, target, f"newton/{2**halving}")
+            same = np.array_equal(new.slopes.at_rest, s.at_rest) and np.array_equal(new.piece, state.piece)
+            if system.curvature is None and same:
+                new = replace(new, second_order="a local minimum")
+            return new
+    return None
+
+
+def node_by_node(problem: ContactProblem, state: SeparableState) -> SeparableState:
+    """One pass of one-dimensional minimisations over the descending nodes."""
+    target = descend_nodes(problem, state.v, state.xi, state.slopes.descent)
+    step = target - state.v
+    if not energy_change(problem, state.v, state.xi, step, problem.A_tilde @ step) < 0.0:
+        return replace(state, stopped=(Status.STALLED, STALLED))
+    return moved(problem, state, target, "nodes")
+
+
+def polish(problem: ContactProblem, state: SeparableState, tolerance: float) -> SeparableState:
+    """Newton with refinement on the present pieces, judged by the residual: the last digits of a solution."""
+    s = state.slopes
+    kink = np.full(problem.m, -1, dtype=np.intp)
+    if np.any(s.at_rest):
+        kink = np.where(s.at_rest, problem.law.nearest_kink(state.v), -1)
+    target = solve_on(problem, ActivePieces(kink, state.piece), state.v, _POLISH_STEPS)
+    new = state if target is None else moved(problem, state, target, "polish")
+    if new.residual <= tolerance:
+        return new
+    best = new if new.residual < state.residual else state
+    return replace(best, stopped=(Status.INCLUSION_VIOLATED, ROUNDING))
+
+
+def escape(problem: ContactProblem, state: SeparableState, system: FreeSystem) -> SeparableState:
+    """Second-order test at a stationary point; if it fails, a step along the negative curvature.
+
+    Until a node reaches its next kink the energy of a piecewise-linear law is an exact parabola that opens
+    downwards, so the first trial ends there; exponential pieces may need shorter ones.
+    """
+    if system.curvature is None:
+        return replace(state, second_order="a local minimum")
+    direction = np.zeros(problem.m)
+    direction[system.free] = system.curvature
+    first_order = np.where(direction > 0.0, state.slopes.right, state.slopes.left)
+    direction *= -1.0 if float(first_order @ direction) > 0.0 else 1.0
+    ends = np.concatenate([[-np.inf], problem.law.kinks, [np.inf]])
+    end = np.where(direction > 0.0, ends[state.piece + 1], ends[state.piece])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(direction != 0.0, (end - state.v) / direction, np.inf)
+    reach = reach[reach > 0.0]
+    length = float(np.min(reach, initial=np.inf))
+    if np.isfinite(length):
+        for shorter in (1.0, 0.25, 0.05):
+            step = shorter * length * direction
+            change = energy_change(problem, state.v, state.xi, step, problem.A_tilde @ step)
+            state = replace(state, evaluations=state.evaluations + 1)
+            if change < -64.0 * np.finfo(float).eps * float(np.abs(state.xi) @ np.abs(step)):
+                return moved(problem, state, state.v + step, "escape")
+    return replace(state, second_order="the second-order test is undecided (singular matrix)")
+
+
+def moved(problem: ContactProblem, state: SeparableState, v: Array, how: str) -> SeparableState:
+    """The state at the accepted point v, with the work so far."""
+    new = new_state(problem, v)
+    return replace(new, moved=how, evaluations=state.evaluations + 1, factorisations=state.factorisations)

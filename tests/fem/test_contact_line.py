@@ -1,0 +1,95 @@
+"""Contact nodes in order, corners, closed and several contact parts, held ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tcstudy.fem.boundary import constrain
+from tcstudy.fem.contact_line import ContactLine, contact_line
+from tcstudy.fem.geometry import GeometryFailed, build
+from tcstudy.fem.meshes import mesh_family
+from tcstudy.scene.records import Contact
+from tests.verification.scenes import RECTANGLE, study_of
+
+
+def line_of(text: str) -> ContactLine:
+    study = study_of(text)
+    scene = study.scenes[0]
+    mesh = next(iter(mesh_family(build(scene.body), study.mesh)))
+    return contact_line(mesh, constrain(mesh, scene.boundary), scene.edges(Contact))
+
+
+def test_a_clamped_end_gives_its_half_cell_to_its_neighbour() -> None:
+    """S₁ = [x⁰, x^{3/2}], S_m = [x^{m−½}, x^m] with x⁰ clamped and x^m free."""
+    line = line_of(RECTANGLE)
+    x = line.xy[:, 0]
+    assert np.all(np.diff(x) > 0)
+    assert np.array_equal(line.arclength, x)
+    assert line.c[0] == pytest.approx((x[0] + x[1]) / 2)
+    assert line.c[1] == pytest.approx((x[2] - x[0]) / 2)
+    assert line.c[-1] == pytest.approx((x[-1] - x[-2]) / 2)
+    assert x[0] > 0
+    assert x[-1] == 2.0
+
+
+L_SHAPE = """
+units: none
+body:
+  outline:
+    - {from: [0, 0], edge: floor}
+    - {from: [1, 0], edge: wall}
+    - {from: [1, -1], edge: pit}
+    - {from: [2, -1], edge: right}
+    - {from: [2, 1], edge: top}
+    - {from: [0, 1], edge: left}
+boundary: {floor: contact, wall: contact, pit: free, right: free, top: clamped, left: free}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: 0.01}
+mesh: {maxh: 0.2}
+"""
+
+
+def test_a_corner_of_the_contact_line_is_held() -> None:
+    """Both normals hold at (1, 0): no unknown there, its half cells go to both neighbours."""
+    line = line_of(L_SHAPE)
+    assert line.edge_names == ("floor", "wall")
+    assert not np.any(np.all(line.xy == [1.0, 0.0], axis=1))
+    assert line.c.sum() == pytest.approx(2.0, rel=1e-13)
+    assert np.all(np.diff(line.arclength) > 0)
+    floor = line.edge == 0
+    assert np.allclose(line.xy[floor, 1], 0)
+    assert np.allclose(line.xy[~floor, 0], 1)
+    assert line.c[floor].sum() == pytest.approx(1.0)
+
+
+def test_two_separate_parts_and_a_closed_hole() -> None:
+    text = RECTANGLE.replace("rectangle: {width: 2, height: 1}}", "rectangle: {width: 2, height: 1}, holes: [HOLE]}")
+    text = text.replace("HOLE", "{circle: {center: [1, 0.5], radius: 0.2, edge: pin}}")
+    text = text.replace("top: free", "top: free, pin: contact")
+    line = line_of(text)
+    pin = line.edge == line.edge_names.index("pin")
+    radius = np.linalg.norm(line.xy[pin] - [1, 0.5], axis=1)
+    assert np.allclose(radius, 0.2, atol=1e-14)
+    count = int(pin.sum())
+    assert line.c[pin].sum() == pytest.approx(2 * count * 0.2 * np.sin(np.pi / count), rel=1e-2)
+    assert np.all(np.diff(line.arclength[pin]) > 0)
+    assert line.arclength[pin][0] == pytest.approx(2.0)  # parts are counted on one after the other
+    # the body is on the left of the line, so around a hole it runs clockwise
+    turn = np.unwrap(np.arctan2(line.xy[pin, 1] - 0.5, line.xy[pin, 0] - 1))
+    assert turn[-1] < turn[0]
+
+
+def test_disagreeing_clamps_are_an_error() -> None:
+    text = RECTANGLE.replace("top: free", "top: {role: clamped, u: [0.1, 0]}")
+    with pytest.raises(GeometryFailed, match=r"left, top prescribe different displacements.*\(0, 1\)"):
+        line_of(text)
+
+
+def test_a_roller_along_the_contact_keeps_the_corner_node() -> None:
+    """u_y = 0 on the side and u_N = 0 below are one condition: the corner slips and is an unknown."""
+    text = RECTANGLE.replace("left: clamped, top: free", "left: {role: clamped, u_y: 0}, top: clamped")
+    line = line_of(text)
+    assert line.xy[0].tolist() == [0.0, 0.0]
+    fixed = RECTANGLE.replace("left: clamped, top: free", "left: {role: clamped, u_x: 0}, top: clamped")
+    assert line_of(fixed).xy[0, 0] > 0

@@ -1,0 +1,101 @@
+"""Texts with units: the SI value, rounded once, and what is refused."""
+
+import math
+import pickle
+import subprocess
+import sys
+
+import pytest
+
+from tcstudy.scene import units
+from tcstudy.scene.units import UnitError, split_quantity, to_si
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "value"),
+    [
+        ("210 GPa", units.TRACTION, 210e9),
+        ("20MPa", units.TRACTION, 20e6),
+        ("-1.5e1 kPa", units.TRACTION, -15e3),
+        ("1 N/mm^2", units.TRACTION, 1e6),
+        ("40 um", units.LENGTH, 40e-6),
+        ("40 µm", units.LENGTH, 40e-6),
+        (".5 mm", units.LENGTH, 0.5e-3),
+        ("2. cm", units.LENGTH, 0.02),
+        ("1 inch", units.LENGTH, 0.0254),
+        ("100 W/(m^2*K)", units.HEAT_TRANSFER, 100.0),
+        ("100 W/m**2/K", units.HEAT_TRANSFER, 100.0),
+        ("100 W m-2 K-1", units.HEAT_TRANSFER, 100.0),
+        ("0.1 kW/m2/K", units.HEAT_TRANSFER, 100.0),
+        ("5e6 W/m^3", units.HEAT_SOURCE, 5e6),
+        ("12e-6 1/K", units.EXPANSION, 12e-6),
+        ("12 um/(m*K)", units.EXPANSION, 12e-6),
+        ("45 W/(m*K)", units.CONDUCTIVITY, 45.0),
+        ("20 K", units.TEMPERATURE, 20.0),
+        ("6 MPa/K", units.THERMAL_STRESS, 6e6),
+        ("5 N/mm^3", units.STIFFNESS, 5e9),
+        ("-77 kN/m^3", units.BODY_FORCE, -77e3),
+        ("30 %", units.NONE, 0.3),
+    ],
+)
+def test_value_in_si(text: str, dimension: units.Dimension, value: float) -> None:
+    parts = split_quantity(text)
+    assert parts is not None
+    assert to_si(*parts, dimension) == value  # exact: as if the user had written the SI number
+
+
+@pytest.mark.parametrize("text", ["1e-3", "5", "5*x", "1e9*x", "sin(x)", "-x", "(2) m", "3 - 1", "1.5e3", "", "2^3"])
+def test_what_is_not_a_quantity(text: str) -> None:
+    assert split_quantity(text) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "message", "remedy"),
+    [
+        ("5 kg", units.TRACTION, "'kg' is not a unit of a stress (Pa)", "write for example 20 MPa"),
+        ("5 mpa", units.TRACTION, "'mpa' is not a known unit", "did you mean 'MPa'"),
+        ("5 furlong", units.TRACTION, "'furlong' is not a unit of a stress", "20 MPa"),
+        ("5 zork", units.LENGTH, "'zork' is not a known unit", "write for example 20 mm"),
+        ("20 degC", units.TEMPERATURE, "'degC' has its own zero", "write K; temperatures are counted from"),
+        ("20 °C", units.TEMPERATURE, "'°C' has its own zero", "write K; temperatures are counted from"),
+        ("20 degF", units.TEMPERATURE, "'degF' has its own zero", "write K"),
+        ("5 x", units.LENGTH, "'x' is not a known unit", "write 2*x, not 2 x"),
+        ("5 m**10**10**10", units.LENGTH, "is not a unit", "write for example"),
+        ("5 m^9^9", units.LENGTH, "is not a unit", "write for example"),
+        ("5 m^123456789", units.LENGTH, "is not a unit", "write for example"),
+        ("5 m/", units.LENGTH, "is not a known unit", "write for example"),
+        ("5 (m", units.LENGTH, "is not a known unit", "write for example"),
+        ("5 import__", units.LENGTH, "is not a known unit", "write for example"),
+        ("1e308 km", units.LENGTH, "too large", "write for example"),
+    ],
+)
+def test_refused(text: str, dimension: units.Dimension, message: str, remedy: str) -> None:
+    parts = split_quantity(text)
+    assert parts is not None
+    with pytest.raises(UnitError) as info:
+        to_si(*parts, dimension)
+    assert message in str(info.value)
+    assert remedy in info.value.remedy
+
+
+def test_every_example_has_its_own_dimension() -> None:
+    dimensions = [value for value in vars(units).values() if isinstance(value, units.Dimension)]
+    assert len(dimensions) == 11
+    for dimension in dimensions:
+        parts = split_quantity(dimension.example)
+        if dimension is units.NONE:
+            assert parts is None
+        else:
+            assert parts is not None
+            assert math.isfinite(to_si(*parts, dimension))
+
+
+def test_a_unit_error_survives_a_process_boundary() -> None:
+    error = pickle.loads(pickle.dumps(UnitError("what", "remedy")))
+    assert (str(error), error.remedy) == ("what", "remedy")
+
+
+def test_reading_imports_no_mesher_and_no_units_without_need() -> None:
+    code = "import sys, tcstudy.scene.reader; print([m for m in ('ngsolve', 'xarray', 'pint') if m in sys.modules])"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"

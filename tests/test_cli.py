@@ -1,0 +1,151 @@
+"""The command line as a user types it: exit codes, one clear line an error, nothing left behind."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import tcstudy
+
+CONFIGS = Path(__file__).parents[1] / "configs"
+
+STUDY = """units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: clamped, top: {role: traction, g: [0.02, 0]}, right: free}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: 0.01}
+mesh: {maxh: 0.3, levels: 2}
+sweep: {tau: [0.005, 0.01]}
+"""
+
+
+def tcstudy_command(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONWARNINGS": "error"}
+    return subprocess.run(
+        [sys.executable, "-m", "tcstudy", *map(str, words)], cwd=cwd, env=environment, text=True, capture_output=True
+    )
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "block.yaml").write_text(STUDY)
+    return tmp_path
+
+
+def test_run_writes_the_file_and_a_table(folder: Path) -> None:
+    result = tcstudy_command("run", "block.yaml", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert (folder / "results" / "block.nc").exists()
+    assert "4 of 4 points solved; data in results/block.nc" in result.stdout
+    assert "level 1: h =" in result.stderr
+    assert list(folder.glob("results/*")) == [folder / "results" / "block.nc"]
+    shown = tcstudy_command("show", "results/block.nc", cwd=folder)
+    assert shown.returncode == 0
+    assert shown.stdout.strip() in result.stdout
+
+
+def test_set_and_output(folder: Path) -> None:
+    result = tcstudy_command(
+        "run", "block.yaml", "--set", "mesh.levels=1", "--set", "sweep={tau: [0.02]}", "--output", "a.nc", cwd=folder
+    )
+    assert result.returncode == 0, result.stderr
+    with tcstudy.open_results(folder / "a.nc") as tree:
+        assert tree["status"].shape == (1, 1)
+        assert tree["tau"].values.tolist() == [0.02]
+        assert "mesh.levels=1" in tree.attrs["overrides"]
+
+
+def test_plan_touches_nothing(folder: Path) -> None:
+    result = tcstudy_command("plan", "block.yaml", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert "2 points × 2 levels = 4 solutions" in result.stdout
+    assert "left out: heat problem: " in result.stdout
+    assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
+
+
+@pytest.mark.parametrize("command", ["run", "plan"])
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ("maxh: 0.3", "maxh: 0", "block.yaml:6:14: mesh.maxh: "),
+        ("bottom: contact", "botom: contact", "block.yaml:3:12: boundary.botom: "),
+        ("tau: 0.01", "tua: 0.01", "block.yaml:5:25: friction.tua: "),
+        ("nu: 0.3", "nu: 0.5", "block.yaml:4:22: material.nu: "),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(folder: Path, command: str, old: str, new: str, line: str) -> None:
+    (folder / "block.yaml").write_text(STUDY.replace(old, new))
+    result = tcstudy_command(command, "block.yaml", cwd=folder)
+    assert result.returncode == 2
+    assert line in result.stderr
+    assert "Traceback" not in result.stderr
+    assert result.stdout == ""
+    assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
+
+
+def test_unwritable_output(folder: Path) -> None:
+    (folder / "taken").write_text("a file, not a directory")
+    for command in ("run", "plan"):
+        result = tcstudy_command(command, "block.yaml", "--output", "taken/out.nc", cwd=folder)
+        assert result.returncode == 2
+        assert "taken" in result.stderr
+        assert "Traceback" not in result.stderr
+
+
+def test_usage_errors(folder: Path) -> None:
+    assert tcstudy_command(cwd=folder).returncode == 2
+    assert tcstudy_command("fly", cwd=folder).returncode == 2
+    missing = tcstudy_command("run", "missing.yaml", cwd=folder)
+    assert missing.returncode == 2
+    assert missing.stderr.count("\n") == 1
+    not_results = tcstudy_command("show", "block.yaml", cwd=folder)
+    assert not_results.returncode == 2
+    assert "Traceback" not in not_results.stderr
+
+
+def test_failed_points_are_exit_code_1(folder: Path) -> None:
+    smooth = "friction={law: exponential, a: 0.006, b: 0.004, delta: 0.05}"
+    strict = "solver={name: separable-newton, tolerance: 1e-19}"  # below rounding, so that it cannot be met
+    result = tcstudy_command(
+        "run", "block.yaml", "--set", smooth, "--set", strict, "--set", "sweep={a: [0.006, 0.007]}", cwd=folder
+    )
+    assert result.returncode == 1
+    assert "points failed: " in result.stdout
+    assert (folder / "results" / "block.nc").exists()
+
+
+def test_help_and_plan_load_nothing_heavy(folder: Path) -> None:
+    code = (
+        "import sys; from tcstudy.cli import main\n"
+        "try: main(sys.argv[1:])\n"
+        "except SystemExit: pass\n"
+        "heavy = {'ngsolve', 'netgen', 'matplotlib', 'xarray'} & set(sys.modules)\n"
+        "light = {'numpy', 'scipy', 'shapely', 'pint', 'ruamel'} & set(sys.modules)\n"
+        "print('HEAVY', sorted(heavy), 'LIGHT', sorted(light))"
+    )
+    for words, light in ((["--help"], "[]"), (["run", "--help"], "[]"), (["plan", "block.yaml"], None)):
+        result = subprocess.run([sys.executable, "-c", code, *words], cwd=folder, text=True, capture_output=True)
+        assert "HEAVY []" in result.stdout, result.stdout + result.stderr
+        if light is not None:
+            assert f"LIGHT {light}" in result.stdout
+
+
+@pytest.mark.parametrize("config", sorted(CONFIGS.glob("*.yaml")), ids=lambda p: p.name)
+def test_every_config_is_planned(config: Path, tmp_path: Path) -> None:
+    result = tcstudy_command("plan", config, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+
+
+def test_the_quickstart_on_coarse_levels(tmp_path: Path) -> None:
+    """All laws of the first study a user runs, solved and with a heat balance."""
+    result = tcstudy_command("run", CONFIGS / "quickstart.yaml", "--set", "mesh.levels=2", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    with tcstudy.open_results(tmp_path / "results" / "quickstart.nc") as tree:
+        assert tree["status"].size == 72
+        assert bool((tree["status"] == 1).all())
+        assert float(tree["inclusion_residual"].max()) <= 1e-10
+        assert float(tree["heat_balance"].max()) < 1e-12

@@ -1,0 +1,138 @@
+"""Conservation and consistency of the whole chain on a slanted, curved, holed, heated body."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse.linalg as spla
+
+from tcstudy.scene.records import Scene
+from tcstudy.solve.contact import solve_contact
+from tcstudy.study.level import Level
+from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
+
+
+@pytest.fixture(scope="module")
+def bracket() -> tuple[Scene, Level]:
+    study = study_of(HEATED_BRACKET)
+    return study.scenes[0], levels_of(study)[1]
+
+
+def test_segments_cover_the_contact_line(bracket: tuple[Scene, Level]) -> None:
+    """Σ c_i = meas(Γ_C): the slope exactly, the arc as its polygon, whatever its ends carry."""
+    level = bracket[1]
+    segments = level.line.segments
+    chords = np.linalg.norm(np.diff(level.mesh.points[segments], axis=1), axis=2)
+    assert level.line.c.sum() == pytest.approx(chords.sum(), rel=1e-13)
+    for ends in (["left=clamped", "right=clamped"], ["left=clamped"], []):
+        both = {"left=clamped": "boundary.left=clamped", "right=clamped": "boundary.right=clamped"}
+        text = RECTANGLE.replace("left: clamped, top: free", "left: free, top: clamped")
+        for one in levels_of(study_of(text, *[both[e] for e in ends])):
+            assert one.line.c.sum() == pytest.approx(2.0, rel=1e-13)
+            assert one.line.c.min() > 0
+
+
+def test_normal_displacement_vanishes_at_the_contact_nodes(bracket: tuple[Scene, Level]) -> None:
+    scene, level = bracket
+    condensed = level.condensed(scene)
+    u = level.displacement(scene, condensed, solve_contact(condensed.problem).v)
+    nodes = level.line.nodes
+    n = level.mesh.n_points
+    xy, at = np.column_stack([u[nodes], u[nodes + n]]), level.mesh.points[nodes]
+    slope = level.line.edge == 0
+    normal = np.array([-0.3, -1.0]) / np.hypot(0.3, 1.0)
+    interior = slope & (at[:, 0] < 1 - 1e-9)
+    assert np.max(np.abs(xy[interior] @ normal)) < 1e-16
+    assert np.max(np.abs(xy)) > 1e-3
+    centre = _circle((1, -0.3), (1.6, -0.2), (2, 0.3))
+    radial = at[~slope] - centre
+    radial /= np.linalg.norm(radial, axis=1)[:, None]
+    assert np.max(np.abs(np.einsum("ij,ij->i", xy[~slope], radial))) < 1e-15
+
+
+def _circle(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> np.ndarray:
+    """Centre of the circle through three points."""
+    p = np.array([a, b, c])
+    return np.linalg.solve(2 * (p[1:] - p[0]), (p[1:] ** 2).sum(1) - (p[0] ** 2).sum())
+
+
+def test_condensed_and_full_solutions_agree(bracket: tuple[Scene, Level]) -> None:
+    """With ξ from the condensed solve as a load, one sparse solve of the whole system gives the same field."""
+    scene, level = bracket
+    condensed = level.condensed(scene)
+    answer = solve_contact(condensed.problem)
+    u = level.displacement(scene, condensed, answer.v)
+    frames = level.frames
+    R = frames.rotation
+    A = level.elastic.stiffness(scene.material.lam, scene.material.mu)
+    local = (R.T @ A @ R).tocsr()
+    load = frames.local(level.load(scene)) - local @ frames.values
+    load[level.line.nodes] -= condensed.problem.xi(answer.v)
+    free = np.flatnonzero(~frames.fixed)
+    w = frames.values.copy()
+    w[free] = spla.spsolve(local[free][:, free].tocsc(), load[free])
+    full = frames.cartesian(w)
+    assert np.max(np.abs(full - u)) < 1e-12 * np.max(np.abs(full))
+    assert np.max(np.abs(w[level.line.nodes] - answer.v)) < 1e-12 * np.max(np.abs(full))
+
+
+def test_reactions_and_loads_are_in_equilibrium(bracket: tuple[Scene, Level]) -> None:
+    """Σ forces and Σ moments of loads, reactions and friction vanish (thermal stress has no resultant)."""
+    scene, level = bracket
+    condensed = level.condensed(scene)
+    answer = solve_contact(condensed.problem)
+    u = level.displacement(scene, condensed, answer.v)
+    A = level.elastic.stiffness(scene.material.lam, scene.material.mu)
+    F = level.load(scene)
+    residual = A @ u - F
+    n = level.mesh.n_points
+    local = level.frames.local(residual)
+    inner = ~level.frames.fixed
+    inner[level.line.nodes] = False
+    scale = np.max(np.abs(F))
+    assert np.max(np.abs(local[inner])) < 1e-11 * scale
+    assert np.max(np.abs(local[level.line.nodes] + condensed.problem.xi(answer.v))) < 1e-11 * scale
+    total = np.array([residual[:n].sum() + F[:n].sum(), residual[n:].sum() + F[n:].sum()])
+    x, y = level.mesh.points.T
+    everything = residual + F
+    moment = x @ everything[n:] - y @ everything[:n]
+    assert np.max(np.abs(total)) < 1e-11 * scale
+    assert abs(moment) < 1e-11 * scale
+    assert np.max(np.abs(F)) > 1e-3
+
+
+def test_total_energy_is_that_of_the_whole_system(bracket: tuple[Scene, Level]) -> None:
+    """L̃(u₁) + constant = ½uᵀAu − Fᵀu + Σ c_i j(u_T)."""
+    scene, level = bracket
+    condensed = level.condensed(scene)
+    answer = solve_contact(condensed.problem)
+    u = level.displacement(scene, condensed, answer.v)
+    A = level.elastic.stiffness(scene.material.lam, scene.material.mu)
+    direct = 0.5 * u @ (A @ u) - level.load(scene) @ u + level.line.c @ scene.friction.j(answer.v)
+    assert answer.energy + condensed.constant == pytest.approx(direct, rel=1e-11)
+
+
+@pytest.mark.parametrize("alpha", [1e-12, 1e-6, 0.8, 1e6, 1e12])
+def test_heat_balance(alpha: float) -> None:
+    """α∫(θ − θ̄) = ∫q to 1e-12 however small or large α is."""
+    study = study_of(HEATED_BRACKET, f"heat.alpha={alpha!r}")
+    level = levels_of(study)[0]
+    assert level.temperature(study.scenes[0]).heat_balance < 1e-12
+
+
+@pytest.mark.parametrize("alpha", [1e-4, 0.8, 1e4])
+def test_temperature_equals_an_assembled_solve(alpha: float) -> None:
+    """The spectral form on Γ_θ against a sparse solve of kK + αM with the same load."""
+    study = study_of(HEATED_BRACKET, f"heat.alpha={alpha!r}")
+    scene, level = study.scenes[0], levels_of(study)[1]
+    forms, k = level.heat, 0.7
+    robin = forms.robin_nodes
+    matrix = (k * forms.conduction).tolil()
+    matrix[np.ix_(robin, robin)] += alpha * forms.robin_mass
+    load = forms.source(0.6, ("heater",))
+    load[robin] += alpha * forms.surroundings(scene.heat.theta_bar)
+    direct = spla.spsolve(matrix.tocsc(), load)
+    theta = level.temperature(scene).theta
+    # at small α the assembled matrix is nearly singular and loses digits; the balance above judges ours
+    tolerance = 1e-11 / min(alpha, 1.0)
+    assert np.max(np.abs(theta - direct)) < tolerance * np.max(np.abs(direct))
