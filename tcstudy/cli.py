@@ -130,22 +130,19 @@ def _show(options: argparse.Namespace) -> int:
 
 def _checked(options: argparse.Namespace):  # type: ignore[no-untyped-def]  # Study and Path, imported lazily
     """The study and its output, both found usable; exits with 2 otherwise."""
-    from tcstudy.data.store import StoreError, check_writable
     from tcstudy.errors import StudyError
     from tcstudy.scene.reader import read_study
-    from tcstudy.study.plan import expected_bytes, output_of
+    from tcstudy.study.plan import output_of
+    from tcstudy.study.preflight import faults
 
     try:
         study = read_study(options.study, options.overrides)
     except StudyError as error:
         _fail(str(error))
     output = options.output or output_of(study)
-    try:
-        problems = check_writable(output, expected_bytes(study))
-    except StoreError as error:
-        problems = [str(error)]
+    problems = faults(study, output)
     if problems:
-        _fail("\n".join(problems))
+        _fail("\n".join(f"{options.study}: {problem}" for problem in problems))
     return study, output
 
 

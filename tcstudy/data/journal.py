@@ -41,7 +41,10 @@ CREATE TABLE record (kind TEXT, place TEXT, level INTEGER, scalars TEXT NOT NULL
                      arrays BLOB NOT NULL, crc INTEGER NOT NULL, PRIMARY KEY (kind, place, level));
 """
 _INSERT = "INSERT OR REPLACE INTO record VALUES (?, ?, ?, ?, ?, ?, ?)"
-_SELECT = "SELECT kind, place, level, scalars, layout, arrays, crc FROM record WHERE kind = ? ORDER BY rowid"
+# NOT INDEXED: a scan in the order of rowid streams; by the index SQLite would first sort all arrays in memory
+_SELECT = (
+    "SELECT kind, place, level, scalars, layout, arrays, crc FROM record NOT INDEXED WHERE kind = ? ORDER BY rowid"
+)
 
 Row = tuple[str, str, int, str, str, bytes, int]
 Place = tuple[tuple[int, ...], int]
@@ -253,6 +256,8 @@ def _look_into(connection: sqlite3.Connection, header: dict[str, str]) -> str:
         for row in connection.execute(_SELECT, (kind,)):
             if _checksum(row) != row[-1]:
                 raise _Damaged(f"wrong checksum of {kind} {row[1]} on level {row[2]}")
+    # a write, because SQLite opens a file that it must not write without a word, locking or not
+    connection.execute("PRAGMA user_version = 1")
     return ""
 
 

@@ -159,14 +159,14 @@ FIELD_NAMES = frozenset(v.name for v in FIELDS)
 RESERVED = frozenset(v.name for v in (*ROOT, *CONTACT, *MESH, *FIELDS)) | {
     *("level", "node", "mesh_node", "mesh_face", "corner", "mesh", POINT)
 }
-"""Names of the file that no swept parameter may take."""
+"""Names of the file that no swept parameter may take; see `axis_name`."""
 
 
 def sweep_dims(study: Study) -> tuple[str, ...]:
     """Names of the sweep dimensions, in the order of `study.shape`."""
     if not study.axes:
         return ()
-    return tuple(axis.name for axis in study.axes) if study.mode == "grid" else (POINT,)
+    return tuple(axis_name(axis) for axis in study.axes) if study.mode == "grid" else (POINT,)
 
 
 def expand(dims: tuple[str, ...], study: Study) -> tuple[str, ...]:
@@ -181,9 +181,14 @@ def attributes(variable: Variable, study: Study) -> dict[str, Any]:
     if dimensionless:
         extra.pop("units_metadata", None)
     if study.mode == "list" and SWEEP in variable.dims:
-        names = (extra.get("coordinates", ""), *(axis.name for axis in study.axes))
+        names = (extra.get("coordinates", ""), *(axis_name(axis) for axis in study.axes))
         extra["coordinates"] = " ".join(names).strip()
     return {"long_name": variable.long_name, "units": "1" if dimensionless else variable.units, **extra}
+
+
+def axis_name(axis: Axis) -> str:
+    """Name of a swept parameter in the file: its own, or its path where a result has that name ("heat_omega")."""
+    return "_".join(axis.path) if axis.name in RESERVED else axis.name
 
 
 def axis_attributes(axis: Axis) -> dict[str, Any]:
@@ -209,7 +214,7 @@ def edge_attributes(edge_names: Sequence[str]) -> dict[str, Any]:
 
 def axis_problems(study: Study) -> list[str]:
     """One sentence for each swept parameter whose name cannot stand in the file."""
-    names = [axis.name for axis in study.axes]
+    names = [axis_name(axis) for axis in study.axes]
     problems = [f"two swept parameters are named {n!r}" for n in sorted({n for n in names if names.count(n) > 1})]
     for name in names:
         if name in RESERVED:

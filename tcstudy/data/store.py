@@ -35,7 +35,7 @@ FINISHED = "finished"
 PARTIAL = ".partial"
 """What the journal of a run adds to the name of its output."""
 
-ROOM = 2
+ROOM = 3
 """Free disk that must be there, as a multiple of the expected file (old and new stand side by side)."""
 
 
@@ -220,8 +220,9 @@ def _put_axes(nc: netCDF4.Dataset, study: Study) -> None:
     nc.createDimension("level", study.mesh.levels)
     for axis in study.axes:
         labels = schema.axis_labels(axis)
-        dim = axis.name if study.mode == "grid" else schema.POINT
-        new = nc.createVariable(axis.name, str if labels.dtype == object else "f8", (dim,), fill_value=False)
+        name = schema.axis_name(axis)
+        dim = name if study.mode == "grid" else schema.POINT
+        new = nc.createVariable(name, str if labels.dtype == object else "f8", (dim,), fill_value=False)
         new.setncatts(schema.axis_attributes(axis))
         new[...] = labels
     _put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels, dtype=np.int32))

@@ -12,12 +12,22 @@ from numpy.typing import NDArray
 from tcstudy.data.records import PointStatus
 from tcstudy.report.style import DrawError
 from tcstudy.report.text import number
-from tcstudy.scene.units import Dimension, UnitError, split_quantity, to_si
+from tcstudy.scene import units as u
 
 Value = float | int | str
 
 CLOSE = 1e-3
 """Relative distance at which a number is taken for a label: what tables print has four digits."""
+
+
+_DIMENSIONS = {
+    d.cf: d
+    for d in (
+        *(u.LENGTH, u.TRACTION, u.STIFFNESS, u.BODY_FORCE, u.HEAT_SOURCE, u.HEAT_TRANSFER, u.TEMPERATURE),
+        *(u.CONDUCTIVITY, u.EXPANSION, u.THERMAL_STRESS),
+    )
+}
+"""Physical dimensions by the units that stand in a result file."""
 
 
 def axis_names(data: Any) -> list[str]:
@@ -111,8 +121,10 @@ def _fits(name: str, axis: Any, value: Value) -> NDArray[np.bool_]:
     nearest = held[np.argmin(distance)]
     if not abs(nearest - wanted) <= CLOSE * max(abs(wanted), abs(nearest)):
         order = np.unique(held)
-        near = np.sort(order[np.argsort(np.abs(order - wanted), kind="stable")[:3]])
-        raise DrawError(f"no point of the file has {name} = {value}; the nearest values are {_listed(map(number, near))}")
+        nearby = _listed(
+            number(label) for label in np.sort(order[np.argsort(np.abs(order - wanted), kind="stable")[:3]])
+        )
+        raise DrawError(f"no point of the file has {name} = {value}; the nearest values are {nearby}")
     return np.asarray(held == nearest)
 
 
@@ -122,12 +134,12 @@ def _as_number(name: str, value: Value, units: str) -> float:
         return float(value)
     except ValueError:
         pass
-    quantity = split_quantity(str(value))
-    if quantity is None or units == "1":
+    quantity, dimension = u.split_quantity(str(value)), _DIMENSIONS.get(units)
+    if quantity is None or dimension is None:
         raise DrawError(f"{name} = {value!r} is not a number; give one{f' in {units}' if units != '1' else ''}")
     try:
-        return to_si(*quantity, Dimension(f"the swept {name}", units.replace(" ", "*"), units, f"1 {units}"))
-    except UnitError as error:
+        return u.to_si(*quantity, dimension)
+    except u.UnitError as error:
         raise DrawError(f"{name} = {value!r}: {error}; {error.remedy}") from error
 
 

@@ -7,11 +7,12 @@ figures are not used at all.
 from __future__ import annotations
 
 import io
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tcstudy.report.text import prefix
 
@@ -31,10 +32,18 @@ INK, PALE, SHADE = "#222222", "#8a8a8a", "#dedede"
 BLUE, VERMILLION = "#0072b2", "#d55e00"
 """From the palette of Okabe and Ito, told apart with every kind of colour vision."""
 
+EVEN = "#fed976"
+"""Of the colours of HEAT, the one for a body of one temperature."""
+
+LETTER = 0.09
+"""Width of a bold letter [inch], to know what fits."""
+
 HEAT = "YlOrRd"
 """Colour map of the body: light enough for dark lines and letters on most of its range."""
 
-_STYLE = {
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+_STYLE: dict[Any, Any] = {
     "font.size": 9.5,
     "axes.titlesize": 9.5,
     "axes.labelsize": 9.5,
@@ -96,7 +105,7 @@ def inches(figure: Figure, left: float, bottom: float, width: float, height: flo
     return figure.add_axes((left / across, bottom / up, width / across, height / up))
 
 
-def scaled_unit(values: Sequence[float], units: str) -> tuple[float, str]:
+def scaled_unit(values: Iterable[float], units: str) -> tuple[float, str]:
     """(divisor, unit) that bring the largest magnitude to 1 … 1000, where a prefix suits the unit.
 
     A unit that begins with a power (K-1) takes none: a prefix would be raised to the power as well.
@@ -106,12 +115,20 @@ def scaled_unit(values: Sequence[float], units: str) -> tuple[float, str]:
     return prefix([max((abs(float(v)) for v in values), default=0.0)], units)
 
 
+def axis_unit(values: Iterable[float], units: str) -> tuple[float, str]:
+    """As `scaled_unit`; plain numbers that are very large or small get a power of ten, "10⁻⁵"."""
+    largest = max((abs(float(v)) for v in values), default=0.0)
+    if units != "1" or largest == 0.0 or 1e-2 <= largest < 1e4:
+        return scaled_unit([largest], units)
+    power = math.floor(math.log10(largest))
+    return 10.0**power, f"10{str(power).translate(_RAISED)}"
+
+
 def pretty(units: str) -> str:
     """Units with raised exponents, "W m⁻² K⁻¹"; empty for a plain number."""
     if units == "1":
         return ""
-    raised = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-    return re.sub(r"(?<=[A-Za-z])-?\d+", lambda power: power[0].translate(raised), units)
+    return re.sub(r"(?<=[A-Za-z])-?\d+", lambda power: power[0].translate(_RAISED), units)
 
 
 def labelled(name: str, units: str) -> str:

@@ -66,6 +66,8 @@ class Fields:
         near = {key: walker.nearest(key, free) or walker.nearest(key, known) for key in wrong}
         for key in wrong:
             remedy = f"did you mean {near[key]!r}?" if near[key] else f"use one of the keys {', '.join(free or known)}"
+            if key[:1].isdigit():
+                remedy = "write decimals with a point: a comma begins the next entry"
             ctx.errors.at(node.value[key], "unknown key", remedy, on_key=True)
         guessed = set(near.values())
         for key in required:

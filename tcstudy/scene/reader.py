@@ -111,8 +111,10 @@ def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
 
 def _with_swept_keys(root: Node, sweep: Sweep) -> Node:
     """The base study: swept keys that it does not give have the first of their values."""
+    whole = {axis.parameter.path for axis in sweep.axes if holds(root, axis.parameter.path)}
     for axis in sorted(sweep.axes, key=lambda axis: len(axis.parameter.path)):
-        if not holds(root, axis.parameter.path):
+        # A parameter of a law that is itself swept may be foreign to the base law.
+        if not holds(root, axis.parameter.path) and axis.parameter.path[:1] not in whole:
             try:
                 root = put(root, axis.parameter.path, axis.values[0])
             except KeyError:  # something else stands there, which the section's reader records

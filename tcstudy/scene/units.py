@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal, DecimalException
 from functools import lru_cache
 from typing import Any
 
@@ -77,7 +77,7 @@ def to_si(number: str, unit: str, dimension: Dimension) -> float:
     factor = _factor(unit, dimension)
     try:
         value = float(Decimal(number) * Decimal(repr(factor)))
-    except (InvalidOperation, OverflowError):
+    except (DecimalException, OverflowError):
         value = float("inf")
     if not abs(value) < float("inf"):
         raise UnitError(f"{number} {unit} is too large for a number", f"write for example {dimension.example}")
@@ -92,7 +92,7 @@ def _factor(unit: str, dimension: Dimension) -> float:
     spelt = re.sub(r"(?<=[A-Za-zµμ])(-?\d)\b", r"^\1", spelt)
     # Exponents have one digit: a chain of powers is a typing error and could keep the unit library busy for ever.
     if not UNIT.fullmatch(unit) or re.search(r"\d\d|\^[^A-Za-z]*\^", spelt):
-        raise UnitError(f"{unit[:40]!r} is not a unit", example)
+        raise UnitError(f"{unit[:40]!r} is not a unit", _unknown_remedy(unit, dimension))
     registry = _registry()
     try:
         one = registry.Quantity(1.0, registry.parse_units(spelt))

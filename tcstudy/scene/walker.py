@@ -102,6 +102,10 @@ def _from_text(ctx: Context, node: Node, text: str, dimension: Dimension, varies
         except UnitError as error:
             ctx.errors.at(node, str(error), error.remedy)
             return math.nan
+    if comma := re.match(r"\s*[-+]?\d+,\d", text):
+        remedy = f"write a decimal point: {text.replace(',', '.', 1).strip()}"
+        ctx.errors.at(node, f"{comma[0].strip()!r} has a decimal comma", remedy)
+        return math.nan
     try:
         expression = _expression(text)
     except expressions.ExpressionError as error:

@@ -46,18 +46,18 @@ class ActivePieces:
 def identify(problem: ContactProblem, v: Array) -> ActivePieces:
     """Active pieces predicted from v, node by node with the other nodes held.
 
-    A node rests on the nearest adjacent up-jump s with c b⁻ ≤ ξ_i − Ã_ii (s − v_i) ≤ c b⁺: that is where its own
-    energy has a minimum. Otherwise it belongs to the piece v_i lies in, or to the descending side of its kink.
+    Candidates are the stationary point on the piece that v_i lies in (one Newton step, if it stays in the piece)
+    and the two adjacent up-jumps s with c b⁻ ≤ ξ_i − Ã_ii (s − v_i) ≤ c b⁺, where the node's own energy has a
+    minimum. The nearest wins; without any the node stays on its piece, on a kink on the descending side's.
     """
     law, c = problem.law, problem.c
-    xi = problem.xi(v)
+    xi, diagonal = problem.xi(v), np.diagonal(problem.A_tilde)
     piece = np.where(c * law.b(v, +1) < xi, law.piece(v, +1), law.piece(v, -1))
     kink = np.full(problem.m, -1, dtype=np.intp)
     ups = np.flatnonzero(law.kinds == UP)
     if not len(ups):
         return ActivePieces(kink, piece)
-    diagonal = np.diagonal(problem.A_tilde)
-    nearest = np.full(problem.m, np.inf)
+    nearest = _distance_on_piece(problem, v, xi, piece)
     above = np.searchsorted(law.kinks[ups], v)
     for offset in (0, -1):
         candidate = ups[np.clip(above + offset, 0, len(ups) - 1)]
@@ -68,6 +68,16 @@ def identify(problem: ContactProblem, v: Array) -> ActivePieces:
         kink = np.where(closer, candidate, kink)
         nearest = np.where(closer, np.abs(move), nearest)
     return ActivePieces(kink, np.where(kink >= 0, kink + 1, piece))
+
+
+def _distance_on_piece(problem: ContactProblem, v: Array, xi: Array, piece: Index) -> Array:
+    """How far one Newton step moves each node on its own piece; inf if that leaves the piece (m,)."""
+    law, c = problem.law, problem.c
+    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        move = (xi - c * law.value(v, piece)) / (np.diagonal(problem.A_tilde) + c * law.slope(v, piece))
+        inside = (ends[piece] <= v + move) & (v + move <= ends[piece + 1])
+    return np.where(inside, np.abs(move), np.inf)
 
 
 def solve_on(problem: ContactProblem, active: ActivePieces, v: Array, newton_steps: int) -> Array | None:

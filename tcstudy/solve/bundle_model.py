@@ -18,7 +18,7 @@ Differences from the publication, each because it saves evaluations:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,7 +103,9 @@ class Step:
 
     d:         (n,) step
     lam:       (N,) multipliers
-    decrease:  predicted decrease of f, ≥ 0
+    decrease:  predicted decrease of f, −model(d) ≥ 0
+    promise:   w = ½‖Σλ_jg_j‖²_{W⁻¹} + Σλ_jα_j of the first quadratic programme without shift: the published
+               stopping quantity
     shift:     multiple μ of the identity that kept d within the radius, 0 if the radius did not bind
     factorisations: eigenvalue factorisations spent
     """
@@ -111,6 +113,7 @@ class Step:
     d: Array
     lam: Array
     decrease: float
+    promise: float
     shift: float
     factorisations: int
 
@@ -198,30 +201,42 @@ def minimise(model: Model, lam: Array, shift: float, rules: Rules, radius: float
         best = trial
         if used > 1 and (small or flat):
             break
-    return Step(d, lam, -model.value(d) if np.any(d) else promise, shift, used)
+    return Step(d, lam, -model.value(d), promise, shift, used)
 
 
 def bounded_step(model: Model, lam: Array, rules: Rules, radius: float) -> Step:
-    """The model's minimiser, shifted by the smallest μI found that keeps ‖d‖ ≤ 1.2·radius (μ by bisection)."""
+    """The model's minimiser, shifted by the smallest μI found that keeps ‖d‖ ≤ 1.2·radius (μ by bisection).
+
+    A nonconvex model may jump past the radius as μ falls; then the longest step found below it counts.
+    """
     step = minimise(model, lam, 0.0, rules, radius)
-    used, low, high = step.factorisations, 0.0, np.inf
-    shift = 0.0
+    used, promise, inside = step.factorisations, step.promise, None
+    shift, low, high = 0.0, 0.0, np.inf
     for _ in range(25):
-        if step.length > 1.2 * radius or step.length == 0.0 < step.decrease:
+        failed = step.length == 0.0 < promise
+        if step.length > 1.2 * radius or failed:
             low = shift
-        elif shift == 0.0 or step.length >= 0.6 * radius or high <= 1e-6 * model.curvature:
-            break
         else:
-            high = shift
+            inside, high = step, shift
+            if shift == 0.0 or step.length >= 0.6 * radius or high <= 1e-6 * model.curvature:
+                break
         if high < 1.3 * low:
             break
         if np.isfinite(high):
             shift = float(np.sqrt(high * max(low, 1e-3 * high)))
         else:
-            shift = max(float(np.linalg.norm(step.lam @ model.A)) / radius, 10.0 * shift)
+            slope = float(np.max(np.abs(model.A)) if failed else np.linalg.norm(step.lam @ model.A))
+            shift = max(slope / radius, 10.0 * shift)
         step = minimise(model, lam, shift, rules, radius)
         used += step.factorisations
-    if step.length > 1.2 * radius:
-        d = step.d * (radius / step.length)
-        return Step(d, step.lam, max(0.0, -model.value(d)), shift, used)
-    return Step(step.d, step.lam, step.decrease, shift, used)
+    found = inside or cut_back(model, step, radius)
+    return replace(found, promise=promise, factorisations=used)
+
+
+def cut_back(model: Model, step: Step, radius: float) -> Step:
+    """A step that is too long, shortened to the radius and on until the model falls."""
+    t = min(1.0, radius / step.length) if step.length > 0.0 else 0.0
+    while t > 1e-15 and model.value(t * step.d) >= 0.0:
+        t *= 0.5
+    d = t * step.d
+    return replace(step, d=d, decrease=-model.value(d))

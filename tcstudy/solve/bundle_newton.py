@@ -83,9 +83,10 @@ class State:
     @property
     def accuracy(self) -> float:
         """Predicted decrease relative to `scale`."""
-        if self.step.decrease == 0.0:
+        predicted = max(self.step.decrease, self.step.promise)
+        if predicted == 0.0:
             return 0.0
-        return self.step.decrease / self.scale if self.scale > 0.0 else float("inf")
+        return predicted / self.scale if self.scale > 0.0 else float("inf")
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ class BundleNewton:
     max_iterations: limit of steps, each with at most one evaluation
     m_L, m_R:       shares of the predicted decrease for a serious step and for a useful null step
     bundle_size:    most pieces kept (None: 2n + 5); below n + 2 active pieces are aggregated
-    x_unit:         length by which to bound the first step (None: ‖x0‖, or |f|/‖g‖ if x0 = 0; 1 if both are 0)
+    x_unit:         length by which to bound the first step (None: ‖x0‖; from f, g and G if x0 = 0)
     rules:          numbers of the model
     """
 
@@ -116,7 +117,7 @@ class BundleNewton:
         if not piece.finite:
             n = len(x0)
             model = Model(np.zeros(1), np.zeros((1, n)), np.zeros((1, n, n)), np.zeros(1), 0.0)
-            step = Step(np.zeros(n), lam, 0.0, 0.0, 0)
+            step = Step(np.zeros(n), lam, 0.0, 0.0, 0.0, 0)
         else:
             model = assemble([piece], lam, x0, piece.f, self.rules)
             step = bounded_step(model, lam, self.rules, unit)
@@ -200,9 +201,8 @@ class BundleNewton:
         return state.radius
 
     def stationary(self, state: State) -> bool:
-        """True if the model promises no more decrease than `tolerance`, without the radius being the cause."""
-        limit = self.tolerance if state.step.shift == 0.0 else 1e-3 * self.tolerance
-        return state.step.decrease <= limit * state.scale
+        """True if the model promises no more decrease than `tolerance`, with or without the radius."""
+        return state.accuracy <= self.tolerance
 
     def remote(self, state: State) -> NDArray[np.bool_]:
         """(N,) active pieces whose origin is too far away to prove stationarity."""
@@ -227,7 +227,7 @@ class BundleNewton:
         if state.radius > 1e12 * state.unit:
             reason = f"f still falls at a distance of {state.radius:.1e}: it may be unbounded below; check its growth"
             return Status.UNBOUNDED, reason
-        if state.step.length <= 4 * np.finfo(float).eps * float(np.linalg.norm(state.x)):
+        if state.step.decrease <= 0.0 or state.step.length <= 4 * np.finfo(float).eps * float(np.linalg.norm(state.x)):
             reason = (
                 f"steps have shrunk to rounding level at a predicted decrease of {state.accuracy:.1e} of |f|; "
                 "check g and G against differences of f, or allow a larger tolerance"
@@ -264,11 +264,13 @@ def evaluate(problem: Oracle, y: Array) -> Piece:
 
 
 def first_unit(piece: Piece) -> float:
-    """A length to begin with: ‖x0‖, else |f|/‖g‖, else 1 because the data hold no scale."""
-    length, slope = float(np.linalg.norm(piece.y)), float(np.linalg.norm(piece.g))
-    if length > 0.0:
-        return length
-    return abs(piece.f) / slope if slope > 0.0 and piece.f != 0.0 and piece.finite else 1.0
+    """A length to begin with: ‖x0‖, else ‖g‖/‖G‖, else |f|/‖g‖; 1 where the data hold no scale at all."""
+    slope, bend = float(np.linalg.norm(piece.g)), float(np.linalg.norm(piece.G))
+    if piece.finite:
+        for length, per in ((float(np.linalg.norm(piece.y)), 1.0), (slope, bend), (abs(piece.f), slope)):
+            if length > 0.0 and per > 0.0:
+                return length / per
+    return 1.0
 
 
 def centre(state: State) -> Piece:

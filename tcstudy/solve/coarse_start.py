@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse
 from numpy.typing import NDArray
 
+from tcstudy.solve.nodal_pieces import energy_change
 from tcstudy.solve.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -31,7 +32,10 @@ def restricted(problem: ContactProblem, P: scipy.sparse.csr_matrix) -> ContactPr
     """The Galerkin restriction of a problem to the columns of P."""
     A_coarse = P.T @ (P.T @ problem.A_tilde).T
     return ContactProblem(
-        np.ascontiguousarray(0.5 * (A_coarse + A_coarse.T)), P.T @ problem.l_tilde, P.T @ problem.c, problem.law
+        np.ascontiguousarray(0.5 * (A_coarse + A_coarse.T)),
+        P.T @ problem.l_tilde,
+        P.T @ problem.c,
+        problem.law,
     )
 
 
@@ -48,4 +52,6 @@ def coarse_start(
     P = interpolation(problem.m)
     coarse = restricted(problem, P)
     interpolated = P @ solve(coarse, coarse_start(coarse, x0[::2], solve, smallest))
-    return interpolated if problem.energy(interpolated) < problem.energy(x0) else x0
+    step = interpolated - x0
+    lower = energy_change(problem, x0, problem.xi(x0), step, problem.A_tilde @ step) < 0.0
+    return interpolated if lower else x0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solve.nodal_pieces import Slopes, slopes
+from tcstudy.solve.nodal_pieces import Slopes, integral, slopes
 from tcstudy.solve.outcome import Status
 from tcstudy.solve.problem import ContactProblem
 
@@ -61,7 +61,7 @@ def new_state(problem: ContactProblem, v: Array) -> SeparableState:
     terms = np.diagonal(problem.A_tilde) * np.abs(v) + np.abs(problem.l_tilde) + np.abs(xi)
     residual = _relative(problem, s.descent)
     rounding = _relative(problem, np.finfo(float).eps * terms)
-    f = float(-0.5 * v @ (xi + problem.l_tilde) + problem.c @ problem.law.j(v))
+    f = float(-0.5 * v @ (xi + problem.l_tilde) + problem.c @ integral(problem.law, np.zeros(problem.m), v))
     second_order = "every node rests" if np.all(s.at_rest) else None
     return SeparableState(v, xi, s, piece, residual, rounding, f, second_order=second_order)
 

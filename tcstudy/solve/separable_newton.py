@@ -101,9 +101,7 @@ class SeparableNewton:
     ) -> Outcome:
         """Pack the state; `accuracy` is the inclusion residual."""
         accuracy = relative_residual(problem, state.v)
-        return Outcome(
-            state.v, state.f, status, reason, iterations, state.evaluations, state.factorisations, accuracy
-        )
+        return Outcome(state.v, state.f, status, reason, iterations, state.evaluations, state.factorisations, accuracy)
 
     def line(self, state: SeparableState, iteration: int) -> str:
         """One aligned log line."""

@@ -11,9 +11,10 @@ from threadpoolctl import threadpool_limits
 from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
-from tcstudy.data.store import StoreError, check_writable, write
+from tcstudy.data.store import StoreError, write
 from tcstudy.scene.records import Study
-from tcstudy.study.plan import expected_bytes, output_of
+from tcstudy.study.plan import output_of
+from tcstudy.study.preflight import faults
 from tcstudy.study.run import Watcher, run
 
 
@@ -40,13 +41,6 @@ class Quiet:
         """Nothing to show."""
 
 
-def require_writable(study: Study, output: Path) -> None:
-    """Raise StoreError, before any work, if the results could not be kept there."""
-    problems = check_writable(output, expected_bytes(study))
-    if problems:
-        raise StoreError("; ".join(problems))
-
-
 def execute(
     study: Study, output: Path | None = None, watcher: Watcher | None = None, command: Sequence[str] = ("tcstudy",)
 ) -> Summary:
@@ -58,10 +52,13 @@ def execute(
     """
     output = output if output is not None else output_of(study)
     watcher = watcher if watcher is not None else Quiet()
-    require_writable(study, output)
+    problems = faults(study, output)
+    if problems:
+        raise StoreError("; ".join(problems))
     # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
     with threadpool_limits(1, user_api="blas"), Journal.open(output, study) as journal:
-        finished = [(level, index) for (index, level), _ in journal.finished.items()]
+        # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
+        finished = [(level, index) for (index, level), s in journal.finished.items() if s != PointStatus.ERROR]
         watcher.begin(len(study.scenes) * study.mesh.levels, len(finished), journal.warnings)
         for record in run(study, finished):
             journal.add(record)

@@ -136,9 +136,10 @@ for n, index in enumerate(np.ndindex(study.shape)):
         journal.flush()
         print(n, flush=True)
 if mode == "wait":
-    while journal._pending:  # nobody flushes: the journal does so by itself
+    deadline = time.monotonic() + 20
+    while journal._pending and time.monotonic() < deadline:  # nobody flushes: the journal does so by itself
         time.sleep(0.01)
-    print("committed", flush=True)
+    print("pending" if journal._pending else "committed", flush=True)
 while True:
     if mode == "flush":  # go on adding until killed
         for index in np.ndindex(study.shape):
@@ -305,6 +306,30 @@ def test_no_flipped_byte_is_taken_for_a_result(
     assert noticed > 30
 
 
+def test_a_damaged_index_is_noticed_although_every_record_is_sound(
+    output: Path, study: Study, new_point: Callable[..., PointRecord]
+) -> None:
+    fill(output, study, [new_point((0, 0, 0), 0)])
+    database = sqlite3.connect(partial(output))
+    (page,) = database.execute("SELECT rootpage FROM sqlite_master WHERE name = 'sqlite_autoindex_record_1'").fetchone()
+    (size,) = database.execute("PRAGMA page_size").fetchone()
+    database.close()
+    damaged = bytearray(partial(output).read_bytes())
+    damaged[(page - 1) * size : page * size] = bytes(size)
+    partial(output).write_bytes(damaged)
+    with Journal.open(output, study) as journal:
+        assert "damaged" in journal.warnings[0]
+
+
+def test_a_damaged_header_that_looks_read_only_is_set_aside(output: Path, study: Study) -> None:
+    Journal.open(output, study).close()
+    damaged = bytearray(partial(output).read_bytes())
+    damaged[18] = 3  # a write version of the future: SQLite opens such a file for reading only
+    partial(output).write_bytes(damaged)
+    with Journal.open(output, study) as journal:
+        assert "damaged" in journal.warnings[0]
+
+
 def test_any_other_file_at_its_place_is_set_aside(output: Path, study: Study) -> None:
     output.parent.mkdir()
     partial(output).write_text("my notes, far from a database\n" * 100)
@@ -392,6 +417,6 @@ def test_a_place_that_cannot_be_written_is_one_clear_error(tmp_path: Path, study
 
 
 def test_axes_that_the_store_would_refuse_are_refused_before_the_work(output: Path, study: Study) -> None:
-    bad = replace(study, axes=(replace(study.axes[0], name="xi"),))
+    bad = replace(study, axes=(replace(study.axes[0], name="xi", path=("xi",)),))
     with pytest.raises(StoreError, match="name of a result"):
         Journal.open(output, bad)

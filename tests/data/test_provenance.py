@@ -128,9 +128,10 @@ def test_checksum_is_that_of_the_file_and_changes_with_overrides(study: Study) -
     plain = replace(study, overrides=())
     assert study_sha256(plain) == hashlib.sha256(study.text.encode()).hexdigest()
     different = {
-        study_sha256(replace(study, overrides=o)) for o in ((), ("a=1",), ("a=2",), ("a=1", "b=1"), ("b=1", "a=1"))
+        study_sha256(replace(study, overrides=o))
+        for o in ((), ("a=1",), ("a=2",), ("a=1", "b=1"), ("b=1", "a=1"), ("a=1b=1",))
     }
-    assert len(different) == 5
+    assert len(different) == 6
     assert study_sha256(replace(study, title="other")) == study_sha256(study)
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Literal
 
 import netCDF4
 import numpy as np
@@ -369,12 +370,37 @@ def test_names_of_axes_that_collide_are_refused(
     output: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
 ) -> None:
     for name, text in (("energy", "name of a result"), ("node", "name of a result"), ("a b", "letters")):
-        bad = replace(study, axes=(replace(study.axes[0], name=name), *study.axes[1:]))
+        bad = replace(study, axes=(replace(study.axes[0], name=name, path=(name,)), *study.axes[1:]))
         with pytest.raises(StoreError, match=text):
             write(output, bad, levels, points, provenance)
     twice = replace(study, axes=(study.axes[0], study.axes[0]))
     with pytest.raises(StoreError, match="two swept parameters are named 'alpha'"):
         write(output, twice, levels, [], provenance)
+
+
+@pytest.mark.parametrize("mode", ["grid", "list"])
+def test_an_axis_with_the_name_of_a_result_gets_its_path_for_a_name(
+    output: Path,
+    list_study: Study,
+    provenance: Provenance,
+    new_level: Callable[..., LevelRecord],
+    new_point: Callable[..., PointRecord],
+    mode: Literal["grid", "list"],
+) -> None:
+    alpha, friction = list_study.axes
+    axes = (
+        replace(alpha, name="theta", path=("heat", "theta")),
+        replace(friction, name="omega", path=("heat", "omega")),
+    )
+    named = replace(list_study, mode=mode, axes=axes)
+    points = [new_point(index, 1, fields=True) for index in np.ndindex(named.shape)]
+    write(output, named, [new_level(n, fields=True) for n in range(2)], points, provenance)
+    with open_results(output) as tree:
+        assert tree["heat_theta"].values.tolist() == [100.0, 25.0]
+        assert tree["heat_omega"].values.tolist() == ["tresca", "decay"]
+        for p in points:
+            assert tree["omega"].values[(*p.index, 1)] == p.numbers["omega"]
+            np.testing.assert_array_equal(tree["level_1"]["theta"].values[p.index], p.fields["theta"])
 
 
 def test_a_long_study_text_is_kept_exactly(output: Path, study: Study, levels: Levels, provenance: Provenance) -> None:

@@ -1,5 +1,6 @@
 """Bad studies: each gives one error, at its place, that says what is wrong."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -29,368 +30,19 @@ sweep:
   alpha: [25, 100]
   delta: [20 um, 40 um]
 """
-# old text, new text, line:column, key, part of the message
-FAULTS = [
-    ("material:", "materal:", "14:1", "materal", "did you mean 'material'?"),
-    ("{E: 210 GPa, nu", "{E: 210 GPa, nuu", "14:24", "material.nuu", "did you mean 'nu'?"),
-    ("E: 210 GPa", "E: [1, 2]", "14:15", "material.E", "must be a stress, but is a list of 2"),
-    ("E: 210 GPa", "E: true", "14:15", "material.E", "must be a stress, but is the truth value true"),
-    ("E: 210 GPa", "E: .nan", "14:15", "material.E", "nan is not a finite number"),
-    ("E: 210 GPa", "E: -3", "14:15", "material.E", "must be greater than 0, but is -3"),
-    ("E: 210 GPa", "E: 210 kg", "14:15", "material.E", "'kg' is not a unit of a stress (Pa)"),
-    ("E: 210 GPa", "E: 210 Gpa", "14:15", "material.E", "did you mean 'GPa'? Units are case-sensitive"),
-    ("E: 210 GPa", "E: 210 2000*x", "14:15", "material.E", "'2000*x' is not a unit"),
-    ("E: 210 GPa", "E: 1e9*x", "14:15", "material.E", "may not vary with x and y"),
-    ("E: 210 GPa,", "", "14:11", "material.E", "is missing"),
-    ("E: 210 GPa", "E: 210 GPa, E: 200 GPa", "14:24", "material.E", "the key is given twice (first in line 14)"),
-    ("E: 210 GPa", "lambda: 5 GPa", "14:20", "material.lambda", "the material is given in two ways"),
-    ("nu: 0.3", "nu: 0.5", "14:28", "material.nu", "must lie between -1 and 0.5, but is 0.5"),
-    ("nu: 0.3", "nu: -1", "14:28", "material.nu", "must lie between -1 and 0.5, but is -1"),
-    ("nu: 0.3", 'nu: "a third"', "14:28", "material.nu", "'a third' is not a plain number"),
-    ("nu: 0.3", "nu:", "14:24", "material.nu:", "did you mean 'nu'?"),
-    ("nu: 0.3", "nu: 1e999", "14:28", "material.nu", "inf is not a finite number"),
-    (
-        "nu: 0.3,",
-        "nu: 0.3, plane: flat,",
-        "14:40",
-        "material.plane",
-        "must be one of strain, stress, but is the text 'flat'",
-    ),
-    ("k: 45 W/(m*K),", "", "14:11", "material.k", "is missing, but heat needs it"),
-    ("k: 45 W/(m*K)", "k: 0", "14:36", "material.k", "must be greater than 0, but is 0"),
-    ("alpha_T: 12e-6 1/K", "alpha_T: 12e-6 1/K, beta: 5", "14:74", "material.beta", "both alpha_T and beta are given"),
-    (
-        "top: {role: traction, g: [0, -1 MPa]}",
-        "tpo: {role: traction, g: [0, -1 MPa]}",
-        "12:3",
-        "boundary.tpo",
-        "did you mean 'top'?",
-    ),
-    ("  left: clamped\n", "", "10:3", "boundary.left", "the edge has no role"),
-    ("left: clamped", "left: clampd", "13:9", "boundary.left", "did you mean 'clamped'?"),
-    (
-        "left: clamped",
-        "left: {role: clamped, u_x: 0, u_N: 0}",
-        "13:9",
-        "boundary.left",
-        "the displacement is given in two ways",
-    ),
-    (
-        "left: clamped",
-        "left: {role: clamped, u: [free, free]}",
-        "13:9",
-        "boundary.left",
-        "both components are free, so nothing is clamped",
-    ),
-    ("left: clamped", "left: free", "10:3", "boundary", "no edge is clamped and contact does not hold "),
-    ("left: clamped", "left: {u: [0, 0]}", "13:9", "boundary.left.role", "is missing"),
-    (
-        "left: clamped",
-        "left: {role: clamped, u: [0]}",
-        "13:28",
-        "boundary.left.u",
-        "must be a pair of displacements, but is a list of 1",
-    ),
-    ("left: clamped", "left: {role: clamped, g: [0, 0]}", "13:25", "boundary.left.g", "unknown key"),
-    (
-        "left: clamped",
-        "left: clamped\n  bottom: free",
-        "14:3",
-        "boundary.bottom",
-        "the key is given twice (first in line 10)",
-    ),
-    ("left: clamped", "left: clamped\n  bottm: free", "14:3", "boundary.bottm", "did you mean 'bottom'?"),
-    (
-        "bottom: contact",
-        "bottom: clamped",
-        "10:3",
-        "boundary",
-        "no edge is in contact, so there is no friction to study",
-    ),
-    (
-        "g: [0, -1 MPa]",
-        "g: [0, -1 MPa, 0]",
-        "12:28",
-        "boundary.top.g",
-        "must be a pair of components, but is a list of 3",
-    ),
-    ("g: [0, -1 MPa]", 'g: ["sin(z)", 0]', "12:29", "boundary.top.g[0]", "unknown name 'z'"),
-    ("g: [0, -1 MPa]", 'g: [0, "1 MPa*x"]', "12:32", "boundary.top.g[1]", "'MPa*x' is not a known unit"),
-    (", g: [0, -1 MPa]", "", "12:8", "boundary.top", "a traction edge needs g or pressure"),
-    (
-        "right: convection",
-        "right: free",
-        "15:15",
-        "heat.alpha",
-        "no edge has the role convection, so alpha acts nowhere",
-    ),
-    ("edge: right", "edge: a b", "4:28", "body.outline[1].edge", "must be an edge name of letters, digits and _"),
-    ("edge: right", "edg: right", "4:22", "body.outline[1].edg", "did you mean 'edge'?"),
-    ("{from: [2, 0], edge: right}", "{edge: right}", "4:7", "body.outline[1].from", "is missing"),
-    ("[2, 1]", "[2, x]", "5:18", "body.outline[2].from[1]", "may not vary with x and y"),
-    ("radius: 0.2", "radius: -0.2", "8:46", "body.regions.hot.circle.radius", "must be greater than 0, but is -0.2"),
-    ("{circle: {center: [1, 0.5], radius: 0.2}}", "{}", "8:10", "body.regions.hot", "needs one shape, not 0"),
-    (
-        "{circle: {center: [1, 0.5], radius: 0.2}}",
-        "{cirle: {center: [1, 0.5], radius: 0.2}}",
-        "8:11",
-        "body.regions.hot.cirle",
-        "did you mean 'circle'?",
-    ),
-    ("alpha: 100 W/(m^2*K)", "alpha: -1", "15:15", "heat.alpha", "must be 0 or more, but is -1"),
-    ("alpha: 100 W/(m^2*K)", "alpha: 0", "15:15", "heat.alpha", "with alpha = 0 the heat of q cannot leave the"),
-    ("theta_bar: 20 K", "theta_bar: 20 degC", "15:41", "heat.theta_bar", "'degC' has its own zero"),
-    ("theta_bar: 20 K", "theta_bar: 20 + 3*", "15:41", "heat.theta_bar", "the expression ends with *"),
-    (
-        "theta_bar: 20 K",
-        "theta_bar: 20 K, theta: 5",
-        "15:54",
-        "heat.theta",
-        "theta is the known temperature, so alpha, the",
-    ),
-    ("omega: hot", "omega: htt", "15:62", "heat.omega", "did you mean 'hot'?"),
-    ("omega: hot", "omega: []", "15:62", "heat.omega", "must name regions of the body, but is an empty list"),
-    ("law: slip-weakening", "law: slip weakening", "16:17", "friction.law", "did you mean 'slip-weakening'?"),
-    ("law: slip-weakening,", "", "16:11", "friction.law", "is missing"),
-    ("delta: 40 um}", "delta: 0}", "16:69", "friction.delta", "must be above 0, not 0"),
-    ("delta: 40 um}", "delta: 40 MPa}", "16:69", "friction.delta", "'MPa' is not a unit of a length (m)"),
-    ("tau_k: 5 MPa", "tau_d: 5 MPa", "16:48", "friction.tau_d", "did you mean 'tau_k'?"),
-    (
-        "friction: {law: slip-weakening, tau_s: 20 MPa, tau_k: 5 MPa, delta: 40 um}",
-        "friction: tresca",
-        "16:11",
-        "friction",
-        "must be a mapping, but is the text 'tresca'",
-    ),
-    ("maxh: 0.2", "maxh: 0", "17:14", "mesh.maxh", "must be greater than 0, but is 0"),
-    ("maxh: 0.2", "maxh: 1 um", "17:14", "mesh.maxh", "about 10^13.3 triangles are more than a study can use"),
-    ("maxh: 0.2", "maxh: 5", "17:14", "mesh.maxh", "an element of 5 is larger than the body (2.23607)"),
-    ("maxh: 0.2", "maxh: [0.2, 0.3]", "17:20", "mesh.maxh[1]", "0.3 does not decrease after 0.2"),
-    ("maxh: 0.2", "maxh: [0.2, 0.1]", "17:26", "mesh.levels", "levels go with a single maxh"),
-    ("maxh: 0.2", "maxh: []", "17:14", "mesh.maxh", "must be a list of sizes, but is an empty list"),
-    ("levels: 2", "levels: 0", "17:27", "mesh.levels", "must be from 1 to 15, but is 0"),
-    ("levels: 2", "levels: 2.5", "17:27", "mesh.levels", "must be a whole number, but is the number 2.5"),
-    ("levels: 2", "levels: 14", "17:14", "mesh.maxh", "about 10^9.9 triangles are more than a study can use"),
-    ("mesh: {maxh: 0.2, levels: 2}", "mesh: {}", "17:7", "mesh.maxh", "is missing"),
-    ("mesh: {maxh: 0.2, levels: 2}\n", "", "1:1", "mesh", "is missing"),
-    ("[25, 100]", "[]", "19:10", "sweep.alpha", "has no values"),
-    ("[25, 100]", "[25, 25]", "19:15", "sweep.alpha[1]", "the value 25 is repeated"),
-    ("[25, 100]", "[25, 0.025 kW/(m^2*K)]", "19:15", "sweep.alpha[1]", "the value 0.025 kW/(m^2*K) is repeated"),
-    ("[25, 100]", "[25, -1]", "19:15", "sweep.alpha[1]", "must be 0 or more, but is -1"),
-    ("[25, 100]", "[25, 0]", "19:15", "sweep.alpha[1]", "with alpha = 0 the heat of q cannot leave the"),
-    ("[25, 100]", "[25, 100 K]", "19:15", "sweep.alpha[1]", "'K' is not a unit of a heat transfer coeffici"),
-    ("[25, 100]", "[25, abc]", "19:15", "sweep.alpha[1]", "'abc' is not a heat transfer coefficient"),
-    ("[25, 100]", "25", "19:10", "sweep.alpha", "must be a list of values, but is the number 25"),
-    ("[25, 100]", "{linspace: [1, 2]}", "19:21", "sweep.alpha.linspace", "must be [a, b, n], but is a list of 2"),
-    (
-        "[25, 100]",
-        "{linspace: [1, 1, 3]}",
-        "19:21",
-        "sweep.alpha.linspace",
-        "both ends are equal, so the values are repeated",
-    ),
-    (
-        "[25, 100]",
-        "{geomspace: [0, 1, 3]}",
-        "19:22",
-        "sweep.alpha.geomspace",
-        "geomspace needs two ends of one sign, not 0 and 1",
-    ),
-    (
-        "[25, 100]",
-        "{linspace: [0, 1, 3], geomspace: [1,2,3]}",
-        "19:10",
-        "sweep.alpha",
-        "needs one of linspace and geomspace",
-    ),
-    (
-        "[25, 100]",
-        "{linspace: [10, 20, 2000000]}",
-        "19:30",
-        "sweep.alpha.linspace[2]",
-        "must be from 2 to 1000000, but is 2000000",
-    ),
-    ("  alpha: [25", "  alhpa: [25", "19:3", "sweep.alhpa", "did you mean 'alpha'?"),
-    ("  alpha: [25", "  heat.k: [25", "19:3", "sweep.heat.k", "did you mean 'material.k'?"),
-    ("  alpha: [25", "  body.width: [25", "19:3", "sweep.body.width", "body cannot be swept"),
-    ("  alpha: [25", "  mesh.maxh: [25", "19:3", "sweep.mesh.maxh", "mesh cannot be swept"),
-    (
-        "  alpha: [25",
-        "  mode: zip\n  theta_bar: [1, 2, 3]\n  alpha: [25",
-        "21:10",
-        "sweep.alpha",
-        "has 2 values, but theta_bar has 3",
-    ),
-    (
-        "  alpha: [25",
-        "  mode: list\n  alpha: [25",
-        "20:3",
-        "sweep.alpha",
-        "with mode: list the parameter 'alpha' belongs into points",
-    ),
-    ("  alpha: [25", "  mode: lists\n  alpha: [25", "19:9", "sweep.mode", "did you mean 'list'?"),
-    (
-        "  alpha: [25",
-        "  heat.alpha: [1, 2]\n  alpha: [25",
-        "20:3",
-        "sweep.alpha",
-        "sweeps the same parameter as 'heat.alpha'",
-    ),
-    (
-        "  delta: [20 um",
-        "  friction: [20 um",
-        "20:13",
-        "sweep.friction",
-        "must be a mapping of names to laws, but is a list of 2",
-    ),
-    (
-        "  delta: [20 um, 40 um]",
-        "  friction: {a: {law: tresca, tau: 5}, b: {law: tresca, tau: 5}}",
-        "20:43",
-        "sweep.friction.b",
-        "the value {law: tresca, tau: 5} is repeated",
-    ),
-    (
-        "  delta: [20 um, 40 um]",
-        "  friction: {a: {law: tresca, tau: 5}, b: {law: tresca, tua: 5}}",
-        "20:57",
-        "sweep.friction.b.tua",
-        "did you mean 'tau'?",
-    ),
-    (
-        "  delta: [20 um, 40 um]",
-        "  friction: {a: {law: tresca, tau: 5}}\n  delta: [1, 2]",
-        "21:3",
-        "sweep.delta",
-        "the law tresca has no parameter 'delta'",
-    ),
-    ("  delta: [20 um, 40 um]", "  tau: [1, 2]", "20:3", "sweep.tau", "the law slip-weakening has no parameter 'tau'"),
-    (
-        "  delta: [20 um, 40 um]",
-        "  boundary.top.presure: [1, 2]",
-        "20:3",
-        "sweep.boundary.top.presure",
-        "did you mean 'boundary.top.pressure'?",
-    ),
-    (
-        "  delta: [20 um, 40 um]",
-        "  boundary.top.pressure: [1, 2 m]",
-        "20:30",
-        "sweep.boundary.top.pressure[1]",
-        "'m' is not a unit of a stress (Pa)",
-    ),
-    (
-        "  delta: [20 um, 40 um]",
-        "  q: [0, 1 W]",
-        "20:10",
-        "sweep.q[1]",
-        "'W' is not a unit of a heat source density (W/m^3)",
-    ),
-    ("  delta: [20 um, 40 um]", "  h: [0.1, 0.2]", "20:12", "sweep.h[1]", "0.2 does not decrease after 0.1"),
-    ("  delta: [20 um, 40 um]", "  h: [0.2, 0.1]", "17:19", "mesh.levels", "levels go with a single maxh"),
-    ("  delta: [20 um, 40 um]", "  h: 0.1", "20:6", "sweep.h", "must be a list of sizes, but is the number 0.1"),
-    ("mesh:", "solver: newton\nmesh:", "17:9", "solver", "did you mean 'bundle-newton'?"),
-    (
-        "mesh:",
-        "solver: {name: bundle-newton, tolerance: 2}\nmesh:",
-        "17:42",
-        "solver.tolerance",
-        "must be less than 1, but is 2",
-    ),
-    ("mesh:", "output: {path: 5}\nmesh:", "17:16", "output.path", "must be a path, but is the number 5"),
-    ("mesh:", "output: {fields: yes}\nmesh:", "17:18", "output.fields", "must be true or false, but is the text 'yes'"),
-    ("mesh:", "title: 2024\nmesh:", "17:8", "title", "must be a text, but is the number 2024"),
-    ("mesh:", "units: cgs\nmesh:", "17:8", "units", "must be one of SI, none, but is the text 'cgs'"),
-    ("mesh:", "loads: {f: 5}\nmesh:", "17:12", "loads.f", "must be a pair of components, but is the number 5"),
-    ("boundary:", "boundary: [", "11:8", "", "YAML syntax: while parsing a flow sequence, e"),
-    ("mesh:", "mesh: !foo", "17:7", "mesh", "the YAML tag !foo is not supported"),
-    ("mesh:", "<<: {a: 1}\nmesh:", "17:1", "<<", "merge keys are not supported"),
-    ("mesh:", "a: &a [*a]\nmesh:", "17:4", "a[0]", "an alias contains itself"),
-    ("mesh:", '"mesh:', "21:1", "", "YAML syntax: while scanning a quoted scalar, "),
-    ("[2, 1]", "[0.2, -1]", "3:7", "body.outline[0]", "edge 1 (bottom) and edge 3 (top) cross or touch at (0.1, 0)"),
-    (
-        "    - {from: [0, 0], edge: bottom}\n    - {from: [2, 0], edge: right}\n    - {from: [2, 1], edge: top}\n    - {from: [0, 1], edge: left}",
-        "    - {from: [0, 1], edge: left}\n    - {from: [2, 1], edge: top}\n    - {from: [2, 0], edge: right}\n    - {from: [0, 0], edge: bottom}",
-        "3:5",
-        "body.outline",
-        "the points run clockwise",
-    ),
-    ("[2, 1]", "[2, 0]", "4:7", "body.outline[1]", "edge 2 (right) has no length: it ends where i"),
-    (
-        "center: [1, 0.5]",
-        "center: [2, 0.5]",
-        "8:10",
-        "body.regions.hot",
-        "the region leaves the body near (2.1, 0.499703)",
-    ),
-    ("center: [1, 0.5]", "center: [5, 0.5]", "8:10", "body.regions.hot", "the region lies outside the body"),
-    ("radius: 0.2", "radius: 200", "8:10", "body.regions.hot", "it is 200 times as large as the body"),
-    (
-        "regions:",
-        "holes: [{circle: {center: [1, 0.5], radius: 0.2}}]\n  regions:",
-        "7:20",
-        "body.holes[0].circle.edge",
-        "is missing",
-    ),
-    ("regions:", "rectangle: {width: 1, height: 1}\n  regions:", "2:3", "body", "is given by outline and rectangle"),
-    (
-        "omega: hot",
-        "omega: {circle: {center: [9, 9], radius: 1}}",
-        "15:62",
-        "heat.omega",
-        "the region lies outside the body",
-    ),
-    ("  outline:", "  outlin:", "2:3", "body.outlin", "did you mean 'outline'?"),
-    (
-        "heat: {alpha: 100 W/(m^2*K), theta_bar: 20 K, q: 5e6, omega: hot}",
-        'heat: {theta: "20*x"}',
-        "15:15",
-        "heat.theta",
-        "theta is the known temperature, so alpha would not be used",
-    ),
-    ("sweep:\n  alpha: [25, 100]\n  delta: [20 um, 40 um]\n", "swep: {}\n", "18:1", "swep", "did you mean 'sweep'?"),
-    (
-        "sweep:\n  alpha: [25, 100]\n  delta: [20 um, 40 um]\n",
-        "sweep:\n",
-        "18:1",
-        "sweep",
-        "must be a mapping of parameters to values, but is empty",
-    ),
-    ("maxh: 0.2", "maxh: .inf", "17:14", "mesh.maxh", "inf is not a finite number"),
-    (
-        "left: clamped",
-        "left: {role: clamped, u_x: 1 K}",
-        "13:30",
-        "boundary.left.u_x",
-        "'K' is not a unit of a length (m)",
-    ),
-    ("g: [0, -1 MPa]", "pressure: no", "12:35", "boundary.top.pressure", "unknown name 'no'"),
-    (
-        "E: 210 GPa, nu: 0.3",
-        "lambda: -1 GPa, mu: 1 GPa",
-        "14:20",
-        "material.lambda",
-        "-1e+09 makes the bulk modulus zero or negative",
-    ),
-    (
-        "tau_k: 5 MPa",
-        "tau_k: -5 MPa",
-        "16:55",
-        "friction.tau_k",
-        "must be at least 0, not -5e+06: friction opposes the slip",
-    ),
-    ("tau_s: 20 MPa,", "", "16:11", "friction.tau_s", "is missing in the law slip-weakening"),
-    (
-        "  delta: [20 um, 40 um]",
-        "  heat.omega: [hot, cold]",
-        "20:21",
-        "sweep.heat.omega[1]",
-        "the body has no region 'cold'",
-    ),
-    ("    hot:", "    h t:", "8:5", "body.regions.h t", "'h t' is not a name"),
-    ("left: clamped", "left: 5", "13:9", "boundary.left", "must be one of clamped, traction, contact, co"),
-    ("body:", "tile: x\nbody:", "1:1", "tile", "did you mean 'title'?"),
-]
+FAULTS = Path(__file__).with_name("bad_studies.txt")
+
+
+def cases() -> list[tuple[str, str, str, str]]:
+    """The cases of the table: old text, new text, place and key, part of the message."""
+    lines = [line.replace("\\n", "\n") for line in FAULTS.read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
+    found = []
+    for change, message in zip(lines[::2], lines[1::2], strict=True):
+        old, _, new = change.partition(" => ")
+        match = re.fullmatch(r"    ([0-9]+:[0-9]+:(?: [^ ]+:)?) (.+)", message)
+        assert match, message
+        found.append((old, new.replace("(nothing)", ""), match[1], match[2]))
+    return found
 
 
 def problems(text: str, *overrides: str) -> list[str]:
@@ -409,11 +61,15 @@ def test_the_base_of_these_tests_is_sound() -> None:
     assert read_study_text(BASE).shape == (2, 2)
 
 
-@pytest.mark.parametrize(("old", "new", "place", "key", "part"), FAULTS)
-def test_one_fault_gives_one_error_at_its_place(old: str, new: str, place: str, key: str, part: str) -> None:
+def test_the_table_is_there() -> None:
+    assert len(cases()) > 130
+
+
+@pytest.mark.parametrize(("old", "new", "place", "part"), cases())
+def test_one_fault_gives_one_error_at_its_place(old: str, new: str, place: str, part: str) -> None:
     lines = problems(changed(old, new))
     assert len(lines) == 1
-    assert lines[0].startswith(f"study.yaml:{place}: {key}: " if key else f"study.yaml:{place}: ")
+    assert lines[0].startswith(f"study.yaml:{place} ")
     assert part in lines[0]
     assert "; " in lines[0]  # the remedy
 

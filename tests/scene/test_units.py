@@ -67,6 +67,8 @@ def test_what_is_not_a_quantity(text: str) -> None:
         ("5 (m", units.LENGTH, "is not a known unit", "write for example"),
         ("5 import__", units.LENGTH, "is not a known unit", "write for example"),
         ("1e308 km", units.LENGTH, "too large", "write for example"),
+        ("1e999999 km", units.LENGTH, "too large", "write for example"),
+        ("1e99999999999999999999 m", units.LENGTH, "too large", "write for example"),
     ],
 )
 def test_refused(text: str, dimension: units.Dimension, message: str, remedy: str) -> None:

@@ -15,7 +15,9 @@ from tcstudy.solve.problem import ContactProblem, least_eigenvalue
 Array = NDArray[np.float64]
 
 
-def linear_law(name: str, kinks: list[float], left: list[float], right: list[float], ends: tuple[float, float]):
+def linear_law(
+    name: str, kinks: list[float], left: list[float], right: list[float], ends: tuple[float, float]
+) -> FrictionLaw:
     """Piecewise-linear law through given one-sided values at its kinks; `ends` are the two outer slopes."""
     s, low, high = (np.array(x, dtype=float) for x in (kinks, left, right))
     inner = (low[1:] - high[:-1]) / np.diff(s)
@@ -45,7 +47,6 @@ def exponential_decay(mu_s: float = 1.0, mu_k: float = 0.5, d: float = 0.1) -> F
 def sawtooth(mu: float = 1.0, d: float = 0.1, slope: float = 5.0, drop: float = 0.5) -> FrictionLaw:
     """Stick at 0, then rising teeth that end in down-jumps, odd (delamination in steps)."""
     starts = [mu, mu * drop, mu * drop**2, mu * drop**3]
-    right = [-starts[2] - slope * 0, 0.0]
     kinks = [-3 * d, -2 * d, -d, 0.0, d, 2 * d, 3 * d]
     enter = [starts[0], starts[1], starts[2], starts[3]]
     leave = [value + slope * d for value in starts[:3]]
@@ -102,15 +103,17 @@ def _bent(rng: np.random.Generator, law: FrictionLaw) -> FrictionLaw:
     """Some pieces turned into exponentials with the same values at their ends (outer pieces: a decaying part)."""
     s, p, q = law.kinks, law.p.copy(), law.q.copy()
     a, r = np.zeros(len(p)), np.zeros(len(p))
+    fastest = 20.0 / max(float(np.max(np.abs(s))), 0.1)
     for k in range(1, len(s)):
         if rng.random() < 0.5:
-            r[k] = rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 3.0) / (s[k] - s[k - 1])
+            rate = rng.uniform(0.3, 3.0) / (s[k] - s[k - 1])
+            r[k] = rng.choice([-1.0, 1.0]) * min(rate, fastest)
             first, last = law.b_right[k - 1], law.b_left[k]
             a[k] = (first - last) / (np.exp(-r[k] * s[k - 1]) - np.exp(-r[k] * s[k]))
             p[k], q[k] = first - a[k] * np.exp(-r[k] * s[k - 1]), 0.0
     for k, kink, sign in ((0, s[0], -1.0), (-1, s[-1], 1.0)):
         if rng.random() < 0.5:
-            r[k] = sign * 10.0 ** rng.uniform(0.0, 1.5)
+            r[k] = sign * min(10.0 ** rng.uniform(0.0, 1.5), fastest)
             a[k] = sign * rng.uniform(0.0, 1.0) * np.exp(r[k] * kink)
     return FrictionLaw("random smooth", s, p, q, a, r)
 

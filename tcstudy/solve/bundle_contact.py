@@ -1,0 +1,43 @@
+"""The condensed contact problem as an oracle of the bundle-Newton method.
+
+f(v) = L̃(v) = ½vᵀÃv − l̃ᵀv + Σc_i j(v_i),   g(v) = Ãv − l̃ + c b(v),   G(v) = Ã + diag(c b′(v))
+with the right limits of b and b′ at a kink: one selection of ∂L̃(v).
+
+Literature: Šestak & Jovanović, Appl. Math. Mech. 31 (2010), §3 (condensation, eqs. 20, 21);
+            Lukšan & Vlček, Math. Programming 83 (1998) 373–391 (the method)
+
+A node that slips is smooth and costs nothing; every sticking node is a direction in which L̃ is nonsmooth and
+needs a subgradient of its own, so iterations grow with the number of sticking nodes. The separable structure of
+Ψ is deliberately not used here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.solve.bundle_newton import BundleNewton, Oracle
+from tcstudy.solve.problem import ContactProblem
+
+Array = NDArray[np.float64]
+
+
+def contact_oracle(problem: ContactProblem) -> Oracle:
+    """v (m,) [m] → L̃(v) [J/m], one g ∈ ∂L̃(v) (m,) [N/m], G (m, m) [Pa]."""
+    law, c, A_tilde = problem.law, problem.c, problem.A_tilde
+
+    def oracle(v: Array) -> tuple[float, Array, Array]:
+        piece = law.piece(v)
+        g = A_tilde @ v - problem.l_tilde + c * law.value(v, piece)
+        return problem.energy(v), g, A_tilde + np.diag(c * law.slope(v, piece))
+
+    return oracle
+
+
+def contact_method(problem: ContactProblem, tolerance: float = 1e-13, max_iterations: int = 2000) -> BundleNewton:
+    """Bundle-Newton with the norm of the frictionless solution as the length of the first step.
+
+    The energy is the quantity compared: a tolerance of 1e-13 in it is about its root in v.
+    """
+    length = float(np.linalg.norm(problem.frictionless()))
+    return BundleNewton(tolerance=tolerance, max_iterations=max_iterations, x_unit=length or None)

@@ -1,0 +1,96 @@
+"""A box that holds every solution of a contact problem, and the range and steepest fall of b on intervals.
+
+Every solution satisfies v = Ã⁻¹(l̃ − Cζ) with ζ_i ∈ b̂(v_i), so a box for v gives an interval for ζ and that gives a
+better box; the iteration starts from what the energy allows. All bounds are widened by the rounding of the
+inverse, so that a box is never too small.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tcstudy.scene.friction import DOWN, FrictionLaw
+from tcstudy.solve.problem import ContactProblem
+
+Array = NDArray[np.float64]
+
+
+def solution_box(problem: ContactProblem, lambda_1: float, rounds: int = 30) -> tuple[Array, Array]:
+    """(low, high), (m,) each: every solution lies between them [m].
+
+    lambda_1: λ_min(C^{−½}ÃC^{−½}) [Pa/m], for the first box: with B = sup −sign(s) b(s) a solution has
+              λ₁‖v‖² ≤ vᵀÃv = vᵀ(l̃ − Cζ) ≤ (‖l̃/c‖ + B‖1‖)‖v‖ in the norm weighted by c
+    rounds:   at most so many improvements; ends when the box no longer shrinks by a hundredth
+    """
+    law, c = problem.law, problem.c
+    driving = np.sqrt(c @ (problem.l_tilde / c) ** 2) + _largest_push(law) * np.sqrt(c.sum())
+    high = (1.0 + 1e-6) * driving / lambda_1 / np.sqrt(c)
+    low = -high
+    inverse = np.asarray(scipy.linalg.inv(problem.A_tilde))
+    condition = np.linalg.norm(problem.A_tilde, 1) * np.linalg.norm(inverse, 1)
+    rounding = 8.0 * problem.m * np.finfo(float).eps * condition
+    rising, falling = np.maximum(inverse, 0.0), np.minimum(inverse, 0.0)
+    for _ in range(rounds):
+        least, largest = (problem.l_tilde - c * b for b in b_range(law, low, high)[::-1])
+        slack = rounding * (np.abs(inverse) @ np.maximum(np.abs(least), np.abs(largest)))
+        new_low = np.maximum(low, rising @ least + falling @ largest - slack)
+        new_high = np.maximum(np.minimum(high, rising @ largest + falling @ least + slack), new_low)
+        gain = float(np.max(np.maximum(new_low - low, high - new_high), initial=0.0))
+        shrinks = gain > 0.01 * float(np.max(high - low, initial=0.0))
+        low, high = new_low, new_high
+        if not shrinks:
+            break
+    return low, high
+
+
+def _largest_push(law: FrictionLaw) -> float:
+    """sup over s of −sign(s) b(s), at least 0: how hard friction may push the slip on (finite by eq. (15))."""
+    ends = np.concatenate([law.kinks, [0.0]])
+    reach = 2.0 * float(np.max(np.abs(ends))) + (40.0 / float(np.min(np.abs(law.r[law.r != 0.0]))) if np.any(law.r) else 0.0)
+    least, _ = b_range(law, np.zeros(1), np.array([reach]))
+    _, largest = b_range(law, np.array([-reach]), np.zeros(1))
+    return max(0.0, -float(least[0]), float(largest[0]))
+
+
+def b_range(law: FrictionLaw, low: Array, high: Array) -> tuple[Array, Array]:
+    """(least, largest) value of the filled graph of b on [low, high] (shape of low) [Pa]."""
+    ends = [law.b(low, -1), law.b(low, +1), law.b(high, -1), law.b(high, +1)]
+    least, largest = np.minimum.reduce(ends), np.maximum.reduce(ends)
+    inner = [(law.kinks, law.b_left), (law.kinks, law.b_right), _turning_points(law)]
+    for points, values in inner:
+        for point, value in zip(points, values, strict=True):
+            inside = (low <= point) & (point <= high)
+            least = np.where(inside, np.minimum(least, value), least)
+            largest = np.where(inside, np.maximum(largest, value), largest)
+    return least, largest
+
+
+def _turning_points(law: FrictionLaw) -> tuple[Array, Array]:
+    """Slips where b′ = q − a r exp(−r s) vanishes inside a piece, and b there (both pieces' ends excluded)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = -np.log(law.q / (law.a * law.r)) / law.r
+    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
+    piece = np.flatnonzero(np.isfinite(s) & (ends[:-1] < s) & (s < ends[1:]))
+    return s[piece], law.value(s[piece], piece)
+
+
+def least_slope(law: FrictionLaw, low: Array, high: Array) -> Array:
+    """inf (b(s₁)−b(s₂))/(s₁−s₂) over [low, high]: −∞ with a down-jump in it (shape of low) [Pa/m].
+
+    The slope of a piece is monotone, so its ends within the interval decide.
+    """
+    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
+    least = np.full(np.shape(low), np.inf)
+    for piece in range(len(law.p)):
+        first, last = np.maximum(low, ends[piece]), np.minimum(high, ends[piece + 1])
+        met = first <= last
+        for s in (first, last):
+            slope = law.slope(np.where(met, s, low), np.full(np.shape(low), piece)) if law.a[piece] == 0.0 else (
+                law.slope(np.where(met, s, first), np.full(np.shape(low), piece))
+            )
+            least = np.where(met, np.minimum(least, slope), least)
+    for kink in law.kinks[law.kinds == DOWN]:
+        least = np.where((low <= kink) & (kink <= high), -np.inf, least)
+    return least
