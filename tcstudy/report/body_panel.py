@@ -173,11 +173,18 @@ def _name_edge(axes: Axes, shape: Drawn, run: NDArray[np.intp], name: str) -> No
     head = tail + 0.34 * shape.per_inch * t
     arrow = {"arrowstyle": "->", "color": style.BLUE, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", xy=tuple(head), xytext=tuple(tail), arrowprops=arrow)
-    text = tail - 0.06 * shape.per_inch * t
     along = abs(t[0]) > 0.6
-    horizontal = ("right" if t[0] > 0 else "left") if along else ("left" if n[0] > 0 else "right")
-    vertical = "center" if along else ("top" if t[1] > 0 else "bottom")
-    axes.text(float(text[0]), float(text[1]), name, color=style.BLUE, ha=horizontal, va=vertical, fontweight="bold")
+    x, y = tail - 0.06 * shape.per_inch * t
+    axes.text(
+        float(x),
+        float(y),
+        name,
+        color=style.BLUE,
+        rotation=0 if along else 90,  # beside a steep edge there is room for the height of letters only
+        ha=("right" if t[0] > 0 else "left") if along else "center",
+        va="center" if along else ("top" if t[1] > 0 else "bottom"),
+        fontweight="bold",
+    )
 
 
 def _name_ring(axes: Axes, shape: Drawn, run: NDArray[np.intp], name: str) -> None:

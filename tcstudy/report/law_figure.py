@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -95,7 +96,7 @@ def draw_law(axes: Axes, law: FrictionLaw) -> None:
     for axis, largest in ((axes.xaxis, reach), (axes.yaxis, max(map(abs, axes.get_ylim())))):
         _ticks(axis, largest)
     axes.set_title(law.name, loc="left", fontweight="bold")
-    axes.set_title(rf"$\omega$ = {number(law.omega, 3)}", loc="right")
+    axes.set_title(rf"$\omega$ = {_short(law.omega)}", loc="right")
 
 
 def _ticks(axis: Axis, largest: float) -> None:
@@ -105,6 +106,15 @@ def _ticks(axis: Axis, largest: float) -> None:
     axis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 5, 10]))
     if not LEGIBLE[0] <= largest < LEGIBLE[1]:
         axis.set_major_formatter(EngFormatter(sep=""))
+
+
+def _short(value: float) -> str:
+    """Three digits, with a prefix where there is one on the axes, too: "375G"."""
+    from matplotlib.ticker import EngFormatter
+
+    if value == 0.0 or not math.isfinite(value) or LEGIBLE[0] <= value < LEGIBLE[1]:
+        return number(value, 3)
+    return EngFormatter(sep="")(float(f"{value:.3g}"))
 
 
 def slip_range(law: FrictionLaw) -> float:

@@ -3,42 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.expressions import Expression
+from tcstudy.scene.node import Node, deepest
 from tcstudy.scene.records import Body, Clamped, Contact, Edge, Point, Role, Scalar
 from tcstudy.scene.shapes import edge_normal
+from tcstudy.scene.walker import Context
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Disagreement:
-    """Two edges that prescribe different displacements at their common corner."""
-
-    edges: tuple[str, str]
-    corner: Point
-
-    def __str__(self) -> str:
-        x, y = self.corner
-        return f"edges {self.edges[0]} and {self.edges[1]} prescribe different displacements at ({x:g}, {y:g})"
-
-
-def disagreements(body: Body, boundary: tuple[tuple[str, Role], ...]) -> list[Disagreement]:
-    """Every corner of a polygon body at which the constraints d·u = value have no common solution u."""
+def check_corners(ctx: Context, node: Node, body: Body, boundary: tuple[tuple[str, Role], ...]) -> None:
+    """Record every corner of a polygon body at which the constraints d·u = value have no common solution u."""
     if body.outline is None:
-        return []
+        return
     roles = dict(boundary)
-    found = []
     for loop in (body.outline, *body.holes):
         for edge, following in zip(loop.edges, (*loop.edges[1:], loop.edges[0]), strict=True):
             rows = [*_constraints(edge, roles, edge.end), *_constraints(following, roles, edge.end)]
             if len(rows) > 1 and not _solvable(np.array(rows)):
-                found.append(Disagreement((edge.name, following.name), edge.end))
-    return found
+                x, y = edge.end
+                others = f"{edge.name} and {following.name}"
+                what = f"{others} prescribe different displacements at their common corner ({x:g}, {y:g})"
+                clamped = following if isinstance(roles.get(following.name), Clamped) else edge
+                ctx.errors.at(deepest(node, (clamped.name,)), what, "make them agree there, or free a component")
 
 
 def _constraints(edge: Edge, roles: Mapping[str, Role], at: Point) -> Iterator[tuple[float, float, float]]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from tcstudy.scene import shapes, walker
+from tcstudy.scene import body_faults, shapes, walker
 from tcstudy.scene.fields import Fields
 from tcstudy.scene.node import Node, deepest, split_path
 from tcstudy.scene.records import Body, BrepFace, Edge, Loop, Point, Region
@@ -65,7 +65,7 @@ def edge_names(body: Body) -> tuple[str, ...]:
 
 def check_shape(ctx: Context, body: Body, root: Node) -> bool:
     """Record what is wrong with the shape of the body where the study gives it; True if it is sound."""
-    faults = _oversized(body) or shapes.check_body(body)
+    faults = _oversized(body) or body_faults.check_body(body)
     for fault in faults:
         where = fault.where
         inline = deepest(root, ("heat", "omega"))
@@ -75,7 +75,7 @@ def check_shape(ctx: Context, body: Body, root: Node) -> bool:
     return not faults
 
 
-def _oversized(body: Body) -> list[shapes.Fault]:
+def _oversized(body: Body) -> list[body_faults.Fault]:
     """Holes and regions many times larger than the body, found before anything is computed with them."""
     if body.outline is None:
         return []
@@ -84,7 +84,7 @@ def _oversized(body: Body) -> list[shapes.Fault]:
     size = _reach(body.outline)
     remedy = "check its numbers and their units"
     return [
-        shapes.Fault(place, f"it is {_reach(loop) / size:.3g} times as large as the body", remedy)
+        body_faults.Fault(place, f"it is {_reach(loop) / size:.3g} times as large as the body", remedy)
         for place, loop in places
         if _reach(loop) > 10.0 * size > 0.0
     ]

@@ -12,6 +12,8 @@ from dataclasses import replace
 from typing import Any
 
 from tcstudy.scene.checks import check_heat, check_support, supports
+from tcstudy.scene.corners import check_corners
+from tcstudy.scene.finite import check_finite
 from tcstudy.scene.node import Node, put
 from tcstudy.scene.read_body import BodyReading, check_shape, read_body
 from tcstudy.scene.read_boundary import read_boundary
@@ -132,10 +134,15 @@ class SceneReader:
             if held not in self.supports:
                 self.supports.add(held)
                 check_support(self.ctx, node, self.body, boundary)
+            check_corners(self.ctx, node, self.body, boundary)
         return boundary
 
     def _compare(self, root: Node, values: Mapping[str, Any]) -> None:
         """Checks across the sections of one scene."""
+        if self.body:
+            for section in ("boundary", "loads", "heat"):
+                if values[section] is not None:
+                    check_finite(self.ctx, root, section, values[section], self.body)
         if all(values[s] is not None for s in THERMAL):
             check_heat(self.ctx, root, values["heat"], values["boundary"], values["material"])
 

@@ -13,10 +13,15 @@ needs a subgradient of its own, so iterations grow with the number of sticking n
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.solve.bundle_newton import BundleNewton, Oracle
+from tcstudy.solve.loop import iterate
+from tcstudy.solve.outcome import Outcome
 from tcstudy.solve.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -37,7 +42,20 @@ def contact_oracle(problem: ContactProblem) -> Oracle:
 def contact_method(problem: ContactProblem, tolerance: float = 1e-13, max_iterations: int = 2000) -> BundleNewton:
     """Bundle-Newton with the norm of the frictionless solution as the length of the first step.
 
-    The energy is the quantity compared: a tolerance of 1e-13 in it is about its root in v.
+    tolerance: of the energy; the error of v and of ξ is of the order of its root
     """
     length = float(np.linalg.norm(problem.frictionless()))
     return BundleNewton(tolerance=tolerance, max_iterations=max_iterations, x_unit=length or None)
+
+
+def solve_with_bundle(
+    problem: ContactProblem,
+    x0: Array,
+    max_iterations: int | None = None,
+    log: Callable[[str], None] | None = None,
+) -> Outcome:
+    """Run the method on the contact problem from x0 (m,) [m]; log gets one line an iteration."""
+    method = contact_method(problem)
+    if max_iterations is not None:
+        method = replace(method, max_iterations=max_iterations)
+    return iterate(method, contact_oracle(problem), x0, log)

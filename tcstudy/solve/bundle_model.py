@@ -64,7 +64,8 @@ class Rules:
     inner:      most quadratic programmes per minimisation of the model
     inner_tolerance: relative change of the model at which it counts as minimised
     pivot:      smallest eigenvalue of W relative to its largest
-    least_curvature: smallest eigenvalue of W relative to (largest slope)/radius, for where no piece is curved
+    least_curvature: smallest eigenvalue of W relative to (largest slope)/(length of the start),
+        for where no piece is curved
     """
 
     gamma: float = 1e-3
@@ -72,7 +73,7 @@ class Rules:
     inner: int = 40
     inner_tolerance: float = 1e-3
     pivot: float = 1e-8
-    least_curvature: float = 1e-3
+    least_curvature: float = 1e-2
 
 
 @dataclass(frozen=True)
@@ -172,7 +173,7 @@ def positive_definite(H: Array, shift: float, pivot: float, least: float) -> Met
     return Metric(np.maximum(w, max(pivot * float(w.max()), least)), V)
 
 
-def minimise(model: Model, lam: Array, shift: float, rules: Rules, radius: float) -> Step:
+def minimise(model: Model, lam: Array, shift: float, rules: Rules, unit: float) -> Step:
     """A local minimiser of model + ½·shift·‖d‖² by repeated quadratic programmes with halving, from d = 0."""
 
     def merit(d: Array) -> float:
@@ -180,7 +181,7 @@ def minimise(model: Model, lam: Array, shift: float, rules: Rules, radius: float
 
     d = np.zeros(model.A.shape[1])
     best, used = merit(d), 0
-    least = rules.least_curvature * float(np.max(np.abs(model.A))) / radius
+    least = rules.least_curvature * float(np.max(np.abs(model.A))) / unit
     promise = 0.0
     for used in range(1, rules.inner + 1):
         Gd = model.G @ d
@@ -204,12 +205,12 @@ def minimise(model: Model, lam: Array, shift: float, rules: Rules, radius: float
     return Step(d, lam, -model.value(d), promise, shift, used)
 
 
-def bounded_step(model: Model, lam: Array, rules: Rules, radius: float) -> Step:
+def bounded_step(model: Model, lam: Array, rules: Rules, radius: float, unit: float) -> Step:
     """The model's minimiser, shifted by the smallest μI found that keeps ‖d‖ ≤ 1.2·radius (μ by bisection).
 
     A nonconvex model may jump past the radius as μ falls; then the longest step found below it counts.
     """
-    step = minimise(model, lam, 0.0, rules, radius)
+    step = minimise(model, lam, 0.0, rules, unit)
     used, promise, inside = step.factorisations, step.promise, None
     shift, low, high = 0.0, 0.0, np.inf
     for _ in range(25):
@@ -227,7 +228,7 @@ def bounded_step(model: Model, lam: Array, rules: Rules, radius: float) -> Step:
         else:
             slope = float(np.max(np.abs(model.A)) if failed else np.linalg.norm(step.lam @ model.A))
             shift = max(slope / radius, 10.0 * shift)
-        step = minimise(model, lam, shift, rules, radius)
+        step = minimise(model, lam, shift, rules, unit)
         used += step.factorisations
     found = inside or cut_back(model, step, radius)
     return replace(found, promise=promise, factorisations=used)

@@ -56,6 +56,7 @@ class State:
     lam:      (N,) multipliers that belong to `pieces`
     radius:   bound of the next step
     unit:     length of x that the run started with
+    promised: decrease predicted at the start
     model, step: the model about x and its minimiser
     kind:     what led here
     nulls:    null steps since the last serious one
@@ -68,6 +69,7 @@ class State:
     lam: Array
     radius: float
     unit: float
+    promised: float
     model: Model
     step: Step
     kind: Kind
@@ -77,8 +79,8 @@ class State:
 
     @property
     def scale(self) -> float:
-        """What the predicted decrease is compared with: |f| and a share of the decrease so far."""
-        return abs(self.f) + 1e-3 * (self.f0 - self.f)
+        """What the predicted decrease is compared with: |f| and a share of the decrease so far, if not both are 0."""
+        return abs(self.f) + 1e-3 * (self.f0 - self.f) or self.promised
 
     @property
     def accuracy(self) -> float:
@@ -120,9 +122,10 @@ class BundleNewton:
             step = Step(np.zeros(n), lam, 0.0, 0.0, 0.0, 0)
         else:
             model = assemble([piece], lam, x0, piece.f, self.rules)
-            step = bounded_step(model, lam, self.rules, unit)
+            step = bounded_step(model, lam, self.rules, unit, unit)
         used = step.factorisations
-        return State(x0, piece.f, piece.f, (piece,), lam, unit, unit, model, step, "start", 0, 1, used)
+        promised = max(step.promise, step.decrease)
+        return State(x0, piece.f, piece.f, (piece,), lam, unit, unit, promised, model, step, "start", 0, 1, used)
 
     def step(self, problem: Oracle, state: State) -> State:
         """One serious, null, short or reset step (see the head of this file)."""
@@ -148,7 +151,7 @@ class BundleNewton:
     def redirect(self, state: State, pieces: tuple[Piece, ...], lam: Array, radius: float, kind: Kind) -> State:
         """The state with a new bundle and radius, and the direction that follows from them."""
         model = assemble(pieces, lam, state.x, state.f, self.rules)
-        step = bounded_step(model, lam, self.rules, radius)
+        step = bounded_step(model, lam, self.rules, radius, max(radius, state.unit))
         used = state.factorisations + step.factorisations
         # `step.lam` belongs to `pieces`, in their order
         return replace(

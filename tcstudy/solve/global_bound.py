@@ -71,16 +71,15 @@ def _one_side(law: FrictionLaw, v: Array, zeta: Array, high: Array) -> Array:
 
 
 def _parts(law: FrictionLaw, piece: int, width: Array) -> list[Array]:
-    """Widths of the parts into which [at, at + width] is cut: one for a linear piece."""
+    """Widths of the parts into which [at, at + width] is cut: one for a linear piece, fine where b changes fast."""
     if law.a[piece] == 0.0:
         return [width]
     fine = np.minimum(width, _DECAY / abs(float(law.r[piece])))
-    return [fine / _PARTS] * _PARTS + [width - fine]
+    parts = [fine / _PARTS] * _PARTS
+    return [*parts, width - fine] if law.r[piece] > 0.0 else [width - fine, *parts]
 
 
-def _advance(
-    law: FrictionLaw, piece: int, march: _March, active: Index, v: Array, zeta: Array, width: Array
-) -> None:
+def _advance(law: FrictionLaw, piece: int, march: _March, active: Index, v: Array, zeta: Array, width: Array) -> None:
     """Take the part [at, at + width] of one piece into account and go to its end."""
     at, gap = march.at[active], march.gap[active]
     k = np.full(len(active), piece)
@@ -99,3 +98,32 @@ def _advance(
     march.D[active] = np.maximum(march.D[active], np.where(width > 0.0, largest, -np.inf))
     march.gap[active] = gap + _gap_gain(law, piece, at, excess, width)
     march.at[active] = at + width
+
+
+def _start_excess(value: Array, zeta: Array) -> Array:
+    """ζ − b(v + 0) at v itself: 0 inside a piece, negative on an up-jump; rounding above 0 is removed."""
+    excess = zeta - value
+    rounding = _ROUNDINGS * np.finfo(float).eps * np.maximum(np.abs(zeta), np.abs(value))
+    return np.where(np.abs(excess) <= rounding, np.minimum(excess, 0.0), excess)
+
+
+def _quotient(gap: Array, excess: Array, slope: Array, distance: Array, width: Array) -> Array:
+    """sup over 0 < w ≤ width of 2 (gap + excess w − ½ slope w²)/(distance + w)², by the parabola in 1/(distance + w)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        touching = np.where(excess > 0.0, np.inf, 2.0 * excess / width - slope)
+        h_0 = gap - excess * distance - 0.5 * slope * distance**2
+        vertex = -2.0 * h_0 / (excess + slope * distance) - distance
+        apart = np.full(len(gap), -np.inf)
+        for w in (np.zeros(len(gap)), width, np.clip(np.nan_to_num(vertex), 0.0, width)):
+            value = 2.0 * (gap + w * (excess - 0.5 * slope * w)) / (distance + w) ** 2
+            apart = np.maximum(apart, value)
+    return np.where(distance == 0.0, touching, apart)
+
+
+def _gap_gain(law: FrictionLaw, piece: int, at: Array, excess: Array, width: Array) -> Array:
+    """∫ (ζ − b) over the part, exact."""
+    gain = width * (excess - 0.5 * law.q[piece] * width)
+    if law.a[piece] == 0.0:
+        return gain
+    rate = law.r[piece]
+    return gain - law.a[piece] * np.exp(-rate * at) * (-np.expm1(-rate * width) / rate - width)

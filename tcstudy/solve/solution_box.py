@@ -48,7 +48,8 @@ def solution_box(problem: ContactProblem, lambda_1: float, rounds: int = 30) -> 
 def _largest_push(law: FrictionLaw) -> float:
     """sup over s of −sign(s) b(s), at least 0: how hard friction may push the slip on (finite by eq. (15))."""
     ends = np.concatenate([law.kinks, [0.0]])
-    reach = 2.0 * float(np.max(np.abs(ends))) + (40.0 / float(np.min(np.abs(law.r[law.r != 0.0]))) if np.any(law.r) else 0.0)
+    decays = np.abs(law.r[law.r != 0.0])
+    reach = 2.0 * float(np.max(np.abs(ends))) + float(np.max(40.0 / decays, initial=0.0))
     least, _ = b_range(law, np.zeros(1), np.array([reach]))
     _, largest = b_range(law, np.array([-reach]), np.zeros(1))
     return max(0.0, -float(least[0]), float(largest[0]))
@@ -77,20 +78,18 @@ def _turning_points(law: FrictionLaw) -> tuple[Array, Array]:
 
 
 def least_slope(law: FrictionLaw, low: Array, high: Array) -> Array:
-    """inf (b(s₁)−b(s₂))/(s₁−s₂) over [low, high]: −∞ with a down-jump in it (shape of low) [Pa/m].
+    """inf (b(s₁)−b(s₂))/(s₁−s₂) over [low, high]: −∞ with a down-jump in it (m,) [Pa/m].
 
     The slope of a piece is monotone, so its ends within the interval decide.
     """
     ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
-    least = np.full(np.shape(low), np.inf)
+    least = np.full(len(low), np.inf)
     for piece in range(len(law.p)):
         first, last = np.maximum(low, ends[piece]), np.minimum(high, ends[piece + 1])
-        met = first <= last
-        for s in (first, last):
-            slope = law.slope(np.where(met, s, low), np.full(np.shape(low), piece)) if law.a[piece] == 0.0 else (
-                law.slope(np.where(met, s, first), np.full(np.shape(low), piece))
-            )
-            least = np.where(met, np.minimum(least, slope), least)
+        met = np.flatnonzero(first <= last)
+        index = np.full(len(met), piece)
+        slope = np.minimum(law.slope(first[met], index), law.slope(last[met], index))
+        least[met] = np.minimum(least[met], slope)
     for kink in law.kinks[law.kinds == DOWN]:
         least = np.where((low <= kink) & (kink <= high), -np.inf, least)
     return least

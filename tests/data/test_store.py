@@ -335,9 +335,9 @@ def test_check_writable_finds_what_is_wrong_and_leaves_nothing(
     assert "is a directory" in check_writable(tmp_path, 0)[0]
     (tmp_path / "file").touch()
     assert "is a file" in check_writable(tmp_path / "file" / "deep" / "study.nc", 0)[0]
-    monkeypatch.setattr(store.shutil, "disk_usage", lambda _: SimpleNamespace(free=2_000_000))
+    monkeypatch.setattr(store.shutil, "disk_usage", lambda _: SimpleNamespace(free=3_000_000))
     assert check_writable(output, 1_000_000) == []
-    assert "2 MB free, but the results need 2.2 MB" in check_writable(output, 1_100_000)[0]
+    assert "3 MB free, but the results need 3.3 MB" in check_writable(output, 1_100_000)[0]
 
 
 def test_check_writable_finds_a_directory_without_permission(output: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,13 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tcstudy.scene.body_faults import Fault, check_body
 from tcstudy.scene.records import Body, BrepFace, Edge, Loop, Point, Region
 from tcstudy.scene.shapes import (
-    Fault,
     body_area,
     body_size,
     boundary_lengths,
-    check_body,
     circle_loop,
     edge_arc,
     edge_distance,

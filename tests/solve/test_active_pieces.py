@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from tests.solve import contact_cases as cases
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.solve.active_pieces import ActivePieces, finish, identify, solve_on
 from tcstudy.solve.loop import iterate
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.solve.separable_newton import SeparableNewton
+from tests.solve import contact_cases as cases
 
 
 def one_node(law: FrictionLaw, load: float, stiffness: float = 1.0) -> ContactProblem:

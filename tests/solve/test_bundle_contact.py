@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.solve.bundle_contact import contact_method, contact_oracle
+from tcstudy.solve.bundle_contact import contact_method, contact_oracle, solve_with_bundle
 from tcstudy.solve.loop import iterate
 from tcstudy.solve.problem import ContactProblem
 
@@ -64,6 +64,21 @@ def test_solution_satisfies_the_inclusion(name: str, m: int, start: str) -> None
     assert problem.inclusion_residual(outcome.x, tolerance=1e-6) <= 1e-5
 
 
+def test_body_without_load_sticks_everywhere() -> None:
+    problem = contact_problem(6, LAWS["softening"], 4)
+    unloaded = ContactProblem(problem.A_tilde, 0.0 * problem.l_tilde, problem.c, problem.law)
+    outcome = solve_with_bundle(unloaded, np.zeros(6))
+    assert outcome.converged, outcome.reason
+    assert np.max(np.abs(outcome.x)) <= 1e-9
+
+
+def test_iteration_limit_and_log_are_passed_on() -> None:
+    problem, lines = contact_problem(8, LAWS["softening"], 4), list[str]()
+    outcome = solve_with_bundle(problem, np.zeros(8), max_iterations=2, log=lines.append)
+    assert outcome.iterations == 2
+    assert len(lines) == 3
+
+
 def test_problem_has_sticking_and_slipping_nodes() -> None:
     """The residual test above would mean little if no node stuck."""
     problem = contact_problem(20, LAWS["softening"], 20)
@@ -96,7 +111,7 @@ def test_one_node_finds_a_minimum_that_a_scan_confirms(name: str) -> None:
     assert np.min(np.abs(scan[lowest] - outcome.x[0])) <= 1e-4
 
 
-@pytest.mark.parametrize("s, b", [(2.0**-20, 2.0**30), (2.0**20, 2.0**-30)])
+@pytest.mark.parametrize(("s", "b"), [(2.0**-20, 2.0**30), (2.0**20, 2.0**-30)])
 def test_units_of_slip_and_traction_do_not_matter(s: float, b: float) -> None:
     plain, other = contact_problem(8, LAWS["softening"], 2), contact_problem(8, LAWS["softening"], 2, s, b)
     first = iterate(contact_method(plain), contact_oracle(plain), np.zeros(8))

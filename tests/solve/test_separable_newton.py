@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from tests.solve import contact_cases as cases
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solve.loop import iterate
 from tcstudy.solve.outcome import Outcome, Status
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.solve.separable_newton import SeparableNewton
+from tests.solve import contact_cases as cases
 
 
 def solve(problem: ContactProblem, x0: np.ndarray | None = None, **options: float) -> Outcome:

@@ -85,25 +85,15 @@ def linear(x: Array, q: Sequence[float] | Array, constant: float = 0.0) -> Piece
 
 
 def rosenbrock(x: Array) -> Piece:
-    return valley(x[0], x[1])
-
-
-def valley(a: float, b: float) -> Piece:
-    """100(b − a²)² + (1 − b)² is Gill's, 100(b − a²)² + (1 − a)² Rosenbrock's; this is the latter."""
-    r = b - a * a
+    a, r = x[0], x[1] - x[0] ** 2
     g = np.array([-400 * a * r - 2 * (1 - a), 200 * r])
-    G = np.array([[1200 * a * a - 400 * b + 2, -400 * a], [-400 * a, 200.0]])
-    return 100 * r * r + (1 - a) ** 2, g, G
+    G = np.array([[800 * a * a - 400 * r + 2, -400 * a], [-400 * a, 200.0]])
+    return float(100 * r * r + (1 - a) ** 2), g, G
 
 
 def crescent(x: Array) -> Piece:
     t = quadratic(x, 2 * np.eye(2), np.array([0.0, -2.0]))
-    return combine((1.0, absolute(t)), (1.0, linear(x, (0, 1)))) if t[0] else largest(crescent_pieces(x))
-
-
-def crescent_pieces(x: Array) -> list[Piece]:
-    t = quadratic(x, 2 * np.eye(2), np.array([0.0, -2.0]))
-    return [combine((sign, t), (1.0, linear(x, (0, 1)))) for sign in (1.0, -1.0)]
+    return largest([combine((sign, t), (1.0, linear(x, (0, 1)))) for sign in (1.0, -1.0)])
 
 
 def cb(x: Array, powers: tuple[int, int]) -> Piece:
@@ -190,12 +180,11 @@ def colville1(x: Array) -> Piece:
 
 def hs78(x: Array) -> Piece:
     n = len(x)
-    others = [np.delete(np.arange(n), i) for i in range(n)]
-    gradient = np.array([np.prod(x[o]) for o in others])
-    hessian = np.zeros((n, n))
+    gradient, hessian = np.zeros(n), np.zeros((n, n))
     for i in range(n):
-        for k in others[i]:
-            hessian[i, k] = np.prod(np.delete(x, [i, k]))
+        gradient[i] = np.prod([x[j] for j in range(n) if j != i])
+        for k in range(n):
+            hessian[i, k] = np.prod([x[j] for j in range(n) if j not in (i, k)]) if k != i else 0.0
     product = (float(np.prod(x)), gradient, hessian)
     sphere = quadratic(x, 2 * np.eye(n), np.zeros(n), -10.0)
     Q = np.zeros((n, n))

@@ -1,0 +1,112 @@
+"""All solutions of a small contact problem with a piecewise-linear law, by trying every place of every node.
+
+Each node is on one of the K + 1 pieces or on one of the K kinks: (2K + 1)^m linear systems. Shares no code with
+the solvers: values and energies are computed here from p, q and the kinks alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.solve.certificates import Certificate, certify
+from tcstudy.solve.problem import ContactProblem
+from tests.solve import contact_cases as cases
+
+Array = NDArray[np.float64]
+
+
+def primitive(law: FrictionLaw, s: Array) -> Array:
+    """∫₀ˢ b by adding the trapezia of all pieces between 0 and s (exact for linear pieces)."""
+    low, high, total = np.minimum(s, 0.0), np.maximum(s, 0.0), np.zeros(np.shape(s))
+    ends = [-np.inf, *law.kinks, np.inf]
+    for piece in range(len(law.p)):
+        x, y = np.clip(ends[piece], low, high), np.clip(ends[piece + 1], low, high)
+        total = total + (y - x) * (law.p[piece] + law.q[piece] * 0.5 * (x + y))
+    return np.sign(s) * total
+
+
+def energy(problem: ContactProblem, v: Array) -> Array:
+    """L̃ from `primitive` at the points v (…, m)."""
+    quadratic = 0.5 * np.sum(v * (v @ problem.A_tilde), axis=-1) - v @ problem.l_tilde
+    return np.asarray(quadratic + primitive(problem.law, v) @ problem.c)
+
+
+def all_solutions(problem: ContactProblem) -> list[Array]:
+    """Every v that satisfies the inclusion (regular ones: each linear system must be nonsingular)."""
+    law, m = problem.law, problem.m
+    count = len(law.kinks)
+    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
+    size = 1e-11 * float(np.max(np.abs(problem.l_tilde / problem.c)) + law.b_scale)
+    length = 1e-11 * float(np.max(np.abs(law.kinks)) + 1.0)
+    found: list[Array] = []
+    for places in product(range(2 * count + 1), repeat=m):
+        place = np.array(places)
+        fixed = place > count
+        piece = np.where(fixed, 0, place)
+        kink = law.kinks[np.where(fixed, place - count - 1, 0)]
+        matrix = np.where(fixed[:, None], np.eye(m), problem.A_tilde + np.diag(problem.c * law.q[piece]))
+        if abs(np.linalg.det(matrix)) < 1e-14:
+            continue
+        v = np.linalg.solve(matrix, np.where(fixed, kink, problem.l_tilde - problem.c * law.p[piece]))
+        v = np.where(fixed, kink, v)
+        traction = (problem.l_tilde - problem.A_tilde @ v) / problem.c
+        at = np.where(fixed, place - count - 1, 0)
+        sides = np.stack([law.p[at] + law.q[at] * kink, law.p[at + 1] + law.q[at + 1] * kink])
+        inside = (ends[piece] - length <= v) & (v <= ends[piece + 1] + length)
+        filled = (sides.min(0) - size <= traction) & (traction <= sides.max(0) + size)
+        if np.all(np.where(fixed, filled, inside)) and not any(np.max(np.abs(v - w)) < 100 * length for w in found):
+            found.append(v)
+    return found
+
+
+def is_strict_minimum(problem: ContactProblem, v: Array, rng: np.random.Generator) -> bool:
+    """Whether 4,000 points on each of two small spheres around v all have a larger energy."""
+    step = rng.normal(size=(4000, problem.m))
+    step /= np.linalg.norm(step, axis=1, keepdims=True)
+    here = energy(problem, v)
+    return all(bool(np.all(energy(problem, v + radius * step) > here)) for radius in (1e-5, 1e-6))
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One solution of a small problem, its certificate and the truth."""
+
+    certificate: Certificate
+    solutions: int
+    above_least: float
+    strict: bool
+
+
+def compare(seed: int, m: int, max_kinks: int) -> list[Comparison]:
+    """Certificates of all solutions of one random small problem beside the exhaustive search."""
+    rng = np.random.default_rng([seed, m])
+    A_tilde, c = cases.half_laplacian(m)
+    law = cases.random_law(rng, cases.least_eigenvalue(A_tilde, c) * rng.choice([0.03, 0.1, 1.0]), max_kinks)
+    if rng.random() < 0.5:
+        law = cases.slip_weakening(1.0, 0.5, 10.0 ** rng.uniform(-1.5, 0.0))
+    load = c * law.b_scale * (rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 1.3) + 0.2 * rng.normal(size=m))
+    problem = ContactProblem(A_tilde, load, c, law)
+    solutions = all_solutions(problem)
+    energies = [float(energy(problem, v)) for v in solutions]
+    return [
+        Comparison(certify(problem, v), len(solutions), e - min(energies), is_strict_minimum(problem, v, rng))
+        for v, e in zip(solutions, energies, strict=True)
+    ]
+
+
+def hit_rates(comparisons: list[Comparison]) -> dict[str, float]:
+    """Share of what is true that was certified: unique, global minimum, strict minimum."""
+
+    def share(flags: list[bool]) -> float:
+        return float(np.mean(flags)) if flags else float("nan")
+
+    return {
+        "unique": share([x.certificate.unique for x in comparisons if x.solutions == 1]),
+        "global_minimum": share([x.certificate.global_minimum for x in comparisons if x.above_least <= 1e-12]),
+        "strict_minimum": share([x.certificate.strict_minimum for x in comparisons if x.strict]),
+    }
