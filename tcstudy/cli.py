@@ -50,6 +50,12 @@ def _parser() -> argparse.ArgumentParser:
     show = commands.add_parser("show", help="print the summary of a result file", epilog=_EPILOG)
     show.add_argument("file", type=Path, metavar="FILE.nc")
     show.set_defaults(command=_show)
+    draw = commands.add_parser("draw", help="draw one point of a result file", epilog=_EPILOG)
+    draw.add_argument("file", type=Path, metavar="FILE.nc")
+    draw.add_argument("picture", type=Path, metavar="PICTURE", help="a .png, .svg or .pdf file")
+    draw.add_argument("--at", action="append", default=[], metavar="NAME=VALUE", help="which point (may be repeated)")
+    draw.add_argument("--level", type=int, default=-1, metavar="N", help="mesh level (default: the finest)")
+    draw.set_defaults(command=_draw)
     parser.add_argument("--version", action="version", version=f"tcstudy {_version()}")
     return parser
 
@@ -124,6 +130,20 @@ def _show(options: argparse.Namespace) -> int:
     try:
         print(summary(options.file))
     except StoreError as error:
+        _fail(str(error))
+    return OK
+
+
+def _draw(options: argparse.Namespace) -> int:
+    from tcstudy.data.store import StoreError
+    from tcstudy.report.draw import DrawError, draw
+
+    words = [text.partition("=") for text in options.at]
+    if not all(mark for _, mark, _ in words):
+        _fail("--at: write NAME=VALUE, for example --at alpha=100")
+    try:
+        print(draw(options.file, options.picture, {name: value for name, _, value in words}, options.level))
+    except (StoreError, DrawError) as error:
         _fail(str(error))
     return OK
 

@@ -48,6 +48,18 @@ def test_run_writes_the_file_and_a_table(folder: Path) -> None:
     assert shown.stdout.strip() in result.stdout
 
 
+def test_draw(folder: Path) -> None:
+    assert tcstudy_command("run", "block.yaml", cwd=folder).returncode == 0
+    result = tcstudy_command("draw", "results/block.nc", "a.png", "--at", "tau=0.01", "--level", "0", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert (folder / "a.png").read_bytes()[:4] == b"\x89PNG"
+    wrong = tcstudy_command("draw", "results/block.nc", "b.png", "--at", "tua=0.01", cwd=folder)
+    assert wrong.returncode == 2
+    assert "tau" in wrong.stderr
+    assert wrong.stderr.count("\n") == 1
+    assert not (folder / "b.png").exists()
+
+
 def test_set_and_output(folder: Path) -> None:
     result = tcstudy_command(
         "run", "block.yaml", "--set", "mesh.levels=1", "--set", "sweep={tau: [0.02]}", "--output", "a.nc", cwd=folder

@@ -77,13 +77,13 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
 
 def _cells(mesh: PlaneMesh, segments: Indices, lengths: Array, free: NDArray[np.bool_]) -> Array:
     """(n,) c_i on all mesh nodes: half of each adjacent segment, a fixed end's half goes to the other end."""
-    lost = np.logical_not(free.any(axis=1))
-    if np.any(lost):
-        x, y = mesh.points[segments[np.argmax(lost), 0]]
+    lost = np.flatnonzero(~free[:, 0] & ~free[:, 1])
+    if len(lost):
+        x, y = mesh.points[segments[lost[0], 0]]
         raise GeometryFailed(
             f"the contact line has no free node at ({x:g}, {y:g}), all its nodes there are held; refine the mesh"
         )
-    share = np.where(free.all(axis=1)[:, None], 0.5, free)
+    share = np.where((free[:, 0] & free[:, 1])[:, None], 0.5, free)
     c = np.zeros(mesh.n_points)
     np.add.at(c, segments[:, 0], share[:, 0] * lengths)
     np.add.at(c, segments[:, 1], share[:, 1] * lengths)

@@ -73,9 +73,12 @@ class Line:
         s, c = self.arclength[part], self.c[part]
         if len(s) < 3:
             return False
-        gap = float(c.sum() - (s[-1] - s[0]))
+        span = float(s[-1] - s[0])
+        gap = float(c.sum()) - span
         chord = float(np.hypot(self.x[part][-1] - self.x[part][0], self.y[part][-1] - self.y[part][0]))
         outer = float(c[0] - 0.5 * (s[1] - s[0]))
+        if chord >= (1.0 - NEAR) * span:  # straight: what its ends reach to are two held nodes
+            return False
         return abs(chord - gap) <= NEAR * chord and abs(outer - 0.5 * gap) <= NEAR * gap
 
     def steps(self, part: slice) -> tuple[Array, NDArray[np.intp]]:

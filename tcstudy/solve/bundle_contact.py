@@ -19,7 +19,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solve.bundle_newton import BundleNewton, Oracle
+from tcstudy.solve.bundle_newton import BundleNewton
+from tcstudy.solve.bundle_state import Oracle
 from tcstudy.solve.loop import iterate
 from tcstudy.solve.outcome import Outcome
 from tcstudy.solve.problem import ContactProblem
@@ -40,11 +41,11 @@ def contact_oracle(problem: ContactProblem) -> Oracle:
 
 
 def contact_method(problem: ContactProblem, tolerance: float = 1e-13, max_iterations: int = 2000) -> BundleNewton:
-    """Bundle-Newton with the norm of the frictionless solution as the length of the first step.
+    """Bundle-Newton with the norm of the frictionless solution, or the law's slip scale, as the first length.
 
     tolerance: of the energy; the error of v and of ξ is of the order of its root
     """
-    length = float(np.linalg.norm(problem.frictionless()))
+    length = float(np.linalg.norm(problem.frictionless())) or problem.law.s_scale
     return BundleNewton(tolerance=tolerance, max_iterations=max_iterations, x_unit=length or None)
 
 

@@ -1,12 +1,13 @@
 """What can be proved about a solution v of a contact problem: unique, strict local minimum, global minimum.
 
-Uniqueness:      ω < λ₁ makes L̃ strictly convex. Otherwise every solution lies in a box (solution_box), and two solutions
-                 v, w in it have (v−w)ᵀ(Ã + C diag b′_min)(v−w) ≤ 0 with the least slopes of b on the box; if that matrix
-                 is positive definite there is only one.
+Uniqueness:      ω < λ₁ makes L̃ strictly convex. Otherwise every solution lies in a box (solution_box), and two
+                 solutions v, w in it have (v−w)ᵀ(Ã + C diag b′_min)(v−w) ≤ 0 with the least slopes of b on the
+                 box; if that matrix is positive definite there is only one.
 Strict minimum:  A_FF + C b′ ≻ 0 on the free nodes, and every other node rests on an up-jump with left < 0 < right.
-Global minimum:  L̃(w) − L̃(v) ≥ ½ (w−v)ᵀ(Ã − C diag D)(w−v) − Σ (ξ_i − c_i ζ_i)(w_i − v_i), D from global_bound and ζ the
-                 element of b̂(v) nearest to ξ/c. If Ã − C diag(D + μ) ⪰ 0 no point of the box, so no point at all, has an
-                 energy below L̃(v) − ‖ξ/c − ζ‖²/(2μ) in the norm weighted by c: `energy_gap`, rounding squared.
+Global minimum:  L̃(w) − L̃(v) ≥ ½ (w−v)ᵀ(Ã − C diag D)(w−v) − Σ (ξ_i − c_i ζ_i)(w_i − v_i), D from global_bound and
+                 ζ the element of b̂(v) nearest to ξ/c. If Ã − C diag(D + μ) ⪰ 0 no point of the box, so no point
+                 at all, has an energy below L̃(v) − ‖ξ/c − ζ‖²/(2μ) in the norm weighted by c: `energy_gap`,
+                 rounding squared.
 
 Every flag is one-sided: True is proved, False says "not certified". Positive definiteness is decided by Cholesky with
 the diagonal lowered by μ = margin·λ₁ and never by less than the rounding of the factorisation, so that it holds in
@@ -29,6 +30,7 @@ from tcstudy.solve.problem import ContactProblem
 from tcstudy.solve.solution_box import least_slope, solution_box
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -97,10 +99,10 @@ def _shift(problem: ContactProblem, lambda_1: float, margin: float) -> float:
 
 
 def _positive_definite(
-    problem: ContactProblem, slope: Array, lambda_1: float, margin: float, nodes: Array | None = None
+    problem: ContactProblem, slope: Array, lambda_1: float, margin: float, named: Index | None = None
 ) -> bool:
     """Whether Ã + C diag(slope − μ) is positive definite on the named nodes (all by default)."""
-    nodes = np.arange(problem.m) if nodes is None else nodes
+    nodes = np.arange(problem.m, dtype=np.intp) if named is None else named
     lowered = problem.c[nodes] * (slope - _shift(problem, lambda_1, margin))
     diagonal = np.diagonal(problem.A_tilde)[nodes] + lowered
     if not len(nodes):

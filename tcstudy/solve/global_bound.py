@@ -108,7 +108,7 @@ def _start_excess(value: Array, zeta: Array) -> Array:
 
 
 def _quotient(gap: Array, excess: Array, slope: Array, distance: Array, width: Array) -> Array:
-    """sup over 0 < w ≤ width of 2 (gap + excess w − ½ slope w²)/(distance + w)², by the parabola in 1/(distance + w)."""
+    """sup over 0 < w ≤ width of 2 (gap + excess w − ½ slope w²)/(distance + w)², a parabola in 1/(distance + w)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         touching = np.where(excess > 0.0, np.inf, 2.0 * excess / width - slope)
         h_0 = gap - excess * distance - 0.5 * slope * distance**2

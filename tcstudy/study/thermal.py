@@ -75,15 +75,15 @@ class Conduction:
         return Part(constant, variation, alpha * self._integral(constant + W @ weights))
 
     def surroundings(self, theta_bar: Scalar, alpha: float, k: float) -> Part:
-        """θ for q = 0: surroundings at θ̄. A constant θ̄ gives θ = θ̄ exactly."""
+        """θ for q = 0: surroundings at θ̄. A constant θ̄ gives θ = θ̄ exactly; α = 0 gives the limit, the mean of θ̄."""
         n = self._forms.mesh.n_points
         if not isinstance(theta_bar, Expression):
             return Part(float(theta_bar), np.zeros(n), 0.0)
         mu, W = self._spectrum
         moments = W.T @ self._forms.surroundings(theta_bar)
-        weights = alpha * moments / (k * mu + alpha)
         constant = float(moments[0] * W[0, 0])
-        weights[0] = 0.0
+        mu, W, moments = mu[1:], W[:, 1:], moments[1:]
+        weights = alpha * moments / (k * mu + alpha)
         # θ − θ̄ mode by mode, so that a large α does not multiply the rounding of a difference
         excess = W @ (-k * mu * moments / (k * mu + alpha))
         return Part(constant, self._condensation.expand(W @ weights), alpha * self._integral(excess))

@@ -9,7 +9,7 @@ from tcstudy.fem.boundary import constrain
 from tcstudy.fem.contact_line import ContactLine, contact_line
 from tcstudy.fem.geometry import GeometryFailed, build
 from tcstudy.fem.meshes import mesh_family
-from tcstudy.scene.records import Contact
+from tcstudy.scene.records import Clamped, Contact
 from tests.verification.scenes import RECTANGLE, study_of
 
 
@@ -81,9 +81,12 @@ def test_two_separate_parts_and_a_closed_hole() -> None:
 
 
 def test_disagreeing_clamps_are_an_error() -> None:
-    text = RECTANGLE.replace("top: free", "top: {role: clamped, u: [0.1, 0]}")
+    """The reader refuses such a study; a body from a file, whose corners it cannot see, is refused here."""
+    study = study_of(RECTANGLE)
+    mesh = next(iter(mesh_family(build(study.scenes[0].body), study.mesh)))
+    boundary = (("left", Clamped()), ("top", Clamped((0.1, 0.0))), ("bottom", Contact()))
     with pytest.raises(GeometryFailed, match=r"left, top prescribe different displacements.*\(0, 1\)"):
-        line_of(text)
+        constrain(mesh, boundary)
 
 
 def test_a_roller_along_the_contact_keeps_the_corner_node() -> None:

@@ -187,9 +187,10 @@ def test_an_svg_is_the_same_every_time(grid: Path, tmp_path: Path) -> None:
 def test_global_state_of_matplotlib_is_left_alone(grid: Path, tmp_path: Path) -> None:
     import matplotlib
 
-    before = dict(matplotlib.rcParams)
-    draw(grid, tmp_path / "p.png")
-    assert dict(matplotlib.rcParams) == before
+    with matplotlib.rc_context({"font.size": 7.0, "axes.spines.top": True}):
+        before = dict(matplotlib.rcParams)
+        draw(grid, tmp_path / "p.png")
+        assert dict(matplotlib.rcParams) == before
 
 
 # Numbers shown
@@ -285,6 +286,13 @@ def test_the_caption_names_the_point_and_the_mesh(grid: Path) -> None:
     assert "Plate for $5 and $6" in shown
     assert "level 1,  longest element edge 25 mm,  80 displacement unknowns,  inclusion residual 1e-12" in shown
     assert "film" in shown
+
+
+def test_swept_parameters_have_readable_units(listed: Path) -> None:
+    assert r"$\alpha$ = 25 W m⁻² K⁻¹,  $\tau$ = 20 MPa" in texts(figure_of(read_picture(listed, {"tau": 2e7})))
+    expansion = (("alpha_T", 1.2e-5, "K-1"),)  # not 12 µK⁻¹, which is 12 (µK)⁻¹
+    shown = texts(figure_of(replace(read_picture(listed), parameters=expansion)))
+    assert r"$\alpha_T$ = 1.2e-05 K⁻¹" in shown
 
 
 def test_a_dimensionless_file_has_no_units(tmp_path: Path) -> None:
@@ -410,6 +418,7 @@ def test_a_ring_closes_on_itself() -> None:
     assert nodes.tolist() == [0, 1, 2, 3, 0]
     assert stick_ranges(ring) == [pytest.approx((0.5, 3.5))]
     assert not line([0, 1, 1, 0], [0, 0, 1, 1], [0, 1, 2, 3], [0.5, 1, 1, 0.5], [0] * 4).closed(part)
+    assert not line([1, 2, 3], [0, 0, 0], [1, 2, 3], [1.5, 1, 1.5], [0] * 3).closed(slice(0, 3))  # both ends held
 
 
 def test_the_panels_show_every_part_and_name_every_edge(grid: Path) -> None:
@@ -428,6 +437,25 @@ def test_the_drawn_contact_edge_reaches_the_held_corner(grid: Path) -> None:
     ((chain, index),) = contact_chains(picture.body, picture.line)
     assert chain.tolist() == [0, 1, 2, 3, 4]
     assert index.tolist() == [0, 0, 1, 2, 3]
+    h = WIDTH / 4
+    both = line([h, 2 * h, 3 * h], [0, 0, 0], [h, 2 * h, 3 * h], [1.5 * h, h, 1.5 * h], [0, 0, 0])
+    ((chain, index),) = contact_chains(picture.body, both)
+    assert chain.tolist() == [0, 1, 2, 3, 4]
+    assert index.tolist() == [0, 0, 1, 2, 2]
+
+
+def test_a_ring_of_contact_is_drawn_closed_and_named(grid: Path) -> None:
+    picture = read_picture(grid, level=0)
+    assert picture.body
+    (loop,) = loops(boundary_edges(picture.body))
+    x, y = picture.body.x[loop[:-1]], picture.body.y[loop[:-1]]
+    step, m = WIDTH / 4, len(loop) - 1
+    ring = line(x.tolist(), y.tolist(), [step * i for i in range(m)], [step] * m, [1] * m)
+    ((chain, index),) = contact_chains(picture.body, ring)
+    assert chain.tolist() == loop.tolist()
+    assert index.tolist() == [*range(m), 0]
+    figure = figure_of(replace(picture, line=ring))
+    assert [text.get_text() for text in figure.axes[0].texts] == ["rim"]
 
 
 def test_the_boundary_is_found_whatever_the_orientation(grid: Path) -> None:

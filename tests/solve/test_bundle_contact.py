@@ -64,12 +64,16 @@ def test_solution_satisfies_the_inclusion(name: str, m: int, start: str) -> None
     assert problem.inclusion_residual(outcome.x, tolerance=1e-6) <= 1e-5
 
 
-def test_body_without_load_sticks_everywhere() -> None:
-    problem = contact_problem(6, LAWS["softening"], 4)
-    unloaded = ContactProblem(problem.A_tilde, 0.0 * problem.l_tilde, problem.c, problem.law)
-    outcome = solve_with_bundle(unloaded, np.zeros(6))
-    assert outcome.converged, outcome.reason
-    assert np.max(np.abs(outcome.x)) <= 1e-9
+def test_body_without_load_sticks_everywhere_in_any_units() -> None:
+    counts = set()
+    for s, b in ((1.0, 1.0), (2.0**-20, 2.0**30)):
+        problem = contact_problem(6, LAWS["softening"], 4, s, b)
+        unloaded = ContactProblem(problem.A_tilde, 0.0 * problem.l_tilde, problem.c, problem.law)
+        outcome = solve_with_bundle(unloaded, np.zeros(6))
+        assert outcome.converged, outcome.reason
+        assert np.max(np.abs(outcome.x)) <= 1e-9 * s
+        counts.add(outcome.iterations)
+    assert len(counts) == 1
 
 
 def test_iteration_limit_and_log_are_passed_on() -> None:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tcstudy.solve.bundle_model import Piece, smoothly_joined
-from tcstudy.solve.bundle_newton import BundleNewton, Oracle, State
+from tcstudy.solve.bundle_model import Piece, Rules, smoothly_joined
+from tcstudy.solve.bundle_newton import BundleNewton
+from tcstudy.solve.bundle_state import Oracle, State
 from tcstudy.solve.loop import iterate
 from tcstudy.solve.outcome import Outcome, Status
 from tcstudy.solve.simplex_qp import Metric, direction, simplex_qp
@@ -22,6 +23,16 @@ Array = NDArray[np.float64]
 
 PROBLEMS = tr798.problems()
 NAMES = [p.name for p in PROBLEMS]
+LOCALITY = "exact quadratic pieces; γ > 0 (one value for all) shifts them until they come from nearby, one step each"
+MORE_THAN_PNEW = {
+    "CB3": "pieces from the far start overestimate the quartic branch and are damped away over some small steps",
+    "QL": LOCALITY,
+    "Shor": LOCALITY,
+    "Maxquad": LOCALITY,
+    "Steiner 2": "at coinciding points ‖·‖ has a continuum of pieces, of curvature 1/distance: each serves only nearby",
+}
+"""Problems that take more iterations or evaluations than the tuned reference, and why."""
+
 ACCURACY = 1e-9
 """|f − f*| ≤ ACCURACY (1 + |f*|)"""
 
@@ -86,11 +97,27 @@ def test_solved_untuned(problem: Reference) -> None:
 
 
 def test_fewer_steps_and_evaluations_than_the_tuned_reference() -> None:
-    """The bar is PNEW's own sums, 535/562; measured 406/426."""
+    """The bar is PNEW's own sums, 535/562; measured 407/427."""
     iterations = sum(run(p.number).iterations for p in PROBLEMS)
     evaluations = sum(run(p.number).evaluations for p in PROBLEMS)
     assert iterations <= min(440, sum(p.pnew[0] for p in PROBLEMS))
     assert evaluations <= min(460, sum(p.pnew[1] for p in PROBLEMS))
+
+
+def test_only_the_named_problems_need_clearly_more_than_the_tuned_reference() -> None:
+    """10 % are left to rounding, which decides late steps of the long runs differently from machine to machine."""
+    more = [p.name for p in PROBLEMS if run(p.number).evaluations > 1.1 * p.pnew[1] + 1]
+    assert set(more) <= set(MORE_THAN_PNEW)
+
+
+@pytest.mark.parametrize("name", ["CB2", "Colville 1", "HS78", "Gill"])
+def test_reset_repairs_stationarity_that_remote_pieces_pretend(name: str) -> None:
+    """Without a locality measure (γ = 0) the model is stationary far from a solution; resets alone repair it."""
+    problem, kinds = PROBLEMS[NAMES.index(name)], list[str]()
+    outcome = iterate(BundleNewton(rules=Rules(gamma=0.0)), problem.oracle, problem.x0, kinds.append)
+    assert any(" reset " in line for line in kinds)
+    assert outcome.converged, outcome.reason
+    assert error(outcome, problem) <= ACCURACY
 
 
 def test_table_has_every_problem_and_the_published_sums() -> None:

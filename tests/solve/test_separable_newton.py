@@ -5,6 +5,8 @@ import pytest
 
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solve.loop import iterate
+from tcstudy.solve.nodal_pieces import energy_change, slopes
+from tcstudy.solve.node_descent import descend_nodes
 from tcstudy.solve.outcome import Outcome, Status
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.solve.separable_newton import SeparableNewton
@@ -171,3 +173,49 @@ def test_log_lines_are_aligned() -> None:
     problem = ContactProblem(A_tilde, 1.2 * c, c, cases.slip_weakening())
     iterate(SeparableNewton(), problem, np.zeros(30), lines.append)
     assert len({line.index("residual") for line in lines}) == 1
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_node_by_node_lowers_the_energy_and_finds_first_order_points(smooth: bool) -> None:
+    """The fallback alone: every pass lowers L̃, and repeated passes end where no node descends."""
+    for seed in range(20):
+        rng = np.random.default_rng([seed, int(smooth), 11])
+        problem = cases.random_problem(rng, 6, max_kinks=9, smooth=smooth)
+        v = rng.normal(size=6)
+        for _ in range(400):
+            xi = problem.xi(v)
+            s = slopes(problem, v, xi)
+            target = descend_nodes(problem, v, xi, s.descent)
+            step = target - v
+            change = energy_change(problem, v, xi, step, problem.A_tilde @ step)
+            size = np.max(np.abs(s.descent) / problem.c) / problem.traction_scale
+            assert change < 0.0 or size <= 1e-12
+            v = target
+        assert problem.inclusion_residual(v) <= 1e-9
+
+
+def test_leaves_a_saddle_of_several_nodes() -> None:
+    """All nodes on the falling piece: stationary, indefinite; the way out must lower the energy."""
+    A_tilde, c = cases.half_laplacian(5)
+    law = cases.slip_weakening(1.0, 0.2, 0.2)
+    slip = np.full(5, 0.1)
+    load = A_tilde @ slip + c * law.b(slip)
+    problem = ContactProblem(A_tilde, load, c, law)
+    assert problem.inclusion_residual(slip) <= 1e-14
+    outcome = solve(problem, slip)
+    assert outcome.converged
+    assert outcome.f < problem.energy(slip) - 1e-4
+    assert cases.independent_residual(problem, outcome.x) <= 1e-12
+
+
+def test_energy_change_is_exact_where_two_energies_cancel() -> None:
+    """A step of 1e-9 around a stationary point: the change is ½ dᵀ(Ã + C b′)d, far below the rounding of L̃."""
+    A_tilde, c = cases.half_laplacian(20)
+    problem = ContactProblem(A_tilde, 3.0 * c, c, cases.exponential_decay())
+    v = solve(problem).x
+    assert np.all(v > 0.0)
+    step = 1e-9 * np.random.default_rng(0).normal(size=20)
+    curvature = A_tilde @ step + c * problem.law.slope(v, problem.law.piece(v)) * step
+    xi = c * problem.law.b(v)  # the exact stationary forces, so that the first-order part is zero
+    change = energy_change(problem, v, xi, step, A_tilde @ step)
+    assert change == pytest.approx(0.5 * step @ curvature, rel=1e-5)

@@ -32,7 +32,7 @@ def smoothed_solution(level: Level, eps: float, start: object = None) -> tuple[o
     """u of the smoothed problem by NewtonMinimization, started from a less smooth neighbour's."""
     mesh = level.mesh.mesh
     space = ngs.VectorH1(mesh, order=1, dirichlet=level.mesh.region("top"), dirichlety=level.mesh.region("bottom"))
-    u, v = space.TnT()
+    u = space.TrialFunction()
     energy = ngs.BilinearForm(space)
     strain = ngs.Sym(ngs.Grad(u))
     energy += ngs.Variation((0.5 * 1.2 * ngs.div(u) ** 2 + 0.8 * ngs.InnerProduct(strain, strain)) * ngs.dx)
