@@ -170,7 +170,8 @@ def positive_definite(H: Array, shift: float, pivot: float, least: float) -> Met
     """W: H with negative eigenvalues reversed, plus shift·I; eigenvalues at least pivot·largest and `least`."""
     w, V = np.linalg.eigh(H)
     w = np.abs(w) + shift
-    return Metric(np.maximum(w, max(pivot * float(w.max()), least)), V)
+    floor = max(pivot * float(w.max()), least)
+    return Metric(np.maximum(w, floor if floor > 0.0 else 1.0), V)  # all slopes and curvatures 0: any W will do
 
 
 def minimise(model: Model, lam: Array, shift: float, rules: Rules, unit: float) -> Step:

@@ -124,7 +124,7 @@ class _Run:
     ) -> None:
         self.options, self.problem, self.units, self.progress = options, problem, units, progress
         self.walk = depart(problem, units, ray, t)
-        self.record = Recorder(problem.m)
+        self.record = Recorder()
         self.seen, self.own = seen, [_key(ray.codes)]
         self.home, self.start_x, self.start_t = _key(ray.codes), ray.x.copy(), t
         self.seen.setdefault(self.home, 0)
@@ -218,14 +218,13 @@ class _Run:
 
     def _check(self) -> bool | None:
         """Residuals of the new vertices. True: all accurate; False: gone back to refine; None: hopeless."""
-        first = self.checked - 1 if self.checked == 1 else self.checked
-        rows = slice(min(first, self.record.count - 1), self.record.count)
-        p, record, walk = self.problem, self.record, self.walk
-        load = p.l_0 + record.t[rows, None] * p.l_1
-        defect = load - record.u[rows] @ p.A_tilde - p.c * record.traction[rows]
+        p, record = self.problem, self.record
+        first = len(record.residual)
+        load = p.l_0 + np.array(record.t[first:])[:, None] * p.l_1
+        defect = load - np.array(record.u[first:]) @ p.A_tilde - p.c * np.array(record.traction[first:])
         residual = np.max(np.abs(defect) / p.c, axis=1) / self.units.traction
-        record.residual[rows] = residual
-        worst = float(np.max(residual))
+        record.residual.extend(float(r) for r in residual)
+        worst = float(np.max(residual, initial=0.0))
         if worst <= self.options.tolerance:
             if worst > 0.1 * self.options.tolerance or self.careful:
                 self._steady()
@@ -274,7 +273,9 @@ def _key(codes: Codes) -> int:
 
 def _nowhere(problem: ParametricProblem, walk: Walk) -> Path:
     """A path of one vertex: the start is so degenerate that no direction exists."""
-    record = Recorder(problem.m)
+    record = Recorder()
     u = walk.u
     record.add(walk.t, u, walk.traction(u))
+    residual = np.max(np.abs(walk.defect(u, walk.traction(u), walk.t)) / walk.units.weight) / walk.units.traction
+    record.residual.append(float(residual))
     return joined(problem, [(record, walk.codes.copy(), PathEnd.of(PathStatus.SINGULAR))], walk.tableau.factorisations)

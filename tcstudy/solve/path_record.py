@@ -142,23 +142,26 @@ class Path:
 
 
 class Recorder:
-    """Vertices while a path is being followed; arrays grow by doubling."""
+    """Vertices while a path is being followed."""
 
-    def __init__(self, m: int) -> None:
-        self.count = 0
-        self._t, self._residual = np.empty(64), np.full(64, np.nan)
-        self._u, self._traction = np.empty((64, m)), np.empty((64, m))
+    def __init__(self) -> None:
+        self.t: list[float] = []
+        self.u: list[Array] = []
+        self.traction: list[Array] = []
+        self.residual: list[float] = []
         self.stable: list[bool] = []
         self.events: list[tuple[int, Index, Codes, Codes]] = []
 
+    @property
+    def count(self) -> int:
+        """Vertices so far."""
+        return len(self.t)
+
     def add(self, t: float, u: Array, traction: Array) -> None:
-        """A vertex."""
-        if self.count == len(self._t):
-            self._t, self._residual = _longer(self._t), _longer(self._residual)
-            self._u, self._traction = _longer(self._u), _longer(self._traction)
-        at = self.count
-        self._t[at], self._u[at], self._traction[at] = t, u, traction
-        self.count += 1
+        """A vertex; its residual is filled in when it is checked."""
+        self.t.append(t)
+        self.u.append(u)
+        self.traction.append(traction)
 
     def changed(self, nodes: Index, before: Codes, after: Codes) -> None:
         """Codes that change at the last vertex."""
@@ -167,31 +170,10 @@ class Recorder:
             self.events.append((self.count - 1, nodes[moved], before[moved], after[moved]))
 
     def cut(self, count: int) -> None:
-        """Forget everything after the first `count` vertices and the events at the last of them."""
-        self.count = count
-        del self.stable[count - 1 :]
+        """Forget everything after the first `count` vertices; events at the last of them stay."""
+        del self.t[count:], self.u[count:], self.traction[count:], self.residual[count:], self.stable[count - 1 :]
         while self.events and self.events[-1][0] >= count:
             self.events.pop()
-
-    @property
-    def t(self) -> Array:
-        return self._t[: self.count]
-
-    @property
-    def u(self) -> Array:
-        return self._u[: self.count]
-
-    @property
-    def traction(self) -> Array:
-        return self._traction[: self.count]
-
-    @property
-    def residual(self) -> Array:
-        return self._residual[: self.count]
-
-
-def _longer(a: Array) -> Array:
-    return np.concatenate([a, np.full_like(a, np.nan)])
 
 
 def joined(problem: ParametricProblem, halves: list[tuple[Recorder, Codes, PathEnd]], factorisations: int) -> Path:
@@ -200,15 +182,13 @@ def joined(problem: ParametricProblem, halves: list[tuple[Recorder, Codes, PathE
     halves: (record, codes of the half's first piece, end); forward first
     """
     record, first, end = halves[0]
-    events = _event_arrays(record)
-    if len(halves) == 1:
-        begin = PathEnd(PathStatus.RANGE_END, "the path was followed from here")
-        return Path(problem, record.t.copy(), record.u.copy(), record.traction.copy(), record.residual.copy(),
-                    np.array(record.stable, dtype=bool), first, events, 0, begin, end, factorisations)  # fmt: skip
-    back, back_first, begin = halves[1]
-    shift = back.count - 1
+    begin = PathEnd(PathStatus.RANGE_END, "the path was followed from here")
+    back, back_first = Recorder(), first
+    if len(halves) > 1:
+        back, back_first, begin = halves[1]
+    shift = max(back.count - 1, 0)
+    e, events = _event_arrays(back), _event_arrays(record)
     codes = back_first.copy()
-    e = _event_arrays(back)
     for node, after in zip(e.node, e.after, strict=True):
         codes[node] = after
     kink = np.flatnonzero(back_first != first)
@@ -220,10 +200,10 @@ def joined(problem: ParametricProblem, halves: list[tuple[Recorder, Codes, PathE
     )
     return Path(
         problem,
-        np.concatenate([back.t[:0:-1], record.t]),
-        np.concatenate([back.u[:0:-1], record.u]),
-        np.concatenate([back.traction[:0:-1], record.traction]),
-        np.concatenate([back.residual[:0:-1], record.residual]),
+        np.array([*back.t[:0:-1], *record.t]),
+        np.array([*back.u[:0:-1], *record.u]),
+        np.array([*back.traction[:0:-1], *record.traction]),
+        np.array([*back.residual[:0:-1], *record.residual]),
         np.array([*back.stable[::-1], *record.stable], dtype=bool),
         codes,
         turned,

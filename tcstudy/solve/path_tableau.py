@@ -168,9 +168,11 @@ class Tableau:
 
     def change_many(self, nodes: Index, free: Mask, k: Array) -> None:
         """Move several nodes; with more than fit beside the base it is made anew."""
-        if self.size + len(nodes) > CAPACITY:
+        if len(nodes) > CAPACITY // 2:
             self.free[nodes], self.k[nodes] = free, k
             return self.refactor()
+        if self.size + len(nodes) > CAPACITY:
+            self.rebase()
         for i, is_free, stiffness in zip(nodes, free, k, strict=True):
             self.change(int(i), bool(is_free), float(stiffness))
 

@@ -88,12 +88,11 @@ def forecast(study: Study) -> tuple[LevelForecast, ...]:
 
 
 def _forecast_level(scene: Scene, body: Body, h: float) -> LevelForecast:
-    """Euler's formula with triangles of edge length 0.8 h, the mean edge that Netgen makes for maxh = h."""
-    edge = 0.8 * h
+    """Euler's formula with equilateral triangles of edge h (Netgen's for maxh = h have 0.9 to 1.04 h on average)."""
     lengths = boundary_lengths(body)
     perimeter = sum(lengths.values())
-    triangles = body_area(body) / (math.sqrt(3) / 4 * edge**2)
-    nodes = triangles / 2 + perimeter / edge / 2 + 1
+    triangles = body_area(body) / (math.sqrt(3) / 4 * h**2)
+    nodes = triangles / 2 + perimeter / h / 2 + 1
     held = sum(lengths[name] / h for name, role in scene.boundary if isinstance(role, Clamped))
     contact = sum(lengths[name] / h for name in scene.edges(Contact))
     n_dof = 2 * nodes - 2 * held - contact

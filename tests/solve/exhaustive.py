@@ -75,7 +75,7 @@ def is_strict_minimum(problem: ContactProblem, v: Array, rng: np.random.Generato
     step = step[np.any(step != 0.0, axis=1)]
     step /= np.linalg.norm(step, axis=1, keepdims=True)
     here = energy(problem, v)
-    return all(bool(np.all(energy(problem, v + radius * step) > here)) for radius in (1e-5, 1e-6))
+    return all(bool(np.all(energy(problem, v + radius * step) > here)) for radius in (1e-6, 3e-7))
 
 
 @dataclass(frozen=True)

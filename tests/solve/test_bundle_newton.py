@@ -213,6 +213,15 @@ def test_value_never_rises_and_every_step_costs_at_most_one_evaluation() -> None
     assert all((q.kind == "reset") == (q.evaluations == p.evaluations) for p, q in pairwise(states))
 
 
+@pytest.mark.parametrize("name", ["Maxl", "Maxq", "Rosenbrock"])
+def test_start_at_the_solution_stops_at_once(name: str) -> None:
+    problem = PROBLEMS[NAMES.index(name)]
+    solution = np.ones(2) if name == "Rosenbrock" else np.zeros(20)
+    outcome = iterate(BundleNewton(), problem.oracle, solution)
+    assert outcome.converged, outcome.reason
+    assert (outcome.f, outcome.evaluations) == (0.0, 1)
+
+
 def test_unbounded_function_is_reported() -> None:
     outcome = iterate(BundleNewton(), lambda x: (-float(x[0]), np.array([-1.0]), np.zeros((1, 1))), np.ones(1))
     assert outcome.status == Status.UNBOUNDED

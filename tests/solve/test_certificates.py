@@ -142,6 +142,8 @@ def test_box_holds_every_solution() -> None:
     for seed in range(40):
         rng = np.random.default_rng([seed, 2])
         A_tilde, c = cases.half_laplacian(2)
+        A_tilde = A_tilde * np.array([[1.0, rng.choice([-1.0, 1.0])], [1.0, 1.0]])
+        A_tilde[1, 0] = A_tilde[0, 1]  # inverses with entries of both signs
         law = cases.random_law(rng, 1.0, 5)
         problem = ContactProblem(A_tilde, c * rng.normal(size=2) * law.b_scale, c, law)
         low, high = solution_box(problem, problem.lambda_1)
@@ -181,6 +183,15 @@ def test_convex_and_flags_under_other_units() -> None:
         other = certify(cases.rescaled(problem, 1e9, 1e-9, 1e3), v / 1e9)
         flags = ("convex", "unique", "strict_minimum", "global_minimum", "resting")
         assert [getattr(other, f) for f in flags] == [getattr(certificate, f) for f in flags]
+
+
+def test_a_node_at_the_limit_of_sticking_is_no_strict_minimum() -> None:
+    """ξ/c = 1 = b(0+) and b falls faster than Ã rises: the inclusion holds, but slipping lowers the energy."""
+    certificate = certify(one_node(cases.slip_weakening(), 1.0), np.zeros(1))
+    assert certificate.residual == 0.0
+    assert certificate.least_slack == 0.0
+    assert not certificate.strict_minimum
+    assert not certificate.global_minimum
 
 
 def test_what_is_no_solution_gets_no_flag() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tcstudy.scene.friction import FrictionLaw
+from tcstudy.solve.coarse_start import interpolation
 from tcstudy.solve.loop import iterate
 from tcstudy.solve.nodal_pieces import energy_change, slopes
 from tcstudy.solve.node_descent import descend_nodes
@@ -147,6 +148,33 @@ def test_coarse_start_saves_factorisations() -> None:
     again = solve(problem, nested.x)
     assert again.iterations <= 1
     assert np.array_equal(again.x, nested.x)
+
+
+def test_coarse_start_never_replaces_a_better_start() -> None:
+    """From close to a solution that is not the one the coarse copies find, the start must not rise."""
+    A_tilde, c = cases.half_laplacian(60)
+    problem = ContactProblem(A_tilde, 1.05 * c, c, cases.slip_weakening(1.0, 0.5, 0.02))
+    starts = (np.zeros(60), problem.frictionless(), np.full(60, 0.1))
+    least = min((solve(problem, x0, coarsest=0) for x0 in starts), key=lambda outcome: outcome.f)
+    x0 = least.x + 1e-9 * np.random.default_rng(0).normal(size=60)
+    assert SeparableNewton().start(problem, x0).f <= problem.energy(x0) + 1e-15
+
+
+def test_interpolation_is_linear() -> None:
+    for m in (7, 8):
+        line = np.arange(float(m))
+        assert np.allclose((interpolation(m) @ line[::2])[: m - 1], line[: m - 1])
+        assert np.allclose(interpolation(m) @ np.ones((m + 1) // 2), 1.0)
+
+
+def test_nodes_come_to_rest_together() -> None:
+    """Below first slip, from the frictionless slips: all nodes stop on the up-jump they would cross, at once."""
+    A_tilde, c = cases.half_laplacian(30)
+    problem = ContactProblem(A_tilde, 0.9 * c, c, cases.slip_weakening())
+    outcome = solve(problem, problem.frictionless(), coarsest=0)
+    assert outcome.converged
+    assert not np.any(outcome.x)
+    assert outcome.iterations <= 4
 
 
 def test_failures_are_statuses_with_a_reason() -> None:

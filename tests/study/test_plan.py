@@ -1,0 +1,47 @@
+"""The forecast: counts, sizes near those of the real meshes, and what is left out with its reason."""
+
+from __future__ import annotations
+
+import pytest
+
+from tcstudy.study.plan import plan
+from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
+
+
+@pytest.mark.parametrize("text", [RECTANGLE, HEATED_BRACKET])
+def test_predicted_sizes(text: str) -> None:
+    study = study_of(text)
+    for forecast, level in zip(plan(study).levels, levels_of(study), strict=True):
+        assert forecast.n_dof == pytest.approx(level.frames.n_dof, rel=0.3)
+        assert forecast.n_contact == pytest.approx(level.line.m, rel=0.15)
+
+
+def test_counts_of_points_factorisations_and_heat_solves() -> None:
+    swept = HEATED_BRACKET + "sweep: {alpha: [1, 2, 3], E: [1, 2], friction.a: [0.003, 0.004]}\n"
+    forecast = plan(study_of(swept))
+    assert (forecast.points, forecast.factorisations, forecast.heat_solves) == (12, 2, 3)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ("material.alpha_T=0", "heat problem: beta is 0"),
+        ("heat={alpha: 1, theta_bar: 5}", "heat problem: q is 0 and theta_bar is constant, so theta = theta_bar"),
+        ("loads=null", "body force: f is zero"),
+    ],
+)
+def test_what_is_left_out_and_why(change: str, reason: str) -> None:
+    assert any(text.startswith(reason) for text in plan(study_of(HEATED_BRACKET, change)).left_out)
+
+
+def test_some_points_without_a_heat_problem() -> None:
+    swept = HEATED_BRACKET.replace('theta_bar: "0.2 + 0.1*x"', "theta_bar: 1") + "sweep: {q: [0, 0.5]}\n"
+    assert any("at 1 of 2 points" in text for text in plan(study_of(swept)).left_out)
+
+
+def test_notes_on_locking_and_down_jumps() -> None:
+    notes = plan(study_of(RECTANGLE, "material.nu=0.49")).notes
+    assert any("lock" in text for text in notes)
+    dropping = "friction={law: piecewise-linear, points: [[0, 1], [0.4, 1], [0.4, 0.2]]}"
+    assert any("down-jumps" in text for text in plan(study_of(RECTANGLE, dropping)).notes)
+    assert plan(study_of(RECTANGLE)).notes == ()
