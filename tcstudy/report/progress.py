@@ -4,9 +4,20 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import TextIO
+from typing import Protocol, TextIO
 
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+
+
+class Work(Protocol):
+    """Points of a level, those finished before, and the relative cost of one."""
+
+    @property
+    def points(self) -> int: ...
+    @property
+    def done(self) -> int: ...
+    @property
+    def weight(self) -> float: ...
 
 
 class PlainProgress:
@@ -15,8 +26,9 @@ class PlainProgress:
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
 
-    def begin(self, total: int, done: int, warnings: Sequence[str]) -> None:
+    def begin(self, work: Sequence[Work], warnings: Sequence[str]) -> None:
         """Say what is to come."""
+        total, done = sum(w.points for w in work), sum(w.done for w in work)
         for warning in warnings:
             self._say(f"warning: {warning}")
         self._say(f"{total} points on all levels" + (f", {done} of them finished before" if done else ""))
@@ -38,23 +50,16 @@ class PlainProgress:
 
 
 class TerminalProgress:
-    """A bar with counts, elapsed time and time left."""
+    """A bar with counts, elapsed time and time left; points of finer levels count for more."""
 
     def __init__(self, stream: TextIO) -> None:
         from rich.console import Console
-        from rich.progress import (
-            BarColumn,
-            MofNCompleteColumn,
-            Progress,
-            TextColumn,
-            TimeElapsedColumn,
-            TimeRemainingColumn,
-        )
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
-            MofNCompleteColumn(),
+            TextColumn("{task.fields[points]} points"),
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
@@ -62,12 +67,15 @@ class TerminalProgress:
             transient=True,
         )
 
-    def begin(self, total: int, done: int, warnings: Sequence[str]) -> None:
+    def begin(self, work: Sequence[Work], warnings: Sequence[str]) -> None:
         """Start the bar; finished points of an earlier run count."""
+        self._weights = [w.weight for w in work]
+        self._total, self._done = sum(w.points for w in work), sum(w.done for w in work)
         self._progress.start()
         for warning in warnings:
             self._progress.console.print(f"warning: {warning}", markup=False, highlight=False)
-        self._task = self._progress.add_task("points", total=total, completed=done)
+        total, done = (sum(n * w.weight for n, w in zip(ns, work, strict=True)) for ns in _counts(work))
+        self._task = self._progress.add_task("meshing", total=total, completed=done, points=self._points())
 
     def level(self, record: LevelRecord) -> None:
         """Name the level beside the bar."""
@@ -77,7 +85,11 @@ class TerminalProgress:
         """Move on; a failure is printed above the bar."""
         if record.status != PointStatus.OK:
             self._progress.console.print(_failure_line(record), markup=False, highlight=False)
-        self._progress.advance(self._task)
+        self._done += 1
+        self._progress.update(self._task, advance=self._weights[record.level], points=self._points())
+
+    def _points(self) -> str:
+        return f"{self._done}/{self._total}"
 
     def close(self) -> None:
         """Remove the bar."""
@@ -87,6 +99,11 @@ class TerminalProgress:
 def progress(stream: TextIO = sys.stderr) -> PlainProgress | TerminalProgress:
     """The fitting kind for a stream."""
     return TerminalProgress(stream) if stream.isatty() else PlainProgress(stream)
+
+
+def _counts(work: Sequence[Work]) -> tuple[list[int], list[int]]:
+    """Points and finished points of every level."""
+    return [w.points for w in work], [w.done for w in work]
 
 
 def _level_line(record: LevelRecord) -> str:

@@ -1,4 +1,4 @@
-"""The moves of the separable Newton method: clipped path, node by node, escape from saddles, final polish."""
+"""The moves of the separable Newton method: clipped path, node by node, escape from saddles, refinement."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solve.active_pieces import ActivePieces, solve_on
 from tcstudy.solve.newton_state import SeparableState, new_state
 from tcstudy.solve.newton_system import FreeSystem
 from tcstudy.solve.nodal_pieces import energy_change, next_up_jump
@@ -25,7 +24,7 @@ ROUNDING = (
     "the inclusion residual stays at rounding level above the tolerance; the displacements are large against those "
     "that friction causes: allow a larger tolerance or use a coarser contact mesh"
 )
-_POLISH_STEPS = 8
+_REFINEMENTS = 8
 
 
 def along_path(
@@ -64,18 +63,25 @@ def node_by_node(problem: ContactProblem, state: SeparableState) -> SeparableSta
     return moved(problem, state, target, "nodes")
 
 
-def polish(problem: ContactProblem, state: SeparableState, tolerance: float) -> SeparableState:
-    """Newton with refinement on the present pieces, judged by the residual: the last digits of a solution."""
-    s = state.slopes
-    kink = np.full(problem.m, -1, dtype=np.intp)
-    if np.any(s.at_rest):
-        kink = np.where(s.at_rest, problem.law.nearest_kink(state.v), -1)
-    target = solve_on(problem, ActivePieces(kink, state.piece), state.v, _POLISH_STEPS)
-    new = state if target is None else moved(problem, state, target, "polish")
-    if new.residual <= tolerance:
-        return new
-    best = new if new.residual < state.residual else state
-    return replace(best, stopped=(Status.INCLUSION_VIOLATED, ROUNDING))
+def refine(problem: ContactProblem, state: SeparableState, system: FreeSystem, tolerance: float) -> SeparableState:
+    """The last digits of a solution: refinement with the factor at hand, judged by the residual.
+
+    Here L̃ cannot tell two points apart any more. What stays above the tolerance is reported as such.
+    """
+    best = state
+    for _ in range(_REFINEMENTS):
+        direction = np.zeros(problem.m)
+        direction[system.free] = -system.solve(best.slopes.descent[system.free])
+        new = moved(problem, best, best.v + direction, "refined")
+        if not new.residual < best.residual:
+            break
+        slow = new.residual > 0.5 * best.residual
+        best = new
+        if best.residual <= tolerance or slow:
+            break
+    if best.residual > tolerance:
+        return replace(best, stopped=(Status.INCLUSION_VIOLATED, ROUNDING))
+    return replace(best, second_order="a local minimum" if system.curvature is None else best.second_order)
 
 
 def escape(problem: ContactProblem, state: SeparableState, system: FreeSystem) -> SeparableState:

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from tcstudy.solve.coarse_start import coarse_start
 from tcstudy.solve.loop import iterate
-from tcstudy.solve.newton_path import along_path, escape, node_by_node, polish
+from tcstudy.solve.newton_path import along_path, escape, node_by_node, refine
 from tcstudy.solve.newton_state import SeparableState, new_state
 from tcstudy.solve.newton_system import NotPositiveDefiniteError, factorise
 from tcstudy.solve.nodal_pieces import relative_residual
@@ -71,7 +71,7 @@ class SeparableNewton:
         return new_state(problem, start)
 
     def step(self, problem: ContactProblem, state: SeparableState) -> SeparableState:
-        """One Newton step along the clipped path, or one pass node by node, or the last polish."""
+        """One Newton step along the clipped path, or one pass node by node, or the last refinement."""
         free = np.flatnonzero(~state.slopes.at_rest)
         q = problem.law.slope(state.v[free], state.piece[free])
         try:
@@ -82,10 +82,14 @@ class SeparableNewton:
         if state.residual <= self.tolerance:
             return escape(problem, state, system)
         moved = along_path(problem, state, system, self.armijo, self.halvings)
-        if moved is not None and not (moved.at_rounding and moved.residual > 0.5 * state.residual):
+        if moved is not None and not (moved.at_rounding and moved.residual > self.tolerance):
             return moved
+        if moved is not None and moved.second_order is not None:
+            return refine(problem, moved, system, self.tolerance)
         if state.at_rounding:
-            return polish(problem, state, self.tolerance)
+            return refine(problem, state, system, self.tolerance)
+        if moved is not None:
+            return moved
         return node_by_node(problem, state)
 
     def verdict(self, problem: ContactProblem, state: SeparableState) -> tuple[Status, str] | None:

@@ -15,7 +15,7 @@ from tcstudy.data.store import StoreError, write
 from tcstudy.scene.records import Study
 from tcstudy.study.plan import output_of
 from tcstudy.study.preflight import faults
-from tcstudy.study.run import Watcher, run
+from tcstudy.study.run import Key, LevelWork, Watcher, run
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Summary:
 class Quiet:
     """A watcher that shows nothing."""
 
-    def begin(self, total: int, done: int, warnings: Sequence[str]) -> None:
+    def begin(self, work: Sequence[LevelWork], warnings: Sequence[str]) -> None:
         """Nothing to show."""
 
     def level(self, record: LevelRecord) -> None:
@@ -59,7 +59,7 @@ def execute(
     with threadpool_limits(1, user_api="blas"), Journal.open(output, study) as journal:
         # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
         finished = [(level, index) for (index, level), s in journal.finished.items() if s != PointStatus.ERROR]
-        watcher.begin(len(study.scenes) * study.mesh.levels, len(finished), journal.warnings)
+        watcher.begin(_work(study, finished), journal.warnings)
         for record in run(study, finished):
             journal.add(record)
             if isinstance(record, LevelRecord):
@@ -72,3 +72,11 @@ def execute(
         journal.discard()
     failed = sum(status != PointStatus.OK for status in statuses)
     return Summary(output, len(statuses), failed, len(finished))
+
+
+def _work(study: Study, finished: Sequence[Key]) -> list[LevelWork]:
+    """Points of every level; a point costs about as much as its mesh has nodes."""
+    mesh, points = study.mesh, len(study.scenes)
+    done = [sum(level == i for level, _ in finished) for i in range(mesh.levels)]
+    finer = [4.0**i if mesh.nested else (mesh.maxh[0] / mesh.maxh[i]) ** 2 for i in range(mesh.levels)]
+    return [LevelWork(points, done[i], finer[i]) for i in range(mesh.levels)]

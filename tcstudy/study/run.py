@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -24,10 +25,19 @@ Key = tuple[int, tuple[int, ...]]
 """A point at a level: (level, index)."""
 
 
+@dataclass(frozen=True)
+class LevelWork:
+    """What a level holds in store: its points, those finished before, and the relative cost of one of them."""
+
+    points: int
+    done: int
+    weight: float
+
+
 class Watcher(Protocol):
     """What a run reports while it works; a terminal shows it, a test ignores it."""
 
-    def begin(self, total: int, done: int, warnings: Sequence[str]) -> None: ...
+    def begin(self, work: Sequence[LevelWork], warnings: Sequence[str]) -> None: ...
     def level(self, record: LevelRecord) -> None: ...
     def point(self, record: PointRecord) -> None: ...
 

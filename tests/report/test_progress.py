@@ -1,0 +1,42 @@
+"""What a run shows: plain lines in a pipe, a bar that weighs finer levels more on a terminal."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+
+from tcstudy.data.records import PointRecord, PointStatus
+from tcstudy.report.progress import PlainProgress, TerminalProgress
+from tcstudy.study.run import LevelWork
+
+WORK = [LevelWork(2, 1, 1.0), LevelWork(2, 0, 4.0)]
+
+
+def record(level: int, status: PointStatus) -> PointRecord:
+    return PointRecord((0,), level, status, "why", {}, np.empty(0), np.empty(0))
+
+
+@pytest.mark.parametrize("kind", [PlainProgress, TerminalProgress])
+def test_only_failures_and_warnings_are_lines(kind: type[PlainProgress] | type[TerminalProgress]) -> None:
+    stream = io.StringIO()
+    progress = kind(stream)
+    progress.begin(WORK, ["an old journal was set aside"])
+    progress.point(record(0, PointStatus.OK))
+    progress.point(record(1, PointStatus.NOT_CONVERGED))
+    progress.close()
+    text = stream.getvalue()
+    assert "warning: an old journal was set aside" in text
+    assert "point (0,) on level 1: not_converged: why" in text
+    assert "level 0: " not in text
+
+
+def test_the_bar_weighs_levels() -> None:
+    progress = TerminalProgress(io.StringIO())
+    progress.begin(WORK, [])
+    task = progress._progress.tasks[0]
+    assert (task.total, task.completed, task.fields["points"]) == (10.0, 1.0, "1/4")
+    progress.point(record(1, PointStatus.OK))
+    assert (task.completed, task.fields["points"]) == (5.0, "2/4")
+    progress.close()
