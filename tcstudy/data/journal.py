@@ -321,6 +321,8 @@ def _decode_point(row: Row) -> PointRecord:
     scalars, arrays, fields = _decode(row)
     scalars["index"] = tuple(scalars["index"])
     scalars["status"] = PointStatus(scalars["status"])
+    numbers = scalars["numbers"]
+    scalars["numbers"] = {name: tuple(v) if isinstance(v, list) else v for name, v in numbers.items()}
     return PointRecord(**scalars, **arrays, fields=fields)
 
 

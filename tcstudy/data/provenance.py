@@ -62,7 +62,7 @@ def global_attributes(study: Study, provenance: Provenance) -> dict[str, Any]:
         "source": f"tcstudy {versions.get('tcstudy', 'unknown')}",
         "history": provenance.history,
         "references": REFERENCES,
-        "solver": study.solver.name,
+        "solver": " ".join(study.solver.names),
         "solver_tolerance": float(study.solver.tolerance),
         "unit_system": study.units,
         "sweep_mode": study.mode,

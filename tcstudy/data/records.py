@@ -55,7 +55,8 @@ class PointRecord:
 
     index:   position of the point in the sweep (along each data dimension)
     status, reason: what came of it; reason is "" for OK
-    numbers: scalar results by variable name (see data.schema); missing ones are NaN in the data
+    numbers: results by variable name (see data.schema), tuples where there is one for each start or solver;
+             missing ones are NaN in the data
     u_T, xi: (m,) tangential displacement [m] and traction −S_T = ξ_i/c_i [Pa]; empty if the point failed before
     fields:  whole-body nodal fields by name ("theta", "u_x", "u_y"), only if asked for
     """
@@ -64,7 +65,7 @@ class PointRecord:
     level: int
     status: PointStatus
     reason: str
-    numbers: dict[str, float]
+    numbers: dict[str, float | tuple[float, ...]]
     u_T: Array
     xi: Array
     fields: dict[str, Array] = field(default_factory=dict)

@@ -70,6 +70,10 @@ _COUNT = (("valid_min", np.int32(0)), ("comment", f"{MISSING_COUNT} where there 
 _JUDGED = (("ancillary_variables", "status"),)
 _DIFFERENCE = (("units_metadata", "temperature: difference"),)
 _LEVEL = ("level",)
+_CERTIFIED = (("flag_values", np.array([0, 1], dtype=np.int8)), ("flag_meanings", "not_certified certified"), *_JUDGED)
+START_NAMES = ("zero", "frictionless", "neighbour")
+"""Where a solver starts; the coordinate of the dimension `start`."""
+_STARTS = (("flag_values", np.arange(3, dtype=np.int8)), ("flag_meanings", " ".join(START_NAMES)), *_JUDGED)
 
 
 def _count(name: str, long_name: str, dims: tuple[str, ...] = POINT_LEVEL, extra: Any = ()) -> Variable:
@@ -96,6 +100,11 @@ ROOT: tuple[Variable, ...] = (
     _result("lambda_1", "Pa m-1", "smallest tangential stiffness of the body per contact length"),
     _result("omega", "Pa m-1", "steepest fall of the friction law; infinite if it jumps down"),
     _result("uniqueness_margin", "Pa m-1", "lambda_1 - omega; the solution is unique if positive"),
+    Variable("unique", "i1", "1", "certified to be the only solution", extra=_CERTIFIED),
+    Variable("strict_minimum", "i1", "1", "certified to be a strict local minimum of the energy", extra=_CERTIFIED),
+    Variable("global_minimum", "i1", "1", "certified to have the least energy of all states", extra=_CERTIFIED),
+    Variable("start_used", "i1", "1", "start that led to the stored solution", extra=_STARTS),
+    Variable("start_energy", "f8", "J m-1", "energy of the solution that each start leads to", (*POINT_LEVEL, "start")),
     _result("theta_mean", "K", "mean temperature of the body above its stress-free state", _DIFFERENCE),
     _result("heat_balance", "1", "relative defect of heat convected away against heat put in"),
     Variable("time_mesh", "f8", "s", "wall time of the mesh", _LEVEL),
@@ -103,6 +112,18 @@ ROOT: tuple[Variable, ...] = (
     Variable("time_condense", "f8", "s", "wall time of condensing to the contact line"),
     Variable("time_solve", "f8", "s", "wall time of solving the contact problem"),
 )
+
+_BY_SOLVER = (*POINT_LEVEL, "solver")
+SOLVERS: tuple[Variable, ...] = (
+    Variable("solver_residual", "f8", "1", "inclusion residual by solver", _BY_SOLVER),
+    Variable("solver_energy", "f8", "J m-1", "energy by solver", _BY_SOLVER),
+    Variable("solver_iterations", "i4", "1", "steps by solver", _BY_SOLVER, extra=_COUNT),
+    Variable("solver_time", "f8", "s", "wall time by solver", _BY_SOLVER),
+    Variable(
+        "solver_difference", "f8", "1", "max |u_T - u_T of the first solver| over max |u_T| of the first", _BY_SOLVER
+    ),
+)
+"""What is kept of every solver where a study names several; the first one's solution is the stored one."""
 
 LEVEL_COORDINATE = Variable("level", "i4", "1", "mesh level, from coarse to fine", _LEVEL, coordinate=True)
 
@@ -150,14 +171,20 @@ FIELDS: tuple[Variable, ...] = (
     Variable("u_y", "f8", "m", "displacement in y", (SWEEP, "mesh_node"), extra=_AT_MESH),
 )
 
-NUMBERS = frozenset(v.name for v in ROOT if v.dims == POINT_LEVEL and v.name not in ("status", "reason"))
+NUMBERS = frozenset(v.name for v in (*ROOT, *SOLVERS) if v.dims[:2] == POINT_LEVEL) - {"status", "reason"}
 """Names that `PointRecord.numbers` may hold."""
+
+
+def root_variables(study: Study) -> tuple[Variable, ...]:
+    """The variables of the root group of this study's file."""
+    return ROOT + SOLVERS if len(study.solver.names) > 1 else ROOT
+
 
 FIELD_NAMES = frozenset(v.name for v in FIELDS)
 """Names that `PointRecord.fields` may hold."""
 
-RESERVED = frozenset(v.name for v in (*ROOT, *CONTACT, *MESH, *FIELDS)) | {
-    *("level", "node", "mesh_node", "mesh_face", "corner", "mesh", POINT)
+RESERVED = frozenset(v.name for v in (*ROOT, *SOLVERS, *CONTACT, *MESH, *FIELDS)) | {
+    *("level", "start", "solver", "node", "mesh_node", "mesh_face", "corner", "mesh", POINT)
 }
 """Names of the file that no swept parameter may take; see `axis_name`."""
 
@@ -230,7 +257,7 @@ def expected_bytes(study: Study, levels: Sequence[LevelRecord | tuple[int, int]]
     levels: one record per level, or predicted (contact nodes, mesh nodes)
     """
     points = int(np.prod(study.shape, dtype=np.int64))
-    total = 100_000 + len(study.text.encode()) + 8 * len(ROOT) * points * study.mesh.levels
+    total = 100_000 + len(study.text.encode()) + 8 * (len(ROOT) + 2) * points * study.mesh.levels
     for level in levels:
         contact, nodes = level if isinstance(level, tuple) else _counts(level)
         total += 8 * (2 * points + 6) * contact

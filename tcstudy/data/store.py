@@ -173,7 +173,9 @@ def _write_file(
     with nc:
         nc.setncatts(global_attributes(study, provenance))
         _put_axes(nc, study)
-        root = _allocate(schema.ROOT, study, {"level": study.mesh.levels})
+        variables = schema.root_variables(study)
+        sizes = {"level": study.mesh.levels, "start": len(schema.START_NAMES), "solver": len(study.solver.names)}
+        root = _allocate(variables, study, sizes)
         groups: dict[int, netCDF4.Group] = {}
         contact: dict[int, Arrays] = {}
         for level in levels:
@@ -184,7 +186,7 @@ def _write_file(
             _check_point(point, study)
             _take_point(root, contact.get(point.level, {}), point)
             _put_fields(groups.get(point.level), study, point)
-        for variable in schema.ROOT:
+        for variable in variables:
             _put(nc, variable, study, root[variable.name])
         for level in levels:
             group = groups[level.level]
@@ -226,6 +228,17 @@ def _put_axes(nc: netCDF4.Dataset, study: Study) -> None:
         new.setncatts(schema.axis_attributes(axis))
         new[...] = labels
     _put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels, dtype=np.int32))
+    _put_names(nc, "start", schema.START_NAMES, "where the solver started")
+    if len(study.solver.names) > 1:
+        _put_names(nc, "solver", study.solver.names, "solver")
+
+
+def _put_names(nc: netCDF4.Dataset, dim: str, names: Sequence[str], long_name: str) -> None:
+    """A dimension with texts as its coordinate."""
+    nc.createDimension(dim, len(names))
+    new = nc.createVariable(dim, str, (dim,), fill_value=False)
+    new.setncatts({"long_name": long_name, "units": "1"})
+    new[...] = np.array(names, dtype=object)
 
 
 def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF4.Group:
@@ -268,13 +281,20 @@ def _take_point(root: Arrays, contact: Arrays, point: PointRecord) -> None:
     root["status"][place] = int(point.status)
     root["reason"][place] = without_paths(point.reason)
     for name, number in point.numbers.items():
-        if number == number:  # NaN stands for missing, also in counts, which have no NaN
+        if isinstance(number, tuple | list):
+            root[name][place] = [_or_missing(root[name], value) for value in number]
+        elif number == number:  # NaN stands for missing, also in counts, which have no NaN
             root[name][place] = number
     for name, values in (("u_T", point.u_T), ("xi", point.xi)):
         if len(values):
             if not contact:
                 raise ValueError(f"point {point.index} has values on level {point.level}, which has no record")
             contact[name][point.index] = values
+
+
+def _or_missing(array: np.ndarray[Any, Any], value: float) -> float:
+    """A value for an array: NaN stands for missing, also in counts, which have no NaN."""
+    return value if value == value or array.dtype.kind == "f" else schema.MISSING_COUNT
 
 
 def _put_fields(group: netCDF4.Group | None, study: Study, point: PointRecord) -> None:

@@ -75,7 +75,8 @@ class TerminalProgress:
         for warning in warnings:
             self._progress.console.print(f"warning: {warning}", markup=False, highlight=False)
         total, done = (sum(n * w.weight for n, w in zip(ns, work, strict=True)) for ns in _counts(work))
-        self._task = self._progress.add_task("meshing", total=total, completed=done, points=self._points())
+        self._task = self._progress.add_task("meshing", total=total, points=self._points())
+        self._progress.update(self._task, completed=done)
 
     def level(self, record: LevelRecord) -> None:
         """Name the level beside the bar."""

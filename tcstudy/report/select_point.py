@@ -32,7 +32,8 @@ _DIMENSIONS = {
 
 def axis_names(data: Any) -> list[str]:
     """Names of the swept parameters of an opened result file (its root dataset)."""
-    return [str(name) for name in data.coords if name != "level"]
+    sweep = set(data["status"].dims) - {"level"}
+    return [str(name) for name in data.coords if data[name].dims and set(data[name].dims) <= sweep]
 
 
 def locate(data: Any, point: Mapping[str, Value] | None) -> dict[str, int]:

@@ -72,27 +72,37 @@ def _points(data: Any) -> str:
     shape = tuple(data.sizes[d] for d in dims)
     fine = data.isel(level=-1)
     columns = [(name, title) for name, title in _COLUMNS if np.isfinite(fine[name].values).any()]
-    axes = [name for name in data.coords if name != "level"]
+    axes = [name for name in data.coords if data[name].dims and set(data[name].dims) <= set(dims)]
     scales = {name: prefix(fine[name].values.ravel().tolist(), fine[name].attrs["units"]) for name, _ in columns}
     header = [_titled(axis, data[axis]) for axis in axes]
     header += [_bracketed(title, scales[name][1]) for name, title in columns]
     refined = data.sizes["level"] > 1
-    header += ["unique", *(["Δ∫ξ to last level"] if refined else [])]
+    header += ["certified", *(["Δ∫ξ to last level"] if refined else [])]
     rows = []
     for index in list(np.ndindex(shape))[:MOST_ROWS]:
         where = dict(zip(dims, index, strict=True))
         at = fine.isel(where)
         row = [_label(at[axis].item()) for axis in axes]
         row += [number(at[name] / scales[name][0]) for name, _ in columns]
-        row.append("yes" if at["uniqueness_margin"] > 0 else "open")
+        row.append(_certified(at))
         if refined:
             row.append(_change(data["friction_resultant"].isel(where).values))
         rows.append(row)
     level = int(fine["level"])
     more = int(np.prod(shape)) - len(rows)
     title = f"  Level {level}, the finest:" + (f" first {len(rows)} of {len(rows) + more} points" if more > 0 else "")
-    legend = "  unique: yes if λ₁ > ω proves that there is no other solution; open if that test does not decide"
+    legend = "  certified: what is proved of the solution (unique, global or local minimum of the energy)"
     return title + "\n\n" + table(header, rows) + "\n\n" + legend
+
+
+def _certified(at: Any) -> str:
+    """The strongest statement that is proved of a solution."""
+    if int(at["status"]) != int(PointStatus.OK):
+        return "–"
+    for name, text in (("unique", "unique"), ("global_minimum", "global"), ("strict_minimum", "local")):
+        if int(at[name]) == 1:
+            return text
+    return "nothing"
 
 
 def _titled(name: str, axis: Any) -> str:

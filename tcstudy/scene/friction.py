@@ -110,29 +110,41 @@ class FrictionLaw:
         return np.where(np.abs(s - self.kinks[left]) < np.abs(s - self.kinks[right]), left, right)
 
     def j(self, s: ArrayLike) -> Array:
-        """The primitive j(s) = ∫₀ˢ b, exact, eq. (17) (shape of s) [Pa·m]."""
-        s = np.asarray(s, dtype=float)
-        k = np.where(s < 0.0, self.piece(s, -1), self.piece(s, +1))  # mirror images use mirrored pieces
-        return self._primitive(s, k) + self._offsets[k]
+        """The primitive j(s) = ∫₀ˢ b, exact, eq. (17) (shape of s) [Pa·m].
 
-    def _primitive(self, s: Array, k: NDArray[np.intp]) -> Array:
-        """An antiderivative of piece k that vanishes at 0; expm1 keeps small slips accurate."""
+        Summed outwards from 0, piece by piece, so that j of an odd law is even to the bit.
+        """
         s = np.asarray(s, dtype=float)
-        value = self.p[k] * s + 0.5 * self.q[k] * s * s
+        k = np.where(s < 0.0, self.piece(s, -1), self.piece(s, +1))
+        near, j_near = self._inner_ends
+        return j_near[k] + self.piece_integral(k, near[k], s)
+
+    def piece_integral(self, piece: ArrayLike, x: ArrayLike, y: ArrayLike) -> Array:
+        """∫_x^y b_k(s) ds of the named pieces, accurate for small y − x (shape of x) [Pa·m]."""
+        k, x = np.asarray(piece), np.asarray(x, dtype=float)
+        y = np.asarray(y, dtype=float)
+        step = y - x
+        total = step * (self.p[k] + self.q[k] * (x + 0.5 * step))
         if not self.piecewise_linear:
-            r = self.r[k]
-            exponential = np.where(r == 0.0, s, -np.expm1(-r * s) / np.where(r == 0.0, 1.0, r))
-            value = value + self.a[k] * exponential
-        return value
+            # from the end where the exponential is larger, so that expm1 cannot overflow
+            rate = self.r[k]
+            larger = np.where(rate * step >= 0.0, x, y)
+            decay = np.abs(rate * step)
+            length = np.where(decay == 0.0, step, step * -np.expm1(-decay) / np.where(decay == 0.0, 1.0, decay))
+            total = total + self.a[k] * np.exp(-rate * larger) * length
+        return total
 
     @cached_property
-    def _offsets(self) -> Array:
-        """Constants that make j continuous, j(0) = 0; summed outwards, so j of an odd law is even to the bit."""
-        index = np.arange(len(self.kinks))
-        steps = self._primitive(self.kinks, index) - self._primitive(self.kinks, index + 1)
-        centre = int(self.piece(0.0))
-        left, right = -np.cumsum(steps[:centre][::-1])[::-1], np.cumsum(steps[centre:])
-        return np.concatenate([left, [0.0], right])
+    def _inner_ends(self) -> tuple[Array, Array]:
+        """(K+1,) the end of each piece nearer to 0 (0 itself for the pieces that touch it), and j there."""
+        near, j_near = np.zeros(len(self.p)), np.zeros(len(self.p))
+        for k in range(int(self.piece(0.0, +1)) + 1, len(self.p)):
+            near[k] = self.kinks[k - 1]
+            j_near[k] = j_near[k - 1] + self.piece_integral(k - 1, near[k - 1], near[k])
+        for k in range(int(self.piece(0.0, -1)) - 1, -1, -1):
+            near[k] = self.kinks[k]
+            j_near[k] = j_near[k + 1] + self.piece_integral(k + 1, near[k + 1], near[k])
+        return near, j_near
 
     @cached_property
     def b_left(self) -> Array:
@@ -149,9 +161,14 @@ class FrictionLaw:
         """(K,) kind of each kink: UP, DOWN, or BEND where b is continuous to rounding."""
         jump = self.b_right - self.b_left
         left = np.arange(len(self.kinks))
-        terms = [np.abs(self.p[k]) + np.abs(self.q[k] * self.kinks) for k in (left, left + 1)]
-        noise = 8 * np.finfo(float).eps * np.maximum(self.b_scale, terms[0] + terms[1])
+        noise = 8 * np.finfo(float).eps * (self._terms_at_kinks(left) + self._terms_at_kinks(left + 1))
         return np.where(np.abs(jump) <= noise, BEND, np.sign(jump)).astype(np.int8)
+
+    def _terms_at_kinks(self, piece: NDArray[np.intp]) -> Array:
+        """(K,) sum of the magnitudes that b of the named pieces is made of at the kinks: what rounding goes with."""
+        rs = self.r[piece] * self.kinks
+        exponential = np.where(self.a[piece] == 0.0, 0.0, np.abs(self.a[piece]) * np.exp(-rs) * (1.0 + np.abs(rs)))
+        return np.abs(self.p[piece]) + np.abs(self.q[piece] * self.kinks) + exponential
 
     @cached_property
     def omega(self) -> float:

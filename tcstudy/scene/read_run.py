@@ -8,11 +8,12 @@ from pathlib import Path
 from tcstudy.scene import walker
 from tcstudy.scene.fields import Fields
 from tcstudy.scene.node import Node
-from tcstudy.scene.records import MeshPlan, OutputPlan, SolverPlan
+from tcstudy.scene.records import Branch, MeshPlan, OutputPlan, SolverPlan
 from tcstudy.scene.units import LENGTH, NONE
 from tcstudy.scene.walker import Context
 
 SOLVERS = ("separable-newton", "bundle-newton")
+BRANCHES: tuple[Branch, ...] = ("lowest", "continued", "from-zero")
 MAX_LEVELS = 15
 
 
@@ -51,15 +52,27 @@ def read_solver(ctx: Context, node: Node | None) -> SolverPlan | None:
         return default
     before = len(ctx.errors)
     if not isinstance(node.value, Mapping):
-        return SolverPlan(walker.choice(ctx, node, SOLVERS)) if len(ctx.errors) == before else None
-    fields = Fields(ctx, node, (), ("name", "tolerance", "max_iterations"))
-    name = walker.choice(ctx, value, SOLVERS) if (value := fields["name"]) else default.name
+        names = _solvers(ctx, node)
+        return SolverPlan(names) if len(ctx.errors) == before else None
+    fields = Fields(ctx, node, (), ("name", "tolerance", "max_iterations", "branch"))
+    names = _solvers(ctx, value) if (value := fields["name"]) else default.names
     tolerance = fields.quantity("tolerance", NONE, "positive", default.tolerance)
     if tolerance >= 1.0:
         remedy = "write for example 1e-10"
         ctx.errors.at(fields.values["tolerance"], f"must be less than 1, but is {tolerance:g}", remedy)
     limit = walker.integer(ctx, value, 1) if (value := fields["max_iterations"]) else None
-    return SolverPlan(name, tolerance, limit) if len(ctx.errors) == before else None
+    branch = walker.choice(ctx, value, BRANCHES) if (value := fields["branch"]) else default.branch
+    return SolverPlan(names, tolerance, limit, branch) if len(ctx.errors) == before else None
+
+
+def _solvers(ctx: Context, node: Node) -> tuple[str, ...]:
+    """One solver by name, or a list of several to compare."""
+    if not isinstance(node.value, tuple):
+        return (walker.choice(ctx, node, SOLVERS),)
+    names = tuple(walker.choice(ctx, item, SOLVERS) for item in walker.items(ctx, node, "a list of solvers", 1))
+    if len(set(names)) < len(names):
+        ctx.errors.at(node, "names a solver twice", "name each solver once")
+    return names
 
 
 def read_output(ctx: Context, node: Node | None) -> OutputPlan | None:

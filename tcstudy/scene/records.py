@@ -182,18 +182,25 @@ class MeshPlan:
         return len(self.maxh) == 1
 
 
+Branch = Literal["lowest", "continued", "from-zero"]
+
+
 @dataclass(frozen=True)
 class SolverPlan:
     """How the contact problem is solved.
 
-    name:           "separable-newton" or "bundle-newton"
+    names:          solvers; the first one's solution is stored, the others are compared with it
     tolerance:      largest inclusion residual of an accepted solution
     max_iterations: iteration limit of the method, None for its own
+    branch:         which solution is stored where several are found: the one of lowest energy ("lowest": starts at
+                    zero, at the frictionless solution and at the neighbouring sweep point), the one that continues
+                    the neighbour's ("continued"), or the one from zero ("from-zero")
     """
 
-    name: str = "separable-newton"
+    names: tuple[str, ...] = ("separable-newton",)
     tolerance: float = 1e-10
     max_iterations: int | None = None
+    branch: Branch = "lowest"
 
 
 @dataclass(frozen=True)

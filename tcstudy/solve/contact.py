@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +17,14 @@ from tcstudy.solve.separable_newton import SeparableNewton
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
+Branch = Literal["lowest", "continued", "from-zero"]
 
 SOLVERS = ("separable-newton", "bundle-newton")
 """Names that a study may give under `solver`."""
+ZERO, FRICTIONLESS, NEIGHBOUR = 0, 1, 2
+"""Starts: no displacement, the solution without friction, the solution of a neighbouring problem."""
+TIE = 1e-12
+"""Relative difference of energies up to which two answers count as equally low; the earlier start then wins."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +36,8 @@ class Answer:
     energy:             L̃(v) [J/m]
     status, reason:     CONVERGED, or why not; reason is empty for a solution
     iterations, evaluations: of all attempts together
+    start:              ZERO, FRICTIONLESS or NEIGHBOUR: where the run that found it began
+    energies:           L̃ of the solutions found from the three starts; NaN where none was sought or found
     """
 
     v: Array
@@ -39,6 +47,8 @@ class Answer:
     reason: str
     iterations: int
     evaluations: int
+    start: int = ZERO
+    energies: tuple[float, ...] = (float("nan"),) * 3
 
 
 def solve_contact(
@@ -46,43 +56,54 @@ def solve_contact(
     solver: str = "separable-newton",
     tolerance: float = 1e-10,
     max_iterations: int | None = None,
-    start: Array | None = None,
+    branch: Branch = "lowest",
+    neighbour: Array | None = None,
     log: Log | None = None,
 ) -> Answer:
     """Find v with 0 ∈ Ãv − l̃ + ∂Ψ(v) and an inclusion residual of at most `tolerance`.
 
-    start: first iterate; zero if not given, and the frictionless solution if that fails. An answer that misses the
-    tolerance is solved again to higher accuracy; one that still misses it is returned as failed, with its residual.
-    Raises ValueError for an unknown solver.
+    branch:    "lowest": of the solutions found from zero, from the frictionless solution and from the neighbour the
+               one with least energy; "continued": from the neighbour, without leaving its basin on purpose;
+               "from-zero": from zero. The last two try the other starts only where theirs fails
+    neighbour: (m,) a solution of a neighbouring problem, if there is one
+
+    An answer that misses the tolerance is solved again to higher accuracy; one that still misses it is returned as
+    failed, with its residual. Raises ValueError for an unknown solver.
     """
     if solver not in SOLVERS:
         raise ValueError(f"unknown solver {solver!r}; use one of {', '.join(SOLVERS)}")
     run = _separable if solver == "separable-newton" else _bundle
     answers: list[Answer] = []
-    for x0 in _starts(problem, start):
-        outcome = run(problem, x0, min(1e-12, tolerance), max_iterations, log)
-        answers.append(_judge(problem, outcome, tolerance))
-        if answers[-1].status == Status.CONVERGED:
+    for start, x0 in _starts(problem, branch, neighbour):
+        stay = branch == "continued" and start == NEIGHBOUR
+        outcome = run(problem, x0, min(1e-12, tolerance), max_iterations, stay, log)
+        answers.append(replace(_judge(problem, outcome, tolerance), start=start))
+        if branch != "lowest" and answers[-1].status == Status.CONVERGED:
             break
     return _together(answers)
 
 
-def _starts(problem: ContactProblem, start: Array | None) -> Sequence[Array]:
-    first = np.zeros(problem.m) if start is None else np.asarray(start, dtype=float)
-    return (first, problem.frictionless())
+def _starts(problem: ContactProblem, branch: Branch, neighbour: Array | None) -> Sequence[tuple[int, Array]]:
+    """Starts in the order in which they are tried."""
+    starts = [(ZERO, np.zeros(problem.m)), (FRICTIONLESS, problem.frictionless())]
+    if neighbour is not None:
+        starts.insert(0 if branch == "continued" else 2, (NEIGHBOUR, np.asarray(neighbour, dtype=float)))
+    return starts
 
 
 def _separable(
-    problem: ContactProblem, x0: Array, accuracy: float, max_iterations: int | None, log: Log | None
+    problem: ContactProblem, x0: Array, accuracy: float, max_iterations: int | None, stay: bool, log: Log | None
 ) -> Outcome:
     method = SeparableNewton(tolerance=accuracy)
+    if stay:
+        method = replace(method, coarsest=0)  # coarse copies of the problem would look for a lower basin
     if max_iterations is not None:
         method = replace(method, max_iterations=max_iterations)
     return iterate(method, problem, x0, log)
 
 
 def _bundle(
-    problem: ContactProblem, x0: Array, accuracy: float, max_iterations: int | None, log: Log | None
+    problem: ContactProblem, x0: Array, accuracy: float, max_iterations: int | None, stay: bool, log: Log | None
 ) -> Outcome:
     from tcstudy.solve.bundle_contact import solve_with_bundle  # needs the QP library
 
@@ -108,12 +129,18 @@ def _judge(problem: ContactProblem, outcome: Outcome, tolerance: float) -> Answe
 
 
 def _together(answers: list[Answer]) -> Answer:
-    """The last answer if it is a solution, else the one with the least residual; work is summed."""
-    best = answers[-1]
-    if best.status != Status.CONVERGED:
+    """The solution of least energy, or the failure with the least residual; work is summed."""
+    solutions = [a for a in answers if a.status == Status.CONVERGED]
+    if solutions:
+        least = min(a.energy for a in solutions)
+        slack = TIE * max(abs(a.energy) for a in solutions)
+        best = next(a for a in solutions if a.energy <= least + slack)
+    else:
         best = min(answers, key=lambda a: a.inclusion_residual)
+    found = {a.start: a.energy for a in solutions}
     return replace(
         best,
+        energies=tuple(found.get(start, float("nan")) for start in (ZERO, FRICTIONLESS, NEIGHBOUR)),
         iterations=sum(a.iterations for a in answers),
         evaluations=sum(a.evaluations for a in answers),
     )

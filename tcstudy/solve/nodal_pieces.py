@@ -19,39 +19,25 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
-def piece_integral(law: FrictionLaw, piece: Index, x: Array, y: Array) -> Array:
-    """∫_x^y b_k(s) ds of the named pieces, accurate for small y − x (shape of x) [Pa·m]."""
-    step = y - x
-    total = step * (law.p[piece] + law.q[piece] * (x + 0.5 * step))
-    if not law.piecewise_linear:
-        # From the end where the exponential is larger, so that expm1 cannot overflow.
-        rate = law.r[piece]
-        larger = np.where(rate * step >= 0.0, x, y)
-        decay = np.abs(rate * step)
-        length = np.where(decay == 0.0, step, step * -np.expm1(-decay) / np.where(decay == 0.0, 1.0, decay))
-        total = total + law.a[piece] * np.exp(-rate * larger) * length
-    return total
-
-
 def integral(law: FrictionLaw, x: Array, y: Array) -> Array:
     """j(y) − j(x) = ∫_x^y b(s) ds without cancellation (shape of x) [Pa·m]."""
     rising = y >= x
     first = np.where(rising, law.piece(x, +1), law.piece(x, -1))
     last = np.where(rising, law.piece(y, -1), law.piece(y, +1))
     last = np.where(x == y, first, last)
-    total = piece_integral(law, first, x, np.where(first == last, y, x))
+    total = law.piece_integral(first, x, np.where(first == last, y, x))
     crossed = np.flatnonzero(first != last)
     if not len(crossed):
         return total
-    inner = piece_integral(law, np.arange(1, len(law.kinks)), law.kinks[:-1], law.kinks[1:])
+    inner = law.piece_integral(np.arange(1, len(law.kinks)), law.kinks[:-1], law.kinks[1:])
     at_kink = np.concatenate([[0.0], np.cumsum(inner)])
     up, start, end = rising[crossed], first[crossed], last[crossed]
     leave = np.where(up, start, start - 1)
     enter = np.where(up, end - 1, end)
     total[crossed] = (
-        piece_integral(law, start, x[crossed], law.kinks[leave])
+        law.piece_integral(start, x[crossed], law.kinks[leave])
         + (at_kink[enter] - at_kink[leave])
-        + piece_integral(law, end, law.kinks[enter], y[crossed])
+        + law.piece_integral(end, law.kinks[enter], y[crossed])
     )
     return total
 

@@ -66,7 +66,9 @@ class ContactProblem:
         worst = float(np.max(self.distance(v, tolerance)))
         if not np.isfinite(worst):
             return float("inf")
-        return worst / self.traction_scale if worst > 0.0 else 0.0
+        if worst == 0.0:
+            return 0.0
+        return worst / self.traction_scale if self.traction_scale > 0.0 else float("inf")
 
     def one_sided_slopes(self, v: Array) -> tuple[Array, Array]:
         """(left, right): derivatives of L̃ along −e_i and +e_i direction signs kept, i.e. c b(v∓0) − ξ [N/m].

@@ -5,53 +5,33 @@ Dual:       min_λ  ½‖Tλ'‖² − cᵀλ  over λ ≥ 0, Σλ_j = 1,   q = 
 Literature: Lukšan & Vlček, Math. Programming 83 (1998), the direction-finding subproblem and its dual;
             Arnström, Bemporad & Axehill, IEEE Trans. Automat. Control 67 (2022), the solver DAQP
 
-DAQP finds the active set. Where W is nearly singular across the kinks the dual matrix is badly conditioned,
-so the active set's optimality system is then solved directly, which needs W only along the kinks.
+The active set comes from bundle_active_set.py, or from DAQP where that gives up. Where W is nearly singular across
+the kinks the dual matrix is badly conditioned, so the active set's optimality system is then solved directly, which
+needs W only along the kinks.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import daqp
 import numpy as np
 from numpy.typing import NDArray
+
+from tcstudy.solve.bundle_active_set import active_set
+from tcstudy.solve.bundle_metric import Metric
 
 Array = NDArray[np.float64]
 
 ACTIVE = 1e-9
 """A multiplier above this share of 1 counts as active."""
 
+SPREAD = 1e-7
+"""Largest difference of active pieces at q relative to the change of their maximum that needs no second solve."""
+
 ATTEMPTS = ((1e-14, 1e-11), (1e-14, 1e-9), (1e-11, 1e-9), (1e-8, 1e-8))
 """Shift of the scaled dual matrix and DAQP's feasibility tolerance, sharpest first."""
 
 EQUALITY = 5
 """DAQP's mark of an equality constraint."""
-
-
-@dataclass(frozen=True)
-class Metric:
-    """W = V diag(w) Vᵀ with w > 0.
-
-    w: (n,) eigenvalues
-    V: (n, n) eigenvectors in columns
-    """
-
-    w: Array
-    V: Array
-
-    @property
-    def matrix(self) -> Array:
-        """W as a dense matrix (n, n)."""
-        return (self.V * self.w) @ self.V.T
-
-    def whiten(self, vectors: Array) -> Array:
-        """W^{−½} applied to each row."""
-        return (vectors @ self.V) / np.sqrt(self.w)
-
-    def unwhiten(self, z: Array) -> Array:
-        """W^{−½} from the left, back to the original coordinates."""
-        return self.V @ (z / np.sqrt(self.w))
 
 
 def direction(c: Array, A: Array, h: Array, metric: Metric, likely: Array) -> tuple[Array, Array]:
@@ -62,10 +42,30 @@ def direction(c: Array, A: Array, h: Array, metric: Metric, likely: Array) -> tu
     h: (n,) slope of the smooth part
     likely: (N,) guess of the multipliers
 
-    The programme is solved on the likely pieces, then with the most violated one added, until none is: steep
-    pieces that play no part would spoil the scaling.
+    An active set that starts from the guess comes first; if its exchanges go round, DAQP.
     """
-    chosen = likely > ACTIVE
+    start = np.where(likely > ACTIVE, likely, 0.0)
+    if not start.sum() > 0.0:
+        start[int(np.argmax(c))] = 1.0
+    found = active_set(c, A, h, metric, start)
+    if found is None:
+        return growing_set(c, A, h, metric, start)
+    working, q = found
+    lam, index = np.zeros(len(c)), working.index
+    lam[index] = working.lam
+    values = c[index] + A[index] @ q
+    if np.ptp(values[working.lam > ACTIVE]) > SPREAD * abs(float(np.max(values) - np.max(c))):
+        share, q = polish(working.lam, q, c[index], A[index], h, metric)
+        lam[index] = share
+    return lam, q
+
+
+def growing_set(c: Array, A: Array, h: Array, metric: Metric, start: Array) -> tuple[Array, Array]:
+    """`direction` by DAQP on the start's pieces, then with the most violated one added, until none is.
+
+    Never on all pieces at once: steep ones that play no part would spoil the scaling.
+    """
+    chosen = start > 0.0
     chosen[np.argmax(c)] = True
     while True:
         index = np.flatnonzero(chosen)
@@ -83,6 +83,11 @@ def on_pieces(c: Array, A: Array, h: Array, metric: Metric) -> tuple[Array, Arra
     T, h_white = metric.whiten(A), metric.whiten(h)
     lam = simplex_qp(T @ T.T, c - T @ h_white)
     q = -metric.unwhiten(T.T @ lam + h_white)
+    return polish(lam, q, c, A, h, metric)
+
+
+def polish(lam: Array, q: Array, c: Array, A: Array, h: Array, metric: Metric) -> tuple[Array, Array]:
+    """λ and q from the optimality system of the active pieces, if that lowers the primal objective."""
     W = metric.matrix
     polished = solve_active_set(c, A, h, W, np.flatnonzero(lam > ACTIVE))
     if polished is not None and primal(polished[1], c, A, h, W) < primal(q, c, A, h, W):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,7 +58,8 @@ def execute(
     # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
     with threadpool_limits(1, user_api="blas"), Journal.open(output, study) as journal:
         # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
-        finished = [(level, index) for (index, level), s in journal.finished.items() if s != PointStatus.ERROR]
+        known = (p for p in journal.points() if p.status != PointStatus.ERROR) if journal.finished else ()
+        finished = {(p.level, p.index): p.u_T if p.status == PointStatus.OK else p.u_T[:0] for p in known}
         watcher.begin(_work(study, finished), journal.warnings)
         for record in run(study, finished):
             journal.add(record)
@@ -74,7 +75,7 @@ def execute(
     return Summary(output, len(statuses), failed, len(finished))
 
 
-def _work(study: Study, finished: Sequence[Key]) -> list[LevelWork]:
+def _work(study: Study, finished: Collection[Key]) -> list[LevelWork]:
     """Points of every level; a point costs about as much as its mesh has nodes."""
     mesh, points = study.mesh, len(study.scenes)
     done = [sum(level == i for level, _ in finished) for i in range(mesh.levels)]

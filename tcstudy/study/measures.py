@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.solve.certificates import Certificate
 from tcstudy.solve.contact import Answer
 from tcstudy.study.level import Condensed, Temperature
 
 Array = NDArray[np.float64]
+Numbers = dict[str, float | tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class Timed:
+    """The answer of one solver and its wall time [s]."""
+
+    answer: Answer
+    time: float
 
 
 def sticking(law: FrictionLaw, v: Array) -> NDArray[np.bool_]:
@@ -21,17 +34,12 @@ def sticking(law: FrictionLaw, v: Array) -> NDArray[np.bool_]:
 
 
 def numbers(
-    condensed: Condensed,
-    answer: Answer,
-    temperature: Temperature | None,
-    lambda_1: float,
-    time_solve: float,
-) -> dict[str, float]:
-    """Scalars by variable name; units as in data.schema."""
-    problem = condensed.problem
+    condensed: Condensed, solved: Sequence[Timed], temperature: Temperature | None, certificate: Certificate
+) -> Numbers:
+    """Results by variable name, units as in data.schema; the first of `solved` is the stored solution."""
+    problem, answer = condensed.problem, solved[0].answer
     xi = problem.xi(answer.v)
-    omega = problem.law.omega
-    return {
+    values: Numbers = {
         "energy": answer.energy + condensed.constant,
         "inclusion_residual": answer.inclusion_residual,
         "iterations": answer.iterations,
@@ -39,11 +47,32 @@ def numbers(
         "u_T_max": float(np.max(np.abs(answer.v), initial=0.0)),
         "friction_resultant": float(xi.sum()),
         "slip_length": float(problem.c[~sticking(problem.law, answer.v)].sum()),
-        "lambda_1": lambda_1,
-        "omega": omega,
-        "uniqueness_margin": lambda_1 - omega,
+        "lambda_1": certificate.lambda_1,
+        "omega": certificate.omega,
+        "uniqueness_margin": certificate.margin,
+        "unique": int(certificate.unique),
+        "strict_minimum": int(certificate.strict_minimum),
+        "global_minimum": int(certificate.global_minimum),
+        "start_used": answer.start,
+        "start_energy": tuple(energy + condensed.constant for energy in answer.energies),
         "theta_mean": temperature.mean if temperature is not None else float("nan"),
         "heat_balance": temperature.heat_balance if temperature is not None else float("nan"),
         "time_condense": condensed.time,
-        "time_solve": time_solve,
+        "time_solve": solved[0].time,
+    }
+    return values | _by_solver(condensed, solved) if len(solved) > 1 else values
+
+
+def _by_solver(condensed: Condensed, solved: Sequence[Timed]) -> Numbers:
+    """What each solver found, and how far from the first one's solution."""
+    answers = [s.answer for s in solved]
+    first = answers[0].v
+    scale = float(np.max(np.abs(first), initial=0.0))
+    apart = [float(np.max(np.abs(a.v - first), initial=0.0)) for a in answers]
+    return {
+        "solver_residual": tuple(a.inclusion_residual for a in answers),
+        "solver_energy": tuple(a.energy + condensed.constant for a in answers),
+        "solver_iterations": tuple(a.iterations for a in answers),
+        "solver_time": tuple(s.time for s in solved),
+        "solver_difference": tuple(d / scale if scale > 0.0 else d for d in apart),
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -15,10 +15,11 @@ from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.fem.geometry import GeometryFailed, build
 from tcstudy.fem.meshes import PlaneMesh, mesh_at
 from tcstudy.scene.records import Scene, Study
+from tcstudy.solve.certificates import certify
 from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.outcome import Status
 from tcstudy.study.level import Level
-from tcstudy.study.measures import numbers
+from tcstudy.study.measures import Timed, numbers
 
 Array = NDArray[np.float64]
 Key = tuple[int, tuple[int, ...]]
@@ -42,14 +43,18 @@ class Watcher(Protocol):
     def point(self, record: PointRecord) -> None: ...
 
 
-def run(study: Study, finished: Collection[Key] = ()) -> Iterator[LevelRecord | PointRecord]:
-    """Yield each level's record, then the records of its points; points in `finished` are left out.
+def run(study: Study, finished: Mapping[Key, Array] | None = None) -> Iterator[LevelRecord | PointRecord]:
+    """Yield each level's record, then the records of its points.
+
+    finished: points to leave out, with their contact solutions (empty where they failed), which start their
+              neighbours as if they had been solved in this run
 
     A point that fails is yielded with its status and reason, and the rest goes on. Points come in an order that
     reuses factors and loads, not in the order of the sweep.
     Raises GeometryFailed if the body cannot be meshed.
     """
-    done = set(finished)
+    solutions = dict(finished or {})
+    done = set(solutions)
     order = _order(study)
     geometry = build(study.scenes[0].body)
     mesh: PlaneMesh | None = None
@@ -66,7 +71,21 @@ def run(study: Study, finished: Collection[Key] = ()) -> Iterator[LevelRecord | 
         if level is not None:
             yield _level_record(study, mesh, level)
             for index, scene in todo:
-                yield solve_point(study, level, index, scene)
+                record = solve_point(study, level, index, scene, _neighbour(solutions, i, index))
+                solutions[i, index] = record.u_T if record.status == PointStatus.OK else np.empty(0)
+                yield record
+
+
+def _neighbour(solutions: Mapping[Key, Array], level: int, index: tuple[int, ...]) -> Array | None:
+    """The solution one step back along the last sweep dimension that has a step back and a solution there.
+
+    The order of the points sees to it that every step back has been solved before.
+    """
+    for d in reversed(range(len(index))):
+        before = (level, (*index[:d], index[d] - 1, *index[d + 1 :]))
+        if index[d] > 0 and len(solutions.get(before, ())):
+            return solutions[before]
+    return None
 
 
 def _failed(index: tuple[int, ...], level: int, status: PointStatus, reason: str) -> PointRecord:
@@ -89,10 +108,15 @@ def _order(study: Study) -> list[tuple[tuple[int, ...], Scene]]:
     return [(indices[i], study.scenes[i]) for i in ranked]
 
 
-def solve_point(study: Study, level: Level, index: tuple[int, ...], scene: Scene) -> PointRecord:
-    """Solve one scene on one level; every failure becomes a status with its reason."""
+def solve_point(
+    study: Study, level: Level, index: tuple[int, ...], scene: Scene, neighbour: Array | None = None
+) -> PointRecord:
+    """Solve one scene on one level; every failure becomes a status with its reason.
+
+    neighbour: the contact solution of a neighbouring point, a start where the study's branch asks for one
+    """
     try:
-        return _solve_point(study, level, index, scene)
+        return _solve_point(study, level, index, scene, neighbour)
     except NotPositiveDefinite as error:
         status, reason = PointStatus.SINGULAR, str(error)
     except Exception as error:  # one point must not end a sweep; what it was stands in the data
@@ -100,14 +124,20 @@ def solve_point(study: Study, level: Level, index: tuple[int, ...], scene: Scene
     return _failed(index, level.mesh.level, status, reason)
 
 
-def _solve_point(study: Study, level: Level, index: tuple[int, ...], scene: Scene) -> PointRecord:
+def _solve_point(
+    study: Study, level: Level, index: tuple[int, ...], scene: Scene, neighbour: Array | None
+) -> PointRecord:
     condensed = level.condensed(scene)
-    start = time.perf_counter()
-    plan = study.solver
-    answer = solve_contact(condensed.problem, plan.name, plan.tolerance, plan.max_iterations)
-    elapsed = time.perf_counter() - start
+    problem, plan = condensed.problem, study.solver
+    solved = []
+    for name in plan.names:
+        start = time.perf_counter()
+        answer = solve_contact(problem, name, plan.tolerance, plan.max_iterations, plan.branch, neighbour)
+        solved.append(Timed(answer, time.perf_counter() - start))
+    answer = solved[0].answer
     temperature = level.temperature(scene) if scene.material.beta != 0.0 else None
-    values = numbers(condensed, answer, temperature, level.lambda_1(scene), elapsed)
+    certificate = certify(problem, answer.v, level.lambda_1(scene), plan.tolerance)
+    values = numbers(condensed, solved, temperature, certificate)
     status = _POINT_STATUS.get(answer.status, PointStatus.NOT_CONVERGED)
     fields: dict[str, Array] = {}
     if study.output.fields:
@@ -116,7 +146,7 @@ def _solve_point(study: Study, level: Level, index: tuple[int, ...], scene: Scen
         fields = {"u_x": u[:n], "u_y": u[n:]}
         if temperature is not None:
             fields["theta"] = temperature.theta
-    traction = condensed.problem.xi(answer.v) / level.line.c
+    traction = problem.xi(answer.v) / level.line.c
     return PointRecord(index, level.mesh.level, status, answer.reason, values, answer.v, traction, fields)
 
 

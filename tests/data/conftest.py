@@ -65,14 +65,19 @@ def make_level(level: int, fields: bool = False) -> LevelRecord:
     )
 
 
+def make_number(variable: schema.Variable, seed: float, k: int) -> float | tuple[float, ...]:
+    """A flag, a count or a float; three of them where there is one for each start."""
+    if variable.dtype == "i1":
+        return int(seed + k) % 2
+    value = float(int(seed) + k) if variable.dtype == "i4" else seed + k / 64.0
+    return (value, value + 0.25, value + 0.5) if variable.dims[-1] == "start" else value
+
+
 def make_point(index: tuple[int, ...], level: int, fields: bool = False) -> PointRecord:
     """Every number of every record is different, and not exactly representable in single precision."""
     seed = float(sum(i * 10**k for k, i in enumerate(index))) + 1000.0 * level + 0.1
-    counts = {v.name for v in schema.ROOT if v.dtype == "i4"}
-    numbers = {
-        name: float(int(seed) + k) if name in counts else seed + k / 64.0
-        for k, name in enumerate(sorted(schema.NUMBERS))
-    }
+    own = [v for v in schema.ROOT if v.name in schema.NUMBERS]
+    numbers = {v.name: make_number(v, seed, k) for k, v in enumerate(sorted(own, key=lambda v: v.name))}
     m = NODES[level]
     bodies = {n: seed + np.arange(4.0) * (k + 1) for k, n in enumerate(("theta", "u_x", "u_y"))} if fields else {}
     return PointRecord(

@@ -134,7 +134,8 @@ def test_missing_values_cannot_be_mistaken(written: Path) -> None:
 def test_flags_fit_their_meanings(written: Path) -> None:
     with netCDF4.Dataset(written) as nc:
         flags = [v for v in variables(nc) if "flag_values" in v.ncattrs()]
-        assert {v.name for v in flags} == {"status", "edge"}
+        certificates = {"unique", "strict_minimum", "global_minimum"}
+        assert {v.name for v in flags} == {"status", "edge", "start_used"} | certificates
         for v in flags:
             values = np.atleast_1d(v.flag_values)
             assert values.dtype == v.dtype

@@ -155,7 +155,7 @@ def test_heat_loads_and_plans() -> None:
     )
     assert str(study.scenes[0].heat.theta) == "20*x"
     assert study.scenes[0].f == (0.0, -77e3)
-    assert (study.solver, study.output) == (SolverPlan("bundle-newton"), OutputPlan(Path("out.nc")))
+    assert (study.solver, study.output) == (SolverPlan(("bundle-newton",)), OutputPlan(Path("out.nc")))
     assert (study.title, study.institution) == ("T", "here")
     study = plain(more="solver: {tolerance: 1e-8, max_iterations: 7}\noutput: {fields: true}\n")
     assert study.solver == SolverPlan(tolerance=1e-8, max_iterations=7)

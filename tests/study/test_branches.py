@@ -1,0 +1,77 @@
+"""Which solution a study stores where there are several, and several solvers side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tcstudy
+from tcstudy.study.run import _neighbour
+from tests.verification.patch import CASES, LENGTH, SOFTENING, patch_study
+from tests.verification.scenes import RECTANGLE, study_of
+
+UP_AND_DOWN = """
+units: none
+body: {rectangle: {width: 1.3, height: 1}}
+boundary:
+  bottom: contact
+  top: {role: clamped, u: [0.5, 0]}
+  left: {role: clamped, u_y: 0}
+  right: {role: clamped, u_y: 0}
+material: {lambda: 1.7, mu: 1}
+friction: {law: slip-weakening, tau_s: 1, tau_k: 0.2, delta: 0.4}
+mesh: {maxh: 0.3}
+sweep: {mode: list, points: [{boundary.top.u_x: 0.5}, {boundary.top.u_x: 0.8}, {boundary.top.u_x: 1.2},
+                             {boundary.top.u_x: 0.81}, {boundary.top.u_x: 0.55}]}
+"""
+
+
+def slips(tmp_path: Path, branch: str) -> np.ndarray:
+    tree = tcstudy.run(study_of(UP_AND_DOWN, f"solver={{branch: {branch}}}"), tmp_path / f"{branch}.nc")
+    assert np.all(tree["status"] == 1)
+    u_T = tree["level_0"]["u_T"].values
+    assert np.max(np.ptp(u_T, axis=1)) < 1e-11
+    return u_T[:, 0]
+
+
+def test_branches_in_a_loop_of_loading_and_unloading(tmp_path: Path) -> None:
+    """U = 0.8 has s = 0 (energy 0.32), 0.2 (unstable) and 0.6 (0.30): continuation keeps the branch it is on."""
+    assert slips(tmp_path, "continued") == pytest.approx([0, 0, 1.0, 0.61, 0], abs=1e-11)
+    assert slips(tmp_path, "lowest") == pytest.approx([0, 0.6, 1.0, 0.61, 0], abs=1e-11)
+
+
+def test_energies_of_all_starts_are_kept(tmp_path: Path) -> None:
+    tree = tcstudy.run(patch_study(CASES[2], 0.4), tmp_path / "patch.nc")
+    energies = tree["start_energy"].values[0]
+    assert CASES[2].law == SOFTENING
+    found = np.unique(np.round(energies[np.isfinite(energies)] / LENGTH, 10))
+    assert set(found) <= {0.32, 0.30}
+    assert np.nanmin(energies) == pytest.approx(float(tree["energy"][0]))
+    assert np.isnan(energies[2])  # a single point has no neighbour
+    assert tree["start"].values.tolist() == ["zero", "frictionless", "neighbour"]
+    assert int(tree["global_minimum"][0]) in (0, 1)
+
+
+def test_neighbour_is_one_step_back_along_the_last_dimension() -> None:
+    a, b = np.ones(2), np.zeros(2)
+    solutions = {(0, (0, 1)): a, (0, (1, 0)): b, (1, (0, 0)): b}
+    assert _neighbour(solutions, 0, (1, 1)) is b
+    assert _neighbour(solutions, 0, (0, 2)) is a
+    assert _neighbour(solutions, 0, (2, 0)) is b
+    assert _neighbour(solutions, 0, (0, 0)) is None
+    assert _neighbour({(0, (0,)): np.empty(0)}, 0, (1,)) is None  # a failed point starts nobody
+
+
+def test_several_solvers_are_compared(tmp_path: Path) -> None:
+    text = RECTANGLE.replace("left: clamped, top: free", 'left: clamped, top: {role: traction, g: ["0.03*x", -0.01]}')
+    study = study_of(text, "solver=[separable-newton, bundle-newton]", "mesh.levels=2")
+    tree = tcstudy.run(study, tmp_path / "both.nc")
+    assert tree["solver"].values.tolist() == ["separable-newton", "bundle-newton"]
+    assert float(tree["solver_difference"].max()) < 1e-9
+    assert np.all(tree["solver_difference"].sel(solver="separable-newton") == 0)
+    assert float(tree["solver_residual"].max()) <= 1e-10
+    energies = tree["solver_energy"].values
+    assert energies[:, 0] == pytest.approx(energies[:, 1], rel=1e-10)
+    assert energies[:, 0] == pytest.approx(tree["energy"].values, rel=1e-14)
