@@ -17,7 +17,7 @@ units: none
 body: {rectangle: {width: 1.3, height: 1}}
 boundary:
   bottom: contact
-  top: {role: clamped, u: [0.5, 0]}
+  top: {role: clamped, u_x: 0.5, u_y: 0}
   left: {role: clamped, u_y: 0}
   right: {role: clamped, u_y: 0}
 material: {lambda: 1.7, mu: 1}
