@@ -10,9 +10,9 @@ Orientation: what keeps the path from turning round is that the node that has re
 sense along its graph. Generically the pieces then form a curve without branches, so a cell is entered at most once:
 coming back to one means a closed loop or, at a bifurcation, a branch that was met before; both end the path.
 
-Literature: Eaves, SIAM Rev. 18 (1976) 549–553 and Katzenelson, Bell Syst. Tech. J. 44 (1965) 1605–1620 (piecewise-linear
-homotopies and networks); Lemke, Manage. Sci. 11 (1965) 681–689 (one variable drives). Left out: other branches at a
-bifurcation, except the one that keeps tied nodes together.
+Literature: Katzenelson, Bell Syst. Tech. J. 44 (1965) 1605–1620 (piecewise-linear networks); Lemke, Manage. Sci. 11
+(1965) 681–689 (the variable that has left a piece drives the next one). Left out: other branches at a bifurcation,
+except the one that keeps tied nodes together.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.solve.path_base import SingularCellError
 from tcstudy.solve.path_problem import ParametricProblem
 from tcstudy.solve.path_record import Path, PathEnd, PathStatus, Recorder, joined
-from tcstudy.solve.path_start import Ray, depart, locate, rays
-from tcstudy.solve.path_tableau import SingularCellError
-from tcstudy.solve.path_vertex import cross, move
-from tcstudy.solve.path_walk import Codes, Units, Walk, units_of
+from tcstudy.solve.path_run import Run
+from tcstudy.solve.path_start import locate, rays
+from tcstudy.solve.path_walk import Codes, Walk, units_of
 
 __all__ = ["Follower", "ParametricProblem", "Path", "PathEnd", "PathStatus", "follow"]
 
@@ -53,7 +53,7 @@ class Follower:
     max_pieces: int = 20_000
     tolerance: float = 1e-11
     stable_only: bool = False
-    check_every: int = 16
+    check_every: int = 32
 
     def follow(
         self,
@@ -72,6 +72,8 @@ class Follower:
         """
         if not self.t_min <= t <= self.t_max:
             raise ValueError(f"the start t = {t:g} lies outside the range [{self.t_min:g}, {self.t_max:g}]")
+        if not np.any(problem.l_1):
+            raise ValueError("l_1 is zero: the load does not depend on t, so there is no path to follow")
         units = units_of(problem, t)
         walk = locate(problem, units, np.asarray(v, dtype=float), t)
         try:
@@ -83,7 +85,7 @@ class Follower:
         seen: dict[int, int] = {}
         used = walk.tableau.factorisations
         for ray in chosen:
-            run = _Run(self, problem, units, ray, t, seen, progress)
+            run = Run(self, problem, units, ray, t, seen, progress)
             halves.append((run.record, ray.codes, run.follow()))
             used += run.walk.tableau.factorisations
             if halves[-1][2].status == PathStatus.CLOSED_LOOP:
@@ -98,184 +100,11 @@ def follow(
     return Follower(t_min=t_min, t_max=t_max).follow(problem, v, t)
 
 
-@dataclass(frozen=True)
-class _Checkpoint:
-    """A point of the path to which the run can return."""
-
-    count: int
-    codes: Codes
-    x: Array
-    t: float
-    dx: Array
-
-
-class _Run:
-    """One direction of one path."""
-
-    def __init__(
-        self,
-        options: Follower,
-        problem: ParametricProblem,
-        units: Units,
-        ray: Ray,
-        t: float,
-        seen: dict[int, int],
-        progress: Callable[[int, float], None] | None,
-    ) -> None:
-        self.options, self.problem, self.units, self.progress = options, problem, units, progress
-        self.walk = depart(problem, units, ray, t)
-        self.record = Recorder()
-        self.seen, self.own = seen, [_key(ray.codes)]
-        self.home, self.start_x, self.start_t = _key(ray.codes), ray.x.copy(), t
-        self.seen.setdefault(self.home, 0)
-        self.checked, self.careful = 0, False
-        self._store()
-
-    def _store(self) -> None:
-        u = self.walk.u
-        self.record.add(self.walk.t, u, self.walk.traction(u))
-
-    def follow(self) -> PathEnd:
-        """Piece after piece until something ends the path."""
-        self._mark()
-        while True:
-            status = self._piece()
-            every = 1 if self.careful else self.options.check_every
-            if status is not None or self.record.count - self.checked >= every:
-                accurate = self._check()
-                if accurate is None:
-                    return PathEnd.of(PathStatus.LOST_ACCURACY)
-                if accurate and status is not None:
-                    return PathEnd.of(status)
-                if self.progress is not None:
-                    self.progress(self.record.count - 1, self.walk.t)
-
-    def _piece(self) -> PathStatus | None:
-        """Follow the present piece to its end and enter the next one."""
-        walk, record = self.walk, self.record
-        if len(record.stable) >= self.options.max_pieces:
-            return PathStatus.PIECE_LIMIT
-        if self.options.stable_only and not walk.stable:
-            return PathStatus.UNSTABLE
-        step, steps = walk.reach()
-        last = self._last_step(step)
-        if last is not None:
-            step, status = last
-            if np.isfinite(step):
-                walk.x += step * walk.dx
-                walk.t = self._end_t(status, walk.t + step * walk.dt)
-                record.stable.append(walk.stable)
-                self._store()
-            return status
-        stable = walk.stable
-        at = walk.arrive(step, steps)
-        record.stable.append(stable)
-        self._store()
-        before = walk.codes.copy()
-        try:
-            cross(walk, at)
-        except SingularCellError:
-            return PathStatus.SINGULAR
-        record.changed(at, before[at], walk.codes[at])
-        return self._entered()
-
-    def _last_step(self, step: float) -> tuple[float, PathStatus] | None:
-        """(step, status) if the path ends on this piece: back at the start, at the end of the range, or never."""
-        walk = self.walk
-        if len(self.own) > 1 and self.own[-1] == self.home:
-            lead = int(np.argmax(np.abs(walk.dx)))
-            return (self.start_x[lead] - walk.x[lead]) / walk.dx[lead], PathStatus.CLOSED_LOOP
-        bound = self.options.t_max if walk.dt > 0.0 else self.options.t_min
-        to_range = (bound - walk.t) / walk.dt if walk.dt != 0.0 else np.inf
-        if to_range <= step and np.isfinite(to_range):
-            return to_range, PathStatus.RANGE_END
-        return (np.inf, PathStatus.UNBOUNDED) if not np.isfinite(step) else None
-
-    def _end_t(self, status: PathStatus, t: float) -> float:
-        if status == PathStatus.CLOSED_LOOP:
-            return self.start_t
-        return self.options.t_max if self.walk.dt > 0.0 else self.options.t_min
-
-    def _entered(self) -> PathStatus | None:
-        """Book the cell just entered; one that was visited before ends the path, unless it is the start's."""
-        key = _key(self.walk.codes)
-        self.own.append(key)
-        if key in self.seen and not (key == self.home and not self._at_start()):
-            return PathStatus.CLOSED_LOOP if key == self.home else PathStatus.TURNED_BACK
-        self.seen[key] = len(self.own)
-        return None
-
-    def _at_start(self) -> bool:
-        gap = np.abs(self.walk.x - self.start_x)
-        return bool(np.all(gap <= self.walk.tie * (np.abs(self.walk.u) + self.units.slip) * self.walk.own))
-
-    # -- accuracy ----------------------------------------------------------------------------------
-
-    def _mark(self) -> None:
-        walk = self.walk
-        self.checked = self.record.count
-        self.mark = _Checkpoint(self.record.count, walk.codes.copy(), walk.x.copy(), walk.t, walk.dx.copy())
-
-    def _check(self) -> bool | None:
-        """Residuals of the new vertices. True: all accurate; False: gone back to refine; None: hopeless."""
-        p, record = self.problem, self.record
-        first = len(record.residual)
-        load = p.l_0 + np.array(record.t[first:])[:, None] * p.l_1
-        defect = load - np.array(record.u[first:]) @ p.A_tilde - p.c * np.array(record.traction[first:])
-        residual = np.max(np.abs(defect) / p.c, axis=1) / self.units.traction
-        record.residual.extend(float(r) for r in residual)
-        worst = float(np.max(residual, initial=0.0))
-        if worst <= self.options.tolerance:
-            if worst > 0.1 * self.options.tolerance or self.careful:
-                self._steady()
-            self.careful = self.careful and self.record.count - self.failed < 2 * self.options.check_every
-            self._mark()
-            return True
-        if self.careful:
-            return None
-        self._return(self.mark)
-        walk.tie *= 1e-2
-        self.careful, self.failed = True, self.record.count
-        return False
-
-    def _steady(self) -> None:
-        """Correct the present point and its direction with a fresh factorisation."""
-        walk = self.walk
-        if not np.any(walk.dx):
-            return
-        lead = int(np.argmax(np.abs(walk.dx)))
-        speed = float(walk.dx[lead])
-        walk.tableau.refactor()
-        on_low, on_high = walk.x == walk.low, walk.x == walk.high
-        walk.refine(lead)
-        walk.x = np.where(on_low, walk.low, np.where(on_high, walk.high, walk.x))
-        move(walk, lead, speed)
-
-    def _return(self, mark: _Checkpoint) -> None:
-        """Back to a checkpoint, with a fresh factorisation."""
-        dropped = len(self.own) - (mark.count)
-        for key in self.own[len(self.own) - dropped :]:
-            if key != self.home:
-                self.seen.pop(key, None)
-        del self.own[len(self.own) - dropped :]
-        self.record.cut(mark.count)
-        tie, used = self.walk.tie, self.walk.tableau.factorisations
-        ray = Ray(mark.codes, mark.x, mark.dx, 0.0)
-        self.walk = depart(self.problem, self.units, ray, mark.t)
-        self.walk.tie = tie
-        self.walk.tableau.factorisations += used
-        self._steady()
-
-
-def _key(codes: Codes) -> int:
-    return hash(codes.tobytes())
-
-
 def _nowhere(problem: ParametricProblem, walk: Walk) -> Path:
     """A path of one vertex: the start is so degenerate that no direction exists."""
     record = Recorder()
     u = walk.u
     record.add(walk.t, u, walk.traction(u))
-    residual = np.max(np.abs(walk.defect(u, walk.traction(u), walk.t)) / walk.units.weight) / walk.units.traction
-    record.residual.append(float(residual))
-    return joined(problem, [(record, walk.codes.copy(), PathEnd.of(PathStatus.SINGULAR))], walk.tableau.factorisations)
+    record.residual.append(walk.residual())
+    end = PathEnd.of(PathStatus.SINGULAR)
+    return joined(problem, [(record, walk.codes.copy(), end)], walk.tableau.factorisations)

@@ -69,5 +69,13 @@ def law_graph(law: FrictionLaw) -> LawGraph:
     before[2 * bends + 2] -= 1
     falls = sense < 0
     return LawGraph(
-        free, low, high, sense, np.where(falls, after, before), np.where(falls, before, after), slope, start, kink
+        free,
+        low,
+        high,
+        sense,
+        np.where(falls, after, before),
+        np.where(falls, before, after),
+        slope,
+        start,
+        kink,
     )

@@ -28,6 +28,7 @@ class PathStatus(IntEnum):
     TURNED_BACK = 5
     SINGULAR = 6
     LOST_ACCURACY = 7
+    START = 8
 
 
 REASONS = {
@@ -38,7 +39,9 @@ REASONS = {
     PathStatus.UNSTABLE: "the stable branch ends here",
     PathStatus.TURNED_BACK: "the path came back to a piece it had been on: branches meet at a bifurcation; "
     "start again from another solution to follow the others",
-    PathStatus.SINGULAR: "the equations of the next piece have lost rank (a bifurcation); start again beyond it",
+    PathStatus.SINGULAR: "no unique way leads on from here (a bifurcation, or a solution that no others join); start "
+    "again from another solution",
+    PathStatus.START: "the path was followed from here in one direction only",
     PathStatus.LOST_ACCURACY: "rounding left a residual above the tolerance even after a fresh factorisation; the "
     "problem is too badly conditioned for it, raise the tolerance or check the units",
 }
@@ -171,18 +174,28 @@ class Recorder:
 
     def cut(self, count: int) -> None:
         """Forget everything after the first `count` vertices; events at the last of them stay."""
-        del self.t[count:], self.u[count:], self.traction[count:], self.residual[count:], self.stable[count - 1 :]
+        del (
+            self.t[count:],
+            self.u[count:],
+            self.traction[count:],
+            self.residual[count:],
+            self.stable[count - 1 :],
+        )
         while self.events and self.events[-1][0] >= count:
             self.events.pop()
 
 
-def joined(problem: ParametricProblem, halves: list[tuple[Recorder, Codes, PathEnd]], factorisations: int) -> Path:
+def joined(
+    problem: ParametricProblem, halves: list[tuple[Recorder, Codes, PathEnd]], factorisations: int
+) -> Path:
     """The path from its forward half and, if there is one, the backward half (reversed and put in front).
 
     halves: (record, codes of the half's first piece, end); forward first
     """
     record, first, end = halves[0]
-    begin = PathEnd(PathStatus.RANGE_END, "the path was followed from here")
+    begin = PathEnd(PathStatus.START, REASONS[PathStatus.START])
+    if end.status == PathStatus.CLOSED_LOOP:
+        begin = end
     back, back_first = Recorder(), first
     if len(halves) > 1:
         back, back_first, begin = halves[1]
@@ -219,7 +232,7 @@ def _event_arrays(record: Recorder) -> Events:
     vertex = np.repeat(np.array([v for v, _, _, _ in record.events], dtype=np.intp), counts)
 
     def column(i: int, kind: type) -> NDArray[np.generic]:
-        parts = [np.asarray(item[i], dtype=kind) for item in record.events]
+        parts: list[NDArray[np.generic]] = [np.asarray(item[i], dtype=kind) for item in record.events]
         return np.concatenate([np.zeros(0, dtype=kind), *parts])
 
     return Events(vertex, column(1, np.intp), column(2, np.int32), column(3, np.int32))  # type: ignore[arg-type]

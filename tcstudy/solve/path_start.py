@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import BEND
+from tcstudy.solve.path_base import SingularCellError
 from tcstudy.solve.path_graph import law_graph
 from tcstudy.solve.path_problem import ParametricProblem
-from tcstudy.solve.path_tableau import SingularCellError
 from tcstudy.solve.path_vertex import Corner, along_perturbation, corner, move, place
-from tcstudy.solve.path_walk import Codes, Index, Units, Walk
+from tcstudy.solve.path_walk import Codes, Units, Walk
 
 Array = NDArray[np.float64]
 
@@ -47,10 +47,8 @@ def locate(problem: ParametricProblem, units: Units, v: Array, t: float) -> Walk
         after = np.where(walk.x > walk.high, graph.after_high[codes], graph.after_low[codes])
         codes = np.where(outside, after, codes).astype(np.int32)
     u = walk.u
-    traction = walk.traction(u)
     moved = np.max(np.abs(u - v) / (np.abs(u) + units.slip), initial=0.0)
-    residual = np.max(np.abs(walk.defect(u, traction, t)) / units.weight) / units.traction
-    if not (moved <= 1e3 * NEAR and residual <= NEAR) or np.any(outside):
+    if not (moved <= 1e3 * NEAR and walk.residual() <= NEAR) or np.any(outside):
         raise NoSolutionError(
             f"the start is no solution at t = {t:g}: inclusion residual {problem.at(t).inclusion_residual(v):.1e}; "
             "solve the problem at this t first and start from its answer"
@@ -158,6 +156,6 @@ def _perturbed(walk: Walk, c: Corner) -> tuple[Ray, Ray]:
 def depart(problem: ParametricProblem, units: Units, ray: Ray, t: float) -> Walk:
     """A fresh walk from the start along one ray."""
     walk = Walk(problem, units, ray.codes, ray.x, t)
-    lead: Index = np.argmax(np.abs(ray.dx))
-    move(walk, int(lead), float(ray.dx[lead]))
+    lead = int(np.argmax(np.abs(ray.dx)))
+    move(walk, lead, float(ray.dx[lead]))
     return walk

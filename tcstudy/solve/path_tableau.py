@@ -24,6 +24,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.solve.newton_system import submatrix
+from tcstudy.solve.path_base import SingularCellError, definite_inverse, indefinite_inverse, sound_pivots
+
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -31,12 +34,17 @@ Mask = NDArray[np.bool_]
 CAPACITY = 48
 """Nodes that may differ from the base: small systems below, matrix products of good width above."""
 
+GROWTH = 30.0
+"""H⁻¹ of a base may exceed the body's own compliance by this much; near a fold nodes are held in the base."""
+
 WORST_GROWTH = 1e8
-"""A base whose swept matrix is this much larger than its inverse stiffness should be is not used."""
+"""By more than this it is worthless."""
 
+MAX_HELD = 6
+"""Nodes held in the base at most to make it definite and well conditioned."""
 
-class SingularCellError(ArithmeticError):
-    """No direction exists: the equations of the cell have lost rank."""
+LOST_RANK = 1e-13
+"""Pivots of the small system, its rows scaled to one, below which there is no unique direction."""
 
 
 class Tableau:
@@ -44,103 +52,110 @@ class Tableau:
 
     A:    (m, m) symmetric positive definite stiffness, scaled to O(1)
     load: (m,) load per unit of t, in the same units
+    compliance: largest diagonal entry of A⁻¹, roughly
     free: (m,) nodes whose displacement moves
     k:    (m,) stiffness that the law adds at a free node (c × slope), 0 at a held one
     """
 
-    def __init__(self, A: Array, load: Array, free: Mask, k: Array) -> None:
-        self.A, self.load = A, load
+    def __init__(self, A: Array, load: Array, compliance: float, free: Mask, k: Array) -> None:
+        self.A, self.load, self.compliance = A, load, compliance
         self.free, self.k = free.copy(), k.copy()
         self.m = len(load)
+        self.load_size = float(np.max(np.abs(load)))
         self.factorisations = 0
         self.refactor()
 
     # -- the base ----------------------------------------------------------------------------------
 
     def refactor(self) -> None:
-        """A new base at the present cell, from Ã itself. Nodes that make it singular stay held in the base."""
-        base = self.free.copy()
-        for _ in range(4):
-            swept, negatives, culprit = self._sweep(base)
-            if culprit is None:
+        """A new base at the present cell, from Ã itself.
+
+        Nodes without which H is positive definite and well conditioned are held in the base; they are few where b
+        falls on a short stretch only. If they are not, H itself is inverted, indefinite as it is.
+        """
+        self.factorisations += 1
+        base, inverse, negatives = self.free.copy(), None, 0
+        for _ in range(MAX_HELD):
+            F = np.flatnonzero(base)
+            inverse, culprit = definite_inverse(self._H(F), GROWTH * self.compliance)
+            if culprit < 0:
                 break
-            base[culprit] = False
+            base[F[culprit]] = False
         else:
-            raise SingularCellError
-        self.P = swept
-        self.base_negatives = negatives
-        self._new_base(base)
-        z = self._respond(self.load)
-        self.y = z
+            base = self.free.copy()
+            inverse, negatives = indefinite_inverse(
+                self._H(np.flatnonzero(base)), WORST_GROWTH * self.compliance
+            )
+        self.P, self.base_negatives = self._swept(base, inverse), negatives
+        self._new_base(base, np.where(base, self.k, 0.0))
+        self.y = self._respond(self.load)
         for i in np.flatnonzero(self.free & ~base):
             self.change(int(i), True, float(self.k[i]))
 
-    def _new_base(self, base: Mask) -> None:
-        self.base_free, self.base_k = base, np.where(base, self.k, 0.0)
+    def _H(self, F: Index) -> Array:
+        H = submatrix(self.A, F)
+        H[np.diag_indices(len(F))] += self.k[F]
+        return H
+
+    def _new_base(self, base: Mask, k: Array) -> None:
+        self.base_free, self.base_k = base, k
         self.sign = np.where(base, 1.0, -1.0)
         self.size = 0
         self.nodes = np.zeros(CAPACITY, dtype=np.intp)
         self.position = np.full(self.m, -1, dtype=np.intp)
         self.columns = np.zeros((self.m, CAPACITY), order="F")
-        self.rho, self.nu = np.zeros(CAPACITY), np.zeros(CAPACITY)
+        self.own, self.gain = np.zeros(CAPACITY), np.zeros(CAPACITY)
 
-    def _sweep(self, base: Mask) -> tuple[Array, int, int | None]:
-        """(P, negative eigenvalues of H, None) or (…, …, node to hold) where H is close to singular."""
-        self.factorisations += 1
+    def _swept(self, base: Mask, inverse: Array) -> Array:
+        """P from H⁻¹."""
         F, V = np.flatnonzero(base), np.flatnonzero(~base)
+        if not len(V):
+            return np.asfortranarray(inverse)
         P = np.empty((self.m, self.m), order="F")
-        if not len(F):
-            np.negative(self.A, out=P)
-            return P, 0, None
-        H = self.A[np.ix_(F, F)]
-        H[np.diag_indices(len(F))] += self.k[F]
-        inverse, negatives, info = _inverse(H)
-        if inverse is None:
-            return P, 0, int(F[info])
-        largest = int(np.argmax(np.abs(np.diagonal(inverse))))
-        if not np.max(np.abs(inverse)) * np.max(np.abs(np.diagonal(self.A))) < WORST_GROWTH * self.m:
-            return P, 0, int(F[largest])
-        P[np.ix_(F, F)] = inverse
-        if len(V):
-            A_FV = self.A[np.ix_(F, V)]
-            X = inverse @ A_FV
-            P[np.ix_(F, V)], P[np.ix_(V, F)] = X, X.T
-            S = A_FV.T @ X
-            P[np.ix_(V, V)] = 0.5 * (S + S.T) - self.A[np.ix_(V, V)]
-        return P, negatives, None
+        A_FV = self.A[np.ix_(F, V)]
+        X = inverse @ A_FV
+        P[np.ix_(F, F)], P[np.ix_(F, V)], P[np.ix_(V, F)] = inverse, X, X.T
+        S = A_FV.T @ X
+        P[np.ix_(V, V)] = 0.5 * (S + S.T) - submatrix(self.A, V)
+        return P
 
     def rebase(self) -> None:
-        """Move the base to the present cell by one block pivot on the nodes that differ."""
+        """Move the base to the present cell by one block pivot on the nodes that differ, except unsound pivots."""
         n = self.size
         if n == 0:
             return
+        chosen = sound_pivots(*self._capacitance())
+        if len(chosen) < n // 2:
+            return self.refactor()
+        left = [(int(i), bool(self.free[i]), float(self.k[i])) for i in np.delete(self.nodes[:n], chosen)]
+        for i, _, _ in left:
+            self.change(i, bool(self.base_free[i]), float(self.base_k[i]))
+        self._pivot()
+        for i, free, k in left:
+            self.change(i, free, k)
+
+    def _pivot(self) -> None:
+        """Block pivot on all nodes that differ from the base."""
+        n = self.size
         negatives = self.negatives()
         K = self.nodes[:n].copy()
-        sign, rho, nu = self.sign[K], self.rho[:n], self.nu[:n]
-        capacitance = self._capacitance()
-        rows = self.P[:, K].T
-        try:
-            solved = np.linalg.solve(capacitance, np.concatenate([rows, np.diag(sign)], axis=1))
-        except np.linalg.LinAlgError:
-            return self.refactor()
-        W, inverse = solved[:, : self.m], solved[:, self.m :]
-        if not np.max(np.abs(W)) < WORST_GROWTH * self.m:
-            return self.refactor()
-        out, slope = self.base_free[K] & ~self.free[K], self.base_free[K] & self.free[K]
-        mu = np.where(slope, -rho, 1.0)
-        shift = np.where(out, self.base_k[K], np.where(slope, -rho, 0.0))
-        y_K = inverse @ self.y[K]
-        y = self.y - self.columns[:, :n] @ y_K
-        y[K] = nu * y_K
-        self.P = scipy.linalg.blas.dgemm(-1.0, rows, W, beta=1.0, c=self.P, trans_a=1, overwrite_c=1)
-        turned = np.where(self.free[K], 1.0, -1.0)
-        block = (turned * nu)[:, None] * W
-        corner = turned[:, None] * (nu[:, None] * inverse * mu[None, :] - np.diag(shift))
-        block[:, K] = 0.5 * (corner + corner.T)
+        gain, rows = self.gain[:n], self.P[:, K].T
+        out = np.flatnonzero(self.base_free[K] & ~self.free[K])
+        exchanged = np.flatnonzero(self.base_free[K] != self.free[K])
+        right = self.sign[K][:, None] * rows
+        right[:, K[exchanged]] = np.eye(n)[:, exchanged]
+        solved = np.linalg.solve(self._system(), np.column_stack([right, self.y[K]]))
+        X, y_K = solved[:, :-1], solved[:, -1]
+        y = self.y - self.columns[:, :n] @ (gain * y_K)
+        y[K] = y_K
+        self.P = scipy.linalg.blas.dgemm(-1.0, rows, gain[:, None] * X, 1.0, self.P, trans_a=1, overwrite_c=1)
+        X[out, K[out]] -= self.base_k[K[out]]
+        block = np.where(self.free[K], 1.0, -1.0)[:, None] * X
+        block[:, K] = 0.5 * (block[:, K] + block[:, K].T)
         self.P[K, :] = block
         self.P[:, K] = block.T
         self.y, self.base_negatives = y, negatives
-        self._new_base(self.free.copy())
+        self._new_base(self.free.copy(), self.k.copy())
 
     # -- the present cell --------------------------------------------------------------------------
 
@@ -160,11 +175,11 @@ class Tableau:
             self.nodes[at], self.position[i] = i, at
             np.multiply(self.sign, self.P[:, i], out=self.columns[:, at])
         if not free:
-            self.rho[at], self.nu[at] = 0.0, 1.0
+            self.own[at], self.gain[at] = 0.0, 1.0
         elif base_free:
-            self.rho[at] = self.nu[at] = 1.0 / (k - self.base_k[i])
+            self.own[at], self.gain[at] = 1.0, k - self.base_k[i]
         else:
-            self.rho[at], self.nu[at] = k, 1.0
+            self.own[at], self.gain[at] = k, 1.0
 
     def change_many(self, nodes: Index, free: Mask, k: Array) -> None:
         """Move several nodes; with more than fit beside the base it is made anew."""
@@ -183,7 +198,7 @@ class Tableau:
             self.nodes[at] = self.nodes[last]
             self.position[self.nodes[at]] = at
             self.columns[:, at] = self.columns[:, last]
-            self.rho[at], self.nu[at] = self.rho[last], self.nu[last]
+            self.own[at], self.gain[at] = self.own[last], self.gain[last]
         self.size = last
 
     def direction(self, node: int | None, speed: float) -> tuple[Array, float]:
@@ -201,73 +216,72 @@ class Tableau:
         n = self.size
         K = self.nodes[:n]
         columns = self.columns[:, :n]
+        unit = self.load_size  # scales the column of t, so that a small pivot means a lost rank
         system = np.zeros((n + 1, n + 1), order="F")
         rhs = np.zeros(n + 1)
-        system[:n, :n] = columns[K]
-        system[np.arange(n), np.arange(n)] += self.rho[:n]
-        system[:n, n] = -self.y[K]
+        system[:n, :n] = self._system()
+        system[:n, n] = self.y[K] * (-1.0 / unit)
         rhs[n] = speed
         if z is not None:
             rhs[:n] = z[K]
         if node is None:
-            system[n, n] = 1.0
+            system[n, n] = 1.0 / unit
         elif self.position[node] >= 0:
-            system[n, self.position[node]] = self.nu[self.position[node]]
+            system[n, self.position[node]] = 1.0
         else:
-            system[n, :n], system[n, n] = -columns[node], self.y[node]
+            system[n, :n], system[n, n] = -columns[node] * self.gain[:n], self.y[node] / unit
             if z is not None:
                 rhs[n] -= z[node]
-        _, _, solution, info = scipy.linalg.lapack.dgesv(system, rhs, overwrite_a=1, overwrite_b=1)
-        if info != 0:
+        largest = np.max(np.abs(system), axis=1)
+        if not np.all(largest > 0.0):
             raise SingularCellError
-        excess, dt = solution[:n], float(solution[n])
-        dx = self.y * dt - columns @ excess
+        lu, _, solution, info = scipy.linalg.lapack.dgesv(
+            system / largest[:, None], rhs / largest, overwrite_b=1
+        )
+        if info != 0 or not np.min(np.abs(np.diagonal(lu))) > LOST_RANK:
+            raise SingularCellError
+        dt = float(solution[n] / unit)
+        dx = self.y * dt - columns @ (self.gain[:n] * solution[:n])
         if z is not None:
             dx += z
-        dx[K] = self.nu[:n] * excess
+        dx[K] = solution[:n]
         if not (np.isfinite(dt) and np.all(np.isfinite(dx))):
             raise SingularCellError
         return dx, dt
+
+    def _system(self) -> Array:
+        """Equations of the nodes that differ, for their own moving coordinates (n, n).
+
+        With z = z_r − T ε the base's coordinates under the excess ε that the differing nodes bring in: a node with
+        another stiffness has ε = Δk z, one that is held z = 0 with its force ε, one that is free z = k ε.
+        """
+        n = self.size
+        system: Array = self.columns[self.nodes[:n], :n] * self.gain[:n]
+        system[np.arange(n), np.arange(n)] += self.own[:n]
+        return system
 
     def _respond(self, r: Array) -> Array:
         """Moving coordinates of the base for the load r."""
         on_free = np.where(self.base_free, r, 0.0)
         return self.sign * (self.P @ on_free) + np.where(self.base_free, 0.0, r)
 
-    def _capacitance(self) -> Array:
-        K, n = self.nodes[: self.size], self.size
-        small = self.P[np.ix_(K, K)]
-        small[np.arange(n), np.arange(n)] += self.sign[K] * self.rho[:n]
-        return small
+    def _capacitance(self) -> tuple[Array, Array]:
+        """(the same equations in symmetric form, size of the terms on its diagonal)."""
+        n = self.size
+        K, gain = self.nodes[:n], self.gain[:n]
+        small = self.P[np.ix_(K, K)] * np.sqrt(np.abs(np.outer(gain, gain)))
+        own = np.where(self.base_free[K] & self.free[K], np.sign(gain), self.sign[K] * self.own[:n])
+        size = np.abs(np.diagonal(small)) + np.abs(own)
+        small[np.arange(n), np.arange(n)] += own
+        return small, size
 
     def negatives(self) -> int:
         """Negative eigenvalues of A_FF + diag(k) over the free nodes of the present cell."""
         if self.size == 0:
             return self.base_negatives
         K = self.nodes[: self.size]
-        small = self._capacitance()
+        small, _ = self._capacitance()
         positive = int(np.count_nonzero(np.linalg.eigvalsh(small) > 0.0))
         out = self.base_free[K] & ~self.free[K]
         stiffer = self.base_free[K] & self.free[K] & (self.k[K] > self.base_k[K])
         return self.base_negatives + positive - int(np.count_nonzero(out | stiffer))
-
-
-def _inverse(H: Array) -> tuple[Array | None, int, int]:
-    """(H⁻¹, number of negative eigenvalues, 0), or (None, 0, index of a zero pivot)."""
-    factor, info = scipy.linalg.lapack.dpotrf(H, lower=1, clean=0)
-    if info == 0:
-        inverse, _ = scipy.linalg.lapack.dpotri(factor, lower=1, overwrite_c=1)
-        lower = np.tril(inverse)
-        return lower + np.tril(lower, -1).T, 0, 0
-    _, D, _ = scipy.linalg.ldl(H, check_finite=False)
-    negatives = int(np.count_nonzero(scipy.linalg.eigvals_banded(_bands(D)) < 0.0))
-    lu, pivots, info = scipy.linalg.lapack.dgetrf(H)
-    if info != 0:
-        return None, 0, info - 1
-    inverse, _ = scipy.linalg.lapack.dgetri(lu, pivots, overwrite_lu=1)
-    return 0.5 * (inverse + inverse.T), negatives, 0
-
-
-def _bands(D: Array) -> Array:
-    """The block-diagonal factor D of LDLᵀ as upper bands."""
-    return np.stack([np.concatenate([[0.0], np.diagonal(D, 1)]), np.diagonal(D)])

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solve.path_tableau import SingularCellError
+from tcstudy.solve.path_base import SingularCellError
 from tcstudy.solve.path_walk import Codes, Index, Walk
 
 Array = NDArray[np.float64]
@@ -48,7 +48,8 @@ def corner(walk: Walk, nodes: Index) -> Corner:
     upper = walk.x[nodes] == walk.high[nodes]
     far = np.where(upper, graph.after_high[near], graph.after_low[near]).astype(np.int32)
     near_sign = np.where(upper, 1.0, -1.0)
-    return Corner(nodes, near, far, near_sign, near_sign * graph.sense[near] * graph.sense[far])
+    turn = (graph.sense[near] * graph.sense[far]).astype(float)
+    return Corner(nodes, near, far, near_sign, near_sign * turn)
 
 
 def cross(walk: Walk, at: Index) -> None:
@@ -103,6 +104,9 @@ class _Over:
 def place(walk: Walk, nodes: Index, codes: Codes) -> None:
     """Put nodes on other pieces, at the kink where they stand."""
     graph = walk.graph
+    moved = walk.codes[nodes] != codes
+    if not np.all(moved):
+        nodes, codes = nodes[moved], codes[moved]
     old = walk.codes[nodes]
     walk.downs += int(np.count_nonzero(graph.sense[codes] < 0)) - int(np.count_nonzero(graph.sense[old] < 0))
     was_free, free = graph.free[old], graph.free[codes]
@@ -121,7 +125,7 @@ def move(walk: Walk, node: int | None, speed: float) -> None:
     """The direction in the present cell in which `node` has this speed (None: t has it)."""
     dx, dt = walk.tableau.direction(node, speed)
     largest = int(np.argmax(np.abs(dx)))
-    if node is not None and abs(dx[largest]) > 1e6 * abs(speed):
+    if node is not None and abs(dx[largest]) > 100.0 * abs(speed):
         dx, dt = walk.tableau.direction(largest, float(np.sign(dx[largest])))
     walk.turn(dx, dt)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.solve.path_graph import LawGraph, law_graph
@@ -34,6 +35,7 @@ class Units:
     stiffness: mean diagonal of Ã [Pa]
     A, load:   Ã and l̃₁ divided by it
     diagonal:  diagonal of A, (m,)
+    compliance: largest of some diagonal entries of A⁻¹
     weight:    c divided by it, (m,)
     traction:  scale of b [Pa]
     slip:      (m,) slip that changes a node's own traction by the scale of b [m]
@@ -43,21 +45,39 @@ class Units:
     A: Array
     load: Array
     diagonal: Array
+    compliance: float
     weight: Array
     traction: float
     slip: Array
 
 
 def units_of(problem: ParametricProblem, t: float) -> Units:
-    """Scales that make every tolerance below relative."""
+    """Scales that make every tolerance below relative; raises ValueError if Ã is not positive definite."""
     diagonal = np.diagonal(problem.A_tilde)
     stiffness = float(np.mean(diagonal))
     traction = problem.at(t).traction_scale
     if traction == 0.0:
         traction = float(np.max(np.abs(problem.l_1 / problem.c)))
     A = np.asfortranarray(problem.A_tilde / stiffness)
+    factor, info = scipy.linalg.lapack.dpotrf(A, lower=1, clean=0)
+    if info != 0 or not stiffness > 0.0:
+        raise ValueError(
+            "the condensed stiffness is not positive definite; clamp the body, check its elastic constants"
+        )
+    probes = np.unique(np.linspace(0, problem.m - 1, 16).astype(int))
+    columns = scipy.linalg.lapack.dpotrs(factor, np.eye(problem.m)[:, probes], lower=1)[0]
+    compliance = float(np.max(np.abs(columns)))
     slip = traction * problem.c / diagonal
-    return Units(stiffness, A, problem.l_1 / stiffness, diagonal / stiffness, problem.c / stiffness, traction, slip)
+    return Units(
+        stiffness,
+        A,
+        problem.l_1 / stiffness,
+        diagonal / stiffness,
+        compliance,
+        problem.c / stiffness,
+        traction,
+        slip,
+    )
 
 
 class Walk:
@@ -74,7 +94,9 @@ class Walk:
         self.codes, self.x, self.t = codes.copy(), x.copy(), t
         self.tie = TIE
         free = self.graph.free[codes]
-        self.tableau = Tableau(units.A, units.load, free, self.stiffness(codes, slice(None)))
+        self.tableau = Tableau(
+            units.A, units.load, units.compliance, free, self.stiffness(codes, slice(None))
+        )
         self.negatives = self.tableau.negatives()
         self.dx, self.dt = np.zeros(problem.m), 0.0
         self.set_bounds(np.arange(problem.m))
@@ -130,10 +152,11 @@ class Walk:
         self.t += step * self.dt
         first = int(np.argmin(steps))
         self.x[first] = self.high[first] if self.dx[first] > 0.0 else self.low[first]
-        at = np.flatnonzero(self.gaps() <= self.tie)
+        upper = self.high - self.x < self.x - self.low
+        leaving = np.where(upper, self.dx < 0.0, self.dx > 0.0)  # from a bound it has only just left
+        at = np.flatnonzero((self.gaps() <= self.tie) & ~leaving)
         if len(at) > 1:
-            upper = self.high[at] - self.x[at] < self.x[at] - self.low[at]
-            self.x[at] = np.where(upper, self.high[at], self.low[at])
+            self.x[at] = np.where(upper[at], self.high[at], self.low[at])
         return at if len(at) else np.array([first])
 
     def gaps(self) -> Array:
@@ -141,14 +164,24 @@ class Walk:
         gap = np.minimum(self.high - self.x, self.x - self.low)
         return np.asarray(gap / ((np.abs(self.u) + self.units.slip) * self.own))
 
-    def defect(self, u: Array, traction: Array, t: float) -> Array:
-        """l̃(t) − Ãu − ξ in working units (m,)."""
-        p = self.problem
-        return (p.load(t) - p.A_tilde @ u - p.c * traction) / self.units.stiffness
+    def defect(self) -> Array:
+        """l̃ − Ãu − ξ at the present point, working units (m,)."""
+        p, u = self.problem, self.u
+        return (p.load(self.t) - p.A_tilde @ u - p.c * self.traction(u)) / self.units.stiffness
+
+    def residual(self) -> float:
+        """Largest defect per length, relative to the scale of b."""
+        return float(np.max(np.abs(self.defect()) / self.units.weight)) / self.units.traction
+
+    def direction_defect(self) -> float:
+        """How far the direction is from satisfying the equations of the cell, relative to its speeds."""
+        free = self.graph.free[self.codes]
+        force = np.where(free, self.tableau.k * self.dx, self.dx)
+        defect = self.units.A @ np.where(free, self.dx, 0.0) + force - self.dt * self.units.load
+        return float(np.max(np.abs(defect)) / np.max(np.abs(self.dx)))
 
     def refine(self, node: int | None) -> None:
         """One correction of the present point, with `node` (or t, if None) held where it is."""
-        u = self.u
-        dx, dt = self.tableau.correction(self.defect(u, self.traction(u), self.t), node)
+        dx, dt = self.tableau.correction(self.defect(), node)
         self.x += dx
         self.t += dt

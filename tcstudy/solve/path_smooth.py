@@ -1,0 +1,111 @@
+"""Piecewise-linear stand-ins for laws with exponential pieces, with a guaranteed interpolation error."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.scene.friction import FrictionLaw
+
+Array = NDArray[np.float64]
+
+MAX_CELLS = 100_000
+"""Cells of one piece; a finer approximation than this is a mistake in the tolerance."""
+
+
+def piecewise_linear(law: FrictionLaw, tolerance: float, s_max: float) -> FrictionLaw:
+    """The law with every exponential piece replaced by chords, |b − b_h| ≤ tolerance · b_scale on [−s_max, s_max].
+
+    tolerance: relative to law.b_scale
+    s_max:     largest slip of interest [m]; beyond it the exponential part stays at its last value, and it is
+               frozen earlier where what is left of it is below the tolerance
+
+    A chord of a exp(−rs) between x and x + h errs by at most |a| r² h² e^{−rx}/8 (r > 0). The cells follow that
+    bound: equal steps in ∫ √|b″| ds. Kinks of the law are kept bitwise, and so is an odd law's symmetry.
+    Raises ValueError for a tolerance or s_max that is not positive, and GrowthError if the part that is cut off is
+    what satisfied (15).
+    """
+    if not (tolerance > 0.0 and s_max > 0.0 and np.isfinite(s_max)):
+        raise ValueError(f"tolerance and s_max must be positive and finite, not {tolerance:g} and {s_max:g}")
+    if law.piecewise_linear:
+        return law
+    allowed = tolerance * law.b_scale
+    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
+    kinks: list[float] = []
+    p: list[float] = []
+    q: list[float] = []
+    for k in range(len(law.p)):
+        nodes = _nodes(law, k, float(ends[k]), float(ends[k + 1]), s_max, allowed)
+        starts, slopes = _chords(law, k, nodes)
+        kinks += [*nodes[1:-1], *([nodes[-1]] if k + 1 < len(law.p) else [])]
+        p += starts
+        q += slopes
+    zero = np.zeros(len(p))
+    result = FrictionLaw(
+        f"{law.name}, piecewise linear", np.array(kinks), np.array(p), np.array(q), zero, zero
+    )
+    result.check_growth()
+    return result
+
+
+def _nodes(law: FrictionLaw, k: int, left: float, right: float, s_max: float, allowed: float) -> list[float]:
+    """Ends of the chords of piece k, its own ends included (±∞ where it has none)."""
+    a, r = abs(float(law.a[k])), float(law.r[k])
+    if a == 0.0 or r == 0.0:
+        return [left, right]
+    if r < 0.0:  # the mirror image, so that an odd law stays odd to the bit
+        return [-s for s in _decaying(a, -r, -right, -left, s_max, allowed)[::-1]]
+    return _decaying(a, r, left, right, s_max, allowed)
+
+
+def _decaying(a: float, r: float, left: float, right: float, s_max: float, allowed: float) -> list[float]:
+    """Nodes for a exp(−r s), a, r > 0, between left and right."""
+    faded = np.log(a / allowed) / r  # beyond it less than `allowed` is left
+    first, last = max(left, -s_max), min(right, s_max)
+    if not np.isfinite(right):
+        last = min(last, max(faded, first))
+    if last <= first:
+        return [left, right]
+
+    # √(b″/(8·allowed)) integrated from s to the end; a cell of length 1 in this measure has half its bound each side
+    def measure(s: float) -> float:
+        return float(np.sqrt(a / (8.0 * allowed)) * np.exp(-0.5 * r * s))
+
+    total = measure(first) - measure(last)
+    cells = max(1, int(np.ceil(total)))
+    while True:
+        if cells > MAX_CELLS:
+            raise ValueError(f"more than {MAX_CELLS} chords are needed; the tolerance is too small")
+        levels = measure(first) - total * np.arange(1, cells) / cells
+        inner = -2.0 / r * np.log(levels / np.sqrt(a / (8.0 * allowed)))
+        nodes = np.concatenate([[first], inner, [last]])
+        if np.max(_chord_errors(a, r, nodes)) <= allowed:
+            break
+        cells += 1 + cells // 20
+    outer = [left] if left < first else []
+    return [*outer, *(float(s) for s in nodes), *([right] if right > last else [])]
+
+
+def _chord_errors(a: float, r: float, nodes: Array) -> Array:
+    """Largest distance of a exp(−rs) from each chord: h²/8 · max|b″| over the cell."""
+    return np.asarray(a * r * r * np.exp(-r * nodes[:-1]) * np.diff(nodes) ** 2 / 8.0)
+
+
+def _chords(law: FrictionLaw, k: int, nodes: list[float]) -> tuple[list[float], list[float]]:
+    """(start, slope) of the lines between consecutive nodes; beyond the first and last finite node the linear part."""
+    p, q, a, r = (float(x[k]) for x in (law.p, law.q, law.a, law.r))
+    starts, slopes = [], []
+
+    def part(s: float) -> float:
+        return a * float(np.exp(-r * s))
+
+    for x, y in pairwise(nodes):
+        outside = not (np.isfinite(x) and np.isfinite(y))
+        anchor = x if np.isfinite(x) else y
+        slope = 0.0 if outside or a == 0.0 else (part(y) - part(x)) / (y - x)
+        offset = part(anchor) - slope * anchor if a != 0.0 and np.isfinite(anchor) else a
+        starts.append(p + offset)
+        slopes.append(q + slope)
+    return starts, slopes
