@@ -23,9 +23,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solve.simplex_qp import Metric, direction, dual_decrease
+from tcstudy.solve.bundle_hessian import Hessian, Stack
+from tcstudy.solve.bundle_metric import positive_definite
+from tcstudy.solve.simplex_qp import direction, dual_decrease
 
 Array = NDArray[np.float64]
+
+FAR = 4.0
+"""Multiple of the radius beyond which a step is not worth completing."""
 
 
 @dataclass(frozen=True)
@@ -35,14 +40,14 @@ class Piece:
     y:      (n,) point
     f:      value at y
     g:      (n,) subgradient at y
-    G:      (n, n) second derivatives of the active piece at y
+    G:      (n, n) second derivatives of the active piece at y, dense or a DiagonalShift
     travel: locality that an aggregate inherits from its parts, 0 for the oracle's own pieces
     """
 
     y: Array
     f: float
     g: Array
-    G: Array
+    G: Hessian
     travel: float = 0.0
 
     def distance(self, x: Array) -> float:
@@ -80,22 +85,36 @@ class Rules:
 class Model:
     """Arrays of the model about a centre.
 
-    c: (N,) −α_j
-    A: (N, n) g_j in rows
-    G: (N, n, n) ρ_jG_j
-    s: (N,) localities
+    c:     (N,) −α_j
+    A:     (N, n) g_j in rows
+    rho:   (N,) ρ_j
+    stack: the N matrices G_j
+    s:     (N,) localities
     curvature: ‖Σλ_jG_j‖₂ of the multipliers at hand
     """
 
     c: Array
     A: Array
-    G: Array
+    rho: Array
+    stack: Stack
     s: Array
     curvature: float
 
+    def bend(self, d: Array) -> Array:
+        """(N, n) ρ_jG_jd."""
+        return self.rho[:, None] * self.stack.times(d)
+
+    def hessian(self, lam: Array) -> Array:
+        """(n, n) Σλ_jρ_jG_j."""
+        return self.stack.combine(lam * self.rho)
+
+    def values(self, d: Array) -> Array:
+        """(N,) −α_j + g_jᵀd + ½ρ_j dᵀG_jd."""
+        return self.c + self.A @ d + 0.5 * (self.bend(d) @ d)
+
     def value(self, d: Array) -> float:
         """max_j −α_j + g_jᵀd + ½ρ_j dᵀG_jd, the predicted change of f."""
-        return float(np.max(self.c + self.A @ d + 0.5 * ((self.G @ d) @ d)))
+        return float(np.max(self.values(d)))
 
 
 @dataclass(frozen=True)
@@ -108,7 +127,7 @@ class Step:
     promise:   w = ½‖Σλ_jg_j‖²_{W⁻¹} + Σλ_jα_j of the first quadratic programme without shift: the published
                stopping quantity
     shift:     multiple μ of the identity that kept d within the radius, 0 if the radius did not bind
-    factorisations: eigenvalue factorisations spent
+    factorisations: quadratic programmes solved, each with a factorisation of W
     """
 
     d: Array
@@ -124,58 +143,60 @@ class Step:
         return float(np.linalg.norm(self.d))
 
 
-def transport(piece: Piece, x: Array, f: float, rules: Rules, curvature: float) -> tuple[float, Array, Array, float]:
-    """−α_j, g_j, ρ_jG_j and s_j of a piece at the centre x with value f."""
-    delta = x - piece.y
-    bend = 0.5 * float(delta @ piece.G @ delta)
-    linear = piece.f + float(piece.g @ delta)
-    rho, error = 1.0, linear + bend - f
-    if error > 0.0 and bend > 0.0:
-        rho = max(0.0, 1.0 - rules.damping * error / bend)
-        error = linear + rho * bend - f
-    s = piece.distance(x)
-    alpha = max(abs(error), rules.gamma * curvature * s * s)
-    return -alpha, piece.g + rho * (piece.G @ delta), rho * piece.G, s
-
-
 def assemble(pieces: Sequence[Piece], lam: Array, x: Array, f: float, rules: Rules) -> Model:
     """The model of all pieces about (x, f); lam (N,) are the latest multipliers."""
-    curvature = float(np.linalg.norm(np.einsum("j,jik->ik", lam, np.array([p.G for p in pieces])), 2))
-    parts = [transport(p, x, f, rules, curvature) for p in pieces]
-    c, A, G, s = (np.array(column) for column in zip(*parts, strict=True))
-    return Model(c, A, G, s, curvature)
+    stack = Stack.of([p.G for p in pieces])
+    curvature = float(np.max(np.abs(np.linalg.eigvalsh(stack.combine(lam)))))
+    return carry(pieces, stack, x, f, rules, curvature)
 
 
-def smoothly_joined(p: Piece, q: Piece) -> bool:
-    """True if f looks smooth between two points: then one Taylor expansion, the nearer one, is enough.
+def carry(pieces: Sequence[Piece], stack: Stack, x: Array, f: float, rules: Rules, curvature: float) -> Model:
+    """Every piece at the centre x with value f: f_j, g_j, the largest ρ_j that keeps it at or below f, and −α_j."""
+    g, values = np.array([p.g for p in pieces]), np.array([p.f for p in pieces])
+    delta = x - np.array([p.y for p in pieces])
+    turn = stack.times_rows(delta)
+    bend = 0.5 * _rowwise(delta, turn)
+    linear = values + _rowwise(g, delta)
+    over = linear + bend - f
+    damped = (over > 0.0) & (bend > 0.0)
+    rho = np.ones(len(pieces))
+    rho[damped] = np.maximum(0.0, 1.0 - rules.damping * over[damped] / bend[damped])
+    s = np.array([p.travel for p in pieces]) + np.linalg.norm(delta, axis=1)
+    alpha = np.maximum(np.abs(linear + rho * bend - f), rules.gamma * curvature * s * s)
+    return Model(-alpha, g + rho[:, None] * turn, rho, stack, s, curvature)
+
+
+def smoothly_joined(pieces: Sequence[Piece], q: Piece) -> NDArray[np.bool_]:
+    """(N,) True where f looks smooth between a piece's point and q's: then the nearer Taylor expansion is enough.
 
     f(q) − f(p) is compared with its fifth-order quadrature ½(g_p+g_q)ᵀd + (1/12)dᵀ(G_p−G_q)d and the change
     of g with its trapezoidal rule; a kink between the points leaves an error as large as a Taylor expansion's.
     """
-    d = q.y - p.y
-    change, mean = q.f - p.f, 0.5 * float((p.g + q.g) @ d)
-    hermite = abs(change - mean - float(d @ (p.G - q.G) @ d) / 12.0)
-    forward = abs(change - float(p.g @ d) - 0.5 * float(d @ p.G @ d))
-    backward = abs(change - float(q.g @ d) + 0.5 * float(d @ q.G @ d))
+    g, f = np.array([p.g for p in pieces]), np.array([p.f for p in pieces])
+    d = q.y - np.array([p.y for p in pieces])
+    Gp, Gq = Stack.of([p.G for p in pieces]).times_rows(d), Stack.of([q.G] * len(pieces)).times_rows(d)
+    change, mean = q.f - f, 0.5 * _rowwise(g + q.g, d)
+    hermite = np.abs(change - mean - _rowwise(Gp - Gq, d) / 12.0)
+    forward = np.abs(change - _rowwise(g, d) - 0.5 * _rowwise(Gp, d))
+    backward = np.abs(change - d @ q.g + 0.5 * _rowwise(Gq, d))
     eps = np.finfo(float).eps
-    if hermite > 0.1 * max(forward, backward) + 50 * eps * (abs(p.f) + abs(q.f)):
-        return False
-    turn, Gp, Gq = q.g - p.g, p.G @ d, q.G @ d
-    taylor = max(np.linalg.norm(turn - Gp), np.linalg.norm(turn - Gq))
-    noise = 500 * eps * max(np.linalg.norm(p.g), np.linalg.norm(q.g))
-    return bool(np.linalg.norm(turn - 0.5 * (Gp + Gq)) <= 0.5 * taylor + noise)
+    values = hermite <= 0.1 * np.maximum(forward, backward) + 50 * eps * (np.abs(f) + abs(q.f))
+    turn = q.g - g
+    taylor = np.maximum(np.linalg.norm(turn - Gp, axis=1), np.linalg.norm(turn - Gq, axis=1))
+    noise = 500 * eps * np.maximum(np.linalg.norm(g, axis=1), np.linalg.norm(q.g))
+    return values & (np.linalg.norm(turn - 0.5 * (Gp + Gq), axis=1) <= 0.5 * taylor + noise)
 
 
-def positive_definite(H: Array, shift: float, pivot: float, least: float) -> Metric:
-    """W: H with negative eigenvalues reversed, plus shift·I; eigenvalues at least pivot·largest and `least`."""
-    w, V = np.linalg.eigh(H)
-    w = np.abs(w) + shift
-    floor = max(pivot * float(w.max()), least)
-    return Metric(np.maximum(w, floor if floor > 0.0 else 1.0), V)  # all slopes and curvatures 0: any W will do
+def _rowwise(a: Array, b: Array) -> Array:
+    """(N,) a_jᵀb_j of the rows."""
+    return np.einsum("ji,ji->j", a, b)
 
 
-def minimise(model: Model, lam: Array, shift: float, rules: Rules, unit: float) -> Step:
-    """A local minimiser of model + ½·shift·‖d‖² by repeated quadratic programmes with halving, from d = 0."""
+def minimise(model: Model, lam: Array, shift: float, rules: Rules, unit: float, limit: float = np.inf) -> Step:
+    """A local minimiser of model + ½·shift·‖d‖² by repeated quadratic programmes with halving, from d = 0.
+
+    limit: ends as soon as ‖d‖ exceeds this, because such a step will be rejected
+    """
 
     def merit(d: Array) -> float:
         return model.value(d) + 0.5 * shift * float(d @ d)
@@ -185,8 +206,8 @@ def minimise(model: Model, lam: Array, shift: float, rules: Rules, unit: float) 
     least = rules.least_curvature * float(np.max(np.abs(model.A))) / unit
     promise = 0.0
     for used in range(1, rules.inner + 1):
-        Gd = model.G @ d
-        metric = positive_definite(np.einsum("j,jik->ik", lam, model.G), shift, rules.pivot, least)
+        Gd = model.bend(d)
+        metric = positive_definite(model.hessian(lam), shift, rules.pivot, least)
         lam, q = direction(model.c + model.A @ d + 0.5 * (Gd @ d), model.A + Gd, shift * d, metric, lam)
         if used == 1:
             promise = dual_decrease(model.c, model.A, lam, metric)
@@ -201,17 +222,19 @@ def minimise(model: Model, lam: Array, shift: float, rules: Rules, unit: float) 
         small = t * np.linalg.norm(q) <= rules.inner_tolerance * np.linalg.norm(d)
         flat = best - trial <= rules.inner_tolerance * abs(trial)
         best = trial
-        if used > 1 and (small or flat):
+        if (used > 1 and (small or flat)) or np.linalg.norm(d) > limit:
             break
     return Step(d, lam, -model.value(d), promise, shift, used)
 
 
-def bounded_step(model: Model, lam: Array, rules: Rules, radius: float, unit: float) -> Step:
+def bounded_step(model: Model, lam: Array, rules: Rules, radius: float, unit: float, likely_shift: float = 0.0) -> Step:
     """The model's minimiser, shifted by the smallest μI found that keeps ‖d‖ ≤ 1.2·radius (μ by bisection).
 
+    likely_shift: μ of the step before, tried second
     A nonconvex model may jump past the radius as μ falls; then the longest step found below it counts.
     """
-    step = minimise(model, lam, 0.0, rules, unit)
+    far = FAR * radius
+    step = minimise(model, lam, 0.0, rules, unit, far)
     used, promise, inside = step.factorisations, step.promise, None
     shift, low, high = 0.0, 0.0, np.inf
     for _ in range(25):
@@ -226,10 +249,12 @@ def bounded_step(model: Model, lam: Array, rules: Rules, radius: float, unit: fl
             break
         if np.isfinite(high):
             shift = float(np.sqrt(high * max(low, 1e-3 * high)))
+        elif shift == 0.0 < likely_shift and not failed:
+            shift = likely_shift
         else:
             slope = float(np.max(np.abs(model.A)) if failed else np.linalg.norm(step.lam @ model.A))
             shift = max(slope / radius, 10.0 * shift)
-        step = minimise(model, lam, shift, rules, unit)
+        step = minimise(model, lam, shift, rules, unit, far)
         used += step.factorisations
     found = inside or cut_back(model, step, radius)
     return replace(found, promise=promise, factorisations=used)

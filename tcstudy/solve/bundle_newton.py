@@ -26,7 +26,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solve.bundle_model import Model, Piece, Rules, Step, assemble, bounded_step, smoothly_joined, transport
+from tcstudy.solve.bundle_hessian import Stack
+from tcstudy.solve.bundle_model import Model, Piece, Rules, Step, assemble, bounded_step, carry, smoothly_joined
 from tcstudy.solve.bundle_state import (
     Kind,
     Oracle,
@@ -70,8 +71,8 @@ class BundleNewton:
         unit = self.x_unit or first_unit(piece)
         lam = np.ones(1)
         if not piece.finite:
-            n = len(x0)
-            model = Model(np.zeros(1), np.zeros((1, n)), np.zeros((1, n, n)), np.zeros(1), 0.0)
+            n, one = len(x0), np.zeros(1)
+            model = Model(one, np.zeros((1, n)), one, Stack.of([np.zeros((n, n))]), one, 0.0)
             step = Step(np.zeros(n), lam, 0.0, 0.0, 0.0, 0)
         else:
             model = assemble([piece], lam, x0, piece.f, self.rules)
@@ -91,12 +92,12 @@ class BundleNewton:
             return self.redirect(state, state.pieces, state.lam, 0.25 * length, "short")
         ratio = (state.f - new.f) / state.step.decrease
         serious = ratio >= self.m_L
-        if not serious and smoothly_joined(centre(state), new):
+        if not serious and smoothly_joined([centre(state)], new)[0]:
             return self.redirect(state, state.pieces, state.lam, interpolate(state, new) * length, "short")
         pieces, lam = self.select(state, new, serious)
         if serious:
             radius = radius_after_success(state.radius, length, ratio)
-            moved = replace(state, x=new.y, f=new.f, nulls=0)
+            moved = replace(state, x=new.y, f=new.f, nulls=0, resets=0)
             return self.redirect(moved, pieces, lam, radius, "serious")
         radius = self.radius_after_null(state, new)
         return self.redirect(replace(state, nulls=state.nulls + 1), pieces, lam, radius, "null")
@@ -104,7 +105,7 @@ class BundleNewton:
     def redirect(self, state: State, pieces: tuple[Piece, ...], lam: Array, radius: float, kind: Kind) -> State:
         """The state with a new bundle and radius, and the direction that follows from them."""
         model = assemble(pieces, lam, state.x, state.f, self.rules)
-        step = bounded_step(model, lam, self.rules, radius, max(radius, state.unit))
+        step = bounded_step(model, lam, self.rules, radius, max(radius, state.unit), state.step.shift)
         used = state.factorisations + step.factorisations
         # `step.lam` belongs to `pieces`, in their order
         return replace(
@@ -125,8 +126,10 @@ class BundleNewton:
         size the oldest inactive pieces leave, and if an active one has to, the aggregate takes its place.
         """
         x = new.y if serious else state.x
-        reach = new.distance(x)
-        obsolete = np.array([p.distance(x) >= reach and smoothly_joined(p, new) for p in state.pieces])
+        farther = np.flatnonzero(np.array([p.distance(x) for p in state.pieces]) >= new.distance(x))
+        obsolete = np.zeros(len(state.pieces), dtype=bool)
+        if len(farther):
+            obsolete[farther] = smoothly_joined([state.pieces[j] for j in farther], new)
         kept = [j for j in range(len(state.pieces)) if not obsolete[j]]
         limit = max(3, self.bundle_size or 2 * len(x) + 5)
         pieces, lam = [state.pieces[j] for j in kept], state.lam[kept]
@@ -149,11 +152,12 @@ class BundleNewton:
     def radius_after_null(self, state: State, new: Piece) -> float:
         """Shorter if the new piece hardly changes the model at d, or if null steps repeat at the bound."""
         d, length = state.step.d, state.step.length
-        c, g, G, _ = transport(new, state.x, state.f, self.rules, state.model.curvature)
-        if c + float(g @ d) + 0.5 * float(d @ G @ d) < -self.m_R * state.step.decrease:
+        alone = carry((new,), Stack.of([new.G]), state.x, state.f, self.rules, state.model.curvature)
+        if alone.value(d) < -self.m_R * state.step.decrease:
             return 0.5 * min(state.radius, length)
         if state.step.shift > 0.0 and state.nulls > 0:
-            return 0.7 * min(state.radius, length)
+            active = int(np.sum(state.lam > ACTIVE))
+            return float(0.7 ** (1.0 / active)) * min(state.radius, length)  # k kinks need some k null steps
         return state.radius
 
     def stationary(self, state: State) -> bool:
@@ -169,7 +173,9 @@ class BundleNewton:
         """Drop the remote active pieces and look for them again within the distance that proves stationarity."""
         keep = np.flatnonzero(~self.remote(state))
         pieces = tuple(state.pieces[j] for j in keep)
-        radius = float(np.sqrt(1e4 * self.tolerance * state.scale / state.model.curvature))
+        nearby = float(np.sqrt(1e4 * self.tolerance * state.scale / state.model.curvature))
+        radius = 0.5 * nearby  # steps may exceed it a little; what they find must not be remote again
+        state = replace(state, resets=state.resets + 1)
         return self.redirect(state, pieces, np.full(len(keep), 1.0 / len(keep)), radius, "reset")
 
     def verdict(self, problem: Oracle, state: State) -> tuple[Status, str] | None:
@@ -179,6 +185,12 @@ class BundleNewton:
         if self.stationary(state):
             if not np.any(self.remote(state)):
                 return Status.CONVERGED, f"predicted decrease {state.accuracy:.1e} of |f|, by pieces from nearby"
+            if state.resets > 10 + len(state.x):
+                reason = (
+                    f"the predicted decrease is {state.accuracy:.1e} of |f|, but only by pieces from too far away, and "
+                    f"{state.resets} searches nearby found no others; allow a larger tolerance"
+                )
+                return Status.STALLED, reason
             return None
         if state.radius > 1e12 * state.unit:
             reason = f"f still falls at a distance of {state.radius:.1e}: it may be unbounded below; check its growth"

@@ -12,10 +12,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.solve.bundle_hessian import DiagonalShift, Hessian, combine
 from tcstudy.solve.bundle_model import Model, Piece, Step
 
 Array = NDArray[np.float64]
-Oracle = Callable[[Array], tuple[float, Array, Array]]
+Oracle = Callable[[Array], tuple[float, Array, Hessian]]
 Kind = Literal["start", "serious", "null", "short", "reset"]
 
 
@@ -32,7 +33,7 @@ class State:
     promised: decrease predicted at the start
     model, step: the model about x and its minimiser
     kind:     what led here
-    nulls:    null steps since the last serious one
+    nulls, resets: null steps and resets since the last serious step
     """
 
     x: Array
@@ -49,6 +50,7 @@ class State:
     nulls: int
     evaluations: int
     factorisations: int
+    resets: int = 0
 
     @property
     def scale(self) -> float:
@@ -67,7 +69,8 @@ class State:
 def evaluate(problem: Oracle, y: Array) -> Piece:
     """The oracle's answer at y as a piece."""
     f, g, G = problem(y)
-    return Piece(y, float(f), np.asarray(g, dtype=float), np.asarray(G, dtype=float))
+    hessian = G if isinstance(G, DiagonalShift) else np.asarray(G, dtype=float)
+    return Piece(y, float(f), np.asarray(g, dtype=float), hessian)
 
 
 def first_unit(piece: Piece) -> float:
@@ -105,4 +108,5 @@ def aggregate(state: State) -> Piece:
     """Σλ_j (f_j, g_j, ρ_jG_j, s_j) at the centre: one piece that gives the same direction as the whole bundle."""
     lam, model = state.lam, state.model
     value = state.f + float(lam @ model.c)
-    return Piece(state.x, value, lam @ model.A, np.einsum("j,jik->ik", lam, model.G), float(lam @ model.s))
+    hessian = combine([p.G for p in state.pieces], lam * model.rho)
+    return Piece(state.x, value, lam @ model.A, hessian, float(lam @ model.s))

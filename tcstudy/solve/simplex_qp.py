@@ -24,9 +24,6 @@ Array = NDArray[np.float64]
 ACTIVE = 1e-9
 """A multiplier above this share of 1 counts as active."""
 
-SPREAD = 1e-7
-"""Largest difference of active pieces at q relative to the change of their maximum that needs no second solve."""
-
 ATTEMPTS = ((1e-14, 1e-11), (1e-14, 1e-9), (1e-11, 1e-9), (1e-8, 1e-8))
 """Shift of the scaled dual matrix and DAQP's feasibility tolerance, sharpest first."""
 
@@ -51,12 +48,10 @@ def direction(c: Array, A: Array, h: Array, metric: Metric, likely: Array) -> tu
     if found is None:
         return growing_set(c, A, h, metric, start)
     working, q = found
-    lam, index = np.zeros(len(c)), working.index
-    lam[index] = working.lam
-    values = c[index] + A[index] @ q
-    if np.ptp(values[working.lam > ACTIVE]) > SPREAD * abs(float(np.max(values) - np.max(c))):
-        share, q = polish(working.lam, q, c[index], A[index], h, metric)
-        lam[index] = share
+    lam, index, share = np.zeros(len(c)), working.index, working.lam
+    if len(index) > 1:
+        share, q = polish(share, q, c[index], A[index], h, metric)
+    lam[index] = share
     return lam, q
 
 
