@@ -1,0 +1,87 @@
+"""The comparison on problems of 20 nodes: answers are judged rightly, nothing is dropped, chart and table are made."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tcstudy.solve.loop import iterate
+from tests.benchmarks import peers
+from tests.benchmarks.measure import NOT_RUN, RETURNED, TIME_LIMIT, Limits, measure
+from tests.benchmarks.methods import PEERS, TOLERANCE, Attempt, Peer
+from tests.benchmarks.problems import cases
+from tests.benchmarks.semismooth import SemismoothNewton
+from tests.benchmarks.summary import markdown, solved, wrong_claims
+from tests.solve.contact_cases import independent_residual
+
+SMALL = Limits(solve=30.0, budget=30.0, repeats=2)
+
+
+@pytest.fixture(scope="module")
+def data() -> xr.Dataset:
+    """All methods on one load a family."""
+    return measure(cases((20,), 1, body_levels=0), limits=SMALL)
+
+
+def test_ours_solve_everything_and_every_method_was_run(data: xr.Dataset) -> None:
+    assert np.all(data["end"].values != NOT_RUN)
+    for method in ("separable-newton", "bundle-newton"):
+        assert solved(data, method) == (data.sizes["case"], data.sizes["case"])
+    assert float(data["energy_gap"].min()) >= 0.0
+    assert np.all(np.diff(data["residual"].values, axis=-1) <= 0.0)
+
+
+def test_a_plain_claim_is_refuted(data: xr.Dataset) -> None:
+    """Powell stops with success=True on every one of these; none is a solution."""
+    wrong, claims = wrong_claims(data, "Powell")
+    assert wrong == claims == int(np.sum(data["end"].sel(solver="Powell") == RETURNED)) > 0
+
+
+def test_liars_and_loiterers_are_found_out() -> None:
+    """A method that claims success at its start, and one that runs out of time and is not asked again."""
+    families = list(cases((20, 21), 2, body_levels=0))
+    liar = Peer("liar", lambda problem, x0, deadline: Attempt(x0, True))
+    slow = Peer("slow", lambda problem, x0, deadline: Attempt(x0, False, out_of_time=True))
+    honest = PEERS[0]
+    data = measure(families, (honest, liar, slow), SMALL)
+    count = data.sizes["case"]
+    assert wrong_claims(data, "liar") == (count, count)
+    assert wrong_claims(data, honest.name) == (0, count)
+    small = data["m"].values == 20
+    assert np.all(data["end"].sel(solver="slow").values[small] == TIME_LIMIT)
+    assert np.all(data["end"].sel(solver="slow").values[~small] == NOT_RUN)
+    assert "| slow | 0/" in markdown(data)
+    assert "| – |" in markdown(data)
+
+
+def test_body_is_a_condensed_one_that_both_of_ours_solve() -> None:
+    """The rectangle's λ₁ on its coarsest mesh; the finest is too slow for a test."""
+    (family,) = cases((), 2, body_levels=1)
+    assert family[0].problem.lambda_1 == pytest.approx(0.4162, abs=2e-3)
+    data = measure([family], PEERS[:2], SMALL)
+    assert all(solved(data, peer.name) == (2, 2) for peer in PEERS[:2])
+    assert float(data["energy_gap"].max()) <= 1e-9
+
+
+def test_semismooth_newton_ends_exactly_or_says_that_it_cycles() -> None:
+    """Judged by a residual that shares no code with the package; some of these cycle, most do not."""
+    converged = 0
+    for family in cases((20,), 5, body_levels=0):
+        for case in family:
+            outcome = iterate(SemismoothNewton(), case.problem, np.zeros(20))
+            good = independent_residual(case.problem, outcome.x) <= TOLERANCE
+            assert good == outcome.converged, outcome.reason
+            converged += good
+    assert 10 <= converged < 20
+
+
+def test_chart_and_table_come_from_the_stored_file(data: xr.Dataset, tmp_path: Path) -> None:
+    data.assign_attrs(peers.provenance()).to_netcdf(tmp_path / "peers.nc")
+    peers.main(["--draw", "--output", str(tmp_path)])
+    assert (tmp_path / "peers.png").stat().st_size > 20_000
+    text = (tmp_path / "peers.md").read_text(encoding="utf-8")
+    assert all(peer.name in text for peer in PEERS)
+    assert str(tmp_path) not in text
