@@ -47,17 +47,38 @@ def _parser() -> argparse.ArgumentParser:
     _study_arguments(plan)
     plan.add_argument("--output", type=Path, metavar="FILE", help="result file that a run would write")
     plan.set_defaults(command=_plan)
+    path = commands.add_parser("path", help="follow all solutions along one parameter", epilog=_EPILOG)
+    _study_arguments(path)
+    path.add_argument("--output", type=Path, metavar="FILE", help="result file (default: results/<study>-path.nc)")
+    path.add_argument("--plot", type=Path, metavar="PICTURE", help="also draw it: a .png, .svg or .pdf file")
+    _response_argument(path)
+    path.set_defaults(command=_path)
     show = commands.add_parser("show", help="print the summary of a result file", epilog=_EPILOG)
     show.add_argument("file", type=Path, metavar="FILE.nc")
     show.set_defaults(command=_show)
+    converge = commands.add_parser("converge", help="measure errors, rates and limits over the levels", epilog=_EPILOG)
+    _study_arguments(converge)
+    converge.add_argument(
+        "--output", type=Path, metavar="FILE", help="convergence file (default: results/<study>.convergence.nc)"
+    )
+    converge.add_argument("--format", choices=("text", "markdown", "latex"), default="text", help="form of the tables")
+    converge.add_argument("--plot", type=Path, metavar="PICTURE", help="draw the errors: a .png, .svg or .pdf file")
+    converge.add_argument("--at", action="append", default=[], metavar="NAME=VALUE", help="point of the plot")
+    converge.set_defaults(command=_converge)
     draw = commands.add_parser("draw", help="draw one point of a result file", epilog=_EPILOG)
     draw.add_argument("file", type=Path, metavar="FILE.nc")
     draw.add_argument("picture", type=Path, metavar="PICTURE", help="a .png, .svg or .pdf file")
     draw.add_argument("--at", action="append", default=[], metavar="NAME=VALUE", help="which point (may be repeated)")
     draw.add_argument("--level", type=int, default=-1, metavar="N", help="mesh level (default: the finest)")
+    _response_argument(draw)
     draw.set_defaults(command=_draw)
     parser.add_argument("--version", action="version", version=f"tcstudy {_version()}")
     return parser
+
+
+def _response_argument(parser: argparse.ArgumentParser) -> None:
+    what = "what a path is drawn over: the mean or largest slip, or the friction resultant"
+    parser.add_argument("--response", choices=("mean-slip", "max-slip", "friction"), default="mean-slip", help=what)
 
 
 def _study_arguments(parser: argparse.ArgumentParser) -> None:
@@ -118,38 +139,115 @@ def _plan(options: argparse.Namespace) -> int:
             forecast.notes,
             str(output),
             forecast.bytes,
+            study.mesh.family == "adaptive" or study.mesh.tolerance is not None,
         )
     )
     return OK
 
 
-def _show(options: argparse.Namespace) -> int:
+def _path(options: argparse.Namespace) -> int:
+    from tcstudy.study.plan import path_output
+
+    study, output = _checked(options, path_output)
+    if study.path is None:
+        remedy = "add path: {parameter: theta_bar, from: 0 K, to: 40 K}"
+        _fail(f"{options.study}: path: the study has no section path; {remedy}")
     from tcstudy.data.store import StoreError
+    from tcstudy.fem.geometry import GeometryFailed
+    from tcstudy.report.path_figure import draw_path
+    from tcstudy.report.path_progress import PathProgress
+    from tcstudy.report.path_summary import path_summary
+    from tcstudy.report.style import DrawError, check_target
+    from tcstudy.study.path_affine import PathError
+    from tcstudy.study.path_execute import execute_path
+
+    progress = PathProgress()
+    try:
+        if options.plot is not None:
+            check_target(options.plot)
+        problems = execute_path(study, output, progress, options.words)
+        progress.close()
+        print(path_summary(output))
+        if options.plot is not None:
+            print(f"\n  {draw_path(output, options.plot, options.response)}")
+    except (PathError, StoreError, GeometryFailed, DrawError) as error:
+        progress.close()
+        _fail(f"{options.study}: {error}")
+    print("".join(f"\n  {problem}" for problem in problems) + f"\n  data in {output}")
+    return SOME_FAILED if problems else OK
+
+
+def _show(options: argparse.Namespace) -> int:
+    from tcstudy.data.path_store import is_path
+    from tcstudy.data.store import StoreError
+    from tcstudy.report.path_summary import path_summary
     from tcstudy.report.summary import summary
 
     try:
-        print(summary(options.file))
+        print(path_summary(options.file) if is_path(options.file) else summary(options.file))
     except StoreError as error:
         _fail(str(error))
     return OK
 
 
+def _converge(options: argparse.Namespace) -> int:
+    from tcstudy.report.style import DrawError, check_target
+
+    point = _point_of(options)
+    if options.plot is not None:
+        try:
+            check_target(options.plot)
+        except DrawError as error:
+            _fail(str(error))
+    study, output = _checked(options)
+    from tcstudy.data.convergence import default_path
+    from tcstudy.data.store import StoreError
+    from tcstudy.fem.geometry import GeometryFailed
+    from tcstudy.report.convergence import convergence_report
+    from tcstudy.report.convergence_plot import plot_convergence
+    from tcstudy.study.convergence import ConvergenceError, converge_to_file
+
+    path = options.output or default_path(output)
+    try:
+        failed = converge_to_file(study, path, lambda text: print(text, file=sys.stderr, flush=True), options.words)
+        print(convergence_report(path, options.format), end="")
+        if options.plot is not None:
+            print(plot_convergence(path, options.plot, point), file=sys.stderr)
+    except (StoreError, GeometryFailed, ConvergenceError, DrawError) as error:
+        _fail(f"{options.study}: {error}")
+    print(f"data in {path}", file=sys.stderr)
+    return SOME_FAILED if failed else OK
+
+
 def _draw(options: argparse.Namespace) -> int:
+    from tcstudy.data.path_store import is_path
     from tcstudy.data.store import StoreError
     from tcstudy.report.draw import DrawError, draw
+    from tcstudy.report.path_figure import draw_path
 
-    words = [text.partition("=") for text in options.at]
-    if not all(mark for _, mark, _ in words):
-        _fail("--at: write NAME=VALUE, for example --at alpha=100")
+    point = _point_of(options)
     try:
-        print(draw(options.file, options.picture, {name: value for name, _, value in words}, options.level))
+        if is_path(options.file):
+            if point:
+                _fail("--at: the file of a path has no sweep points; leave it out")
+            print(draw_path(options.file, options.picture, options.response))
+        else:
+            print(draw(options.file, options.picture, point, options.level))
     except (StoreError, DrawError) as error:
         _fail(str(error))
     return OK
 
 
-def _checked(options: argparse.Namespace):  # type: ignore[no-untyped-def]  # Study and Path, imported lazily
-    """The study and its output, both found usable; exits with 2 otherwise."""
+def _point_of(options: argparse.Namespace) -> dict[str, str]:
+    """The sweep point that --at names; exits with 2 if it cannot be read."""
+    words = [text.partition("=") for text in options.at]
+    if not all(mark for _, mark, _ in words):
+        _fail("--at: write NAME=VALUE, for example --at alpha=100")
+    return {name: value for name, _, value in words}
+
+
+def _checked(options: argparse.Namespace, default=None):  # type: ignore[no-untyped-def]  # Study, imported lazily
+    """The study and its output (`default` of the study if none is given), both found usable; else exits with 2."""
     from tcstudy.errors import StudyError
     from tcstudy.scene.reader import read_study
     from tcstudy.study.plan import output_of
@@ -159,7 +257,7 @@ def _checked(options: argparse.Namespace):  # type: ignore[no-untyped-def]  # St
         study = read_study(options.study, options.overrides)
     except StudyError as error:
         _fail(str(error))
-    output = options.output or output_of(study)
+    output = options.output or (default or output_of)(study)
     problems = faults(study, output)
     if problems:
         _fail("\n".join(f"{options.study}: {problem}" for problem in problems))

@@ -66,6 +66,11 @@ class Condensation:
         """Number of kept unknowns."""
         return len(self.A_tilde)
 
+    @property
+    def plan(self) -> EliminationPlan:
+        """The order of elimination, for another matrix of the same pattern."""
+        return self._plan
+
     def condense(self, F: ArrayLike) -> Floats:
         """l̃ = F_k − A_ki A_ii⁻¹ F_i, (m,) or (m, r), eq. (20).
 
@@ -137,6 +142,7 @@ def condense(
     components: int,
     *,
     keep_factor: bool = True,
+    plan: EliminationPlan | None = None,
 ) -> Condensation:
     """Condense A onto the unknowns `keep` by eliminating the unknowns `eliminate`, eq. (20).
 
@@ -146,6 +152,8 @@ def condense(
     keep:        (m,) rows in the order wanted for Ã; m = 0 gives a plain sparse solver
     eliminate:   (n,) boolean mask, or rows; may be empty. Rows in neither set are fixed at zero and ignored
     keep_factor: False drops the factor (memory) and with it condense, forward and expand
+    plan:        `Condensation.plan` of a matrix of the same pattern and with the same `keep` and `eliminate`, which
+                 saves finding an order again; the result is the same, bit for bit
 
     Raises NotPositiveDefinite (a ValueError) if the eliminated block is not positive definite to working precision
     (see conditioning.py; Ã is not judged, see `Condensation.require_definite`), and ValueError on shapes and indices
@@ -155,7 +163,10 @@ def condense(
     n = A.shape[0]
     keep_rows, eliminated = checked_rows(keep, eliminate, n)
     with one_blas_thread():
-        plan = plan_elimination(A, coordinates, keep_rows, eliminated)
+        if plan is None:
+            plan = plan_elimination(A, coordinates, keep_rows, eliminated)
+        elif not plan.is_for(keep_rows, eliminated):
+            raise ValueError("the elimination plan is that of other kept or eliminated unknowns")
         result = run_elimination(A, plan, random_probes(A, plan), keep_factor)
     check_condition(result.energy)
     lower = np.tril(result.root)

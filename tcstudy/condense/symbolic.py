@@ -37,6 +37,14 @@ class EliminationPlan:
     children: list[tuple[int, ...]]
     kept: Ints
 
+    def is_for(self, keep: Ints, eliminated: Mask) -> bool:
+        """Whether these are the rows that it keeps, in this order, and eliminates."""
+        m = len(self.kept)
+        inner, kept = self.permutation[: len(self.permutation) - m], self.permutation[len(self.permutation) - m :]
+        if len(eliminated) != len(self.position) or not np.array_equal(kept[self.kept], keep):
+            return False
+        return len(inner) == np.count_nonzero(eliminated) and bool(eliminated[inner].all())
+
 
 def plan_elimination(
     A: sp.csr_matrix | sp.csr_array, coordinates: Floats, keep: Ints, eliminated: Mask

@@ -32,6 +32,7 @@ class LevelRecord:
     edge:       (m,) index into edge_names of the contact edge that a node lies on
     time_mesh, time_assemble: wall time of this level's mesh and matrices [s]
     fields:     mesh arrays for whole-body fields: "node_x", "node_y" (n,), "triangle" (t, 3); empty unless asked for
+    stop:       why refinement ended on this level, in words; empty if it went on or there was nothing to decide
     """
 
     level: int
@@ -47,6 +48,7 @@ class LevelRecord:
     time_mesh: float
     time_assemble: float
     fields: dict[str, NDArray[np.generic]] = field(default_factory=dict)
+    stop: str = ""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from tcstudy.data.records import LevelRecord, PointStatus
-from tcstudy.scene.records import Axis, Study
+from tcstudy.scene.records import Axis, Goal, Study
 
 Dtype = Literal["f8", "i4", "i1", "str"]
 
@@ -125,6 +125,34 @@ SOLVERS: tuple[Variable, ...] = (
 )
 """What is kept of every solver where a study names several; the first one's solution is the stored one."""
 
+ESTIMATES: tuple[Variable, ...] = (
+    _result("error_estimate", "1", "estimated error of the displacement in the energy norm, relative to its own norm"),
+    Variable("stop", "str", "1", "why refinement ended on the level, in words; empty if it went on", _LEVEL),
+)
+"""What is kept where errors are estimated."""
+
+_GOALS = {
+    "friction_resultant": ("N m-1", "integral of -S_T over the contact line, per unit thickness"),
+    "slip_length": ("m", "length of the contact line that does not stick"),
+    "u_T": ("m", "tangential displacement at the point of the study"),
+}
+
+
+def _goal_variables(goal: Goal) -> tuple[Variable, ...]:
+    """What is kept of a goal; the energy norm has none, its error is `error_estimate`."""
+    if goal.quantity == "energy":
+        return ()
+    units, what = _GOALS[goal.quantity]
+    estimate = _result("goal_estimate", units, "estimated absolute error of goal")
+    kept = (_result("goal", units, f"goal: {what}"), estimate)
+    if goal.known is None:
+        return kept
+    error = _result("goal_error", units, f"absolute error of goal; it is known to be {goal.known!r}")
+    return (*kept, error, _result("goal_effectivity", "1", "goal_estimate over goal_error"))
+
+
+_GOAL_NAMES = ("goal", "goal_estimate", "goal_error", "goal_effectivity")
+
 LEVEL_COORDINATE = Variable("level", "i4", "1", "mesh level, from coarse to fine", _LEVEL, coordinate=True)
 
 _NODE = ("node",)
@@ -171,20 +199,24 @@ FIELDS: tuple[Variable, ...] = (
     Variable("u_y", "f8", "m", "displacement in y", (SWEEP, "mesh_node"), extra=_AT_MESH),
 )
 
-NUMBERS = frozenset(v.name for v in (*ROOT, *SOLVERS) if v.dims[:2] == POINT_LEVEL) - {"status", "reason"}
+_POINTWISE = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES) if v.dims[:2] == POINT_LEVEL)
+NUMBERS = (_POINTWISE | {*_GOAL_NAMES}) - {"status", "reason"}
 """Names that `PointRecord.numbers` may hold."""
 
 
 def root_variables(study: Study) -> tuple[Variable, ...]:
     """The variables of the root group of this study's file."""
-    return ROOT + SOLVERS if len(study.solver.names) > 1 else ROOT
+    solvers = SOLVERS if len(study.solver.names) > 1 else ()
+    estimates = ESTIMATES + _goal_variables(study.mesh.goal) if study.mesh.estimates else ()
+    return (*ROOT, *solvers, *estimates)
 
 
 FIELD_NAMES = frozenset(v.name for v in FIELDS)
 """Names that `PointRecord.fields` may hold."""
 
-RESERVED = frozenset(v.name for v in (*ROOT, *SOLVERS, *CONTACT, *MESH, *FIELDS)) | {
-    *("level", "start", "solver", "node", "mesh_node", "mesh_face", "corner", "mesh", POINT)
+RESERVED = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES, *CONTACT, *MESH, *FIELDS)) | {
+    *_GOAL_NAMES,
+    *("level", "start", "solver", "node", "mesh_node", "mesh_face", "corner", "mesh", POINT),
 }
 """Names of the file that no swept parameter may take; see `axis_name`."""
 

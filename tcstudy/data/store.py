@@ -11,7 +11,7 @@ import errno
 import os
 import shutil
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,6 +34,8 @@ FINISHED = "finished"
 
 PARTIAL = ".partial"
 """What the journal of a run adds to the name of its output."""
+
+KEPT = "finished points are kept in the journal"
 
 ROOM = 3
 """Free disk that must be there, as a multiple of the expected file (old and new stand side by side)."""
@@ -61,19 +63,28 @@ def write(
     problems = schema.axis_problems(study)
     if problems:
         raise StoreError("; ".join(problems))
+    replace_file(path, lambda aside: _write_file(aside, study, levels, points, provenance), KEPT)
+
+
+def replace_file(path: Path, make: Callable[[Path], None], kept: str = "") -> None:
+    """Put the file that `make` writes aside in the place of `path`, in one step and on the disk.
+
+    kept: what of the work is not lost if that fails, for the message
+    Raises StoreError if the file cannot be written; the old one is then untouched.
+    """
     target = Path(os.path.realpath(path))
     aside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
         _refuse_protected(path)
         target.parent.mkdir(parents=True, exist_ok=True)
-        _write_file(aside, study, levels, points, provenance)
+        make(aside)
         _sync_file(aside)
         if target.exists():
             shutil.copymode(target, aside)
         os.replace(aside, target)
         sync_directory(target.parent)
     except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as RuntimeError
-        raise StoreError(f"cannot write {path}: {_cause(error)}. {_remedy(error, target.parent)}") from error
+        raise StoreError(f"cannot write {path}: {_cause(error)}. {_remedy(error, target.parent, kept)}") from error
     finally:
         with suppress(OSError):
             aside.unlink(missing_ok=True)
@@ -121,7 +132,7 @@ def open_results(path: Path) -> xarray.DataTree:
 
     Raises StoreError if there is no file, if it is not a result file or if its run has not finished.
     """
-    _refuse_unfinished(path)
+    refuse_unfinished(path)
     import xarray  # here, because a run needs no xarray and its import takes longer than writing the file
 
     return xarray.open_datatree(path, engine="netcdf4")
@@ -163,14 +174,7 @@ def _write_file(
     provenance: Provenance,
 ) -> None:
     """One complete file; sweep arrays are allocated whole, so that every point has its place at once."""
-    import netCDF4
-
-    file.touch()  # a directory without permission is told here; below, netCDF4 says "permission" of a full disk, too
-    try:
-        nc = netCDF4.Dataset(file, "w", format="NETCDF4")
-    except OSError as error:
-        raise OSError(errno.EIO, "the netCDF library cannot make the file") from error
-    with nc:
+    with new_dataset(file) as nc:
         nc.setncatts(global_attributes(study, provenance))
         _put_axes(nc, study)
         variables = schema.root_variables(study)
@@ -179,7 +183,7 @@ def _write_file(
         groups: dict[int, netCDF4.Group] = {}
         contact: dict[int, Arrays] = {}
         for level in levels:
-            _take_level(root, level)
+            _take_level(root, variables, level)
             groups[level.level] = _make_group(nc, study, level)
             contact[level.level] = _contact_arrays(study, level)
         for point in points:
@@ -194,6 +198,17 @@ def _write_file(
                 _put(group, variable, study, contact[level.level][variable.name])
             group["edge"].setncatts(schema.edge_attributes(level.edge_names))
         nc.setncattr(FINISHED, np.int32(1))
+
+
+def new_dataset(file: Path) -> netCDF4.Dataset:
+    """A new netCDF-4 file, open for writing; raises OSError."""
+    import netCDF4
+
+    file.touch()  # a directory without permission is told here; below, netCDF4 says "permission" of a full disk, too
+    try:
+        return netCDF4.Dataset(file, "w", format="NETCDF4")
+    except OSError as error:
+        raise OSError(errno.EIO, "the netCDF library cannot make the file") from error
 
 
 def _allocate(variables: Sequence[schema.Variable], study: Study, sizes: dict[str, int]) -> Arrays:
@@ -269,8 +284,8 @@ def _contact_arrays(study: Study, level: LevelRecord) -> Arrays:
     return arrays
 
 
-def _take_level(root: Arrays, level: LevelRecord) -> None:
-    for variable in schema.ROOT:
+def _take_level(root: Arrays, variables: Sequence[schema.Variable], level: LevelRecord) -> None:
+    for variable in variables:
         if variable.dims == ("level",):
             root[variable.name][level.level] = getattr(level, variable.name)
 
@@ -330,7 +345,7 @@ def _refuse_protected(path: Path) -> None:
         raise PermissionError(errno.EACCES, "the file is write-protected", str(path))
 
 
-def _refuse_unfinished(path: Path) -> None:
+def refuse_unfinished(path: Path) -> None:
     """Raise StoreError unless `path` is a complete result file."""
     import netCDF4
 
@@ -356,16 +371,16 @@ def _cause(error: Exception) -> str:
     return (error.strerror if isinstance(error, OSError) else None) or str(error)
 
 
-def _remedy(error: Exception, directory: Path) -> str:
+def _remedy(error: Exception, directory: Path, kept: str) -> str:
     """What the user can do; a netCDF error has no errno, so the disk itself is asked."""
     number = error.errno if isinstance(error, OSError) else None
     if number in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return "Make the place writable or choose another output; finished points are kept in the journal"
-    kept = "finished points are kept in the journal"
+        return "; ".join(("Make the place writable or choose another output", *filter(None, [kept])))
+    remedy = "Choose another output"
     with suppress(OSError):
         free = _size(shutil.disk_usage(directory).free)
-        return f"Free some space ({free} left; a quota may be lower) or choose another output; {kept}"
-    return f"Choose another output; {kept}"
+        remedy = f"Free some space ({free} left; a quota may be lower) or choose another output"
+    return "; ".join((remedy, *filter(None, [kept])))
 
 
 def _size(number: float) -> str:

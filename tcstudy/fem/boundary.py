@@ -31,11 +31,14 @@ class Frames:
     rotation: (2n, 2n) orthogonal R
     fixed:    (2n,) local rows that carry no unknown
     values:   (2n,) prescribed local displacements on the fixed rows, zero elsewhere [m]
+    turned:   (k,) nodes whose local frame is not (x, y);  axes: (k, 2, 2) their blocks of R, a local axis a column
     """
 
     rotation: sp.csr_array
     fixed: NDArray[np.bool_]
     values: Array
+    turned: Indices
+    axes: Array
 
     @property
     def n_dof(self) -> int:
@@ -197,4 +200,6 @@ def _frames(n: int, nodes: Indices, d0: Array, v0: Array, u: Array, both: NDArra
     two = nodes[both]
     fixed[two] = fixed[two + n] = True
     values[two], values[two + n] = u[both, 0], u[both, 1]
-    return Frames(rotation, fixed, values)
+    axes = np.stack([np.column_stack([diagonal_x, lower]), np.column_stack([upper, diagonal_y])], axis=2)
+    own = np.flatnonzero((axes != np.eye(2)).any(axis=(1, 2)))
+    return Frames(rotation, fixed, values, own, axes[own])

@@ -27,7 +27,7 @@ class ContactLine:
     arclength: (m,) position along Γ_C, parts counted on one after the other [m]
     xy:        (m, 2) coordinates [m];  c: (m,) segment lengths [m]
     edge:      (m,) index into edge_names of the edge the node lies on
-    segments:  (s, 2) all segments of Γ_C, clamped nodes included, in order
+    segments:  (s, 2) all segments of Γ_C, clamped nodes included, in order;  ends: (s, 2, 2) their ends [m]
     """
 
     nodes: Indices
@@ -37,6 +37,7 @@ class ContactLine:
     edge: NDArray[np.int8]
     edge_names: tuple[str, ...]
     segments: Indices
+    ends: Array
 
     @property
     def m(self) -> int:
@@ -64,15 +65,16 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
     last = np.ones(len(segments), dtype=bool)
     last[:-1] = start[1:]
     closes = segments[:, 1] == _part_start(segments, start)
-    ends = np.flatnonzero(last & ~closes)
-    nodes = np.concatenate([segments[:, 0], segments[ends, 1]])
-    at = np.concatenate([before, before[ends] + lengths[ends]])
-    position = np.concatenate([np.arange(len(segments)), ends + 0.5])
-    edges = np.concatenate([edge, edge[ends]])
+    final = np.flatnonzero(last & ~closes)
+    nodes = np.concatenate([segments[:, 0], segments[final, 1]])
+    at = np.concatenate([before, before[final] + lengths[final]])
+    position = np.concatenate([np.arange(len(segments)), final + 0.5])
+    edges = np.concatenate([edge, edge[final]])
     sort = np.argsort(position, kind="stable")
     sort = sort[~frames.fixed[nodes[sort]]]
-    nodes = nodes[sort]
-    return ContactLine(nodes, at[sort], mesh.points[nodes], c[nodes], edges[sort].astype(np.int8), names, segments)
+    nodes, ends = nodes[sort], mesh.points[segments]
+    on = edges[sort].astype(np.int8)
+    return ContactLine(nodes, at[sort], mesh.points[nodes], c[nodes], on, names, segments, ends)
 
 
 def _cells(mesh: PlaneMesh, segments: Indices, lengths: Array, free: NDArray[np.bool_]) -> Array:

@@ -19,6 +19,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.fem.coefficients import bonus, coefficient, csr, vector
+from tcstudy.fem.gradients import GradientProducts
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.scene.records import Scalar
 
@@ -29,11 +30,16 @@ Array = NDArray[np.float64]
 class HeatForms:
     """The matrices and loads of the heat problem on one mesh (n nodes).
 
-    mesh:       the mesh;  convection: study names of the edges that make up Γ_θ
+    gradients: products of gradients on the mesh;  convection: study names of the edges that make up Γ_θ
     """
 
-    mesh: PlaneMesh
+    gradients: GradientProducts
     convection: tuple[str, ...]
+
+    @property
+    def mesh(self) -> PlaneMesh:
+        """The mesh."""
+        return self.gradients.mesh
 
     @cached_property
     def _space(self) -> Any:
@@ -42,8 +48,7 @@ class HeatForms:
     @cached_property
     def conduction(self) -> sp.csr_array:
         """K = ∫∇φ_i·∇φ_j, (n, n), dimensionless: the matrix for k = 1."""
-        theta, phi = self._space.TnT()
-        return csr(ngs.BilinearForm(ngs.grad(theta) * ngs.grad(phi) * ngs.dx).Assemble())
+        return self.gradients.conduction()
 
     @cached_property
     def robin_nodes(self) -> NDArray[np.intp]:

@@ -1,4 +1,8 @@
-"""Netgen meshes of a body: one coarse mesh refined uniformly, or one mesh per element size; checked after meshing."""
+"""Netgen meshes of a body: one coarse mesh refined uniformly or where marked, or one mesh per element size.
+
+Marked triangles are bisected (netgen's longest-edge bisection, with as many neighbours as conformity asks for): old
+nodes keep their numbers, new ones on arcs are put on the arc, names of edges and regions stay. Meshes are checked.
+"""
 
 from __future__ import annotations
 
@@ -76,6 +80,15 @@ def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh |
         finer.Refine()  # netgen's uniform refinement: four congruent children, nodes put on arcs
         mesh = ngs.Mesh(finer)
     return _extract(mesh, geometry, level, start)
+
+
+def refine_marked(coarser: PlaneMesh, marked: NDArray[np.bool_]) -> PlaneMesh:
+    """The mesh with the marked triangles (t,) bisected, one level on. Raises GeometryFailed if it is not the body."""
+    start = time.perf_counter()
+    mesh = ngs.Mesh(coarser.mesh.ngmesh.Copy())  # the coarse mesh stays usable
+    mesh.SetRefinementFlags(marked.tolist())
+    mesh.Refine()
+    return _extract(mesh, coarser.geometry, coarser.level + 1, start)
 
 
 def _generate(geometry: Geometry, maxh: float) -> Any:

@@ -29,6 +29,7 @@ def forecast_text(
     notes: Sequence[str],
     output: str,
     size: int,
+    at_most: bool = False,
 ) -> str:
     """Counts, predicted sizes, what is left out and why; axes are (name, labels, units)."""
     lines = [title, ""]
@@ -36,7 +37,8 @@ def forecast_text(
         shown = ", ".join(v if isinstance(v, str) else number(float(str(v))) for v in list(labels)[:6])
         more = f", … ({len(labels)} values)" if len(labels) > 6 else ""
         lines.append(f"  {name}: {shown}{more}" + (f" [{units}]" if units != "1" else ""))
-    lines.append(f"  {points} points × {level_count} levels = {points * level_count} solutions")
+    most = "at most " if at_most else ""
+    lines.append(f"  {points} points × {most}{level_count} levels = {most}{points * level_count} solutions")
     lines.append(f"  per level: {factorisations} stiffness factorisation(s), {heat_solves} temperature field(s)")
     lines.append("")
     if levels:

@@ -19,7 +19,7 @@ def summary(path: Path) -> str:
     """Text for the terminal, read from the result file alone. Raises StoreError if it is not one."""
     with open_results(path) as tree:
         data = tree.to_dataset().load()
-    parts = [data.attrs["title"], _levels(data), _points(data), _failures(data)]
+    parts = [data.attrs["title"], _levels(data), _stop(data), _points(data), _failures(data)]
     return "\n\n".join(part for part in parts if part)
 
 
@@ -36,8 +36,10 @@ def _levels(data: Any) -> str:
     lambda_1 = data["lambda_1"].min(dims)
     stiffness, stiffness_unit = prefix(lambda_1.values.tolist(), data["lambda_1"].attrs["units"])
     size, unit = prefix(data["h_max"].values.tolist(), data["h_max"].attrs["units"])
+    estimated = [(name, title) for name, title in _ESTIMATED if name in data]
     for i in range(data.sizes["level"]):
         at = data.isel(level=i)
+        estimates = [number(at[name].max(), 2) for name, _ in estimated]
         rows.append(
             [
                 str(int(at["level"])),
@@ -50,11 +52,29 @@ def _levels(data: Any) -> str:
                 number(at["time_mesh"] + at["time_assemble"], 2),
                 number(at["time_condense"].sum(), 2),
                 number(at["time_solve"].sum(), 2),
+                *estimates,
             ]
         )
     header = ["level", _bracketed("h_max", unit), "dofs", "contact", "ok", "worst residual"]
     header += [_bracketed("λ₁", stiffness_unit), "mesh+assembly [s]", "condense [s]", "solve [s]"]
-    return table(header, rows)
+    return table(header + [title for _, title in estimated], rows)
+
+
+_ESTIMATED = (
+    ("error_estimate", "est. rel. error"),
+    ("goal_estimate", "est. error of goal"),
+    ("goal_error", "its true error"),
+    ("goal_effectivity", "est./true"),
+)
+"""Columns of the table of levels where errors are estimated: the largest of all points."""
+
+
+def _stop(data: Any) -> str:
+    """Why refinement ended; the goal's values on the way."""
+    if "stop" not in data:
+        return ""
+    reason = str(data["stop"].values[-1])
+    return f"  stopped: {reason}" if reason else ""
 
 
 _COLUMNS = (

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from tcstudy.scene.node import Node, deepest
 from tcstudy.scene.read_boundary import Boundary
-from tcstudy.scene.records import Body, Clamped, Contact, Convection, Edge, Heat, Material, MeshPlan, Point
-from tcstudy.scene.shapes import body_area, body_size, edge_normal, edge_points
+from tcstudy.scene.records import Body, Clamped, Contact, Convection, Edge, Goal, Heat, Material, MeshPlan, Point
+from tcstudy.scene.shapes import body_area, body_size, edge_distance, edge_normal, edge_points
 from tcstudy.scene.walker import Context
 
 MAX_TRIANGLES = 2e7
@@ -101,12 +101,28 @@ def _motion(motions: NDArray[np.float64], centre: Point, size: float) -> str:
     return f"turn about ({centre[0] - size * b / c:.3g}, {centre[1] + size * a / c:.3g})"
 
 
+def check_goal(ctx: Context, node: Node, goal: Goal, body: Body, boundary: Boundary) -> None:
+    """The point of u_T must lie on a contact edge (a body from a file is checked on its mesh)."""
+    if goal.at is None or body.outline is None:
+        return
+    contact = [name for name, role in boundary if isinstance(role, Contact)]
+    edges = [edge for loop in (body.outline, *body.holes) for edge in loop.edges if edge.name in contact]
+    away = min(float(edge_distance(edge, np.array([goal.at]))[0]) for edge in edges) if edges else math.inf
+    if away > 1e-6 * body_size(body):
+        x, y = goal.at
+        remedy = f"give a point on {' or '.join(contact)}" if contact else "give an edge the role contact"
+        what = f"the point ({x:g}, {y:g}) is not on a contact edge" + (f", but {away:g} away" if edges else "")
+        ctx.errors.at(node.child("u_T") or node, what, remedy)
+
+
 def check_mesh(ctx: Context, maxh: Node, plan: MeshPlan, body: Body) -> None:
     """Refuse element sizes that give no sensible number of triangles, about area/(√3/4 h²)·4^(levels−1)."""
     if body.outline is None:
         return
     area, size = body_area(body), body_size(body)
-    refinements = plan.levels - 1 if plan.nested else 0
+    # graded meshes have about as many elements as uniform ones; those with a tolerance stop at max_dofs
+    doubling = len(plan.maxh) == 1 and plan.family != "adaptive" and plan.tolerance is None
+    refinements = plan.levels - 1 if doubling else 0
     for i, h in enumerate(plan.maxh):
         node = maxh.value[i] if isinstance(maxh.value, tuple) else maxh
         if h > size:

@@ -78,6 +78,7 @@ FIXED = {
     "units": "a study has one system of units",
     "title": "a study has one title",
     "institution": "a study has one institution",
+    "exact": "the exact solution belongs to one scene; write one study for each",
 }
 """Sections that cannot be swept, and what to do instead."""
 

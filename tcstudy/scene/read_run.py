@@ -1,4 +1,4 @@
-"""Reads the sections that say how a study is run: `mesh`, `solver`, `output`."""
+"""Reads the sections that say how a study is run: `solver`, `output`; read_mesh.py has `mesh`."""
 
 from __future__ import annotations
 
@@ -8,41 +8,12 @@ from pathlib import Path
 from tcstudy.scene import walker
 from tcstudy.scene.fields import Fields
 from tcstudy.scene.node import Node
-from tcstudy.scene.records import Branch, MeshPlan, OutputPlan, SolverPlan
-from tcstudy.scene.units import LENGTH, NONE
+from tcstudy.scene.records import Branch, OutputPlan, SolverPlan
+from tcstudy.scene.units import NONE
 from tcstudy.scene.walker import Context
 
 SOLVERS = ("separable-newton", "bundle-newton")
 BRANCHES: tuple[Branch, ...] = ("lowest", "continued", "from-zero")
-MAX_LEVELS = 15
-
-
-def read_mesh(ctx: Context, node: Node | None, h: Node | None) -> MeshPlan | None:
-    """The meshes, coarse to fine; `h` is the list of a sweep over h, in place of maxh. None after a fault."""
-    before = len(ctx.errors)
-    fields = Fields(ctx, node, () if h else ("maxh",), ("levels", "maxh") if h else ("levels",)) if node else None
-    given = h or (fields["maxh"] if fields else None)
-    single = given is not None and not isinstance(given.value, tuple)
-    sizes = () if given is None else _sizes(ctx, given)
-    levels = walker.integer(ctx, value, 1, MAX_LEVELS) if fields and (value := fields["levels"]) else 1
-    if fields and fields["levels"] and not single and len(sizes) > 1 and levels > 1 and len(ctx.errors) == before:
-        remedy = "give one maxh and levels (nested meshes), or a list of maxh alone"
-        ctx.errors.at(fields.values["levels"], "levels go with a single maxh", remedy, on_key=True)
-    if len(ctx.errors) > before or not sizes:
-        return None
-    return MeshPlan(sizes, levels if len(sizes) == 1 else len(sizes))
-
-
-def _sizes(ctx: Context, node: Node) -> tuple[float, ...]:
-    """One element size, or a decreasing list of them."""
-    if not isinstance(node.value, tuple):
-        return (walker.quantity(ctx, node, LENGTH, "positive"),)
-    sizes = [walker.quantity(ctx, item, LENGTH, "positive") for item in walker.items(ctx, node, "a list of sizes", 1)]
-    for i in range(1, len(sizes)):
-        if sizes[i] >= sizes[i - 1]:
-            remedy = "order the sizes from coarse to fine, each once"
-            ctx.errors.at(node.value[i], f"{sizes[i]:g} does not decrease after {sizes[i - 1]:g}", remedy)
-    return tuple(sizes)
 
 
 def read_solver(ctx: Context, node: Node | None) -> SolverPlan | None:

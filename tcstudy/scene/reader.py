@@ -8,19 +8,22 @@ from pathlib import Path
 
 from tcstudy.errors import StudyError
 from tcstudy.scene import walker
-from tcstudy.scene.checks import check_mesh
+from tcstudy.scene.checks import check_goal, check_mesh
 from tcstudy.scene.document import apply_overrides, compose, load_text
 from tcstudy.scene.fields import Fields
 from tcstudy.scene.node import Collector, Mark, Node, deepest, holds, put, split_path
 from tcstudy.scene.parameters import SHORT, sweepable
-from tcstudy.scene.read_run import read_mesh, read_output, read_solver
+from tcstudy.scene.read_exact import read_exact
+from tcstudy.scene.read_mesh import read_mesh
+from tcstudy.scene.read_path import read_path
+from tcstudy.scene.read_run import read_output, read_solver
 from tcstudy.scene.read_sweep import Sweep, read_sweep, records
-from tcstudy.scene.records import Body, MeshPlan, OutputPlan, SolverPlan, Study
+from tcstudy.scene.records import Exact, MeshPlan, OutputPlan, PathPlan, Scene, SolverPlan, Study
 from tcstudy.scene.scenes import SceneReader
 from tcstudy.scene.walker import Context
 
 REQUIRED = ("body", "boundary", "material", "friction", "mesh")
-OPTIONAL = ("title", "institution", "units", "loads", "heat", "solver", "sweep", "output")
+OPTIONAL = ("title", "institution", "units", "loads", "heat", "solver", "sweep", "output", "exact", "path")
 
 
 def read_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
@@ -45,6 +48,8 @@ class _Plans:
     mesh: MeshPlan | None
     solver: SolverPlan | None
     output: OutputPlan | None
+    exact: Exact | None
+    path: PathPlan | None
 
 
 def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...]) -> Study:
@@ -60,7 +65,7 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...])
     reader = SceneReader(ctx, base, sweep)
     scenes = reader.read()
     ctx.errors.point = ""
-    plans = _read_run(ctx, base, sweep, reader.body)
+    plans = _read_run(ctx, base, sweep, reader, scenes)
     if ctx.errors.problems:
         raise StudyError(ctx.errors.problems)
     assert plans.mesh
@@ -79,6 +84,8 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...])
         output=plans.output,
         institution=header.institution,
         overrides=overrides,
+        exact=plans.exact,
+        path=plans.path,
     )
 
 
@@ -124,16 +131,24 @@ def _with_swept_keys(root: Node, sweep: Sweep) -> Node:
 
 def _check_keys(ctx: Context, root: Node, sweep: Sweep) -> None:
     """Unknown and missing sections."""
-    required = [key for key in REQUIRED if key != "mesh" or sweep.h is None]
+    required = [key for key in REQUIRED if key != "mesh" or sweep.h is None or isinstance(sweep.h.value, Mapping)]
     Fields(ctx, root, required, (*OPTIONAL, "mesh"))
 
 
-def _read_run(ctx: Context, root: Node, sweep: Sweep, body: Body | None) -> _Plans:
-    """Meshes, solver and output."""
-    before = len(ctx.errors)
-    if sweep.h and not isinstance(sweep.h.value, tuple):
-        ctx.errors.at(sweep.h, f"must be a list of sizes, but is {sweep.h.kind()}", "write [20 mm, 10 mm]")
+def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scenes: tuple[Scene, ...]) -> _Plans:
+    """Meshes, solver, output and the exact solution."""
+    before, body = len(ctx.errors), reader.body
+    if sweep.h and not isinstance(sweep.h.value, tuple | Mapping):
+        remedy = "write [20 mm, 10 mm] or {tolerance: 1e-3, of: friction_resultant}"
+        ctx.errors.at(sweep.h, f"must be a list of sizes or a tolerance, but is {sweep.h.kind()}", remedy)
     mesh = read_mesh(ctx, root.child("mesh"), sweep.h) if len(ctx.errors) == before else None
     if mesh and body:
-        check_mesh(ctx, sweep.h or deepest(root, ("mesh", "maxh")), mesh, body)
-    return _Plans(mesh, read_solver(ctx, root.child("solver")), read_output(ctx, root.child("output")))
+        listed = sweep.h if sweep.h and isinstance(sweep.h.value, tuple) else None
+        check_mesh(ctx, listed or deepest(root, ("mesh", "maxh")), mesh, body)
+        given = sweep.h.child("of") if sweep.h and not listed else None
+        words = (node for key in ("of", "goal") if (section := root.child("mesh")) and (node := section.child(key)))
+        if scenes and (goal := given or next(words, None)):
+            check_goal(ctx, goal, mesh.goal, body, scenes[0].boundary)
+    solver, output = read_solver(ctx, root.child("solver")), read_output(ctx, root.child("output"))
+    path = read_path(ctx, root.child("path"), reader.base, mesh)
+    return _Plans(mesh, solver, output, read_exact(ctx, root.child("exact"), root, body), path)

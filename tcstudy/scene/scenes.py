@@ -44,6 +44,7 @@ class SceneReader:
         self.values: dict[tuple[str, Indices], Any] = {}
         self.supports: set[tuple[object, ...]] = set()
         self.compared: set[tuple[Indices, ...]] = set()
+        self.base: Scene | None = None
 
     def _body(self, reading: BodyReading) -> Body | None:
         """The body with all its regions; None after a fault."""
@@ -65,7 +66,8 @@ class SceneReader:
         for section in SECTIONS:
             if not self.touching[section]:
                 self.nodes[section, ()], self.values[section, ()] = self.root.child(section), base[section]
-        scenes = [self._scene(point) for point in self._points()] if self.sweep.axes else [self._made(base)]
+        self.base = self._made(base)
+        scenes = [self._scene(point) for point in self._points()] if self.sweep.axes else [self.base]
         return tuple(scene for scene in scenes if scene)
 
     def _points(self) -> Iterator[Indices]:

@@ -21,12 +21,28 @@ class Recent(Generic[T]):
 
     def get(self, key: Hashable, make: Callable[[], T]) -> T:
         """The value of `key`, made by `make` if it is not there."""
-        if key in self._entries:
-            self._entries.move_to_end(key)
-            return self._entries[key]
+        found = self.find(key)
+        if found is not None:
+            return found
         value = make()
+        self.put(key, value)
+        return value
+
+    def find(self, key: Hashable) -> T | None:
+        """The value of `key` if it is there."""
+        if key not in self._entries:
+            return None
+        self._entries.move_to_end(key)
+        return self._entries[key]
+
+    def put(self, key: Hashable, value: T) -> None:
+        """Keep a value under a key that is not there; the oldest entries make room for it."""
         self._entries[key] = value
         self._total += self._size(value)
         while self._total > self._budget and len(self._entries) > 1:
             self._total -= self._size(self._entries.popitem(last=False)[1])
-        return value
+
+    def clear(self) -> None:
+        """Forget everything, for values so large that two must not stand side by side."""
+        self._entries.clear()
+        self._total = 0

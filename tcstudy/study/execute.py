@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -64,20 +64,31 @@ def execute(
         for record in run(study, finished):
             journal.add(record)
             if isinstance(record, LevelRecord):
-                watcher.level(record)
+                if not record.stop:  # one that says why the level was the last follows its points
+                    watcher.level(record)
             else:
                 watcher.point(record)
         journal.flush()
         statuses = [point.status for point in journal.points()]
-        write(output, study, journal.levels(), journal.points(), collect(study, command))
+        levels = journal.levels()
+        write(output, _with_levels(study, levels), levels, journal.points(), collect(study, command))
         journal.discard()
     failed = sum(status != PointStatus.OK for status in statuses)
     return Summary(output, len(statuses), failed, len(finished))
+
+
+def _with_levels(study: Study, levels: Sequence[LevelRecord]) -> Study:
+    """The study without the levels that its tolerance did not need."""
+    if not study.mesh.estimates or len(study.mesh.maxh) > 1 or not levels:
+        return study
+    return replace(study, mesh=replace(study.mesh, levels=levels[-1].level + 1))
 
 
 def _work(study: Study, finished: Collection[Key]) -> list[LevelWork]:
     """Points of every level; a point costs about as much as its mesh has nodes."""
     mesh, points = study.mesh, len(study.scenes)
     done = [sum(level == i for level, _ in finished) for i in range(mesh.levels)]
-    finer = [4.0**i if mesh.nested else (mesh.maxh[0] / mesh.maxh[i]) ** 2 for i in range(mesh.levels)]
+    growth = 2.0 if mesh.family == "adaptive" else 4.0
+    single = len(mesh.maxh) == 1
+    finer = [growth**i if single else (mesh.maxh[0] / mesh.maxh[i]) ** 2 for i in range(mesh.levels)]
     return [LevelWork(points, done[i], finer[i]) for i in range(mesh.levels)]

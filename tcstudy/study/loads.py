@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from tcstudy.fem.elasticity import loads_something
 from tcstudy.scene.expressions import Expression
-from tcstudy.scene.records import Convection, Scalar, Scene, Traction
+from tcstudy.scene.records import Convection, Role, Scalar, Traction
 
 
 @dataclass(frozen=True)
@@ -29,13 +29,13 @@ def split(scalar: Scalar) -> tuple[Scalar, float]:
     return 1.0, float(scalar)
 
 
-def mechanical_terms(scene: Scene) -> Iterator[Term]:
+def mechanical_terms(f: tuple[Scalar, Scalar], boundary: tuple[tuple[str, Role], ...]) -> Iterator[Term]:
     """Terms of ∫f·v and of the tractions and pressures on all edges."""
-    for axis, component in enumerate(scene.f):
+    for axis, component in enumerate(f):
         shape, factor = split(component)
         if factor != 0.0:
             yield Term(("f", axis, shape), factor)
-    for name, role in scene.boundary:
+    for name, role in boundary:
         if not loads_something(role):
             continue
         assert isinstance(role, Traction | Convection)

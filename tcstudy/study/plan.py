@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tcstudy.scene.expressions import Expression
-from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Study
+from tcstudy.scene.records import Body, Clamped, Contact, Convection, MeshPlan, Scene, Study
 from tcstudy.scene.shapes import body_area, boundary_lengths
+from tcstudy.study.locking import locking_note
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,12 @@ def output_of(study: Study) -> Path:
     return Path("results") / f"{stem}.nc"
 
 
+def path_output(study: Study) -> Path:
+    """Where `tcstudy path` writes: beside the results of a run, with "-path" added to the name."""
+    output = output_of(study)
+    return output.with_name(f"{output.stem}-path{output.suffix or '.nc'}")
+
+
 def needs_heat_solve(scene: Scene) -> bool:
     """True if the temperature must be computed and is not simply known."""
     heat = scene.heat
@@ -79,11 +86,14 @@ def needs_heat_solve(scene: Scene) -> bool:
 
 
 def forecast(study: Study) -> tuple[LevelForecast, ...]:
-    """Predicted sizes of all levels."""
+    """Predicted sizes of the levels whose number is known beforehand; grading towards points is not counted."""
     body = study.scenes[0].body
     if body.brep is not None:
         return ()
-    sizes = [study.mesh.maxh[0] / 2**i if study.mesh.nested else study.mesh.maxh[i] for i in range(study.mesh.levels)]
+    mesh = study.mesh
+    single = len(mesh.maxh) == 1
+    known = 1 if mesh.family == "adaptive" or mesh.tolerance is not None else mesh.levels
+    sizes = [mesh.maxh[0] / 2**i if single else mesh.maxh[i] for i in range(known)]
     return tuple(_forecast_level(study.scenes[0], body, h) for h in sizes)
 
 
@@ -109,9 +119,22 @@ def _left_out(study: Study, heat_solved: bool) -> list[str]:
         out.append(f"heat problem at {count} of {len(scenes)} points: {_why_no_heat(scenes)}")
     if not any(s.f != (0.0, 0.0) for s in scenes):
         out.append("body force: f is zero or not given")
+    if not study.mesh.estimates:
+        out.append("error estimates: not asked for (mesh.estimate: true, a tolerance or family: adaptive adds them)")
+    if study.mesh.tolerance is not None:
+        out.append(_levels_not_needed(study.mesh))
     if not study.output.fields:
         out.append("whole-body fields u₂ and θ in the data: not asked for (output.fields: true keeps them)")
     return out
+
+
+def _levels_not_needed(mesh: MeshPlan) -> str:
+    how = {"adaptive": "refined where the error is large", "graded": "graded", "uniform": "refined uniformly"}
+    return (
+        f"meshes finer than needed: {how[mesh.family]} from maxh = {mesh.maxh[0]:g} until the estimated relative error "
+        f"of {mesh.goal.quantity} is at most {mesh.tolerance:g} at every point, {mesh.max_dofs} dofs are passed or "
+        f"there are {mesh.levels} levels"
+    )
 
 
 def _why_no_heat(scenes: tuple[Scene, ...]) -> str:
@@ -126,18 +149,24 @@ def _why_no_heat(scenes: tuple[Scene, ...]) -> str:
 
 
 def _notes(study: Study) -> list[str]:
-    notes = []
-    nu = (
-        max(s.material.nu for s in study.scenes if s.material.plane == "strain")
-        if any(s.material.plane == "strain" for s in study.scenes)
-        else 0.0
-    )
-    if nu > 0.45:
-        notes.append(f"nu = {nu:g} in plane strain: P1 elements lock as nu nears 0.5; compare with a finer mesh")
+    notes = _mesh_notes(study.mesh)
+    note = locking_note(max((s.material.nu for s in study.scenes if s.material.plane == "strain"), default=0.0))
+    if note is not None:
+        notes.append(note)
     down = sum(math.isinf(s.friction.omega) for s in study.scenes)
     if down:
         notes.append(f"{down} of {len(study.scenes)} points have a law with down-jumps: solutions may not be unique")
     return notes
+
+
+def _mesh_notes(mesh: MeshPlan) -> list[str]:
+    """What the table of levels does not say."""
+    if mesh.family == "adaptive":
+        driver = "the worst point of the sweep decides"
+        return [f"adaptive: levels after the first follow from the estimated error of {mesh.goal.quantity}; {driver}"]
+    if mesh.family == "graded":
+        return [f"graded: more elements at singular points, h ~ r^{1 - mesh.grading:g}, than the table counts"]
+    return []
 
 
 def expected_bytes(study: Study) -> int:
@@ -147,6 +176,8 @@ def expected_bytes(study: Study) -> int:
 
 def _bytes(study: Study, levels: tuple[LevelForecast, ...]) -> int:
     per_level = [20 * 8 + 16 * level.n_contact for level in levels] or [200_000] * study.mesh.levels
+    if study.mesh.family == "adaptive" or study.mesh.tolerance is not None:
+        per_level = [200_000] * study.mesh.levels
     if study.output.fields:
         per_level = [a + 24 * level.nodes for a, level in zip(per_level, levels, strict=False)] or per_level
     return 100_000 + len(study.scenes) * sum(per_level)

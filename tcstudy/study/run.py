@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -12,14 +12,16 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
-from tcstudy.fem.geometry import GeometryFailed, build
-from tcstudy.fem.meshes import PlaneMesh, mesh_at
+from tcstudy.fem.geometry import GeometryFailed
+from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.scene.records import Scene, Study
 from tcstudy.solve.certificates import certify
 from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.outcome import Status
+from tcstudy.study.family import Family
 from tcstudy.study.level import Level
 from tcstudy.study.measures import Timed, numbers
+from tcstudy.study.survey import Survey
 
 Array = NDArray[np.float64]
 Key = tuple[int, tuple[int, ...]]
@@ -56,24 +58,40 @@ def run(study: Study, finished: Mapping[Key, Array] | None = None) -> Iterator[L
     solutions = dict(finished or {})
     done = set(solutions)
     order = _order(study)
-    geometry = build(study.scenes[0].body)
-    mesh: PlaneMesh | None = None
+    family = Family(study)
     for i in range(study.mesh.levels):
         todo = [(index, scene) for index, scene in order if (i, index) not in done]
         try:
-            mesh = mesh_at(geometry, study.mesh, i, mesh)
-            level = Level(mesh, study.scenes[0]) if todo else None
+            mesh = family.next(i)
+            level = Level(mesh, study.scenes[0], study.scenes) if todo or study.mesh.estimates else None
         except GeometryFailed as error:
-            if i == 0 or study.mesh.nested:
+            if i == 0 or len(study.mesh.maxh) == 1:
                 raise
             yield from (_failed(index, i, PointStatus.MESH_FAILED, str(error)) for index, _ in todo)
             continue
-        if level is not None:
-            yield _level_record(study, mesh, level)
-            for index, scene in todo:
-                record = solve_point(study, level, index, scene, _neighbour(solutions, i, index))
-                solutions[i, index] = record.u_T if record.status == PointStatus.OK else np.empty(0)
-                yield record
+        if level is None:
+            continue
+        record = level_record(study, mesh, level)
+        yield record
+        survey = family.survey(level)
+        if survey is not None:
+            known = ((index, scene) for index, scene in order if (i, index) in done)
+            _look_again(survey, level, [(index, scene, solutions[i, index]) for index, scene in known])
+        for index, scene in todo:
+            point = solve_point(study, level, index, scene, _neighbour(solutions, i, index), survey)
+            solutions[i, index] = point.u_T if point.status == PointStatus.OK else np.empty(0)
+            yield point
+        if survey is not None and (stop := survey.stop(i + 1 == study.mesh.levels)):
+            yield replace(record, stop=stop)
+            if study.mesh.family == "adaptive" or study.mesh.tolerance is not None:
+                return
+
+
+def _look_again(survey: Survey, level: Level, known: list[tuple[tuple[int, ...], Scene, Array]]) -> None:
+    """Estimate what an earlier run has solved, since the next mesh depends on it."""
+    for index, scene, v in known:
+        if len(v):
+            survey.look(index, scene, level.condensed(scene), v)
 
 
 def _neighbour(solutions: Mapping[Key, Array], level: int, index: tuple[int, ...]) -> Array | None:
@@ -109,14 +127,20 @@ def _order(study: Study) -> list[tuple[tuple[int, ...], Scene]]:
 
 
 def solve_point(
-    study: Study, level: Level, index: tuple[int, ...], scene: Scene, neighbour: Array | None = None
+    study: Study,
+    level: Level,
+    index: tuple[int, ...],
+    scene: Scene,
+    neighbour: Array | None = None,
+    survey: Survey | None = None,
 ) -> PointRecord:
     """Solve one scene on one level; every failure becomes a status with its reason.
 
     neighbour: the contact solution of a neighbouring point, a start where the study's branch asks for one
+    survey:    estimates the error of the solution, if that is asked for
     """
     try:
-        return _solve_point(study, level, index, scene, neighbour)
+        return _solve_point(study, level, index, scene, neighbour, survey)
     except NotPositiveDefinite as error:
         status, reason = PointStatus.SINGULAR, str(error)
     except Exception as error:  # one point must not end a sweep; what it was stands in the data
@@ -125,7 +149,7 @@ def solve_point(
 
 
 def _solve_point(
-    study: Study, level: Level, index: tuple[int, ...], scene: Scene, neighbour: Array | None
+    study: Study, level: Level, index: tuple[int, ...], scene: Scene, neighbour: Array | None, survey: Survey | None
 ) -> PointRecord:
     condensed = level.condensed(scene)
     problem, plan = condensed.problem, study.solver
@@ -139,6 +163,8 @@ def _solve_point(
     certificate = certify(problem, answer.v, level.lambda_1(scene), plan.tolerance)
     values = numbers(condensed, solved, temperature, certificate)
     status = _POINT_STATUS.get(answer.status, PointStatus.NOT_CONVERGED)
+    if survey is not None and status == PointStatus.OK:
+        values |= survey.look(index, scene, condensed, answer.v)
     fields: dict[str, Array] = {}
     if study.output.fields:
         u = level.displacement(scene, condensed, answer.v)
@@ -157,7 +183,8 @@ _POINT_STATUS = {
 }
 
 
-def _level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
+def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
+    """What the data keep of a level: sizes, the contact line, and the mesh if fields are kept."""
     line = level.line
     fields: dict[str, NDArray[np.generic]] = {}
     if study.output.fields:

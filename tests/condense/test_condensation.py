@@ -331,3 +331,21 @@ def test_without_the_factor_only_A_tilde_is_there():
             use(np.zeros(case[0].shape[0]))
     with pytest.raises(RuntimeError, match="keep_factor"):
         c.expand(np.zeros(c.m))
+
+
+def test_another_matrix_takes_over_the_order_of_elimination():
+    """The plan of one material serves another: the same numbers, bit for bit; other unknowns are refused."""
+    mesh = MESHES["irregular"]
+    A, points, keep, free, components = rolled_plate(mesh)
+    first = condense(A, points, keep, free, components)
+    other = elasticity(mesh, poisson=0.1)
+    again = condense(other, points, keep, free, components, plan=first.plan)
+    assert np.array_equal(again.A_tilde, condense(other, points, keep, free, components).A_tilde)
+    assert not np.allclose(again.A_tilde, first.A_tilde)
+    with pytest.raises(ValueError, match="other kept or eliminated"):
+        condense(other, points, keep[:-1], free, components, plan=first.plan)
+    fewer = np.array(free) if free.dtype == bool else free[:-1]
+    if free.dtype == bool:
+        fewer[np.flatnonzero(free)[0]] = False
+    with pytest.raises(ValueError, match="other kept or eliminated"):
+        condense(other, points, keep, fewer, components, plan=first.plan)

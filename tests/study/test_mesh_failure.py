@@ -10,19 +10,19 @@ import pytest
 import tcstudy
 from tcstudy.data.records import PointStatus
 from tcstudy.fem.geometry import GeometryFailed
-from tcstudy.study import run as run_module
+from tcstudy.study import family as family_module
 from tests.verification.scenes import RECTANGLE, study_of
 
 
 def fail_at(monkeypatch: pytest.MonkeyPatch, bad: int) -> None:
-    original = run_module.mesh_at
+    original = family_module.mesh_at
 
     def mesh_at(geometry: object, plan: object, level: int, coarser: object) -> object:
         if level == bad:
             raise GeometryFailed("the mesher gave up")
         return original(geometry, plan, level, coarser)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(run_module, "mesh_at", mesh_at)
+    monkeypatch.setattr(family_module, "mesh_at", mesh_at)
 
 
 def test_a_later_mesh_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,7 @@ import tcstudy
 from tcstudy.data.records import PointStatus
 from tcstudy.fem import heat
 from tcstudy.solve.contact import solve_contact
-from tcstudy.study import level as level_module
+from tcstudy.study import elastic as elastic_module
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 
 SWEPT = (
@@ -51,12 +51,18 @@ def test_values_stand_at_their_points(tmp_path: Path) -> None:
     assert np.all(data["lambda_1"].sel(E=2) == pytest.approx(2 * data["lambda_1"].sel(E=1).values, rel=1e-10))
 
 
-def test_one_factorisation_a_mesh_and_material(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    calls = []
-    original = level_module.condense
-    monkeypatch.setattr(level_module, "condense", lambda *a, **k: calls.append(1) or original(*a, **k))
-    run(tmp_path, SWEPT, "mesh.levels=2")
-    assert len(calls) == 2 * 2
+@pytest.mark.parametrize(("material", "ratios"), [("E: [1, 2]", 1), ("E: [1, 0.3, 7.7]", 1), ("nu: [0.2, 0.3]", 2)])
+def test_one_factorisation_a_mesh_and_ratio(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, material: str, ratios: int
+) -> None:
+    """λ/μ makes the factor, E only scales it; a new ratio takes over the order of elimination."""
+    plans = []
+    original = elastic_module.condense
+    monkeypatch.setattr(elastic_module, "condense", lambda *a, **k: plans.append(k["plan"]) or original(*a, **k))
+    tree = run(tmp_path, SWEPT.replace("E: [1, 2]", material), "mesh.levels=2")
+    assert np.all(tree["status"] == int(PointStatus.OK))
+    assert len(plans) == 2 * ratios
+    assert sum(plan is None for plan in plans) == 2
 
 
 KNOWN = ("boundary.right={role: traction, g: [0.01, 0.02*y], pressure: 0.03}", "boundary.bore=free")

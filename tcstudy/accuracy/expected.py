@@ -1,0 +1,144 @@
+"""The order of convergence to expect of each error, from how smooth the solution is.
+
+With u ~ r^α in the worst corner of the body, u_T ~ r^γ and ξ ~ r^δ in the worst points of Γ_C (uniform meshes, P1):
+
+    |u − u_h|₁ and energy:          min(1, α)                                approximation
+    ‖u − u_h‖:                      2 min(1, α)                              duality
+    u_T on Γ_C, L² and max:         min(2, 2α, γ + ½), min(2, 2α, γ)
+    ξ on Γ_C, L² as steps:          min(1, 2α, δ + ½)
+    ξ on Γ_C, L² and max at nodes:  min(2, 2α, δ + ½), min(2, 2α, δ)
+
+The orders on Γ_C are those of the best approximation, with the pollution 2α from the corner. Points of Γ_C:
+
+    sticking corner:  γ = α of the corner, δ = γ − 1
+    slipping corner:  γ = 1 at most (u ~ r log r: the friction stress meets an edge with another shear stress), and
+                      δ = γ, because ξ = b(u_T)
+    stick meets slip: γ = 3/2, δ = 1/2; the r^{1/2} term of the mixed problem would break the bound of the law
+    held end:         a node of Γ_C without an unknown gives its half cell to its neighbour (method §2), whose c is then
+                      3/2 h for a load ∫φ = h: γ = δ = 1 where that neighbour slips, and where it sticks ξ is off by a
+                      third of itself, δ = 0. This is of the discretisation, whatever the solution
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tcstudy.accuracy.corner_exponents import SMOOTH
+from tcstudy.accuracy.vertices import Vertex, corner_words, describe
+
+
+@dataclass(frozen=True)
+class Singularity:
+    """The leading exponent at a place, and the place in words. An exponent of SMOOTH sets no limit."""
+
+    exponent: float
+    why: str
+
+
+@dataclass(frozen=True)
+class Smoothness:
+    """The worst place for u in the body, for u_T and for ξ on Γ_C, and for θ."""
+
+    body: Singularity
+    u_T: Singularity
+    xi: Singularity
+    theta: Singularity
+
+
+@dataclass(frozen=True)
+class Expected:
+    """An expected order with its reason."""
+
+    order: float
+    reason: str
+
+
+NO_LIMIT = Singularity(SMOOTH, "smooth")
+
+
+@dataclass(frozen=True)
+class HeldEnds:
+    """Whether Γ_C has nodes without an unknown whose neighbours slip, or stick, under a notable ξ."""
+
+    slip: bool = False
+    stick: bool = False
+
+
+def smooth_up_to(exponent: float | None, ends: HeldEnds) -> Smoothness:
+    """Smoothness of a given solution with u ~ r^exponent, ξ ~ r^(exponent−1); None if it is smooth."""
+    why = "smooth" if exponent is None else f"given: u ~ r^{exponent:g}"
+    given = NO_LIMIT if exponent is None else Singularity(exponent, why)
+    xi = [NO_LIMIT if exponent is None else Singularity(exponent - 1, why)]
+    u_T = [given]
+    if ends.slip:
+        u_T.append(Singularity(1.0, "held end of Γ_C, whose half cell goes to a slipping node"))
+        xi.append(u_T[-1])
+    if ends.stick:
+        xi.append(Singularity(0.0, "held end of Γ_C, whose half cell goes to a sticking node"))
+    return Smoothness(given, _worst(u_T), _worst(xi), NO_LIMIT)
+
+
+def smoothness(corners: Sequence[Vertex], stick_slip: bool) -> Smoothness:
+    """Smoothness of a computed solution.
+
+    stick_slip: stick meets slip somewhere inside Γ_C
+    """
+    body = [Singularity(v.exponent, describe(v)) for v in corners]
+    u_T, xi = [], []
+    for v in corners:
+        if "sticking contact" in v.words:
+            u_T.append(Singularity(v.exponent, describe(v)))
+            xi.append(Singularity(v.exponent - 1 if v.exponent < SMOOTH else SMOOTH, describe(v)))
+        elif v.contact and set(v.words) != {"slipping contact"}:
+            why = describe(v) if v.exponent < 1 else f"{corner_words(v)}: shear stress jumps, u ~ r log r"
+            u_T.append(Singularity(min(1.0, v.exponent), why))
+            xi.append(Singularity(min(1.0, v.exponent), why))
+    if stick_slip:
+        why = "stick meets slip on Γ_C: u ~ r^1.5"
+        u_T.append(Singularity(1.5, why))
+        xi.append(Singularity(0.5, why))
+    theta = [_heat_corner(v) for v in corners]
+    return Smoothness(_worst(body), _worst(u_T), _worst(xi), _worst(theta))
+
+
+def _heat_corner(v: Vertex) -> Singularity:
+    """θ ~ r^{π/ω} in a corner of opening ω between edges with a given or Robin flux."""
+    exponent = 1.0 / v.half_turns
+    if exponent >= 1.0 - 1e-9:
+        return NO_LIMIT
+    x, y = v.at
+    return Singularity(exponent, f"corner of {180 * v.half_turns:.4g}° at ({x:.4g}, {y:.4g}): θ ~ r^{exponent:.3f}")
+
+
+def _worst(candidates: Sequence[Singularity]) -> Singularity:
+    return min((c for c in candidates if c.exponent < SMOOTH), key=lambda c: c.exponent, default=NO_LIMIT)
+
+
+def expected_orders(of: Smoothness) -> dict[str, Expected]:
+    """Expected order by error name."""
+    twice = Singularity(2 * of.body.exponent, f"pollution 2α, {of.body.why}")
+    return {
+        "theta_L2": _least(2.0, Singularity(2 * of.theta.exponent, of.theta.why)),
+        "theta_H1": _least(1.0, of.theta),
+        "u_energy": _least(1.0, of.body),
+        "u_H1": _least(1.0, of.body),
+        "u_L2": _least(2.0, Singularity(2 * of.body.exponent, of.body.why)),
+        "u_T_L2": _least(2.0, twice, _plus_half(of.u_T)),
+        "u_T_max": _least(2.0, twice, of.u_T),
+        "xi_L2": _least(1.0, twice, _plus_half(of.xi)),
+        "xi_nodes": _least(2.0, twice, _plus_half(of.xi)),
+        "xi_max": _least(2.0, twice, of.xi),
+    }
+
+
+def _plus_half(s: Singularity) -> Singularity:
+    return Singularity(s.exponent + 0.5, s.why)
+
+
+def _least(full: float, *limits: Singularity) -> Expected:
+    """The full order of P1, or what limits it."""
+    worst = min(limits, key=lambda s: s.exponent)
+    if worst.exponent < full - 1e-9:
+        return Expected(worst.exponent, worst.why)
+    return Expected(full, "smooth" if worst.exponent >= SMOOTH else "smooth enough for the full order")

@@ -1,0 +1,100 @@
+"""The file of a path: one netCDF-4 file, complete or not there at all, like that of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tcstudy.data import path_schema as schema
+from tcstudy.data.path_records import PathRecord
+from tcstudy.data.provenance import Provenance, global_attributes, without_paths
+from tcstudy.data.schema import Variable, edge_attributes
+from tcstudy.data.store import FINISHED, StoreError, new_dataset, refuse_unfinished, replace_file
+from tcstudy.scene.records import Study
+
+if TYPE_CHECKING:
+    import netCDF4
+    import xarray
+
+CONTENT = "content"
+"""Global attribute that tells the file of a path from that of a run."""
+
+
+def write_path(path: Path, study: Study, record: PathRecord, provenance: Provenance) -> None:
+    """Write a path to `path`, replacing an old file in one step; raises StoreError if that is not possible."""
+    replace_file(path, lambda aside: _write_file(aside, study, record, provenance))
+
+
+def open_path(path: Path) -> xarray.Dataset:
+    """Open the file of a path lazily; close it after use or open it in a `with`.
+
+    Raises StoreError if there is no file or if it is not that of a path.
+    """
+    if not is_path(path):
+        raise StoreError(f"{path} is the result of a run, not of a path; use tcstudy show or draw")
+    import xarray
+
+    return xarray.open_dataset(path, engine="netcdf4")
+
+
+def is_path(path: Path) -> bool:
+    """True for the file of a path, False for that of a run; raises StoreError if it is neither."""
+    refuse_unfinished(path)
+    import netCDF4
+
+    with netCDF4.Dataset(path) as nc:
+        return CONTENT in nc.ncattrs() and nc.getncattr(CONTENT) == "path"
+
+
+def _write_file(file: Path, study: Study, record: PathRecord, provenance: Provenance) -> None:
+    curve, line, solutions = record.curve, record.line, record.solutions
+    parts: list[tuple[tuple[Variable, ...], Mapping[str, Any]]] = [
+        (schema.LINE, vars(line)),
+        (schema.LEVEL, {**vars(line), **vars(record)}),
+        (schema.CURVE, vars(curve)),
+        (
+            schema.SOLUTIONS,
+            {**vars(solutions), "solution_parameter": solutions.at[solutions.solution_at]},
+        ),
+    ]
+    if record.loop is not None:
+        parts.append((schema.LOOP, vars(record.loop)))
+    with new_dataset(file) as nc:
+        nc.setncatts(global_attributes(study, provenance) | _path_attributes(study, record))
+        for variables, values in parts:
+            _put(nc, variables, values, study)
+        nc["edge"].setncatts(edge_attributes(line.edge_names))
+        nc.setncattr(FINISHED, np.int32(1))
+
+
+def _path_attributes(study: Study, record: PathRecord) -> dict[str, Any]:
+    """What the path is along, and why it ends."""
+    assert study.path is not None
+    plan = study.path
+    loop = {"loop_reason": without_paths(record.loop.loop_reason)} if record.loop is not None else {}
+    return {
+        CONTENT: "path",
+        "parameter": plan.name,
+        "parameter_range": np.array([plan.begin, plan.end]),
+        "parameter_within": np.array(plan.within),
+        "begin_status": record.begin[0],
+        "begin_reason": record.begin[1],
+        "end_status": record.end[0],
+        "end_reason": record.end[1],
+        **loop,
+    }
+
+
+def _put(nc: netCDF4.Dataset, variables: Iterable[Variable], values: Mapping[str, Any], study: Study) -> None:
+    """Define variables and write their values; dimensions come with the first variable that has them."""
+    for variable in variables:
+        array = np.asarray(values[variable.name])
+        for name, size in zip(variable.dims, array.shape, strict=True):
+            if name not in nc.dimensions:
+                nc.createDimension(name, size)
+        new = nc.createVariable(variable.name, variable.dtype, variable.dims, fill_value=False)
+        new.setncatts(schema.attributes(variable, study))
+        new[...] = array

@@ -1,0 +1,234 @@
+"""Error of a P1 displacement in the energy norm, estimated triangle by triangle.
+
+Estimate:   η_K² = ‖σ* − σ_h‖²_{c⁻¹,K} + (h_K/π)²/(2μ) ‖f + div σ*‖²_K + Σ_e h_e/(2πμ) ‖r_e‖²_e
+            σ* recovered stress (continuous P1), r_e = what σ* leaves of the boundary condition on the edge e:
+            σ*n − g on Γ_N, σ*_T + ξ_h on Γ_C, the free components on rollers
+Contact:    + h_e/(2πμ) ‖dist(ξ_h, b̂(u_h,T))‖²_e, since the inclusion (4) holds at the nodes only
+Dirichlet:  + Σ_e 2πμ/h_e ‖u_D − u_h‖²_e, since given displacements hold at the nodes only
+Coupling:   + β²/(λ+μ) ‖θ − θ_h‖²_K, see heat_estimator.py
+Why:        for v and an interpolant Iv, a(u − u_h, v) = ∫(σ* − σ_h):ε(v − Iv) + ∫(f + div σ*)·(v − Iv)
+            − Σ_e ∫ r_e·(v − Iv), so that the sum bounds the error up to a constant; the second and third term hold the
+            oscillation of f and g, because div σ* is constant on K, and are of higher order where u is smooth
+Literature: Zienkiewicz & Zhu, Int. J. Numer. Methods Eng. 33 (1992) 1331–1364; Carstensen & Bartels, Math. Comp. 71
+            (2002) 945–969 (every averaging is reliable up to oscillation); Bartels & Carstensen, Numer. Math. 99
+            (2004) 225–249 (contact)
+Left out:   the amplification 1/(1 − ω/λ₁) by softening (Céa's constant of the problem), and what arcs lose as polygons
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.fem.boundary import values_at
+from tcstudy.fem.contact_line import ContactLine
+from tcstudy.fem.recovery import Triangles
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.records import Clamped, Contact, Convection, Role, Scene, Traction
+
+Array = NDArray[np.float64]
+
+GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+"""Points on a segment from 0 to 1, of weight ½ each, exact for degree 3."""
+
+
+@dataclass(frozen=True)
+class Strain:
+    """A displacement's strain (ε_xx, ε_yy, ε_xy) on triangles and recovered at nodes.
+
+    own:       (t, 3) of the P1 displacement;  recovered: (n, 3)
+    excess:    (t, 3, 3) recovered at the corners of each triangle, less its own
+    """
+
+    own: Array
+    recovered: Array
+    excess: Array
+
+
+def strain(triangles: Triangles, u: Array) -> Strain:
+    """Strain of a displacement u (2n,)."""
+    gradient = triangles.gradient(u.reshape(2, -1).T)
+    shear = 0.5 * (gradient[:, 0, 1] + gradient[:, 1, 0])
+    own = np.column_stack([gradient[:, 0, 0], gradient[:, 1, 1], shear])
+    recovered = triangles.recovery @ own
+    return Strain(own, recovered, recovered[triangles.mesh.triangles] - own[:, None])
+
+
+def product(triangles: Triangles, a: Array, b: Array, lam: float, mu: float) -> Array:
+    """(t,) ∫_K a:c b of strains that are linear on K and given at its corners (t, 3, 3) [J/m]."""
+    total = np.einsum("tkc,tkc->tc", a, b) + a.sum(axis=1) * b.sum(axis=1)
+    trace_a, trace_b = a[..., 0] + a[..., 1], b[..., 0] + b[..., 1]
+    trace = np.einsum("tk,tk->t", trace_a, trace_b) + trace_a.sum(axis=1) * trace_b.sum(axis=1)
+    return triangles.area / 12.0 * (lam * trace + 2.0 * mu * (total @ np.array([1.0, 1.0, 2.0])))
+
+
+def energy_norm(triangles: Triangles, u: Strain, lam: float, mu: float) -> float:
+    """√a(u_h, u_h) [√(J/m)]."""
+    own = np.repeat(u.own[:, None], 3, axis=1)
+    return float(np.sqrt(product(triangles, own, own, lam, mu).sum()))
+
+
+def _stress(recovered: Array, lam: float, mu: float) -> Array:
+    """cε, (…, 3) → (…, 3) [Pa]."""
+    trace = recovered[..., 0] + recovered[..., 1]
+    stress = 2.0 * mu * recovered
+    stress[..., :2] += lam * trace[..., None]
+    return stress
+
+
+def element_residual(triangles: Triangles, u: Strain, theta: Array, scene: Scene) -> Array:
+    """(t,) (h_K/π)²/(2μ) ‖f + div σ*‖²_K [J/m]."""
+    lam, mu, beta = scene.material.lam, scene.material.mu, scene.material.beta
+    slope = triangles.gradient(_stress(u.recovered, lam, mu))
+    divergence = np.column_stack([slope[:, 0, 0] + slope[:, 2, 1], slope[:, 2, 0] + slope[:, 1, 1]])
+    divergence -= beta * triangles.gradient(theta)
+    at = triangles.inner_points.reshape(-1, 2)
+    f = np.stack([values_at(component, at).reshape(-1, 3) for component in scene.f], axis=-1)
+    square = np.sum((f + divergence[:, None]) ** 2, axis=(1, 2)) / 3.0 * triangles.area
+    return (triangles.diameter / np.pi) ** 2 / (2.0 * mu) * square
+
+
+def edge_residual(triangles: Triangles, u: Strain, theta: Array, scene: Scene, friction: ContactTraction) -> Array:
+    """(t,) Σ_e h_e/(2πμ) (‖r_e‖² + ‖dist(ξ_h, b̂)‖²) over the boundary edges of each triangle [J/m]."""
+    mesh, mu, beta = triangles.mesh, scene.material.mu, scene.material.beta
+    edges = boundary_edges(triangles)
+    length, normal, at = edges.length, edges.normal, edges.at
+    traction = boundary_traction(triangles, u, scene)
+    traction -= beta * _on_segments(theta, mesh.segments)[..., None] * normal[:, None]
+    roles = dict(scene.boundary)
+    square = friction.defect**2
+    for index, curve in enumerate(mesh.geometry.curves):
+        here = mesh.segment_curve == index
+        if not np.any(here):
+            continue
+        target = _target(roles[curve.name], at[here], normal[here], friction.xi[here])
+        rest = traction[here] - target
+        square[here] += np.sum(_free_part(roles[curve.name], rest, normal[here]) ** 2, axis=-1)
+    weighted = length / (2.0 * np.pi * mu) * length * square.mean(axis=1)
+    return triangles.from_segments(weighted)
+
+
+@dataclass(frozen=True)
+class Edges:
+    """The s boundary segments: length (s,), outer normal (s, 2), Gauss points (s, 2, 2)."""
+
+    length: Array
+    normal: Array
+    at: Array
+
+
+def boundary_edges(triangles: Triangles) -> Edges:
+    """Geometry of the boundary segments (chords, on arcs)."""
+    ends = triangles.mesh.points[triangles.mesh.segments]
+    along = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
+    return Edges(length, normal, ends[:, None, 0] + GAUSS[None, :, None] * along[:, None])
+
+
+def boundary_traction(triangles: Triangles, u: Strain, scene: Scene) -> Array:
+    """cε* n of the recovered strain at the Gauss points of the boundary (s, 2, 2) [Pa]."""
+    stress = _on_segments(_stress(u.recovered, scene.material.lam, scene.material.mu), triangles.mesh.segments)
+    normal = boundary_edges(triangles).normal
+    return np.stack([_row(stress, 0, 2, normal), _row(stress, 2, 1, normal)], axis=-1)
+
+
+def dirichlet_gap(triangles: Triangles, u: Array, scene: Scene) -> Array:
+    """u_D − u_h at the Gauss points of the boundary (s, 2, 2); zero in components that are free [m]."""
+    mesh, edges = triangles.mesh, boundary_edges(triangles)
+    gap = np.zeros_like(edges.at)
+    own = _on_segments(u.reshape(2, -1).T, mesh.segments)
+    roles = dict(scene.boundary)
+    for index, curve in enumerate(mesh.geometry.curves):
+        role, here = roles[curve.name], mesh.segment_curve == index
+        if not isinstance(role, Clamped) or not curve.straight:
+            continue
+        normal = edges.normal[here]
+        frame = (normal, np.column_stack([-normal[:, 1], normal[:, 0]]))
+        axes = frame if role.frame == "nt" else tuple(np.tile(axis, (len(normal), 1)) for axis in np.eye(2))
+        for component, direction in zip(role.u, axes, strict=True):
+            if component is not None:
+                given = values_at(component, edges.at[here].reshape(-1, 2)).reshape(-1, 2)
+                missing = given - np.einsum("sqd,sd->sq", own[here], direction)
+                gap[here] += missing[..., None] * direction[:, None]
+    return gap
+
+
+def dirichlet_residual(triangles: Triangles, gap: Array, scene: Scene) -> Array:
+    """(t,) Σ_e 2πμ/h_e ‖u_D − u_h‖²_e over the boundary edges of each triangle [J/m]."""
+    weighted = 2.0 * np.pi * scene.material.mu * np.mean(np.sum(gap**2, axis=-1), axis=1)
+    return triangles.from_segments(weighted)
+
+
+def _on_segments(nodal: Array, segments: NDArray[np.intp]) -> Array:
+    """P1 values at the Gauss points of segments, (n, …) → (s, 2, …)."""
+    first, second = nodal[segments[:, 0]], nodal[segments[:, 1]]
+    return np.stack([(1.0 - w) * first + w * second for w in GAUSS], axis=1)
+
+
+def _row(stress: Array, xx: int, xy: int, normal: Array) -> Array:
+    return stress[..., xx] * normal[:, None, 0] + stress[..., xy] * normal[:, None, 1]
+
+
+def _target(role: Role, at: Array, normal: Array, xi: Array) -> Array:
+    """What σn should be at the Gauss points (s, 2, 2); components that nothing prescribes do not count."""
+    if isinstance(role, Contact):
+        return -xi[..., None] * np.column_stack([-normal[:, 1], normal[:, 0]])[:, None]
+    if not isinstance(role, Traction | Convection):
+        return np.zeros_like(at)
+    points = at.reshape(-1, 2)
+    g = np.stack([values_at(component, points).reshape(-1, 2) for component in role.g], axis=-1)
+    return g - values_at(role.pressure, points).reshape(-1, 2)[..., None] * normal[:, None]
+
+
+def _free_part(role: Role, traction: Array, normal: Array) -> Array:
+    """The components of a traction in which the edge is free to move."""
+    if not isinstance(role, Contact | Clamped):
+        return traction
+    tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
+    in_frame = np.stack([np.einsum("sqd,sd->sq", traction, d) for d in (normal, tangent)], axis=-1)
+    if isinstance(role, Contact):
+        return in_frame[..., 1:]
+    free = np.array([component is None for component in role.u])
+    return (in_frame if role.frame == "nt" else traction)[..., free]
+
+
+@dataclass(frozen=True)
+class ContactTraction:
+    """ξ_h on the boundary segments: linear between contact nodes, zero off Γ_C.
+
+    xi:     (s, 2) ξ_h at the Gauss points [Pa]
+    defect: (s, 2) dist(ξ_h, b̂(u_h,T)) there [Pa]
+    """
+
+    xi: Array
+    defect: Array
+
+
+def contact_traction(
+    triangles: Triangles, line: ContactLine, law: FrictionLaw, u_T: Array, xi: Array, u: Array
+) -> ContactTraction:
+    """ξ_h between the nodes from u_T (m,) and the tractions ξ_i/c_i (m,); u (2n,) gives u_T of held nodes."""
+    mesh = triangles.mesh
+    nodal_xi, nodal_slip = np.full(mesh.n_points, np.nan), np.full(mesh.n_points, np.nan)
+    nodal_xi[line.nodes], nodal_slip[line.nodes] = xi, u_T
+    names = [curve.name in line.edge_names for curve in mesh.geometry.curves]
+    on = np.array(names)[mesh.segment_curve]
+    segments = mesh.segments[on]
+    ends_xi, ends_slip = nodal_xi[segments], nodal_slip[segments]
+    # A held end has no ξ of its own: its half cell belongs to the other end (method §2).
+    ends_xi = np.where(np.isnan(ends_xi), ends_xi[:, ::-1], ends_xi)
+    along = mesh.points[segments[:, 1]] - mesh.points[segments[:, 0]]
+    tangent = along / np.linalg.norm(along, axis=1)[:, None]  # n = (t₂, −t₁), so that (−n₂, n₁) is t
+    held = np.einsum("ksd,sd->sk", u.reshape(2, -1).T[segments.T], tangent)
+    ends_slip = np.where(np.isnan(ends_slip), held, ends_slip)
+    between = [(1.0 - w) * ends_xi[:, 0] + w * ends_xi[:, 1] for w in GAUSS]
+    slip = [ends_slip[:, 0] + w * (ends_slip[:, 1] - ends_slip[:, 0]) for w in GAUSS]
+    low, high = law.interval(np.stack(slip, axis=1))
+    traction = np.stack(between, axis=1)
+    result, defect = np.zeros((len(on), 2)), np.zeros((len(on), 2))
+    result[on] = traction
+    defect[on] = np.maximum(0.0, np.maximum(low - traction, traction - high))
+    return ContactTraction(result, defect)

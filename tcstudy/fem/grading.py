@@ -1,0 +1,114 @@
+"""Meshes graded towards the points where stresses are singular.
+
+Size:       h(r) = h (r/R)^(1−μ) at distance r < R from a singular point, h beyond, with h halved from level to level
+            and μ kept: about N ~ h⁻² triangles whatever μ, the smallest of size R (h/R)^(1/μ). P1 elements regain
+            ‖u − u_h‖ ~ N^(−½) if μ is less than the least singular exponent λ, u ~ r^λ; μ = λ/2 spreads the
+            error evenly
+Points:     corners with an interior angle above π between equal edges, above π/2 where one of them slides (reflected
+            at it, the corner is one of twice the angle), and at any angle where clamped and free edges meet. Where
+            friction's shear meets an edge without any, u ~ r log r: graded with μ of ½ at least
+Literature: Babuška, Kellogg & Pitkäranta, Numer. Math. 33 (1979) 447–471; Raugel, C. R. Acad. Sci. Paris 286 (1978)
+            Williams, J. Appl. Mech. 19 (1952) 526–528 (angles)
+Left out:   ends of slip zones, which no one knows before; jumps of tractions along a straight edge (r log r)
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.fem.boundary import curve_normals
+from tcstudy.fem.meshes import PlaneMesh, mesh_at, refine_marked
+from tcstudy.scene.records import Clamped, Contact, MeshPlan, Role
+
+Array = NDArray[np.float64]
+
+REACH = 0.25
+"""R over the size of the body."""
+WEAK = 0.5
+"""Least μ where stresses jump or grow like a logarithm only."""
+SLACK = 1e-3
+"""Angle [rad] by which a corner must be beyond the critical one."""
+
+Support = Literal["held", "sliding", "contact", "free"]
+
+
+@dataclass(frozen=True)
+class Singular:
+    """Singular points (p, 2) [m]; weak: (p,) those with a logarithm only."""
+
+    points: Array
+    weak: NDArray[np.bool_]
+
+
+def singular_points(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Singular:
+    """Corners of the body where stresses may be infinite."""
+    roles = dict(boundary)
+    support = [_support(roles[curve.name]) for curve in mesh.geometry.curves]
+    normals = [dict(zip(*_normals(mesh, i), strict=True)) for i in range(len(support))]
+    incoming, outgoing = mesh.segments[:, 1], mesh.segments[:, 0]
+    before = dict(zip(incoming.tolist(), mesh.segment_curve.tolist(), strict=True))
+    found: dict[int, bool] = {}
+    for node, after in zip(outgoing.tolist(), mesh.segment_curve.tolist(), strict=True):
+        first = before[node]
+        if first == after:
+            continue
+        (a, b), (c, d) = normals[first][node], normals[after][node]
+        angle = np.pi - np.arctan2(a * d - b * c, a * c + b * d)
+        pair = {support[first], support[after]}
+        if angle > _critical(pair) + SLACK:
+            found[node] = False
+        elif pair == {"contact", "free"}:
+            found[node] = True
+    return Singular(mesh.points[list(found)].reshape(-1, 2), np.array(list(found.values()), dtype=bool))
+
+
+def _normals(mesh: PlaneMesh, curve: int) -> tuple[list[int], list[tuple[float, float]]]:
+    nodes, normals = curve_normals(mesh, curve)
+    return nodes.tolist(), [(float(x), float(y)) for x, y in normals]
+
+
+def _support(role: Role) -> Support:
+    """How an edge of this role is held."""
+    if isinstance(role, Contact):
+        return "contact"
+    if isinstance(role, Clamped):
+        free = sum(component is None for component in role.u)
+        return "held" if free == 0 else "sliding" if free == 1 else "free"
+    return "free"
+
+
+def _critical(pair: set[Support]) -> float:
+    """Interior angle [rad] above which stresses at a corner between such edges may be infinite."""
+    if pair & {"sliding", "contact"}:
+        return np.pi / 2
+    return np.pi if len(pair) == 1 else 0.0
+
+
+def graded_mesh(
+    first: PlaneMesh, plan: MeshPlan, level: int, coarser: PlaneMesh | None, boundary: tuple[tuple[str, Role], ...]
+) -> PlaneMesh:
+    """The mesh of one level: the coarser one refined uniformly, then bisected until no triangle is too large.
+
+    first: the mesh of size maxh, without grading;  coarser: the graded mesh of the level before
+    Raises GeometryFailed if the mesher fails.
+    """
+    start = time.perf_counter()
+    mesh = first if coarser is None else mesh_at(first.geometry, replace(plan, family="uniform"), level, coarser)
+    singular = singular_points(first, boundary)
+    mu = np.where(singular.weak, max(WEAK, plan.grading), plan.grading)
+    h, reach = first.h_max / 2**level, REACH * first.geometry.size
+    while True:
+        corners = mesh.points[mesh.triangles]
+        sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        centres = corners.mean(axis=1)
+        r = np.linalg.norm(centres[:, None] - singular.points[None], axis=2)
+        target = h * np.min(np.minimum(1.0, r / reach) ** (1.0 - mu), axis=1, initial=1.0)
+        large = sides.max(axis=1) > target * (1.0 + 1e-9)
+        if not np.any(large):
+            return replace(mesh, level=level, time_mesh=time.perf_counter() - start)
+        mesh = refine_marked(mesh, large)

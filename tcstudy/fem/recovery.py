@@ -1,0 +1,134 @@
+"""Gradients of P1 functions and their recovery: from one value per triangle to better values at the nodes.
+
+Recovery:   at every node the linear polynomial that fits the values at the centroids of the triangles around it best
+            (area-weighted least squares), evaluated at the node. Nodes on the boundary and nodes with few triangles
+            use two rings of triangles, so that the recovered gradient keeps its order up to the boundary
+Literature: Zienkiewicz & Zhu, Int. J. Numer. Methods Eng. 33 (1992) 1331–1364 (superconvergent patch recovery)
+Left out:   patches do not stop at edges where the data jump; material is the same in the whole body
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from tcstudy.fem.meshes import PlaneMesh, doubled_areas
+
+Array = NDArray[np.float64]
+
+ENOUGH = 4
+"""Triangles that a patch of one ring needs; below it, and on the boundary, the patch has two rings."""
+_INNER = np.full((3, 3), 1 / 6) + 0.5 * np.eye(3)
+FLAT = 1e-6
+"""Determinant of the scaled moments below which a patch is too flat for a fit and its mean is taken."""
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """What estimates need to know of a mesh's t triangles and n nodes; everything is computed once."""
+
+    mesh: PlaneMesh
+
+    @cached_property
+    def corners(self) -> Array:
+        """(t, 3, 2) [m]."""
+        return self.mesh.points[self.mesh.triangles]
+
+    @cached_property
+    def area(self) -> Array:
+        """(t,) [m²]."""
+        return 0.5 * doubled_areas(self.corners)
+
+    @cached_property
+    def diameter(self) -> Array:
+        """(t,) longest edges [m]."""
+        sides = self.corners - np.roll(self.corners, 1, axis=1)
+        return np.sqrt(np.max(np.einsum("tkd,tkd->tk", sides, sides), axis=1))
+
+    @cached_property
+    def slopes(self) -> Array:
+        """(t, 3, 2) gradients of the three hat functions of each triangle [1/m]."""
+        opposite = np.roll(self.corners, -2, axis=1) - np.roll(self.corners, -1, axis=1)
+        turned = np.stack([-opposite[..., 1], opposite[..., 0]], axis=-1)
+        return turned / (2.0 * self.area)[:, None, None]
+
+    @cached_property
+    def owner(self) -> NDArray[np.intp]:
+        """(s,) the triangle at each boundary segment."""
+        n, triangles = self.mesh.n_points, self.mesh.triangles
+        directed = np.concatenate([triangles[:, i] * n + triangles[:, (i + 1) % 3] for i in range(3)])
+        order = np.argsort(directed)
+        key = self.mesh.segments[:, 0] * n + self.mesh.segments[:, 1]
+        return order[np.searchsorted(directed[order], key)] % len(triangles)
+
+    def from_segments(self, values: Array) -> Array:
+        """(t,) sums of values on boundary segments (s,) over the segments of each triangle."""
+        return np.asarray(np.bincount(self.owner, values, minlength=len(self.mesh.triangles)), dtype=float)
+
+    @cached_property
+    def inner_points(self) -> Array:
+        """(t, 3, 2) points of a quadrature that is exact for degree 2, with a third of the area each [m]."""
+        return np.einsum("qk,tkd->tqd", _INNER, self.corners)
+
+    def at_inner_points(self, nodal: Array) -> Array:
+        """P1 functions at `inner_points`: (n,) → (t, 3)."""
+        return nodal[self.mesh.triangles] @ _INNER.T
+
+    def gradient(self, nodal: Array) -> Array:
+        """∇ of P1 functions: nodal values (n,) or (n, r) → (t, 2) or (t, r, 2)."""
+        return np.einsum("tk...,tkd->t...d", nodal[self.mesh.triangles], self.slopes)
+
+    @cached_property
+    def incidence(self) -> sp.csr_array:
+        """(n, t) with 1 where a node is a corner of a triangle."""
+        t = len(self.mesh.triangles)
+        columns = np.repeat(np.arange(t), 3)
+        entries = (np.ones(3 * t), (self.mesh.triangles.ravel(), columns))
+        return sp.csr_array(sp.coo_array(entries, shape=(self.mesh.n_points, t)))
+
+    @cached_property
+    def recovery(self) -> sp.csr_array:
+        """(n, t) the linear map from values on triangles to recovered values at nodes."""
+        patches = self._patches()
+        node = np.repeat(np.arange(self.mesh.n_points), np.diff(patches.indptr))
+        triangle = patches.indices
+        weight = self.area[triangle]
+        offset = self.corners.mean(axis=1)[triangle] - self.mesh.points[node]
+        total = self._sum(node, weight)
+        size = np.sqrt(self._sum(node, weight * np.einsum("ed,ed->e", offset, offset)) / total)
+        terms = np.column_stack([np.ones(len(node)), offset / size[node, None]])
+        weight = weight / total[node]
+        moments = np.array([[self._sum(node, weight * a * b) for a in terms.T] for b in terms.T]).transpose(2, 0, 1)
+        # The fit's value at the node is the first coefficient: the first row of the inverse moments.
+        mean = np.tile([1.0, 0.0, 0.0], (self.mesh.n_points, 1))
+        sound = np.linalg.det(moments) > FLAT
+        first = mean.copy()
+        first[sound] = np.linalg.solve(moments[sound], mean[sound][..., None])[..., 0]
+        values = weight * np.einsum("ek,ek->e", terms, first[node])
+        return sp.csr_array((values, triangle, patches.indptr), shape=patches.shape)
+
+    def _sum(self, node: NDArray[np.intp], values: Array) -> Array:
+        return np.asarray(np.bincount(node, values, minlength=self.mesh.n_points), dtype=float)
+
+    def _patches(self) -> sp.csr_array:
+        """(n, t) pattern of the patches: one ring of triangles, two where one says too little."""
+        ring = self.incidence
+        few = np.diff(ring.indptr) < ENOUGH
+        few[self.mesh.segments] = True
+        keep = sp.diags_array((~few).astype(float)) @ ring
+        neighbours = ring[few] @ ring.T
+        rows = sp.csr_array(neighbours @ ring)
+        wide = sp.csr_array(sp.coo_array(_placed(rows, np.flatnonzero(few)), shape=ring.shape))
+        patches = sp.csr_array(keep + wide)
+        patches.eliminate_zeros()
+        return patches
+
+
+def _placed(rows: sp.csr_array, where: NDArray[np.intp]) -> tuple[Array, tuple[Array, Array]]:
+    """Entries of a matrix whose rows belong to the rows `where` of a larger one."""
+    entries = sp.coo_array(rows)
+    return entries.data, (where[entries.row], entries.col)

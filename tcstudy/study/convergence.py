@@ -1,0 +1,271 @@
+"""The convergence of a study over its levels: errors, rates with their expected orders, extrapolated numbers.
+
+Reference: the exact solution if the study gives one; else the finest of at least MIN_LEVELS nested levels, compared
+with levels at least GAP coarser (what its own error adds is then below 4^-GAP of a smooth error's square), itself
+not part of any fit; else none, and only numbers are extrapolated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from tcstudy.accuracy.expected import Expected, HeldEnds, expected_orders, smooth_up_to, smoothness
+from tcstudy.accuracy.nesting import NotNested
+from tcstudy.accuracy.rates import ROUNDING, Fit, fit, richardson
+from tcstudy.accuracy.vertices import vertices
+from tcstudy.data.convergence import (
+    ERRORS,
+    Convergence,
+    ErrorSeries,
+    NumberSeries,
+    PointConvergence,
+    write_convergence,
+)
+from tcstudy.data.provenance import collect
+from tcstudy.data.records import PointStatus
+from tcstudy.data.store import StoreError, check_writable
+from tcstudy.scene.records import Point, Scene, Study
+from tcstudy.study.exact_energy import exact_energy, exact_friction_resultant
+from tcstudy.study.locking import locking_note
+from tcstudy.study.reference import ExactReference, NestedReference, Reference
+from tcstudy.study.solved_levels import Say, Solution, SolvedLevel, solve_levels
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+GAP = 2
+MIN_LEVELS = GAP + 2
+NEAR = 0.2
+"""A slope within this of the expected order (or two standard errors) is as expected."""
+NOTABLE = 0.1
+"""Share of the largest ξ from which on ξ beside a held end decides about orders."""
+
+
+class ConvergenceError(Exception):
+    """The convergence of a study cannot be measured; the text says why and what to do."""
+
+
+def converge_to_file(study: Study, path: Path, say: Say, command: Sequence[str] = ("tcstudy",)) -> int:
+    """Measure the convergence of a study into a file; returns the number of solutions that failed.
+
+    Raises ConvergenceError if the study's levels do not suit, StoreError if the file cannot be written, GeometryFailed
+    if the body cannot be meshed.
+    """
+    if study.mesh.levels < 2:
+        raise ConvergenceError("one level has no convergence; give mesh.levels: 4 or more, or --set mesh.levels=4")
+    if study.mesh.family == "adaptive":
+        what = "adaptive meshes differ from point to point and come with their own error estimates"
+        raise ConvergenceError(f"{what}; use tcstudy run, or --set mesh.family=uniform")
+    problems = check_writable(path, 1_000_000)
+    if problems:
+        raise StoreError("; ".join(problems))
+    convergence = converge(study, say)
+    write_convergence(path, study, convergence, collect(study, command))
+    return sum(status != PointStatus.OK for point in convergence.points for status in point.status)
+
+
+def converge(study: Study, say: Say = lambda text: None) -> Convergence:
+    """Solve all levels of a study and measure their convergence.
+
+    say: called with a line of text as work goes on. Raises GeometryFailed if the body cannot be meshed.
+    """
+    with threadpool_limits(1, user_api="blas"):
+        levels = solve_levels(study, say)
+        reference, words, compared, notes = _reference(study, levels)
+        points = tuple(
+            _point(study, levels, reference, compared, index, scene)
+            for index, scene in zip(np.ndindex(study.shape), study.scenes, strict=True)
+        )
+    notes += _notes(study, levels, reference)
+    return Convergence(
+        h_max=np.array([level.h_max for level in levels]),
+        n_dof=np.array([level.n_dof for level in levels], dtype=np.int32),
+        n_contact=np.array([len(level.line.nodes) for level in levels], dtype=np.int32),
+        reference=words,
+        compared=compared,
+        points=points,
+        notes=tuple(notes),
+    )
+
+
+def _reference(study: Study, levels: list[SolvedLevel]) -> tuple[Reference | None, str, Mask, list[str]]:
+    """What errors are measured against, in words, the levels compared with it, and remarks."""
+    n = len(levels)
+    if study.exact is not None:
+        return ExactReference(study.exact, levels), "the exact solution", np.ones(n, dtype=bool), []
+    none = np.zeros(n, dtype=bool)
+    if n < MIN_LEVELS:
+        why = f"a reference at least {GAP} levels finer needs mesh.levels of {MIN_LEVELS} or more"
+        return None, "none", none, [f"No errors are measured: {why}; numbers are extrapolated."]
+    try:
+        nested = NestedReference(levels)
+    except NotNested as error:
+        return None, "none", none, [f"No errors are measured, because {error}; numbers are extrapolated."]
+    notes = []
+    if nested.off_midpoint > 1e-9:
+        notes.append(
+            "The boundary is curved: refinement moves new nodes onto the arc (by up to "
+            f"{100 * nested.off_midpoint:.2g} % of their edge), so the spaces are not nested there; a coarse solution "
+            "is compared with the reference node by node of the refined mesh."
+        )
+    compared = np.arange(n) < n - GAP
+    skipped = ", ".join(str(i) for i in range(n - GAP, n - 1))
+    words = f"level {n - 1}, the finest (levels compared are at least {GAP} coarser; level {skipped} is not used)"
+    return nested, words, compared, notes
+
+
+def _point(
+    study: Study,
+    levels: list[SolvedLevel],
+    reference: Reference | None,
+    compared: Mask,
+    index: tuple[int, ...],
+    scene: Scene,
+) -> PointConvergence:
+    solutions = [level.solutions[index] for level in levels]
+    h = np.array([level.h_max for level in levels])
+    ok = np.array([s.ok for s in solutions])
+    expected = _expected(study, levels[-1], solutions[-1], scene)
+    found = [reference.errors(i, index, scene) if reference and compared[i] else {} for i in range(len(levels))]
+    errors = {}
+    for measure in ERRORS:
+        pairs = [one.get(measure.name) for one in found]
+        nested = study.exact is None
+        series = _error_series(h, pairs, ok & compared, expected[measure.name], study.solver.tolerance, nested)
+        if series is not None:
+            errors[measure.name] = series
+    exact = {}
+    if isinstance(reference, ExactReference):
+        assert study.exact is not None
+        exact = {
+            "friction_resultant": exact_friction_resultant(scene, reference.xi(scene)),
+            "energy": exact_energy(study.exact, scene, levels[-1].mesh),
+        }
+    return PointConvergence(
+        index,
+        tuple(s.status for s in solutions),
+        tuple(s.reason for s in solutions),
+        errors,
+        _numbers(h, solutions, ok, exact),
+    )
+
+
+def _error_series(
+    h: Array, found: list[tuple[float, float] | None], usable: Mask, expected: Expected, tolerance: float, nested: bool
+) -> ErrorSeries | None:
+    """One error over the levels; None if it is nowhere measured or its reference vanishes."""
+    size = next((pair[1] for pair in reversed(found) if pair is not None), 0.0)
+    if size == 0.0:
+        return None
+    error = np.array([pair[0] / size if pair is not None else np.nan for pair in found])
+    fitted = fit(h, error, usable, max(ROUNDING, tolerance))
+    return ErrorSeries(
+        error=error,
+        size=size,
+        rate=fitted.rates,
+        slope=fitted.slope,
+        slope_error=fitted.standard_error,
+        first_level=fitted.first,
+        verdict=_verdict(fitted, expected.order, nested),
+        expected=expected.order,
+        reason=expected.reason,
+    )
+
+
+def own_error(order: float) -> float:
+    """How much larger than `order` the finest rate may look because the reference has an error of its own.
+
+    Errors e_i ~ h_i^p seen as e_i − e_ref have the rate p + log₂((1 − 2^{−p(GAP+1)})/(1 − 2^{−p GAP})).
+    """
+    if order <= 0.0:
+        return math.inf
+    return math.log2((1 - 2 ** (-order * (GAP + 1))) / (1 - 2 ** (-order * GAP)))
+
+
+def _verdict(fitted: Fit, expected: float, nested: bool) -> str:
+    """What the rates say; see data.convergence.VERDICTS."""
+    if fitted.exact:
+        return "exact"
+    if np.count_nonzero(np.isfinite(fitted.rates)) < 2:
+        return "too_few_levels"
+    if not fitted.settled:
+        return "pre_asymptotic"
+    margin = max(NEAR, 2 * fitted.standard_error if math.isfinite(fitted.standard_error) else 0.0)
+    if -margin <= fitted.slope - expected <= margin + (own_error(expected) if nested else 0.0):
+        return "as_expected"
+    return "faster" if fitted.slope > expected else "slower"
+
+
+def _numbers(h: Array, solutions: list[Solution], ok: Mask, exact: dict[str, float]) -> dict[str, NumberSeries]:
+    series: dict[str, NumberSeries] = {}
+    for name in ("energy", "friction_resultant", "slip_length", "heat_balance"):
+        values = np.array([s.numbers.get(name, np.nan) for s in solutions])
+        if not np.isfinite(values).any():
+            continue
+        if name == "heat_balance":  # rounding on every level: nothing to extrapolate
+            series[name] = NumberSeries(values, np.full(len(h), np.nan), np.nan, np.nan, np.nan, 0.0)
+            continue
+        limit = richardson(h, values, ok)
+        series[name] = NumberSeries(
+            values, limit.orders, limit.value, limit.uncertainty, limit.order, exact.get(name, np.nan)
+        )
+    return series
+
+
+def _expected(study: Study, finest: SolvedLevel, solution: Solution, scene: Scene) -> dict[str, Expected]:
+    """Expected orders from the corners and from stick and slip on the finest level, or as the study gives them."""
+    if study.exact is not None:
+        return expected_orders(smooth_up_to(study.exact.exponent, _held_ends(finest, solution)))
+
+    def sticks(edge: str, at: Point) -> bool:
+        own = np.array([name == edge for name in finest.edges])
+        if not solution.ok or not own.any():
+            return False
+        distance = np.linalg.norm(finest.mesh.points[finest.line.nodes] - np.array(at), axis=1)
+        return bool(solution.sticks[np.argmin(np.where(own, distance, np.inf))])
+
+    corners = vertices(scene.body, scene.boundary, scene.material, sticks)
+    mixed = solution.ok and bool(solution.sticks.any()) and not bool(solution.sticks.all())
+    return expected_orders(smoothness(corners, mixed))
+
+
+def _held_ends(finest: SolvedLevel, solution: Solution) -> HeldEnds:
+    """What the contact nodes beside held ones do; those that carry next to no ξ make no difference."""
+    if not solution.ok:
+        return HeldEnds()
+    held = finest.line.next_to_held & (np.abs(solution.xi) > NOTABLE * np.max(np.abs(solution.xi), initial=0.0))
+    return HeldEnds(slip=bool((held & ~solution.sticks).any()), stick=bool((held & solution.sticks).any()))
+
+
+def _notes(study: Study, levels: list[SolvedLevel], reference: Reference | None) -> list[str]:
+    notes = []
+    nu = max((s.material.nu for s in study.scenes if s.material.plane == "strain"), default=0.0)
+    if (note := locking_note(nu)) is not None:
+        notes.append(note)
+    if isinstance(reference, ExactReference):
+        worst = max(reference.inclusion(scene) for scene in study.scenes)
+        if worst > 1e-8:
+            notes.append(
+                f"The exact solution misses the friction law by {worst:.2g} of its scale: it does not solve this "
+                "problem, so errors will level off; check exact, friction and the loads."
+            )
+    if study.exact is None and study.scenes[0].body.brep is not None:
+        notes.append("Corners of a body from a file are not analysed: expected orders are those of a smooth solution.")
+    if isinstance(reference, NestedReference):
+        seen = ", ".join(f"{p:g} as {p + own_error(p):.2f}" for p in (0.5, 1.0, 2.0))
+        notes.append(f"The reference has an error of its own, so rates look larger: an order of {seen} at most.")
+    if study.mesh.family == "graded":
+        notes.append("Expected orders are those of uniform meshes; graded ones may come to the full orders of P1.")
+    several = sum(s.numbers.get("unique") == 0 for s in levels[-1].solutions.values())
+    if several:
+        notes.append(
+            f"{several} of {len(study.scenes)} points are not certified to have one solution only: levels may follow "
+            "different ones; rates that jump are a sign of it."
+        )
+    return notes

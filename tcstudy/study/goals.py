@@ -1,0 +1,103 @@
+"""Numbers that a study is after, and how errors of the solution carry over to them.
+
+A goal J is linear in (ξ, u_T) near a solution. With the sticking nodes S held and the slipping ones F on their piece of
+b, a change δl̃ of the condensed load changes J = aᵀξ + wᵀu_T by zᵀδl̃:
+
+    z_S = a_S,   (Ã_FF + C b′) z_F = w_F + C b′ a_F − Ã_FS a_S,
+
+one more solve with the tangent of the solution. z is extended into the body without load; then
+
+    J(u) − J(u_h) = a(u − u_h, z − z_h) to first order                                       (dual weighted residual)
+Literature: Becker & Rannacher, Acta Numerica 10 (2001) 1–102; Suttmeier, Numerical Solution of Variational
+            Inequalities by Adaptive Finite Elements (2008) for contact
+Left out:   the length of the slip zone is no differentiable function of the solution, see `survey`
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tcstudy.fem.contact_line import ContactLine
+from tcstudy.fem.recovery import Triangles
+from tcstudy.scene.records import Goal, Point
+from tcstudy.solve.problem import ContactProblem
+from tcstudy.study.measures import sticking
+
+Array = NDArray[np.float64]
+
+
+def goal_value(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> float:
+    """J of a contact solution v (m,); NaN for the energy norm, which is no number to compare."""
+    if goal.quantity == "friction_resultant":
+        return float(problem.xi(v).sum())
+    if goal.quantity == "slip_length":
+        return float(problem.c[~sticking(problem.law, v)].sum())
+    if goal.quantity == "u_T":
+        assert goal.at is not None
+        return float(point_weights(line, goal.at) @ v)
+    return float("nan")
+
+
+def point_weights(line: ContactLine, at: Point) -> Array:
+    """w (m,) with u_T(at) = wᵀv for the point of Γ_C nearest to `at`; held nodes have no weight."""
+    unknown = {int(node): i for i, node in enumerate(line.nodes)}
+    ends = line.ends
+    along = ends[:, 1] - ends[:, 0]
+    offset = np.asarray(at) - ends[:, 0]
+    t = np.clip(np.einsum("sd,sd->s", offset, along) / np.einsum("sd,sd->s", along, along), 0.0, 1.0)
+    distance = np.linalg.norm(offset - t[:, None] * along, axis=1)
+    nearest = int(np.argmin(distance))
+    w = np.zeros(line.m)
+    for node, share in zip(line.segments[nearest].tolist(), (1.0 - t[nearest], t[nearest]), strict=True):
+        if node in unknown:
+            w[unknown[node]] = share
+    return w
+
+
+def dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Array:
+    """z (m,), the change of J with the condensed load. Raises LinAlgError at a turning point of the solution."""
+    a, w = np.zeros(line.m), np.zeros(line.m)
+    if goal.quantity == "friction_resultant":
+        a[:] = 1.0
+    elif goal.quantity == "u_T":
+        assert goal.at is not None
+        w = point_weights(line, goal.at)
+    else:
+        raise ValueError(f"the {goal.quantity} has no dual problem")
+    stick = sticking(problem.law, v)
+    slip = ~stick
+    tangent = problem.c * problem.law.slope(v, problem.law.piece(v))
+    z = np.where(stick, a, 0.0)
+    if np.any(slip):
+        matrix = problem.A_tilde[np.ix_(slip, slip)] + np.diag(tangent[slip])
+        load = w[slip] + tangent[slip] * a[slip] - problem.A_tilde[np.ix_(slip, stick)] @ a[stick]
+        z[slip] = scipy.linalg.solve(matrix, load, assume_a="sym")
+    return z
+
+
+def lumping(triangles: Triangles, line: ContactLine, xi: Array, z: Array) -> Array:
+    """(s,) Σ c_i ξ_i z_i − ∫ ξ_h z_h on the boundary segments, h/6 Δξ Δz between two free contact nodes [J/m]."""
+    mesh = triangles.mesh
+    nodal = np.full((mesh.n_points, 2), np.nan)
+    nodal[line.nodes] = np.column_stack([xi, z])
+    steps = nodal[mesh.segments[:, 1]] - nodal[mesh.segments[:, 0]]
+    length = np.linalg.norm(mesh.points[mesh.segments[:, 1]] - mesh.points[mesh.segments[:, 0]], axis=1)
+    names = [curve.name in line.edge_names for curve in mesh.geometry.curves]
+    on = np.array(names)[mesh.segment_curve]
+    return np.where(on, np.nan_to_num(length / 6.0 * steps[:, 0] * steps[:, 1]), 0.0)
+
+
+def transitions(line: ContactLine, problem: ContactProblem, v: Array) -> tuple[NDArray[np.intp], float]:
+    """Contact nodes at which slip begins or ends (k,), and the length [m] over which that is not decided.
+
+    A front lies between a sticking and a slipping node; c is halved between them, so that it is known to half the
+    larger cell.
+    """
+    state = np.zeros(int(line.segments.max()) + 1, dtype=np.int8)  # 0 where the node is held: no front
+    state[line.nodes] = np.where(sticking(problem.law, v), 1, -1)
+    changes = state[line.segments[:, 0]] * state[line.segments[:, 1]] < 0
+    at = line.segments[changes]
+    lengths = np.linalg.norm(line.ends[changes, 1] - line.ends[changes, 0], axis=1)
+    return np.unique(at), 0.5 * float(lengths.sum())

@@ -1,0 +1,250 @@
+"""Follow a study's path: all solutions along one parameter, those at requested values, and the hysteresis loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.condense import NotPositiveDefinite
+from tcstudy.data.path_records import ContactState, CurveRecord, LoopRecord, PathRecord, SolutionsRecord
+from tcstudy.scene.friction import DOWN, FrictionLaw
+from tcstudy.scene.path_scene import path_scene
+from tcstudy.scene.records import PathPlan, Study
+from tcstudy.solve.certificates import Certificate, certify
+from tcstudy.solve.contact import TIE, solve_contact
+from tcstudy.solve.outcome import Status
+from tcstudy.solve.path import Follower, ParametricProblem, Path
+from tcstudy.solve.path_hysteresis import Hysteresis, hysteresis
+from tcstudy.solve.path_lowest import lowest
+from tcstudy.solve.path_query import PathSolution, folds, solutions_at, solutions_of
+from tcstudy.solve.path_smooth import piecewise_linear
+from tcstudy.solve.path_start import NoSolutionError
+from tcstudy.solve.solution_box import solution_box
+from tcstudy.study.family import Family
+from tcstudy.study.level import Level
+from tcstudy.study.path_affine import AffineLoad, PathError, affine_load
+from tcstudy.study.run import level_record
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, float], None]
+
+
+@dataclass(frozen=True)
+class _Setting:
+    """A path ready to be followed: the problem with the law itself and with its piecewise-linear stand-in."""
+
+    plan: PathPlan
+    load: AffineLoad
+    true: ParametricProblem
+    straight: ParametricProblem
+    lambda_1: float
+    tolerance: float
+
+
+def follow_path(study: Study, progress: Progress | None = None) -> PathRecord:
+    """The path that the study asks for.
+
+    progress: called with (pieces, t) from time to time
+    Raises PathError if there is nothing to follow or the start has no solution, GeometryFailed if the body has no
+    mesh.
+    """
+    plan = study.path
+    if plan is None:
+        raise PathError("the study has no section path; add path: {parameter: theta_bar, from: 0 K, to: 40 K}")
+    level = _level(study, plan)
+    try:
+        setting = _setting(study, plan, level)
+    except NotPositiveDefinite as error:
+        raise PathError(str(error)) from error
+    path, v = _follow(setting, progress)
+    return PathRecord(
+        line=level_record(study, level.mesh, level),
+        curve=_curve(setting, path),
+        start=path.start,
+        begin=(path.begin.status.name.lower(), path.begin.reason),
+        end=(path.end.status.name.lower(), path.end.reason),
+        solutions=_solutions(setting, path),
+        loop=_loop(setting, v) if plan.hysteresis else None,
+        lambda_1=setting.lambda_1,
+        omega=setting.true.law.omega,
+        law_error=0.0 if setting.true.law.piecewise_linear else plan.law_error,
+        affine_defect=setting.load.defect,
+    )
+
+
+def _level(study: Study, plan: PathPlan) -> Level:
+    """The mesh level of the path; coarser ones are only stations on the way."""
+    if study.mesh.family == "adaptive":
+        raise PathError("adaptive meshes follow from the solutions of a run; use mesh.family uniform or graded")
+    family = Family(study)
+    mesh = family.next(0)
+    last = study.mesh.levels - 1 if plan.level is None else plan.level
+    for i in range(1, last + 1):
+        mesh = family.next(i)
+    return Level(mesh, plan.scene)
+
+
+def _setting(study: Study, plan: PathPlan, level: Level) -> _Setting:
+    load = affine_load(level, lambda t: path_scene(plan.scene, plan.parameter, t), plan.begin, plan.end, plan.name)
+    lambda_1, law = level.lambda_1(plan.scene), plan.scene.friction
+    straight = load.problem
+    if not law.piecewise_linear:
+        boxes = [solution_box(straight.at(t), lambda_1) for t in plan.within]
+        reach = max(float(np.max(np.abs(side))) for box in boxes for side in box)
+        straight = straight.with_law(piecewise_linear(law, plan.law_error, reach))
+    return _Setting(plan, load, load.problem, straight, lambda_1, study.solver.tolerance)
+
+
+def _follow(setting: _Setting, progress: Progress | None) -> tuple[Path, Array]:
+    """The path and the solution at t = begin that it starts from."""
+    plan, problem = setting.plan, setting.straight
+    branch = "from-zero" if plan.start == "zero" else "lowest"
+    answer = solve_contact(problem.at(plan.begin), tolerance=setting.tolerance, branch=branch)  # type: ignore[arg-type]
+    if answer.status != Status.CONVERGED:
+        raise PathError(f"there is no solution to start from at {plan.name} = {plan.begin:g}: {answer.reason}")
+    direction = plan.direction
+    if direction != "both" and plan.begin > plan.end:  # the follower's forward is growing t
+        direction = "backward" if direction == "forward" else "forward"
+    follower = Follower(t_min=plan.within[0], t_max=plan.within[1], max_pieces=plan.max_pieces)
+    try:
+        return follower.follow(problem, answer.v, plan.begin, direction, progress), answer.v
+    except NoSolutionError as error:
+        raise PathError(str(error)) from error
+
+
+def _curve(setting: _Setting, path: Path) -> CurveRecord:
+    law, load = path.problem.law, setting.load
+    state = contact_states(law)[path.codes]
+    turning = folds(path)
+    events = path.events
+    before, after = contact_states(law)[events.before], contact_states(law)[events.after]
+    changed = before != after
+    low = lowest(path)
+    return CurveRecord(
+        parameter=path.t,
+        u_T=path.u,
+        xi=path.traction,
+        energy=path.energy + load.constant(path.t),
+        energy_rate=load.constant_rate(path.t) - path.conjugate,
+        residual=path.residual,
+        stable=path.stable.astype(np.int8),
+        state=state,
+        slip_length=np.asarray((state != ContactState.STICK) @ path.problem.c),
+        fold_vertex=np.array([f.vertex for f in turning], dtype=np.int32),
+        fold_maximum=np.array([f.limit for f in turning], dtype=np.int8),
+        fold_stable_before=np.array([f.stable[0] for f in turning], dtype=np.int8),
+        fold_stable_after=np.array([f.stable[1] for f in turning], dtype=np.int8),
+        event_vertex=events.vertex[changed].astype(np.int32),
+        event_node=events.node[changed].astype(np.int32),
+        event_before=before[changed],
+        event_after=after[changed],
+        lowest_begin=low.begin,
+        lowest_end=low.end,
+        lowest_piece=low.piece.astype(np.int32),
+        lowest_certified=_certified(setting, path, low.begin, low.end, low.piece),
+    )
+
+
+def _certified(setting: _Setting, path: Path, begin: Array, end: Array, pieces: NDArray[np.intp]) -> NDArray[np.int8]:
+    """Whether the lowest solutions are proved to be global minima at the middle of their intervals."""
+    proved = np.zeros(len(pieces), dtype=np.int8)
+    for i, (t, piece) in enumerate(zip(0.5 * (begin + end), pieces, strict=True)):
+        s = (t - path.t[piece]) / (path.t[piece + 1] - path.t[piece])
+        v = path.u[piece] + s * (path.u[piece + 1] - path.u[piece])
+        proved[i] = _certificate(setting, path.problem, v, float(t)).global_minimum
+    return proved
+
+
+def contact_states(law: FrictionLaw) -> NDArray[np.int8]:
+    """ContactState by piece code of a piecewise-linear law (tcstudy.solve.path_graph)."""
+    states = np.full(2 * len(law.kinks) + 1, ContactState.STICK, dtype=np.int8)
+    states[0::2] = np.where(law.q < 0.0, ContactState.SOFTEN, ContactState.SLIP)
+    states[1::2][law.kinds == DOWN] = ContactState.DROP
+    for side, outward in ((1, 1), (-1, -1)):
+        way = states[2 * int(law.piece(0.0, side)) :: outward]  # a view: the pieces from s = 0 outwards
+        fallen = np.logical_or.accumulate((way == ContactState.SOFTEN) | (way == ContactState.DROP))
+        way[fallen & (way == ContactState.SLIP)] = ContactState.WEAKENED
+    return states
+
+
+def _certificate(setting: _Setting, problem: ParametricProblem, v: Array, t: float) -> Certificate:
+    return certify(problem.at(t), v, setting.lambda_1, setting.tolerance)
+
+
+def _solutions(setting: _Setting, path: Path) -> SolutionsRecord:
+    """All solutions at the requested values; those of a smooth law by Newton's method from those of its stand-in."""
+    law, at = setting.true.law, setting.plan.at
+    found: list[list[PathSolution]] = [
+        solutions_at(path, t) if law.piecewise_linear else solutions_of(law, path, t) for t in at
+    ]
+    rows = [(i, s) for i, group in enumerate(found) for s in group]
+    proofs = [_certificate(setting, setting.true, s.v, at[i]) for i, s in rows]
+    energies = np.array([s.energy for _, s in rows])
+    least = [min((s.energy for s in group), default=np.nan) for group in found]
+    slack = TIE * float(np.max(np.abs(energies), initial=0.0))
+    v = np.array([s.v for _, s in rows]).reshape(len(rows), path.problem.m)
+    tractions = [setting.true.at(at[i]).xi(s.v) / path.problem.c for i, s in rows]
+
+    def flags(values: list[bool]) -> NDArray[np.int8]:
+        return np.array(values, dtype=np.int8)
+
+    return SolutionsRecord(
+        at=np.array(at),
+        solution_count=np.array([len(group) for group in found], dtype=np.int32),
+        solution_at=np.array([i for i, _ in rows], dtype=np.int32),
+        solution_piece=np.array([s.piece for _, s in rows], dtype=np.int32),
+        solution_energy=energies + setting.load.constant(np.array([at[i] for i, _ in rows])),
+        solution_residual=np.array([s.residual for _, s in rows]),
+        solution_stable=flags([s.stable for _, s in rows]),
+        solution_lowest=flags([s.energy <= least[i] + slack for i, s in rows]),
+        solution_unique=flags([proof.unique for proof in proofs]),
+        solution_strict_minimum=flags([proof.strict_minimum for proof in proofs]),
+        solution_global_minimum=flags([proof.global_minimum for proof in proofs]),
+        solution_u_T=v,
+        solution_xi=np.array(tractions).reshape(v.shape),
+    )
+
+
+def _loop(setting: _Setting, v: Array) -> LoopRecord:
+    """The loop between begin and end; with a falling range it is driven in −t."""
+    plan, problem = setting.plan, setting.straight
+    sign = 1.0 if plan.begin < plan.end else -1.0
+    driven = problem if sign > 0.0 else replace(problem, l_1=-problem.l_1)
+    follower = Follower(max_pieces=plan.max_pieces)
+    return _loop_record(setting, hysteresis(driven, v, sign * plan.begin, sign * plan.end, follower=follower), sign)
+
+
+def _loop_record(setting: _Setting, loop: Hysteresis, sign: float) -> LoopRecord:
+    branches, jumps = loop.branches, loop.jumps
+    ends = np.cumsum([len(b.t) for b in branches]) - 1
+    t = sign * np.concatenate([b.t for b in branches])
+    return LoopRecord(
+        loop_parameter=t,
+        loop_branch=np.repeat(np.arange(len(branches), dtype=np.int32), [len(b.t) for b in branches]),
+        loop_energy=np.concatenate([b.energy for b in branches]) + setting.load.constant(t),
+        loop_u_T=np.concatenate([b.u for b in branches]),
+        loop_xi=np.concatenate([b.traction for b in branches]),
+        jump_parameter=sign * np.array([jump.t for jump in jumps]),
+        jump_vertex=_jump_vertices(loop, ends),
+        jump_rising=np.array([jump.rising == (sign > 0.0) for jump in jumps], dtype=np.int8),
+        jump_drop=np.array([jump.drop for jump in jumps]),
+        energy_lost=loop.lost,
+        loop_area=loop.area,
+        loop_closed=int(loop.closed),
+        loop_complete=int(loop.complete),
+        loop_reason=loop.reason,
+    )
+
+
+def _jump_vertices(loop: Hysteresis, ends: NDArray[np.intp]) -> NDArray[np.int32]:
+    """Last vertex of the branch before each fall: the branch that ends in v_from."""
+    found, branch = [], 0
+    for jump in loop.jumps:
+        while branch < len(ends) - 1 and not np.array_equal(loop.branches[branch].u[-1], jump.v_from):
+            branch += 1
+        found.append(ends[branch])
+        branch += 1
+    return np.array(found, dtype=np.int32)

@@ -1,0 +1,163 @@
+"""Errors of the levels' solutions against an exact solution or against the finest of nested levels.
+
+Errors are relative to the norm of the reference. A measure whose reference vanishes is left out.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.accuracy.line_norms import check_halved, refined_ends, refined_halves
+from tcstudy.accuracy.nesting import Prolongation, prolongation
+from tcstudy.accuracy.norms import Function
+from tcstudy.scene.gradient import value_and_gradient
+from tcstudy.scene.records import Exact, Scalar, Scene
+from tcstudy.study.solved_levels import Solution, SolvedLevel
+
+Array = NDArray[np.float64]
+Errors = dict[str, tuple[float, float]]
+"""Error and norm of the reference, by name."""
+
+
+class Reference(Protocol):
+    """What errors are measured against."""
+
+    def errors(self, level: int, index: tuple[int, ...], scene: Scene) -> Errors:
+        """Absolute errors of a level's solution of a sweep point; empty if there is none to compare."""
+        ...
+
+
+class ExactReference:
+    """The exact solution that the study gives."""
+
+    def __init__(self, exact: Exact, levels: list[SolvedLevel]) -> None:
+        self._exact, self._levels = exact, levels
+        self._u = [_function(component) for component in exact.u]
+
+    def u_T(self, x: Array, y: Array, n: Array) -> Array:
+        """u·t with t = (−n₂, n₁)."""
+        return self._u[1](x, y)[0] * n[..., 0] - self._u[0](x, y)[0] * n[..., 1]
+
+    def xi(self, scene: Scene) -> Callable[[Array, Array, Array], Array]:
+        """−S_T: as given, or −t·2με(u)n; λ and the temperature only act normally."""
+        given = self._exact.xi
+        if given is not None:
+            return lambda x, y, n: value_and_gradient(given, x, y)[0]
+        mu = scene.material.mu
+
+        def traction(x: Array, y: Array, n: Array) -> Array:
+            gx, gy = self._u[0](x, y)[1], self._u[1](x, y)[1]
+            shear = 0.5 * (gx[1] + gy[0])
+            n1, n2 = n[..., 0], n[..., 1]
+            tangential: Array = -n2 * (gx[0] * n1 + shear * n2) + n1 * (shear * n1 + gy[1] * n2)
+            return -2 * mu * tangential
+
+        return traction
+
+    def errors(self, level: int, index: tuple[int, ...], scene: Scene) -> Errors:
+        one = self._levels[level]
+        solution = one.solutions[index]
+        if solution.u is None:
+            return {}
+        lam, mu = scene.material.lam, scene.material.mu
+        pairs = list(zip(solution.u, self._u, strict=True))
+        found: Errors = {
+            "u_energy": one.mesh.energy_from(pairs, lam, mu),
+            "u_H1": one.mesh.h1_from(pairs),
+            "u_L2": one.mesh.l2_from(pairs),
+        }
+        if self._exact.theta is not None and solution.theta is not None:
+            thermal = [(solution.theta, _function(self._exact.theta))]
+            found |= {"theta_L2": one.mesh.l2_from(thermal), "theta_H1": one.mesh.h1_from(thermal)}
+        return found | self._on_line(one, solution, scene)
+
+    def _on_line(self, one: SolvedLevel, solution: Solution, scene: Scene) -> Errors:
+        assert solution.u is not None
+        line, xi = one.line, self.xi(scene)
+        u_T_nodes, xi_nodes = line.at_nodes(self.u_T), line.at_nodes(xi)
+        return {
+            "u_T_L2": line.linear_from(line.tangential(*solution.u), self.u_T),
+            "u_T_max": (_largest(solution.v - u_T_nodes), _largest(u_T_nodes)),
+            "xi_L2": line.step_from(line.halves(solution.xi), xi),
+            "xi_nodes": (line.nodal_norm(solution.xi - xi_nodes), line.nodal_norm(xi_nodes)),
+            "xi_max": (_largest(solution.xi - xi_nodes), _largest(xi_nodes)),
+        }
+
+    def inclusion(self, scene: Scene) -> float:
+        """max dist(ξ, b̂(u_T)) over the finest contact nodes, over the scale of b: whether the solution is one."""
+        line, law = self._levels[-1].line, scene.friction
+        slip, xi = line.at_nodes(self.u_T), line.at_nodes(self.xi(scene))
+        low, high = law.interval(slip, 1e-9 * _largest(slip))
+        worst = float(np.max(np.maximum(low - xi, xi - high), initial=0.0))
+        scale = max(law.b_scale, _largest(xi))
+        return worst / scale if scale > 0.0 else worst
+
+
+class NestedReference:
+    """The finest of nested levels; the others are prolonged to it."""
+
+    def __init__(self, levels: list[SolvedLevel]) -> None:
+        """Raises NotNested if the levels are no uniform refinements."""
+        self._levels = levels
+        self._steps: list[Prolongation] = []
+        for coarse, fine in itertools.pairwise(levels):
+            self._steps.append(prolongation(coarse.mesh.points, fine.mesh.points, fine.mesh.triangles))
+            check_halved(coarse.line, fine.line)
+
+    @property
+    def off_midpoint(self) -> float:
+        """How far refinement moved nodes off the midpoints of their edges, relative; 0 if the spaces are nested."""
+        return max(step.off_midpoint for step in self._steps)
+
+    def errors(self, level: int, index: tuple[int, ...], scene: Scene) -> Errors:
+        best, own = self._levels[-1].solutions[index], self._levels[level].solutions[index]
+        if best.u is None or own.u is None or not best.ok:
+            return {}
+        mesh, lam, mu = self._levels[-1].mesh, scene.material.lam, scene.material.mu
+        e = self._prolonged(own.u, level) - best.u
+        found: Errors = {
+            "u_energy": (mesh.energy(e[0], e[1], lam, mu), mesh.energy(best.u[0], best.u[1], lam, mu)),
+            "u_H1": (mesh.h1(*e), mesh.h1(*best.u)),
+            "u_L2": (mesh.l2(*e), mesh.l2(*best.u)),
+        }
+        if own.theta is not None and best.theta is not None:
+            e = self._prolonged(own.theta, level) - best.theta
+            found |= {"theta_L2": (mesh.l2(e), mesh.l2(best.theta)), "theta_H1": (mesh.h1(e), mesh.h1(best.theta))}
+        return found | self._on_line(own, best, level)
+
+    def _prolonged(self, values: Array, level: int) -> Array:
+        for step in self._steps[level:]:
+            values = step(values)
+        return values
+
+    def _on_line(self, own: Solution, best: Solution, level: int) -> Errors:
+        assert own.u is not None
+        assert best.u is not None
+        coarse, fine = self._levels[level].line, self._levels[-1].line
+        ends, halves = coarse.tangential(*own.u), coarse.halves(own.xi)
+        for _ in self._steps[level:]:
+            ends, halves = refined_ends(ends), refined_halves(halves)
+        best_ends, best_halves = fine.tangential(*best.u), fine.halves(best.xi)
+        at = np.zeros((2, len(fine.points)))
+        at[:, fine.nodes] = best.v, best.xi
+        v, xi = at[:, coarse.nodes]
+        return {
+            "u_T_L2": (fine.linear_norm(ends - best_ends), fine.linear_norm(best_ends)),
+            "u_T_max": (_largest(own.v - v), _largest(best.v)),
+            "xi_L2": (fine.step_norm(halves - best_halves), fine.step_norm(best_halves)),
+            "xi_nodes": (coarse.nodal_norm(own.xi - xi), coarse.nodal_norm(xi)),
+            "xi_max": (_largest(own.xi - xi), _largest(best.xi)),
+        }
+
+
+def _function(scalar: Scalar) -> Function:
+    return lambda x, y: value_and_gradient(scalar, x, y)
+
+
+def _largest(values: Array) -> float:
+    return float(np.max(np.abs(values), initial=0.0))

@@ -1,0 +1,141 @@
+"""All levels of a study with their solutions kept in memory: what convergence is measured on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.accuracy.line_norms import Line
+from tcstudy.accuracy.norms import Triangles
+from tcstudy.data.records import PointRecord, PointStatus
+from tcstudy.fem.boundary import curve_normals
+from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.scene.records import Contact, Scene, Study
+from tcstudy.study.family import Family
+from tcstudy.study.level import Level
+from tcstudy.study.measures import sticking
+from tcstudy.study.run import solve_point
+
+Array = NDArray[np.float64]
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """One scene on one level.
+
+    status, reason: what came of it
+    u:       (2, n) displacement [m], None if there is none
+    theta:   (n,) temperature [K], None if the scene has none
+    v, xi:   (m,) u_T [m] and −S_T [Pa] at the contact nodes
+    sticks:  (m,) nodes that rest on an up-jump of the law
+    numbers: results by name, as in the result file
+    """
+
+    status: PointStatus
+    reason: str
+    u: Array | None
+    theta: Array | None
+    v: Array
+    xi: Array
+    sticks: NDArray[np.bool_]
+    numbers: dict[str, float]
+
+    @property
+    def ok(self) -> bool:
+        """True if it passed its acceptance test."""
+        return self.status == PointStatus.OK and self.u is not None
+
+
+@dataclass(frozen=True)
+class SolvedLevel:
+    """One level: its mesh, its contact line, and a solution by sweep index.
+
+    edges: (m,) name of the contact edge of every contact node
+    """
+
+    h_max: float
+    n_dof: int
+    mesh: Triangles
+    line: Line
+    edges: tuple[str, ...]
+    solutions: dict[tuple[int, ...], Solution]
+
+
+def solve_levels(study: Study, say: Say) -> list[SolvedLevel]:
+    """Solve every sweep point on every level, as a run does, and keep the fields.
+
+    say: called with a line of text when a level is ready and when a point fails
+    Raises GeometryFailed if the body cannot be meshed.
+    """
+    study = replace(study, output=replace(study.output, fields=True))
+    family, order = Family(study), _order(study)
+    levels = []
+    for i in range(study.mesh.levels):
+        mesh = family.next(i)
+        level = Level(mesh, study.scenes[0], study.scenes)
+        say(f"level {i}: h = {mesh.h_max:.3g}, {level.frames.n_dof} dofs, {level.line.m} contact unknowns")
+        names = study.scenes[0].edges(Contact)
+        line = _line(mesh, level, names)
+        edges = tuple(level.line.edge_names[e] for e in level.line.edge)
+        levels.append(
+            SolvedLevel(mesh.h_max, level.frames.n_dof, Triangles(mesh.points, mesh.triangles), line, edges, {})
+        )
+        for index, scene in order:
+            solution = _solve(study, level, index, scene, _step_back(levels[-1].solutions, index))
+            levels[-1].solutions[index] = solution
+            if not solution.ok:
+                say(f"point {index} on level {i}: {solution.status.name.lower()}: {solution.reason}")
+    return levels
+
+
+def _order(study: Study) -> list[tuple[tuple[int, ...], Scene]]:
+    """Points of one material after the other, because a level keeps one factor at a time."""
+    points = list(zip(np.ndindex(study.shape), study.scenes, strict=True))
+    first: dict[tuple[float, float], int] = {}
+    return sorted(points, key=lambda p: first.setdefault((p[1].material.lam, p[1].material.mu), len(first)))
+
+
+def _solve(study: Study, level: Level, index: tuple[int, ...], scene: Scene, neighbour: Array | None) -> Solution:
+    record = solve_point(study, level, index, scene, neighbour)
+    u = np.array([record.fields["u_x"], record.fields["u_y"]]) if record.fields else None
+    numbers = {name: value for name, value in record.numbers.items() if not isinstance(value, tuple)}
+    sticks = sticking(scene.friction, record.u_T)
+    return Solution(
+        record.status, record.reason, u, _theta(study, level, scene, record), record.u_T, record.xi, sticks, numbers
+    )
+
+
+def _theta(study: Study, level: Level, scene: Scene, record: PointRecord) -> Array | None:
+    """The temperature; also where it does not load the body, if the study knows it exactly."""
+    if study.exact is not None and study.exact.theta is not None:
+        return level.temperature(scene).theta
+    return record.fields.get("theta")
+
+
+def _step_back(solutions: dict[tuple[int, ...], Solution], index: tuple[int, ...]) -> Array | None:
+    """The contact solution one step back along the last sweep dimension that has one, as a start."""
+    for d in reversed(range(len(index))):
+        before = solutions.get((*index[:d], index[d] - 1, *index[d + 1 :]))
+        if before is not None and before.ok:
+            return before.v
+    return None
+
+
+def _line(mesh: PlaneMesh, level: Level, names: tuple[str, ...]) -> Line:
+    """The contact line with the exact curve's normals at both ends of every segment."""
+    segments = level.line.segments
+    key = mesh.segments[:, 0] * mesh.n_points + mesh.segments[:, 1]
+    order = np.argsort(key)
+    wanted = segments[:, 0] * mesh.n_points + segments[:, 1]
+    curve = mesh.segment_curve[order[np.searchsorted(key[order], wanted)]]
+    normals = np.empty((len(segments), 2, 2))
+    for i, one in enumerate(mesh.geometry.curves):
+        if one.name in names:
+            nodes, at = curve_normals(mesh, i)
+            own = curve == i
+            normals[own] = at[np.searchsorted(nodes, segments[own])]
+    return Line(mesh.points, segments, normals, level.line.nodes, level.line.c)

@@ -1,0 +1,96 @@
+"""Corners of a body and the orders they let expect."""
+
+import pytest
+
+from tcstudy.accuracy.expected import HeldEnds, expected_orders, smooth_up_to, smoothness
+from tcstudy.accuracy.vertices import vertices
+from tcstudy.scene.reader import read_study_text
+
+L_SHAPE = """
+units: none
+body:
+  outline:
+    - {from: [0, 0], edge: base}
+    - {from: [2, 0], edge: rest}
+    - {from: [2, 1], edge: rest}
+    - {from: [1, 1], edge: rest}
+    - {from: [1, 2], edge: rest}
+    - {from: [0, 2], edge: wall}
+  holes: [{rectangle: {corner: [0.2, 0.2], width: 0.2, height: 0.2, edge: hole}}]
+boundary: {base: contact, rest: free, wall: {role: clamped, u_x: 0}, hole: free}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: 1}
+mesh: {maxh: 0.5}
+"""
+
+
+def corners(sticks=False, text=L_SHAPE):
+    scene = read_study_text(text).scenes[0]
+    return vertices(scene.body, scene.boundary, scene.material, lambda edge, at: sticks)
+
+
+def test_angles_and_exponents_of_an_l_shape():
+    found = {v.at: v for v in corners()}
+    assert len(found) == 10
+    inner = found[1.0, 1.0]
+    assert inner.half_turns == pytest.approx(1.5)
+    assert inner.exponent == pytest.approx(0.5445, abs=1e-4)
+    assert found[0.2, 0.2].half_turns == pytest.approx(1.5)  # a corner of the hole is re-entrant
+    assert found[0.2, 0.2].exponent == pytest.approx(0.5445, abs=1e-4)
+    assert found[2.0, 0.0].contact
+    assert found[2.0, 0.0].exponent == 2.0
+    assert found[0.0, 0.0].words == ("slipping contact", "roller")
+    assert found[0.0, 2.0].exponent == 2.0
+
+
+def test_orders_of_an_l_shape():
+    orders = expected_orders(smoothness(corners(), stick_slip=False))
+    assert orders["u_H1"].order == pytest.approx(0.5445, abs=1e-4)
+    assert orders["u_L2"].order == pytest.approx(1.089, abs=1e-3)
+    assert orders["theta_H1"].order == pytest.approx(2 / 3)
+    assert orders["theta_L2"].order == pytest.approx(4 / 3)
+    assert "270°" in orders["u_H1"].reason
+    assert orders["u_T_max"].order == 1.0
+
+
+def test_stick_meeting_slip_limits_the_traction():
+    names = ("u_H1", "u_T_L2", "u_T_max", "xi_L2", "xi_nodes", "xi_max")
+    inner = expected_orders(smoothness([], stick_slip=True))
+    assert [inner[n].order for n in names] == [1, 2, 1.5, 1, 1, 0.5]
+    assert "stick meets slip" in inner["xi_max"].reason
+    assert [expected_orders(smoothness([], stick_slip=False))[n].order for n in names] == [1, 2, 2, 1, 2, 2]
+
+
+def test_sticking_next_to_a_free_edge_is_singular():
+    found = {v.at: v for v in corners(sticks=True)}
+    assert found[2.0, 0.0].words == ("traction", "sticking contact")
+    assert found[2.0, 0.0].exponent == pytest.approx(0.7112, abs=1e-4)
+
+
+def test_arcs_join_smoothly():
+    half = (
+        L_SHAPE[: L_SHAPE.index("  holes")]
+        .replace(
+            "- {from: [2, 0], edge: rest}",
+            "- {from: [2, 0], edge: rest, through: [2.7071067811865475, 0.29289321881345254]}",
+        )
+        .replace("- {from: [2, 1], edge: rest}", "- {from: [3, 1], edge: rest}")
+    )
+    scene = read_study_text(half + L_SHAPE[L_SHAPE.index("boundary") :].replace(", hole: free", "")).scenes[0]
+    found = {v.at: v for v in vertices(scene.body, scene.boundary, scene.material, lambda edge, at: False)}
+    assert found[2.0, 0.0].half_turns == pytest.approx(1.0)
+    assert found[3.0, 1.0].half_turns == pytest.approx(0.5)
+
+
+def test_given_exponents_and_held_ends():
+    smooth = expected_orders(smooth_up_to(None, HeldEnds()))
+    assert [smooth[n].order for n in ("u_H1", "u_L2", "u_T_L2", "u_T_max", "xi_L2", "xi_nodes", "xi_max")] == [
+        1, 2, 2, 2, 1, 2, 2,
+    ]  # fmt: skip
+    assert {e.reason for e in smooth.values()} == {"smooth"}
+    mixed = expected_orders(smooth_up_to(1.5, HeldEnds()))
+    assert [mixed[n].order for n in ("u_H1", "u_T_L2", "u_T_max", "xi_L2", "xi_nodes", "xi_max")] == [
+        1, 2, 1.5, 1, 1, 0.5,
+    ]  # fmt: skip
+    held = expected_orders(smooth_up_to(None, HeldEnds(slip=True, stick=True)))
+    assert [held[n].order for n in ("u_L2", "u_T_L2", "u_T_max", "xi_L2", "xi_max")] == [2, 1.5, 1, 0.5, 0]

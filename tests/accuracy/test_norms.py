@@ -1,0 +1,120 @@
+"""Norms of P1 functions and their distances from polynomials, against integrals in closed form."""
+
+import numpy as np
+import pytest
+
+from tcstudy.accuracy.line_norms import Line, refined_ends, refined_halves
+from tcstudy.accuracy.nesting import NotNested, prolongation
+from tcstudy.accuracy.norms import Triangles
+
+POINTS = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0], [0.7, 0.4]])
+TRIANGLES = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+MESH = Triangles(POINTS, TRIANGLES)
+X, Y = POINTS.T
+
+
+def refined(points, triangles):
+    """Uniform refinement of a mesh, written independently: one node per edge, four triangles each."""
+    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    edges, of = np.unique(sides, axis=0, return_inverse=True)
+    middle = len(points) + of.reshape(3, -1)
+    a, b, c = triangles.T
+    ab, bc, ca = middle
+    children = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+    return np.concatenate([points, points[edges].mean(axis=1)]), np.concatenate([np.array(t).T for t in children])
+
+
+def test_norms_of_linear_functions():
+    assert MESH.l2(1 + 0 * X) == pytest.approx(np.sqrt(2), rel=1e-14)
+    assert MESH.l2(X) == pytest.approx(np.sqrt(8 / 3), rel=1e-14)
+    assert MESH.l2(X, Y) == pytest.approx(np.sqrt(8 / 3 + 2 / 3), rel=1e-14)
+    assert MESH.h1(3 * X - 2 * Y) == pytest.approx(np.sqrt(2 * 13), rel=1e-14)
+    np.testing.assert_allclose(MESH.gradient(3 * X - 2 * Y + 1), np.tile([3, -2], (4, 1)), atol=1e-13)
+
+
+def test_energy_of_uniform_strain():
+    """ε_xx = 2, ε_yy = −1, γ_xy = 3: λ·1 + 2μ(4 + 1 + 4.5); a rotation costs nothing."""
+    lam, mu = 1.3, 0.7
+    energy = MESH.energy(2 * X + Y, 2 * X - Y, lam, mu)
+    assert energy**2 == pytest.approx(2 * (lam + 2 * mu * 9.5), rel=1e-14)
+    assert MESH.energy(-Y, X, lam, mu) < 1e-14
+
+
+def test_distances_from_polynomials():
+    """0 against f: the norm of f itself; the rule is exact up to degree five."""
+    zero = 0 * X
+    value = lambda x, y: (x**2, np.array([2 * x, 0 * x]))  # noqa: E731
+    error, size = MESH.l2_from([(zero, value)])
+    assert error == pytest.approx(np.sqrt(32 / 5), rel=1e-13)
+    assert size == pytest.approx(error, rel=1e-13)
+    assert MESH.h1_from([(zero, value)])[0] == pytest.approx(np.sqrt(4 * 8 / 3), rel=1e-13)
+    assert MESH.energy_from([(zero, value), (zero, value)], 1.0, 0.0)[0] == pytest.approx(np.sqrt(4 * 8 / 3), rel=1e-13)
+    linear = lambda x, y: (x - y, np.array([1 + 0 * x, -1 + 0 * x]))  # noqa: E731
+    assert MESH.l2_from([(X - Y, linear)])[0] < 1e-15
+    assert MESH.h1_from([(X - Y, linear)])[0] < 1e-14
+
+
+def test_prolongation_changes_no_norm():
+    fine_points, fine_triangles = refined(POINTS, TRIANGLES)
+    step = prolongation(POINTS, fine_points, fine_triangles)
+    assert step.off_midpoint < 1e-15
+    v = np.random.default_rng(1).normal(size=(2, len(POINTS)))
+    fine, w = Triangles(fine_points, fine_triangles), step(v)
+    np.testing.assert_array_equal(w[:, : len(POINTS)], v)
+    assert fine.l2(*w) == pytest.approx(MESH.l2(*v), rel=1e-14)
+    assert fine.h1(*w) == pytest.approx(MESH.h1(*v), rel=1e-13)
+    assert fine.energy(*w, 1.2, 0.8) == pytest.approx(MESH.energy(*v, 1.2, 0.8), rel=1e-13)
+    np.testing.assert_allclose(step(3 * X - Y), 3 * fine_points[:, 0] - fine_points[:, 1], atol=1e-14)
+
+
+def test_moved_nodes_are_told():
+    fine_points, fine_triangles = refined(POINTS, TRIANGLES)
+    moved = fine_points.copy()
+    moved[np.flatnonzero((moved == [1.0, 0.0]).all(axis=1))[0], 1] = -0.1
+    assert prolongation(POINTS, moved, fine_triangles).off_midpoint == pytest.approx(0.05)
+
+
+def test_other_meshes_are_refused():
+    fine_points, fine_triangles = refined(POINTS, TRIANGLES)
+    with pytest.raises(NotNested, match="begin"):
+        prolongation(POINTS + 0.01, fine_points, fine_triangles)
+    finest = refined(fine_points, fine_triangles)
+    with pytest.raises(NotNested, match="between"):
+        prolongation(POINTS, *finest)
+
+
+def line(count):
+    """The unit segment on the x-axis with its left end held."""
+    points = np.column_stack([np.linspace(0, 1, count + 1), np.zeros(count + 1)])
+    nodes = np.arange(1, count + 1)
+    h = 1 / count
+    c = np.full(count, h)
+    c[0] += h / 2
+    c[-1] -= h / 2
+    segments = np.column_stack([np.arange(count), nodes])
+    return Line(points, segments, np.tile([0.0, -1.0], (count, 2, 1)), nodes, c)
+
+
+def test_line_norms():
+    one = line(4)
+    s = one.points[one.segments, 0]
+    assert one.linear_norm(s) == pytest.approx(np.sqrt(1 / 3), rel=1e-14)
+    square = lambda x, y, n: x**2  # noqa: E731
+    assert one.linear_from(0 * s, square)[0] == pytest.approx(np.sqrt(1 / 5), rel=1e-14)
+    np.testing.assert_allclose(one.tangential(np.arange(5.0), np.ones(5)), s * 4, atol=1e-15)
+    steps = one.halves(np.array([1.0, 2.0, 3.0, 4.0]))
+    np.testing.assert_array_equal(steps, [[1, 1], [1, 2], [2, 3], [3, 4]])
+    assert one.step_norm(steps) ** 2 == pytest.approx(one.c @ np.array([1, 4, 9, 16]), rel=1e-14)
+    assert one.nodal_norm(np.ones(4)) == pytest.approx(1.0)
+    assert one.next_to_held.tolist() == [True, False, False, False]
+    exact = sum(1 / 8 * (h - (k + 0.5) / 8) ** 2 + (1 / 8) ** 3 / 12 for k, h in enumerate(steps.ravel()))
+    assert one.step_from(steps, lambda x, y, n: x)[0] ** 2 == pytest.approx(exact, rel=1e-13)
+
+
+def test_refined_line_functions_keep_their_norms():
+    coarse, fine = line(4), line(8)
+    rng = np.random.default_rng(2)
+    nodal = rng.normal(size=5)
+    ends, halves = nodal[coarse.segments], rng.normal(size=(4, 2))
+    assert fine.linear_norm(refined_ends(ends)) == pytest.approx(coarse.linear_norm(ends), rel=1e-14)
+    assert fine.step_norm(refined_halves(halves)) == pytest.approx(coarse.step_norm(halves), rel=1e-14)

@@ -1,0 +1,87 @@
+"""Rates, slopes and extrapolation on sequences with known order and limit."""
+
+import numpy as np
+import pytest
+from scipy.stats import linregress
+
+from tcstudy.accuracy.rates import fit, richardson
+
+H = 0.5 ** np.arange(6)
+ALL = np.ones(6, dtype=bool)
+
+
+def test_a_power_law():
+    found = fit(H, 3 * H**1.5, ALL)
+    np.testing.assert_allclose(found.rates[1:], 1.5, rtol=1e-13)
+    assert found.slope == pytest.approx(1.5, rel=1e-13)
+    assert found.standard_error < 1e-13
+    assert (found.first, found.settled, found.exact) == (0, True, False)
+
+
+def test_slope_and_standard_error_of_scattered_errors():
+    error = H**2 * np.exp([0.02, -0.03, 0.01, 0.02, -0.01, 0.03])
+    found = fit(H, error, ALL)
+    expected = linregress(np.log(H), np.log(error))
+    assert found.slope == pytest.approx(expected.slope, rel=1e-12)
+    assert found.standard_error == pytest.approx(expected.stderr, rel=1e-10)
+
+
+def test_only_asymptotic_levels_are_fitted():
+    error = H**2 + np.array([5, 0.5, 0, 0, 0, 0])
+    found = fit(H, error, ALL)
+    assert found.first == 2
+    assert found.settled
+    assert found.slope == pytest.approx(2.0, rel=1e-12)
+
+
+def test_unsettled_rates_are_flagged_and_fitted_whole():
+    error = H * np.array([1, 2, 1, 2, 1, 2])
+    found = fit(H, error, ALL)
+    assert not found.settled
+    assert found.first == 0
+    assert found.standard_error > 0.1
+
+
+def test_unusable_levels_take_no_part():
+    error = H**1.0
+    error[3] = 7.0
+    found = fit(H, error, np.arange(6) != 3)
+    assert found.slope == pytest.approx(1.0, rel=1e-12)
+    assert np.isnan(found.rates[3])
+    assert found.rates[4] == pytest.approx(1.0)
+
+
+def test_rounding_is_no_rate():
+    found = fit(H, np.full(6, 3e-16), ALL)
+    assert found.exact
+    assert np.isnan(found.slope)
+    assert np.isnan(fit(H, np.full(6, np.nan), ALL).slope)
+    assert np.isnan(fit(H[:1], np.ones(1), ALL[:1]).slope)
+
+
+def test_richardson_finds_limit_and_order():
+    found = richardson(H, 2 + 0.3 * H**1.4, ALL)
+    assert found.value == pytest.approx(2.0, rel=1e-12)
+    assert found.order == pytest.approx(1.4, rel=1e-9)
+    uneven = np.array([1.0, 0.6, 0.25, 0.1])
+    assert richardson(uneven, 2 + 0.3 * uneven**1.4, ALL[:4]).value == pytest.approx(2.0, rel=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_uncertainty_covers_the_limit(seed):
+    """With a second term of higher order, as real sequences have."""
+    a, b, p, more = np.random.default_rng(seed).uniform([0.5, -0.4, 0.8, 0.6], [1, 0.4, 2, 1.5])
+    q = 1 + a * H[:5] ** p + b * H[:5] ** (p + more)
+    found = richardson(H[:5], q, ALL[:5])
+    assert abs(found.value - 1) <= found.uncertainty
+    assert found.uncertainty < abs(q[-1] - 1)
+
+
+def test_numbers_without_a_limit():
+    constant = richardson(H, np.full(6, 3.0), ALL)
+    assert (constant.value, constant.uncertainty) == (3.0, 0.0)
+    swinging = richardson(H, 1 + np.array([1, -1, 1, -1, 1, -1]) * H, ALL)
+    assert swinging.value == pytest.approx(1 - H[5])
+    assert swinging.uncertainty == pytest.approx(H[4] + H[5])
+    assert np.isnan(swinging.order)
+    assert np.isnan(richardson(H[:2], np.array([1.0, 2.0]), ALL[:2]).order)

@@ -1,0 +1,9 @@
+"""All benchmarks, one after the other: `python -m tests.benchmarks`."""
+
+from __future__ import annotations
+
+from tests.benchmarks import peers, speed
+
+if __name__ == "__main__":
+    speed.main([])  # first: the comparison of solvers limits the memory of its process
+    peers.main([])

@@ -1,0 +1,96 @@
+"""The file of a path: complete, read by xarray without warnings, vertices exact, told from that of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+
+from tcstudy.data.path_schema import CURVE, LEVEL, LINE, LOOP, SOLUTIONS
+from tcstudy.data.path_store import is_path, open_path, write_path
+from tcstudy.data.provenance import collect
+from tcstudy.data.store import StoreError
+from tcstudy.scene.reader import read_study
+from tcstudy.scene.records import Study
+from tcstudy.study.path_run import PathRecord, follow_path
+
+PAD = Path(__file__).parents[2] / "configs" / "path.yaml"
+
+
+@pytest.fixture(scope="module")
+def followed() -> tuple[Study, PathRecord]:
+    study = read_study(PAD, ["mesh.levels=1"])
+    return study, follow_path(study)
+
+
+@pytest.fixture
+def file(followed: tuple[Study, PathRecord], tmp_path: Path) -> Path:
+    write_path(tmp_path / "path.nc", *followed, collect(followed[0], ("tcstudy", "path", "path.yaml")))
+    return tmp_path / "path.nc"
+
+
+def test_everything_comes_back_exactly(followed: tuple[Study, PathRecord], file: Path) -> None:
+    record = followed[1]
+    assert record.loop
+    with xr.open_dataset(file) as data:
+        for part, variables in ((record.curve, CURVE), (record.solutions, SOLUTIONS), (record.loop, LOOP)):
+            for variable in variables:
+                if variable.name != "solution_parameter":
+                    expected = np.asarray(getattr(part, variable.name))
+                    assert np.array_equal(data[variable.name].values, expected), variable.name
+                    assert data[variable.name].dtype.kind == expected.dtype.kind
+        assert data.sizes["vertex"] == data.sizes["piece"] + 1
+        assert data.attrs["parameter"] == "boundary.plate.u_x"
+        assert data.attrs["begin_status"] == data.attrs["end_status"] == "range_end"
+
+
+def test_conventions(file: Path) -> None:
+    with netCDF4.Dataset(file) as nc:
+        assert nc.Conventions == "CF-1.11"
+        for name in (
+            "title",
+            "source",
+            "history",
+            "references",
+            "study_yaml",
+            "study_sha256",
+            "versions",
+            "git_commit",
+        ):
+            assert name in nc.ncattrs()
+        known = {v.name for v in (*LINE, *LEVEL, *CURVE, *SOLUTIONS, *LOOP)}
+        assert set(nc.variables) == known
+        for name, variable in nc.variables.items():
+            assert variable.long_name, name
+            assert "units" in variable.ncattrs(), name
+            assert "_FillValue" not in variable.ncattrs(), name
+            if "flag_values" in variable.ncattrs():
+                assert len(np.atleast_1d(variable.flag_values)) == len(variable.flag_meanings.split())
+                assert set(np.unique(variable[...])) <= set(np.atleast_1d(variable.flag_values))
+            for other in getattr(variable, "coordinates", "").split():
+                assert set(nc[other].dimensions) <= set(variable.dimensions), (name, other)
+        assert nc["parameter"].units == "m"
+        assert nc["energy_rate"].units == "J m-1/(m)"
+
+
+def test_a_path_is_told_from_a_run(file: Path, tmp_path: Path) -> None:
+    assert is_path(file)
+    with netCDF4.Dataset(tmp_path / "run.nc", "w") as nc:
+        nc.setncattr("finished", np.int32(1))
+    assert not is_path(tmp_path / "run.nc")
+    with pytest.raises(StoreError, match="result of a run"):
+        open_path(tmp_path / "run.nc")
+    with pytest.raises(StoreError, match="there is no file"):
+        open_path(tmp_path / "none.nc")
+
+
+def test_an_unwritable_place_keeps_the_old_file(followed: tuple[Study, PathRecord], file: Path) -> None:
+    before = file.read_bytes()
+    file.chmod(0o444)
+    with pytest.raises(StoreError, match=r"write-protected.*choose another output$"):
+        write_path(file, *followed, collect(followed[0], ("tcstudy",)))
+    assert file.read_bytes() == before
+    assert [p.name for p in file.parent.iterdir()] == [file.name]

@@ -1,0 +1,154 @@
+"""A study's path: the stable solutions of runs lie on it, thermal and mechanical parameters, clear refusals."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tcstudy.data.path_records import PathRecord
+from tcstudy.data.records import PointRecord, PointStatus
+from tcstudy.fem.geometry import build
+from tcstudy.fem.meshes import mesh_family
+from tcstudy.scene.path_scene import path_scene
+from tcstudy.scene.reader import read_study, read_study_text
+from tcstudy.scene.records import Study
+from tcstudy.study.level import Level
+from tcstudy.study.path_affine import PathError, affine_load
+from tcstudy.study.path_execute import shortfalls
+from tcstudy.study.path_run import follow_path
+from tcstudy.study.run import run
+from tests.verification.scenes import HEATED_BRACKET
+
+PAD = Path(__file__).parents[2] / "configs" / "path.yaml"
+VALUES = (0.2e-3, 0.75e-3, 0.85e-3, 0.9e-3, 1.0e-3, 1.1e-3, 1.6e-3)
+
+
+def softer(text: str) -> str:
+    """The bracket with a law that falls faster than the body is stiff."""
+    law = "friction: {law: slip-weakening, tau_s: 0.004, tau_k: 0.001, delta: 0.002}"
+    return re.sub(r"friction: .*", law, text)
+
+
+def distance(record: PathRecord, t: float, v: np.ndarray) -> float:
+    """How far v is from the nearest solution of t on the path, relative to the largest slip on it."""
+    T, u = record.curve.parameter, record.curve.u_T
+    pieces = np.flatnonzero((np.minimum(T[:-1], T[1:]) <= t) & (np.maximum(T[:-1], T[1:]) >= t))
+    s = (t - T[pieces]) / (T[pieces + 1] - T[pieces])
+    points = u[pieces] + s[:, None] * (u[pieces + 1] - u[pieces])
+    return float(np.min(np.max(np.abs(points - v), axis=1)) / np.max(np.abs(u)))
+
+
+@pytest.fixture(scope="module")
+def pad() -> tuple[Study, PathRecord]:
+    study = read_study(PAD, ["mesh.levels=2"])
+    return study, follow_path(study)
+
+
+@pytest.mark.parametrize("branch", ["lowest", "from-zero", "continued"])
+def test_stable_solutions_of_a_run_lie_on_the_path(pad: tuple[Study, PathRecord], branch: str) -> None:
+    overrides = [
+        "mesh.levels=2",
+        f"solver.branch={branch}",
+        f"sweep={{boundary.plate.u_x: [{', '.join(map(repr, VALUES))}]}}",
+    ]
+    study = read_study(PAD, ["solver=separable-newton", *overrides])
+    energies = 0
+    for point in run(study):
+        if not isinstance(point, PointRecord) or point.level != 1:
+            continue
+        assert point.status == PointStatus.OK
+        assert point.numbers["strict_minimum"] == 1
+        t = VALUES[point.index[0]]
+        assert distance(pad[1], t, point.u_T) <= 1e-10
+        curve = pad[1].curve
+        at = np.flatnonzero((curve.lowest_begin <= t) & (curve.lowest_end >= t))
+        piece = int(curve.lowest_piece[at[0]])
+        T, E = curve.parameter[piece : piece + 2], curve.energy[piece : piece + 2]
+        rate = curve.energy_rate[piece]
+        h, s = T[1] - T[0], (t - T[0]) / (T[1] - T[0])
+        least = E[0] + rate * h * s + (E[1] - E[0] - rate * h) * s**2  # the parabola of the piece
+        assert least <= float(point.numbers["energy"]) * (1 + 1e-9)  # type: ignore[arg-type]
+        energies += 1
+    assert energies == len(VALUES)
+
+
+def test_every_vertex_is_a_solution_and_energy_follows_its_rate(pad: tuple[Study, PathRecord]) -> None:
+    study, record = pad
+    assert study.path
+    curve = record.curve
+    assert shortfalls(study, record) == []
+    assert len(curve.fold_vertex) >= 8
+    assert curve.residual.max() <= 1e-11
+    mean = 0.5 * (curve.energy_rate[1:] + curve.energy_rate[:-1])
+    assert np.diff(curve.energy) == pytest.approx(np.diff(curve.parameter) * mean, abs=1e-9 * np.ptp(curve.energy))
+    level = Level(list(mesh_family(build(study.path.scene.body), study.mesh))[-1], study.path.scene)
+    for k in range(0, len(curve.parameter), 7):
+        scene = path_scene(study.path.scene, study.path.parameter, float(curve.parameter[k]))
+        condensed = level.condensed(scene)
+        assert condensed.problem.inclusion_residual(curve.u_T[k], 1e-9 * np.ptp(curve.u_T)) <= 1e-10
+        energy = condensed.problem.energy(curve.u_T[k]) + condensed.constant
+        assert curve.energy[k] == pytest.approx(energy, abs=1e-11 * np.max(np.abs(curve.energy)))
+
+
+def test_the_energy_lost_is_the_area_of_the_loop(pad: tuple[Study, PathRecord]) -> None:
+    loop = pad[1].loop
+    assert loop
+    assert loop.loop_closed
+    assert loop.energy_lost > 0.1
+    assert loop.energy_lost == pytest.approx(loop.loop_area, rel=1e-10)
+    before = loop.jump_vertex
+    assert loop.loop_energy[before] - loop.loop_energy[before + 1] == pytest.approx(loop.jump_drop, rel=1e-9)
+    assert loop.loop_parameter[before] == pytest.approx(loop.jump_parameter, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    "section",
+    [
+        "{parameter: q, from: 0, to: 3, at: [1]}",
+        "{parameter: load, from: 0, to: -4, at: [-2], level: 0}",
+        "{parameter: boundary.right.pressure, from: 0, to: 0.5, at: [0.1], start: lowest, direction: forward}",
+        "{parameter: boundary.left.g_x, from: 0.1, to: -0.3, at: [0], direction: forward}",
+        "{parameter: loads.f_x, from: 0, to: 0.4, at: [0.3], hysteresis: false}",
+    ],
+)
+def test_all_kinds_of_parameters_on_the_heated_bracket(section: str) -> None:
+    """Solutions at the requested value are those of the assembled scene, whatever carries the parameter."""
+    text = softer(HEATED_BRACKET)
+    study = read_study_text(f"{text}path: {section}\n")
+    assert study.path
+    record = follow_path(study)
+    assert record.solutions.solution_count.tolist() != [0]
+    assert record.affine_defect <= 1e-12
+    meshes = list(mesh_family(build(study.path.scene.body), study.mesh))
+    level = Level(meshes[record.line.level], study.path.scene)
+    scene = path_scene(study.path.scene, study.path.parameter, study.path.at[0])
+    condensed = level.condensed(scene)
+    for v, energy in zip(record.solutions.solution_u_T, record.solutions.solution_energy, strict=True):
+        assert condensed.problem.inclusion_residual(v) <= 1e-10
+        assert energy == pytest.approx(condensed.problem.energy(v) + condensed.constant, rel=1e-10)
+    if "direction: forward" in section:
+        assert record.start == 0
+        assert record.curve.parameter[0] == study.path.begin
+
+
+def test_a_parameter_that_is_not_affine_is_refused() -> None:
+    study = read_study_text(HEATED_BRACKET)
+    scene = study.scenes[0]
+    level = Level(next(iter(mesh_family(build(scene.body), study.mesh))), scene)
+    with pytest.raises(PathError, match=r"not affine in alpha \(relative deviation"):
+        affine_load(level, lambda t: replace(scene, heat=replace(scene.heat, alpha=t)), 0.5, 2.0, "alpha")
+    with pytest.raises(PathError, match="stiffness changes with mu"):
+        affine_load(level, lambda t: replace(scene, material=replace(scene.material, mu=t)), 0.5, 2.0, "mu")
+    with pytest.raises(PathError, match="does not depend on nothing"):
+        affine_load(level, lambda t: scene, 0.5, 2.0, "nothing")
+
+
+def test_an_early_end_is_told() -> None:
+    study = read_study(PAD, ["mesh.levels=1", "path.max_pieces=2", "path.hysteresis=false", "path.at=[1.5 mm]"])
+    told = shortfalls(study, follow_path(study))
+    assert any("raise max_pieces" in text for text in told)
+    assert any("no solution at boundary.plate.u_x = 0.0015" in text for text in told)

@@ -1,0 +1,66 @@
+"""`tcstudy converge` as a user types it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import xarray
+
+from tests.test_cli import CONFIGS, STUDY, tcstudy_command
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "block.yaml").write_text(STUDY.replace("levels: 2", "levels: 4"))
+    return tmp_path
+
+
+def test_the_shipped_study(tmp_path: Path) -> None:
+    config = CONFIGS / "convergence.yaml"
+    result = tcstudy_command("converge", config, "--plot", "a.png", "--set", "mesh.levels=4", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "reference: the exact solution" in result.stdout
+    assert "u in H¹" in result.stdout
+    assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
+    with xarray.open_dataset(tmp_path / "results" / "convergence.convergence.nc") as data:
+        assert float(data["rate_u_H1"][-1]) == pytest.approx(1.0, abs=0.03)
+        assert float(data["expected_xi_max"]) == 0.5
+
+
+def test_nested_levels_and_formats(folder: Path) -> None:
+    for form, sign in (("text", "tau = 0.005\n──"), ("markdown", "## tau = 0.005"), ("latex", "\\begin{tabular}")):
+        result = tcstudy_command("converge", "block.yaml", "--format", form, "--output", "a.nc", cwd=folder)
+        assert result.returncode == 0, result.stderr
+        assert sign in result.stdout
+        assert "level 3, the finest" in result.stdout
+    assert sorted(p.name for p in folder.iterdir()) == ["a.nc", "block.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--set", "mesh.levels=1"), "one level has no convergence"),
+        (("--set", "mesh.levls=4"), "mesh.levls"),
+        (("--plot", "a.txt"), ".png"),
+        (("--at", "tau"), "NAME=VALUE"),
+        (("--output", "block.yaml/a.nc"), "block.yaml"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(folder: Path, words: tuple[str, ...], message: str) -> None:
+    result = tcstudy_command("converge", "block.yaml", *words, cwd=folder)
+    assert result.returncode == 2
+    assert message in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert result.stdout == ""
+    assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
+
+
+def test_failed_points_are_exit_code_1(folder: Path) -> None:
+    smooth = "friction={law: exponential, a: 0.006, b: 0.004, delta: 0.05}"
+    strict = "solver={name: separable-newton, tolerance: 1e-19}"
+    result = tcstudy_command(
+        "converge", "block.yaml", "--set", smooth, "--set", strict, "--set", "sweep=null", cwd=folder
+    )
+    assert result.returncode == 1
+    assert "inclusion_violated" in result.stderr

@@ -1,0 +1,72 @@
+"""`tcstudy path` as a user types it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+from tests.test_cli import CONFIGS, STUDY, tcstudy_command
+
+PATH = STUDY + "path: {parameter: load, from: 0, to: 2, at: [0.5, 1.5]}\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "block.yaml").write_text(PATH)
+    return tmp_path
+
+
+def test_path_writes_a_file_a_table_and_a_picture(folder: Path) -> None:
+    result = tcstudy_command("path", "block.yaml", "--plot", "a.png", "--response", "friction", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert result.stderr == ""
+    assert "data in results/block-path.nc" in result.stdout
+    assert "Path along load from 0 to 2" in result.stdout
+    assert (folder / "a.png").read_bytes()[:4] == b"\x89PNG"
+    with xr.open_dataset(folder / "results" / "block-path.nc") as data:
+        assert data.sizes["solution"] == 2
+        assert "tcstudy path block.yaml" in data.attrs["history"]
+    shown = tcstudy_command("show", "results/block-path.nc", cwd=folder)
+    assert shown.returncode == 0
+    assert shown.stdout.strip() in result.stdout
+    assert tcstudy_command("draw", "results/block-path.nc", "b.svg", cwd=folder).returncode == 0
+    assert (folder / "b.svg").exists()
+
+
+def test_an_early_end_is_exit_code_1(folder: Path) -> None:
+    result = tcstudy_command("path", "block.yaml", "--set", "path.max_pieces=1", cwd=folder)
+    assert result.returncode == 1, result.stderr
+    assert "raise max_pieces" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--set", "path=null"), "block.yaml: path: the study has no section path"),
+        (("--set", "path.parameter=tau"), "path.parameter: the load is not affine in friction.tau"),
+        (("--set", "path.to=0"), "path.to: is the same value as from"),
+        (("--plot", "a.gif"), "a.gif: a picture's name ends in .png, .svg, .pdf"),
+        (("--output", "block.yaml/a.nc"), "block.yaml is a file"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(folder: Path, words: tuple[str, ...], line: str) -> None:
+    result = tcstudy_command("path", "block.yaml", *words, cwd=folder)
+    assert result.returncode == 2
+    assert line in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert "Traceback" not in result.stderr
+    assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
+
+
+def test_run_leaves_the_path_alone(folder: Path) -> None:
+    result = tcstudy_command("run", "block.yaml", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert "4 of 4 points solved" in result.stdout
+
+
+def test_the_example(tmp_path: Path) -> None:
+    result = tcstudy_command("path", CONFIGS / "path.yaml", "--set", "mesh.levels=2", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "falls at 1.129 mm (rising)" in result.stdout

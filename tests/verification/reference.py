@@ -1,0 +1,66 @@
+"""Solutions on families of meshes, and their distance in the energy norm from a reference on a much finer mesh.
+
+The distance is ‖u_ref − u_h‖_a itself, by quadrature on the reference mesh, not by a difference of energies. With
+friction the energy of a discrete solution is Σ c_i j(v_i) and not ∫j, and L(u_h) − L(u) = ½‖u_h − u‖²_a + ∫(j(u_h,T) −
+j(u_T) − ξ(u_h,T − u_T)), so that √(2(L_h − L_ref)) measures the square of the error together with terms of its size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.tri import Triangulation
+from numpy.typing import NDArray
+
+from tcstudy.fem.estimators import Strain, energy_norm, strain
+from tcstudy.fem.recovery import Triangles
+from tcstudy.scene.records import MeshPlan, Study
+from tcstudy.solve.contact import solve_contact
+from tcstudy.solve.outcome import Status
+from tcstudy.study.family import Family
+from tcstudy.study.level import Level
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Solved:
+    """One level of a family: its unknowns, estimated relative error, mesh and strain."""
+
+    n_dof: int
+    estimate: float
+    triangles: Triangles
+    strain: Strain
+
+
+def solved_levels(study: Study, plan: MeshPlan, most: float = np.inf) -> Iterator[Solved]:
+    """Solve the first scene level by level, as a run does; ends with the first level of more than `most` unknowns."""
+    study = replace(study, mesh=replace(plan, estimate=True))
+    scene, family = study.scenes[0], Family(study)
+    for i in range(plan.levels):
+        level = Level(family.next(i), scene)
+        survey = family.survey(level)
+        assert survey is not None
+        condensed = level.condensed(scene)
+        answer = solve_contact(condensed.problem)
+        assert answer.status == Status.CONVERGED, answer.reason
+        survey.look((), scene, condensed, answer.v)
+        own = strain(survey.triangles, level.displacement(scene, condensed, answer.v))
+        yield Solved(level.frames.n_dof, survey.estimates[()].energy, survey.triangles, own)
+        if level.frames.n_dof > most:
+            return
+
+
+def distance(solved: Solved, reference: Solved, study: Study) -> float:
+    """‖u_ref − u_h‖_a/‖u_ref‖_a by one point for each triangle of the reference mesh."""
+    lam, mu = study.scenes[0].material.lam, study.scenes[0].material.mu
+    own, fine = solved.triangles, reference.triangles
+    centres = fine.corners.mean(axis=1)
+    x, y = own.mesh.points.T
+    found = Triangulation(x, y, own.mesh.triangles).get_trifinder()(*centres.T)
+    assert np.all(found >= 0)
+    d = reference.strain.own - solved.strain.own[found]
+    square = lam * (d[:, 0] + d[:, 1]) ** 2 + 2.0 * mu * (d[:, 0] ** 2 + d[:, 1] ** 2 + 2.0 * d[:, 2] ** 2)
+    return float(np.sqrt(fine.area @ square)) / energy_norm(fine, reference.strain, lam, mu)

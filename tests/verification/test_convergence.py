@@ -1,0 +1,199 @@
+"""`tcstudy converge` on exact solutions: rates and absolute bounds of every norm, references, locking."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tcstudy.data.convergence import Convergence
+from tcstudy.scene.reader import read_study_text
+from tcstudy.scene.records import Study
+from tcstudy.study.convergence import converge, own_error
+from tcstudy.study.locking import MEASURED, locking_note
+from tests.verification import closed_forms
+from tests.verification import manufactured as smooth
+from tests.verification.patch import Case, patch_study
+
+
+def smooth_study(levels: int, exact: bool = True) -> Study:
+    """The thermoelastic solution that slips everywhere, with its exact section."""
+    e, a, t0 = smooth.EXPANSION, smooth.A, smooth.THETA_0
+    s = f"({smooth.SHIFT} + {e}*({t0}*x + {a}*x^2/2))"
+    g = f"(({smooth.TAU_S} - {smooth.FALL}*{s})/{smooth.MU})"
+    text = smooth.manufactured_study(levels, 0.25).text
+    given = f'exact: {{u: ["{s} - {e * a / 2}*y^2 + y*{g}", "{e}*({t0} + {a}*x)*y"], theta: "{t0} + {a}*x"}}'
+    return read_study_text(text + (given if exact else ""))
+
+
+@pytest.fixture(scope="module")
+def slipping() -> Convergence:
+    return converge(smooth_study(6))
+
+
+@pytest.fixture(scope="module")
+def mixed() -> Convergence:
+    return converge(closed_forms.stick_slip(6))
+
+
+@pytest.mark.parametrize(
+    ("norm", "order", "bound"),
+    [
+        *(("u_energy", 1, 1.2e-3), ("u_H1", 1, 1e-3), ("u_L2", 2, 1e-5), ("u_T_L2", 2, 7e-5), ("u_T_max", 2, 5e-5)),
+        *(("xi_L2", 1, 3e-4), ("xi_nodes", 2, 8e-6), ("xi_max", 2, 8e-6)),
+    ],
+)
+def test_smooth_slip(slipping: Convergence, norm: str, order: float, bound: float) -> None:
+    series = slipping.points[0].errors[norm]
+    assert series.verdict == "as_expected"
+    assert series.expected == order
+    assert series.rate[-1] == pytest.approx(order, abs=0.05)
+    assert series.error[-1] < bound
+
+
+def test_the_linear_temperature_is_exact(slipping: Convergence) -> None:
+    for norm in ("theta_L2", "theta_H1"):
+        series = slipping.points[0].errors[norm]
+        assert series.verdict == "exact"
+        assert np.max(series.error) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("norm", "order", "bound"),
+    [
+        *(("u_energy", 1, 8e-3), ("u_H1", 1, 8e-3), ("u_L2", 2, 8e-5), ("u_T_L2", 1.5, 1e-3), ("u_T_max", 1, 4e-3)),
+        *(("xi_L2", 1, 7e-3), ("xi_nodes", 1, 3e-3), ("xi_max", 0.5, 2e-2)),
+    ],
+)
+def test_stick_slip(mixed: Convergence, norm: str, order: float, bound: float) -> None:
+    """The change at x = 1/3 lies at a third and two thirds of an element in turn: rates over two levels count."""
+    series = mixed.points[0].errors[norm]
+    assert series.expected == order
+    over_two = np.log2(series.error[1:-2] / series.error[3:]) / 2
+    assert over_two[-1] == pytest.approx(order, abs=0.15)
+    assert series.error[-1] < bound
+
+
+def test_a_held_end_takes_a_third_of_the_traction(mixed: Convergence) -> None:
+    """S₁ = [x⁰, x^{3/2}] carries the load of one hat function: ξ₁ = 2/3 of the exact one where the node sticks."""
+    from tcstudy.study.reference import ExactReference
+    from tcstudy.study.solved_levels import solve_levels
+
+    study = closed_forms.stick_slip(6)
+    assert study.exact is not None
+    levels = solve_levels(study, lambda text: None)
+    xi = levels[-1].solutions[()].xi
+    exact = levels[-1].line.at_nodes(ExactReference(study.exact, levels).xi(study.scenes[0]))
+    assert levels[-1].line.next_to_held.tolist() == [True] + [False] * (len(xi) - 2) + [True]
+    assert xi[0] / exact[0] == pytest.approx(2 / 3, abs=0.02)
+    assert xi[1] / exact[1] == pytest.approx(1, abs=0.05)
+
+
+def test_a_turned_contact_line_changes_nothing(mixed: Convergence) -> None:
+    """Up to where the mesher puts the nodes of the turned body, 1e-9 of its size elsewhere."""
+    turned = converge(closed_forms.stick_slip(3, degrees=45))
+    for name, series in turned.points[0].errors.items():
+        straight = mixed.points[0].errors[name]  # its norms are integrated on a finer level
+        np.testing.assert_allclose(series.error * series.size, straight.error[:3] * straight.size, rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("norm", "order", "bound"),
+    [("u_energy", 1, 0.025), ("u_H1", 1, 0.025), ("u_L2", 2, 2e-4), ("u_T_L2", 1.5, 1e-3), ("u_T_max", 1, 5e-3)],
+)
+def test_a_curved_contact_line(norm: str, order: float, bound: float) -> None:
+    point = converge(closed_forms.ring(5)).points[0]
+    assert point.errors[norm].expected == order
+    assert point.errors[norm].rate[-1] == pytest.approx(order, abs=0.12)
+    assert point.errors[norm].error[-1] < bound
+    assert np.max(point.errors["xi_max"].error) < 1e-12  # a constant, exact at the nodes
+    resultant = point.numbers["friction_resultant"]
+    assert resultant.exact == pytest.approx(2 * closed_forms.MU * closed_forms.B * np.radians(70), rel=1e-12)
+    assert abs(resultant.limit - resultant.exact) < resultant.uncertainty
+
+
+def test_a_curved_boundary_is_told_when_levels_are_compared() -> None:
+    found = converge(closed_forms.ring(5, exact=False))
+    assert any("curved" in note for note in found.notes)
+    exact = converge(closed_forms.ring(5))
+    for name in ("u_H1", "u_L2", "u_T_max"):
+        ours, true = found.points[0].errors[name].error[:3], exact.points[0].errors[name].error[:3]
+        np.testing.assert_allclose(ours, true, rtol=0.25)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 37.0])
+def test_what_p1_contains_is_exact(degrees: float) -> None:
+    """The patch test: uniform shear with slip, every norm below 1e-12."""
+    case = Case("{law: slip-weakening, tau_s: 1, tau_k: 0.2, delta: 0.4}", 1.2, (1.0,))
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    along = f"(1 + 0.2*({float(c)!r}*y - {float(s)!r}*x))"
+    text = patch_study(case, 0.35, degrees).text.replace("maxh: 0.35", "maxh: 0.35, levels: 2")
+    study = read_study_text(text + f'exact: {{u: ["{float(c)!r}*{along}", "{float(s)!r}*{along}"]}}')
+    errors = converge(study).points[0].errors
+    assert len(errors) == 8
+    for series in errors.values():
+        assert np.max(series.error) < 1e-12
+        assert series.verdict == "exact"
+
+
+def test_a_nested_reference_gives_the_true_errors(slipping: Convergence) -> None:
+    """Against level 5 instead of the exact solution: the same to the reference's own share, 4^-2 of the square."""
+    found = converge(smooth_study(6, exact=False))
+    assert "level 5" in found.reference
+    assert found.compared.tolist() == [True] * 4 + [False] * 2
+    for name, series in found.points[0].errors.items():
+        assert not np.isfinite(series.error[4:]).any()
+        if name.startswith("u_") and "T" not in name:
+            np.testing.assert_allclose(series.error[:4], slipping.points[0].errors[name].error[:4], rtol=0.08)
+
+
+def test_the_share_of_the_reference_in_the_rates() -> None:
+    """Measured on e_i − e_ref with e_i = 2^{-pi}."""
+    for p in (0.5, 1.0, 2.0):
+        e = 2.0 ** (-p * np.arange(6)) - 2.0 ** (-p * 5)
+        assert np.log2(e[2] / e[3]) == pytest.approx(p + own_error(p), rel=1e-12)
+
+
+def test_numbers_are_extrapolated_to_the_exact_ones(slipping: Convergence, mixed: Convergence) -> None:
+    for found in (slipping, mixed):
+        for name in ("energy", "friction_resultant"):
+            series = found.points[0].numbers[name]
+            assert abs(series.limit - series.exact) <= series.uncertainty
+            assert series.uncertainty < 2e-4 * abs(series.exact)
+    energy = slipping.points[0].numbers["energy"]
+    assert energy.limit_order == pytest.approx(2, abs=0.02)
+    x = np.linspace(0, 1, 100_001)
+    resultant = np.trapezoid(smooth.friction(x), x)
+    assert slipping.points[0].numbers["friction_resultant"].exact == pytest.approx(resultant, rel=1e-9)
+
+
+def test_a_wrong_exact_solution_is_told() -> None:
+    text = closed_forms.stick_slip(1).text.replace("law: tresca, tau: 0.5", "law: tresca, tau: 0.45")
+    assert any("misses the friction law by 0.1" in note for note in converge(read_study_text(text)).notes)
+
+
+def test_few_levels_give_numbers_only() -> None:
+    found = converge(smooth_study(3, exact=False))
+    assert found.points[0].errors == {}
+    assert found.points[0].numbers["energy"].limit_order == pytest.approx(2, abs=0.1)
+    assert any("mesh.levels of 4" in note for note in found.notes)
+
+
+def test_locking_is_measured_and_warned_about() -> None:
+    """On a solution that does not depend on ν the error grows with λ; the figures of the warning are these."""
+    poissons = tuple(MEASURED)
+    found = converge(closed_forms.incompressible(4, poissons))
+    assert any("P1 elements lock" in note for note in found.notes)
+    errors = {nu: p.errors for nu, p in zip(poissons, found.points, strict=True)}
+    for nu, (energy, slip) in MEASURED.items():
+        assert 100 * errors[nu]["u_energy"].error[-1] == pytest.approx(energy, rel=0.05)
+        assert 100 * errors[nu]["u_T_L2"].error[-1] == pytest.approx(slip, rel=0.05)
+    assert errors[0.3]["u_H1"].rate[-1] > 0.95
+    assert errors[0.4999]["u_H1"].rate[-1] < 0.5
+    assert errors[0.4999]["u_T_L2"].verdict in ("pre_asymptotic", "slower")
+
+
+def test_the_locking_note() -> None:
+    assert locking_note(0.3) is None
+    note = locking_note(0.4995)
+    assert note is not None
+    assert "at nu = 0.499 u is off by 30 % (energy norm) and u_T by 7.3 %" in note

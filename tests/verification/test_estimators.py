@@ -1,0 +1,235 @@
+"""Estimated against true errors: smooth and singular solutions, heat, goals; and the rates that refinement regains."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tcstudy
+from tcstudy.data.records import LevelRecord, PointRecord
+from tcstudy.fem.estimators import strain
+from tcstudy.fem.heat_estimator import coupling, heat_estimate
+from tcstudy.fem.recovery import Triangles
+from tcstudy.scene.records import Goal, MeshPlan, Study
+from tcstudy.study.run import run
+from tests.verification import manufactured as exact
+from tests.verification.norms import l2_and_h1_errors
+from tests.verification.patch import CASES, patch_study
+from tests.verification.reference import Solved, distance, solved_levels
+from tests.verification.scenes import levels_of, study_of
+
+LOW, HIGH = 0.5, 3.0
+"""Bounds of estimated over true error."""
+
+
+# -- a smooth thermoelastic solution in closed form -------------------------------------------------
+
+
+def energy_error(solved: Solved) -> float:
+    """‖u − u_h‖_a by the midpoints' rule of degree 2 on every triangle."""
+    points = solved.triangles.inner_points
+    x, y = points[..., 0], points[..., 1]
+    (xx, xy), (yx, yy) = (np.broadcast_arrays(*f(x, y), x)[:2] for f in (exact.grad_u_x, exact.grad_u_y))
+    d = np.stack([xx, yy, 0.5 * (xy + yx)], axis=-1) - solved.strain.own[:, None]
+    square = exact.LAM * (d[..., 0] + d[..., 1]) ** 2 + 2 * exact.MU * (d**2 @ [1, 1, 2])
+    return float(np.sqrt(np.sum(solved.triangles.area * square.mean(axis=1))))
+
+
+@pytest.mark.parametrize("family", ["uniform", "adaptive", "graded"])
+def test_effectivity_on_the_manufactured_solution(family: str) -> None:
+    study = exact.manufactured_study(1, 0.25)
+    levels = {"uniform": 4, "adaptive": 7, "graded": 3}[family]
+    plan = MeshPlan((0.25,), levels, family)  # type: ignore[arg-type]
+    solved = list(solved_levels(study, plan))
+    norm = float(np.sqrt(2 * 0.5 * energy_norm_squared(solved[-1])))
+    ratios = [s.estimate * norm / energy_error(s) for s in solved]
+    assert all(0.9 < ratio < 1.15 for ratio in ratios[1:]), ratios
+    assert LOW < ratios[0] < HIGH
+
+
+def energy_norm_squared(solved: Solved) -> float:
+    """a(u_h, u_h)."""
+    own = solved.strain.own
+    square = exact.LAM * (own[:, 0] + own[:, 1]) ** 2 + 2 * exact.MU * (own**2 @ [1, 1, 2])
+    return float(solved.triangles.area @ square)
+
+
+def test_nothing_is_estimated_where_p1_is_exact() -> None:
+    """Multivalued patch test, all kinds of solutions: no residual in the body, on edges, in friction."""
+    for case in CASES:
+        study = patch_study(case, 0.4, 37.0)
+        assert next(iter(solved_levels(study, study.mesh))).estimate < 1e-10
+
+
+WARM = """
+units: none
+body: {rectangle: {width: 1, height: 1}}
+boundary: {left: contact, right: clamped, top: convection, bottom: convection}
+material: {lambda: 1.5, mu: 1, beta: 0.8, k: 2}
+heat: {alpha: 3, theta_bar: "cos(pi*x)", q: "2*pi^2*cos(pi*x)"}
+friction: {law: tresca, tau: 0.1}
+mesh: {maxh: 0.25, levels: 4}
+"""
+
+
+def test_heat_estimate_and_coupling() -> None:
+    """θ = cos(πx), insulated on the left and right, in balance with its surroundings above and below."""
+    study = study_of(WARM)
+    scene = study.scenes[0]
+    energy, loads = [], []
+    for level in levels_of(study):
+        triangles, theta = Triangles(level.mesh), level.temperature(scene).theta
+        l2, h1 = l2_and_h1_errors(
+            level.mesh,
+            theta,
+            lambda x, y: np.cos(np.pi * x),
+            lambda x, y: np.array([-np.pi * np.sin(np.pi * x), 0 * y]),
+        )
+        energy.append(np.sqrt(heat_estimate(triangles, theta, scene).sum() / 2.0) / h1)
+        loads.append(np.sqrt(coupling(triangles, theta, scene, solved=True).sum() * 2.5) / 0.8 / l2)
+    assert all(0.95 < ratio < 1.05 for ratio in energy[1:]), energy
+    assert LOW < energy[0] < HIGH
+    assert all(LOW < ratio < HIGH for ratio in loads), loads
+
+
+def test_a_known_temperature_is_interpolated_and_counted() -> None:
+    text = WARM.replace('alpha: 3, theta_bar: "cos(pi*x)", q: "2*pi^2*cos(pi*x)"', 'theta: "cos(pi*x)"')
+    study = study_of(text.replace("convection", "free"), "mesh.levels=2")
+    level = levels_of(study)[1]
+    triangles, theta = Triangles(level.mesh), np.cos(np.pi * level.mesh.points[:, 0])
+    l2, _ = l2_and_h1_errors(
+        level.mesh, theta, lambda x, y: np.cos(np.pi * x), lambda x, y: np.zeros((2, *np.shape(x)))
+    )
+    estimate = np.sqrt(coupling(triangles, theta, study.scenes[0], solved=False).sum() * 2.5) / 0.8
+    assert estimate == pytest.approx(l2, rel=0.1)  # its quadrature is exact for degree 2, the square has degree 4
+
+
+def test_oscillating_data_are_seen() -> None:
+    """A force that the mesh cannot resolve: its average vanishes, the solution with it, the estimate does not."""
+    text = WARM.replace('heat: {alpha: 3, theta_bar: "cos(pi*x)", q: "2*pi^2*cos(pi*x)"}\n', "")
+    text = text.replace("convection", "free").replace("friction", 'loads: {f: ["sin(200*x)*sin(177*y)", 0]}\nfriction')
+    solved = next(iter(solved_levels(study_of(text), MeshPlan((0.25,), 1))))
+    assert solved.estimate > 1.0
+
+
+# -- singular corners --------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def singular() -> Study:
+    return tcstudy.load(Path(__file__).parents[2] / "configs" / "singular.yaml")
+
+
+@pytest.fixture(scope="module")
+def errors(singular: Study) -> dict[str, np.ndarray]:
+    """(unknowns, true error, estimate) by family; the reference has some 60,000 unknowns."""
+    maxh, most = singular.mesh.maxh, 5000
+    adaptive = list(solved_levels(singular, MeshPlan(maxh, 60, "adaptive"), 60_000))
+    families = {
+        "adaptive": [s for s in adaptive if s.n_dof <= most],
+        "graded": list(solved_levels(singular, MeshPlan(maxh, 3, "graded"))),
+        "uniform": list(solved_levels(singular, MeshPlan(maxh, 5))),
+    }
+    reference = adaptive[-1]
+    return {
+        name: np.array(
+            [(s.n_dof, np.hypot(distance(s, reference, singular), reference.estimate), s.estimate) for s in solved]
+        )
+        for name, solved in families.items()
+    }
+
+
+def rate(rows: np.ndarray, least: float = 150.0) -> float:
+    """Slope of log error over log unknowns."""
+    n, e = rows[rows[:, 0] > least, :2].T
+    return float(np.polyfit(np.log(n), np.log(e), 1)[0])
+
+
+def test_effectivity_at_singular_corners(errors: dict[str, np.ndarray]) -> None:
+    for rows in errors.values():
+        ratios = rows[:, 2] / rows[:, 1]
+        assert np.all((ratios > LOW) & (ratios < 1.5)), ratios
+
+
+def test_the_lost_order_is_regained(errors: dict[str, np.ndarray]) -> None:
+    """N^(−½) on adaptive and graded meshes; uniform ones stay near N^(−λ/2) with λ = ½."""
+    assert rate(errors["uniform"]) > -0.33
+    assert -0.6 < rate(errors["adaptive"]) < -0.45
+    assert -0.6 < rate(errors["graded"]) < -0.43
+    finest = {name: rows[-1] for name, rows in errors.items()}
+    assert 0.7 * finest["uniform"][0] < finest["adaptive"][0] < 1.05 * finest["uniform"][0]
+    assert finest["adaptive"][1] < 0.6 * finest["uniform"][1]
+    assert finest["graded"][1] < 0.65 * finest["uniform"][1]
+
+
+# -- goals -------------------------------------------------------------------------------------------
+
+
+def final(study: Study, plan: MeshPlan) -> tuple[LevelRecord, PointRecord, int]:
+    """The last level of a run, its point, and the number of levels."""
+    records = list(run(replace(study, mesh=plan)))
+    points = [r for r in records if isinstance(r, PointRecord)]
+    assert points[-1].reason == ""
+    last = records[-1]
+    assert isinstance(last, LevelRecord)
+    return last, points[-1], len(points)
+
+
+RESULTANT = exact.TAU_S - exact.FALL * (exact.SHIFT + exact.EXPANSION * (exact.THETA_0 / 2 + exact.A / 6))
+"""∫₀¹ ξ of the manufactured solution."""
+SLIP = float(exact.slip(np.array(0.4)))
+
+
+@pytest.mark.parametrize(
+    ("goal", "tolerance"),
+    [
+        (Goal("friction_resultant", None, RESULTANT), 1e-3),
+        (Goal("friction_resultant", None, RESULTANT), 1e-4),
+        (Goal("u_T", (0.4, 0.0), SLIP), 5e-3),
+        (Goal("u_T", (0.4, 0.0), SLIP), 1e-3),
+    ],
+)
+def test_a_tolerance_of_a_known_goal_is_met(goal: Goal, tolerance: float) -> None:
+    plan = MeshPlan((0.25,), 20, "adaptive", goal=goal, tolerance=tolerance)
+    level, point, levels = final(exact.manufactured_study(1, 0.25), plan)
+    assert level.stop.startswith(f"tolerance {tolerance:g} met")
+    assert goal.known is not None
+    assert abs(float(point.numbers["goal"]) - goal.known) <= tolerance * goal.known
+    assert 2 < levels < 20
+
+
+def test_effectivity_of_goals_on_uniform_meshes() -> None:
+    """Where no refinement chases the estimate, signed errors behave and the ratio settles."""
+    study = exact.manufactured_study(1, 0.25)
+    for goal in (Goal("friction_resultant", None, RESULTANT), Goal("u_T", (0.4, 0.0), SLIP)):
+        plan = MeshPlan((0.25,), 5, goal=goal, estimate=True)
+        points = [r for r in run(replace(study, mesh=plan)) if isinstance(r, PointRecord)]
+        ratios = [float(p.numbers["goal_effectivity"]) for p in points[1:]]
+        assert all(0.8 < ratio < 1.6 for ratio in ratios), ratios
+
+
+def test_goals_at_singular_corners(singular: Study) -> None:
+    """A tolerance by estimate holds for the truth, taken from a run to a tenth of it; uniform meshes need more."""
+    goal = Goal("friction_resultant")
+    fine = final(singular, MeshPlan((0.5,), 30, "adaptive", goal=goal, tolerance=1e-4))[1]
+    known = float(fine.numbers["goal"])
+    level, point, _ = final(singular, MeshPlan((0.5,), 30, "adaptive", goal=goal, tolerance=1e-3))
+    error = abs(float(point.numbers["goal"]) - known)
+    assert error <= 1e-3 * known
+    assert LOW < float(point.numbers["goal_estimate"]) / error < HIGH
+    assert point.numbers["goal_estimate"] <= 1e-3 * point.numbers["goal"]  # type: ignore[operator]
+    uniform = final(singular, MeshPlan((0.5,), 5, "uniform", goal=goal, tolerance=1e-3))[0]
+    assert "not met" in uniform.stop
+    assert level.n_dof < uniform.n_dof
+
+
+def test_strain_is_exact_for_affine_displacements() -> None:
+    """The recovered strain of u = (2x + y, 3y − x) is its own strain, everywhere."""
+    triangles = Triangles(levels_of(study_of(WARM, "mesh.levels=1"))[0].mesh)
+    x, y = triangles.mesh.points.T
+    own = strain(triangles, np.concatenate([2 * x + y, 3 * y - x]))
+    assert np.max(np.abs(own.recovered - [2.0, 3.0, 0.0])) < 1e-12
+    assert np.max(np.abs(own.excess)) < 1e-12
