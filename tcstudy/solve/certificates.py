@@ -71,11 +71,13 @@ def certify(
     lambda_1: float | None = None,
     tolerance: float = 1e-10,
     margin: float = 1e-6,
+    inverse: Array | None = None,
 ) -> Certificate:
     """Certificate of the solution v (m,).
 
     lambda_1:  λ₁ if known (it depends on the body only), else it is computed
     tolerance: largest inclusion residual that counts as a solution
+    inverse:   Ã⁻¹ if known (it depends on the body only), else it is computed
     margin:    μ/λ₁, by how much a matrix must be positive definite
     """
     threshold = problem.lambda_1 if lambda_1 is None else lambda_1
@@ -84,7 +86,7 @@ def certify(
     convex = omega < (1.0 - margin) * threshold
     if problem.m == 0:
         return Certificate(residual, threshold, omega, convex, True, True, True, 0.0, slack, 0)
-    low, high = solution_box(problem, threshold)
+    low, high = solution_box(problem, threshold, inverse=inverse)
     unique = convex or _positive_definite(problem, least_slope(problem.law, low, high), threshold, margin)
     solved = residual <= tolerance
     strict = solved and (unique or _strict_minimum(problem, v, threshold, margin))

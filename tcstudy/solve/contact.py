@@ -23,6 +23,8 @@ SOLVERS = ("separable-newton", "bundle-newton")
 """Names that a study may give under `solver`."""
 ZERO, FRICTIONLESS, NEIGHBOUR = 0, 1, 2
 """Starts: no displacement, the solution without friction, the solution of a neighbouring problem."""
+ROUNDING = 0.01
+"""Share of the tolerance that the rounding of ξ may have before the residual is formed in extended precision."""
 TIE = 1e-12
 """Relative difference of energies up to which two answers count as equally low; the earlier start then wins."""
 
@@ -116,6 +118,9 @@ def _judge(problem: ContactProblem, outcome: Outcome, tolerance: float) -> Answe
     if residual > tolerance:
         v, residual = finish(problem, v)
         residual = problem.inclusion_residual(v)
+    if problem.xi_rounding(v) > ROUNDING * tolerance:
+        # in double precision the residual is no better known than the tolerance it is compared with
+        residual = problem.inclusion_residual(v, xi=problem.xi_extended(v))
     status, reason = Status.CONVERGED, ""
     if not residual <= tolerance:
         status = Status.INCLUSION_VIOLATED if outcome.converged else outcome.status

@@ -93,9 +93,7 @@ class Follower:
         return joined(problem, halves, used)
 
 
-def follow(
-    problem: ParametricProblem, v: Array, t: float, t_min: float = -np.inf, t_max: float = np.inf
-) -> Path:
+def follow(problem: ParametricProblem, v: Array, t: float, t_min: float = -np.inf, t_max: float = np.inf) -> Path:
     """The path through the solution v of parameter t in both directions, with the default options of Follower."""
     return Follower(t_min=t_min, t_max=t_max).follow(problem, v, t)
 

@@ -89,9 +89,7 @@ def hysteresis(
         if closed or not complete:
             break
     lost = float(sum(jump.drop for jump in run.jumps))
-    area = sum(
-        -float(np.sum(np.diff(b.t) * 0.5 * (b.conjugate[1:] + b.conjugate[:-1]))) for b in run.branches
-    )
+    area = sum(-float(np.sum(np.diff(b.t) * 0.5 * (b.conjugate[1:] + b.conjugate[:-1]))) for b in run.branches)
     return Hysteresis(tuple(run.branches), tuple(run.jumps), lost, area, closed, complete, run.reason)
 
 
@@ -136,9 +134,7 @@ class _Cycle:
 
     def _branch(self, v: Array, t: float, end: float, rising: bool) -> Path:
         options = self.follower
-        run = Follower(
-            min(t, end), max(t, end), options.max_pieces, options.tolerance, True, options.check_every
-        )
+        run = Follower(min(t, end), max(t, end), options.max_pieces, options.tolerance, True, options.check_every)
         return run.follow(self.problem, v, t, "forward" if rising else "backward")
 
     def _fall(self, branch: Path, rising: bool) -> Array | None:
@@ -154,9 +150,7 @@ class _Cycle:
             return None
         back = self._branch(outcome.x, beyond, t, not rising)
         if back.end.status != PathStatus.RANGE_END:
-            self.reason = (
-                f"the solution beyond the fold at t = {t:g} does not reach back to it: {back.end.reason}"
-            )
+            self.reason = f"the solution beyond the fold at t = {t:g} does not reach back to it: {back.end.reason}"
             return None
         return np.asarray(back.u[-1])
 

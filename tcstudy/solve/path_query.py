@@ -130,9 +130,7 @@ def _pieces(law: FrictionLaw, path: Path, solution: PathSolution) -> ActivePiece
     ends = np.concatenate([[-np.inf], path.problem.law.kinks, [np.inf]])
     segment = codes // 2
     left, right = ends[segment], ends[segment + 1]
-    middle = np.where(
-        np.isinf(left), right - 1.0, np.where(np.isinf(right), left + 1.0, 0.5 * (left + right))
-    )
+    middle = np.where(np.isinf(left), right - 1.0, np.where(np.isinf(right), left + 1.0, 0.5 * (left + right)))
     middle = np.where(np.isnan(middle), solution.v, middle)
     piece = np.where(np.isinf(left), 0, np.where(np.isinf(right), len(law.kinks), law.piece(middle)))
     return ActivePieces(kink, np.where(kink >= 0, kink + 1, piece))

@@ -185,9 +185,7 @@ class Recorder:
             self.events.pop()
 
 
-def joined(
-    problem: ParametricProblem, halves: list[tuple[Recorder, Codes, PathEnd]], factorisations: int
-) -> Path:
+def joined(problem: ParametricProblem, halves: list[tuple[Recorder, Codes, PathEnd]], factorisations: int) -> Path:
     """The path from its forward half and, if there is one, the backward half (reversed and put in front).
 
     halves: (record, codes of the half's first piece, end); forward first

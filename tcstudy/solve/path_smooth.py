@@ -43,9 +43,7 @@ def piecewise_linear(law: FrictionLaw, tolerance: float, s_max: float) -> Fricti
         p += starts
         q += slopes
     zero = np.zeros(len(p))
-    result = FrictionLaw(
-        f"{law.name}, piecewise linear", np.array(kinks), np.array(p), np.array(q), zero, zero
-    )
+    result = FrictionLaw(f"{law.name}, piecewise linear", np.array(kinks), np.array(p), np.array(q), zero, zero)
     result.check_growth()
     return result
 

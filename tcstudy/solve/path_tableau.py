@@ -83,9 +83,7 @@ class Tableau:
             base[F[culprit]] = False
         else:
             base = self.free.copy()
-            inverse, negatives = indefinite_inverse(
-                self._H(np.flatnonzero(base)), WORST_GROWTH * self.compliance
-            )
+            inverse, negatives = indefinite_inverse(self._H(np.flatnonzero(base)), WORST_GROWTH * self.compliance)
         self.P, self.base_negatives = self._swept(base, inverse), negatives
         self._new_base(base, np.where(base, self.k, 0.0))
         self.y = self._respond(self.load)
@@ -235,9 +233,7 @@ class Tableau:
         largest = np.max(np.abs(system), axis=1)
         if not np.all(largest > 0.0):
             raise SingularCellError
-        lu, _, solution, info = scipy.linalg.lapack.dgesv(
-            system / largest[:, None], rhs / largest, overwrite_b=1
-        )
+        lu, _, solution, info = scipy.linalg.lapack.dgesv(system / largest[:, None], rhs / largest, overwrite_b=1)
         if info != 0 or not np.min(np.abs(np.diagonal(lu))) > LOST_RANK:
             raise SingularCellError
         dt = float(solution[n] / unit)

@@ -94,9 +94,7 @@ class Walk:
         self.codes, self.x, self.t = codes.copy(), x.copy(), t
         self.tie = TIE
         free = self.graph.free[codes]
-        self.tableau = Tableau(
-            units.A, units.load, units.compliance, free, self.stiffness(codes, slice(None))
-        )
+        self.tableau = Tableau(units.A, units.load, units.compliance, free, self.stiffness(codes, slice(None)))
         self.negatives = self.tableau.negatives()
         self.dx, self.dt = np.zeros(problem.m), 0.0
         self.set_bounds(np.arange(problem.m))

@@ -53,17 +53,36 @@ class ContactProblem:
         own = self.law.b_scale
         return own if own > 0.0 else float(np.max(np.abs(self.l_tilde / self.c), initial=0.0))
 
-    def distance(self, v: Array, tolerance: float = 0.0) -> Array:
+    def xi_extended(self, v: Array) -> Array:
+        """ξ = l̃ − Ãv with the differences formed in extended precision where the platform has it [N/m].
+
+        For judging: where ξ is small against Ãv, double precision leaves rounding of the size of the tolerance.
+        """
+        exact = self.l_tilde.astype(np.longdouble) - self.A_tilde.astype(np.longdouble) @ v.astype(np.longdouble)
+        return np.asarray(exact, dtype=float)
+
+    def xi_rounding(self, v: Array) -> float:
+        """Bound of the rounding of `xi`, as an inclusion residual: √m ε max_i (|l̃| + |Ã||v|)_i / c_i / (scale of b)."""
+        if self.m == 0 or self.traction_scale == 0.0:
+            return 0.0
+        size = np.abs(self.l_tilde) + np.abs(self.A_tilde) @ np.abs(v)
+        worst = float(np.max(size / self.c)) / self.traction_scale
+        return float(np.sqrt(self.m) * np.finfo(float).eps) * worst
+
+    def distance(self, v: Array, tolerance: float = 0.0, xi: Array | None = None) -> Array:
         """(m,) dist(ξ_i/c_i, b̂(v_i)) [Pa]; nodes within `tolerance` of a kink are tested on the filled interval."""
-        traction = self.xi(v) / self.c
+        traction = (self.xi(v) if xi is None else xi) / self.c
         low, high = self.law.interval(v, tolerance)
         return np.maximum(0.0, np.maximum(low - traction, traction - high))
 
-    def inclusion_residual(self, v: Array, tolerance: float = 0.0) -> float:
-        """max_i dist(ξ_i/c_i, b̂(v_i)) / (scale of b), the acceptance test of every solution (method §3)."""
+    def inclusion_residual(self, v: Array, tolerance: float = 0.0, xi: Array | None = None) -> float:
+        """max_i dist(ξ_i/c_i, b̂(v_i)) / (scale of b), the acceptance test of every solution (method §3).
+
+        xi: ξ if it is known better than double precision gives it (`xi_extended`)
+        """
         if self.m == 0:
             return 0.0
-        worst = float(np.max(self.distance(v, tolerance)))
+        worst = float(np.max(self.distance(v, tolerance, xi)))
         if not np.isfinite(worst):
             return float("inf")
         if worst == 0.0:

@@ -17,18 +17,21 @@ from tcstudy.solve.problem import ContactProblem
 Array = NDArray[np.float64]
 
 
-def solution_box(problem: ContactProblem, lambda_1: float, rounds: int = 30) -> tuple[Array, Array]:
+def solution_box(
+    problem: ContactProblem, lambda_1: float, rounds: int = 30, inverse: Array | None = None
+) -> tuple[Array, Array]:
     """(low, high), (m,) each: every solution lies between them [m].
 
     lambda_1: λ_min(C^{−½}ÃC^{−½}) [Pa/m], for the first box: with B = sup −sign(s) b(s) a solution has
               λ₁‖v‖² ≤ vᵀÃv = vᵀ(l̃ − Cζ) ≤ (‖l̃/c‖ + B‖1‖)‖v‖ in the norm weighted by c
+    inverse:  Ã⁻¹ if known (many problems share one Ã)
     rounds:   at most so many improvements; ends when the box no longer shrinks by a hundredth
     """
     law, c = problem.law, problem.c
     driving = np.sqrt(c @ (problem.l_tilde / c) ** 2) + _largest_push(law) * np.sqrt(c.sum())
     high = (1.0 + 1e-6) * driving / lambda_1 / np.sqrt(c)
     low = -high
-    inverse = np.asarray(scipy.linalg.inv(problem.A_tilde))
+    inverse = np.asarray(scipy.linalg.inv(problem.A_tilde)) if inverse is None else inverse
     condition = np.linalg.norm(problem.A_tilde, 1) * np.linalg.norm(inverse, 1)
     rounding = 8.0 * problem.m * np.finfo(float).eps * condition
     rising, falling = np.maximum(inverse, 0.0), np.minimum(inverse, 0.0)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, ForwardLoad, condense
@@ -77,6 +78,7 @@ class Elastic:
         self._spans: Recent[Span] = Recent(memory, lambda s: s.l_tilde.nbytes)
         self._products: dict[tuple[Hashable, Hashable], float] = {}
         self._scaled: Recent[Array] = Recent(1, lambda _: 1)
+        self._inverses: Recent[Array] = Recent(1, lambda _: 1)
 
     @property
     def plan(self) -> EliminationPlan:
@@ -86,6 +88,10 @@ class Elastic:
     def A_tilde(self, mu: float) -> Array:
         """Ã for a shear modulus μ [Pa]; the same array for the same μ."""
         return self._scaled.get(mu, lambda: mu * self._condensation.A_tilde)
+
+    def A_inverse(self, mu: float) -> Array:
+        """Ã⁻¹ for a shear modulus μ; the same array for the same μ."""
+        return self._inverses.get(mu, lambda: np.asarray(scipy.linalg.inv(self.A_tilde(mu))))
 
     def reaction(self, values: Array) -> Array:
         """A w_D (2n,) for prescribed local displacements w_D (2n,)."""

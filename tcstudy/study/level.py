@@ -200,6 +200,11 @@ class Level:
         body, mu = self._body(scene, self._frames_of(scene.boundary))
         return mu * body.lambda_1
 
+    def A_inverse(self, scene: Scene) -> Array:
+        """Ã⁻¹ of a scene's body [1/Pa], once per E, for the certificates."""
+        body, mu = self._body(scene, self._frames_of(scene.boundary))
+        return body.A_inverse(mu)
+
     def displacement(self, scene: Scene, condensed: Condensed, u_T: Array) -> Array:
         """The whole displacement in x and y (2n,) from the contact solution, eq. (20)."""
         frames = self._frames_of(scene.boundary)

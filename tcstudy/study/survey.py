@@ -166,12 +166,18 @@ class Survey:
         change += triangles.from_segments(at_edges)
         shares += triangles.from_segments(np.abs(at_edges))
         if material.beta != 0.0 and needs_heat_solve(scene):
-            zeta = self._dual_temperature(scene, z)
-            assert material.k is not None
-            a, b = excess(triangles, theta), excess(triangles, zeta)
-            change += material.k * gradient_product(triangles, a, b)
-            shares += material.k * np.sqrt(gradient_product(triangles, a, a) * gradient_product(triangles, b, b))
+            by_heat, share_of_heat = self.heat_part(scene, theta, z)
+            change += by_heat
+            shares += share_of_heat
         return float(change.sum()), shares
+
+    def heat_part(self, scene: Scene, theta: Array, z: Array) -> tuple[Array, Array]:
+        """(t,) β∫(θ − θ_h) div z = k∫∇(θ − θ_h)·∇(ζ − ζ_h) triangle by triangle, and bounds of its parts."""
+        triangles, k = self.triangles, scene.material.k
+        assert k is not None
+        a, b = excess(triangles, theta), excess(triangles, self._dual_temperature(scene, z))
+        bounds = np.sqrt(gradient_product(triangles, a, a) * gradient_product(triangles, b, b))
+        return k * gradient_product(triangles, a, b), k * bounds
 
     def _dual_temperature(self, scene: Scene, z: Array) -> Array:
         """ζ with c(ζ, φ) = β∫φ div z for all φ: the change of J with the heat that goes in."""

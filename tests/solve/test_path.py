@@ -244,9 +244,7 @@ def test_bad_input_is_named() -> None:
 def test_a_law_without_kinks_and_progress() -> None:
     calls: list[tuple[int, float]] = []
     problem = softening_line(6).with_law(cases.spring(2.0))
-    path = Follower(t_min=-1.0, t_max=1.0).follow(
-        problem, np.zeros(6), 0.0, progress=lambda n, t: calls.append((n, t))
-    )
+    path = Follower(t_min=-1.0, t_max=1.0).follow(problem, np.zeros(6), 0.0, progress=lambda n, t: calls.append((n, t)))
     assert path.pieces == 2
     exact = np.linalg.solve(problem.A_tilde + 2.0 * np.diag(problem.c), problem.l_1)
     assert path.u[-1] == pytest.approx(exact, rel=1e-12)

@@ -117,9 +117,7 @@ def test_integer_data_full_of_ties() -> None:
         assert not ends & {PathStatus.PIECE_LIMIT, PathStatus.LOST_ACCURACY, PathStatus.UNBOUNDED}
         orderly += ends <= {PathStatus.RANGE_END, PathStatus.CLOSED_LOOP}
         assert path.residual.max() <= 1e-12
-        assert all(
-            problem.at(t).inclusion_residual(u, 1e-13) <= 1e-12 for t, u in zip(path.t, path.u, strict=True)
-        )
+        assert all(problem.at(t).inclusion_residual(u, 1e-13) <= 1e-12 for t, u in zip(path.t, path.u, strict=True))
         for codes, stable in zip(path.codes, path.stable, strict=True):
             free = codes % 2 == 0
             H = problem.A_tilde[np.ix_(free, free)] + np.diag(problem.law.q[codes[free] // 2])

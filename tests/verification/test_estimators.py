@@ -10,16 +10,18 @@ import pytest
 
 import tcstudy
 from tcstudy.data.records import LevelRecord, PointRecord
-from tcstudy.fem.estimators import strain
+from tcstudy.fem.estimators import GAUSS, contact_traction, edge_residual, strain
 from tcstudy.fem.heat_estimator import coupling, heat_estimate
 from tcstudy.fem.recovery import Triangles
 from tcstudy.scene.records import Goal, MeshPlan, Study
+from tcstudy.study.goals import lumping
 from tcstudy.study.run import run
+from tcstudy.study.survey import Survey
 from tests.verification import manufactured as exact
 from tests.verification.norms import l2_and_h1_errors
 from tests.verification.patch import CASES, patch_study
 from tests.verification.reference import Solved, distance, solved_levels
-from tests.verification.scenes import levels_of, study_of
+from tests.verification.scenes import RECTANGLE, levels_of, study_of
 
 LOW, HIGH = 0.5, 3.0
 """Bounds of estimated over true error."""
@@ -93,6 +95,63 @@ def test_heat_estimate_and_coupling() -> None:
     assert all(0.95 < ratio < 1.05 for ratio in energy[1:]), energy
     assert LOW < energy[0] < HIGH
     assert all(LOW < ratio < HIGH for ratio in loads), loads
+
+
+def test_what_heat_does_to_a_goal() -> None:
+    """β∫(θ − θ_h) div z from the dual temperature, its sign included, for z = (x²y, x y)."""
+    study = study_of(WARM)
+    scene, level = study.scenes[0], levels_of(study)[2]
+    survey = Survey(level, study.mesh)
+    theta, triangles = level.temperature(scene).theta, survey.triangles
+    x, y = level.mesh.points.T
+    z = np.concatenate([x**2 * y, x * y])
+    slope = triangles.gradient(z.reshape(2, -1).T)
+    at = triangles.inner_points[..., 0]
+    missing = (np.cos(np.pi * at) - triangles.at_inner_points(theta)).mean(axis=1) * triangles.area
+    exact_value = scene.material.beta * float(missing @ (slope[:, 0, 0] + slope[:, 1, 1]))
+    parts, bounds = survey.heat_part(scene, theta, z)
+    assert float(parts.sum()) == pytest.approx(exact_value, rel=0.1)
+    assert np.all(np.abs(parts) <= bounds * (1 + 1e-12))
+
+
+def test_friction_between_the_nodes() -> None:
+    """From a sticking node at ξ = 0 to a slipping one at ξ = τ the law asks for τ, the interpolant gives less."""
+    study = study_of(RECTANGLE)
+    scene, level = study.scenes[0], levels_of(study_of(RECTANGLE, "mesh.levels=1"))[0]
+    line, tau = level.line, 0.01
+    slips = np.arange(line.m) >= line.m // 2
+    traction = contact_traction(
+        Triangles(level.mesh),
+        line,
+        scene.friction,
+        np.where(slips, 0.3, 0.0),
+        np.where(slips, tau, 0.0),
+        np.zeros(2 * level.mesh.n_points),
+    )
+    wrong = np.flatnonzero(traction.defect.max(axis=1) > 1e-12 * tau)
+    assert len(wrong) == 1
+    assert set(level.mesh.segments[wrong[0]]) == set(line.nodes[line.m // 2 - 1 : line.m // 2 + 1])
+    assert sorted(traction.defect[wrong[0]]) == pytest.approx(sorted(tau * (1 - GAUSS)))
+    triangles = Triangles(level.mesh)
+    at_rest = strain(triangles, np.zeros(2 * level.mesh.n_points))
+    theta = np.zeros(level.mesh.n_points)
+    only_xi = replace(traction, defect=0.0 * traction.defect)
+    edges, without = (edge_residual(triangles, at_rest, theta, scene, t) for t in (traction, only_xi))
+    assert np.flatnonzero(edges > without * (1 + 1e-12)).tolist() == [triangles.owner[wrong[0]]]
+
+
+def test_lumping_against_quadrature() -> None:
+    """Σ c_i ξ_i z_i − ∫ξ_h z_h between the outermost free nodes of a straight line, by Simpson's rule."""
+    level = levels_of(study_of(RECTANGLE, "mesh.levels=1"))[0]
+    line = level.line
+    s = line.arclength
+    xi, z = np.sin(3 * s), np.cos(2 * s) + s
+    h = np.diff(s)
+    trapezoid = h / 2 * (xi[1:] * z[1:] + xi[:-1] * z[:-1])
+    middle = 0.25 * (xi[1:] + xi[:-1]) * (z[1:] + z[:-1])
+    simpson = h / 6 * (xi[1:] * z[1:] + 4 * middle + xi[:-1] * z[:-1])
+    found = lumping(Triangles(level.mesh), line, xi, z)
+    assert float(found.sum()) == pytest.approx(float((trapezoid - simpson).sum()), rel=1e-10)
 
 
 def test_a_known_temperature_is_interpolated_and_counted() -> None:
