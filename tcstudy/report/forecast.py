@@ -38,7 +38,10 @@ def forecast_text(
         more = f", … ({len(labels)} values)" if len(labels) > 6 else ""
         lines.append(f"  {name}: {shown}{more}" + (f" [{units}]" if units != "1" else ""))
     most = "at most " if at_most else ""
-    lines.append(f"  {points} points × {most}{level_count} levels = {most}{points * level_count} solutions")
+    lines.append(
+        f"  {_counted(points, 'point')} × {most}{_counted(level_count, 'level')} = "
+        f"{most}{_counted(points * level_count, 'solution')}"
+    )
     lines.append(f"  per level: {factorisations} stiffness factorisation(s), {heat_solves} temperature field(s)")
     lines.append("")
     if levels:
@@ -51,3 +54,8 @@ def forecast_text(
     lines += [f"  note: {text}" for text in notes]
     lines.append(f"  output: {output} (about {size / 1e6:.2g} MB)")
     return "\n".join(lines)
+
+
+def _counted(number: int, noun: str) -> str:
+    """A number with its noun: 1 point, 2 points."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

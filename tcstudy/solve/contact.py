@@ -124,13 +124,20 @@ def _judge(problem: ContactProblem, outcome: Outcome, tolerance: float) -> Answe
     status, reason = Status.CONVERGED, ""
     if not residual <= tolerance:
         status = Status.INCLUSION_VIOLATED if outcome.converged else outcome.status
-        reason = (
-            f"inclusion residual {residual:.1e} above the tolerance {tolerance:.1e}: {outcome.reason}"
-            if not outcome.converged
-            else f"inclusion residual {residual:.1e} stays above the tolerance {tolerance:.1e}; "
-            "the condensed problem is too badly conditioned for it, raise solver.tolerance or check the units"
-        )
+        reason = _failure(problem, outcome, v, residual, tolerance)
     return Answer(v, residual, problem.energy(v), status, reason, outcome.iterations, outcome.evaluations)
+
+
+def _failure(problem: ContactProblem, outcome: Outcome, v: Array, residual: float, tolerance: float) -> str:
+    """Why an answer misses the tolerance and what to try; more iterations do not help against rounding."""
+    missed = f"inclusion residual {residual:.1e} above the tolerance {tolerance:.1e}"
+    rounding = problem.xi_rounding(v)
+    if outcome.converged or rounding > tolerance:
+        return (
+            f"{missed}; rounding alone leaves about {rounding:.0e} because friction is small against the forces in the "
+            "body or elements on the contact line are very thin: raise solver.tolerance, check the units, or coarsen"
+        )
+    return f"{missed}: {outcome.reason}"
 
 
 def _together(answers: list[Answer]) -> Answer:
