@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from tests.benchmarks import adaptive, peers, speed, stability
+from tests.benchmarks import adaptive, peers, reliability, speed, stability
 
 if __name__ == "__main__":
     speed.main([])  # first: the comparison of solvers limits the memory of its process
     peers.main([])
     stability.main([])
     adaptive.main()
+    reliability.main([])
