@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.records import Scene
-from tcstudy.solve.path import ParametricProblem
+from tcstudy.solve.path.follow import ParametricProblem
 from tcstudy.study.level import Condensed, Level
 
 Array = NDArray[np.float64]

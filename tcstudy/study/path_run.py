@@ -16,12 +16,12 @@ from tcstudy.scene.records import PathPlan, Study
 from tcstudy.solve.certificates import Certificate, certify
 from tcstudy.solve.contact import TIE, solve_contact
 from tcstudy.solve.outcome import Status
-from tcstudy.solve.path import Follower, ParametricProblem, Path
-from tcstudy.solve.path_hysteresis import Hysteresis, hysteresis
-from tcstudy.solve.path_lowest import lowest
-from tcstudy.solve.path_query import PathSolution, folds, solutions_at, solutions_of
-from tcstudy.solve.path_smooth import piecewise_linear
-from tcstudy.solve.path_start import NoSolutionError
+from tcstudy.solve.path.follow import Follower, ParametricProblem, Path
+from tcstudy.solve.path.hysteresis import Hysteresis, hysteresis
+from tcstudy.solve.path.lowest import lowest
+from tcstudy.solve.path.query import PathSolution, folds, solutions_at, solutions_of
+from tcstudy.solve.path.smooth import piecewise_linear
+from tcstudy.solve.path.start import NoSolutionError
 from tcstudy.solve.solution_box import solution_box
 from tcstudy.study.family import Family
 from tcstudy.study.level import Level
@@ -159,7 +159,7 @@ def _certified(setting: _Setting, path: Path, begin: Array, end: Array, pieces: 
 
 
 def contact_states(law: FrictionLaw) -> NDArray[np.int8]:
-    """ContactState by piece code of a piecewise-linear law (tcstudy.solve.path_graph)."""
+    """ContactState by piece code of a piecewise-linear law (tcstudy.solve.path.graph)."""
     states = np.full(2 * len(law.kinks) + 1, ContactState.STICK, dtype=np.int8)
     states[0::2] = np.where(law.q < 0.0, ContactState.SOFTEN, ContactState.SLIP)
     states[1::2][law.kinds == DOWN] = ContactState.DROP

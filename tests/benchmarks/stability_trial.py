@@ -22,8 +22,8 @@ from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.loop import iterate
 from tcstudy.solve.newton_system import cholesky
 from tcstudy.solve.outcome import Status
-from tcstudy.solve.path import Follower, ParametricProblem, PathStatus
-from tcstudy.solve.path_query import solutions_at
+from tcstudy.solve.path.follow import Follower, ParametricProblem, PathStatus
+from tcstudy.solve.path.query import solutions_at
 from tcstudy.solve.problem import ContactProblem
 from tests.benchmarks.methods import ENDLESS, TOLERANCE, OutOfTimeError, watched
 from tests.benchmarks.semismooth import SemismoothNewton, solve_branches
@@ -95,12 +95,12 @@ class Log:
         return sum(last[kind] for kind in kinds) / max(last.total(), 1)
 
 
-KINDS = ("start", "newton", "nodes", "refined", "escape", "serious", "null", "short", "reset")
+KINDS = ("start", "newton", "nodes", "straight", "refined", "escape", "serious", "null", "short", "reset")
 """Words for steps in the logs of both methods of the package."""
 
 
 def separable(problem: ContactProblem, deadline: float) -> Trial:
-    """The default solver as a study calls it: from both starts, the lower energy; not stopped at the deadline."""
+    """The default solver as a study calls it, the lowest energy it finds; not stopped at the deadline."""
     log = Log()
     answer = solve_contact(problem, log=log)
     good = answer.status == Status.CONVERGED

@@ -1,4 +1,4 @@
-"""path_smooth: the stated interpolation error, exact kinks and symmetry, and Newton back onto the true law."""
+"""smooth: the stated interpolation error, exact kinks and symmetry, and Newton back onto the true law."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from tcstudy.scene.laws import SHAPES
-from tcstudy.solve.path import follow
-from tcstudy.solve.path_query import solutions_at, solutions_of
-from tcstudy.solve.path_smooth import piecewise_linear
+from tcstudy.solve.path.follow import follow
+from tcstudy.solve.path.query import solutions_at, solutions_of
+from tcstudy.solve.path.smooth import piecewise_linear
 from tests.solve import contact_cases as cases
-from tests.solve.path_cases import a_solution, one_node, softening_line
+from tests.solve.path.cases import a_solution, one_node, softening_line
 
 
 @pytest.mark.parametrize("tolerance", [1e-1, 1e-2, 1e-4])

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from tcstudy.solve.loop import iterate
-from tcstudy.solve.path import Follower, ParametricProblem, PathStatus, follow
-from tcstudy.solve.path_query import folds, solutions_at
-from tcstudy.solve.path_start import NoSolutionError
-from tcstudy.solve.path_tableau import Tableau
+from tcstudy.solve.path.follow import Follower, ParametricProblem, PathStatus, follow
+from tcstudy.solve.path.query import folds, solutions_at
+from tcstudy.solve.path.start import NoSolutionError
+from tcstudy.solve.path.tableau import Tableau
 from tcstudy.solve.separable_newton import SeparableNewton
 from tests.solve import contact_cases as cases
-from tests.solve.path_cases import a_solution, all_solutions, one_node, random_path_problem, softening_line
+from tests.solve.path.cases import a_solution, all_solutions, one_node, random_path_problem, softening_line
 
 
 def test_one_softening_node_in_closed_form() -> None:

@@ -25,7 +25,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.solve.newton_system import submatrix
-from tcstudy.solve.path_base import SingularCellError, definite_inverse, indefinite_inverse, sound_pivots
+from tcstudy.solve.path.base import SingularCellError, definite_inverse, indefinite_inverse, sound_pivots
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import BEND
-from tcstudy.solve.path_base import SingularCellError
-from tcstudy.solve.path_graph import law_graph
-from tcstudy.solve.path_problem import ParametricProblem
-from tcstudy.solve.path_vertex import Corner, along_perturbation, corner, move, place
-from tcstudy.solve.path_walk import Codes, Units, Walk
+from tcstudy.solve.path.base import SingularCellError
+from tcstudy.solve.path.graph import law_graph
+from tcstudy.solve.path.problem import ParametricProblem
+from tcstudy.solve.path.vertex import Corner, along_perturbation, corner, move, place
+from tcstudy.solve.path.walk import Codes, Units, Walk
 
 Array = NDArray[np.float64]
 

@@ -9,12 +9,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solve.path_base import SingularCellError
-from tcstudy.solve.path_problem import ParametricProblem
-from tcstudy.solve.path_record import PathEnd, PathStatus, Recorder
-from tcstudy.solve.path_start import Ray, depart
-from tcstudy.solve.path_vertex import cross, move
-from tcstudy.solve.path_walk import Codes, Units
+from tcstudy.solve.path.base import SingularCellError
+from tcstudy.solve.path.problem import ParametricProblem
+from tcstudy.solve.path.record import PathEnd, PathStatus, Recorder
+from tcstudy.solve.path.start import Ray, depart
+from tcstudy.solve.path.vertex import cross, move
+from tcstudy.solve.path.walk import Codes, Units
 
 Array = NDArray[np.float64]
 

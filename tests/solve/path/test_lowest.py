@@ -1,15 +1,15 @@
-"""path_lowest: against the least of all energies at many values of t, computed from the definition."""
+"""lowest: against the least of all energies at many values of t, computed from the definition."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from tcstudy.solve.path import Path, follow
-from tcstudy.solve.path_lowest import lowest
-from tcstudy.solve.path_query import solutions_at
+from tcstudy.solve.path.follow import Path, follow
+from tcstudy.solve.path.lowest import lowest
+from tcstudy.solve.path.query import solutions_at
 from tests.solve import contact_cases as cases
-from tests.solve.path_cases import a_solution, one_node, random_path_problem
+from tests.solve.path.cases import a_solution, one_node, random_path_problem
 
 
 def check(path: Path, rng: np.random.Generator) -> int:

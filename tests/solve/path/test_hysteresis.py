@@ -1,13 +1,13 @@
-"""path_hysteresis: loops in closed form, energy lost against area, jumps that lower the energy."""
+"""hysteresis: loops in closed form, energy lost against area, jumps that lower the energy."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from tcstudy.solve.path_hysteresis import hysteresis
+from tcstudy.solve.path.hysteresis import hysteresis
 from tests.solve import contact_cases as cases
-from tests.solve.path_cases import a_solution, one_node, random_path_problem, softening_line
+from tests.solve.path.cases import a_solution, one_node, random_path_problem, softening_line
 
 
 def test_loop_of_one_softening_node_in_closed_form() -> None:

@@ -49,7 +49,7 @@ def law_graph(law: FrictionLaw) -> LawGraph:
     """The graph of a piecewise-linear law; raises ValueError for exponential pieces."""
     if not law.piecewise_linear:
         raise ValueError(
-            f"the law {law.name} is not piecewise linear; replace it by path_smooth.piecewise_linear(law, …) first"
+            f"the law {law.name} is not piecewise linear; replace it by path.smooth.piecewise_linear(law, …) first"
         )
     count = len(law.kinks)
     codes = np.arange(2 * count + 1)

@@ -4,7 +4,7 @@ For a piecewise-linear law the filled graph of b̂ is a polygonal line at every 
 piece of the line, (u, ξ, t) moves along a straight line; at the end of it one node goes on to the next piece of its
 graph, and the path continues in the next cell. Nothing is approximated and nothing is iterated: folds (t turns), stick,
 slip, up- and down-jumps and unstable solutions all are vertices of one polygon. Several nodes at once, starts on a
-vertex and pieces with a singular matrix are part of the method (path_vertex, path_start, path_tableau).
+vertex and pieces with a singular matrix are part of the method (vertex, start, tableau).
 
 Orientation: what keeps the path from turning round is that the node that has reached its bound goes on in the same
 sense along its graph. Generically the pieces then form a curve without branches, so a cell is entered at most once:
@@ -24,12 +24,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solve.path_base import SingularCellError
-from tcstudy.solve.path_problem import ParametricProblem
-from tcstudy.solve.path_record import Path, PathEnd, PathStatus, Recorder, joined
-from tcstudy.solve.path_run import Run
-from tcstudy.solve.path_start import locate, rays
-from tcstudy.solve.path_walk import Codes, Walk, units_of
+from tcstudy.solve.path.base import SingularCellError
+from tcstudy.solve.path.problem import ParametricProblem
+from tcstudy.solve.path.record import Path, PathEnd, PathStatus, Recorder, joined
+from tcstudy.solve.path.run import Run
+from tcstudy.solve.path.start import locate, rays
+from tcstudy.solve.path.walk import Codes, Walk, units_of
 
 __all__ = ["Follower", "ParametricProblem", "Path", "PathEnd", "PathStatus", "follow"]
 

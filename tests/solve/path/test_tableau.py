@@ -1,12 +1,12 @@
-"""path_tableau against dense algebra: directions, corrections and inertia through many changes of cell."""
+"""tableau against dense algebra: directions, corrections and inertia through many changes of cell."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from tcstudy.solve.path_base import SingularCellError, sound_pivots
-from tcstudy.solve.path_tableau import CAPACITY, Tableau
+from tcstudy.solve.path.base import SingularCellError, sound_pivots
+from tcstudy.solve.path.tableau import CAPACITY, Tableau
 from tests.solve import contact_cases as cases
 
 

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solve.path_record import Path
+from tcstudy.solve.path.record import Path
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solve.path_base import SingularCellError
-from tcstudy.solve.path_walk import Codes, Index, Walk
+from tcstudy.solve.path.base import SingularCellError
+from tcstudy.solve.path.walk import Codes, Index, Walk
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solve.active_pieces import ActivePieces, finish, solve_on
 from tcstudy.solve.nodal_pieces import relative_residual
-from tcstudy.solve.path_record import Path
+from tcstudy.solve.path.record import Path
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.solve.path_graph import LawGraph, law_graph
-from tcstudy.solve.path_problem import ParametricProblem
-from tcstudy.solve.path_tableau import Tableau
+from tcstudy.solve.path.graph import LawGraph, law_graph
+from tcstudy.solve.path.problem import ParametricProblem
+from tcstudy.solve.path.tableau import Tableau
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int32]

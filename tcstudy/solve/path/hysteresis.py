@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.solve.loop import iterate
-from tcstudy.solve.path import Follower, ParametricProblem, Path, PathStatus
+from tcstudy.solve.path.follow import Follower, ParametricProblem, Path, PathStatus
 from tcstudy.solve.separable_newton import SeparableNewton
 
 Array = NDArray[np.float64]
