@@ -36,7 +36,7 @@ def run(study: Study | str | Path, output: str | Path | None = None, *, progress
     """Run a study (or a study file), write its netCDF file and return its data, loaded into memory.
 
     progress: show progress on stderr. Points that fail have a status and a reason in the data.
-    Raises StudyError, tcstudy.data.store.StoreError or tcstudy.fem.geometry.GeometryFailed.
+    Raises StudyError, tcstudy.data.files.StoreError or tcstudy.fem.geometry.GeometryFailed.
     """
     from tcstudy.report.progress import progress as terminal
     from tcstudy.study.execute import execute
@@ -55,7 +55,7 @@ def run(study: Study | str | Path, output: str | Path | None = None, *, progress
 def open_results(path: str | Path) -> xarray.DataTree:
     """Open a result file as an xarray.DataTree: results at the root, one group per mesh level.
 
-    Raises tcstudy.data.store.StoreError if there is none or its run has not finished.
+    Raises tcstudy.data.files.StoreError if there is none or its run has not finished.
     """
     from tcstudy.data.store import open_results as open_tree
 

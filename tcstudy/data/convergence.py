@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data import schema
+from tcstudy.data.files import FINISHED, StoreError, sync_directory
 from tcstudy.data.provenance import Provenance, global_attributes
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import FINISHED, StoreError, sync_directory
 from tcstudy.scene.records import Study
 
 if TYPE_CHECKING:

@@ -12,46 +12,27 @@ import json
 import os
 import sqlite3
 import threading
-import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from tcstudy.data import schema
+from tcstudy.data.files import PARTIAL, StoreError, remove_stale, sync_directory
+from tcstudy.data.journal_file import SELECT, connect, rollback_file, set_aside
+from tcstudy.data.journal_rows import Row, decode_level, decode_point, encode
 from tcstudy.data.provenance import NUMERICS, package_versions, study_sha256
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
-from tcstudy.data.store import PARTIAL, StoreError, remove_stale, sync_directory
 from tcstudy.scene.records import Study
 
 COMMIT_SECONDS = 0.25
 """Longest time that a finished record waits for its commit; one commit costs some 15 ms of disk."""
 
-FORMAT = "1"
+FORMAT = "2"
+"""Of the records: a journal of another format is set aside."""
 
-SMALLEST_PAGE = 512
-"""Bytes of the smallest SQLite file that holds anything."""
-
-_TABLES = """
-CREATE TABLE header (key TEXT PRIMARY KEY, value TEXT NOT NULL);
-CREATE TABLE record (kind TEXT, place TEXT, level INTEGER, scalars TEXT NOT NULL, layout TEXT NOT NULL,
-                     arrays BLOB NOT NULL, crc INTEGER NOT NULL, PRIMARY KEY (kind, place, level));
-"""
 _INSERT = "INSERT OR REPLACE INTO record VALUES (?, ?, ?, ?, ?, ?, ?)"
-# NOT INDEXED: a scan in the order of rowid streams; by the index SQLite would first sort all arrays in memory
-_SELECT = (
-    "SELECT kind, place, level, scalars, layout, arrays, crc FROM record NOT INDEXED WHERE kind = ? ORDER BY rowid"
-)
 
-Row = tuple[str, str, int, str, str, bytes, int]
 Place = tuple[tuple[int, ...], int]
-
-
-class _Damaged(Exception):
-    """The journal cannot be trusted; the text says why."""
 
 
 class Journal:
@@ -89,11 +70,11 @@ class Journal:
             raise StoreError(f"cannot make {path.parent}: {error.strerror}. choose another output") from error
         header = _header(study)
         warnings: tuple[str, ...] = ()
-        connection, why = _connect(path, header)
+        connection, why = connect(path, header)
         if why:
-            kept = _set_aside(path, connection)
+            kept = set_aside(path, connection)
             warnings = (f"{path.name} {why}; it is kept as {kept.name} and the run starts anew",)
-            connection, why = _connect(path, header)
+            connection, why = connect(path, header)
         if connection is None or why:
             raise StoreError(f"cannot start the journal {path}: {why}. Choose another output")
         remove_stale(output)
@@ -107,7 +88,7 @@ class Journal:
 
         Raises StoreError if an earlier record could not be brought to the disk; it is tried again.
         """
-        row = _encode(record)
+        row = encode(record)
         with self._lock:
             if self._closed:
                 raise StoreError(f"the journal {self.path} is closed")
@@ -141,11 +122,11 @@ class Journal:
 
     def levels(self) -> tuple[LevelRecord, ...]:
         """All level records, coarse to fine."""
-        return tuple(sorted((_decode_level(row) for row in self._rows("level")), key=lambda level: level.level))
+        return tuple(sorted((decode_level(row) for row in self._rows("level")), key=lambda level: level.level))
 
     def points(self) -> Iterator[PointRecord]:
         """All point records as they finished, read one by one: whole-body fields need not fit into memory."""
-        return (_decode_point(row) for row in self._rows("point"))
+        return (decode_point(row) for row in self._rows("point"))
 
     def close(self) -> None:
         """Flush and give up the lock; the journal stays for a later run. Closing twice does no harm."""
@@ -168,7 +149,7 @@ class Journal:
             # removed before the lock goes, so that no other run can get hold of the dying file
             self.path.unlink(missing_ok=True)
             self._connection.close()
-            _rollback_file(self.path).unlink(missing_ok=True)
+            rollback_file(self.path).unlink(missing_ok=True)
 
     def __enter__(self) -> Journal:
         return self
@@ -179,7 +160,7 @@ class Journal:
     def _rows(self, kind: str) -> Iterator[Row]:
         with self._lock:
             self.flush()
-            cursor = self._connection.execute(_SELECT, (kind,))
+            cursor = self._connection.execute(SELECT, (kind,))
         while True:
             with self._lock:
                 row = cursor.fetchone()
@@ -193,147 +174,6 @@ class Journal:
             self.flush()
 
 
-def _connect(path: Path, header: dict[str, str]) -> tuple[sqlite3.Connection | None, str]:
-    """An open, locked journal with this header, and why it cannot be used ("" if it can)."""
-    connection: sqlite3.Connection | None = None
-    # SQLite takes a file shorter than a page for an empty one and writes over it. Only its size is looked at: to open
-    # and close it here would drop the locks that this process has on it
-    if path.is_file() and 0 < path.stat().st_size < SMALLEST_PAGE:
-        return None, "is cut short"
-    try:
-        connection = sqlite3.connect(path, timeout=0.2, isolation_level=None, check_same_thread=False)
-        # locked before anything is judged: what another run is writing must not be set aside
-        connection.execute("PRAGMA locking_mode=EXCLUSIVE")
-        connection.execute("PRAGMA synchronous=FULL")
-        connection.execute("BEGIN EXCLUSIVE")
-        connection.execute("COMMIT")
-        return connection, _look_into(connection, header)
-    except (sqlite3.DatabaseError, _Damaged) as error:
-        obstacle = _obstacle(path, error)
-        if connection is not None and not obstacle:
-            return connection, f"is damaged ({error})"
-        if connection is not None:
-            connection.close()
-        raise StoreError(obstacle) from error
-
-
-def _obstacle(path: Path, error: Exception) -> str:
-    """What keeps a sound journal from being used; empty if the error speaks of damage."""
-    text = str(error)
-    if "locked" in text:
-        return f"another run is writing to the same output ({path} is locked). Wait for it or choose another output"
-    # SQLite also calls a file with a damaged header read-only
-    if "readonly" in text and os.access(path, os.W_OK):
-        return ""
-    if isinstance(error, sqlite3.OperationalError) and any(
-        word in text for word in ("unable to open", "readonly", "full", "I/O")
-    ):
-        return f"cannot use the journal {path}: {text}. Make room there or choose another output"
-    return ""
-
-
-def _look_into(connection: sqlite3.Connection, header: dict[str, str]) -> str:
-    """Make the tables of an empty journal; say why a filled one does not belong to this run."""
-    tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-    if not tables:
-        with connection:
-            connection.execute("BEGIN IMMEDIATE")
-            for statement in _TABLES.strip().split(";\n"):
-                connection.execute(statement)
-            connection.executemany("INSERT INTO header VALUES (?, ?)", header.items())
-        return ""
-    if tables != {"header", "record"}:
-        return "is not a journal of tcstudy"
-    check = connection.execute("PRAGMA quick_check").fetchone()[0]
-    if check != "ok":
-        raise _Damaged(check)
-    found = dict(connection.execute("SELECT key, value FROM header").fetchall())
-    if found.get("study_sha256") != header["study_sha256"]:
-        return "is of another study or other overrides"
-    if found != header:
-        return "was made by other versions of the program"
-    for kind in ("level", "point"):
-        for row in connection.execute(_SELECT, (kind,)):
-            if _checksum(row) != row[-1]:
-                raise _Damaged(f"wrong checksum of {kind} {row[1]} on level {row[2]}")
-    # a write, because SQLite opens a file that it must not write without a word, locking or not
-    connection.execute("PRAGMA user_version = 1")
-    return ""
-
-
 def _header(study: Study) -> dict[str, str]:
     versions = package_versions(NUMERICS)
     return {"format": FORMAT, "study_sha256": study_sha256(study), "versions": json.dumps(versions)}
-
-
-def _set_aside(path: Path, connection: sqlite3.Connection | None) -> Path:
-    """Rename a journal to the first free name .partial.old, .partial.old2, …"""
-    number = 1
-    while (kept := path.with_name(f"{path.name}.old{number if number > 1 else ''}")).exists():
-        number += 1
-    if connection is not None and os.name == "nt":  # an open file cannot be renamed there
-        connection.close()
-    # renamed before the lock goes, so that no other run can resume it in between
-    os.rename(path, kept)
-    if connection is not None:
-        connection.close()
-    with suppress(FileNotFoundError):
-        os.rename(_rollback_file(path), _rollback_file(kept))
-    return kept
-
-
-def _rollback_file(path: Path) -> Path:
-    """SQLite's own journal: it belongs to its database and must go wherever that goes."""
-    return path.with_name(path.name + "-journal")
-
-
-def _checksum(row: Row) -> int:
-    scalars, layout, arrays = row[3:6]
-    return zlib.crc32(arrays, zlib.crc32(f"{row[:3]}{scalars}{layout}".encode()))
-
-
-def _encode(record: PointRecord | LevelRecord) -> Row:
-    """A record as a row: scalars as JSON (exact for floats), arrays as their bytes one after the other."""
-    values = vars(record)
-    fields = {f"fields.{name}": array for name, array in record.fields.items()}
-    arrays = {name: v for name, v in values.items() if isinstance(v, np.ndarray)} | fields
-    scalars = {name: v for name, v in values.items() if name not in arrays and name != "fields"}
-    kind = "level" if isinstance(record, LevelRecord) else "point"
-    place = "" if isinstance(record, LevelRecord) else ",".join(str(int(i)) for i in record.index)
-    layout = json.dumps([(name, array.dtype.str, array.shape) for name, array in arrays.items()])
-    blob = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays.values())
-    row = (kind, place, int(record.level), json.dumps(scalars, default=_plain), layout, blob)
-    return (*row, _checksum((*row, 0)))
-
-
-def _plain(value: Any) -> Any:
-    """A NumPy scalar as a plain one, for JSON."""
-    return value.item()
-
-
-def _decode_level(row: Row) -> LevelRecord:
-    scalars, arrays, fields = _decode(row)
-    scalars["edge_names"] = tuple(scalars["edge_names"])
-    return LevelRecord(**scalars, **arrays, fields=fields)
-
-
-def _decode_point(row: Row) -> PointRecord:
-    scalars, arrays, fields = _decode(row)
-    scalars["index"] = tuple(scalars["index"])
-    scalars["status"] = PointStatus(scalars["status"])
-    numbers = scalars["numbers"]
-    scalars["numbers"] = {name: tuple(v) if isinstance(v, list) else v for name, v in numbers.items()}
-    return PointRecord(**scalars, **arrays, fields=fields)
-
-
-def _decode(row: Row) -> tuple[dict[str, Any], dict[str, Any], dict[str, NDArray[Any]]]:
-    """Scalars, arrays and whole-body fields of a row."""
-    scalars, layout, blob = row[3:6]
-    arrays: dict[str, Any] = {}
-    start = 0
-    for name, dtype, shape in json.loads(layout):
-        size = int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize
-        arrays[name] = np.frombuffer(blob[start : start + size], dtype=dtype).reshape(shape).copy()
-        start += size
-    fields = {name[7:]: arrays.pop(name) for name in list(arrays) if name.startswith("fields.")}
-    return json.loads(scalars), arrays, fields

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tcstudy.data import path_schema as schema
+from tcstudy.data.files import FINISHED, StoreError, new_dataset, refuse_unfinished, replace_file
 from tcstudy.data.path_records import PathRecord
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
 from tcstudy.data.schema import Variable, edge_attributes
-from tcstudy.data.store import FINISHED, StoreError, new_dataset, refuse_unfinished, replace_file
 from tcstudy.scene.records import Study
 
 if TYPE_CHECKING:

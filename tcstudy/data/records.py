@@ -60,6 +60,7 @@ class PointRecord:
     numbers: results by variable name (see data.schema), tuples where there is one for each start or solver;
              missing ones are NaN in the data
     u_T, xi: (m,) tangential displacement [m] and traction −S_T = ξ_i/c_i [Pa]; empty if the point failed before
+    sticks:  (m,) 1 where the node rests on an up-jump of the friction law, else 0; empty if that is not known
     fields:  whole-body nodal fields by name ("theta", "u_x", "u_y"), only if asked for
     """
 
@@ -71,3 +72,4 @@ class PointRecord:
     u_T: Array
     xi: Array
     fields: dict[str, Array] = field(default_factory=dict)
+    sticks: NDArray[np.int8] = field(default_factory=lambda: np.empty(0, dtype=np.int8))

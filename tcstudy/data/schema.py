@@ -3,7 +3,7 @@
 Root:           results by sweep point and level, and what a level has once
 /level_0, …:    the contact line of that mesh and, if asked for, the whole-body fields (UGRID-1.0)
 Missing values: NaN for floats (as _FillValue); −1 for counts, outside their valid_min and without _FillValue,
-                so that no reader turns an integer array into floats; 0 ("not_run") for the status
+                so that no reader turns an integer array into floats; for flags the one that says so
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ class Variable:
     dims:       dimension names; SWEEP stands for those of the sweep
     coordinate: True if it locates data: no missing values, no _FillValue
     extra:      further attributes
+    no_value:   the flag that stands where there is no value
     """
 
     name: str
@@ -48,12 +49,13 @@ class Variable:
     dims: tuple[str, ...] = POINT_LEVEL
     coordinate: bool = False
     extra: tuple[tuple[str, Any], ...] = ()
+    no_value: int = 0
 
     @property
     def missing(self) -> float | int | str:
         """What stands where there is no value."""
-        values: dict[Dtype, float | int | str] = {"f8": float("nan"), "i4": MISSING_COUNT, "i1": 0, "str": NOT_RUN}
-        return values[self.dtype]
+        of_type: dict[Dtype, float | int | str] = {"f8": float("nan"), "i4": MISSING_COUNT, "str": NOT_RUN}
+        return of_type.get(self.dtype, self.no_value)
 
     @property
     def fill_value(self) -> float | Literal[False]:
@@ -71,9 +73,31 @@ _JUDGED = (("ancillary_variables", "status"),)
 _DIFFERENCE = (("units_metadata", "temperature: difference"),)
 _LEVEL = ("level",)
 _CERTIFIED = (("flag_values", np.array([0, 1], dtype=np.int8)), ("flag_meanings", "not_certified certified"), *_JUDGED)
-START_NAMES = ("zero", "frictionless", "neighbour")
+START_NAMES = ("zero", "frictionless", "neighbour", "escape")
 """Where a solver starts; the coordinate of the dimension `start`."""
-_STARTS = (("flag_values", np.arange(3, dtype=np.int8)), ("flag_meanings", " ".join(START_NAMES)), *_JUDGED)
+_STARTS = (
+    ("flag_values", np.arange(len(START_NAMES), dtype=np.int8)),
+    ("flag_meanings", " ".join(START_NAMES)),
+    *_JUDGED,
+)
+HEAT_BOUND = 1e-10
+"""Largest heat balance that passes: heat is asked to be as exact as friction is by default (solver.tolerance).
+
+The defect is rounding × condition of the heat matrix, about 1e-12 on 1e6 good triangles and 1e-9 to 1e-4 of slivers.
+"""
+NOT_JUDGED, BALANCED, UNBALANCED = 0, 1, 2
+_BALANCE = (
+    ("flag_values", np.arange(3, dtype=np.int8)),
+    ("flag_meanings", "not_judged balanced unbalanced"),
+    ("comment", f"unbalanced where heat_balance exceeds {HEAT_BOUND:g}: thin triangles cost digits of theta"),
+    *_JUDGED,
+)
+UNKNOWN, SLIPS, STICKS = -1, 0, 1
+_STICKS = (
+    ("flag_values", np.array([UNKNOWN, SLIPS, STICKS], dtype=np.int8)),
+    ("flag_meanings", "unknown slips sticks"),
+    *_JUDGED,
+)
 
 
 def _count(name: str, long_name: str, dims: tuple[str, ...] = POINT_LEVEL, extra: Any = ()) -> Variable:
@@ -106,7 +130,8 @@ ROOT: tuple[Variable, ...] = (
     Variable("start_used", "i1", "1", "start that led to the stored solution", extra=_STARTS),
     Variable("start_energy", "f8", "J m-1", "energy of the solution that each start leads to", (*POINT_LEVEL, "start")),
     _result("theta_mean", "K", "mean temperature of the body above its stress-free state", _DIFFERENCE),
-    _result("heat_balance", "1", "relative defect of heat convected away against heat put in"),
+    _result("heat_balance", "1", "defect of heat convected away against heat put in, over all heat that moves"),
+    Variable("heat_status", "i1", "1", "judgement of the heat balance", extra=_BALANCE),
     Variable("time_mesh", "f8", "s", "wall time of the mesh", _LEVEL),
     Variable("time_assemble", "f8", "s", "wall time of assembling the matrices", _LEVEL),
     Variable("time_condense", "f8", "s", "wall time of condensing to the contact line"),
@@ -166,6 +191,15 @@ CONTACT: tuple[Variable, ...] = (
     Variable("edge", "i1", "1", "contact edge that the node lies on", _NODE, extra=_AT_NODE),
     Variable("u_T", "f8", "m", "tangential displacement", (SWEEP, "node"), extra=_JUDGED + _AT_NODE),
     Variable("xi", "f8", "Pa", "tangential traction -S_T", (SWEEP, "node"), extra=_JUDGED + _AT_NODE),
+    Variable(
+        "sticks",
+        "i1",
+        "1",
+        "whether the node rests on an up-jump of the friction law",
+        (SWEEP, "node"),
+        extra=_STICKS + _AT_NODE,
+        no_value=UNKNOWN,
+    ),
 )
 
 _MESH_NODE = ("mesh_node",)
@@ -263,6 +297,20 @@ def axis_labels(axis: Axis) -> np.ndarray[Any, Any]:
     return np.array(axis.labels, dtype=float)
 
 
+def axis_places(axis: Axis) -> np.ndarray[Any, Any]:
+    """Place of every label along the file's dimension: in ascending order where the study's goes up and down.
+
+    CF wants monotonic coordinates. Texts stay in their order: as the values of a dimension they are no strict CF
+    coordinate, but as a label variable of another name `data.sel(friction="tresca")` would find no index.
+    """
+    labels = axis_labels(axis)
+    places = np.arange(len(labels))
+    if labels.dtype == object or np.all(np.diff(labels) > 0.0) or np.all(np.diff(labels) < 0.0):
+        return places
+    places[np.argsort(labels, kind="stable")] = np.arange(len(labels))
+    return places
+
+
 def edge_attributes(edge_names: Sequence[str]) -> dict[str, Any]:
     """Flags that name the contact edges of `edge`."""
     if not edge_names:
@@ -292,7 +340,7 @@ def expected_bytes(study: Study, levels: Sequence[LevelRecord | tuple[int, int]]
     total = 100_000 + len(study.text.encode()) + 8 * (len(ROOT) + 2) * points * study.mesh.levels
     for level in levels:
         contact, nodes = level if isinstance(level, tuple) else _counts(level)
-        total += 8 * (2 * points + 6) * contact
+        total += (17 * points + 48) * contact
         if study.output.fields:
             total += 8 * (len(FIELDS) * points + 5) * nodes
     return total

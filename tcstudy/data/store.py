@@ -1,24 +1,19 @@
-"""The result file: one netCDF-4 file per run, complete or not there at all.
+"""The result file of a run: one netCDF-4 file, complete or not there at all (see `tcstudy.data.files`).
 
-A file is written aside in the same directory, brought to the disk (fsync) and renamed over the old one, so that
-a crash, a full disk or a power cut leaves the old file as it was, and a reader of the old file keeps it.
-`tcstudy.data.schema` says what stands in the file.
+`tcstudy.data.schema` says what stands in it.
 """
 
 from __future__ import annotations
 
-import errno
-import os
-import shutil
-import tempfile
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tcstudy.data import schema
+from tcstudy.data.files import FINISHED, StoreError, new_dataset, refuse_unfinished, replace_file
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
 from tcstudy.data.records import LevelRecord, PointRecord
 from tcstudy.scene.records import Study
@@ -29,20 +24,7 @@ if TYPE_CHECKING:
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 
-FINISHED = "finished"
-"""Global attribute set last: netCDF-4 opens a file whose writer died as if nothing were wrong."""
-
-PARTIAL = ".partial"
-"""What the journal of a run adds to the name of its output."""
-
 KEPT = "finished points are kept in the journal"
-
-ROOM = 3
-"""Free disk that must be there, as a multiple of the expected file (old and new stand side by side)."""
-
-
-class StoreError(Exception):
-    """Results cannot be kept or read; the text says why and what to do."""
 
 
 def write(
@@ -66,67 +48,6 @@ def write(
     replace_file(path, lambda aside: _write_file(aside, study, levels, points, provenance), KEPT)
 
 
-def replace_file(path: Path, make: Callable[[Path], None], kept: str = "") -> None:
-    """Put the file that `make` writes aside in the place of `path`, in one step and on the disk.
-
-    kept: what of the work is not lost if that fails, for the message
-    Raises StoreError if the file cannot be written; the old one is then untouched.
-    """
-    target = Path(os.path.realpath(path))
-    aside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    try:
-        _refuse_protected(path)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        make(aside)
-        _sync_file(aside)
-        if target.exists():
-            shutil.copymode(target, aside)
-        os.replace(aside, target)
-        sync_directory(target.parent)
-    except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as RuntimeError
-        raise StoreError(f"cannot write {path}: {_cause(error)}. {_remedy(error, target.parent, kept)}") from error
-    finally:
-        with suppress(OSError):
-            aside.unlink(missing_ok=True)
-
-
-def check_writable(path: Path, expected_bytes: int) -> list[str]:
-    """Why `path` could not take a result file of this size; empty if it can. Leaves nothing behind."""
-    try:
-        return _write_problems(path, expected_bytes)
-    except OSError as error:
-        return [f"cannot look at {path}: {_cause(error)}; choose another output"]
-
-
-def _write_problems(path: Path, expected_bytes: int) -> list[str]:
-    target = Path(os.path.realpath(path))
-    if target.is_dir():
-        return [f"{path} is a directory; give the name of a file in it"]
-    problems = []
-    try:
-        _refuse_protected(path)
-    except OSError as error:
-        problems.append(f"{path}: {_cause(error)}; make it writable or choose another output")
-    existing = next(p for p in target.parents if p.exists())
-    if not existing.is_dir():
-        return [*problems, f"{existing} is a file, so {path} cannot be made; choose another output"]
-    try:
-        with tempfile.TemporaryFile(dir=existing):
-            pass
-    except OSError as error:
-        return [
-            *problems,
-            f"cannot write in the directory {existing}: {_cause(error)}; choose another output",
-        ]
-    free = shutil.disk_usage(existing).free
-    if free < ROOM * expected_bytes:
-        problems.append(
-            f"{existing} has {_size(free)} free, but the results need {_size(ROOM * expected_bytes)} while they "
-            "are written; free some space, choose another output or ask for less (fields: false, fewer levels)"
-        )
-    return problems
-
-
 def open_results(path: Path) -> xarray.DataTree:
     """Open a result file lazily; close it after use or open it in a `with`.
 
@@ -136,34 +57,6 @@ def open_results(path: Path) -> xarray.DataTree:
     import xarray  # here, because a run needs no xarray and its import takes longer than writing the file
 
     return xarray.open_datatree(path, engine="netcdf4")
-
-
-def remove_stale(path: Path) -> None:
-    """Remove what a killed writer of `path` left aside. Only for the holder of the journal's lock."""
-    target = Path(os.path.realpath(path))
-    for name in os.listdir(target.parent):
-        if name.startswith(f".{target.name}.") and name.endswith(".tmp"):
-            with suppress(OSError):
-                (target.parent / name).unlink()
-
-
-def sync_directory(directory: Path) -> None:
-    """Bring a directory's entries to the disk, where the system can."""
-    if os.name == "nt":
-        return
-    descriptor = os.open(directory, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # some network file systems know no such thing
-            raise
-    finally:
-        os.close(descriptor)
-
-
-def _sync_file(file: Path) -> None:
-    with open(file, "rb+") as stream:
-        os.fsync(stream.fileno())
 
 
 def _write_file(
@@ -186,8 +79,11 @@ def _write_file(
             _take_level(root, variables, level)
             groups[level.level] = _make_group(nc, study, level)
             contact[level.level] = _contact_arrays(study, level)
+        places = [schema.axis_places(axis) for axis in study.axes] if study.mode == "grid" else []
         for point in points:
             _check_point(point, study)
+            if places:
+                point = replace(point, index=tuple(int(p[i]) for p, i in zip(places, point.index, strict=True)))
             _take_point(root, contact.get(point.level, {}), point)
             _put_fields(groups.get(point.level), study, point)
         for variable in variables:
@@ -198,17 +94,6 @@ def _write_file(
                 _put(group, variable, study, contact[level.level][variable.name])
             group["edge"].setncatts(schema.edge_attributes(level.edge_names))
         nc.setncattr(FINISHED, np.int32(1))
-
-
-def new_dataset(file: Path) -> netCDF4.Dataset:
-    """A new netCDF-4 file, open for writing; raises OSError."""
-    import netCDF4
-
-    file.touch()  # a directory without permission is told here; below, netCDF4 says "permission" of a full disk, too
-    try:
-        return netCDF4.Dataset(file, "w", format="NETCDF4")
-    except OSError as error:
-        raise OSError(errno.EIO, "the netCDF library cannot make the file") from error
 
 
 def _allocate(variables: Sequence[schema.Variable], study: Study, sizes: dict[str, int]) -> Arrays:
@@ -241,7 +126,7 @@ def _put_axes(nc: netCDF4.Dataset, study: Study) -> None:
         dim = name if study.mode == "grid" else schema.POINT
         new = nc.createVariable(name, str if labels.dtype == object else "f8", (dim,), fill_value=False)
         new.setncatts(schema.axis_attributes(axis))
-        new[...] = labels
+        new[...] = labels[np.argsort(schema.axis_places(axis))] if study.mode == "grid" else labels
     _put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels, dtype=np.int32))
     _put_names(nc, "start", schema.START_NAMES, "where the solver started")
     if len(study.solver.names) > 1:
@@ -300,7 +185,7 @@ def _take_point(root: Arrays, contact: Arrays, point: PointRecord) -> None:
             root[name][place] = [_or_missing(root[name], value) for value in number]
         elif number == number:  # NaN stands for missing, also in counts, which have no NaN
             root[name][place] = number
-    for name, values in (("u_T", point.u_T), ("xi", point.xi)):
+    for name, values in (("u_T", point.u_T), ("xi", point.xi), ("sticks", point.sticks)):
         if len(values):
             if not contact:
                 raise ValueError(f"point {point.index} has values on level {point.level}, which has no record")
@@ -337,55 +222,3 @@ def _check_point(point: PointRecord, study: Study) -> None:
     unknown = sorted(point.numbers.keys() - schema.NUMBERS) + sorted(point.fields.keys() - schema.FIELD_NAMES)
     if unknown:
         raise ValueError(f"no variable {', '.join(unknown)} in the schema")
-
-
-def _refuse_protected(path: Path) -> None:
-    # by the mode, not by os.access: renaming over a file needs no right to write it, and root may do anything
-    if path.exists() and not path.stat().st_mode & 0o222:
-        raise PermissionError(errno.EACCES, "the file is write-protected", str(path))
-
-
-def refuse_unfinished(path: Path) -> None:
-    """Raise StoreError unless `path` is a complete result file."""
-    import netCDF4
-
-    if not path.exists():
-        if path.with_name(path.name + PARTIAL).exists():
-            raise StoreError(f"{path} is not there yet: its run has not finished. Run the study again to resume it")
-        raise StoreError(f"there is no file {path}. Run the study first, or check the name")
-    try:
-        with netCDF4.Dataset(path) as nc:
-            finished = FINISHED in nc.ncattrs()
-    except (OSError, RuntimeError) as error:
-        raise StoreError(
-            f"{path} is no netCDF file or is cut short ({_cause(error)}). Run the study again to make it anew"
-        ) from error
-    if not finished:
-        raise StoreError(
-            f"{path} is unfinished (its writer stopped midway) or not made by tcstudy. "
-            "Run the study again to make it anew"
-        )
-
-
-def _cause(error: Exception) -> str:
-    return (error.strerror if isinstance(error, OSError) else None) or str(error)
-
-
-def _remedy(error: Exception, directory: Path, kept: str) -> str:
-    """What the user can do; a netCDF error has no errno, so the disk itself is asked."""
-    number = error.errno if isinstance(error, OSError) else None
-    if number in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return "; ".join(("Make the place writable or choose another output", *filter(None, [kept])))
-    remedy = "Choose another output"
-    with suppress(OSError):
-        free = _size(shutil.disk_usage(directory).free)
-        remedy = f"Free some space ({free} left; a quota may be lower) or choose another output"
-    return "; ".join((remedy, *filter(None, [kept])))
-
-
-def _size(number: float) -> str:
-    for unit in ("B", "kB", "MB", "GB"):
-        if number < 1000:
-            return f"{number:.3g} {unit}"
-        number /= 1000
-    return f"{number:.3g} TB"

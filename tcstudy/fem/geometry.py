@@ -57,6 +57,23 @@ class Geometry:
         """Mesh boundary names of all curves of the study edge `name`."""
         return tuple(curve.tag for curve in self.curves if curve.name == name)
 
+    def face_areas(self) -> dict[str, float]:
+        """Area of every region by name, and of the rest of the body as "body" [m²]."""
+        areas: dict[str, float] = {}
+        for face in self.shape.faces:
+            areas[face.name] = areas.get(face.name, 0.0) + float(face.mass)
+        return areas
+
+    def samples(self, count: int = 17) -> list[tuple[str, Array, Array]]:
+        """(study name, points (count, 2), unit normals (count, 2)) of every piece of the boundary."""
+        curves = {curve.tag: curve for curve in self.curves}
+        found = []
+        for edge in self.shape.edges:
+            if edge.name in curves:
+                points = np.array([[edge.Value(t)[0], edge.Value(t)[1]] for t in _parameters(edge, count)])
+                found.append((curves[edge.name].name, points, curves[edge.name].normal(points)))
+        return found
+
 
 def build(body: Body) -> Geometry:
     """Make the OCC shape of a body that the reader has accepted.

@@ -14,7 +14,7 @@ from tcstudy.report.line_panel import draw_line
 from tcstudy.report.picture import Picture, read_picture
 from tcstudy.report.select_point import Value
 from tcstudy.report.style import DrawError
-from tcstudy.report.text import number
+from tcstudy.report.text import label, number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -95,7 +95,7 @@ def _caption(picture: Picture) -> list[str]:
             parts.append(f"{symbol}: {value}".replace("$", r"\$") if name not in SYMBOLS else f"{symbol}: {value}")
             continue
         divisor, unit = style.scaled_unit([value], units)
-        parts.append(f"{symbol} = {number(value / divisor)} {style.pretty(unit)}".rstrip())
+        parts.append(f"{symbol} = {label(value / divisor)} {style.pretty(unit)}".rstrip())
     divisor, unit = style.scaled_unit([picture.h_max], picture.line.length_units)
     size = f"{number(picture.h_max / divisor, 3)} {style.pretty(unit)}".rstrip()
     mesh = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from tcstudy.report.text import number, table
+from tcstudy.report.text import labels, number, table
 
 
 class _Level(Protocol):
@@ -31,11 +31,11 @@ def forecast_text(
     size: int,
     at_most: bool = False,
 ) -> str:
-    """Counts, predicted sizes, what is left out and why; axes are (name, labels, units)."""
+    """Counts, predicted sizes, what is left out and why; axes are (name, values, units)."""
     lines = [title, ""]
-    for name, labels, units in axes:
-        shown = ", ".join(v if isinstance(v, str) else number(float(str(v))) for v in list(labels)[:6])
-        more = f", … ({len(labels)} values)" if len(labels) > 6 else ""
+    for name, values, units in axes:
+        shown = ", ".join(labels([v if isinstance(v, str) else float(str(v)) for v in values])[:6])
+        more = f", … ({len(values)} values)" if len(values) > 6 else ""
         lines.append(f"  {name}: {shown}{more}" + (f" [{units}]" if units != "1" else ""))
     most = "at most " if at_most else ""
     lines.append(

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.schema import STICKS, UNKNOWN
 from tcstudy.data.store import open_results
 from tcstudy.report.select_point import Value, check_solved, describe, labels, level_number, locate
 
@@ -153,7 +154,7 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
 
 
 def sticking(u_T: Array, c: Array, slip_length: float) -> NDArray[np.bool_] | None:
-    """(m,) nodes that stick, or None if the file does not tell.
+    """(m,) nodes that stick in a file that does not store them; None if it does not tell either.
 
     A sticking node rests on a kink of the law exactly: at u_T = 0, or at a slip that it shares with other nodes.
     The stored length of the part that does not stick decides which of these it is.
@@ -167,13 +168,20 @@ def sticking(u_T: Array, c: Array, slip_length: float) -> NDArray[np.bool_] | No
     return None
 
 
+def _sticks(group: Any, slip_length: float) -> NDArray[np.bool_] | None:
+    """As stored; files of earlier versions have no such variable."""
+    if "sticks" in group and not (group["sticks"].values == UNKNOWN).any():
+        return np.asarray(group["sticks"].values == STICKS)
+    return sticking(group["u_T"].values, group["c"].values, slip_length)
+
+
 def _line(group: Any, slip_length: float) -> Line:
     values = {name: group[name].values for name in ("arclength", "x", "y", "c", "u_T", "xi")}
     return Line(
         **values,
         edge=group["edge"].values.astype(np.intp),
         edge_names=tuple(str(group["edge"].attrs.get("flag_meanings", "")).split()),
-        sticks=sticking(values["u_T"], values["c"], slip_length),
+        sticks=_sticks(group, slip_length),
         length_units=str(group["u_T"].attrs["units"]),
         traction_units=str(group["xi"].attrs["units"]),
     )

@@ -6,7 +6,9 @@ import sys
 from collections.abc import Sequence
 from typing import Protocol, TextIO
 
+from tcstudy.data.provenance import without_paths
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.report.failures import kind, named
 
 
 class Work(Protocol):
@@ -20,11 +22,36 @@ class Work(Protocol):
     def weight(self) -> float: ...
 
 
+class _Failures:
+    """Failed points as they come: the first of each kind is worth a line, the others are counted."""
+
+    def __init__(self) -> None:
+        self._kinds: dict[tuple[PointStatus, str], int] = {}
+        self._said = 0
+
+    @property
+    def count(self) -> int:
+        """Failed points so far."""
+        return sum(self._kinds.values())
+
+    def line(self, record: PointRecord) -> str:
+        """The line of a failed point; empty if one like it had its line."""
+        key = kind(record.status, record.reason)
+        self._kinds[key] = self._kinds.get(key, 0) + 1
+        return _failure_line(record) if self._kinds[key] == 1 else ""
+
+    def more(self) -> str:
+        """How many failed without a line; empty if none did or it has been said."""
+        silent, self._said = self.count - len(self._kinds) - self._said, self.count - len(self._kinds)
+        return f"{silent} more failed for the same {'reason' if len(self._kinds) == 1 else 'reasons'}" if silent else ""
+
+
 class PlainProgress:
-    """One line per level and per failed point, for pipes and logs."""
+    """One line per level and per kind of failure, for pipes and logs."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
+        self._failures = _Failures()
 
     def begin(self, work: Sequence[Work], warnings: Sequence[str]) -> None:
         """Say what is to come."""
@@ -38,12 +65,14 @@ class PlainProgress:
         self._say(_level_line(record))
 
     def point(self, record: PointRecord) -> None:
-        """A point is finished; only a failure is worth a line."""
-        if record.status != PointStatus.OK:
-            self._say(_failure_line(record))
+        """A point is finished; only the first failure of a kind is worth a line."""
+        if record.status != PointStatus.OK and (line := self._failures.line(record)):
+            self._say(line)
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Say how many failures had no line."""
+        if more := self._failures.more():
+            self._say(more)
 
     def _say(self, text: str) -> None:
         print(text, file=self._stream, flush=True)
@@ -56,10 +85,11 @@ class TerminalProgress:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+        self._failures = _Failures()
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
-            TextColumn("{task.fields[points]} points"),
+            TextColumn("{task.fields[points]} points{task.fields[failed]}"),
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
@@ -75,7 +105,7 @@ class TerminalProgress:
         for warning in warnings:
             self._progress.console.print(f"warning: {warning}", markup=False, highlight=False)
         total, done = (sum(n * w.weight for n, w in zip(ns, work, strict=True)) for ns in _counts(work))
-        self._task = self._progress.add_task("meshing", total=total, points=self._points())
+        self._task = self._progress.add_task("meshing", total=total, points=self._points(), failed="")
         self._progress.update(self._task, completed=done)
 
     def level(self, record: LevelRecord) -> None:
@@ -83,18 +113,25 @@ class TerminalProgress:
         self._progress.update(self._task, description=f"level {record.level} ({record.n_dof} dofs)")
 
     def point(self, record: PointRecord) -> None:
-        """Move on; a failure is printed above the bar."""
-        if record.status != PointStatus.OK:
-            self._progress.console.print(_failure_line(record), markup=False, highlight=False)
+        """Move on; the first failure of a kind is printed above the bar, and all are counted in it."""
+        if record.status != PointStatus.OK and (line := self._failures.line(record)):
+            self._progress.console.print(line, markup=False, highlight=False)
         self._done += 1
-        self._progress.update(self._task, advance=self._weights[record.level], points=self._points())
+        self._progress.update(
+            self._task, advance=self._weights[record.level], points=self._points(), failed=self._failed()
+        )
 
     def _points(self) -> str:
         return f"{self._done}/{self._total}"
 
+    def _failed(self) -> str:
+        return f", {self._failures.count} failed" if self._failures.count else ""
+
     def close(self) -> None:
-        """Remove the bar."""
+        """Remove the bar; say how many failures had no line."""
         self._progress.stop()
+        if more := self._failures.more():
+            self._progress.console.print(more, markup=False, highlight=False)
 
 
 def progress(stream: TextIO = sys.stderr) -> PlainProgress | TerminalProgress:
@@ -115,4 +152,4 @@ def _level_line(record: LevelRecord) -> str:
 
 
 def _failure_line(record: PointRecord) -> str:
-    return f"point {record.index} on level {record.level}: {record.status.name.lower()}: {record.reason}"
+    return f"point {record.index} on level {record.level}: {named(record.status)}: {without_paths(record.reason)}"

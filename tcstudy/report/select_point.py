@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.records import PointStatus
 from tcstudy.report.style import DrawError
-from tcstudy.report.text import number
+from tcstudy.report.text import label, number
 from tcstudy.scene import units as u
 
 Value = float | int | str
@@ -93,7 +93,7 @@ def describe(data: Any, where: Mapping[str, int]) -> str:
     """The labels of a point in words, "alpha = 100 W m-2 K-1, friction = tresca"."""
     parts = []
     for name, value, units in labels(data, where):
-        shown = value if isinstance(value, str) else number(value, 6)
+        shown = value if isinstance(value, str) else label(value, 6)
         parts.append(f"{name} = {shown}" + (f" {units}" if units != "1" else ""))
     return ", ".join(parts)
 

@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 
 from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import UNBALANCED
 from tcstudy.data.store import open_results
-from tcstudy.report.text import number, prefix, table
+from tcstudy.report.failures import Failure, failure_lines
+from tcstudy.report.select_point import describe
+from tcstudy.report.text import labels, number, prefix, table
 
 MOST_ROWS = 48
 """Points shown; the file has them all."""
@@ -19,7 +22,7 @@ def summary(path: Path) -> str:
     """Text for the terminal, read from the result file alone. Raises StoreError if it is not one."""
     with open_results(path) as tree:
         data = tree.to_dataset().load()
-    parts = [data.attrs["title"], _levels(data), _stop(data), _points(data), _failures(data)]
+    parts = [data.attrs["title"], _levels(data), _stop(data), _points(data), _failures(data), _heat(data)]
     return "\n\n".join(part for part in parts if part)
 
 
@@ -98,11 +101,12 @@ def _points(data: Any) -> str:
     header += [_bracketed(title, scales[name][1]) for name, title in columns]
     refined = data.sizes["level"] > 1
     header += ["certified", *(["Δ∫ξ to last level"] if refined else [])]
+    shown = {axis: labels(data[axis].values.tolist()) for axis in axes}
     rows = []
     for index in list(np.ndindex(shape))[:MOST_ROWS]:
         where = dict(zip(dims, index, strict=True))
         at = fine.isel(where)
-        row = [_label(at[axis].item()) for axis in axes]
+        row = [shown[axis][where[str(data[axis].dims[0])]] for axis in axes]
         row += [number(at[name] / scales[name][0]) for name, _ in columns]
         row.append(_certified(at))
         if refined:
@@ -133,10 +137,6 @@ def _bracketed(name: str, unit: str) -> str:
     return name if unit == "1" else f"{name} [{unit}]"
 
 
-def _label(value: Any) -> str:
-    return value if isinstance(value, str) else number(value)
-
-
 def _change(values: Any) -> str:
     """Relative change between the last two levels."""
     last, before = float(values[-1]), float(values[-2])
@@ -146,9 +146,32 @@ def _change(values: Any) -> str:
 
 
 def _failures(data: Any) -> str:
-    """Every distinct reason with the number of points it struck."""
-    reasons: dict[str, int] = {}
-    bad = data["status"].values != int(PointStatus.OK)
-    for reason in data["reason"].values[bad]:
-        reasons[str(reason)] = reasons.get(str(reason), 0) + 1
-    return "\n".join(f"  {count} points failed: {reason}" for reason, count in sorted(reasons.items()))
+    """One line for each kind of failure."""
+    status, reason = data["status"], data["reason"].values
+    places = np.argwhere(status.values != int(PointStatus.OK))
+    failed = [(PointStatus(int(status.values[tuple(p)])), str(reason[tuple(p)]), _point(data, p)) for p in places]
+    return "\n".join(f"  {line}" for line in failure_lines(Failure(*one) for one in failed))
+
+
+def _heat(data: Any) -> str:
+    """Where heat is lost in rounding although the inclusion holds; older files have no judgement of it."""
+    if "heat_status" not in data:
+        return ""
+    places = np.argwhere(data["heat_status"].values == UNBALANCED)
+    if not len(places):
+        return ""
+    defects = [float(data["heat_balance"].values[tuple(place)]) for place in places]
+    low, high = number(min(defects), 2), number(max(defects), 2)
+    count, example = ("1 point", "") if len(places) == 1 else (f"{len(places)} points", "for example ")
+    return (
+        f"  heat balance {low if low == high else f'{low} to {high}'} at {count}: thin triangles cost the temperature "
+        f"its digits; remove slits and slivers of the body or refine towards them ({example}{_point(data, places[0])})"
+    )
+
+
+def _point(data: Any, place: Any) -> str:
+    """The labels of a point and its level in words; place: index along every dimension of the status."""
+    where = dict(zip(data["status"].dims, (int(i) for i in place), strict=True))
+    level = f"level {int(data['level'][where.pop('level')])}"
+    name = describe(data, where)
+    return f"{name} on {level}" if name else level

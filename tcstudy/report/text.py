@@ -16,6 +16,34 @@ def number(value: float, digits: int = 4) -> str:
     return f"{value:.{digits}g}"
 
 
+EXACT = 1e-12
+"""Relative difference that counts as the rounding of a value computed from others (0.1 + 0.2 is shown as 0.3)."""
+MOST_DIGITS = 15
+
+
+def label(value: float, digits: int = 4) -> str:
+    """A value that someone chose: `number`, with more digits where those few make a rounder number of it.
+
+    ν = 0.4999999 must not look like the bound 0.5, and 1000.4 not like 1000; 17.7827… stays 17.78.
+    """
+    if not math.isfinite(value):
+        return number(value)
+    for count in range(digits, MOST_DIGITS):
+        shown = f"{value:.{count}g}"
+        kept = len(shown.split("e")[0].lstrip("-0.").replace(".", "").rstrip("0"))
+        if kept > count - 2 or abs(float(shown) - value) <= EXACT * abs(value):
+            return shown
+    return f"{value:.{MOST_DIGITS}g}"
+
+
+def labels(values: Sequence[float | str], digits: int = 4) -> list[str]:
+    """Values of one parameter, with as many digits as tell different ones apart."""
+    numbers = [value for value in values if not isinstance(value, str)]
+    while digits < MOST_DIGITS and len({label(v, digits) for v in numbers}) < len(set(numbers)):
+        digits += 1
+    return [value if isinstance(value, str) else label(value, digits) for value in values]
+
+
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 

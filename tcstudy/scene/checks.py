@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.node import Node, deepest
 from tcstudy.scene.read_boundary import Boundary
-from tcstudy.scene.records import Body, Clamped, Contact, Convection, Edge, Goal, Heat, Material, MeshPlan, Point
+from tcstudy.scene.records import Body, Clamped, Contact, Convection, Goal, Heat, Material, MeshPlan, Point
 from tcstudy.scene.shapes import body_area, body_size, edge_distance, edge_normal, edge_points
 from tcstudy.scene.walker import Context
 
@@ -45,39 +46,56 @@ def supports(boundary: Boundary) -> tuple[object, ...]:
     return (*clamped, *(e for e, r in boundary if isinstance(r, Contact)))
 
 
+class Piece(NamedTuple):
+    """Some points (n, 2) of a boundary curve with its unit normals (n, 2) there, and the name of the edge."""
+
+    name: str
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+
+
 def check_support(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:
-    """The clamped displacements and u_N = 0 on contact edges must exclude the three plane rigid motions."""
-    if not any(isinstance(role, Clamped | Contact) for _, role in boundary) or body.outline is None:
+    """The supports must exclude rigid motions (a body from a file is judged when the file is read)."""
+    if body.outline is None:
         return
-    size, loops = body_size(body), (body.outline, *body.holes)
-    centre = body.outline.edges[0].start
-    rows = [
-        row
-        for loop in loops
-        for edge in loop.edges
-        for row in _constraints(edge, dict(boundary).get(edge.name), centre, size)
-    ]
-    matrix = np.array(rows).reshape(-1, 3)
-    _, singular, motions = np.linalg.svd(matrix, full_matrices=True)
-    rank = int(np.sum(singular > 1e-9 * singular[0])) if len(singular) else 0
+    edges = [edge for loop in (body.outline, *body.holes) for edge in loop.edges]
+    points = [edge_points(edge, 1 if edge.through is None else ARC_PIECES) for edge in edges]
+    pieces = [Piece(edge.name, at, edge_normal(edge, at)) for edge, at in zip(edges, points, strict=True)]
+    fault = support_fault(pieces, boundary, body.outline.edges[0].start, body_size(body))
+    if fault is not None:
+        ctx.errors.at(node, *fault)
+
+
+def support_fault(
+    pieces: Sequence[Piece], boundary: Boundary, centre: Point, size: float, accuracy: float = 1e-9
+) -> tuple[str, str] | None:
+    """What is wrong and what to do if u given on Γ_D and u_N = 0 on Γ_C leave a plane rigid motion; else None.
+
+    centre: any point of the body;  size: its diagonal;  accuracy: of the normals, as far as they are known
+    """
+    roles = dict(boundary)
+    if not any(isinstance(role, Clamped | Contact) for role in roles.values()):
+        return None
+    rows = [row for piece in pieces for row in _constraints(piece, roles.get(piece.name), centre, size)]
+    _, singular, motions = np.linalg.svd(np.array(rows).reshape(-1, 3), full_matrices=True)
+    rank = int(np.sum(singular > accuracy * singular[0])) if len(singular) else 0
     if rank == 3:
-        return
-    clamped = any(isinstance(role, Clamped) for _, role in boundary)
+        return None
+    clamped = any(isinstance(role, Clamped) for role in roles.values())
     what = "the supports do not hold the body" if clamped else "no edge is clamped and contact does not hold the body"
     remedy = "give an edge the role clamped, or prescribe the missing component"
-    ctx.errors.at(node, f"{what}: it can still {_motion(motions[rank:], centre, size)}", remedy)
+    return f"{what}: it can still {_motion(motions[rank:], centre, size)}", remedy
 
 
-def _constraints(edge: Edge, role: object, centre: Point, size: float) -> Iterator[list[float]]:
-    """Rows d·r(p) = 0 of an edge for the rigid motions r = (a − cη, b + cξ), (ξ, η) = (p − centre)/size."""
+def _constraints(piece: Piece, role: object, centre: Point, size: float) -> Iterator[list[float]]:
+    """Rows d·r(p) = 0 of a curve for the rigid motions r = (a − cη, b + cξ), (ξ, η) = (p − centre)/size."""
     if isinstance(role, Contact):
         fixed, frame = (True, False), "nt"
     elif isinstance(role, Clamped):
         fixed, frame = (role.u[0] is not None, role.u[1] is not None), role.frame
     else:
         return
-    points = edge_points(edge, 1 if edge.through is None else ARC_PIECES)
-    for (x, y), n in zip(points, edge_normal(edge, points), strict=True):
+    for (x, y), n in zip(piece.points, piece.normals, strict=True):
         xi, eta = (x - centre[0]) / size, (y - centre[1]) / size
         directions = ((1.0, 0.0), (0.0, 1.0)) if frame == "xy" else ((n[0], n[1]), (-n[1], n[0]))
         for held, d in zip(fixed, directions, strict=True):
@@ -116,18 +134,25 @@ def check_goal(ctx: Context, node: Node, goal: Goal, body: Body, boundary: Bound
 
 
 def check_mesh(ctx: Context, maxh: Node, plan: MeshPlan, body: Body) -> None:
-    """Refuse element sizes that give no sensible number of triangles, about area/(√3/4 h²)·4^(levels−1)."""
+    """Refuse element sizes that do not fit the body (one from a file is judged when the file is read)."""
     if body.outline is None:
         return
-    area, size = body_area(body), body_size(body)
+    for i, what, remedy in mesh_faults(plan, body_area(body), body_size(body)):
+        ctx.errors.at(maxh.value[i] if isinstance(maxh.value, tuple) else maxh, what, remedy)
+
+
+def mesh_faults(plan: MeshPlan, area: float, size: float) -> Iterator[tuple[int, str, str]]:
+    """(number of the size, what, remedy) of all that give no sensible number of triangles, area/(√3/4 h²)·4^(levels−1).
+
+    area, size: of the body, [m²] and the diagonal [m]
+    """
     # graded meshes have about as many elements as uniform ones; those with a tolerance stop at max_dofs
     doubling = len(plan.maxh) == 1 and plan.family != "adaptive" and plan.tolerance is None
     refinements = plan.levels - 1 if doubling else 0
     for i, h in enumerate(plan.maxh):
-        node = maxh.value[i] if isinstance(maxh.value, tuple) else maxh
         if h > size:
             remedy = f"choose maxh well below it, for example {size / 10:.2g}"
-            ctx.errors.at(node, f"an element of {h:g} is larger than the body ({size:g})", remedy)
+            yield i, f"an element of {h:g} is larger than the body ({size:g})", remedy
         exponent = math.log10(area / (math.sqrt(3.0) / 4.0)) - 2.0 * math.log10(h)
         exponent += refinements * math.log10(4.0)
         if exponent > math.log10(MAX_TRIANGLES):
@@ -135,4 +160,4 @@ def check_mesh(ctx: Context, maxh: Node, plan: MeshPlan, body: Body) -> None:
             remedy = f"choose maxh above {least:.2g}" + (" or fewer levels" if refinements else "")
             if least > size:
                 remedy = f"give at most {max(1, plan.levels - math.ceil(math.log2(least / h)))} levels"
-            ctx.errors.at(node, f"about 10^{exponent:.1f} triangles are more than a study can use", remedy)
+            yield i, f"about 10^{exponent:.1f} triangles are more than a study can use", remedy

@@ -47,6 +47,8 @@ def read_body(ctx: Context, node: Node) -> BodyReading:
     if value := fields["file"]:
         brep = _file(ctx, value)
     holes = _holes(ctx, fields["holes"])
+    if fields["file"] and (value := fields["holes"]):
+        ctx.errors.at(value, "holes are cut out of an outline, not of a file's face", "cut them in the CAD file")
     regions = read_regions(ctx, fields["regions"])
     body = Body(outline, holes, regions, brep)
     names = edge_names(body)

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from tcstudy.scene import walker
 from tcstudy.scene.fields import Fields
 from tcstudy.scene.friction import FrictionLaw, GrowthError
-from tcstudy.scene.laws import SHAPES, LawError, Parameter
+from tcstudy.scene.law_pieces import LawError
+from tcstudy.scene.laws import SHAPES, Parameter
 from tcstudy.scene.node import Node
 from tcstudy.scene.units import LAW_DIMENSIONS, LENGTH, TRACTION
 from tcstudy.scene.walker import Context

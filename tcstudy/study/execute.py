@@ -8,10 +8,11 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
+from tcstudy.data.files import StoreError
 from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
-from tcstudy.data.store import StoreError, write
+from tcstudy.data.store import write
 from tcstudy.scene.records import Study
 from tcstudy.study.plan import output_of
 from tcstudy.study.preflight import faults
@@ -54,7 +55,7 @@ def execute(
     watcher = watcher if watcher is not None else Quiet()
     problems = faults(study, output)
     if problems:
-        raise StoreError("; ".join(problems))
+        raise StoreError("\n".join(problems))
     # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
     with threadpool_limits(1, user_api="blas"), Journal.open(output, study) as journal:
         # what broke down unexpectedly is tried again; what failed by its own numbers would fail again

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,9 @@ from tcstudy.scene.records import Clamped, Contact, Convection, Material, Role, 
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.study.cache import Recent
 from tcstudy.study.elastic import PRESCRIBED, Elastic, Load
+from tcstudy.study.heat_families import Column
 from tcstudy.study.loads import Term, mechanical_terms, split, traction_of
-from tcstudy.study.thermal import BATCH, Column, Conduction, Part
+from tcstudy.study.thermal import BATCH, Conduction, Part
 
 Array = NDArray[np.float64]
 Field = Expression | Column
@@ -37,7 +39,7 @@ MEMORY = 512e6
 
 @dataclass(frozen=True)
 class Temperature:
-    """θ of one scene: its mean [K], and the relative defect of α∫(θ−θ̄) = ∫q (NaN if unused)."""
+    """θ of one scene: its mean [K], and the defect of α∫(θ−θ̄) = ∫q relative to the heat that moves (NaN if unused)."""
 
     mean: float
     heat_balance: float
@@ -47,6 +49,15 @@ class Temperature:
     def theta(self) -> Array:
         """Nodal values (n,) [K], computed when asked for."""
         return self._nodal()
+
+
+class _ThetaPart(NamedTuple):
+    """One part of θ: a uniform temperature, (field, factor) on top; heat out through Γ_θ, heat moved [W/m]."""
+
+    constant: float
+    fields: list[tuple[Field, float]]
+    heat_out: float = 0.0
+    through: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -122,12 +133,12 @@ class Level:
 
     # -- temperature -------------------------------------------------------------------------------
 
-    def _theta_parts(self, scene: Scene) -> list[tuple[float, list[tuple[Field, float]], float]]:
-        """(constant, (field, factor), heat out) of all parts of θ; nothing is solved for what is constant or unused."""
+    def _theta_parts(self, scene: Scene) -> list[_ThetaPart]:
+        """All parts of θ; nothing is solved for what is constant or unused."""
         heat = scene.heat
         if heat.theta is not None:
             given = heat.theta
-            return [(0.0, [(given, 1.0)], 0.0)] if isinstance(given, Expression) else [(float(given), [], 0.0)]
+            return [_ThetaPart(0.0, [(given, 1.0)]) if isinstance(given, Expression) else _ThetaPart(float(given), [])]
         if not scene.edges(Convection):
             return []
         k = scene.material.k
@@ -138,7 +149,10 @@ class Level:
         if factor != 0.0:
             assert k is not None
             parts.append((self.conduction.source(shape, heat.omega, heat.alpha, k), factor))
-        return [(f * p.constant, [(c, f * w) for c, w in p.columns], f * p.heat_out) for p, f in parts]
+        return [
+            _ThetaPart(f * p.constant, [(c, f * w) for c, w in p.columns], f * p.heat_out, abs(f) * p.through)
+            for p, f in parts
+        ]
 
     def _field(self, name: Field) -> Array:
         """Nodal values (n,) of a field."""
@@ -156,8 +170,8 @@ class Level:
     def temperature(self, scene: Scene) -> Temperature:
         """θ of a scene with its mean and heat balance; zero where the scene has no heat."""
         parts = self._theta_parts(scene)
-        constant = sum(part[0] for part in parts)
-        fields = [item for part in parts for item in part[1]]
+        constant = sum(part.constant for part in parts)
+        fields = [item for part in parts for item in part.fields]
 
         def nodal() -> Array:
             theta = np.full(self.mesh.n_points, constant)
@@ -169,9 +183,10 @@ class Level:
         balance = float("nan")
         shape, factor = split(scene.heat.q)
         if scene.heat.theta is None and scene.edges(Convection) and factor != 0.0:
-            out = sum(part[2] for part in parts)
-            heat_in = factor * self.conduction.heat_in(shape, scene.heat.omega)
-            balance = abs(out - heat_in) / abs(heat_in) if heat_in else abs(out)
+            # relative to all heat that moves, because sources and sinks may cancel, and little q pass much heat by
+            defect = sum(part.heat_out for part in parts) - factor * self.conduction.heat_in(shape, scene.heat.omega)
+            through = sum(part.through for part in parts)
+            balance = abs(defect) / through if through else 0.0
         return Temperature(mean, balance, nodal)
 
     # -- the condensed problem ---------------------------------------------------------------------
@@ -242,8 +257,8 @@ class Level:
             return []
         self.conduction.prepare()
         parts = self._theta_parts(scene)
-        terms = [Term(("theta", name), beta * factor) for part in parts for name, factor in part[1]]
-        uniform = sum(part[0] for part in parts)
+        terms = [Term(("theta", name), beta * factor) for part in parts for name, factor in part.fields]
+        uniform = sum(part.constant for part in parts)
         if uniform != 0.0:
             terms.append(Term(UNIFORM, beta * uniform))
         return terms

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.schema import BALANCED, HEAT_BOUND, NOT_JUDGED, UNBALANCED
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.solve.certificates import Certificate
 from tcstudy.solve.contact import Answer
@@ -33,12 +34,20 @@ def sticking(law: FrictionLaw, v: Array) -> NDArray[np.bool_]:
     return (law.kinks[near] == v) & (law.kinds[near] == UP)
 
 
+def heat_status(balance: float) -> int:
+    """What the heat balance says of a temperature; NaN where there is no heat problem."""
+    if np.isnan(balance):
+        return NOT_JUDGED
+    return BALANCED if balance <= HEAT_BOUND else UNBALANCED
+
+
 def numbers(
     condensed: Condensed, solved: Sequence[Timed], temperature: Temperature | None, certificate: Certificate
 ) -> Numbers:
     """Results by variable name, units as in data.schema; the first of `solved` is the stored solution."""
     problem, answer = condensed.problem, solved[0].answer
     xi = problem.xi(answer.v)
+    balance = temperature.heat_balance if temperature is not None else float("nan")
     values: Numbers = {
         "energy": answer.energy + condensed.constant,
         "inclusion_residual": answer.inclusion_residual,
@@ -56,7 +65,8 @@ def numbers(
         "start_used": answer.start,
         "start_energy": tuple(energy + condensed.constant for energy in answer.energies),
         "theta_mean": temperature.mean if temperature is not None else float("nan"),
-        "heat_balance": temperature.heat_balance if temperature is not None else float("nan"),
+        "heat_balance": balance,
+        "heat_status": heat_status(balance),
         "time_condense": condensed.time,
         "time_solve": solved[0].time,
     }

@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+from tcstudy.scene.derived_loads import description
 from tcstudy.scene.expressions import Expression
 from tcstudy.scene.records import Body, Clamped, Contact, Convection, MeshPlan, Scene, Study
 from tcstudy.scene.shapes import body_area, boundary_lengths
@@ -149,13 +150,27 @@ def _why_no_heat(scenes: tuple[Scene, ...]) -> str:
 
 
 def _notes(study: Study) -> list[str]:
-    notes = _mesh_notes(study.mesh)
+    notes = [*_mesh_notes(study.mesh), *_other_commands(study)]
+    if (derived := description(study)) is not None:
+        notes.insert(0, derived)
     note = locking_note(max((s.material.nu for s in study.scenes if s.material.plane == "strain"), default=0.0))
     if note is not None:
         notes.append(note)
     down = sum(math.isinf(s.friction.omega) for s in study.scenes)
     if down:
         notes.append(f"{down} of {len(study.scenes)} points have a law with down-jumps: solutions may not be unique")
+    return notes
+
+
+def _other_commands(study: Study) -> list[str]:
+    """Sections that a run leaves alone, and the command that reads them."""
+    notes = []
+    if study.path is not None:
+        path, units = study.path, f" {study.path.units}" if study.path.units != "1" else ""
+        span = f"from {path.begin:.6g}{units} to {path.end:.6g}{units}"
+        notes.append(f"path along {path.name} {span}: follow it with tcstudy path")
+    if study.exact is not None:
+        notes.append("exact solution given: measure the errors against it with tcstudy converge")
     return notes
 
 

@@ -4,26 +4,24 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tcstudy.data.store import StoreError, check_writable
+from tcstudy.data.files import StoreError, check_writable
+from tcstudy.scene.places import located
 from tcstudy.scene.records import Study
 from tcstudy.study.plan import expected_bytes
 
 
 def faults(study: Study, output: Path) -> list[str]:
-    """What would stop a run of this study into `output`, in words; empty if nothing would."""
-    return [*_body_faults(study), *_output_faults(study, output)]
+    """What would stop a run of this study into `output`, one line each, as the user sees it; empty if nothing would."""
+    file = str(study.source) if study.source is not None else "<text>"
+    return [*_body_faults(study), *(f"{file}: {text}" for text in _output_faults(study, output))]
 
 
 def _body_faults(study: Study) -> list[str]:
     if study.scenes[0].body.brep is None:
         return []
-    from tcstudy.fem.geometry import GeometryFailed, build  # a file needs the geometry kernel, a polygon does not
+    from tcstudy.study.built_body import built_faults  # a file needs the geometry kernel, a polygon does not
 
-    try:
-        build(study.scenes[0].body)
-    except GeometryFailed as error:
-        return [str(error)]
-    return []
+    return [str(problem) for problem in located(study, built_faults(study))]
 
 
 def _output_faults(study: Study, output: Path) -> list[str]:

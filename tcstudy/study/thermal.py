@@ -22,35 +22,17 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.condense import Condensation, ForwardLoad, condense
 from tcstudy.fem.heat import HeatForms
 from tcstudy.scene.expressions import Expression
 from tcstudy.scene.records import Heat, Scalar
 from tcstudy.study.cache import Recent
+from tcstudy.study.heat_factor import HeatFactor, HeatLoad
+from tcstudy.study.heat_families import ROUNDING, Column, FamilyKey, basis_of, families_of
 
 Array = NDArray[np.float64]
 
 BATCH = 16
 """Columns that are carried through a factor together: more cost memory and gain nothing."""
-ROUNDING = 1e-14
-"""Part of a variation that the columns of its family may miss, relative to the variation (norm of L²(Γ_θ))."""
-
-
-@dataclass(frozen=True)
-class FamilyKey:
-    """What a family belongs to: a source density of shape `data` in ω, or surroundings at `data` with no source."""
-
-    kind: str
-    data: Scalar
-    omega: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Column:
-    """Names one column of a family."""
-
-    family: FamilyKey
-    number: int
 
 
 @dataclass(frozen=True)
@@ -58,12 +40,13 @@ class Part:
     """One linear contribution to the temperature: θ = constant + Σ factor × column, and its heat through Γ_θ.
 
     constant: a uniform temperature [K];  columns: (column, factor) of the variation on top of it [K]
-    heat_out: α∫_{Γ_θ}(θ − θ̄) of this part [W/m]
+    heat_out: α∫_{Γ_θ}(θ − θ̄) of this part [W/m];  through: a bound of the heat that it moves, either way [W/m]
     """
 
     constant: float
     columns: tuple[tuple[Column, float], ...]
     heat_out: float
+    through: float
 
 
 @dataclass
@@ -71,7 +54,7 @@ class _Family:
     """Modal data of a family: its right-hand side, its columns, and where variations stand among them.
 
     moments: (r,) w_kᵀq̃ or w_kᵀg̃
-    heat:    ∫_ω q [W/m];  load: the source after forward elimination, None for surroundings
+    heat:    ∫_ω q [W/m];  moved: Σ_i |∫_ω q φ_i| [W/m];  load: the source, None for surroundings
     modal:   values of the columns on Γ_θ in the w_k, (r,) each;  loaded: whether a column carries the load
     basis:   (r, s) orthonormal, the last s of the columns made at the start; empty if every a has a column of its own
     listed:  number of columns made at the start, which are computed together;  at: a → number of its own column
@@ -79,7 +62,8 @@ class _Family:
 
     moments: Array
     heat: float
-    load: ForwardLoad | None
+    moved: float
+    load: HeatLoad | None
     modal: list[Array]
     loaded: list[bool]
     basis: Array
@@ -106,27 +90,20 @@ class Conduction:
         self._families: dict[FamilyKey, _Family] = {}
         self._fields: Recent[Array] = Recent(memory, lambda field: field.nbytes)
         self._means: dict[Column, float] = {}
-        self._factor: Condensation | None = None
+        self._kept: HeatFactor | None = None
         self._memory, self._prepared = memory, False
 
     @property
-    def _condensation(self) -> Condensation:
-        if self._factor is None:
-            self._factor = self._condense()
-        return self._factor
-
-    def _condense(self) -> Condensation:
-        n = self._forms.mesh.n_points
-        robin = self._forms.robin_nodes
-        inner = np.ones(n, dtype=bool)
-        inner[robin] = False
-        return condense(self._forms.conduction, self._forms.mesh.points, robin, inner, components=1)
+    def _factor(self) -> HeatFactor:
+        if self._kept is None:
+            self._kept = HeatFactor(self._forms)
+        return self._kept
 
     @cached_property
     def _spectrum(self) -> tuple[Array, Array]:
         """(μ, W): generalised eigenpairs, WᵀMW = I; the first made exactly 0 and constant."""
         M = self._forms.robin_mass
-        mu, W = scipy.linalg.eigh(self._condensation.A_tilde, M)
+        mu, W = scipy.linalg.eigh(self._factor.A_tilde, M)
         constant = np.full(len(M), 1.0 / np.sqrt(M.sum()))
         W[:, 1:] -= np.outer(constant, constant @ M @ W[:, 1:])
         W[:, 0] = constant
@@ -148,12 +125,12 @@ class Conduction:
         columns = tuple((column, factor / k) for column, factor in self._columns(key, family, a))
         modes = sum((factor * family.modal[column.number] for column, factor in columns), np.zeros(len(family.moments)))
         modes[0] = constant / self._spectrum[1][0, 0]
-        return Part(constant, columns, alpha * float(self._integrals @ modes))
+        return Part(constant, columns, alpha * float(self._integrals @ modes), family.moved)
 
     def surroundings(self, theta_bar: Scalar, alpha: float, k: float) -> Part:
         """θ for q = 0: surroundings at θ̄. A constant θ̄ gives θ = θ̄ exactly; α = 0 gives the limit, the mean of θ̄."""
         if not isinstance(theta_bar, Expression):
-            return Part(float(theta_bar), (), 0.0)
+            return Part(float(theta_bar), (), 0.0, 0.0)
         key, a = FamilyKey("surroundings", theta_bar), alpha / k
         family = self._family(key)
         mu, W = self._spectrum
@@ -161,7 +138,8 @@ class Conduction:
         # θ − θ̄ mode by mode, so that a large α does not multiply the rounding of a difference
         excess = -mu[1:] * family.moments[1:] / (mu[1:] + a)
         out = alpha * float(self._integrals[1:] @ excess)
-        return Part(constant, tuple(self._columns(key, family, a)) if a > 0.0 else (), out)
+        through = alpha * float(np.linalg.norm(excess)) / float(W[0, 0])  # ∫|θ − θ̄| ≤ |Γ_θ|^½ ‖θ − θ̄‖
+        return Part(constant, tuple(self._columns(key, family, a)) if a > 0.0 else (), out, through)
 
     def heat_in(self, q: Scalar, omega: tuple[str, ...]) -> float:
         """∫_ω q [W/m]."""
@@ -173,15 +151,16 @@ class Conduction:
         """The family with its first columns: one for each a of the sweep, or a basis if that has fewer."""
         if key in self._families:
             return self._families[key]
-        W, load, heat = self._spectrum[1], None, 0.0
+        W, load, heat, moved = self._spectrum[1], None, 0.0, 0.0
         if key.kind == "source":
             source = self._forms.source(key.data, key.omega)
-            heat, load = float(source.sum()), self._condensation.forward(source)
+            heat, moved = float(source.sum()), float(np.abs(source).sum())
+            load = self._factor.load(source)
         moments = W.T @ (self._forms.surroundings(key.data) if load is None else load.l_tilde)
-        family = _Family(moments, heat, load, [], [], np.zeros((len(moments), 0)), 0, {})
+        family = _Family(moments, heat, moved, load, [], [], np.zeros((len(moments), 0)), 0, {})
         ratios = [a for a in sorted(self._ratios.get(key, ())) if a > 0.0]
         rows = np.array([self._variation(family, a) for a in ratios]).reshape(len(ratios), len(moments))
-        basis = _basis(rows)
+        basis = basis_of(rows)
         if basis.shape[1] + (load is not None) < len(ratios):
             family.basis = basis
             if load is not None:  # the field of the source with θ = 0 on Γ_θ belongs to every a
@@ -230,7 +209,7 @@ class Conduction:
         if len(columns) * 8 * self._forms.mesh.n_points <= self._memory:
             for column in columns:
                 self.field(column)
-            self._factor = None
+            self._kept = None
 
     # -- columns on the body -----------------------------------------------------------------------
 
@@ -250,11 +229,8 @@ class Conduction:
         batch = self.together(column)
         family = self._family(column.family)
         on_line = self._spectrum[1] @ np.column_stack([family.modal[c.number] for c in batch])
-        load = family.load
-        if load is not None:
-            carries = np.array([float(family.loaded[c.number]) for c in batch])
-            load = ForwardLoad(load.l_tilde[:, None] * carries, load.rows * carries)
-        values = self._condensation.expand(on_line, load)
+        carries = np.array([float(family.loaded[c.number]) for c in batch])
+        values = self._factor.expand(on_line, family.load, carries)
         for c, one in zip(batch, values.T, strict=True):
             if self._fields.find(c) is None:
                 self._fields.put(c, one.copy())
@@ -266,37 +242,3 @@ class Conduction:
         if column not in self._means:
             self.field(column)
         return self._means[column]
-
-
-def families_of(heat: Heat) -> list[FamilyKey]:
-    """The families that a heat record has part in."""
-    found = []
-    if isinstance(heat.theta_bar, Expression):
-        found.append(FamilyKey("surroundings", heat.theta_bar))
-    if isinstance(heat.q, Expression):
-        found.append(FamilyKey("source", heat.q, heat.omega))
-    elif heat.q != 0.0:
-        found.append(FamilyKey("source", 1.0, heat.omega))
-    return found
-
-
-def _basis(rows: Array) -> Array:
-    """(r, s) orthonormal columns from which every row (t, r) can be combined up to ROUNDING of its norm.
-
-    Gram-Schmidt, the row that is worst represented next; as many columns as rows say that nothing was saved.
-    """
-    norms = np.linalg.norm(rows, axis=1)
-    rest = (rows[norms > 0.0] / norms[norms > 0.0, None]).T
-    basis = np.zeros((rows.shape[1], 0))
-    while basis.shape[1] < rest.shape[1]:
-        missed = np.linalg.norm(rest, axis=0)
-        if missed.max() <= ROUNDING:
-            break
-        new = rest[:, missed.argmax()].copy()
-        new -= basis @ (basis.T @ new)
-        new /= np.linalg.norm(new)
-        new -= basis @ (basis.T @ new)
-        new /= np.linalg.norm(new)
-        basis = np.column_stack([basis, new])
-        rest -= np.outer(new, new @ rest)
-    return basis

@@ -13,6 +13,7 @@ import pytest
 from tcstudy.data import schema
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.store import write
 from tcstudy.scene.records import Axis, MeshPlan, OutputPlan, SolverPlan, Study
 
 TEXT = "title: Bärenstark\nsweep:\n  alpha: [25, 100]\n"
@@ -66,11 +67,12 @@ def make_level(level: int, fields: bool = False) -> LevelRecord:
 
 
 def make_number(variable: schema.Variable, seed: float, k: int) -> float | tuple[float, ...]:
-    """A flag, a count or a float; three of them where there is one for each start."""
+    """A flag, a count or a float; several of them where there is one for each start."""
     if variable.dtype == "i1":
         return int(seed + k) % 2
     value = float(int(seed) + k) if variable.dtype == "i4" else seed + k / 64.0
-    return (value, value + 0.25, value + 0.5) if variable.dims[-1] == "start" else value
+    by_start = tuple(value + 0.25 * i for i in range(len(schema.START_NAMES)))
+    return by_start if variable.dims[-1] == "start" else value
 
 
 def make_point(index: tuple[int, ...], level: int, fields: bool = False) -> PointRecord:
@@ -89,6 +91,7 @@ def make_point(index: tuple[int, ...], level: int, fields: bool = False) -> Poin
         seed + np.arange(m) / 3.0,
         -seed + np.arange(m) / 7.0,
         bodies,
+        ((np.arange(m) + int(seed)) % 2).astype(np.int8),
     )
 
 
@@ -145,3 +148,12 @@ def new_failure() -> Callable[..., PointRecord]:
 @pytest.fixture
 def output(tmp_path: Path) -> Path:
     return tmp_path / "results" / "study.nc"
+
+
+@pytest.fixture
+def written(
+    output: Path, study: Study, levels: tuple[LevelRecord, ...], points: list[PointRecord], provenance: Provenance
+) -> Path:
+    """The file of the study with all points."""
+    write(output, study, levels, points, provenance)
+    return output

@@ -18,10 +18,10 @@ import pytest
 
 from tcstudy.data import journal as journal_module
 from tcstudy.data import store
+from tcstudy.data.files import StoreError
 from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
-from tcstudy.data.store import StoreError
 from tcstudy.scene.records import Study
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -348,7 +348,7 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from conftest import make_point, make_study
 from tcstudy.data.journal import Journal
-from tcstudy.data.store import StoreError
+from tcstudy.data.files import StoreError
 from dataclasses import replace
 import numpy as np
 journal = Journal.open(Path(sys.argv[1]), make_study())

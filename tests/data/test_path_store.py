@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tcstudy.data.files import StoreError
 from tcstudy.data.path_schema import CURVE, LEVEL, LINE, LOOP, SOLUTIONS
 from tcstudy.data.path_store import is_path, open_path, write_path
 from tcstudy.data.provenance import collect
-from tcstudy.data.store import StoreError
 from tcstudy.scene.reader import read_study
 from tcstudy.scene.records import Study
 from tcstudy.study.path_run import PathRecord, follow_path
+from tests.data.compliance import cf_faults
 
 PAD = Path(__file__).parents[2] / "configs" / "path.yaml"
 
@@ -74,6 +75,12 @@ def test_conventions(file: Path) -> None:
                 assert set(nc[other].dimensions) <= set(variable.dimensions), (name, other)
         assert nc["parameter"].units == "m"
         assert nc["energy_rate"].units == "J m-1/(m)"
+
+
+def test_compliance_checker_finds_no_fault(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    faults, stumbled = cf_faults(file, tmp_path, capsys)
+    assert not faults
+    assert not stumbled
 
 
 def test_a_path_is_told_from_a_run(file: Path, tmp_path: Path) -> None:

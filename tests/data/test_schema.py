@@ -19,7 +19,7 @@ from tcstudy.data.store import write
 from tcstudy.scene.records import Axis, Study
 
 
-@pytest.fixture(params=["grid", "numbers", "list", "single", "dimensionless"])
+@pytest.fixture(params=["grid", "numbers", "zigzag", "list", "single", "dimensionless"])
 def written(
     request: pytest.FixtureRequest,
     output: Path,
@@ -33,6 +33,7 @@ def written(
     kinds = {
         "grid": study,
         "numbers": replace(study, axes=study.axes[:2]),
+        "zigzag": replace(study, axes=(replace(study.axes[1], values=(20, 0, 40), labels=(20.0, 0.0, 40.0)),)),
         "list": list_study,
         "single": replace(study, axes=()),
         "dimensionless": replace(study, units="none", axes=(Axis("alpha", ("heat", "alpha"), (1,), (1.0,), "1"),)),
@@ -135,7 +136,7 @@ def test_flags_fit_their_meanings(written: Path) -> None:
     with netCDF4.Dataset(written) as nc:
         flags = [v for v in variables(nc) if "flag_values" in v.ncattrs()]
         certificates = {"unique", "strict_minimum", "global_minimum"}
-        assert {v.name for v in flags} == {"status", "edge", "start_used"} | certificates
+        assert {v.name for v in flags} == {"status", "edge", "start_used", "heat_status", "sticks"} | certificates
         for v in flags:
             values = np.atleast_1d(v.flag_values)
             assert values.dtype == v.dtype

@@ -1,15 +1,12 @@
-"""The result file: what is written comes back, in one piece or not at all."""
+"""The result file: what is written comes back."""
 
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Literal
 
 import netCDF4
@@ -17,22 +14,18 @@ import numpy as np
 import pytest
 import xarray
 
-from tcstudy.data import schema, store
+from tcstudy.data import schema
+from tcstudy.data.files import StoreError
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
-from tcstudy.data.store import StoreError, check_writable, open_results, write
+from tcstudy.data.store import open_results, write
 from tcstudy.scene.records import Study
 
 pytestmark = pytest.mark.filterwarnings("error")
 
 Levels = tuple[LevelRecord, ...]
+
 Points = list[PointRecord]
-
-
-@pytest.fixture
-def written(output: Path, study: Study, levels: Levels, points: Points, provenance: Provenance) -> Path:
-    write(output, study, levels, points, provenance)
-    return output
 
 
 def test_every_number_of_every_point_comes_back_exactly(written: Path, points: Points) -> None:
@@ -46,6 +39,7 @@ def test_every_number_of_every_point_comes_back_exactly(written: Path, points: P
         assert root["status"].values[place] == PointStatus.OK
         assert root["reason"].values[place] == ""
         np.testing.assert_array_equal(groups[p.level]["u_T"].values[p.index], p.u_T)
+        np.testing.assert_array_equal(groups[p.level]["sticks"].values[p.index], p.sticks)
         np.testing.assert_array_equal(groups[p.level]["xi"].values[p.index], p.xi)
 
 
@@ -87,6 +81,8 @@ def test_not_run_points_are_visible_and_keep_integers_integer(
         assert here["iterations"].dtype == np.int32
         assert np.isnan(here["energy"])
         assert np.isnan(tree["level_1"]["u_T"].values[missing.index]).all()
+        assert (tree["level_1"]["sticks"].values[missing.index] == schema.UNKNOWN).all()
+        assert tree["level_1"]["sticks"].dtype == np.int8
         assert int((tree["status"] == PointStatus.NOT_RUN).sum()) == 1
     with netCDF4.Dataset(output) as nc:  # netCDF4 masks by valid_min
         assert nc["iterations"][...].mask.sum() == 1
@@ -124,7 +120,7 @@ def test_a_level_without_a_mesh_is_missing_only_itself(
     output: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
 ) -> None:
     lost = replace(points[-1], status=PointStatus.MESH_FAILED, reason="the mesher gave up", numbers={})
-    lost = replace(lost, u_T=np.empty(0), xi=np.empty(0))
+    lost = replace(lost, u_T=np.empty(0), xi=np.empty(0), sticks=np.empty(0, dtype=np.int8))
     write(output, study, levels[:1], [points[0], lost], provenance)
     with open_results(output) as tree:
         assert list(tree.children) == ["level_0"]
@@ -140,6 +136,30 @@ def test_labels_select_points_in_a_grid(written: Path, points: Points) -> None:
         # the coordinates of the sweep hold in the groups, too
         line = tree["level_1"].to_dataset().sel(alpha=100.0, theta_bar=20.0, friction="slip weakening")
         np.testing.assert_array_equal(line["u_T"].values, wanted.u_T)
+
+
+def test_an_axis_that_goes_up_and_down_is_sorted_and_points_keep_their_labels(
+    output: Path,
+    study: Study,
+    levels: Levels,
+    provenance: Provenance,
+    new_point: Callable[..., PointRecord],
+    new_level: Callable[..., LevelRecord],
+) -> None:
+    """CF wants monotonic coordinates; one that falls is monotonic and stays as it is."""
+    alpha = replace(study.axes[0], labels=(100.0, 25.0))
+    theta_bar = replace(study.axes[1], labels=(20.0, 0.0, 40.0))
+    zigzag = replace(study, axes=(alpha, theta_bar))
+    points = [new_point(index, 1, fields=True) for index in np.ndindex(zigzag.shape)]
+    write(output, zigzag, [levels[0], new_level(1, fields=True)], points, provenance)
+    with open_results(output) as tree:
+        assert tree["alpha"].values.tolist() == [100.0, 25.0]
+        assert tree["theta_bar"].values.tolist() == [0.0, 20.0, 40.0]
+        for p in points:
+            here = {"alpha": alpha.labels[p.index[0]], "theta_bar": theta_bar.labels[p.index[1]]}
+            assert float(tree["energy"].sel(here).sel(level=1)) == p.numbers["energy"]
+            np.testing.assert_array_equal(tree["level_1"]["u_T"].sel(here), p.u_T)
+            np.testing.assert_array_equal(tree["level_1"]["theta"].sel(here), p.fields["theta"])
 
 
 def test_list_mode_has_one_dimension_and_a_coordinate_for_each_axis(
@@ -221,152 +241,6 @@ def test_a_record_that_does_not_fit_is_refused_and_nothing_is_left(
     assert os.listdir(output.parent) == []
 
 
-def test_a_reader_of_the_old_file_keeps_it(
-    written: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
-) -> None:
-    old = points[0].numbers["energy"]
-    with open_results(written) as tree:
-        write(written, study, levels, [replace(points[0], numbers={"energy": -1.0})], provenance)
-        assert tree["energy"].values[0, 0, 0, 0] == old
-        assert np.isfinite(tree["energy"].values).all()
-    with open_results(written) as tree:
-        assert tree["energy"].values[0, 0, 0, 0] == -1.0
-
-
-def _fail(*_: object, **__: object) -> None:
-    raise OSError(28, "No space left on device")
-
-
-@pytest.mark.parametrize("step", ["fsync", "replace"])
-def test_a_full_disk_leaves_the_old_file(
-    written: Path,
-    study: Study,
-    levels: Levels,
-    points: Points,
-    provenance: Provenance,
-    step: str,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    before = written.read_bytes()
-    monkeypatch.setattr(os, step, _fail)
-    with pytest.raises(StoreError, match=r"No space left on device.*Free some space"):
-        write(written, study, levels, points[:1], provenance)
-    assert written.read_bytes() == before
-    assert os.listdir(written.parent) == [written.name]
-
-
-_LIMITED = """
-import resource, sys
-from pathlib import Path
-sys.path.insert(0, sys.argv[2])
-from conftest import make_level, make_point, make_study, Provenance
-from tcstudy.data.store import StoreError, write
-resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), int(sys.argv[3])))
-try:
-    write(Path(sys.argv[1]), make_study(), [make_level(0), make_level(1)], [make_point((0, 0, 0), 0)],
-          Provenance("now", (), "unknown"))
-except StoreError as error:
-    print(error)
-    sys.exit(3)
-"""
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="file size limits are a matter of POSIX")
-@pytest.mark.parametrize("limit", [1, 4096, 20_000, 40_000])
-def test_a_disk_that_fills_while_netcdf_writes_leaves_the_old_file(written: Path, limit: int) -> None:
-    before = written.read_bytes()
-    assert len(before) > limit
-    command = [sys.executable, "-c", _LIMITED, str(written), str(Path(__file__).parent), str(limit)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, env=_environment())
-    assert (done.returncode, done.stderr) == (3, "")
-    assert "cannot write" in done.stdout
-    assert "space" in done.stdout
-    assert written.read_bytes() == before
-    assert os.listdir(written.parent) == [written.name]
-
-
-def _environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(Path(store.__file__).parents[2])}
-
-
-def test_an_interrupt_leaves_the_old_file(
-    written: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
-) -> None:
-    before = written.read_bytes()
-
-    def interrupted() -> Iterator[PointRecord]:
-        yield points[0]
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        write(written, study, levels, interrupted(), provenance)
-    assert written.read_bytes() == before
-    assert os.listdir(written.parent) == [written.name]
-
-
-def test_mode_and_symbolic_link_of_the_output_are_kept(
-    written: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
-) -> None:
-    written.chmod(0o640)
-    link = written.with_name("link.nc")
-    link.symlink_to(written)
-    write(link, study, levels, points[:1], provenance)
-    assert link.is_symlink()
-    assert written.stat().st_mode & 0o777 == 0o640
-    with open_results(written) as tree:
-        assert int((tree["status"] == PointStatus.OK).sum()) == 1
-
-
-def test_a_write_protected_file_is_not_replaced(
-    written: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
-) -> None:
-    written.chmod(0o444)
-    assert any("write-protected" in problem for problem in check_writable(written, 0))
-    before = written.read_bytes()
-    with pytest.raises(StoreError, match="write-protected"):
-        write(written, study, levels, points, provenance)
-    assert written.read_bytes() == before
-
-
-def test_check_writable_finds_what_is_wrong_and_leaves_nothing(
-    output: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert check_writable(output, 1000) == []
-    assert os.listdir(tmp_path) == []
-    assert "is a directory" in check_writable(tmp_path, 0)[0]
-    (tmp_path / "file").touch()
-    assert "is a file" in check_writable(tmp_path / "file" / "deep" / "study.nc", 0)[0]
-    monkeypatch.setattr(store.shutil, "disk_usage", lambda _: SimpleNamespace(free=3_000_000))
-    assert check_writable(output, 1_000_000) == []
-    assert "3 MB free, but the results need 3.3 MB" in check_writable(output, 1_100_000)[0]
-
-
-def test_check_writable_finds_a_directory_without_permission(output: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(**_: object) -> None:
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(store.tempfile, "TemporaryFile", refuse)
-    (problem,) = check_writable(output, 0)
-    assert "Permission denied" in problem
-    assert "choose another output" in problem
-
-
-def test_files_that_are_no_finished_results_are_refused(tmp_path: Path, written: Path) -> None:
-    with pytest.raises(StoreError, match="there is no file"):
-        open_results(tmp_path / "none.nc")
-    (tmp_path / "run.nc.partial").touch()
-    with pytest.raises(StoreError, match=r"has not finished.*resume"):
-        open_results(tmp_path / "run.nc")
-    short = tmp_path / "short.nc"
-    short.write_bytes(written.read_bytes()[:-1000])
-    with pytest.raises(StoreError, match="cut short"):
-        open_results(short)
-    with netCDF4.Dataset(tmp_path / "midway.nc", "w") as nc:  # what a dead writer leaves opens without an error
-        nc.title = "midway"
-    with pytest.raises(StoreError, match="is unfinished"):
-        open_results(tmp_path / "midway.nc")
-
-
 def test_names_of_axes_that_collide_are_refused(
     output: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
 ) -> None:
@@ -411,21 +285,6 @@ def test_a_long_study_text_is_kept_exactly(output: Path, study: Study, levels: L
         assert tree.attrs["study_yaml"] == text
 
 
-def test_a_directory_without_permission_is_named_as_such(
-    output: Path,
-    study: Study,
-    levels: Levels,
-    provenance: Provenance,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(Path, "touch", refuse)  # the superuser, who may run the tests, is refused nothing
-    with pytest.raises(StoreError, match=r"Permission denied\. Make the place writable"):
-        write(output, study, levels, [], provenance)
-
-
 def test_expected_bytes_is_close_to_the_file(
     written: Path, study: Study, levels: Levels, provenance: Provenance, new_point: Callable[..., PointRecord]
 ) -> None:
@@ -440,12 +299,3 @@ def test_expected_bytes_is_close_to_the_file(
     )
     write(written, study, [long, levels[1]], [], provenance)
     assert schema.expected_bytes(study, [long, levels[1]]) == pytest.approx(written.stat().st_size, rel=0.25)
-
-
-def test_neither_store_nor_journal_import_what_they_do_not_need() -> None:
-    code = (
-        "import sys, tcstudy.data.journal, tcstudy.data.store;"
-        "print(sorted({'ngsolve', 'netgen', 'xarray', 'netCDF4'} & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=_environment(), check=True)
-    assert done.stdout.strip() == "[]"

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from tcstudy.data.convergence import Convergence, ErrorSeries, NumberSeries, PointConvergence, write_convergence
+from tcstudy.data.files import StoreError
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import StoreError, open_results
+from tcstudy.data.store import open_results
 from tcstudy.report.convergence import convergence_report
 from tcstudy.report.convergence_plot import plot_convergence
 from tcstudy.report.style import DrawError

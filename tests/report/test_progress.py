@@ -14,8 +14,8 @@ from tcstudy.study.run import LevelWork
 WORK = [LevelWork(2, 1, 1.0), LevelWork(2, 0, 4.0)]
 
 
-def record(level: int, status: PointStatus) -> PointRecord:
-    return PointRecord((0,), level, status, "why", {}, np.empty(0), np.empty(0))
+def record(level: int, status: PointStatus, reason: str = "why") -> PointRecord:
+    return PointRecord((0,), level, status, reason, {}, np.empty(0), np.empty(0))
 
 
 @pytest.mark.parametrize("kind", [PlainProgress, TerminalProgress])
@@ -28,8 +28,24 @@ def test_only_failures_and_warnings_are_lines(kind: type[PlainProgress] | type[T
     progress.close()
     text = stream.getvalue()
     assert "warning: an old journal was set aside" in text
-    assert "point (0,) on level 1: not_converged: why" in text
+    assert "point (0,) on level 1: not converged: why" in text
     assert "level 0: " not in text
+
+
+@pytest.mark.parametrize("kind", [PlainProgress, TerminalProgress])
+def test_failures_that_differ_in_numbers_have_one_line(kind: type[PlainProgress] | type[TerminalProgress]) -> None:
+    stream = io.StringIO()
+    progress = kind(stream)
+    progress.begin(WORK, [])
+    for residual in ("3.1e-9", "2e-07", "4"):
+        progress.point(record(1, PointStatus.INCLUSION_VIOLATED, f"residual {residual}; coarsen"))
+    progress.point(record(1, PointStatus.NOT_CONVERGED, "no solution; /home/someone/part.step"))
+    progress.close()
+    progress.close()
+    text = stream.getvalue()
+    assert text.count("; coarsen") == 1
+    assert text.count("2 more failed for the same reasons") == 1
+    assert "someone" not in text
 
 
 def test_the_bar_weighs_levels() -> None:
@@ -38,5 +54,7 @@ def test_the_bar_weighs_levels() -> None:
     task = progress._progress.tasks[0]
     assert (task.total, task.completed, task.fields["points"]) == (10.0, 1.0, "1/4")
     progress.point(record(1, PointStatus.OK))
-    assert (task.completed, task.fields["points"]) == (5.0, "2/4")
+    assert (task.completed, task.fields["points"], task.fields["failed"]) == (5.0, "2/4", "")
+    progress.point(record(1, PointStatus.NOT_CONVERGED))
+    assert (task.completed, task.fields["points"], task.fields["failed"]) == (9.0, "3/4", ", 1 failed")
     progress.close()

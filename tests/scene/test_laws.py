@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tcstudy.scene.friction import BEND, DOWN, UP, FrictionLaw, GrowthError
-from tcstudy.scene.laws import MAX_TEETH, SHAPES, LawError
+from tcstudy.scene.law_pieces import MAX_TEETH, LawError
+from tcstudy.scene.laws import SHAPES
 
 
 def build(name: str, **values: Any) -> FrictionLaw:

@@ -45,3 +45,13 @@ def test_notes_on_locking_and_down_jumps() -> None:
     dropping = "friction={law: piecewise-linear, points: [[0, 1], [0.4, 1], [0.4, 0.2]]}"
     assert any("down-jumps" in text for text in plan(study_of(RECTANGLE, dropping)).notes)
     assert plan(study_of(RECTANGLE)).notes == ()
+
+
+def test_other_sections_are_named_with_their_command() -> None:
+    path = "path={parameter: load, from: 0, to: 2}"
+    assert "path along load from 0 to 2: follow it with tcstudy path" in plan(study_of(HEATED_BRACKET, path)).notes
+
+
+def test_a_poisson_ratio_does_not_look_like_its_bound() -> None:
+    (note,) = plan(study_of(RECTANGLE, "material.nu=0.4999999")).notes
+    assert note.startswith("nu = 0.4999999 in plane strain")

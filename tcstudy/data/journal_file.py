@@ -1,0 +1,116 @@
+"""The journal's SQLite file: locked and made, or found to be of another run or damaged and set aside."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from contextlib import suppress
+from pathlib import Path
+
+from tcstudy.data.files import StoreError
+from tcstudy.data.journal_rows import checksum
+
+SMALLEST_PAGE = 512
+"""Bytes of the smallest SQLite file that holds anything."""
+
+_TABLES = """
+CREATE TABLE header (key TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE record (kind TEXT, place TEXT, level INTEGER, scalars TEXT NOT NULL, layout TEXT NOT NULL,
+                     arrays BLOB NOT NULL, crc INTEGER NOT NULL, PRIMARY KEY (kind, place, level));
+"""
+
+# NOT INDEXED: a scan in the order of rowid streams; by the index SQLite would first sort all arrays in memory
+SELECT = "SELECT kind, place, level, scalars, layout, arrays, crc FROM record NOT INDEXED WHERE kind = ? ORDER BY rowid"
+
+
+class _Damaged(Exception):
+    """The journal cannot be trusted; the text says why."""
+
+
+def connect(path: Path, header: dict[str, str]) -> tuple[sqlite3.Connection | None, str]:
+    """An open, locked journal with this header, and why it cannot be used ("" if it can)."""
+    connection: sqlite3.Connection | None = None
+    # SQLite takes a file shorter than a page for an empty one and writes over it. Only its size is looked at: to open
+    # and close it here would drop the locks that this process has on it
+    if path.is_file() and 0 < path.stat().st_size < SMALLEST_PAGE:
+        return None, "is cut short"
+    try:
+        connection = sqlite3.connect(path, timeout=0.2, isolation_level=None, check_same_thread=False)
+        # locked before anything is judged: what another run is writing must not be set aside
+        connection.execute("PRAGMA locking_mode=EXCLUSIVE")
+        connection.execute("PRAGMA synchronous=FULL")
+        connection.execute("BEGIN EXCLUSIVE")
+        connection.execute("COMMIT")
+        return connection, _look_into(connection, header)
+    except (sqlite3.DatabaseError, _Damaged) as error:
+        obstacle = _obstacle(path, error)
+        if connection is not None and not obstacle:
+            return connection, f"is damaged ({error})"
+        if connection is not None:
+            connection.close()
+        raise StoreError(obstacle) from error
+
+
+def _obstacle(path: Path, error: Exception) -> str:
+    """What keeps a sound journal from being used; empty if the error speaks of damage."""
+    text = str(error)
+    if "locked" in text:
+        return f"another run is writing to the same output ({path} is locked). Wait for it or choose another output"
+    # SQLite also calls a file with a damaged header read-only
+    if "readonly" in text and os.access(path, os.W_OK):
+        return ""
+    if isinstance(error, sqlite3.OperationalError) and any(
+        word in text for word in ("unable to open", "readonly", "full", "I/O")
+    ):
+        return f"cannot use the journal {path}: {text}. Make room there or choose another output"
+    return ""
+
+
+def _look_into(connection: sqlite3.Connection, header: dict[str, str]) -> str:
+    """Make the tables of an empty journal; say why a filled one does not belong to this run."""
+    tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    if not tables:
+        with connection:
+            connection.execute("BEGIN IMMEDIATE")
+            for statement in _TABLES.strip().split(";\n"):
+                connection.execute(statement)
+            connection.executemany("INSERT INTO header VALUES (?, ?)", header.items())
+        return ""
+    if tables != {"header", "record"}:
+        return "is not a journal of tcstudy"
+    check = connection.execute("PRAGMA quick_check").fetchone()[0]
+    if check != "ok":
+        raise _Damaged(check)
+    found = dict(connection.execute("SELECT key, value FROM header").fetchall())
+    if found.get("study_sha256") != header["study_sha256"]:
+        return "is of another study or other overrides"
+    if found != header:
+        return "was made by other versions of the program"
+    for kind in ("level", "point"):
+        for row in connection.execute(SELECT, (kind,)):
+            if checksum(row) != row[-1]:
+                raise _Damaged(f"wrong checksum of {kind} {row[1]} on level {row[2]}")
+    # a write, because SQLite opens a file that it must not write without a word, locking or not
+    connection.execute("PRAGMA user_version = 1")
+    return ""
+
+
+def set_aside(path: Path, connection: sqlite3.Connection | None) -> Path:
+    """Rename a journal to the first free name .partial.old, .partial.old2, …"""
+    number = 1
+    while (kept := path.with_name(f"{path.name}.old{number if number > 1 else ''}")).exists():
+        number += 1
+    if connection is not None and os.name == "nt":  # an open file cannot be renamed there
+        connection.close()
+    # renamed before the lock goes, so that no other run can resume it in between
+    os.rename(path, kept)
+    if connection is not None:
+        connection.close()
+    with suppress(FileNotFoundError):
+        os.rename(rollback_file(path), rollback_file(kept))
+    return kept
+
+
+def rollback_file(path: Path) -> Path:
+    """SQLite's own journal: it belongs to its database and must go wherever that goes."""
+    return path.with_name(path.name + "-journal")

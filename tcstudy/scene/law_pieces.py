@@ -1,0 +1,205 @@
+"""The pieces of every shape of friction law, from the values of its parameters.
+
+Every shape but a non-odd piecewise-linear one is odd, b(−s) = −b(s), and is written down for s > 0 only;
+the mirror image changes signs and nothing else, so the symmetry holds to the bit. b(0+) > 0 is the sticking
+up-jump: the filled interval at 0 is [−b(0+), b(0+)], eq. (4) of Šestak & Jovanović (2010).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from tcstudy.scene.friction import FrictionLaw
+
+MAX_TEETH = 10_000
+
+ROUNDING = 8 * float(np.finfo(float).eps)
+
+
+class LawError(ValueError):
+    """A parameter of a friction law is missing, unknown or has no meaning; the text gives the remedy.
+
+    parameter: its name
+    """
+
+    def __init__(self, parameter: str, message: str) -> None:
+        super().__init__(f"{parameter}: {message}")
+        self.parameter = parameter
+        self.message = message
+
+    def __reduce__(self) -> tuple[type[LawError], tuple[str, str]]:
+        return type(self), (self.parameter, self.message)
+
+
+class _Piece(NamedTuple):
+    """b(s) = p + q s + a exp(−r s)."""
+
+    p: float
+    q: float = 0.0
+    a: float = 0.0
+    r: float = 0.0
+
+    def mirrored(self) -> _Piece:
+        """The piece −b(−s)."""
+        return _Piece(-self.p, self.q, -self.a, -self.r)
+
+
+def _law(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> FrictionLaw:
+    """A law from its kinks and pieces; a kink between two equal pieces is none and is left out."""
+    keep = [i for i in range(len(kinks)) if pieces[i] != pieces[i + 1]]
+    kept = [pieces[0], *(pieces[i + 1] for i in keep)]
+    p, q, a, r = (np.array(column, dtype=float) + 0.0 for column in zip(*kept, strict=True))
+    return FrictionLaw(name, np.array([kinks[i] for i in keep], dtype=float), p, q, a, r)
+
+
+def _odd(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> FrictionLaw:
+    """The odd law whose kinks and pieces for s > 0 are given."""
+    left = [piece.mirrored() for piece in reversed(pieces)]
+    return _law(name, [*(-s for s in reversed(kinks)), 0.0, *kinks], [*left, *pieces])
+
+
+def tresca(tau: float) -> FrictionLaw:
+    """b = τ."""
+    _not_negative(tau=tau)
+    return _odd("tresca", [], [_Piece(tau)])
+
+
+def slip_weakening(tau_s: float, tau_k: float, delta: float) -> FrictionLaw:
+    """From τ_s linearly to τ_k over the slip δ, then τ_k."""
+    _not_negative(tau_s=tau_s, tau_k=tau_k)
+    _positive(delta=delta)
+    return _odd("slip-weakening", [delta], [_Piece(tau_s, (tau_k - tau_s) / delta), _Piece(tau_k)])
+
+
+def exponential(a: float, b: float, delta: float) -> FrictionLaw:
+    """(a − b) e^(−s/δ) + b."""
+    _not_negative(a=a, b=b)
+    _positive(delta=delta)
+    piece = _Piece(b) if a == b else _Piece(b, 0.0, a - b, 1.0 / delta)
+    return _odd("exponential", [], [piece])
+
+
+def saw_tooth(tau: float, delta: float, teeth: int, drop: float, decay: float) -> FrictionLaw:
+    """Tooth i = 0 … teeth−1 on (iδ, (i+1)δ): b rises linearly from (1−drop)·peak_i to peak_i = tau·decay^i.
+
+    It falls in a down-jump at its end, the last one to where one more tooth would start, (1−drop)·tau·decay^teeth,
+    and stays there.
+    """
+    _not_negative(tau=tau)
+    _positive(delta=delta)
+    if not 1 <= teeth <= MAX_TEETH:
+        raise LawError("teeth", f"must be from 1 to {MAX_TEETH}, not {teeth}")
+    for name, value in (("drop", drop), ("decay", decay)):
+        if not 0.0 < value <= 1.0:
+            raise LawError(name, f"must be above 0 and at most 1, not {value:g}; it is a fraction of the peak")
+    peaks = [tau * decay**i for i in range(teeth + 1)]
+    pieces = [_Piece(peak * (1.0 - drop - drop * i), drop * peak / delta) for i, peak in enumerate(peaks[:-1])]
+    return _odd("saw-tooth", [i * delta for i in range(1, teeth + 1)], [*pieces, _Piece((1.0 - drop) * peaks[-1])])
+
+
+def linear(k: float) -> FrictionLaw:
+    """k s, a spring; without a kink."""
+    _not_negative(k=k)
+    return _law("linear", [], [_Piece(0.0, k)])
+
+
+class _Vertex(NamedTuple):
+    """A corner of a polygonal law: b from the left and from the right of s; equal where b only bends."""
+
+    s: float
+    left: float
+    right: float
+
+
+def piecewise_linear(
+    points: list[tuple[float, float]], odd: bool, slope: float | None, slopes: list[float] | None
+) -> FrictionLaw:
+    """Straight between the points, a jump where two have the same s, beyond the ends with the given slopes."""
+    vertices = _vertices(points)
+    if not odd:
+        if slope is not None:
+            raise LawError("slope", "belongs to odd laws; with odd: false give slopes: [left, right]")
+        if slopes is not None and len(slopes) != 2:
+            raise LawError("slopes", f"must be two numbers, [left, right], not {len(slopes)}")
+        kinks, pieces = _polygon(vertices, *(slopes or (0.0, 0.0)))
+        return _law("piecewise-linear", kinks, pieces)
+    if slopes is not None:
+        raise LawError("slopes", "belongs to laws with odd: false; an odd law takes one slope")
+    first = vertices[0]
+    if first.s != 0.0:
+        raise LawError("points", f"an odd law is given from s = 0 on, but the first point has s = {first.s:g}; "
+                       "start with [0, b], or write odd: false and give b for all s")  # fmt: skip
+    if first.left not in (0.0, first.right, -first.right):
+        raise LawError("points", f"an odd law jumps at s = 0 between -b and b, but the points say from "
+                       f"{first.left:g} to {first.right:g}; give one point [0, b]")  # fmt: skip
+    kinks, pieces = _polygon([first._replace(left=first.right), *vertices[1:]], None, slope or 0.0)
+    return _odd("piecewise-linear", kinks, pieces)
+
+
+def _vertices(points: list[tuple[float, float]]) -> list[_Vertex]:
+    """The points in one vertex per slip; raises LawError if they are out of order."""
+    vertices: list[_Vertex] = []
+    for number, (s, b) in enumerate(points, start=1):
+        if vertices and s < vertices[-1].s:
+            raise LawError("points", f"s must not decrease, but point {number} has s = {s:g} after "
+                           f"{vertices[-1].s:g}; put the points in order of s")  # fmt: skip
+        if not vertices or s > vertices[-1].s:
+            vertices.append(_Vertex(s, b, b))
+        elif number > 2 and points[number - 3][0] == s:
+            raise LawError("points", f"three points have the same s = {s:g}; a jump has two, before and after")
+        else:
+            vertices[-1] = vertices[-1]._replace(right=b)
+    return vertices
+
+
+def _polygon(vertices: list[_Vertex], left: float | None, right: float) -> tuple[list[float], list[_Piece]]:
+    """Kinks and pieces of a polygonal law, without corners that are straight to rounding.
+
+    left, right: slopes beyond the ends; without a left one the law begins at the first vertex, which is no kink
+    """
+    pairs = list(pairwise(vertices))
+    lines = [*(_line(a.s, a.right, (b.left - a.right) / (b.s - a.s)) for a, b in pairs),
+             _line(vertices[-1].s, vertices[-1].right, right)]  # fmt: skip
+    first = 1 if left is None else 0
+    pieces = [lines.pop(0) if left is None else _line(vertices[0].s, vertices[0].left, left)]
+    kinks: list[float] = []
+    for at, line in enumerate(lines, start=first):
+        near = vertices[max(0, at - 1) : at + 2]
+        if not _straight(pieces[-1], line, vertices[at], near):
+            kinks.append(vertices[at].s)
+            pieces.append(line)
+    return kinks, pieces
+
+
+def _line(s: float, b: float, slope: float) -> _Piece:
+    """The line through (s, b)."""
+    return _Piece(b - slope * s, slope)
+
+
+def _straight(before: _Piece, after: _Piece, vertex: _Vertex, near: list[_Vertex]) -> bool:
+    """True if the law goes straight on at a vertex: the slopes differ by no more than rounding of the points.
+
+    near: the vertex with its neighbours; at an end there is one, and the slope beyond it is exact, as given
+    """
+    if vertex.left != vertex.right or len(near) < 3:
+        return vertex.left == vertex.right and before.q == after.q
+    gap = min(b.s - a.s for a, b in pairwise(near))
+    size = abs(near[0].right) + abs(vertex.left) + abs(near[2].left) + abs(before.q * vertex.s)
+    return abs(before.q - after.q) * gap <= ROUNDING * size
+
+
+def _not_negative(**values: float) -> None:
+    for name, value in values.items():
+        if value < 0.0:
+            raise LawError(name, f"must be at least 0, not {value:g}: friction opposes the slip; "
+                           "for other laws use piecewise-linear")  # fmt: skip
+
+
+def _positive(**values: float) -> None:
+    for name, value in values.items():
+        if value <= 0.0:
+            raise LawError(name, f"must be above 0, not {value:g}; it is the slip over which the law changes")

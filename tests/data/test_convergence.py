@@ -1,0 +1,85 @@
+"""The convergence file keeps to CF-1.11, every variable of it: by the compliance checker where it is installed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+
+from tcstudy.data.convergence import (
+    ERRORS,
+    NUMBERS,
+    Convergence,
+    ErrorSeries,
+    NumberSeries,
+    PointConvergence,
+    default_path,
+    write_convergence,
+)
+from tcstudy.data.provenance import collect
+from tcstudy.data.records import PointStatus
+from tcstudy.scene.reader import read_study_text
+from tests.data.compliance import cf_faults
+
+STUDY = """\
+institution: nobody
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, right: convection, top: free, left: clamped}
+material: {E: 1 GPa, nu: 0.25, k: 10, alpha_T: 1e-5}
+heat: {alpha: 10, theta_bar: 20 K}
+friction: {law: tresca, tau: 1 MPa}
+mesh: {maxh: 0.5, levels: 3}
+sweep: {theta_bar: [10 K, 20 K], friction: {weak: {law: tresca, tau: 1 MPa}, strong: {law: tresca, tau: 2 MPa}}}
+"""
+NAN = float("nan")
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """All measures that there are, made up, over a temperature and a named law."""
+    study = read_study_text(STUDY)
+    h = 0.5 ** np.arange(3)
+    error = ErrorSeries(h, 2.0, np.array([NAN, 1.0, 1.0]), 1.0, 0.01, 0, "as_expected", 1.0, "smooth")
+    number = NumberSeries(1.0 + h, np.array([NAN, NAN, 1.0]), 1.0, 0.01, 1.0, NAN)
+    points = tuple(
+        PointConvergence(
+            index, (PointStatus.OK,) * 3, ("",) * 3, {e.name: error for e in ERRORS}, {n.name: number for n in NUMBERS}
+        )
+        for index in np.ndindex(study.shape)
+    )
+    counts = np.arange(3, dtype=np.int32)
+    what = Convergence(h, counts, counts, "the exact solution", np.ones(3, dtype=bool), points, ("Mind it.",))
+    path = default_path(tmp_path_factory.mktemp("convergence") / "a.nc")
+    write_convergence(path, study, what, collect(study, ("tcstudy", "converge")))
+    return path
+
+
+def test_compliance_checker_finds_no_fault(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    faults, stumbled = cf_faults(file, tmp_path, capsys)
+    assert not faults
+    assert stumbled <= {"check_coordinate_variables_strict_monotonicity"}  # it stumbles over text coordinates
+
+
+def test_every_variable_says_what_it_is(file: Path) -> None:
+    with netCDF4.Dataset(file) as nc:
+        assert {f"exact_{n.name}" for n in NUMBERS} <= set(nc.variables)
+        for name, variable in nc.variables.items():
+            assert variable.long_name, name
+            assert "units" in variable.ncattrs(), name
+            assert (variable.units == "K") == ("units_metadata" in variable.ncattrs()), name
+            if "flag_values" in variable.ncattrs():
+                values = np.atleast_1d(variable.flag_values)
+                assert values.dtype == variable.dtype, name
+                assert len(values) == len(variable.flag_meanings.split()), name
+
+
+def test_the_checker_would_find_a_fault(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Otherwise the tests above say nothing."""
+    broken = tmp_path / "broken.nc"
+    with netCDF4.Dataset(broken, "w") as nc:
+        nc.setncattr("Conventions", "CF-1.11")
+        nc.createDimension("level", 3)
+        nc.createVariable("error", "f8", ("level",)).setncatts({"units": "m", "standard_name": "no_such_name"})
+    assert "§3.3 Standard Name" in cf_faults(broken, tmp_path, capsys)[0]

@@ -1,0 +1,90 @@
+"""The summary's lines on failures and on heat, from a written file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tcstudy.data.provenance import Provenance
+from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.schema import BALANCED, UNBALANCED
+from tcstudy.data.store import write
+from tcstudy.report.summary import summary
+from tcstudy.scene.records import Axis, MeshPlan, OutputPlan, SolverPlan, Study
+
+ALPHA = Axis("alpha", ("heat", "alpha"), (1, 2, 3), (1.0, 2.0, 3.0), "W m-2 K-1")
+NO_VALUES = np.empty(0)
+
+
+def level(number: int) -> LevelRecord:
+    s = np.linspace(0.0, 1.0, 3)
+    edge = np.zeros(3, dtype=np.int8)
+    return LevelRecord(number, 0.5 / 2**number, 20, 3, s, s, 0.0 * s, 0.0 * s + 0.25, edge, ("film",), 0.1, 0.1)
+
+
+def point(index: int, number: int, balance: float = 1e-15) -> PointRecord:
+    judged = UNBALANCED if balance > 1e-10 else BALANCED
+    numbers: dict[str, float | tuple[float, ...]] = {"heat_balance": balance, "heat_status": judged}
+    return PointRecord((index,), number, PointStatus.OK, "", numbers, np.zeros(3), np.zeros(3))
+
+
+def missed(index: int, number: int, residual: str) -> PointRecord:
+    reason = f"residual {residual} above the tolerance 1e-10; raise solver.tolerance"
+    return PointRecord((index,), number, PointStatus.INCLUSION_VIOLATED, reason, {}, NO_VALUES, NO_VALUES)
+
+
+def study_over(axes: tuple[Axis, ...]) -> Study:
+    plans = MeshPlan((0.5,), 2), SolverPlan(), OutputPlan()
+    return Study("Plate", "title: plate\n", None, "SI", "grid", axes, (), *plans)
+
+
+@pytest.fixture
+def text_of(tmp_path: Path):  # type: ignore[no-untyped-def]
+    study = study_over((ALPHA,))
+
+    def text(*points: PointRecord) -> str:
+        write(tmp_path / "plate.nc", study, [level(0), level(1)], points, Provenance("now", (("python", "3"),), "abc"))
+        return summary(tmp_path / "plate.nc")
+
+    return text
+
+
+def test_failures_are_one_line_a_kind(text_of) -> None:  # type: ignore[no-untyped-def]
+    good = [point(i, n) for i in range(3) for n in range(2)]
+    text = text_of(*good, missed(0, 1, "3e-09"), missed(2, 0, "2e-07"), missed(2, 1, "1e-8"))
+    lines = [line.strip() for line in text.splitlines() if "failed" in line]
+    assert lines == [
+        "3 points failed: inclusion violated: residual 3e-09 to 2e-07 above the tolerance 1e-10; "
+        "raise solver.tolerance (for example alpha = 1 W m-2 K-1 on level 1)"
+    ]
+
+
+def test_heat_that_does_not_balance_is_said_and_the_points_stay_solved(text_of) -> None:  # type: ignore[no-untyped-def]
+    balances = {(0, 0): 1e-15, (0, 1): 5e-5, (1, 0): 1e-15, (1, 1): 2e-9, (2, 0): 1e-12, (2, 1): 1e-12}
+    text = text_of(*(point(i, n, balance) for (i, n), balance in balances.items()))
+    (line,) = (line for line in text.splitlines() if "heat balance" in line)
+    assert "heat balance 2e-09 to 5e-05 at 2 points" in line
+    assert "alpha = 1 W m-2 K-1 on level 1" in line
+    assert "failed" not in text
+    assert "3/3" in text
+
+
+def test_nothing_is_said_where_nothing_is_wrong(text_of) -> None:  # type: ignore[no-untyped-def]
+    text = text_of(*(point(i, n) for i in range(3) for n in range(2)))
+    assert "failed" not in text
+    assert "heat balance" not in text
+
+
+def test_a_point_of_a_study_without_a_sweep_is_named_by_its_level(tmp_path: Path) -> None:
+    study = Study(
+        "Plate", "title: plate\n", None, "SI", "grid", (), (), MeshPlan((0.5,), 2), SolverPlan(), OutputPlan()
+    )
+    one = replace(missed(0, 1, "1e-8"), index=())
+    write(tmp_path / "plate.nc", study, [level(0), level(1)], [one], Provenance("now", (("python", "3"),), "abc"))
+    text = summary(tmp_path / "plate.nc")
+    assert "1 point failed: inclusion violated" in text
+    assert "(level 1)" in text
+    assert "1 point failed: not run: run the study again to resume it (level 0)" in text

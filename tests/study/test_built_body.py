@@ -1,0 +1,122 @@
+"""Faults of a body from a file: told with file and line before any work."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from netgen import occ
+
+from tcstudy.errors import StudyError
+from tcstudy.scene.reader import read_study
+from tcstudy.study.preflight import faults
+
+STUDY = """body:
+  file:
+    path: plate.step
+    edges: {bottom: [[0.01, 0]], bore: [[0.01, 0.006]]}
+    other: sides
+  regions:
+    heater: {rectangle: {corner: [0.014, 0.002], width: 0.004, height: 0.004}}
+    strip: {rectangle: {corner: [0, 0.008], width: 0.02, height: 0.002}}
+boundary:
+  bottom: contact
+  sides: free
+  bore: clamped
+material: {E: 210 GPa, nu: 0.3}
+friction: {law: tresca, tau: 1 MPa}
+mesh: {maxh: 2 mm, levels: 2}
+"""
+
+ROLES = "bottom: contact\n  sides: free\n  bore: clamped"
+
+
+def plate(path: Path) -> None:
+    """20 × 10 with a bore of radius 1 around (10, 5), in millimetres."""
+    body = occ.WorkPlane().Rectangle(20, 10).Face() - occ.WorkPlane().MoveTo(10, 5).Circle(1).Face()
+    body.WriteStep(str(path))
+
+
+def found(tmp_path: Path, text: str, *overrides: str) -> list[str]:
+    plate(tmp_path / "plate.step")
+    (tmp_path / "study.yaml").write_text(text)
+    study = read_study(tmp_path / "study.yaml", overrides)
+    return [line.replace(str(tmp_path / "study.yaml"), "study.yaml") for line in faults(study, tmp_path / "out.nc")]
+
+
+def test_a_sound_study_has_no_fault(tmp_path: Path) -> None:
+    """The strip ends on three edges of the face, the heater lies inside."""
+    assert found(tmp_path, STUDY) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ("[0.014, 0.002]", "[0.114, 0.002]", "study.yaml:7:13: body.regions.heater: the region lies outside the face"),
+        ("[0.014, 0.002]", "[0.018, 0.002]", "study.yaml:7:13: body.regions.heater: the region leaves the face of the "
+                                             "file: 0.5 of its area is inside; keep it within"),
+        ("[0.014, 0.002]", "[0.008, 0.003]", "study.yaml:7:13: body.regions.heater: the region leaves the face"),
+        ("bore: clamped", "bore: free", "study.yaml:10:3: boundary: no edge is clamped and contact does not hold the "
+                                        "body: it can still slide along x"),
+        (ROLES, "bottom: free\n  sides: free\n  bore: contact", "study.yaml:10:3: boundary: no edge is clamped and "
+                                                               "contact does not hold the body: it can still turn "
+                                                               "about (0.01, 0.005)"),
+        (ROLES, "bottom: contact\n  sides: free\n  bore: {role: clamped, u_y: 0}", "study.yaml:10:3: boundary: the "
+                "supports do not hold the body: it can still slide along x"),
+        ("maxh: 2 mm", "maxh: 1 m", "study.yaml:15:14: mesh.maxh: an element of 1 is larger than the body (0.022"),
+        ("maxh: 2 mm", "maxh: 1 um", "study.yaml:15:14: mesh.maxh: about 10^9.3 triangles are more than a study can"),
+        ("bore: [[0.01, 0.006]]", "bore: [[0.01, 0.006]], top: [[0.01, 0.0061]]",
+         "study.yaml:4:40: body.file.edges.bore: no edge of the face has the name 'bore': another name has a point"),
+        ("    path: plate.step", "    face: 3\n    path: plate.step",
+         "study.yaml:3:5: body.file: plate.step: has 1 faces"),
+    ],
+)  # fmt: skip
+def test_a_fault_has_its_line_and_remedy(tmp_path: Path, old: str, new: str, line: str) -> None:
+    text = STUDY.replace(old, new)
+    if "top:" in new:
+        text = text.replace("  sides: free\n", "  sides: free\n  top: clamped\n")
+    (problem, *more) = found(tmp_path, text)
+    assert problem.startswith(line), problem
+    assert "; " in problem
+    assert not more
+
+
+def test_a_size_of_the_sweep_and_an_option_are_named_as_such(tmp_path: Path) -> None:
+    text = STUDY.replace("mesh: {maxh: 2 mm, levels: 2}\n", "sweep: {h: [2 mm, 1 um]}\n")
+    assert found(tmp_path, text)[0].startswith("study.yaml:15:19: sweep.h[1]: about 10^8.7 triangles")
+    assert found(tmp_path, STUDY, "mesh.maxh=3")[0].startswith("--set mesh.maxh=3: mesh.maxh: an element of 3")
+
+
+@pytest.mark.parametrize("shape", ["rectangle: {corner: [0.016, 0.004], width: 0.002, height: 0.004}",
+                                   "polygon: [[0.016, 0.004], [0.018, 0.004], [0.017, 0.009]]"])  # fmt: skip
+def test_regions_that_overlap_are_found_while_reading(tmp_path: Path, shape: str) -> None:
+    """Without opening the file: as for an outline."""
+    text = STUDY.replace("    strip:", f"    second: {{{shape}}}\n    strip:")
+    with pytest.raises(StudyError) as error:
+        found(tmp_path, text)
+    assert "study.yaml:8:13: body.regions.second: the region overlaps body.regions.heater near" in str(error.value)
+
+
+def test_a_faulty_region_and_holes_of_a_file_are_refused(tmp_path: Path) -> None:
+    crossed = "polygon: [[0.016, 0.004], [0.018, 0.006], [0.018, 0.004], [0.016, 0.006]]"
+    holes = "  holes: [{circle: {center: [0.004, 0.004], radius: 0.001, edge: pin}}]\n"
+    text = STUDY.replace("rectangle: {corner: [0.014, 0.002], width: 0.004, height: 0.004}", crossed)
+    with pytest.raises(StudyError, match=r"body\.regions\.heater: edge 1 .* and edge 3 .* cross"):
+        found(tmp_path, text)
+    with pytest.raises(StudyError, match=r"body\.holes: holes are cut out of an outline.*cut them in the CAD file"):
+        found(
+            tmp_path, STUDY.replace("  regions:", holes + "  regions:").replace("clamped\n", "clamped\n  pin: free\n")
+        )
+
+
+def test_run_tells_the_fault_once_and_leaves_nothing(tmp_path: Path) -> None:
+    plate(tmp_path / "plate.step")
+    (tmp_path / "study.yaml").write_text(STUDY.replace("bore: clamped", "bore: free"))
+    command = [sys.executable, "-m", "tcstudy", "run", "study.yaml"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr.startswith("study.yaml:10:3: boundary: no edge is clamped")
+    assert done.stderr.count("\n") == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["plate.step", "study.yaml"]
