@@ -28,6 +28,29 @@ def test_the_shipped_study(tmp_path: Path) -> None:
         assert float(data["expected_xi_max"]) == 0.5
 
 
+def test_the_study_with_derived_loads(tmp_path: Path) -> None:
+    """Its plan says what was derived, its report has the exact numbers."""
+    config = CONFIGS / "manufactured.yaml"
+    planned = tcstudy_command("plan", config, cwd=tmp_path)
+    assert planned.returncode == 0, planned.stderr
+    said = "derived from the exact solution: f, u_x and u_y on top, g on left, g on right, q, theta_bar on left, right"
+    assert said in planned.stdout
+    result = tcstudy_command("converge", config, "--set", "mesh.levels=4", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.count("  exact ") == 2
+    with xarray.open_dataset(tmp_path / "results" / "manufactured.convergence.nc") as data:
+        assert data["rate_theta_H1"].values[:, -1] == pytest.approx([1.0, 1.0], abs=0.03)
+        assert data["rate_u_L2"].values[:, -1] == pytest.approx([2.0, 2.0], abs=0.12)
+        assert data["exact_slip_length"].values == pytest.approx([1.0, 1.0])
+
+
+def test_a_load_that_would_be_derived_is_refused(tmp_path: Path) -> None:
+    result = tcstudy_command("plan", CONFIGS / "manufactured.yaml", "--set", "heat.q=1", cwd=tmp_path)
+    assert result.returncode == 2
+    assert result.stderr.count("\n") == 1
+    assert "--set heat.q=1: heat.q: is given, but exact.loads: derived" in result.stderr
+
+
 def test_nested_levels_and_formats(folder: Path) -> None:
     for form, sign in (("text", "tau = 0.005\n──"), ("markdown", "## tau = 0.005"), ("latex", "\\begin{tabular}")):
         result = tcstudy_command("converge", "block.yaml", "--format", form, "--output", "a.nc", cwd=folder)

@@ -32,7 +32,10 @@ _FUNCTIONS |= {
 def coefficient(scalar: Scalar) -> Any:
     """A number or an expression in x and y as an NGSolve CoefficientFunction."""
     if isinstance(scalar, Expression):
-        return ngs.CF(scalar.fold({"x": ngs.x, "y": ngs.y}, _FUNCTIONS))
+        made = ngs.CF(scalar.fold({"x": ngs.x, "y": ngs.y}, _FUNCTIONS))
+        # NGSolve drops products with its own zero, test function and all, and cannot assemble what is left
+        # and it evaluates shared parts of a tree as often as they are named, unless the tree is compiled to a list
+        return ngs.CF(ngs.Parameter(0.0)) if str(made) == "ZeroCoefficientFunction" else made.Compile()
     return ngs.CF(float(scalar))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -61,9 +62,11 @@ def parts(data: Any) -> Iterator[Part]:
     for index in np.ndindex(*(data.sizes[d] for d in dims)):
         where = dict(zip(dims, index, strict=True))
         at = data.isel(where)
+        place = "".join(f"-{i}" for i in index)
         if dims:
             yield Heading(describe(data, where))
-        yield from _point(at, data.attrs["reference"])
+        for part in _point(at, data.attrs["reference"]):
+            yield replace(part, label=part.label + place) if isinstance(part, Table) else part
     yield LEGEND
     for note in filter(None, str(data.attrs["notes"]).split("\n")):
         yield f"Note: {note}"

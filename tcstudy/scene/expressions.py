@@ -14,17 +14,19 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, reduce
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tcstudy.scene import expression_tree as tree
+from tcstudy.scene.expression_tree import Binary, Call, Negative, Node, Number, Order, Variable
+
 T = TypeVar("T")
 
 MAX_LENGTH = 2000
 MAX_DEPTH = 120
-MAX_INTEGER_POWER = 64
 
 VARIABLES = ("x", "y")
 CONSTANTS = {"pi": math.pi, "e": math.e}
@@ -84,58 +86,36 @@ class ExpressionError(ValueError):
 
 
 @dataclass(frozen=True)
-class _Number:
-    value: float
-
-
-@dataclass(frozen=True)
-class _Variable:
-    name: str
-
-
-@dataclass(frozen=True)
-class _Negative:
-    operand: _Node
-
-
-@dataclass(frozen=True)
-class _Binary:
-    operator: str
-    left: _Node
-    right: _Node
-
-
-@dataclass(frozen=True)
-class _Call:
-    function: str
-    arguments: tuple[_Node, ...]
-
-
-_Node = _Number | _Variable | _Negative | _Binary | _Call
-
-
-@dataclass(frozen=True)
 class Expression:
-    """A function of x and y; equal and hashed by its text. Made by `parse`."""
+    """A function of x and y; equal and hashed by its text. Made by `parse`, or by `of_tree` from a tree."""
 
     text: str
-    root: _Node = field(compare=False, repr=False)
+    root: Node = field(compare=False, repr=False)
 
     def __str__(self) -> str:
         return self.text
 
-    def __reduce__(self) -> tuple[Callable[[str], Expression], tuple[str]]:
-        return parse, (self.text,)
+    def __reduce__(self) -> tuple[Callable[..., Expression], tuple[str, Any]]:
+        return _unpacked, (self.text, tree.pack(self.order))
+
+    @cached_property
+    def order(self) -> Order:
+        """The nodes, each once, every node after its children."""
+        return tree.ordered((self.root,))
+
+    @cached_property
+    def _below(self) -> dict[Node, frozenset[str]]:
+        return tree.variables(self.order)
 
     @cached_property
     def variables(self) -> frozenset[str]:
         """The variables that occur: a subset of {"x", "y"}."""
-        return _variables(self.root)
+        return self._below[self.root]
 
     @cached_property
     def constant(self) -> float | None:
         """The value if no variable occurs (possibly not finite), else None."""
-        return None if self.variables else _constant(self.root)
+        return None if self.variables else tree.constant(self.order, FUNCTIONS)
 
     def evaluate(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
         """Values at the points (x, y), broadcast against each other; not finite where the expression is not."""
@@ -149,10 +129,19 @@ class Expression:
 
         Parts without a variable arrive as floats, so functions are called only with at least one T.
         min and max are called with two arguments, the first a T. A power with a constant whole exponent of at most
-        MAX_INTEGER_POWER in size gets an int as exponent.
+        tree.MAX_INTEGER_POWER in size gets an int as exponent.
         """
-        folded: T | float = _fold(self.root, variables, functions)
+        folded: T | float = tree.fold(self.order, self._below, variables, functions, FUNCTIONS)
         return folded
+
+
+def of_tree(root: Node) -> Expression:
+    """The expression of a tree, with a text that `parse` reads back unless it is longer than MAX_LENGTH."""
+    return Expression(tree.to_text(tree.ordered((root,)), MAX_LENGTH), root)
+
+
+def _unpacked(text: str, packed: Any) -> Expression:
+    return Expression(text, tree.unpack(packed))
 
 
 def parse(text: str) -> Expression:
@@ -244,89 +233,36 @@ def _too_deep(at: int) -> ExpressionError:
     return ExpressionError(f"the expression is nested too deeply (limit {MAX_DEPTH} levels); split or shorten it", at)
 
 
-def _convert(node: ast.expr, offset: Callable[[int], int], depth: int) -> _Node:
+def _convert(node: ast.expr, offset: Callable[[int], int], depth: int) -> Node:
     """Our own tree for a whitelisted syntax tree; anything outside the grammar is an ExpressionError."""
     at = offset(node.col_offset)
     if depth > MAX_DEPTH:
         raise _too_deep(at)
     if isinstance(node, ast.Constant) and type(node.value) is float:
-        return _Number(node.value)
+        return Number(node.value)
     if isinstance(node, ast.Name):
         if node.id in FUNCTIONS:
             raise ExpressionError(f"{node.id} is a function: write {node.id}(...)", at)
-        return _Number(CONSTANTS[node.id]) if node.id in CONSTANTS else _Variable(node.id)
+        return Number(CONSTANTS[node.id]) if node.id in CONSTANTS else Variable(node.id)
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
         operand = _convert(node.operand, offset, depth + 1)
-        return _Negative(operand) if isinstance(node.op, ast.USub) else operand
+        return Negative(operand) if isinstance(node.op, ast.USub) else operand
     if isinstance(node, ast.BinOp) and type(node.op) in BINARY:
         left, right = (_convert(side, offset, depth + 1) for side in (node.left, node.right))
-        return _Binary(BINARY[type(node.op)], left, right)
+        return Binary(BINARY[type(node.op)], left, right)
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
         return _call(node.func.id, [_convert(argument, offset, depth + 1) for argument in node.args], at)
     raise ExpressionError(f"this is not an expression in x and y; {ALLOWED}", at)
 
 
-def _call(name: str, arguments: list[_Node], at: int) -> _Node:
+def _call(name: str, arguments: list[Node], at: int) -> Node:
     """A function call with the right number of arguments."""
     if name in ("min", "max"):
         if len(arguments) < 2:
             raise ExpressionError(f"{name} takes two or more arguments, not {len(arguments)}", at)
-        return _Call(name, tuple(arguments))
+        return Call(name, tuple(arguments))
     count = 2 if name == "atan2" else 1
     if len(arguments) != count:
         words = "two arguments, atan2(y, x)" if count == 2 else "one argument"
         raise ExpressionError(f"{name} takes {words}, not {len(arguments)}", at)
-    return _Call(name, tuple(arguments))
-
-
-def _children(node: _Node) -> tuple[_Node, ...]:
-    if isinstance(node, _Negative):
-        return (node.operand,)
-    if isinstance(node, _Binary):
-        return (node.left, node.right)
-    return node.arguments if isinstance(node, _Call) else ()
-
-
-def _variables(node: _Node) -> frozenset[str]:
-    if isinstance(node, _Variable):
-        return frozenset((node.name,))
-    return frozenset[str]().union(*(_variables(child) for child in _children(node)))
-
-
-def _constant(node: _Node) -> float:
-    """Value of a part without variables, in floats: no power of integers that would never end."""
-    with np.errstate(all="ignore"):
-        return float(_apply(node, [np.float64(_constant(child)) for child in _children(node)], FUNCTIONS))
-
-
-def _fold(node: _Node, variables: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
-    if isinstance(node, _Variable):
-        return variables[node.name]
-    if not _variables(node):
-        return _constant(node)
-    return _apply(node, [_fold(child, variables, functions) for child in _children(node)], functions)
-
-
-def _apply(node: _Node, values: list[Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
-    """One node applied to the values of its children."""
-    if isinstance(node, _Number):
-        return np.float64(node.value)
-    if isinstance(node, _Negative):
-        return -values[0]
-    if isinstance(node, _Call):
-        if node.function in ("min", "max"):
-            return reduce(functions[node.function], sorted(values, key=lambda value: type(value) is float))
-        return functions[node.function](*values)
-    assert isinstance(node, _Binary)
-    left, right = values
-    match node.operator:
-        case "+":
-            return left + right
-        case "-":
-            return left - right
-        case "*":
-            return left * right
-        case "/":
-            return left / right
-    whole = type(right) is float and right.is_integer() and abs(right) <= MAX_INTEGER_POWER
-    return left ** (int(right) if whole else right)
+    return Call(name, tuple(arguments))

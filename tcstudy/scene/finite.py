@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.body_faults import loop_polygon
 from tcstudy.scene.expressions import Expression
+from tcstudy.scene.loop_faults import loop_polygon
 from tcstudy.scene.node import Node, deepest
 from tcstudy.scene.records import Body, Edge
 from tcstudy.scene.shapes import edge_points, loop_size

@@ -13,6 +13,7 @@ from tcstudy.scene.document import apply_overrides, compose, load_text
 from tcstudy.scene.fields import Fields
 from tcstudy.scene.node import Collector, Mark, Node, deepest, holds, put, split_path
 from tcstudy.scene.parameters import SHORT, sweepable
+from tcstudy.scene.read_derived import derived_scenes, without_loads
 from tcstudy.scene.read_exact import read_exact
 from tcstudy.scene.read_mesh import read_mesh
 from tcstudy.scene.read_path import read_path
@@ -60,12 +61,14 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...])
         raise StudyError(ctx.errors.problems)
     header = _read_header(ctx, root, source.stem if source else file)
     sweep = _read_sweep(ctx, root, overrides)
-    base = _with_swept_keys(root, sweep)
+    base = _with_swept_keys(without_loads(ctx, root, sweep), sweep)
     _check_keys(ctx, base, sweep)
     reader = SceneReader(ctx, base, sweep)
     scenes = reader.read()
     ctx.errors.point = ""
     plans = _read_run(ctx, base, sweep, reader, scenes)
+    if plans.exact and plans.exact.derived and reader.body and not ctx.errors.problems:
+        scenes = derived_scenes(ctx, base, sweep, plans.exact, reader.body, scenes)
     if ctx.errors.problems:
         raise StudyError(ctx.errors.problems)
     assert plans.mesh

@@ -227,12 +227,14 @@ class Exact:
     u:        displacement [m];  theta: temperature, None if it is not compared [K]
     xi:       tangential traction −S_T on Γ_C [Pa], None to derive it from u
     exponent: u ~ r^exponent where it is least smooth, None where it is smooth
+    derived:  whether loads, prescribed displacements and temperatures of the scenes were derived from it
     """
 
     u: tuple[Scalar, Scalar]
     theta: Scalar | None = None
     xi: Scalar | None = None
     exponent: float | None = None
+    derived: bool = False
 
 
 Start = Literal["zero", "lowest"]

@@ -27,11 +27,11 @@ from tcstudy.data.convergence import (
     PointConvergence,
     write_convergence,
 )
+from tcstudy.data.files import StoreError, check_writable
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import StoreError, check_writable
 from tcstudy.scene.records import Point, Scene, Study
-from tcstudy.study.exact_energy import exact_energy, exact_friction_resultant
+from tcstudy.study.exact_energy import exact_energy, exact_friction_resultant, exact_slip_length
 from tcstudy.study.locking import locking_note
 from tcstudy.study.reference import ExactReference, NestedReference, Reference
 from tcstudy.study.solved_levels import Say, Solution, SolvedLevel, solve_levels
@@ -146,6 +146,7 @@ def _point(
         exact = {
             "friction_resultant": exact_friction_resultant(scene, reference.xi(scene)),
             "energy": exact_energy(study.exact, scene, levels[-1].mesh),
+            "slip_length": exact_slip_length(study.exact, scene),
         }
     return PointConvergence(
         index,

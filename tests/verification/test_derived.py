@@ -1,0 +1,114 @@
+"""Derived loads: those of known solutions to rounding, and rates of new ones, heated, curved, turned, softening."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from tcstudy.data.convergence import Convergence
+from tcstudy.fem.geometry import build
+from tcstudy.fem.meshes import mesh_family
+from tcstudy.scene.reader import read_study_text
+from tcstudy.scene.records import Study
+from tcstudy.study.convergence import converge
+from tcstudy.study.level import Level
+from tests.verification import closed_forms, derived
+from tests.verification.test_convergence import smooth_study
+
+
+def with_derived_loads(study: Study) -> Study:
+    """The same study, its loads and prescribed displacements left out."""
+    text = re.sub(r'\{role: clamped, u: \[".*?"\]\}', "clamped", study.text)
+    text = re.sub(r"\{role: convection, g: .*\}", "convection", text)
+    text = re.sub(r"loads: \{f:.*\n", "", text)
+    text = re.sub(r', theta_bar: ".*?"', "", text)
+    text = text.replace("exact: {", "exact: {loads: derived, ")
+    assert " u: " in text
+    assert "role" not in text
+    return read_study_text(text)
+
+
+HAND = {
+    "smooth": smooth_study(2),
+    "stick-slip": closed_forms.stick_slip(2),
+    "stick-slip turned": closed_forms.stick_slip(2, 45.0),
+    "ring": closed_forms.ring(2),
+    "incompressible": closed_forms.incompressible(2, (0.3, 0.49)),
+}
+
+
+@pytest.mark.parametrize("name", HAND)
+def test_the_loads_given_by_hand_come_out(name: str) -> None:
+    """As what the contact problem is made of: condensed load l̃, and l_θ and the prescribed displacements."""
+    hand, own = HAND[name], with_derived_loads(HAND[name])
+    assert len(hand.scenes) == len(own.scenes)
+    for given, found in zip(hand.scenes, own.scenes, strict=True):
+        assert dict(given.boundary).keys() == dict(found.boundary).keys()
+        mesh = list(mesh_family(build(given.body), hand.mesh))[-1]
+        one, other = Level(mesh, given), Level(mesh, found)
+        a, b = one.condensed(given), other.condensed(found)
+        size = np.max(np.abs(a.problem.l_tilde))
+        np.testing.assert_allclose(b.problem.l_tilde, a.problem.l_tilde, rtol=0, atol=1e-12 * size)
+        assert b.constant == pytest.approx(a.constant, rel=1e-12)
+        load = one.load(given)
+        np.testing.assert_allclose(other.load(found), load, rtol=0, atol=1e-12 * max(1.0, np.max(np.abs(load))))
+        np.testing.assert_allclose(other.frames.values, one.frames.values, rtol=0, atol=1e-13)
+
+
+@pytest.fixture(scope="module")
+def ring() -> Convergence:
+    return converge(derived.ring(5))
+
+
+@pytest.fixture(scope="module")
+def block() -> Convergence:
+    return converge(derived.block(5))
+
+
+@pytest.mark.parametrize(
+    ("norm", "order", "bound"),
+    [
+        *(("theta_L2", 2, 8.5e-5), ("theta_H1", 1, 2.3e-2), ("u_energy", 1, 1.8e-2), ("u_H1", 1, 1.9e-2)),
+        *(("u_L2", 2, 2.7e-4), ("u_T_L2", 1.5, 1.3e-3), ("u_T_max", 1, 6e-3), ("xi_nodes", 1.5, 4e-4)),
+    ],
+)
+def test_ring(ring: Convergence, norm: str, order: float, bound: float) -> None:
+    """On a curved contact line, with a weakening film: b falls by w = 0.6 < λ₁."""
+    series = ring.points[0].errors[norm]
+    assert series.expected == order
+    assert series.rate[-1] == pytest.approx(order, abs=0.1)
+    assert series.error[-1] < bound
+
+
+@pytest.mark.parametrize(
+    ("norm", "order", "bound"),
+    [
+        *(("theta_L2", 2, 3.2e-5), ("theta_H1", 1, 1e-2), ("u_energy", 1, 1.1e-2), ("u_H1", 1, 7.5e-3)),
+        *(("u_L2", 2, 7e-5), ("u_T_L2", 2, 2.5e-4), ("xi_L2", 1, 1.8e-3), ("xi_nodes", 2, 6e-5)),
+    ],
+)
+def test_block(block: Convergence, norm: str, order: float, bound: float) -> None:
+    series = block.points[0].errors[norm]
+    assert series.expected == order
+    assert series.verdict == "as_expected"
+    assert series.rate[-1] == pytest.approx(order, abs=0.05)
+    assert series.error[-1] < bound
+
+
+def test_turning_the_block_changes_nothing(block: Convergence) -> None:
+    """Up to where the mesher puts the nodes of the turned body, 1e-9 of its size elsewhere."""
+    turned = converge(derived.block(3, 37.0)).points[0].errors
+    for name, series in block.points[0].errors.items():
+        np.testing.assert_allclose(turned[name].error * turned[name].size, series.error[:3] * series.size, rtol=2e-7)
+
+
+def test_numbers_tend_to_the_exact_ones(ring: Convergence, block: Convergence) -> None:
+    for found in (ring, block):
+        for name in ("energy", "friction_resultant", "slip_length"):
+            series = found.points[0].numbers[name]
+            assert np.isfinite(series.exact)
+            assert abs(series.limit - series.exact) <= max(series.uncertainty, 1e-12)
+            assert series.uncertainty < 3e-4 * abs(series.exact)
+        assert found.notes == ()
