@@ -97,7 +97,7 @@ def _figure(data: Any, at: Any, point: str, groups: list[tuple[str, str, list[st
         bottom = height - HEAD - (row + 1) * PANEL - row * GAP
         axes = style.inches(figure, LEFT + column * (width + GAP), bottom, width, PANEL)
         _panel(axes, at, h / divisor, names)
-        axes.set_title(f"{_math(symbol)}: {words.replace('Γ_C', _math('Γ_C'))}", loc="left")
+        axes.set_title(f"{math_symbol(symbol)}: {words.replace('Γ_C', math_symbol('Γ_C'))}", loc="left")
         if i + 2 >= len(groups):
             axes.set_xlabel(style.labelled("longest element edge h", unit))
     return figure
@@ -127,7 +127,7 @@ def _panel(axes: Axes, at: Any, h: Array, names: list[str]) -> None:
 
 def _label(at: Any, name: str) -> str:
     slope, error = float(at[f"slope_{name}"]), float(at[f"slope_error_{name}"])
-    text = _math(_SYMBOLS[name])
+    text = math_symbol(_SYMBOLS[name])
     if np.isfinite(slope):
         text += f": {slope:.2f}" + (f" ± {error:.1g}" if np.isfinite(error) else "")
     return text
@@ -168,7 +168,7 @@ def _finest(at: Any, name: str, ok: NDArray[np.bool_]) -> float:
     return float(error[np.flatnonzero(ok & (error > 0))[-1]]) if (ok & (error > 0)).any() else 0.0
 
 
-def _math(symbol: str) -> str:
+def math_symbol(symbol: str) -> str:
     """A symbol of the tables for matplotlib."""
     for plain, tex in (("u_T", "$u_T$"), ("Γ_C", r"$\Gamma_C$"), ("θ", r"$\theta$"), ("ξ", r"$\xi$")):
         symbol = symbol.replace(plain, tex)

@@ -12,7 +12,6 @@ from tcstudy.accuracy.line_norms import Line
 from tcstudy.accuracy.norms import Triangles
 from tcstudy.data.records import PointRecord, PointStatus
 from tcstudy.fem.boundary import curve_normals
-from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.scene.records import Contact, Scene, Study
 from tcstudy.study.family import Family
 from tcstudy.study.level import Level
@@ -54,7 +53,7 @@ class Solution:
 class SolvedLevel:
     """One level: its mesh, its contact line, and a solution by sweep index.
 
-    edges: (m,) name of the contact edge of every contact node
+    edges: (m,) name of the contact edge of every contact node;  segment_edges: the same of every contact segment
     """
 
     h_max: float
@@ -62,6 +61,7 @@ class SolvedLevel:
     mesh: Triangles
     line: Line
     edges: tuple[str, ...]
+    segment_edges: tuple[str, ...]
     solutions: dict[tuple[int, ...], Solution]
 
 
@@ -78,15 +78,11 @@ def solve_levels(study: Study, say: Say) -> list[SolvedLevel]:
         mesh = family.next(i)
         level = Level(mesh, study.scenes[0], study.scenes)
         say(f"level {i}: h = {mesh.h_max:.3g}, {level.frames.n_dof} dofs, {level.line.m} contact unknowns")
-        names = study.scenes[0].edges(Contact)
-        line = _line(mesh, level, names)
-        edges = tuple(level.line.edge_names[e] for e in level.line.edge)
-        levels.append(
-            SolvedLevel(mesh.h_max, level.frames.n_dof, Triangles(mesh.points, mesh.triangles), line, edges, {})
-        )
+        levels.append(empty_level(study, level))
         for index, scene in order:
-            solution = _solve(study, level, index, scene, _step_back(levels[-1].solutions, index))
-            levels[-1].solutions[index] = solution
+            neighbour = _step_back(levels[-1].solutions, index)
+            record = solve_point(study, level, index, scene, neighbour)
+            levels[-1].solutions[index] = solution = solution_of(study, level, scene, record)
             if not solution.ok:
                 say(f"point {index} on level {i}: {solution.status.name.lower()}: {solution.reason}")
     return levels
@@ -99,8 +95,22 @@ def _order(study: Study) -> list[tuple[tuple[int, ...], Scene]]:
     return sorted(points, key=lambda p: first.setdefault((p[1].material.lam, p[1].material.mu), len(first)))
 
 
-def _solve(study: Study, level: Level, index: tuple[int, ...], scene: Scene, neighbour: Array | None) -> Solution:
-    record = solve_point(study, level, index, scene, neighbour)
+def empty_level(study: Study, level: Level) -> SolvedLevel:
+    """A level without solutions yet."""
+    mesh, curve = level.mesh, _segment_curves(level)
+    return SolvedLevel(
+        h_max=mesh.h_max,
+        n_dof=level.frames.n_dof,
+        mesh=Triangles(mesh.points, mesh.triangles),
+        line=_line(level, curve, study.scenes[0].edges(Contact)),
+        edges=tuple(level.line.edge_names[e] for e in level.line.edge),
+        segment_edges=tuple(mesh.geometry.curves[i].name for i in curve),
+        solutions={},
+    )
+
+
+def solution_of(study: Study, level: Level, scene: Scene, record: PointRecord) -> Solution:
+    """What a run recorded of a point (with its fields), for comparison."""
     u = np.array([record.fields["u_x"], record.fields["u_y"]]) if record.fields else None
     numbers = {name: value for name, value in record.numbers.items() if not isinstance(value, tuple)}
     sticks = sticking(scene.friction, record.u_T)
@@ -125,13 +135,18 @@ def _step_back(solutions: dict[tuple[int, ...], Solution], index: tuple[int, ...
     return None
 
 
-def _line(mesh: PlaneMesh, level: Level, names: tuple[str, ...]) -> Line:
-    """The contact line with the exact curve's normals at both ends of every segment."""
-    segments = level.line.segments
+def _segment_curves(level: Level) -> NDArray[np.intp]:
+    """(s,) index of the curve that every contact segment lies on."""
+    mesh, segments = level.mesh, level.line.segments
     key = mesh.segments[:, 0] * mesh.n_points + mesh.segments[:, 1]
     order = np.argsort(key)
     wanted = segments[:, 0] * mesh.n_points + segments[:, 1]
-    curve = mesh.segment_curve[order[np.searchsorted(key[order], wanted)]]
+    return mesh.segment_curve[order[np.searchsorted(key[order], wanted)]]
+
+
+def _line(level: Level, curve: NDArray[np.intp], names: tuple[str, ...]) -> Line:
+    """The contact line with the exact curve's normals at both ends of every segment."""
+    mesh, segments = level.mesh, level.line.segments
     normals = np.empty((len(segments), 2, 2))
     for i, one in enumerate(mesh.geometry.curves):
         if one.name in names:

@@ -1,0 +1,237 @@
+"""What the commands do: read a study or a file, call what works, print what it says, and return the exit code.
+
+Everything heavy is imported when a command needs it, so that help and errors come at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import NoReturn
+
+OK, SOME_FAILED, BAD_INPUT = 0, 1, 2
+
+
+def run(options: argparse.Namespace) -> int:
+    study, output = _checked(options)
+    from tcstudy.fem.geometry import GeometryFailed
+    from tcstudy.report.progress import progress
+    from tcstudy.report.summary import summary
+    from tcstudy.study.execute import StoreError, execute
+
+    watcher = progress()
+    try:
+        result = execute(study, output, watcher, options.words)
+    except (StoreError, GeometryFailed) as error:
+        watcher.close()
+        fail(f"{options.study}: {error}")
+    finally:
+        watcher.close()
+    print(summary(result.output))
+    print(f"\n  {result.points - result.failed} of {result.points} points solved; data in {result.output}")
+    print(f"  what accuracy costs here: tcstudy cost {options.study} --plot cost.png")
+    return SOME_FAILED if result.failed else OK
+
+
+def plan(options: argparse.Namespace) -> int:
+    study, output = _checked(options)
+    from tcstudy.report.forecast import forecast_text
+    from tcstudy.study.plan import plan as forecast_of
+
+    forecast = forecast_of(study)
+    axes = [(axis.name, axis.labels, axis.units) for axis in study.axes]
+    print(
+        forecast_text(
+            study.title,
+            axes,
+            forecast.points,
+            forecast.factorisations,
+            forecast.heat_solves,
+            forecast.levels,
+            study.mesh.levels,
+            forecast.left_out,
+            forecast.notes,
+            str(output),
+            forecast.bytes,
+            study.mesh.family == "adaptive" or study.mesh.tolerance is not None,
+        )
+    )
+    return OK
+
+
+def path(options: argparse.Namespace) -> int:
+    from tcstudy.study.plan import path_output
+
+    study, output = _checked(options, path_output)
+    if study.path is None:
+        remedy = "add path: {parameter: theta_bar, from: 0 K, to: 40 K}"
+        fail(f"{options.study}: path: the study has no section path; {remedy}")
+    from tcstudy.data.files import StoreError
+    from tcstudy.fem.geometry import GeometryFailed
+    from tcstudy.report.path_figure import draw_path
+    from tcstudy.report.path_progress import PathProgress
+    from tcstudy.report.path_summary import path_summary
+    from tcstudy.report.style import DrawError, check_target
+    from tcstudy.study.path_affine import PathError
+    from tcstudy.study.path_execute import execute_path
+
+    progress = PathProgress()
+    try:
+        if options.plot is not None:
+            check_target(options.plot)
+        problems = execute_path(study, output, progress, options.words)
+        progress.close()
+        print(path_summary(output))
+        if options.plot is not None:
+            print(f"\n  {draw_path(output, options.plot, options.response)}")
+    except (PathError, StoreError, GeometryFailed, DrawError) as error:
+        progress.close()
+        fail(f"{options.study}: {error}")
+    print("".join(f"\n  {problem}" for problem in problems) + f"\n  data in {output}")
+    return SOME_FAILED if problems else OK
+
+
+def show(options: argparse.Namespace) -> int:
+    from tcstudy.data.files import StoreError
+    from tcstudy.data.kinds import kind_of
+    from tcstudy.report.convergence import convergence_report
+    from tcstudy.report.cost import cost_report
+    from tcstudy.report.path_summary import path_summary
+    from tcstudy.report.summary import summary
+
+    reports = {"run": summary, "path": path_summary, "convergence": convergence_report, "cost": cost_report}
+    try:
+        print(reports[kind_of(options.file)](options.file).rstrip("\n"))
+    except StoreError as error:
+        fail(str(error))
+    return OK
+
+
+def converge(options: argparse.Namespace) -> int:
+    from tcstudy.report.style import DrawError, check_target
+
+    point = _point_of(options)
+    if options.plot is not None:
+        try:
+            check_target(options.plot)
+        except DrawError as error:
+            fail(str(error))
+    study, output = _checked(options)
+    from tcstudy.data.convergence import default_path
+    from tcstudy.data.files import StoreError
+    from tcstudy.fem.geometry import GeometryFailed
+    from tcstudy.report.convergence import convergence_report
+    from tcstudy.report.convergence_plot import plot_convergence
+    from tcstudy.study.convergence import ConvergenceError, converge_to_file
+
+    path = options.output or default_path(output)
+    try:
+        failed = converge_to_file(study, path, lambda text: print(text, file=sys.stderr, flush=True), options.words)
+        print(convergence_report(path, options.format), end="")
+        if options.plot is not None:
+            print(plot_convergence(path, options.plot, point), file=sys.stderr)
+    except (StoreError, GeometryFailed, ConvergenceError, DrawError) as error:
+        fail(f"{options.study}: {error}")
+    print(f"data in {path}", file=sys.stderr)
+    return SOME_FAILED if failed else OK
+
+
+def cost(options: argparse.Namespace) -> int:
+    from tcstudy.data.cost import MEASURES
+    from tcstudy.report.style import DrawError, check_target
+
+    names = [measure.name for measure in MEASURES]
+    if options.error is not None and options.error not in names:
+        fail(f"--error: there is no error {options.error!r}; choose one of {', '.join(names)}")
+    if options.runs < 1:
+        fail(f"--runs: {options.runs} runs measure nothing; give 1 or more")
+    point = _point_of(options)
+    study, output = _checked(options)
+    from tcstudy.data.cost import default_path
+    from tcstudy.data.files import StoreError
+    from tcstudy.data.sweep import sweep_points
+    from tcstudy.fem.geometry import GeometryFailed
+    from tcstudy.report.cost import cost_report
+    from tcstudy.report.cost_plot import plot_cost
+    from tcstudy.report.cost_progress import CostProgress
+    from tcstudy.report.select_point import describe, locate
+    from tcstudy.study.cost import CostError, cost_to_file
+
+    path, progress = options.output or default_path(output), CostProgress()
+    try:
+        if options.plot is not None:
+            check_target(options.plot)
+        points = sweep_points(study)
+        where = locate(points, point)
+        words = describe(points, where)
+        failed = cost_to_file(study, tuple(where.values()), words, options.runs, path, progress, options.words)
+        progress.close()
+        print(cost_report(path, options.format, options.error), end="")
+        if options.plot is not None:
+            print(plot_cost(path, options.plot, options.error), file=sys.stderr)
+    except (StoreError, GeometryFailed, CostError, DrawError) as error:
+        progress.close()
+        fail(f"{options.study}: {error}")
+    finally:
+        progress.close()
+    print(f"data in {path}", file=sys.stderr)
+    return SOME_FAILED if failed else OK
+
+
+def draw(options: argparse.Namespace) -> int:
+    from tcstudy.data.files import StoreError
+    from tcstudy.data.kinds import kind_of
+    from tcstudy.report.convergence_plot import plot_convergence
+    from tcstudy.report.cost_plot import plot_cost
+    from tcstudy.report.draw import DrawError
+    from tcstudy.report.draw import draw as draw_point
+    from tcstudy.report.path_figure import draw_path
+
+    point = _point_of(options)
+    try:
+        kind = kind_of(options.file)
+        if kind in ("path", "cost"):
+            if point:
+                fail(f"--at: the file of tcstudy {kind} has one scene and no sweep points; leave it out")
+            if kind == "path":
+                print(draw_path(options.file, options.picture, options.response))
+            else:
+                print(plot_cost(options.file, options.picture, options.error))
+        elif kind == "convergence":
+            print(plot_convergence(options.file, options.picture, point))
+        else:
+            print(draw_point(options.file, options.picture, point, options.level))
+    except (StoreError, DrawError) as error:
+        fail(str(error))
+    return OK
+
+
+def _point_of(options: argparse.Namespace) -> dict[str, str]:
+    """The sweep point that --at names; exits with 2 if it cannot be read."""
+    words = [text.partition("=") for text in options.at]
+    if not all(mark for _, mark, _ in words):
+        fail("--at: write NAME=VALUE, for example --at alpha=100")
+    return {name: value for name, _, value in words}
+
+
+def _checked(options: argparse.Namespace, default=None):  # type: ignore[no-untyped-def]  # Study, imported lazily
+    """The study and its output (`default` of the study if none is given), both found usable; else exits with 2."""
+    from tcstudy.errors import StudyError
+    from tcstudy.scene.reader import read_study
+    from tcstudy.study.plan import output_of
+    from tcstudy.study.preflight import faults
+
+    try:
+        study = read_study(options.study, options.overrides)
+    except StudyError as error:
+        fail(str(error))
+    output = options.output or (default or output_of)(study)
+    problems = faults(study, output)
+    if problems:
+        fail("\n".join(problems))
+    return study, output
+
+
+def fail(text: str) -> NoReturn:
+    print(text, file=sys.stderr)
+    raise SystemExit(BAD_INPUT)

@@ -1,0 +1,160 @@
+"""The meshes that a chart of accuracy against cost compares, solved level by level and timed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+from tcstudy.data.records import PointRecord
+from tcstudy.fem.geometry import GeometryFailed
+from tcstudy.scene.records import FamilyName, MeshPlan, Scene, Study
+from tcstudy.study.cost_runs import Progress, Stages, Step, walk
+from tcstudy.study.solved_levels import SolvedLevel, empty_level, solution_of
+
+FAMILIES: tuple[FamilyName, ...] = ("uniform", "graded", "adaptive")
+OWN = "study"
+"""Name of the study's own meshes where they belong to none of the families."""
+
+BEYOND = 4.2
+"""How far beyond the study's own unknowns the curves go: one uniform refinement."""
+MOST = 40_000
+"""Unknowns up to which curves are drawn where the study's own mesh does not ask for more."""
+LEVELS = 60
+PATIENCE, WORTH = 3.0, 4.0
+"""A solver is not followed to finer meshes once it takes this many seconds and this many times all other work."""
+
+
+@dataclass
+class Curve:
+    """The measured levels of one family: sizes, records and solutions of the first run, stages of every run.
+
+    own: level of the study's own settings, None if the family is not the study's
+    """
+
+    family: str
+    plan: MeshPlan
+    own: int | None = None
+    steps: list[tuple[float, int, int]] = field(default_factory=list)
+    records: list[dict[str, PointRecord]] = field(default_factory=list)
+    solved: list[dict[str, SolvedLevel]] = field(default_factory=list)
+    stages: list[list[dict[str, Stages]]] = field(default_factory=list)
+
+    @property
+    def finest(self) -> int:
+        """Unknowns of the finest mesh."""
+        return self.steps[-1][1]
+
+
+def first_run(study: Study, scene: Scene, progress: Progress) -> tuple[list[Curve], list[str]]:
+    """Solve everything once; the study's own meshes come first, since they say how far the others go."""
+    notes: list[str] = []
+    listed = on_a_curve(study.mesh)
+    name = study.mesh.family if listed else OWN
+    own = Curve(name, family_plan(study.mesh, study.mesh.family) if listed else study.mesh)
+    for step in _steps(study, scene, own, progress, notes):
+        full = study.mesh.family == "adaptive" and step.n_dof > study.mesh.max_dofs
+        if own.own is None and (len(own.steps) == study.mesh.levels or full):
+            own.own = len(own.steps) - 1
+        if own.own is not None and _next(own) > _limit(own.steps[own.own][1]):
+            break
+    if own.own is None:
+        own.own = len(own.steps) - 1
+    limit = _limit(own.steps[own.own][1])
+    curves = [own]
+    for family in FAMILIES:
+        if family != own.family:
+            curves.append(Curve(family, family_plan(study.mesh, family)))
+            for _ in _steps(study, scene, curves[-1], progress, notes):
+                if _next(curves[-1]) > limit:
+                    break
+    curves = sorted(curves, key=lambda c: (*FAMILIES, OWN).index(c.family))
+    return _without_twins(curves, notes), notes
+
+
+def _without_twins(curves: list[Curve], notes: list[str]) -> list[Curve]:
+    """The curves without graded ones that are uniform (nothing is singular) or the other way round, if that is own."""
+    uniform, graded = curves[0], curves[1]
+    if any(a != b for a, b in zip(uniform.steps, graded.steps, strict=False)):
+        return curves
+    twin = uniform if graded.own is not None else graded
+    notes.append("Graded and uniform meshes are the same here, as nothing is singular; they are shown once.")
+    return [curve for curve in curves if curve is not twin]
+
+
+def _limit(own: int) -> float:
+    """Unknowns up to which curves go, if the study's own mesh has so many."""
+    return max(float(own), min(BEYOND * own, MOST))
+
+
+def on_a_curve(plan: MeshPlan) -> bool:
+    """Whether the study's own meshes are those of a family, so that their finest is a point of its curve."""
+    return plan.tolerance is None and len(plan.maxh) == 1 and not plan.estimate
+
+
+def family_plan(plan: MeshPlan, family: FamilyName) -> MeshPlan:
+    """A family from the study's coarsest mesh, with its own grading, marking and goal."""
+    own = replace(plan, maxh=plan.maxh[:1], levels=LEVELS, family=family)
+    return replace(own, tolerance=None, max_dofs=10**9, estimate=False)
+
+
+def _steps(study: Study, scene: Scene, curve: Curve, progress: Progress, notes: list[str]) -> Iterator[Step]:
+    """Solve the levels of a curve for the first time and keep them, as far as the caller goes on."""
+    dropped: set[str] = set()
+
+    def wanted(name: str, level: int) -> bool:
+        return name not in dropped
+
+    curve.stages.append([])
+    try:
+        for step in walk(study, curve.plan, scene, wanted):
+            progress(f"{curve.family}, level {len(curve.steps)}: {step.n_dof} dofs", None)
+            curve.stages[-1].append(step.stages)
+            _keep(study, scene, curve, step)
+            dropped |= _too_slow(step, curve, notes)
+            yield step
+    except GeometryFailed as error:
+        if not curve.steps:
+            raise
+        notes.append(f"{curve.family} meshes end at level {len(curve.steps) - 1}: {error}")
+
+
+def _next(curve: Curve) -> float:
+    """Unknowns to expect of the next level."""
+    sizes = [n_dof for _, n_dof, _ in curve.steps]
+    return sizes[-1] * (sizes[-1] / sizes[-2] if len(sizes) > 1 else 1.0)
+
+
+def _keep(study: Study, scene: Scene, curve: Curve, step: Step) -> None:
+    curve.steps.append((step.level.mesh.h_max, step.n_dof, step.level.line.m))
+    curve.records.append(step.records)
+    empty = empty_level(study, step.level)
+    solved = {
+        name: replace(empty, solutions={(): solution_of(study, step.level, scene, record)})
+        for name, record in step.records.items()
+    }
+    curve.solved.append(solved)
+
+
+def _too_slow(step: Step, curve: Curve, notes: list[str]) -> set[str]:
+    """Solvers that are not worth waiting for on finer meshes of this family."""
+    found = set()
+    for name, stages in list(step.stages.items())[1:]:
+        other = stages.total - stages.solve
+        if stages.solve > PATIENCE and stages.solve > WORTH * other:
+            found.add(name)
+            notes.append(
+                f"{name} is not followed beyond level {len(curve.steps) - 1} of the {curve.family} meshes: there its "
+                f"solution took {stages.solve:.1f} s, {stages.solve / other:.0f} times all other work."
+            )
+    return found
+
+
+def time_again(study: Study, scene: Scene, curve: Curve) -> None:
+    """Time the levels of a curve once more, from nothing."""
+    run: list[dict[str, Stages]] = []
+    last = len(curve.steps)
+    for step in walk(study, curve.plan, scene, lambda name, level: name in curve.records[level]):
+        run.append(step.stages)
+        if len(run) == last:
+            break
+    curve.stages.append(run)

@@ -1,0 +1,181 @@
+"""What is read from a file of accuracy against cost: the front, the fastest curve, advice, tables and the chart."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray
+
+from tcstudy.accuracy.front import dominated
+from tcstudy.data.cost import STAGES, Cost, open_cost, write_cost
+from tcstudy.data.kinds import kind_of
+from tcstudy.data.provenance import collect
+from tcstudy.data.records import PointStatus
+from tcstudy.data.store import StoreError
+from tcstudy.report.cost import cost_report
+from tcstudy.report.cost_plot import plot_cost
+from tcstudy.report.cost_reading import advice, best, curves_on_front, front, measure_of, settings, stretches
+from tcstudy.report.style import DrawError
+from tests.verification.scenes import RECTANGLE, study_of
+
+FAMILIES, SOLVERS = ("uniform", "graded"), ("separable-newton", "bundle-newton")
+N = np.array([[100, 400, 1600, 6400], [150, 600, 2400, 9600]])
+ERROR = np.array([0.08, 0.04, 0.02, 0.01])
+"""Uniform errors; graded ones start larger and fall twice as fast."""
+
+
+def made(own: tuple[int, int, int] = (0, 0, 3), **more: object) -> Cost:
+    """Known curves: uniform e ~ t^−½ from 0.08 at 0.1 s, graded e ~ t^−1 from 0.16; the second solver takes twice."""
+    error = np.broadcast_to(np.stack([ERROR, 0.16 * ERROR / 0.08 * [1, 0.5, 0.25, 0.125]])[:, None], (2, 2, 4)).copy()
+    fastest = np.stack([[0.1, 0.4, 1.6, 6.4], [0.1, 0.4, 1.6, 6.4]])[:, None] * np.array([1.0, 2.0])[None, :, None]
+    runs = fastest[..., None] * np.array([1.3, 1.0, 1.1])
+    status = np.full((2, 2, 4), int(PointStatus.OK), dtype=np.int8)
+    reason = np.full((2, 2, 4), "", dtype=object)
+    status[1, 1, 3], reason[1, 1, 3] = PointStatus.NOT_CONVERGED, "it went on for ever"
+    known = np.where(status == PointStatus.OK, fastest, np.nan)
+    fields: dict[str, object] = {
+        "families": FAMILIES,
+        "solvers": SOLVERS,
+        "h_max": np.array([[0.4, 0.2, 0.1, 0.05]] * 2),
+        "n_dof": N.astype(np.int32),
+        "n_contact": (N // 20).astype(np.int32),
+        "status": status,
+        "reason": reason,
+        "time": runs,
+        "stages": dict.fromkeys(STAGES, 0.2 * fastest),
+        "errors": {"u_energy": error, "xi_L2": 2 * error},
+        "dominated": {
+            name: dominated(known.ravel(), error.ravel()).reshape(error.shape) for name in ("u_energy", "xi_L2")
+        },
+        "own": own,
+        "reference": "the exact solution",
+        "reference_error": 0.0,
+        "point": "tau = 0.01",
+        "notes": ("Look twice.",),
+    }
+    return Cost(**{**fields, **more})  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    study = study_of(RECTANGLE)
+    path = tmp_path / "a.cost.nc"
+    write_cost(path, study, made(), collect(study, ["tcstudy", "cost"], datetime(2026, 1, 1, tzinfo=UTC)))
+    return path
+
+
+def test_settings_and_front(file: Path) -> None:
+    found = settings(open_cost(file), "u_energy")
+    assert len(found) == 16
+    own = next(s for s in found if s.own)
+    assert (own.family, own.level, own.error) == ("uniform", 3, 0.01)
+    assert own.time == pytest.approx(6.4)
+    assert own.upper == pytest.approx(6.4 * 1.2)
+    assert own.dominated
+    # both come to 4 % in 0.4 s; before that uniform meshes err less, later graded ones
+    assert [(s.family, s.level) for s in front(found)] == [
+        ("uniform", 0), ("uniform", 1), ("graded", 1), ("graded", 2), ("graded", 3)
+    ]  # fmt: skip
+    assert curves_on_front(found) == {("uniform", SOLVERS[0]), ("graded", SOLVERS[0])}
+
+
+def test_the_fastest_curve_by_error(file: Path) -> None:
+    found = settings(open_cost(file), "u_energy")
+    first, second = stretches(found)
+    # e_u = 0.08 (t/0.1)^-½ and e_g = 0.16 (t/0.1)^-1 meet at t = 0.4, e = 0.04; 5 % of time decide: e^(2-1) = 1/1.05
+    assert (first.family, second.family) == ("uniform", "graded")
+    assert first.start == pytest.approx(0.16)
+    assert second.start == pytest.approx(0.04 / 1.05, rel=0.02)
+    assert second.end == pytest.approx(0.01, rel=0.01)  # no further: only graded meshes come below
+    assert best(found) == ("graded", SOLVERS[0])
+
+
+def test_advice_names_what_is_faster_and_more_accurate(file: Path) -> None:
+    text = " ".join(advice(settings(open_cost(file), "u_energy")))
+    assert "uniform meshes with separable-newton for errors from 16 % to 3.8 %" in text
+    assert "The study's own settings (uniform, level 3, separable-newton): error 1 % in 6.4 s." in text
+    assert "No other setting measured" in text  # graded level 3 takes the same time
+    quick = made(time=made().time * np.array([1.0, 0.5])[:, None, None, None])
+    study = study_of(RECTANGLE)
+    write_cost(file, study, quick, collect(study, ["tcstudy"]))
+    text = " ".join(advice(settings(open_cost(file), "u_energy")))
+    assert "Faster and more accurate: graded, level 3, separable-newton: 0.25 of the error in 0.50 of the time" in text
+
+
+def test_own_settings_that_failed_are_said_to_have_failed(file: Path) -> None:
+    study = study_of(RECTANGLE)
+    write_cost(file, study, made(own=(1, 1, 3)), collect(study, ["tcstudy"]))
+    told = advice(settings(open_cost(file), "u_energy"))
+    assert told[-1] == "The study's own settings (graded, level 3, bundle-newton) were not solved."
+
+
+@pytest.mark.parametrize("form", ["text", "markdown", "latex"])
+def test_the_report_says_it_all(file: Path, form: str) -> None:
+    text = cost_report(file, form)
+    assert text.count("Wall time from the body") == 1
+    for words in ("tau = 0.01", "exact solution", "Look twice.", "9600", "least of 3 runs"):
+        assert words in text
+    if form == "text":
+        assert "6.4†" in text
+        assert "(2.000e-02)" not in text  # the first solver was solved there
+        assert "1.6*" in text
+    other = cost_report(file, form, "xi_L2")
+    assert "3.200e-01" in other or r"3.200\cdot10^{-1}" in other
+
+
+def test_an_error_that_is_not_there(file: Path) -> None:
+    with pytest.raises(DrawError, match="theta_L2.*u_energy, xi_L2"):
+        measure_of(open_cost(file), "theta_L2")
+    assert measure_of(open_cost(file), None) == "u_energy"
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
+def test_the_chart(file: Path, suffix: str) -> None:
+    target = file.with_name(f"a.{suffix}")
+    said = plot_cost(file, target)
+    assert said == f"{target}: u in energy, tau = 0.01"
+    first = target.read_bytes()
+    plot_cost(file, target)
+    assert target.read_bytes() == first
+    if suffix == "svg":
+        text = first.decode()
+        assert "best:" in text
+        assert "own settings" in text
+    with pytest.raises(DrawError, match=r"\.png"):
+        plot_cost(file, file.with_name("a.txt"))
+
+
+def test_the_kind_of_a_file(file: Path, tmp_path: Path) -> None:
+    assert kind_of(file) == "cost"
+    other = tmp_path / "other.nc"
+    with netCDF4.Dataset(other, "w") as nc:
+        nc.title = "foreign"
+    with pytest.raises(StoreError):
+        kind_of(other)
+
+
+def test_a_file_of_another_command_is_refused(file: Path) -> None:
+    with netCDF4.Dataset(file, "a") as nc:
+        nc.setncattr("content", "path")
+    with pytest.raises(StoreError, match="not written by tcstudy cost"):
+        open_cost(file)
+
+
+def test_the_file_keeps_to_cf(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    runner = pytest.importorskip("compliance_checker.runner")
+    runner.CheckSuite.load_all_available_checkers()
+    report = tmp_path / "report.txt"
+    passed, _ = runner.ComplianceChecker.run_checker(
+        ds_loc=str(file), checker_names=["cf:1.11"], verbose=0, criteria="strict",
+        output_filename=str(report), output_format="text",
+    )  # fmt: skip
+    text = report.read_text() + "".join(capsys.readouterr())
+    assert passed, text
+    assert "All tests passed!" in text, text
+    with xarray.open_dataset(file) as data:
+        assert data["time"].dims == ("family", "solver", "level", "run")
+        assert data["time"].attrs["units"] == "s"

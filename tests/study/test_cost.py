@@ -1,0 +1,156 @@
+"""Accuracy against cost: what is measured is what a run pays, and what is said of it follows from the numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tcstudy
+from tcstudy.data.cost import STAGES, Cost
+from tcstudy.data.records import PointStatus
+from tcstudy.data.store import StoreError
+from tcstudy.scene.records import Study
+from tcstudy.study.convergence import converge
+from tcstudy.study.cost import CostError, cost_to_file, measure
+from tests.verification.scenes import RECTANGLE, study_of
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+PULLED = RECTANGLE.replace("left: clamped, top: free", "left: clamped, top: {role: traction, g: [0.02, -0.01]}")
+SMALL = ("mesh={maxh: 0.5, levels: 3}",)
+
+
+def _measure(study: Study, runs: int = 2) -> Cost:
+    return measure(study, (0,) * len(study.shape), runs, lambda text, left: None)
+
+
+@pytest.fixture(scope="module")
+def cost() -> Cost:
+    return _measure(study_of(PULLED, *SMALL))
+
+
+def test_all_families_and_solvers_are_measured_and_the_own_settings_named(cost: Cost) -> None:
+    assert cost.families == ("uniform", "graded", "adaptive")
+    assert cost.solvers == ("separable-newton", "bundle-newton")
+    assert cost.own == (0, 0, 2)
+    held = cost.n_dof >= 0
+    assert np.array_equal(cost.status[:, 0] == PointStatus.OK, held)
+    assert np.all(held.sum(axis=1) >= [3, 2, 3])
+    assert cost.n_dof[0, 2] == cost.n_dof[0].max() or cost.n_dof[0, 3] < 4.3 * cost.n_dof[0, 2]
+
+
+def test_errors_fall_and_solvers_agree_on_them(cost: Cost) -> None:
+    for name in ("u_energy", "u_L2", "xi_L2", "u_T_L2"):
+        error = cost.errors[name][:, 0]
+        for family in error:
+            own = family[np.isfinite(family)]
+            assert own[-1] < 0.75 * own[0]
+        solved = np.isfinite(cost.errors[name][:, 1])
+        assert cost.errors[name][:, 1][solved] == pytest.approx(error[solved], rel=1e-6)
+    assert "theta_L2" not in cost.errors
+
+
+def test_times_are_the_sums_of_their_stages(cost: Cost) -> None:
+    total = sum(cost.stages[stage] for stage in STAGES)
+    solved = cost.status == PointStatus.OK
+    assert np.all(cost.time[solved] > 0)
+    assert total[solved] == pytest.approx(cost.time.min(axis=-1)[solved], rel=1e-12)
+    steps = cost.stages["steps"]
+    assert np.all(steps[:2][solved[:2]] == 0.0)  # uniform and graded meshes need no solution before
+    adaptive = steps[2, 0][solved[2, 0]]
+    assert adaptive[0] == 0.0
+    assert np.all(np.diff(adaptive) > 0.0)
+    # the solvers share everything but their own work
+    for stage in ("assemble", "condense"):
+        both = solved.all(axis=1)
+        first, second = (cost.stages[stage][:, s][both] for s in (0, 1))
+        assert np.count_nonzero(first == second) >= 0.4 * len(first)  # unless their fastest runs differ
+
+
+def test_what_is_dominated_follows_from_time_and_error(cost: Cost) -> None:
+    time, error = cost.time.min(axis=-1), cost.errors["u_energy"]
+    for at in np.argwhere(cost.status == PointStatus.OK):
+        i = tuple(at)
+        beaten = (time <= time[i]) & (error <= error[i]) & ((time < time[i]) | (error < error[i]))
+        assert bool(cost.dominated["u_energy"][i]) == bool(beaten.any())
+
+
+def test_uniform_errors_are_those_of_converge() -> None:
+    study = tcstudy.load(CONFIGS / "convergence.yaml", ["mesh.levels=3"])
+    cost, known = _measure(study, runs=1), converge(study).points[0]
+    assert cost.reference == "the exact solution"
+    assert cost.reference_error == 0.0
+    for name, series in known.errors.items():
+        slack = 0.15 if name.endswith("max") else 1e-2  # norms at nodes depend on the finest mesh
+        assert cost.errors[name][0, 0, :3] == pytest.approx(series.error, rel=slack), name
+    resultant, own = known.numbers["friction_resultant"], cost.errors["friction_resultant"][0, 0, :3]
+    assert own == pytest.approx(np.abs(resultant.value - resultant.exact) / abs(resultant.exact), rel=1e-6)
+
+
+def test_graded_meshes_that_are_uniform_are_shown_once() -> None:
+    for family, kept in (("uniform", "uniform"), ("graded", "graded"), ("adaptive", "uniform")):
+        study = tcstudy.load(CONFIGS / "convergence.yaml", [f"mesh={{maxh: 0.25, levels: 2, family: {family}}}"])
+        cost = _measure(study, runs=1)
+        assert cost.families == (kept, "adaptive")
+        assert cost.families[cost.own[0]] == family
+        assert any("shown once" in note for note in cost.notes)
+
+
+def test_meshes_of_no_family_stand_for_themselves() -> None:
+    cost = _measure(study_of(PULLED, "mesh={maxh: 0.5, tolerance: 0.1}"), runs=1)
+    assert cost.families[-1] == "study"
+    family, solver, level = cost.own
+    assert (family, solver) == (3, 0)
+    assert cost.n_dof[family, level] > 0
+    assert level + 1 == cost.n_dof.shape[1] or cost.n_dof[family, level + 1] < 0
+    assert cost.errors["u_energy"][cost.own] < 0.13  # the tolerance with a margin for the estimate
+    assert cost.stages["steps"][cost.own] > 0.0
+    listed = _measure(study_of(PULLED, "mesh={maxh: [0.5, 0.4, 0.3]}"), runs=1)
+    assert listed.own == (3, 0, 2)
+    assert np.all(listed.stages["steps"][3, 0, :3] == 0.0)
+
+
+def test_an_adaptive_study_lies_on_the_adaptive_curve() -> None:
+    cost = _measure(study_of(PULLED, "mesh={maxh: 0.5, levels: 5, family: adaptive}"), runs=1)
+    assert cost.families == ("uniform", "graded", "adaptive")
+    assert cost.own == (2, 0, 4)
+    assert cost.n_dof[2, 4] > cost.n_dof[2, 0]
+
+
+def test_the_named_solver_comes_first_and_failures_are_kept() -> None:
+    plan = "solver={name: bundle-newton, tolerance: 1e-19}"
+    smooth = "friction={law: exponential, a: 0.006, b: 0.004, delta: 0.05}"
+    with pytest.raises(CostError, match="reference"):
+        _measure(study_of(PULLED, *SMALL, plan, smooth), runs=1)
+    exact = tcstudy.load(CONFIGS / "convergence.yaml", ["mesh={maxh: 0.25, levels: 2}", plan, smooth])
+    cost = _measure(exact, runs=1)
+    assert cost.solvers[0] == "bundle-newton"
+    failed = (cost.status != PointStatus.OK) & (cost.status != PointStatus.NOT_RUN)
+    assert failed[:, 0].any()
+    assert all(cost.reason[tuple(at)] for at in np.argwhere(failed))
+    assert np.all(cost.dominated["u_energy"][failed])
+
+
+def test_the_sweep_point_is_the_one_asked_for() -> None:
+    study = study_of(PULLED, *SMALL, "sweep={tau: [0.001, 0.01], nu: [0.2, 0.3]}")
+    one = measure(study, (1, 0), 1, lambda text, left: None)
+    alone = _measure(study_of(PULLED, *SMALL, "material.nu=0.2"), runs=1)
+    assert one.errors["u_energy"][0, 0] == pytest.approx(alone.errors["u_energy"][0, 0], rel=1e-9, nan_ok=True)
+
+
+def test_a_place_that_cannot_be_written_is_found_before_any_work(tmp_path: Path) -> None:
+    def progress(text: str, left: float | None) -> None:
+        raise AssertionError(text)
+
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StoreError, match="file"):
+        cost_to_file(study_of(PULLED, *SMALL), (), "", 1, tmp_path / "file" / "a.nc", progress, ["tcstudy"])
+
+
+def test_time_left_is_told_once_it_is_known() -> None:
+    told: list[tuple[str, float | None]] = []
+    measure(study_of(PULLED, "mesh={maxh: 0.5, levels: 1}"), (), 3, lambda text, left: told.append((text, left)))
+    known = [(text, left) for text, left in told if left is not None]
+    assert [text for text, _ in known] == ["run 2 of 3", "run 3 of 3"]
+    assert known[0][1] == pytest.approx(2 * known[1][1])

@@ -1,0 +1,64 @@
+"""`tcstudy cost` as a user types it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import xarray
+
+from tests.test_cli import STUDY, tcstudy_command
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "block.yaml").write_text(STUDY)
+    return tmp_path
+
+
+def test_one_command_makes_the_chart_and_others_show_it_again(folder: Path) -> None:
+    result = tcstudy_command("cost", "block.yaml", "--plot", "a.png", "--runs", "2", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert "Accuracy against cost" in result.stdout
+    assert "The study's own settings (uniform, level 1, separable-newton)" in result.stdout
+    assert "run 2 of 2, about" in result.stderr
+    assert "\r" not in result.stderr
+    assert (folder / "a.png").read_bytes()[:4] == b"\x89PNG"
+    file = folder / "results" / "block.cost.nc"
+    with xarray.open_dataset(file) as data:
+        assert data.attrs["point"] == "tau = 0.005"
+        assert data.sizes["run"] == 2
+    shown = tcstudy_command("show", file, cwd=folder)
+    assert shown.stdout.rstrip() == result.stdout.rstrip()
+    drawn = tcstudy_command("draw", file, "b.svg", "--error", "u_L2", cwd=folder)
+    assert drawn.returncode == 0, drawn.stderr
+    assert drawn.stdout == "b.svg: u in L², tau = 0.005\n"
+
+
+def test_another_point_and_another_error(folder: Path) -> None:
+    words = ("--at", "tau=0.01", "--runs", "1", "--error", "xi_L2", "--format", "markdown", "--output", "c.nc")
+    result = tcstudy_command("cost", "block.yaml", *words, cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert "Scene: tau = 0.01. Errors of ξ in L²(Γ_C)" in result.stdout
+    assert "| level |" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--runs", "0"), "--runs"),
+        (("--error", "u_l2"), "u_l2"),
+        (("--plot", "a.txt"), ".png"),
+        (("--at", "tau=0.7"), "tau = 0.7"),
+        (("--at", "tau"), "NAME=VALUE"),
+        (("--set", "mesh.maxh=-1"), "mesh.maxh"),
+        (("--output", "block.yaml/a.nc"), "block.yaml"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(folder: Path, words: tuple[str, ...], message: str) -> None:
+    result = tcstudy_command("cost", "block.yaml", *words, cwd=folder)
+    assert result.returncode == 2
+    assert message in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert result.stdout == ""
+    assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
