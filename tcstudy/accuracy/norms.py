@@ -74,6 +74,35 @@ class Triangles:
         density = _strain_energy(self.gradient(u_x).T, self.gradient(u_y).T, lam, mu)
         return float(np.sqrt(self._geometry[0] @ density))
 
+    # -- norms of functions that are linear on every triangle, jumping between them ----------------
+
+    @property
+    def areas(self) -> Array:
+        """(t,) areas of the triangles."""
+        return self._geometry[0]
+
+    @cached_property
+    def centres(self) -> Array:
+        """(t, 2) centres of gravity of the triangles."""
+        return np.asarray(self.points[self.triangles].mean(axis=1))
+
+    def l2_linear(self, parts: list[tuple[Array, Array]]) -> float:
+        """‖v‖ over components given by their values at the centres (t,) and gradients (t, 2), exact."""
+        offset = self.points[self.triangles] - self.centres[:, None]
+        total = 0.0
+        for value, gradient in parts:
+            spread = (np.einsum("tkd,td->tk", offset, gradient) ** 2).sum(axis=1) / 12
+            total += float(self.areas @ (value**2 + spread))
+        return float(np.sqrt(total))
+
+    def h1_linear(self, gradients: list[Array]) -> float:
+        """|v|₁ over components given by their gradients (t, 2), exact."""
+        return float(np.sqrt(sum(float(self.areas @ (g**2).sum(axis=1)) for g in gradients)))
+
+    def energy_linear(self, gradients: list[Array], lam: float, mu: float) -> float:
+        """‖u‖_a of a displacement given by the gradients (t, 2) of both components, exact."""
+        return float(np.sqrt(self.areas @ _strain_energy(gradients[0].T, gradients[1].T, lam, mu)))
+
     def integral(self, density: Callable[[Array, Array], Array]) -> float:
         """∫ of a function of x and y, by the seven-point rule."""
         x, y, weight = self._samples

@@ -1,13 +1,12 @@
 """The convergence of a study over its levels: errors, rates with their expected orders, extrapolated numbers.
 
-Reference: the exact solution if the study gives one; else the finest of at least MIN_LEVELS nested levels, compared
-with levels at least GAP coarser (what its own error adds is then below 4^-GAP of a smooth error's square), itself
+Reference: the exact solution if the study gives one; else the finest of at least MIN_LEVELS levels, compared with
+levels at least 2^GAP times coarser (what its own error adds is then below 4^-GAP of a smooth error's square), itself
 not part of any fit; else none, and only numbers are extrapolated.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from tcstudy.accuracy.expected import Expected, HeldEnds, expected_orders, smooth_up_to, smoothness
+from tcstudy.accuracy.expected import Expected
 from tcstudy.accuracy.nesting import NotNested
-from tcstudy.accuracy.rates import ROUNDING, Fit, fit, richardson
-from tcstudy.accuracy.vertices import vertices
+from tcstudy.accuracy.rates import ROUNDING, fit, richardson
 from tcstudy.data.convergence import (
     ERRORS,
     Convergence,
@@ -30,8 +28,10 @@ from tcstudy.data.convergence import (
 from tcstudy.data.files import StoreError, check_writable
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
-from tcstudy.scene.records import Point, Scene, Study
+from tcstudy.scene.records import Scene, Study
 from tcstudy.study.exact_energy import exact_energy, exact_friction_resultant, exact_slip_length
+from tcstudy.study.expectation import GAP, orders_to_expect, own_error, verdict
+from tcstudy.study.fine_reference import FineReference
 from tcstudy.study.locking import locking_note
 from tcstudy.study.reference import ExactReference, NestedReference, Reference
 from tcstudy.study.solved_levels import Say, Solution, SolvedLevel, solve_levels
@@ -39,12 +39,7 @@ from tcstudy.study.solved_levels import Say, Solution, SolvedLevel, solve_levels
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-GAP = 2
 MIN_LEVELS = GAP + 2
-NEAR = 0.2
-"""A slope within this of the expected order (or two standard errors) is as expected."""
-NOTABLE = 0.1
-"""Share of the largest ξ from which on ξ beside a held end decides about orders."""
 
 
 class ConvergenceError(Exception):
@@ -60,8 +55,8 @@ def converge_to_file(study: Study, path: Path, say: Say, command: Sequence[str] 
     if study.mesh.levels < 2:
         raise ConvergenceError("one level has no convergence; give mesh.levels: 4 or more, or --set mesh.levels=4")
     if study.mesh.family == "adaptive":
-        what = "adaptive meshes differ from point to point and come with their own error estimates"
-        raise ConvergenceError(f"{what}; use tcstudy run, or --set mesh.family=uniform")
+        what = "adaptive meshes have no common h to show rates over, and they come with their own error estimates"
+        raise ConvergenceError(f"{what}; use tcstudy run or tcstudy cost, or --set mesh.family=uniform")
     problems = check_writable(path, 1_000_000)
     if problems:
         raise StoreError("; ".join(problems))
@@ -99,25 +94,40 @@ def _reference(study: Study, levels: list[SolvedLevel]) -> tuple[Reference | Non
     n = len(levels)
     if study.exact is not None:
         return ExactReference(study.exact, levels), "the exact solution", np.ones(n, dtype=bool), []
-    none = np.zeros(n, dtype=bool)
-    if n < MIN_LEVELS:
-        why = f"a reference at least {GAP} levels finer needs mesh.levels of {MIN_LEVELS} or more"
+    h = np.array([level.h_max for level in levels])
+    compared = h >= 0.9 * 2**GAP * h[-1]
+    if n < MIN_LEVELS or np.count_nonzero(compared) < 2:
+        why = f"two levels must be {2**GAP} times coarser than the finest, as they are with mesh.levels of {MIN_LEVELS}"
+        none = np.zeros(n, dtype=bool)
         return None, "none", none, [f"No errors are measured: {why}; numbers are extrapolated."]
+    last = int(np.flatnonzero(compared)[-1])
+    between = [str(i) for i in range(last + 1, n - 1)]
+    skipped = (
+        f"level{'s' if len(between) > 1 else ''} {', '.join(between)} {'are' if len(between) > 1 else 'is'} not used"
+    )
+    words = f"level {n - 1}, the finest (levels compared are at least {2**GAP} times coarser; {skipped})"
+    reference, notes = _fine_reference(levels)
+    return reference, words, compared, notes
+
+
+def _fine_reference(levels: list[SolvedLevel]) -> tuple[Reference, list[str]]:
+    """The finest level as reference, and what to know of it."""
     try:
         nested = NestedReference(levels)
-    except NotNested as error:
-        return None, "none", none, [f"No errors are measured, because {error}; numbers are extrapolated."]
-    notes = []
-    if nested.off_midpoint > 1e-9:
-        notes.append(
-            "The boundary is curved: refinement moves new nodes onto the arc (by up to "
-            f"{100 * nested.off_midpoint:.2g} % of their edge), so the spaces are not nested there; a coarse solution "
-            "is compared with the reference node by node of the refined mesh."
+    except NotNested:
+        note = (
+            "Levels are no uniform refinements of one another: a coarse solution counts on each triangle of the "
+            "reference as what it is at its centre, which is exact where the reference refines its mesh."
         )
-    compared = np.arange(n) < n - GAP
-    skipped = ", ".join(str(i) for i in range(n - GAP, n - 1))
-    words = f"level {n - 1}, the finest (levels compared are at least {GAP} coarser; level {skipped} is not used)"
-    return nested, words, compared, notes
+        return FineReference(levels[-1], levels), [note]
+    if nested.off_midpoint <= 1e-9:
+        return nested, []
+    note = (
+        "The boundary is curved: refinement moves new nodes onto the arc (by up to "
+        f"{100 * nested.off_midpoint:.2g} % of their edge), so the spaces are not nested there; a coarse solution "
+        "is compared with the reference node by node of the refined mesh."
+    )
+    return nested, [note]
 
 
 def _point(
@@ -131,7 +141,7 @@ def _point(
     solutions = [level.solutions[index] for level in levels]
     h = np.array([level.h_max for level in levels])
     ok = np.array([s.ok for s in solutions])
-    expected = _expected(study, levels[-1], solutions[-1], scene)
+    expected = orders_to_expect(study, levels[-1], solutions[-1], scene)
     found = [reference.errors(i, index, scene) if reference and compared[i] else {} for i in range(len(levels))]
     errors = {}
     for measure in ERRORS:
@@ -173,34 +183,10 @@ def _error_series(
         slope=fitted.slope,
         slope_error=fitted.standard_error,
         first_level=fitted.first,
-        verdict=_verdict(fitted, expected.order, nested),
+        verdict=verdict(fitted, expected.order, nested),
         expected=expected.order,
         reason=expected.reason,
     )
-
-
-def own_error(order: float) -> float:
-    """How much larger than `order` the finest rate may look because the reference has an error of its own.
-
-    Errors e_i ~ h_i^p seen as e_i − e_ref have the rate p + log₂((1 − 2^{−p(GAP+1)})/(1 − 2^{−p GAP})).
-    """
-    if order <= 0.0:
-        return math.inf
-    return math.log2((1 - 2 ** (-order * (GAP + 1))) / (1 - 2 ** (-order * GAP)))
-
-
-def _verdict(fitted: Fit, expected: float, nested: bool) -> str:
-    """What the rates say; see data.convergence.VERDICTS."""
-    if fitted.exact:
-        return "exact"
-    if np.count_nonzero(np.isfinite(fitted.rates)) < 2:
-        return "too_few_levels"
-    if not fitted.settled:
-        return "pre_asymptotic"
-    margin = max(NEAR, 2 * fitted.standard_error if math.isfinite(fitted.standard_error) else 0.0)
-    if -margin <= fitted.slope - expected <= margin + (own_error(expected) if nested else 0.0):
-        return "as_expected"
-    return "faster" if fitted.slope > expected else "slower"
 
 
 def _numbers(h: Array, solutions: list[Solution], ok: Mask, exact: dict[str, float]) -> dict[str, NumberSeries]:
@@ -219,31 +205,6 @@ def _numbers(h: Array, solutions: list[Solution], ok: Mask, exact: dict[str, flo
     return series
 
 
-def _expected(study: Study, finest: SolvedLevel, solution: Solution, scene: Scene) -> dict[str, Expected]:
-    """Expected orders from the corners and from stick and slip on the finest level, or as the study gives them."""
-    if study.exact is not None:
-        return expected_orders(smooth_up_to(study.exact.exponent, _held_ends(finest, solution)))
-
-    def sticks(edge: str, at: Point) -> bool:
-        own = np.array([name == edge for name in finest.edges])
-        if not solution.ok or not own.any():
-            return False
-        distance = np.linalg.norm(finest.mesh.points[finest.line.nodes] - np.array(at), axis=1)
-        return bool(solution.sticks[np.argmin(np.where(own, distance, np.inf))])
-
-    corners = vertices(scene.body, scene.boundary, scene.material, sticks)
-    mixed = solution.ok and bool(solution.sticks.any()) and not bool(solution.sticks.all())
-    return expected_orders(smoothness(corners, mixed))
-
-
-def _held_ends(finest: SolvedLevel, solution: Solution) -> HeldEnds:
-    """What the contact nodes beside held ones do; those that carry next to no ξ make no difference."""
-    if not solution.ok:
-        return HeldEnds()
-    held = finest.line.next_to_held & (np.abs(solution.xi) > NOTABLE * np.max(np.abs(solution.xi), initial=0.0))
-    return HeldEnds(slip=bool((held & ~solution.sticks).any()), stick=bool((held & solution.sticks).any()))
-
-
 def _notes(study: Study, levels: list[SolvedLevel], reference: Reference | None) -> list[str]:
     notes = []
     nu = max((s.material.nu for s in study.scenes if s.material.plane == "strain"), default=0.0)
@@ -258,11 +219,9 @@ def _notes(study: Study, levels: list[SolvedLevel], reference: Reference | None)
             )
     if study.exact is None and study.scenes[0].body.brep is not None:
         notes.append("Corners of a body from a file are not analysed: expected orders are those of a smooth solution.")
-    if isinstance(reference, NestedReference):
+    if isinstance(reference, NestedReference | FineReference):
         seen = ", ".join(f"{p:g} as {p + own_error(p):.2f}" for p in (0.5, 1.0, 2.0))
         notes.append(f"The reference has an error of its own, so rates look larger: an order of {seen} at most.")
-    if study.mesh.family == "graded":
-        notes.append("Expected orders are those of uniform meshes; graded ones may come to the full orders of P1.")
     several = sum(s.numbers.get("unique") == 0 for s in levels[-1].solutions.values())
     if several:
         notes.append(

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from tcstudy.fem.geometry import build
-from tcstudy.fem.grading import graded_mesh
+from tcstudy.fem.grading import WEAK, graded_mesh, singular_points
 from tcstudy.fem.meshes import PlaneMesh, mesh_at, refine_marked
-from tcstudy.scene.records import Study
+from tcstudy.scene.records import Point, Study
 from tcstudy.study.level import Level
 from tcstudy.study.survey import Survey
+
+
+def graded_points(study: Study) -> list[tuple[Point, float]]:
+    """Places that the meshes of a graded study are graded towards, each with its μ. Raises GeometryFailed."""
+    if study.mesh.family != "graded":
+        return []
+    scene = study.scenes[0]
+    found = singular_points(mesh_at(build(scene.body), study.mesh, 0, None), scene.boundary)
+    mus = np.where(found.weak, max(WEAK, study.mesh.grading), study.mesh.grading)
+    return [((float(x), float(y)), float(mu)) for (x, y), mu in zip(found.points, mus, strict=True)]
 
 
 class Family:

@@ -1,8 +1,10 @@
 """Errors of solutions against one on a much finer mesh that is no refinement of theirs.
 
-Solutions are carried to the nodes of the fine mesh. Where that is a refinement nothing changes; elsewhere the triangles
-that an edge of the coarse mesh cuts get an interpolated solution, a part of the body of order h_fine/h_coarse. The
-traction is the step function of the coarse line, looked up in the middle of every half segment of the fine one.
+On every fine triangle a solution counts as the linear function that it is at its centre. Where the fine mesh is a
+refinement that is exact; elsewhere it is wrong beyond the coarse edge that cuts a triangle, by as much as the gradient
+jumps there, to either side alike. (Interpolation at the fine nodes would smooth these jumps, which are the error: with
+h_fine = h/4 it lost 27 % of it in the energy norm.) The displacement of the line is that at its fine nodes, the
+traction the step function of the coarse line, looked up in the middle of every half of the fine segments.
 """
 
 from __future__ import annotations
@@ -11,12 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tcstudy.accuracy.locating import interpolation
+from tcstudy.accuracy.locating import interpolation, located
+from tcstudy.accuracy.norms import Triangles
 from tcstudy.scene.records import Scene
 from tcstudy.study.reference import Errors
 from tcstudy.study.solved_levels import Solution, SolvedLevel
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 
 class FineReference:
@@ -32,22 +36,29 @@ class FineReference:
         if own.u is None or best.u is None or not best.ok:
             return {}
         mesh, lam, mu = fine.mesh, scene.material.lam, scene.material.mu
-        carry = interpolation(one.mesh, mesh.points)
-        u = np.stack([carry @ component for component in own.u])
-        e = u - best.u
+        where = located(one.mesh, mesh.centres)
+        u = [_minus(_linear(one.mesh, v, where), mesh, w) for v, w in zip(own.u, best.u, strict=True)]
+        slopes = [gradient for _, gradient in u]
         found: Errors = {
-            "u_energy": (mesh.energy(e[0], e[1], lam, mu), mesh.energy(best.u[0], best.u[1], lam, mu)),
-            "u_H1": (mesh.h1(*e), mesh.h1(*best.u)),
-            "u_L2": (mesh.l2(*e), mesh.l2(*best.u)),
+            "u_energy": (mesh.energy_linear(slopes, lam, mu), mesh.energy(best.u[0], best.u[1], lam, mu)),
+            "u_H1": (mesh.h1_linear(slopes), mesh.h1(*best.u)),
+            "u_L2": (mesh.l2_linear(u), mesh.l2(*best.u)),
         }
         if own.theta is not None and best.theta is not None:
-            t = carry @ own.theta - best.theta
-            found |= {"theta_L2": (mesh.l2(t), mesh.l2(best.theta)), "theta_H1": (mesh.h1(t), mesh.h1(best.theta))}
-        return found | self._on_line(one, own, best, u)
+            theta = _minus(_linear(one.mesh, own.theta, where), mesh, best.theta)
+            found |= {
+                "theta_L2": (mesh.l2_linear([theta]), mesh.l2(best.theta)),
+                "theta_H1": (mesh.h1_linear([theta[1]]), mesh.h1(best.theta)),
+            }
+        return found | self._on_line(one, own, best)
 
-    def _on_line(self, one: SolvedLevel, own: Solution, best: Solution, u: Array) -> Errors:
+    def _on_line(self, one: SolvedLevel, own: Solution, best: Solution) -> Errors:
+        assert own.u is not None
         assert best.u is not None
         line = self._fine.line
+        nodes = np.unique(line.segments)
+        carry, u = interpolation(one.mesh, line.points[nodes]), np.zeros((2, len(line.points)))
+        u[:, nodes] = [carry @ component for component in own.u]
         best_ends, best_halves = line.tangential(*best.u), line.halves(best.xi)
         ends, halves = line.tangential(*u), self._steps(one, own)
         return {
@@ -71,6 +82,17 @@ class FineReference:
             nearest = cKDTree(at[nodes]).query(middles[rows])[1]
             halves[rows] = own.xi[nodes[nearest]]
         return halves
+
+
+def _linear(mesh: Triangles, v: Array, where: tuple[Indices, Array]) -> tuple[Array, Array]:
+    """Value and gradient of a P1 function in located points."""
+    triangle, weights = where
+    return np.einsum("qk,qk->q", weights, v[mesh.triangles[triangle]]), mesh.gradient(v)[triangle]
+
+
+def _minus(one: tuple[Array, Array], mesh: Triangles, v: Array) -> tuple[Array, Array]:
+    """One linear function for each triangle minus the P1 function v of the mesh itself."""
+    return one[0] - v[mesh.triangles].mean(axis=1), one[1] - mesh.gradient(v)
 
 
 def _largest(values: Array) -> float:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import tcstudy
 from tcstudy.data.convergence import Convergence
 from tcstudy.scene.reader import read_study_text
 from tcstudy.scene.records import Study
-from tcstudy.study.convergence import converge, own_error
+from tcstudy.study.convergence import converge
+from tcstudy.study.expectation import own_error
 from tcstudy.study.locking import MEASURED, locking_note
 from tests.verification import closed_forms
 from tests.verification import manufactured as smooth
@@ -169,6 +174,32 @@ def test_numbers_are_extrapolated_to_the_exact_ones(slipping: Convergence, mixed
 def test_a_wrong_exact_solution_is_told() -> None:
     text = closed_forms.stick_slip(1).text.replace("law: tresca, tau: 0.5", "law: tresca, tau: 0.45")
     assert any("misses the friction law by 0.1" in note for note in converge(read_study_text(text)).notes)
+
+
+def test_graded_levels_regain_the_order_that_uniform_ones_lose() -> None:
+    config = Path(__file__).parents[2] / "configs" / "singular.yaml"
+    slopes = {}
+    for family in ("uniform", "graded"):
+        measured = converge(tcstudy.load(config, [f"mesh={{maxh: 0.5, levels: 5, family: {family}}}"]))
+        series = measured.points[0].errors["u_energy"]
+        assert series.verdict == "as_expected"
+        assert series.expected == pytest.approx({"uniform": 0.5, "graded": 1.0}[family], abs=1e-3)
+        slopes[family] = series.slope
+        interpolated = any("no uniform refinements" in note for note in measured.notes)
+        assert interpolated == (family == "graded")
+    assert slopes["graded"] == pytest.approx(1.0, abs=0.1)
+    assert slopes["uniform"] < 0.8
+
+
+def test_a_list_of_mesh_sizes_has_a_reference_too() -> None:
+    study = smooth_study(6, exact=False)
+    listed = replace(study, mesh=replace(study.mesh, maxh=(0.25, 0.17, 0.12, 0.08, 0.055, 0.02), levels=6))
+    measured = converge(listed)
+    true = converge(replace(smooth_study(6), mesh=listed.mesh))
+    assert measured.compared.tolist() == [True, True, True, True, False, False]
+    for norm in ("u_energy", "u_L2", "u_T_L2"):
+        own, known = measured.points[0].errors[norm].error[:4], true.points[0].errors[norm].error[:4]
+        assert own == pytest.approx(known, rel=0.1), norm
 
 
 def test_few_levels_give_numbers_only() -> None:
