@@ -9,9 +9,7 @@ limit_order_Q and exact_Q by sweep point.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data import schema
-from tcstudy.data.files import FINISHED, StoreError, sync_directory
+from tcstudy.data.files import FINISHED, replace_file
 from tcstudy.data.provenance import Provenance, global_attributes
 from tcstudy.data.records import PointStatus
+from tcstudy.data.sweep import ascending, sweep_points
 from tcstudy.scene.records import Study
 
 if TYPE_CHECKING:
@@ -130,21 +129,8 @@ def write_convergence(path: Path, study: Study, convergence: Convergence, proven
     attributes = global_attributes(study, provenance)
     data.attrs = {**attributes, "reference": convergence.reference, "notes": "\n".join(convergence.notes)}
     data.attrs[FINISHED] = np.int32(1)
-    target = Path(os.path.realpath(path))
-    aside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        data.to_netcdf(aside, engine="netcdf4", encoding={name: _encoding(data[name]) for name in data.variables})
-        with open(aside, "rb+") as stream:
-            os.fsync(stream.fileno())
-        os.replace(aside, target)
-        sync_directory(target.parent)
-    except (OSError, RuntimeError) as error:
-        cause = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        raise StoreError(f"cannot write {path}: {cause}. Choose another output") from error
-    finally:
-        with suppress(OSError):
-            aside.unlink(missing_ok=True)
+    encoding = {name: _encoding(data[name]) for name in data.variables}
+    replace_file(path, lambda aside: data.to_netcdf(aside, engine="netcdf4", encoding=encoding))
 
 
 def _encoding(variable: Any) -> dict[str, Any]:
@@ -153,17 +139,10 @@ def _encoding(variable: Any) -> dict[str, Any]:
 
 
 def _dataset(study: Study, convergence: Convergence) -> xarray.Dataset:
-    import xarray
-
     sweep = schema.sweep_dims(study)
     shape, levels = study.shape, len(convergence.h_max)
-    coordinates: dict[str, Any] = {"level": ("level", np.arange(levels, dtype=np.int32), {"long_name": "mesh level"})}
-    coordinates["level"][2]["units"] = "1"
-    for axis in study.axes:
-        name = schema.axis_name(axis)
-        dim = name if study.mode == "grid" else schema.POINT
-        coordinates[name] = (dim, schema.axis_labels(axis), schema.axis_attributes(axis))
-    data = xarray.Dataset(coords=coordinates)
+    level = ("level", np.arange(levels, dtype=np.int32), {"long_name": "mesh level", "units": "1"})
+    data = sweep_points(study).drop_vars("status").assign_coords(level=level)
     plain = study.units == "none"
     for name, values, units, what in (
         ("h_max", convergence.h_max, "m", "longest element edge"),
@@ -200,7 +179,7 @@ def _dataset(study: Study, convergence: Convergence) -> xarray.Dataset:
     for measure in NUMBERS:
         if any(measure.name in p.numbers for p in convergence.points):
             _put_number(put, measure, sweep, both)
-    return data
+    return ascending(data, study)
 
 
 def _put_error(put: Any, measure: Measure, sweep: Sequence[str], both: Sequence[str]) -> None:

@@ -24,3 +24,13 @@ def sweep_points(study: Study) -> xarray.Dataset:
         data = data.assign_coords({name: (dim, schema.axis_labels(axis), schema.axis_attributes(axis))})
     data["status"] = (schema.sweep_dims(study), np.zeros(study.shape, dtype=np.int8))
     return data
+
+
+def ascending(data: xarray.Dataset, study: Study) -> xarray.Dataset:
+    """The same data with axes of numbers that go up and down sorted: CF wants monotonic coordinates."""
+    if study.mode == "grid":
+        for axis in study.axes:
+            places = schema.axis_places(axis)
+            if np.any(places != np.arange(len(places))):
+                data = data.isel({schema.axis_name(axis): np.argsort(places)})
+    return data

@@ -1,0 +1,34 @@
+"""The points of a sweep as their files have them."""
+
+from __future__ import annotations
+
+from tcstudy.data.sweep import ascending, sweep_points
+from tcstudy.report.select_point import describe, locate
+from tests.verification.scenes import RECTANGLE, study_of
+
+
+def test_points_are_found_in_the_order_of_the_study() -> None:
+    study = study_of(RECTANGLE, "sweep={tau: [0.02, 0.01, 0.03], nu: [0.2, 0.3]}")
+    points = sweep_points(study)
+    where = locate(points, {"tau": "0.01", "nu": 0.3})
+    assert tuple(where.values()) == (1, 1)
+    assert describe(points, where) == "tau = 0.01, nu = 0.3"
+    scene = study.scenes[1 * 2 + 1]
+    assert (scene.material.nu, scene.friction.b_scale) == (0.3, 0.01)
+
+
+def test_axes_that_go_up_and_down_are_sorted_with_their_values() -> None:
+    study = study_of(RECTANGLE, "sweep={tau: [0.02, 0.01, 0.03], nu: [0.3, 0.2]}")
+    data = sweep_points(study)
+    data["value"] = (("tau", "nu"), [[2.3, 2.2], [1.3, 1.2], [3.3, 3.2]])
+    data = ascending(data, study)
+    assert data["tau"].values.tolist() == [0.01, 0.02, 0.03]
+    assert data["nu"].values.tolist() == [0.3, 0.2]  # one way only is no fault
+    assert data["value"].values.tolist() == [[1.3, 1.2], [2.3, 2.2], [3.3, 3.2]]
+
+
+def test_points_read_together_stay_in_their_order() -> None:
+    study = study_of(RECTANGLE, "sweep={mode: zip, tau: [0.02, 0.01, 0.03], nu: [0.3, 0.2, 0.3]}")
+    data = ascending(sweep_points(study), study)
+    assert data["tau"].values.tolist() == [0.02, 0.01, 0.03]
+    assert locate(data, {"tau": 0.01}) == {"point": 1}
