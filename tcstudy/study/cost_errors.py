@@ -13,7 +13,7 @@ from tcstudy.study.cost_curves import Curve, family_plan
 from tcstudy.study.cost_runs import Progress, walk
 from tcstudy.study.exact_energy import exact_friction_resultant
 from tcstudy.study.fine_reference import FineReference
-from tcstudy.study.reference import Errors, ExactReference, Reference
+from tcstudy.study.reference import Errors, ExactReference
 from tcstudy.study.solved_levels import SolvedLevel, empty_level, solution_of
 
 FINER = 10
@@ -35,13 +35,14 @@ def errors_of(
 
     Raises CostError if there is no solution to compare with.
     """
-    fine: SolvedLevel | None = None
+    fine: FineReference | None = None
     words, own_error = "the exact solution", 0.0
     if study.exact is None:
         finest_dofs = max(c.finest for c in curves)
         least = max(LEAST * finest_dofs, min(FINER * finest_dofs, LARGEST))
-        fine, own_error = _reference(study, scene, least, progress)
-        words = f"adaptive mesh of {fine.n_dof} dofs, with an estimated error of {100 * own_error:.2g} % in energy"
+        best, own_error = _reference(study, scene, least, progress)
+        fine = FineReference(best, [])
+        words = f"adaptive mesh of {best.n_dof} dofs, with an estimated error of {100 * own_error:.2g} % in energy"
     found, sizes, finest = {}, {}, 0
     for curve in curves:
         for level, by_solver in enumerate(curve.solved):
@@ -70,17 +71,16 @@ def _same(one: SolvedLevel, other: SolvedLevel) -> bool:
     return float(np.max(np.abs(a.v - b.v), initial=0.0)) <= SAME * float(np.max(np.abs(a.v), initial=0.0))
 
 
-def _of(study: Study, scene: Scene, one: SolvedLevel, fine: SolvedLevel | None) -> Errors:
+def _of(study: Study, scene: Scene, one: SolvedLevel, fine: FineReference | None) -> Errors:
     """Errors of one solution and what they are relative to, by measure."""
-    reference: Reference
     if fine is None:
         assert study.exact is not None
         reference = ExactReference(study.exact, [one])
         exact = {"friction_resultant": exact_friction_resultant(scene, reference.xi(scene))}
+        found = reference.errors(0, (), scene)
     else:
-        reference = FineReference(fine, [one])
-        exact = {name: fine.solutions[()].numbers[name] for name in ("energy", "friction_resultant")}
-    found = reference.errors(0, (), scene)
+        exact = {name: fine.number(name) for name in ("energy", "friction_resultant")}
+        found = fine.errors_of(one, (), scene)
     for name, value in exact.items():
         if math.isfinite(value):
             found[name] = (abs(one.solutions[()].numbers.get(name, math.nan) - value), abs(value))

@@ -23,34 +23,62 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
+Linear = tuple[Array, Array]
+"""A function that is linear on every triangle: values at the centres (t,) and gradients (t, 2)."""
+
+
 class FineReference:
-    """A solution on a fine mesh that all others are compared with."""
+    """Solutions on a fine mesh that all others are compared with."""
 
     def __init__(self, fine: SolvedLevel, levels: list[SolvedLevel]) -> None:
         self._fine, self._levels = fine, levels
+        self._known: dict[tuple[int, ...], tuple[list[Linear], dict[str, float]]] = {}
 
     def errors(self, level: int, index: tuple[int, ...], scene: Scene) -> Errors:
         """Absolute errors of a level's solution and norms of the reference; empty if there is none to compare."""
-        one, fine = self._levels[level], self._fine
-        own, best = one.solutions[index], fine.solutions[index]
+        return self.errors_of(self._levels[level], index, scene)
+
+    def errors_of(self, one: SolvedLevel, index: tuple[int, ...], scene: Scene) -> Errors:
+        """The same for a level that is not in the list."""
+        own, best = one.solutions[index], self._fine.solutions[index]
         if own.u is None or best.u is None or not best.ok:
             return {}
-        mesh, lam, mu = fine.mesh, scene.material.lam, scene.material.mu
+        mesh, lam, mu = self._fine.mesh, scene.material.lam, scene.material.mu
+        parts, sizes = self._reference(index, scene)
         where = located(one.mesh, mesh.centres)
-        u = [_minus(_linear(one.mesh, v, where), mesh, w) for v, w in zip(own.u, best.u, strict=True)]
-        slopes = [gradient for _, gradient in u]
-        found: Errors = {
-            "u_energy": (mesh.energy_linear(slopes, lam, mu), mesh.energy(best.u[0], best.u[1], lam, mu)),
-            "u_H1": (mesh.h1_linear(slopes), mesh.h1(*best.u)),
-            "u_L2": (mesh.l2_linear(u), mesh.l2(*best.u)),
+        components = [*own.u, own.theta] if own.theta is not None and len(parts) == 3 else list(own.u)
+        e = [_minus(_linear(one.mesh, v, where), part) for v, part in zip(components, parts, strict=False)]
+        slopes = [gradient for _, gradient in e]
+        found = {
+            "u_energy": mesh.energy_linear(slopes[:2], lam, mu),
+            "u_H1": mesh.h1_linear(slopes[:2]),
+            "u_L2": mesh.l2_linear(e[:2]),
         }
-        if own.theta is not None and best.theta is not None:
-            theta = _minus(_linear(one.mesh, own.theta, where), mesh, best.theta)
-            found |= {
-                "theta_L2": (mesh.l2_linear([theta]), mesh.l2(best.theta)),
-                "theta_H1": (mesh.h1_linear([theta[1]]), mesh.h1(best.theta)),
+        if len(e) == 3:
+            found |= {"theta_L2": mesh.l2_linear(e[2:]), "theta_H1": mesh.h1_linear(slopes[2:])}
+        return {name: (error, sizes[name]) for name, error in found.items()} | self._on_line(one, own, best)
+
+    def number(self, name: str, index: tuple[int, ...] = ()) -> float:
+        """A number of the reference, as in the result file."""
+        return self._fine.solutions[index].numbers[name]
+
+    def _reference(self, index: tuple[int, ...], scene: Scene) -> tuple[list[Linear], dict[str, float]]:
+        """u and θ of the reference, and their norms; worked out once."""
+        if index not in self._known:
+            best, mesh = self._fine.solutions[index], self._fine.mesh
+            assert best.u is not None
+            sizes = {
+                "u_energy": mesh.energy(best.u[0], best.u[1], scene.material.lam, scene.material.mu),
+                "u_H1": mesh.h1(*best.u),
+                "u_L2": mesh.l2(*best.u),
             }
-        return found | self._on_line(one, own, best)
+            components = list(best.u)
+            if best.theta is not None:
+                sizes |= {"theta_L2": mesh.l2(best.theta), "theta_H1": mesh.h1(best.theta)}
+                components.append(best.theta)
+            parts = [(v[mesh.triangles].mean(axis=1), mesh.gradient(v)) for v in components]
+            self._known[index] = parts, sizes
+        return self._known[index]
 
     def _on_line(self, one: SolvedLevel, own: Solution, best: Solution) -> Errors:
         assert own.u is not None
@@ -84,15 +112,14 @@ class FineReference:
         return halves
 
 
-def _linear(mesh: Triangles, v: Array, where: tuple[Indices, Array]) -> tuple[Array, Array]:
-    """Value and gradient of a P1 function in located points."""
+def _linear(mesh: Triangles, v: Array, where: tuple[Indices, Array]) -> Linear:
+    """Values and gradients of a P1 function in located points."""
     triangle, weights = where
     return np.einsum("qk,qk->q", weights, v[mesh.triangles[triangle]]), mesh.gradient(v)[triangle]
 
 
-def _minus(one: tuple[Array, Array], mesh: Triangles, v: Array) -> tuple[Array, Array]:
-    """One linear function for each triangle minus the P1 function v of the mesh itself."""
-    return one[0] - v[mesh.triangles].mean(axis=1), one[1] - mesh.gradient(v)
+def _minus(one: Linear, other: Linear) -> Linear:
+    return one[0] - other[0], one[1] - other[1]
 
 
 def _largest(values: Array) -> float:
