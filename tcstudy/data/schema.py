@@ -163,16 +163,17 @@ _GOALS = {
 }
 
 
-def _goal_variables(goal: Goal) -> tuple[Variable, ...]:
+def _goal_variables(goal: Goal, exact: bool) -> tuple[Variable, ...]:
     """What is kept of a goal; the energy norm has none, its error is `error_estimate`."""
     if goal.quantity == "energy":
         return ()
     units, what = _GOALS[goal.quantity]
     estimate = _result("goal_estimate", units, "estimated absolute error of goal")
     kept = (_result("goal", units, f"goal: {what}"), estimate)
-    if goal.known is None:
+    if goal.known is None and not exact:
         return kept
-    error = _result("goal_error", units, f"absolute error of goal; it is known to be {goal.known!r}")
+    known = " against the exact solution" if goal.known is None else f"; it is known to be {goal.known!r}"
+    error = _result("goal_error", units, f"absolute error of goal{known}")
     return (*kept, error, _result("goal_effectivity", "1", "goal_estimate over goal_error"))
 
 
@@ -241,7 +242,7 @@ NUMBERS = (_POINTWISE | {*_GOAL_NAMES}) - {"status", "reason"}
 def root_variables(study: Study) -> tuple[Variable, ...]:
     """The variables of the root group of this study's file."""
     solvers = SOLVERS if len(study.solver.names) > 1 else ()
-    estimates = ESTIMATES + _goal_variables(study.mesh.goal) if study.mesh.estimates else ()
+    estimates = ESTIMATES + _goal_variables(study.mesh.goal, study.exact is not None) if study.mesh.estimates else ()
     return (*ROOT, *solvers, *estimates)
 
 

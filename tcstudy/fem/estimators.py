@@ -49,11 +49,16 @@ class Strain:
 
 def strain(triangles: Triangles, u: Array) -> Strain:
     """Strain of a displacement u (2n,)."""
-    gradient = triangles.gradient(u.reshape(2, -1).T)
-    shear = 0.5 * (gradient[:, 0, 1] + gradient[:, 1, 0])
-    own = np.column_stack([gradient[:, 0, 0], gradient[:, 1, 1], shear])
+    own = own_strain(triangles, u)
     recovered = triangles.recovery @ own
     return Strain(own, recovered, recovered[triangles.mesh.triangles] - own[:, None])
+
+
+def own_strain(triangles: Triangles, u: Array) -> Array:
+    """(t, 3) strain of a displacement u (2n,) on triangles."""
+    gradient = triangles.gradient(u.reshape(2, -1).T)
+    shear = 0.5 * (gradient[:, 0, 1] + gradient[:, 1, 0])
+    return np.column_stack([gradient[:, 0, 0], gradient[:, 1, 1], shear])
 
 
 def product(triangles: Triangles, a: Array, b: Array, lam: float, mu: float) -> Array:

@@ -32,6 +32,7 @@ class Family:
     def __init__(self, study: Study) -> None:
         """Raises GeometryFailed if the body cannot be made."""
         self._scene, self._plan = study.scenes[0], study.mesh
+        self._scenes, self._exact = study.scenes, study.exact
         self._geometry = build(self._scene.body)
         self._first: PlaneMesh | None = None
         self._mesh: PlaneMesh | None = None
@@ -57,5 +58,5 @@ class Family:
         if not self._plan.estimates:
             return None
         before = self._survey.estimates if self._survey is not None else {}
-        self._survey = Survey(level, self._plan, dict(before))
+        self._survey = Survey(level, self._plan, dict(before), self._scenes, self._exact)
         return self._survey

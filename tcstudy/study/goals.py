@@ -8,9 +8,12 @@ b, a change δl̃ of the condensed load changes J = aᵀξ + wᵀu_T by zᵀδl�
 one more solve with the tangent of the solution. z is extended into the body without load; then
 
     J(u) − J(u_h) = a(u − u_h, z − z_h) to first order                                       (dual weighted residual)
+
+for homogeneous data. It says where to refine; how large the error is, see goal_error.py.
 Literature: Becker & Rannacher, Acta Numerica 10 (2001) 1–102; Suttmeier, Numerical Solution of Variational
             Inequalities by Adaptive Finite Elements (2008) for contact
-Left out:   the length of the slip zone is no differentiable function of the solution, see `survey`
+Slip length: as the sum of slipping cells it is no differentiable function of the solution. Its dual problem is that of
+            the fronts' positions within their cells (fronts.py), which are
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ from tcstudy.fem.contact_line import ContactLine
 from tcstudy.fem.recovery import Triangles
 from tcstudy.scene.records import Goal, Point
 from tcstudy.solve.problem import ContactProblem
+from tcstudy.study.fronts import slopes
 from tcstudy.study.measures import sticking
 
 Array = NDArray[np.float64]
@@ -64,6 +68,8 @@ def dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Ar
     elif goal.quantity == "u_T":
         assert goal.at is not None
         w = point_weights(line, goal.at)
+    elif goal.quantity == "slip_length":
+        w = slopes(line, problem, v)
     else:
         raise ValueError(f"the {goal.quantity} has no dual problem")
     stick = sticking(problem.law, v)
@@ -87,17 +93,3 @@ def lumping(triangles: Triangles, line: ContactLine, xi: Array, z: Array) -> Arr
     names = [curve.name in line.edge_names for curve in mesh.geometry.curves]
     on = np.array(names)[mesh.segment_curve]
     return np.where(on, np.nan_to_num(length / 6.0 * steps[:, 0] * steps[:, 1]), 0.0)
-
-
-def transitions(line: ContactLine, problem: ContactProblem, v: Array) -> tuple[NDArray[np.intp], float]:
-    """Contact nodes at which slip begins or ends (k,), and the length [m] over which that is not decided.
-
-    A front lies between a sticking and a slipping node; c is halved between them, so that it is known to half the
-    larger cell.
-    """
-    state = np.zeros(int(line.segments.max()) + 1, dtype=np.int8)  # 0 where the node is held: no front
-    state[line.nodes] = np.where(sticking(problem.law, v), 1, -1)
-    changes = state[line.segments[:, 0]] * state[line.segments[:, 1]] < 0
-    at = line.segments[changes]
-    lengths = np.linalg.norm(line.ends[changes, 1] - line.ends[changes, 0], axis=1)
-    return np.unique(at), 0.5 * float(lengths.sum())

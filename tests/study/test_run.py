@@ -14,6 +14,7 @@ import pytest
 import xarray as xr
 
 import tcstudy
+from tcstudy.data.journal import COMMIT_SECONDS
 from tcstudy.data.records import PointStatus
 from tcstudy.fem import heat
 from tcstudy.solve.contact import solve_contact
@@ -127,8 +128,13 @@ from tcstudy.scene.reader import read_study
 from tcstudy.study import run as run_module
 from tcstudy.study.execute import execute
 original = run_module.solve_contact
+calls = 0
 def slow(*a, **k):
-    time.sleep(0.15)
+    global calls
+    calls += 1
+    if calls == 6:  # five points are finished: say so, and wait for the signal
+        Path(sys.argv[3]).touch()
+        time.sleep(60)
     return original(*a, **k)
 run_module.solve_contact = slow
 try:
@@ -144,12 +150,14 @@ def test_finished_points_survive(tmp_path: Path, kill: signal.Signals) -> None:
     study_file, output = tmp_path / "study.yaml", tmp_path / "out.nc"
     study_file.write_text(SWEPT.replace("levels: 3", "levels: 2"))
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
-    process = subprocess.Popen([sys.executable, "-c", SLOW, str(study_file), str(output)], env=environment)
+    reached = tmp_path / "reached"
+    words = [sys.executable, "-c", SLOW, str(study_file), str(output), str(reached)]
+    process = subprocess.Popen(words, env=environment)
     partial = tmp_path / "out.nc.partial"
     deadline = time.monotonic() + 60
-    while not partial.exists() and time.monotonic() < deadline:
+    while not reached.exists() and time.monotonic() < deadline:
         time.sleep(0.05)
-    time.sleep(1.5)
+    time.sleep(COMMIT_SECONDS + 0.5)  # a record is safe so long after it was made
     process.send_signal(kill)
     assert process.wait(30) in (-kill, 130)
     assert partial.exists()
@@ -158,7 +166,7 @@ def test_finished_points_survive(tmp_path: Path, kill: signal.Signals) -> None:
 
     study = tcstudy.load(study_file)
     summary = execute(study, output)
-    assert 0 < summary.resumed < 12
+    assert summary.resumed == 5
     assert summary.points == 12
     assert not partial.exists()
     resumed = tcstudy.open_results(output).load()

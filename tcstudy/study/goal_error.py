@@ -1,0 +1,177 @@
+"""What a number J of a solution lacks, from the same problem on the mesh with every triangle cut into four.
+
+Numbers:    J(u) − J(u_h) falls by 2^p when h is halved, so that it is (J(u_{h/2}) − J(u_h))/(1 − 2^{−p}). p = 2 where
+            solution and dual solution are smooth, 2λ in a corner where they are like r^λ. The limit takes p = 2 (factor
+            4/3), the error the mean of p = 1 and p = 2 (factor 5/3): for either it is off by a quarter at most. In
+            corners with λ < 1 both take p = 2λ (corner_factors.py), with the share of the error that lies there.
+            All that distinguishes u_h from u is in it (given displacements between nodes, lumped friction,
+            oscillating data, temperature, arcs), signs included
+Slip length: the sum of slipping cells, quantised to a cell, against the positions of the fronts within their cells
+            (fronts.py), L_h and L_{h/2}: limit L as above, error |J(u_h) − L| + ⅔ |L_{h/2} − L_h|, by which p = 1 and
+            p = 2 differ (more in corners), + the doubt of fronts that could not be located
+Hidden:     a sticking zone that both meshes are too coarse for (fronts.py) has ξ anywhere in b̂: half of the jump times
+            its length is added to the error of ∫ξ
+Crossing:   where contributions of different order cancel, J(u) − J(u_h) changes its sign between two levels and is
+            small by accident. The difference of both solutions sees most of what cancels, and the error of the
+            extrapolation remains: `survey` adds half of what the limit has changed by since the level before, and
+            takes at least half of what that level's error has become at the rate 1/N. So the estimate does not follow
+            the error down to zero; its ratio to the error is then large and means nothing
+Shares:     ‖u_{h/2} − u_h‖_K ‖z − I_h z‖_K + |a_K(lift of u_D − u_h, z)| + lumping + heat, with the dual solution z on
+            the finer mesh (goals.py): unsigned, for marking only
+Why not the dual weighted residual itself: products of recovered gradients gave 0.05 to 26 times the true error.
+            Recovery is not superconvergent on bisected meshes, and where displacements are given beside Γ_C their
+            interpolation carried most of the error of ∫ξ, weighted with the recovered stress of a dual solution that
+            jumps there
+Left out:   data that oscillate within half an element escape both meshes
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tcstudy.fem.contact_line import ContactLine
+from tcstudy.fem.estimators import own_strain
+from tcstudy.fem.recovery import Triangles
+from tcstudy.scene.expressions import Expression
+from tcstudy.scene.records import Goal, Material, Scene
+from tcstudy.solve.contact import solve_contact
+from tcstudy.solve.outcome import Status
+from tcstudy.solve.problem import ContactProblem
+from tcstudy.study.corner_factors import MIDDLE, ROUGH, mean_factors
+from tcstudy.study.fronts import fronts, slip_length
+from tcstudy.study.goals import dual, goal_value, lumping
+from tcstudy.study.halved import Halved
+from tcstudy.study.level import Condensed
+from tcstudy.study.measures import sticking
+from tcstudy.study.plan import needs_heat_solve
+
+Array = NDArray[np.float64]
+
+ACCEPTED = 1e-6
+"""Inclusion residual up to which the finer solution is good enough for an estimate."""
+
+
+@dataclass(frozen=True)
+class GoalError:
+    """What is estimated of one solution.
+
+    limit:  estimated J(u);  error: estimated |J(u) − J(u_h)|, in the unit of J, infinite where the finer problem failed
+    shares: (t,) what each triangle may contribute to it
+    """
+
+    limit: float
+    error: float
+    shares: Array
+
+
+def goal_error(
+    goal: Goal, halved: Halved, triangles: Triangles, scene: Scene, condensed: Condensed, v: Array, u: Array
+) -> GoalError:
+    """Error of the goal of a solution v (m,) with the displacement u (2n,); triangles are those of its level.
+
+    The finer problem starts from v and stays in its basin, so that another solution of the same load is not compared.
+    """
+    fine, line = halved.level, halved.coarse.line
+    finer = fine.condensed(scene)
+    answer = solve_contact(finer.problem, tolerance=ACCEPTED, branch="continued", neighbour=halved.start(v))
+    value = goal_value(goal, condensed.problem, line, v)
+    if answer.status != Status.CONVERGED:
+        return GoalError(value, np.inf, np.zeros(len(triangles.area)))
+    shares = _shares(goal, halved, triangles, scene, (condensed, finer), (v, answer.v), u)
+    to_limit, to_error = mean_factors(halved.coarse, scene, sticking(condensed.problem.law, v), shares)
+    if goal.quantity == "slip_length":
+        own, _ = slip_length(line, condensed.problem, v)
+        better, doubt = slip_length(fine.line, finer.problem, answer.v)
+        limit, change = own + to_limit * (better - own), abs(better - own)
+        error = abs(value - limit) + (to_error - to_limit + ROUGH - MIDDLE) * change + doubt
+        return GoalError(limit, error, shares + _cells(halved, triangles, condensed, v))
+    change = goal_value(goal, finer.problem, fine.line, answer.v) - value
+    error = to_error * abs(change)
+    if goal.quantity == "friction_resultant":
+        error += _unseen(fine.line, finer.problem, answer.v)
+    return GoalError(value + to_limit * change, error, shares)
+
+
+def _unseen(line: ContactLine, problem: ContactProblem, v: Array) -> float:
+    """How much ∫ξ may differ because of sticking zones that hide beside held nodes [N/m]."""
+    total = 0.0
+    for front in fronts(line, problem, v):
+        if front.hidden:
+            kink = problem.law.nearest_kink(v[front.nodes[0]])
+            total += 0.5 * front.doubt * float(problem.law.b_right[kink] - problem.law.b_left[kink])
+    return total
+
+
+def _shares(
+    goal: Goal,
+    halved: Halved,
+    triangles: Triangles,
+    scene: Scene,
+    condensed: tuple[Condensed, Condensed],
+    v: tuple[Array, Array],
+    u: Array,
+) -> Array:
+    """(t,) shares by triangles of the level; zero if the dual problem is singular (a turning point)."""
+    fine, line, material = halved.level, halved.coarse.line, scene.material
+    try:
+        z_T = dual(goal, condensed[1].problem, fine.line, v[1])
+    except scipy.linalg.LinAlgError:
+        return np.zeros(len(triangles.area))
+    z = fine.extension(scene, z_T)
+    e = fine.displacement(scene, condensed[1], v[1]) - halved.carry(u)
+    rest = own_strain(halved.triangles, z - halved.interpolated(z))
+    shares = np.sqrt(_energy(halved, own_strain(halved.triangles, e), material) * _energy(halved, rest, material))
+    frames = fine.frames
+    lift = own_strain(halved.triangles, frames.cartesian(np.where(frames.fixed, frames.local(e), 0.0)))
+    shares += np.abs(halved.gathered(_work(halved.triangles, lift, own_strain(halved.triangles, z), material)))
+    xi = condensed[0].problem.xi(v[0]) / line.c
+    shares += triangles.from_segments(np.abs(lumping(triangles, line, xi, halved.at_coarse(z_T))))
+    if material.beta != 0.0:
+        shares += _heat_shares(halved, scene, z)
+    return shares
+
+
+def _work(triangles: Triangles, a: Array, b: Array, material: Material) -> Array:
+    """(t,) ∫_K a:c b of strains that are constant on K (t, 3) [J/m]."""
+    density = material.lam * (a[:, 0] + a[:, 1]) * (b[:, 0] + b[:, 1])
+    return triangles.area * (density + 2.0 * material.mu * ((a * b) @ np.array([1.0, 1.0, 2.0])))
+
+
+def _energy(halved: Halved, a: Array, material: Material) -> Array:
+    """(t,) ∫_K a:c a on the triangles of the level."""
+    return halved.gathered(_work(halved.triangles, a, a, material))
+
+
+def _heat_shares(halved: Halved, scene: Scene, z: Array) -> Array:
+    """(t,) k‖∇(θ_{h/2} − θ_h)‖_K ‖∇(ζ − I_h ζ)‖_K, or |β∫_K(θ_{h/2} − θ_h) div z| of a known θ."""
+    fine, triangles, material = halved.level, halved.triangles, scene.material
+    known = scene.heat.theta
+    if known is not None and not isinstance(known, Expression):
+        return np.zeros(len(halved.coarse.mesh.triangles))
+    e = fine.temperature(scene).theta - halved.carry(halved.coarse.temperature(scene).theta)
+    if not needs_heat_solve(scene):
+        slope = triangles.gradient(z.reshape(2, -1).T)
+        mean = e[halved.level.mesh.triangles].mean(axis=1)
+        work = material.beta * triangles.area * mean * (slope[:, 0, 0] + slope[:, 1, 1])
+        return np.abs(halved.gathered(work))
+    zeta = halved.dual_temperature(scene, z)
+    squares = [
+        halved.gathered(triangles.area * np.sum(triangles.gradient(w) ** 2, axis=1))
+        for w in (e, zeta - halved.interpolated(zeta))
+    ]
+    assert material.k is not None
+    return material.k * np.sqrt(squares[0] * squares[1])
+
+
+def _cells(halved: Halved, triangles: Triangles, condensed: Condensed, v: Array) -> Array:
+    """(t,) half of the cell of every front, shared by the triangles at its two nodes: what the nodes leave open."""
+    mesh, line = halved.coarse.mesh, halved.coarse.line
+    shares = np.zeros(len(triangles.area))
+    for front in fronts(line, condensed.problem, v):
+        around = np.flatnonzero(np.any(np.isin(mesh.triangles, line.segments[front.segment]), axis=1))
+        shares[around] += 0.5 * front.width / len(around)
+    return shares

@@ -1,0 +1,213 @@
+"""Scenes with a known number, and tables of the effectivity of goals on them.
+
+Fronts:     configs/convergence.yaml with its front elsewhere, in closed form: ∫ξ, u_T at a point, slip length; the same
+            turned (tests/verification/closed_forms.py)
+Ring:       turning ring on a curved contact line: ∫ξ = τ·arc length, u_T constant
+Spring:     linear law, u_T = sin(πx), ∫ξ = 2k/π
+Heated:     a four-sided block between oblique sides, heated inside, exponential softening, two fronts
+Film:       a pulled block on a softening film that has let go of its right part
+Bracket:    plane stress, heat, a hole, an arc, and two slipping edges that meet at 174°, where u ~ r^0.03
+Known:      in closed form, or the value itself on a mesh with some 16 times the triangles of the finest compared
+            with it; for the bracket on meshes bisected at that corner until its share has gone
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from tcstudy.data.records import LevelRecord, PointRecord
+from tcstudy.fem.meshes import PlaneMesh, mesh_at, refine_marked
+from tcstudy.scene.reader import read_study_text
+from tcstudy.scene.records import FamilyName, Goal, MeshPlan, Point, Study
+from tcstudy.solve.contact import solve_contact
+from tcstudy.study.family import Family
+from tcstudy.study.goals import goal_value
+from tcstudy.study.level import Level
+from tcstudy.study.run import run
+from tests.verification import closed_forms
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+RESULTANT = Goal("friction_resultant")
+SLIP_LENGTH = Goal("slip_length")
+
+HEATED = """
+units: none
+body:
+  outline:
+    - {from: [0, 0], edge: base}
+    - {from: [3, 0], edge: side}
+    - {from: [2.2, 1], edge: top}
+    - {from: [0.5, 1.2], edge: other}
+boundary: {base: contact, side: convection, top: clamped, other: convection}
+material: {E: 1, nu: 0.3, k: 1, alpha_T: 0.1}
+heat: {alpha: 2, theta_bar: 0.1, q: "1 + sin(3*x)"}
+friction: {law: exponential, a: 0.03, b: 0.02, delta: 0.05}
+mesh: {maxh: 0.5, levels: 1}
+"""
+
+FILM = """
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: clamped, top: {role: traction, g: ["0.03*x", -0.01]}, right: free}
+material: {E: 1, nu: 0.3}
+friction: {law: slip-weakening, tau_s: 0.012, tau_k: 0.006, delta: 0.1}
+mesh: {maxh: 0.5, levels: 1}
+"""
+
+BRACKET = """
+units: none
+body:
+  outline:
+    - {from: [0, 0], edge: slope}
+    - {from: [1, -0.3], edge: curve, through: [1.6, -0.2]}
+    - {from: [2, 0.3], edge: right}
+    - {from: [2, 1], edge: top}
+    - {from: [0, 1], edge: left}
+  holes:
+    - circle: {center: [0.9, 0.5], radius: 0.15, edge: bore}
+boundary:
+  slope: contact
+  curve: contact
+  right: {role: convection, g: [0.01, "0.02*y"], pressure: 0.03}
+  top: {role: clamped, u: [0.002, "-0.001*x"]}
+  left: {role: traction, g: [0.02, -0.01]}
+  bore: convection
+material: {E: 2, nu: 0.25, plane: stress, k: 0.7, alpha_T: 0.05}
+loads: {f: [0.01, "-0.02*x"]}
+heat: {alpha: 0.8, theta_bar: "0.2 + 0.1*x", q: 0.6}
+friction: {law: tresca, tau: 0.01}
+mesh: {maxh: 0.4, levels: 1}
+"""
+OBTUSE: Point = (1.0, -0.3)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One level: unknowns, J(u_h) − J(u), estimated error (both over |J(u)|)."""
+
+    n_dof: int
+    signed: float
+    estimate: float
+
+    @property
+    def effectivity(self) -> float:
+        return self.estimate / abs(self.signed) if self.signed else math.inf
+
+
+def front_study(change: float, maxh: float = 0.2) -> Study:
+    """configs/convergence.yaml with stick for x < change."""
+    text = (CONFIGS / "convergence.yaml").read_text().replace("1/3", repr(change))
+    return read_study_text(text, "front", (f"mesh={{maxh: {maxh}, levels: 1}}",))
+
+
+def front_resultant(change: float) -> float:
+    """∫ξ = ∫₀¹ 0.5 − 0.84 √max(0, change − x)."""
+    return 0.5 - 0.56 * change**1.5
+
+
+def front_slip(change: float, x: float) -> float:
+    """u_T = 0.36 (x − change)^{3/2}."""
+    return 0.36 * (x - change) ** 1.5
+
+
+def ring_scene() -> tuple[Study, float, float]:
+    """The ring, its ∫ξ and its u_T (held nodes give their cells away, and chords are shorter than arcs)."""
+    length = math.radians(70)
+    return (
+        closed_forms.ring(1),
+        2 * closed_forms.MU * closed_forms.B * length,
+        closed_forms.A + closed_forms.B,
+    )
+
+
+def spring_scene() -> tuple[Study, float]:
+    """The divergence-free solution at ν = 0.3 on its spring, and ∫ξ."""
+    return closed_forms.incompressible(1, (0.3,)), 2 * closed_forms.SPRING / math.pi
+
+
+def scene_of(text: str) -> Study:
+    """A study from one of the texts above."""
+    return read_study_text(text, "scene")
+
+
+def solved_meshes(study: Study, goal: Goal, most: int, marking: float = 0.6) -> Iterator[tuple[Family, Level, float]]:
+    """Adaptive meshes for a goal up to `most` unknowns, with J(u_h)."""
+    plan = MeshPlan(study.mesh.maxh, 60, "adaptive", goal=goal, marking=marking)
+    scene, family = study.scenes[0], Family(replace(study, mesh=plan))
+    for i in range(plan.levels):
+        level = Level(family.next(i), scene)
+        condensed = level.condensed(scene)
+        v = solve_contact(condensed.problem).v
+        survey = family.survey(level)
+        assert survey is not None
+        survey.look((), scene, condensed, v)
+        yield family, level, goal_value(goal, condensed.problem, level.line, v)
+        if level.frames.n_dof > most:
+            return
+
+
+def fine_value(study: Study, goal: Goal, most: int = 1500) -> float:
+    """J(u_h) itself, nothing extrapolated, where every triangle of a mesh of `most` unknowns is cut into sixteen."""
+    mesh = [level for _, level, _ in solved_meshes(study, goal, most)][-1].mesh
+    for _ in range(2):
+        mesh = mesh_at(mesh.geometry, MeshPlan((mesh.h_max,), mesh.level + 2), mesh.level + 1, mesh)
+    return _value(study, goal, mesh)
+
+
+def _value(study: Study, goal: Goal, mesh: PlaneMesh) -> float:
+    scene = study.scenes[0]
+    level = Level(mesh, scene)
+    condensed = level.condensed(scene)
+    return goal_value(goal, condensed.problem, level.line, solve_contact(condensed.problem).v)
+
+
+def value_at_corner(study: Study, goal: Goal, at: Point, most: int = 6000, steps: int = 36) -> float:
+    """J with the mesh bisected at one corner `steps` times, extrapolated by Aitken's rule over thirds of them."""
+    mesh = [level for _, level, _ in solved_meshes(study, goal, most)][-1].mesh
+    values = []
+    for k in range(1, steps + 1):
+        node = int(np.argmin(np.linalg.norm(mesh.points - np.array(at), axis=1)))
+        mesh = refine_marked(mesh, np.any(mesh.triangles == node, axis=1))
+        if k % (steps // 3) == 0:
+            values.append(_value(study, goal, mesh))
+    first, second = values[1] - values[0], values[2] - values[1]
+    return values[2] + second**2 / (first - second)
+
+
+def table(study: Study, goal: Goal, known: float, family: FamilyName, levels: int, most: int = 8000) -> list[Row]:
+    """Errors and estimates level by level, through a whole run."""
+    plan = MeshPlan(study.mesh.maxh, levels, family, goal=replace(goal, known=known), estimate=True, max_dofs=4 * most)
+    records = list(run(replace(study, mesh=plan)))
+    sizes = [r.n_dof for r in records if isinstance(r, LevelRecord) and not r.stop]
+    points = [r for r in records if isinstance(r, PointRecord)]
+    assert all(p.reason == "" for p in points), [p.reason for p in points]
+    rows = []
+    for n_dof, point in zip(sizes, points, strict=True):
+        value, estimate = float(point.numbers["goal"]), float(point.numbers["goal_estimate"])  # type: ignore[arg-type]
+        rows.append(Row(n_dof, (value - known) / abs(known), estimate / abs(known)))
+    return rows
+
+
+def at_crossing(rows: list[Row], i: int) -> bool:
+    """Whether the error of level i is small by accident, as the true errors alone tell.
+
+    Its sign changes beside level i, or it is less than a third of what N^{-1} through all levels' errors says.
+    """
+    near = [row.signed for row in rows[max(i - 1, 0) : i + 2]]
+    typical = float(np.median([abs(row.signed) * row.n_dof for row in rows]))
+    return min(near) <= 0.0 <= max(near) or abs(rows[i].signed) * rows[i].n_dof < typical / 3.0
+
+
+def to_tolerance(study: Study, goal: Goal, tolerance: float) -> tuple[float, str, int]:
+    """J, why refinement stopped, and the unknowns of an adaptive run to a tolerance."""
+    plan = MeshPlan(study.mesh.maxh, 40, "adaptive", goal=goal, tolerance=tolerance)
+    records = list(run(replace(study, mesh=plan)))
+    point = [r for r in records if isinstance(r, PointRecord)][-1]
+    last = records[-1]
+    assert isinstance(last, LevelRecord)
+    return float(point.numbers["goal"]), last.stop, last.n_dof  # type: ignore[arg-type]

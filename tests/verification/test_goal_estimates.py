@@ -1,0 +1,203 @@
+"""Goals on other scenes than test_estimators.py: effectivity between 0.5 and 3, and tolerances that hold.
+
+The factors of corners were made on the bracket, and film and block had been looked at; the other scenes had not.
+
+Left out of the bounds, by construction: levels 0 and 1, on which no tolerance of a goal is accepted, and the upper
+bound where the true error is small by accident (`at_crossing`; the estimate cannot know that, and must not follow it).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tcstudy.scene.records import FamilyName, Goal, Study
+from tests.verification import closed_forms
+from tests.verification.goal_scenes import (
+    BRACKET,
+    FILM,
+    HEATED,
+    OBTUSE,
+    RESULTANT,
+    SLIP_LENGTH,
+    Row,
+    at_crossing,
+    fine_value,
+    front_resultant,
+    front_slip,
+    front_study,
+    ring_scene,
+    scene_of,
+    spring_scene,
+    table,
+    to_tolerance,
+    value_at_corner,
+)
+
+LOW, HIGH = 0.5, 3.0
+"""Bounds of estimated over true error."""
+MOST, FEWER = 2500, 1000
+"""Unknowns beyond which no mesh is compared with closed forms, and with finer solutions."""
+
+
+def check(rows: list[Row], first: int = 2) -> None:
+    """All levels from `first` on within the bounds; half of them much closer."""
+    ratios = [row.effectivity for row in rows]
+    usual = [ratio for i, ratio in enumerate(ratios) if i >= first and not at_crossing(rows, i)]
+    assert len(rows) >= first + 2
+    assert min(ratios[first:]) >= LOW, ratios
+    assert all(ratio <= HIGH for ratio in usual), ratios
+    if len(usual) > 2:
+        assert 0.8 < float(np.median(usual)) < 2.0, ratios
+
+
+def both(study: Study, goal: Goal, known: float) -> None:
+    """Adaptive and uniform meshes."""
+    families: tuple[tuple[FamilyName, int], ...] = (("adaptive", 20), ("uniform", 4))
+    for family, levels in families:
+        check(table(study, goal, known, family, levels, MOST))
+
+
+@pytest.mark.parametrize("change", [0.21, 0.447, 0.683])
+def test_numbers_of_stick_and_slip(change: float) -> None:
+    """The front elsewhere: ∫ξ and u_T are in closed form."""
+    both(front_study(change), RESULTANT, front_resultant(change))
+    both(front_study(change), Goal("u_T", (0.85, 0.0)), front_slip(change, 0.85))
+
+
+def test_numbers_of_a_turned_body() -> None:
+    both(closed_forms.stick_slip(1, 37.0, 0.2), RESULTANT, front_resultant(closed_forms.CHANGE))
+
+
+def test_numbers_on_a_curved_contact_line() -> None:
+    study, resultant, slip = ring_scene()
+    both(study, RESULTANT, resultant)
+    both(study, Goal("u_T", (math.cos(0.7), math.sin(0.7))), slip)
+
+
+def test_numbers_on_springs() -> None:
+    study, resultant = spring_scene()
+    both(study, RESULTANT, resultant)
+    both(study, Goal("u_T", (0.3, 0.0)), math.sin(0.3 * math.pi))
+
+
+def test_numbers_of_a_heated_block() -> None:
+    """Thermal load, softening, two fronts, oblique sides; the known value is a much finer solution's."""
+    study, goal = scene_of(HEATED), Goal("u_T", (1.4, 0.0))
+    check(table(study, goal, fine_value(study, goal), "adaptive", 20, FEWER))
+
+
+def test_numbers_of_a_softening_film() -> None:
+    study = scene_of(FILM)
+    for goal in (RESULTANT, Goal("u_T", (1.4, 0.0))):
+        check(table(study, goal, fine_value(study, goal), "adaptive", 20, FEWER))
+
+
+def test_numbers_of_a_bracket_with_an_obtuse_contact_corner() -> None:
+    """u ~ r^0.03, so that halving takes 4 % off the corner's share of the error, and the estimate has to know it."""
+    study = scene_of(BRACKET)
+    rows = table(study, RESULTANT, value_at_corner(study, RESULTANT, OBTUSE, 3000), "adaptive", 20, FEWER)
+    ratios = [row.effectivity for row in rows[2:]]
+    assert all(LOW < ratio < HIGH for ratio in ratios), ratios
+    assert rows[-1].signed > 0.05  # a tolerance of 5 % is out of reach, and the estimate says so
+    assert rows[-1].estimate > 0.05
+
+
+# -- slip length -------------------------------------------------------------------------------------
+
+FRONTS = (0.183, 0.296, 0.438, 0.521, 0.618, 0.742)
+
+
+@pytest.fixture(scope="module")
+def slip_rows() -> list[list[Row]]:
+    cases = [(front_study(change, maxh), 1.0 - change) for change, maxh in zip(FRONTS, (0.25, 0.2) * 3, strict=True)]
+    cases += [(closed_forms.stick_slip(1, degrees), 1.0 - closed_forms.CHANGE) for degrees in (-30.0, 112.0)]
+    return [table(study, SLIP_LENGTH, length, "adaptive", 20, FEWER) for study, length in cases]
+
+
+def test_estimates_of_the_slip_length_cover_its_error(slip_rows: list[list[Row]]) -> None:
+    """Sum of slipping cells: its error is anything from nothing to half a cell, so the bounds are for most cases."""
+    ratios = np.array([row.effectivity for rows in slip_rows for row in rows[2:]])
+    assert len(ratios) > 50
+    assert np.mean(ratios >= 1.0) >= 0.9
+    assert np.mean(ratios > 5.0) <= 0.15
+    assert np.min(ratios) > 0.3
+    assert 1.0 < float(np.median(ratios)) < 2.5
+
+
+@pytest.mark.parametrize("text", [HEATED, FILM])
+def test_slip_length_by_refined_references(text: str) -> None:
+    study = scene_of(text)
+    known = fine_value(study, SLIP_LENGTH)
+    rows = table(study, SLIP_LENGTH, known, "adaptive", 20, FEWER)
+    ratios = np.array([row.effectivity for row in rows[2:]])
+    assert np.mean(ratios >= 0.9) >= 0.9, ratios
+    assert 1.0 < float(np.median(ratios)) < 2.5, ratios
+
+
+# -- tolerances --------------------------------------------------------------------------------------
+
+
+def met(study: Study, goal: Goal, known: float, tolerance: float) -> None:
+    value, stop, n_dof = to_tolerance(study, goal, tolerance)
+    assert stop.startswith(f"tolerance {tolerance:g} met"), stop
+    assert abs(value - known) <= tolerance * abs(known), (value, known)
+    assert n_dof < 20_000
+
+
+@pytest.mark.parametrize("change", [0.27, 0.55, 0.71])
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
+def test_tolerances_of_closed_forms_are_met(change: float, tolerance: float) -> None:
+    study = front_study(change)
+    met(study, SLIP_LENGTH, 1.0 - change, tolerance)
+    met(study, RESULTANT, front_resultant(change), tolerance)
+    met(study, Goal("u_T", (0.9, 0.0)), front_slip(change, 0.9), 3.0 * tolerance)
+
+
+def test_tolerances_on_arcs_and_springs_are_met() -> None:
+    ring, resultant, slip = ring_scene()
+    met(ring, RESULTANT, resultant, 2e-4)
+    met(ring, Goal("u_T", (math.cos(0.7), math.sin(0.7))), slip, 2e-3)
+    springs, resultant = spring_scene()
+    met(springs, RESULTANT, resultant, 2e-3)
+
+
+def test_tolerances_by_refined_references_are_met() -> None:
+    """The references are some 30 times finer than what the tolerance asks for."""
+    for text, goal, tolerance in (
+        (FILM, RESULTANT, 2e-3),
+        (FILM, SLIP_LENGTH, 2e-3),
+        (HEATED, SLIP_LENGTH, 2e-3),
+        (HEATED, Goal("u_T", (1.4, 0.0)), 3e-2),
+    ):
+        study = scene_of(text)
+        met(study, goal, fine_value(study, goal), tolerance)
+
+
+def test_a_tighter_tolerance_costs_more() -> None:
+    study = front_study(0.4)
+    sizes = [to_tolerance(study, RESULTANT, tolerance)[2] for tolerance in (1e-2, 1e-3, 1e-4)]
+    assert sizes[0] < sizes[1] < sizes[2]
+
+
+# -- units -------------------------------------------------------------------------------------------
+
+
+def test_estimates_do_not_depend_on_units() -> None:
+    """FILM in lengths 2⁻¹⁰ and stresses 2³⁷ as large: the same meshes and relative estimates."""
+    s, p = 2.0**-10, 2.0**37
+    scaled = f"""
+units: none
+body: {{rectangle: {{width: {2 * s}, height: {s}}}}}
+boundary: {{bottom: contact, left: clamped, top: {{role: traction, g: ["{0.03 * p / s}*x", {-0.01 * p}]}}, right: free}}
+material: {{E: {p}, nu: 0.3}}
+friction: {{law: slip-weakening, tau_s: {0.012 * p}, tau_k: {0.006 * p}, delta: {0.1 * s}}}
+mesh: {{maxh: {0.5 * s}, levels: 1}}
+"""
+    for goal, unit in ((RESULTANT, p * s), (SLIP_LENGTH, s)):
+        one = table(scene_of(FILM), goal, 1.0, "adaptive", 7)
+        other = table(scene_of(scaled), goal, unit, "adaptive", 7)
+        assert [row.n_dof for row in one] == [row.n_dof for row in other]
+        assert [row.estimate for row in one] == pytest.approx([row.estimate for row in other], rel=1e-9)
