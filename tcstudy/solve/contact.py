@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.solve.active_pieces import finish
+from tcstudy.solve.escape import escape
 from tcstudy.solve.loop import iterate
 from tcstudy.solve.outcome import Outcome, Status
 from tcstudy.solve.problem import ContactProblem
@@ -21,8 +24,9 @@ Branch = Literal["lowest", "continued", "from-zero"]
 
 SOLVERS = ("separable-newton", "bundle-newton")
 """Names that a study may give under `solver`."""
-ZERO, FRICTIONLESS, NEIGHBOUR = 0, 1, 2
-"""Starts: no displacement, the solution without friction, the solution of a neighbouring problem."""
+ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE = 0, 1, 2, 3
+"""Starts: no displacement, the solution without friction, the solution of a neighbouring problem, and, where these may
+not have led to the least energy, the convexified problem and moves of single nodes (solve/escape.py)."""
 ROUNDING = 0.01
 """Share of the tolerance that the rounding of ξ may have before the residual is formed in extended precision."""
 TIE = 1e-12
@@ -50,7 +54,7 @@ class Answer:
     iterations: int
     evaluations: int
     start: int = ZERO
-    energies: tuple[float, ...] = (float("nan"),) * 3
+    energies: tuple[float, ...] = (float("nan"),) * 4
 
 
 def solve_contact(
@@ -64,9 +68,10 @@ def solve_contact(
 ) -> Answer:
     """Find v with 0 ∈ Ãv − l̃ + ∂Ψ(v) and an inclusion residual of at most `tolerance`.
 
-    branch:    "lowest": of the solutions found from zero, from the frictionless solution and from the neighbour the
-               one with least energy; "continued": from the neighbour, without leaving its basin on purpose;
-               "from-zero": from zero. The last two try the other starts only where theirs fails
+    branch:    "lowest": of the solutions found from zero, from the frictionless solution, from the neighbour and,
+               unless the best of them seems global or the solver is bundle-newton, by the escape phase the one with
+               least energy; "continued": from the neighbour, without leaving its basin on purpose; "from-zero":
+               from zero. The last two try the other starts only where theirs fails
     neighbour: (m,) a solution of a neighbouring problem, if there is one
 
     An answer that misses the tolerance is solved again to higher accuracy; one that still misses it is returned as
@@ -82,15 +87,34 @@ def solve_contact(
         answers.append(replace(_judge(problem, outcome, tolerance), start=start))
         if branch != "lowest" and answers[-1].status == Status.CONVERGED:
             break
+    if branch == "lowest" and solver == "separable-newton":
+        answers += _escape(problem, _together(answers), tolerance, max_iterations, log)
     return _together(answers)
 
 
-def _starts(problem: ContactProblem, branch: Branch, neighbour: Array | None) -> Sequence[tuple[int, Array]]:
-    """Starts in the order in which they are tried."""
-    starts = [(ZERO, np.zeros(problem.m)), (FRICTIONLESS, problem.frictionless())]
-    if neighbour is not None:
-        starts.insert(0 if branch == "continued" else 2, (NEIGHBOUR, np.asarray(neighbour, dtype=float)))
-    return starts
+def _starts(problem: ContactProblem, branch: Branch, neighbour: Array | None) -> Iterator[tuple[int, Array]]:
+    """Starts in the order in which they are tried; a body that can move freely has no frictionless solution."""
+    known = [] if neighbour is None else [(NEIGHBOUR, np.asarray(neighbour, dtype=float))]
+    yield from known if branch == "continued" else []
+    yield ZERO, np.zeros(problem.m)
+    with suppress(scipy.linalg.LinAlgError):
+        yield FRICTIONLESS, problem.frictionless()
+    yield from known if branch != "continued" else []
+
+
+def _escape(
+    problem: ContactProblem, best: Answer, tolerance: float, max_iterations: int | None, log: Log | None
+) -> list[Answer]:
+    """What the escape phase finds, if it has any business; where rounding decides or the data are bad it has none."""
+    if best.status not in (Status.CONVERGED, Status.ITERATION_LIMIT, Status.STALLED):
+        return []
+
+    def solve(changed: ContactProblem, x0: Array, accuracy: float) -> Outcome:
+        return _separable(changed, x0, accuracy, max_iterations, True, log)
+
+    known = best.v if best.status == Status.CONVERGED else None
+    found = escape(problem, known, min(1e-12, tolerance), solve)
+    return [] if found is None else [replace(_judge(problem, found, tolerance), start=ESCAPE)]
 
 
 def _separable(
@@ -152,7 +176,7 @@ def _together(answers: list[Answer]) -> Answer:
     found = {a.start: a.energy for a in solutions}
     return replace(
         best,
-        energies=tuple(found.get(start, float("nan")) for start in (ZERO, FRICTIONLESS, NEIGHBOUR)),
+        energies=tuple(found.get(start, float("nan")) for start in (ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE)),
         iterations=sum(a.iterations for a in answers),
         evaluations=sum(a.evaluations for a in answers),
     )

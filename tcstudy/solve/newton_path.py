@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.solve.newton_state import SeparableState, new_state
-from tcstudy.solve.newton_system import FreeSystem
-from tcstudy.solve.nodal_pieces import energy_change, next_up_jump
+from tcstudy.solve.newton_system import FreeSystem, factorise
+from tcstudy.solve.nodal_pieces import energy_change, integral, next_up_jump
 from tcstudy.solve.node_descent import descend_nodes
 from tcstudy.solve.outcome import Status
 from tcstudy.solve.problem import ContactProblem
@@ -52,6 +52,40 @@ def along_path(
                 new = replace(new, second_order="a local minimum")
             return new
     return None
+
+
+def straight(problem: ContactProblem, state: SeparableState, halvings: int) -> SeparableState | None:
+    """The lowest point of a straight Newton step of all nodes together, None if none is lower than the state.
+
+    On the clipped path a node that has stopped is overtaken by neighbours that its stop should hold back; where the
+    body couples neighbours far more stiffly than all of them together (a thin layer), that raises the energy and only
+    ever shorter steps remain. Here nodes that sit on a jump and would go uphill are held from the outset, the
+    equations are solved without them, and of the lengths ½, ¼, … and those at which a node meets an up-jump the best
+    is taken.
+    """
+    s, free, direction = state.slopes, np.flatnonzero(~state.slopes.at_rest), np.zeros(problem.m)
+    while len(free):
+        system = factorise(problem, free, problem.law.slope(state.v[free], state.piece[free]))
+        state = replace(state, factorisations=state.factorisations + system.factorisations)
+        direction = np.zeros(problem.m)
+        direction[free] = -system.solve(s.descent[free])
+        uphill = s.at_jump & (direction != 0.0) & (np.where(direction > 0.0, s.right, -s.left) > 0.0)
+        if not np.any(uphill):
+            break
+        free = free[~uphill[free]]
+    stop = next_up_jump(problem.law, state.v, direction)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(direction != 0.0, (stop - state.v) / direction, np.inf)
+    lengths = np.unique(np.concatenate([reach[reach < 1.0], 0.5 ** np.arange(halvings + 1)]))
+    targets = state.v + lengths[:, None] * direction
+    targets = np.where(lengths[:, None] == reach, stop, targets)
+    steps = targets - state.v
+    here = np.broadcast_to(state.v, targets.shape)
+    friction = problem.c * integral(problem.law, here.ravel(), targets.ravel()).reshape(targets.shape)
+    changes = np.sum(friction - state.xi * steps + 0.5 * steps * (steps @ problem.A_tilde), axis=1)
+    best = int(np.argmin(changes))
+    state = replace(state, evaluations=state.evaluations + len(lengths))
+    return moved(problem, state, targets[best], "straight") if changes[best] < 0.0 else None
 
 
 def node_by_node(problem: ContactProblem, state: SeparableState) -> SeparableState:

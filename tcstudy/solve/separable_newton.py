@@ -5,7 +5,9 @@
   2. solves Newton's equations on the pieces of all others (falls of b lifted where the matrix is indefinite),
   3. goes along that direction, each node stopping on the first up-jump it would cross, and accepts by Armijo's
      rule on the exact energy difference; if the path gives no decrease within a few halvings,
-  4. minimises node by node along the descending one-sided slopes, which always lowers the energy.
+  4. minimises node by node along the descending one-sided slopes, which always lowers the energy; where that would be
+     done twice in a row, it first goes straight, all nodes together, as far as that pays (under thin layers step 4
+     alone crawls).
 Every accepted step lowers L̃, so no iterate returns and cycles are impossible. (Only at rounding level, where L̃ can no
 longer tell two points apart, is the residual the judge.) A point at which no node descends is first-order
 stationary in every direction, because L̃′(v; d) is the sum of the nodes' one-sided slopes.
@@ -17,8 +19,8 @@ left along a direction of negative curvature. So what it finds is a local minimu
 every solution; solutions of other kinds are the business of path following.
 
 Literature: Gräser & Kornhuber, J. Comput. Math. 27 (2009) 1–44 (truncated nonsmooth Newton, convex case); Bertsekas,
-SIAM J. Control Optim. 20 (1982) 221–246 (projected Newton). Left out: a choice among several local minima (start
-from more than one point instead).
+SIAM J. Control Optim. 20 (1982) 221–246 (projected Newton). Left out: a choice among several local minima
+(start from more than one point, and escape.py).
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from numpy.typing import NDArray
 
 from tcstudy.solve.coarse_start import coarse_start
 from tcstudy.solve.loop import iterate
-from tcstudy.solve.newton_path import along_path, escape, node_by_node, refine
+from tcstudy.solve.newton_path import along_path, escape, node_by_node, refine, straight
 from tcstudy.solve.newton_state import SeparableState, new_state
 from tcstudy.solve.newton_system import NotPositiveDefiniteError, factorise
 from tcstudy.solve.nodal_pieces import relative_residual
@@ -88,9 +90,9 @@ class SeparableNewton:
             return refine(problem, moved, system, self.tolerance)
         if state.at_rounding:
             return refine(problem, state, system, self.tolerance)
-        if moved is not None:
-            return moved
-        return node_by_node(problem, state)
+        if moved is None and state.moved in ("nodes", "straight"):  # node by node again would crawl
+            moved = straight(problem, state, self.halvings)
+        return moved if moved is not None else node_by_node(problem, state)
 
     def verdict(self, problem: ContactProblem, state: SeparableState) -> tuple[Status, str] | None:
         """Converged when no node descends by more than the tolerance and the second-order test was passed."""

@@ -27,13 +27,14 @@ MARKS = (
     ("#56b4e9", "v"),
     ("#cc79a7", "P"),
     ("#444444", "X"),
+    ("#b8a000", "*"),
 )
 """Colour (Okabe and Ito) and shape of each method: either alone tells them apart."""
 
 FLOOR = 1e-16
 """Smaller values are drawn here."""
 
-HEIGHT = 7.6
+HEIGHT = 7.83
 LEFT, RIGHT, GAP, PANEL = 0.78, 0.12, 0.14, 1.75
 ROW, LABEL, TOTAL = 0.23, 1.62, 0.66
 """Layout [inch]: margins, gap and height of panels; height of a table row, width of its first and last columns."""

@@ -3,7 +3,7 @@
 Starts:  zero and, where the answer misses the tolerance, the frictionless solution too; the better answer counts
          (a solution, else the lower energy), the time is that of both. (At zero every node sits on the kink, and a
          method that sees one subgradient may stop where it starts.)
-Time:    wall time; for fast solves the least of five runs, all methods taking turns
+Time:    CPU time of one thread; for fast solves the least of five runs, all methods taking turns
 Judge:   inclusion residual with nodes within 0, 1e-9 or 1e-6 of the kink spacing counted as on the kink; the same
          after `tcstudy.solve.active_pieces.finish`, given to every method; energy above the lowest of all methods
 Limits:  a solve ends after `limit` seconds; a method leaves a family when it has used `budget` seconds there, and
@@ -81,7 +81,7 @@ class Ledger:
 
 def attempt(peer: Peer, problem: ContactProblem, limit: float) -> tuple[Attempt, float, int]:
     """(answer, seconds, end) of one method from both starts."""
-    begin = time.perf_counter()
+    begin = time.process_time()
     best, rank, end = None, (True, np.inf), RETURNED
     for start in (np.zeros, lambda _: problem.frictionless()):
         try:
@@ -97,7 +97,7 @@ def attempt(peer: Peer, problem: ContactProblem, limit: float) -> tuple[Attempt,
             end = TIME_LIMIT
         if not rank[0] or end != RETURNED:
             break
-    return best or Attempt(np.zeros(problem.m), False), time.perf_counter() - begin, end
+    return best or Attempt(np.zeros(problem.m), False), time.process_time() - begin, end
 
 
 def judge(problem: ContactProblem, tried: Attempt, seconds: float, end: int) -> Answer:
@@ -173,7 +173,7 @@ def dataset(found: list[tuple[Case, list[Answer | None]]], peers: Sequence[Peer]
     residuals = np.array(grid(lambda a: a.residual, (np.nan,) * len(SNAPS)))
     return xr.Dataset(
         {
-            "time": (dims, grid(lambda a: a.time), _about("wall time of the solve", "s")),
+            "time": (dims, grid(lambda a: a.time), _about("CPU time of the solve", "s")),
             "residual": ((*dims, "snap"), residuals, _about("inclusion residual of the answer")),
             "residual_finished": (
                 dims,

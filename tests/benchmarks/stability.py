@@ -19,7 +19,7 @@ from tests.benchmarks.stability_trial import CONTENDERS
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"
 LIMIT = 1.0
-"""Seconds for one solve."""
+"""Seconds of CPU time for one solve."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -40,7 +40,7 @@ each. Solved:
 inclusion residual ≤ 10⁻¹⁰ in extended precision; of BFGS, L-BFGS-B and trust-exact with nodes within 10⁻⁶ of the kink \
 spacing put on the
 kink. Limit: 1 s a solve. Thinness: thickness of an even mesh layer over that of the layer on the contact line. \
-Iterations: of both starts.
+Iterations: of all runs.
 Energy gap: above the lowest solution of all methods, relative to it."""
 
 OUTCOMES = (SOLVED, FLAGGED, SILENT, SLOW, LEFT_OUT)

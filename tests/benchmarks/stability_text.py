@@ -110,7 +110,7 @@ def markdown(rows: Sequence[Row]) -> str:
 
 
 def _default(rows: Sequence[Row]) -> list[str]:
-    """What else is to be known of the default: starts without success, solutions that are not the lowest."""
+    """What else is to be known of the default: its longest runs, solutions that are not the lowest."""
     own = [row for row in rows if row.method == DEFAULT]
     limit = [row for row in own if row.iterations >= 300]
     higher = [row for row in own if row.outcome == SOLVED and row.gap > 1e-9]
@@ -118,14 +118,14 @@ def _default(rows: Sequence[Row]) -> list[str]:
     where = Counter(row.map for row in higher)
     return [
         "### The default in detail\n",
-        f"- One start ran into the limit of 300 iterations in {len(limit)} of {len(own)} runs "
-        f"({', '.join(sorted({row.map for row in limit})) or 'no map'}), {sum(r.outcome == SOLVED for r in limit)} of "
-        "them solved from the other start.",
+        f"- All starts and the search for less energy together took 300 steps or more in {len(limit)} of "
+        f"{len(own)} runs ({', '.join(sorted({row.map for row in limit})) or 'no map'}; most: "
+        f"{max((row.iterations for row in own), default=0)}).",
         f"- In {len(higher)} of {solved} solved runs another method found a solution of lower energy "
         f"({', '.join(f'{name} {count}' for name, count in where.items()) or 'none'}; largest gap "
-        f"{max((row.gap for row in higher), default=0.0):.1e}): with jumps or ω > λ₁ L̃ has several local minima, and "
-        "descent from two starts ends in one of them; a study stores whether the minimum is proved to be global, and "
-        "path following gives the others.\n",
+        f"{max((row.gap for row in higher), default=0.0):.1e}): with jumps or ω > λ₁ L̃ has many local minima; "
+        "convexified problems and moves of single nodes find most of the lowest, not what only several nodes together "
+        "reach. A study stores whether the minimum is proved to be global, and path following gives others.\n",
     ]
 
 

@@ -113,9 +113,10 @@ def _notes(data: xr.Dataset) -> list[str]:
         f"{count[OUT_OF_MEMORY]} for lack of memory, {count[NOT_RUN]} not run because the method had been too slow "
         "before (– where none was).",
         f"m = …: half-Laplacian with slip weakening, ω/λ₁ = 0.5, 2 and 8 together; body: condensed rectangle, "
-        f"ω/λ₁ = {BODY_RATIO:g}. All start from zero and, if that fails, from the frictionless solution.",
+        f"ω/λ₁ = {BODY_RATIO:g}. All start from zero and, if that fails, from the frictionless solution; *default* is "
+        "separable-newton as a study calls it, from both and with the search for less energy.",
         "*Of lowest energy*: of the solutions, those at the lowest energy that any method found. *False success*: of "
         "the answers called a success by the method, those that are no solution. *Finished*: every answer handed to "
-        "Newton on the identified pieces, which is the last step of the first two methods.",
+        "Newton on the identified pieces, which is the last step of the first three methods.",
         f"Measured on {data.attrs.get('machine', 'unknown')}; {_versions(data)}.",
     ]

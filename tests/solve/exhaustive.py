@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solve.certificates import Certificate, certify
 from tcstudy.solve.problem import ContactProblem
+from tests.benchmarks.stability_maps import down_jumps, up_jumps
 from tests.solve import contact_cases as cases
 
 Array = NDArray[np.float64]
@@ -78,6 +79,23 @@ def is_strict_minimum(problem: ContactProblem, v: Array, rng: np.random.Generato
     return all(bool(np.all(energy(problem, v + radius * step) > here)) for radius in (1e-6, 3e-7))
 
 
+def small_problem(seed: int, m: int) -> ContactProblem:
+    """Soft bodies, so that a node has several wells: down-jumps, slip weakening, up-jumps or a random law."""
+    rng = np.random.default_rng([seed, m, 5])
+    A_tilde, c = cases.half_laplacian(m, rng.choice([0.05, 0.15, 0.4, 1.0]))
+    laws = (
+        down_jumps(rng.uniform(0.2, 0.9), 1, 10.0 ** rng.uniform(-1.5, -0.3)),
+        cases.slip_weakening(1.0, rng.uniform(0.1, 0.7), 10.0 ** rng.uniform(-1.5, 0.0)),
+        up_jumps(rng.uniform(0.3, 0.95), 1, 0.3),
+        cases.random_law(rng, cases.least_eigenvalue(A_tilde, c), 3),
+    )
+    law = laws[seed % 4]
+    x = (np.arange(m) + 0.5) / m
+    waves = (rng.normal() / k * np.sin(np.pi * k * x + rng.uniform(0, 6)) for k in range(1, 4))
+    shape = rng.normal() + sum(waves) + 0.1 * rng.normal(size=m)
+    return ContactProblem(A_tilde, c * shape * rng.uniform(0.7, 2.0) * law.b_scale / np.abs(shape).max(), c, law)
+
+
 @dataclass(frozen=True)
 class Comparison:
     """One solution of a small problem, its certificate and the truth."""
@@ -116,3 +134,33 @@ def hit_rates(comparisons: list[Comparison]) -> dict[str, float]:
         "global_minimum": share([x.certificate.global_minimum for x in comparisons if x.above_least <= 1e-12]),
         "strict_minimum": share([x.certificate.strict_minimum for x in comparisons if x.strict]),
     }
+
+
+def least_energy(problem: ContactProblem, batch: int = 20_000) -> float:
+    """The least energy of all, by the stationary point on every choice of pieces and up-jumps that keeps to its pieces.
+
+    A minimum never sits on a down-jump, and a kink without a jump belongs to its pieces, so that fewer places are tried
+    than in `all_solutions`; whatever is left out or is no solution can only be too high.
+    """
+    law, m = problem.law, problem.m
+    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
+    jumps = law.p[1:] + law.q[1:] * law.kinks - law.p[:-1] - law.q[:-1] * law.kinks
+    ups = law.kinks[jumps > 0.0]
+    count, length = len(law.p), 1e-11 * float(np.max(np.abs(law.kinks)) + 1.0)
+    total, least = (count + len(ups)) ** m, np.inf
+    for begin in range(0, total, batch):
+        number = np.arange(begin, min(begin + batch, total))
+        place = number[:, None] // (count + len(ups)) ** np.arange(m) % (count + len(ups))
+        fixed = place >= count
+        piece = np.where(fixed, 0, place)
+        kink = ups[np.where(fixed, place - count, 0)]
+        diagonal = np.eye(m) * (problem.c * law.q[piece])[:, None, :]
+        matrix = np.where(fixed[:, :, None], np.eye(m), problem.A_tilde + diagonal)
+        regular = np.abs(np.linalg.det(matrix)) > 1e-14
+        rhs = np.where(fixed, kink, problem.l_tilde - problem.c * law.p[piece])[regular]
+        v = np.linalg.solve(matrix[regular], rhs[:, :, None])[:, :, 0]
+        low, high = ends[piece[regular]] - length, ends[piece[regular] + 1] + length
+        inside = np.all(fixed[regular] | ((low <= v) & (v <= high)), axis=1)
+        if np.any(inside):
+            least = min(least, float(np.min(energy(problem, v[inside]))))
+    return least

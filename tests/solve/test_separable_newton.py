@@ -247,3 +247,21 @@ def test_energy_change_is_exact_where_two_energies_cancel() -> None:
     xi = c * problem.law.b(v)  # the exact stationary forces, so that the first-order part is zero
     change = energy_change(problem, v, xi, step, A_tilde @ step)
     assert change == pytest.approx(0.5 * step @ curvature, rel=1e-5)
+
+
+@pytest.mark.parametrize("mean", [0.96, 1.05, 1.2])
+def test_stiffly_coupled_neighbours_do_not_make_it_crawl(mean: float) -> None:
+    """As under a thin layer: bending stiffness 1e4 times that of a node, hardly any against all nodes together.
+
+    Node by node this took more than 300 steps.
+    """
+    m = 40
+    A_tilde, c = cases.half_laplacian(m)
+    bend = np.diff(np.eye(m), n=2, axis=0)
+    A_tilde = A_tilde + 1e4 * np.pi / 16.0 * A_tilde[0, 0] * (bend.T @ bend)
+    x = np.linspace(0.0, 1.0, m)
+    law = cases.slip_weakening(1.0, 0.5, 0.25 / cases.least_eigenvalue(A_tilde, c))
+    problem = ContactProblem(A_tilde, c * (mean + 0.6 * np.cos(np.pi * x) + 0.3 * np.sin(5 * x)), c, law)
+    outcome = solve(problem, tolerance=1e-10)
+    assert outcome.converged
+    assert outcome.iterations <= 40

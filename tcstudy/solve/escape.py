@@ -1,0 +1,144 @@
+"""The search for less energy after descent from the plain starts: convexified problems, then moves of single nodes.
+
+Descent ends in the well that the start lies in; down-jumps and steep falls give L̃ many wells. Two steps follow, and
+both only ever lower the energy that is reported:
+  1. a start from the convexified problem (hull_start), which knows all wells of j,
+  2. from the best point so far, as long as it helps, the best move of one node with the others relaxed (node_moves).
+Nothing here is random. Cost: a Newton run for every κ (two to five), one for what they lead to, and for every move one
+and about three factorisations more; none where the answer seems global. Left out: moves of several nodes that only
+together lower the energy, and any proof that nothing lower exists (certificates).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tcstudy.scene.friction import DOWN, FrictionLaw
+from tcstudy.solve.hull_start import estimate_lambda_1, hull_start
+from tcstudy.solve.newton_system import cholesky
+from tcstudy.solve.nodal_pieces import energy_change, integral
+from tcstudy.solve.node_moves import node_moves
+from tcstudy.solve.outcome import Outcome
+from tcstudy.solve.problem import ContactProblem
+from tcstudy.solve.proximal_hull import law_samples
+
+Array = NDArray[np.float64]
+
+LOOSE = 1e-3
+"""Tolerance of the convexified problems; 1e-6 led to the same energies in trials, 1e-2 to higher ones."""
+MOVES, PROMISES = 20, 2
+"""Moves of single nodes at most (trials needed two), and how many promises of a move are put to the test."""
+_ROUNDING = 1e-12
+"""Differences of energy below this part of their terms are none."""
+_SAFELY, _ENLARGED, _NOISE = 0.9, 1.05, 1e-13
+"""Of `seems_global`: share of the estimate that is below λ₁, factor for what samples miss of a supremum, rounding."""
+
+
+Solve = Callable[[ContactProblem, Array, float], Outcome]
+"""Descent on a problem from a start, and from nowhere else, to a tolerance."""
+
+
+def escape(problem: ContactProblem, best: Array | None, tolerance: float, solve: Solve) -> Outcome | None:
+    """The lowest solution that the two steps find; None where none lower than `best` is to be expected.
+
+    best:      (m,) the solution to be undercut, None if there is none
+    tolerance: of what is found; the convexified problems need less
+
+    If no move improves on `best`, the outcome is that of the convexified start, be it lower or not. Iterations and
+    evaluations are those of the whole phase.
+    """
+    if problem.m == 0 or problem.law.omega == 0.0:
+        return None
+    try:
+        lambda_1 = estimate_lambda_1(problem)
+    except scipy.linalg.LinAlgError:
+        return None
+    if best is not None and seems_global(problem, best, lambda_1):
+        return None
+    runs: list[Outcome] = []
+
+    def run(changed: ContactProblem, x0: Array, accuracy: float) -> Outcome:
+        runs.append(solve(changed, x0, accuracy))
+        return runs[-1]
+
+    begin = np.zeros(problem.m) if best is None else best
+    start = hull_start(problem, begin, lambda_1, lambda smoothed, x0: run(smoothed, x0, LOOSE))
+    found = run(problem, start.v, tolerance)
+    if found.converged and (best is None or _lower(problem, best, found.x)):
+        best = found.x
+    if best is not None and not start.lowest:
+        found = _moved(problem, best, lambda x0: run(problem, x0, tolerance)) or found
+    iterations, evaluations = sum(r.iterations for r in runs), sum(r.evaluations for r in runs)
+    return replace(found, iterations=iterations, evaluations=evaluations)
+
+
+def _moved(problem: ContactProblem, v: Array, solve: Callable[[Array], Outcome]) -> Outcome | None:
+    """Where moves of single nodes lead from v as long as they lower the energy; None if the first does not."""
+    last = None
+    for _ in range(MOVES):
+        tried = (solve(promise) for promise in islice(node_moves(problem, v), PROMISES))
+        better = next((outcome for outcome in tried if outcome.converged and _lower(problem, v, outcome.x)), None)
+        if better is None:
+            break
+        last, v = better, better.x
+    return last
+
+
+def seems_global(problem: ContactProblem, v: Array, lambda_1: float) -> bool:
+    """The certificate of a global minimum with its suprema over samples of b: a cheap guess, and no proof.
+
+    lambda_1: about λ₁
+
+    As in global_bound, D_i = max over s of 2 [j(v_i) + ζ_i (s − v_i) − j(s)] / (s − v_i)², and −b′(v_i) off the
+    kinks; v seems global if Ã − C diag D is positive definite.
+    """
+    law = problem.law
+    if law.omega < _SAFELY * lambda_1:
+        return True
+    zeta = np.clip(problem.xi(v) / problem.c, *law.interval(v))[:, None]
+    s, j = law_samples(law, lambda_1)
+    beyond = _beyond_down_jumps(law, v)
+    bend = np.maximum(
+        _bend(law, v[:, None], zeta, s[None, :], j[None, :]), _bend(law, v[:, None], zeta, beyond, law.j(beyond))
+    )
+    at_kink = np.isin(v, law.kinks)
+    bend = np.where(at_kink, bend, np.maximum(bend, -law.slope(v, law.piece(v))))
+    diagonal = np.diagonal(problem.A_tilde) - problem.c * bend * np.where(bend > 0.0, _ENLARGED, 1.0)
+    if not np.all(diagonal > 0.0):
+        return False
+    matrix = np.array(problem.A_tilde, order="C")
+    matrix[np.diag_indices(problem.m)] = diagonal
+    return cholesky(matrix)[1] == 0
+
+
+def _bend(law: FrictionLaw, v: Array, zeta: Array, s: Array, j: Array) -> Array:
+    """Largest 2 [j(v) + ζ (s − v) − j(s)] / (s − v)² of every row, rounding taken off (m,)."""
+    j_v, apart = law.j(v), s - v
+    tangent = zeta * apart
+    noise = _NOISE * (np.abs(j_v) + np.abs(tangent) + np.abs(j))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        quotient = 2.0 * (j_v + tangent - j - noise) / apart**2
+    return np.asarray(np.max(np.where(apart == 0.0, -np.inf, quotient), axis=1))
+
+
+def _beyond_down_jumps(law: FrictionLaw, v: Array) -> Array:
+    """(m, 2) slips twice as far away as the next down-jump on either side, where its pull is largest; v without one."""
+    down = np.concatenate([[-np.inf], law.kinks[law.kinds == DOWN], [np.inf]])
+    after = np.searchsorted(down, v, side="right")
+    beyond = 2.0 * np.stack([down[after - 1], down[after]], axis=1) - v[:, None]
+    return np.where(np.isfinite(beyond), beyond, v[:, None])
+
+
+def _lower(problem: ContactProblem, v: Array, w: Array) -> bool:
+    """Whether L̃(w) < L̃(v), beyond the rounding of the terms of their difference."""
+    step, xi = w - v, problem.xi(v)
+    A_step = problem.A_tilde @ step
+    terms = problem.c * integral(problem.law, v, w), -xi * step, 0.5 * step * A_step
+    size = sum(float(np.sum(np.abs(term))) for term in terms)
+    return energy_change(problem, v, xi, step, A_step) < -_ROUNDING * size
