@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.accuracy.rates import ROUNDING
 from tcstudy.fem.estimators import (
     contact_traction,
     dirichlet_gap,
@@ -153,6 +154,9 @@ class Survey:
         compared = plan.goal.quantity == "energy" or (bool(self.before) and self.level.mesh.level >= COMPARED)
         if plan.tolerance is not None and error <= plan.tolerance and (compared or last):
             return f"tolerance {plan.tolerance:g} met: {reached}"
+        refines = plan.family == "adaptive" or plan.tolerance is not None
+        if refines and error <= ROUNDING:  # without load, say; shares of rounding would refine one place for ever
+            return f"nothing to refine: {reached} is rounding"
         missed = "" if plan.tolerance is None else f"tolerance {plan.tolerance:g} not met: "
         if last:
             return f"{missed}{reached} on the last level" + (", raise max_levels" if missed else "")

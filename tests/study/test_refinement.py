@@ -37,6 +37,13 @@ def test_an_adaptive_run_stores_its_estimates(tmp_path: Path) -> None:
     assert "stopped: estimated relative error" in text
 
 
+def test_a_body_without_load_is_not_refined(tmp_path: Path) -> None:
+    idle = study_of(RECTANGLE, "mesh={maxh: 0.5, levels: 20, family: adaptive}")
+    tree = tcstudy.run(idle, tmp_path / "out.nc")
+    assert np.count_nonzero(tree["status"] == 1) == 1
+    assert str(tree["stop"].values[0]).startswith("nothing to refine")
+
+
 def test_uniform_meshes_are_the_same_with_estimates(tmp_path: Path) -> None:
     with_them = tcstudy.run(study_of(PULLED, "mesh={maxh: 0.5, levels: 3, estimate: true}"), tmp_path / "a.nc")
     without = tcstudy.run(study_of(PULLED, "mesh={maxh: 0.5, levels: 3}"), tmp_path / "b.nc")
