@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from tcstudy.scene.gradient import value_and_gradient
 from tcstudy.scene.records import Contact, Exact, Goal, Point, Scene
 from tcstudy.scene.shapes import edge_distance, edge_normal
 from tcstudy.study.exact_energy import exact_friction_resultant, exact_slip_length
+from tcstudy.study.exact_line import exact_u_T, exact_xi
 
 
 def known_goal(goal: Goal, exact: Exact, scene: Scene) -> float | None:
@@ -20,9 +20,7 @@ def known_goal(goal: Goal, exact: Exact, scene: Scene) -> float | None:
         assert goal.at is not None
         value = _exact_slip(exact, scene, goal.at)
     elif goal.quantity == "friction_resultant":
-        from tcstudy.study.reference import ExactReference  # which needs runs, and runs need this
-
-        value = exact_friction_resultant(scene, ExactReference(exact, []).xi(scene))
+        value = exact_friction_resultant(scene, exact_xi(exact, scene))
     else:
         value = exact_slip_length(exact, scene)
     return value if math.isfinite(value) else None
@@ -37,5 +35,4 @@ def _exact_slip(exact: Exact, scene: Scene, at: Point) -> float:
     edges = [(edge, side) for loop, side in loops for edge in loop.edges if edge.name in names]
     edge, side = min(edges, key=lambda item: float(edge_distance(item[0], point)[0]))
     n = side * edge_normal(edge, point)[0]
-    ux, uy = (float(value_and_gradient(component, *point.T)[0][0]) for component in exact.u)
-    return float(uy * n[0] - ux * n[1])
+    return float(exact_u_T(exact)(point[:, 0], point[:, 1], n[None])[0])

@@ -6,17 +6,18 @@ Errors are relative to the norm of the reference. A measure whose reference vani
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.accuracy.line_norms import Function as LineFunction
 from tcstudy.accuracy.line_norms import check_halved, refined_ends, refined_halves
 from tcstudy.accuracy.nesting import Prolongation, prolongation
 from tcstudy.accuracy.norms import Function
 from tcstudy.scene.gradient import value_and_gradient
 from tcstudy.scene.records import Exact, Scalar, Scene
+from tcstudy.study.exact_line import exact_u_T, exact_xi
 from tcstudy.study.solved_levels import Solution, SolvedLevel
 
 Array = NDArray[np.float64]
@@ -39,25 +40,9 @@ class ExactReference:
         self._exact, self._levels = exact, levels
         self._u = [_function(component) for component in exact.u]
 
-    def u_T(self, x: Array, y: Array, n: Array) -> Array:
-        """u·t with t = (−n₂, n₁)."""
-        return self._u[1](x, y)[0] * n[..., 0] - self._u[0](x, y)[0] * n[..., 1]
-
-    def xi(self, scene: Scene) -> Callable[[Array, Array, Array], Array]:
-        """−S_T: as given, or −t·2με(u)n; λ and the temperature only act normally."""
-        given = self._exact.xi
-        if given is not None:
-            return lambda x, y, n: value_and_gradient(given, x, y)[0]
-        mu = scene.material.mu
-
-        def traction(x: Array, y: Array, n: Array) -> Array:
-            gx, gy = self._u[0](x, y)[1], self._u[1](x, y)[1]
-            shear = 0.5 * (gx[1] + gy[0])
-            n1, n2 = n[..., 0], n[..., 1]
-            tangential: Array = -n2 * (gx[0] * n1 + shear * n2) + n1 * (shear * n1 + gy[1] * n2)
-            return -2 * mu * tangential
-
-        return traction
+    def xi(self, scene: Scene) -> LineFunction:
+        """−S_T on Γ_C."""
+        return exact_xi(self._exact, scene)
 
     def errors(self, level: int, index: tuple[int, ...], scene: Scene) -> Errors:
         one = self._levels[level]
@@ -79,9 +64,9 @@ class ExactReference:
     def _on_line(self, one: SolvedLevel, solution: Solution, scene: Scene) -> Errors:
         assert solution.u is not None
         line, xi = one.line, self.xi(scene)
-        u_T_nodes, xi_nodes = line.at_nodes(self.u_T), line.at_nodes(xi)
+        u_T_nodes, xi_nodes = line.at_nodes(exact_u_T(self._exact)), line.at_nodes(xi)
         return {
-            "u_T_L2": line.linear_from(line.tangential(*solution.u), self.u_T),
+            "u_T_L2": line.linear_from(line.tangential(*solution.u), exact_u_T(self._exact)),
             "u_T_max": (_largest(solution.v - u_T_nodes), _largest(u_T_nodes)),
             "xi_L2": line.step_from(line.halves(solution.xi), xi),
             "xi_nodes": (line.nodal_norm(solution.xi - xi_nodes), line.nodal_norm(xi_nodes)),
@@ -91,7 +76,7 @@ class ExactReference:
     def inclusion(self, scene: Scene) -> float:
         """max dist(ξ, b̂(u_T)) over the finest contact nodes, over the scale of b: whether the solution is one."""
         line, law = self._levels[-1].line, scene.friction
-        slip, xi = line.at_nodes(self.u_T), line.at_nodes(self.xi(scene))
+        slip, xi = line.at_nodes(exact_u_T(self._exact)), line.at_nodes(self.xi(scene))
         low, high = law.interval(slip, 1e-9 * _largest(slip))
         worst = float(np.max(np.maximum(low - xi, xi - high), initial=0.0))
         scale = max(law.b_scale, _largest(xi))

@@ -155,7 +155,8 @@ class Survey:
         if plan.tolerance is not None and error <= plan.tolerance and (compared or last):
             return f"tolerance {plan.tolerance:g} met: {reached}"
         refines = plan.family == "adaptive" or plan.tolerance is not None
-        if refines and error <= ROUNDING:  # without load, say; shares of rounding would refine one place for ever
+        # without load, say: shares of rounding would refine one place for ever
+        if refines and max(e.energy for e in self.estimates.values()) <= ROUNDING:
             return f"nothing to refine: {reached} is rounding"
         missed = "" if plan.tolerance is None else f"tolerance {plan.tolerance:g} not met: "
         if last:
