@@ -6,6 +6,7 @@ Exit codes: 0 all points solved, 1 some points failed, 2 bad study or usage, 130
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -44,16 +45,16 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     run = commands.add_parser("run", help="run a study and write its netCDF file", epilog=_EPILOG)
     _study_arguments(run)
-    run.add_argument("--output", type=Path, metavar="FILE", help="result file (default: results/<study>.nc)")
+    run.add_argument("--output", type=_file, metavar="FILE", help="result file (default: results/<study>.nc)")
     run.set_defaults(command=do.run)
     plan = commands.add_parser("plan", help="check a study and say what a run would do", epilog=_EPILOG)
     _study_arguments(plan)
-    plan.add_argument("--output", type=Path, metavar="FILE", help="result file that a run would write")
+    plan.add_argument("--output", type=_file, metavar="FILE", help="result file that a run would write")
     plan.set_defaults(command=do.plan)
     path = commands.add_parser("path", help="follow all solutions along one parameter", epilog=_EPILOG)
     _study_arguments(path)
-    path.add_argument("--output", type=Path, metavar="FILE", help="result file (default: results/<study>-path.nc)")
-    path.add_argument("--plot", type=Path, metavar="PICTURE", help="also draw it: a .png, .svg or .pdf file")
+    path.add_argument("--output", type=_file, metavar="FILE", help="result file (default: results/<study>-path.nc)")
+    path.add_argument("--plot", type=_file, metavar="PICTURE", help="also draw it: a .png, .svg or .pdf file")
     _response_argument(path)
     path.set_defaults(command=do.path)
     show = commands.add_parser("show", help="print the summary of a result file", epilog=_EPILOG)
@@ -62,18 +63,20 @@ def _parser() -> argparse.ArgumentParser:
     converge = commands.add_parser("converge", help="measure errors, rates and limits over the levels", epilog=_EPILOG)
     _study_arguments(converge)
     converge.add_argument(
-        "--output", type=Path, metavar="FILE", help="convergence file (default: results/<study>.convergence.nc)"
+        "--output", type=_file, metavar="FILE", help="convergence file (default: results/<study>.convergence.nc)"
     )
     converge.add_argument("--format", choices=("text", "markdown", "latex"), default="text", help="form of the tables")
-    converge.add_argument("--plot", type=Path, metavar="PICTURE", help="draw the errors: a .png, .svg or .pdf file")
-    converge.add_argument("--at", action="append", default=[], metavar="NAME=VALUE", help="point of the plot")
+    converge.add_argument("--plot", type=_file, metavar="PICTURE", help="draw the errors: a .png, .svg or .pdf file")
+    converge.add_argument(
+        "--at", action="append", default=[], metavar="NAME=VALUE", help="point of the plot (default: first)"
+    )
     converge.set_defaults(command=do.converge)
     cost = commands.add_parser("cost", help="chart accuracy against cost: meshes and solvers compared", epilog=_EPILOG)
     _study_arguments(cost)
-    cost.add_argument("--output", type=Path, metavar="FILE", help="cost file (default: results/<study>.cost.nc)")
+    cost.add_argument("--output", type=_file, metavar="FILE", help="cost file (default: results/<study>.cost.nc)")
     cost.add_argument("--runs", type=int, default=5, metavar="N", help="how often everything is timed (default: 5)")
     cost.add_argument("--format", choices=("text", "markdown", "latex"), default="text", help="form of the tables")
-    cost.add_argument("--plot", type=Path, metavar="PICTURE", help="draw the chart: a .png, .svg or .pdf file")
+    cost.add_argument("--plot", type=_file, metavar="PICTURE", help="draw the chart: a .png, .svg or .pdf file")
     cost.add_argument("--at", action="append", default=[], metavar="NAME=VALUE", help="sweep point (default: first)")
     _error_argument(cost)
     cost.set_defaults(command=do.cost)
@@ -81,7 +84,7 @@ def _parser() -> argparse.ArgumentParser:
     draw.add_argument("file", type=Path, metavar="FILE.nc")
     draw.add_argument("picture", type=Path, metavar="PICTURE", help="a .png, .svg or .pdf file")
     draw.add_argument("--at", action="append", default=[], metavar="NAME=VALUE", help="which point (may be repeated)")
-    draw.add_argument("--level", type=int, default=-1, metavar="N", help="mesh level (default: the finest)")
+    draw.add_argument("--level", type=int, metavar="N", help="mesh level (default: the finest)")
     _response_argument(draw)
     _error_argument(draw)
     draw.set_defaults(command=do.draw)
@@ -90,8 +93,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _response_argument(parser: argparse.ArgumentParser) -> None:
-    what = "what a path is drawn over: the mean or largest slip, or the friction resultant"
-    parser.add_argument("--response", choices=("mean-slip", "max-slip", "friction"), default="mean-slip", help=what)
+    what = "what a path is drawn over: the mean (default) or largest slip, or the friction resultant"
+    parser.add_argument("--response", choices=("mean-slip", "max-slip", "friction"), help=what)
 
 
 def _error_argument(parser: argparse.ArgumentParser) -> None:
@@ -109,6 +112,13 @@ def _study_arguments(parser: argparse.ArgumentParser) -> None:
         dest="overrides",
         help="replace a value of the study, e.g. --set heat.alpha=50 (may be repeated)",
     )
+
+
+def _file(text: str) -> Path:
+    """The name of a file to write; a Path would forget that the text named a folder."""
+    if text.endswith(("/", os.sep)):
+        raise argparse.ArgumentTypeError(f"{text} is a folder; give the name of a file in it")
+    return Path(text)
 
 
 def _version() -> str:

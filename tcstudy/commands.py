@@ -6,20 +6,26 @@ Everything heavy is imported when a command needs it, so that help and errors co
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from typing import NoReturn
 
 OK, SOME_FAILED, BAD_INPUT = 0, 1, 2
+MEAN_SLIP = "mean-slip"
+DRAWN_BY = {"run": ("at", "level"), "path": ("response",), "convergence": ("at",), "cost": ("error",)}
+"""Options of `draw` that a picture of each kind of file depends on."""
 
 
 def run(options: argparse.Namespace) -> int:
     study, output = _checked(options)
+    from tcstudy.data.sweep import sweep_points
     from tcstudy.fem.geometry import GeometryFailed
     from tcstudy.report.progress import progress
+    from tcstudy.report.select_point import naming
     from tcstudy.report.summary import summary
     from tcstudy.study.execute import StoreError, execute
 
-    watcher = progress()
+    watcher = progress(naming=naming(sweep_points(study)))
     try:
         result = execute(study, output, watcher, options.words)
     except (StoreError, GeometryFailed) as error:
@@ -28,8 +34,9 @@ def run(options: argparse.Namespace) -> int:
     finally:
         watcher.close()
     print(summary(result.output))
-    print(f"\n  {result.points - result.failed} of {result.points} points solved; data in {result.output}")
-    print(f"  what accuracy costs here: tcstudy cost {options.study} --plot cost.png")
+    print(f"\n  {result.points - result.failed} of {result.points} solutions found; data in {result.output}")
+    again = shlex.join(["tcstudy", "cost", str(options.study), *(f"--set={text}" for text in options.overrides)])
+    print(f"  what accuracy costs here: {again} --plot cost.png")
     return SOME_FAILED if result.failed else OK
 
 
@@ -54,6 +61,7 @@ def plan(options: argparse.Namespace) -> int:
             str(output),
             forecast.bytes,
             study.mesh.family == "adaptive" or study.mesh.tolerance is not None,
+            "m" if study.units == "SI" else "1",
         )
     )
     return OK
@@ -79,11 +87,15 @@ def path(options: argparse.Namespace) -> int:
     try:
         if options.plot is not None:
             check_target(options.plot)
+        if study.axes:
+            names = ", ".join(axis.name for axis in study.axes)
+            note = f"note: a path is of one scene, that outside the sweep; the values of {names} are not used"
+            print(note, file=sys.stderr)
         problems = execute_path(study, output, progress, options.words)
         progress.close()
         print(path_summary(output))
         if options.plot is not None:
-            print(f"\n  {draw_path(output, options.plot, options.response)}")
+            print(f"\n  {draw_path(output, options.plot, options.response or MEAN_SLIP)}")
     except (PathError, StoreError, GeometryFailed, DrawError) as error:
         progress.close()
         fail(f"{options.study}: {error}")
@@ -111,21 +123,23 @@ def converge(options: argparse.Namespace) -> int:
     from tcstudy.report.style import DrawError, check_target
 
     point = _point_of(options)
-    if options.plot is not None:
-        try:
-            check_target(options.plot)
-        except DrawError as error:
-            fail(str(error))
+    if point and options.plot is None:
+        fail("--at: names the point of the picture, but there is none; add --plot PICTURE")
     study, output = _checked(options)
     from tcstudy.data.convergence import default_path
     from tcstudy.data.files import StoreError
+    from tcstudy.data.sweep import sweep_points
     from tcstudy.fem.geometry import GeometryFailed
     from tcstudy.report.convergence import convergence_report
     from tcstudy.report.convergence_plot import plot_convergence
+    from tcstudy.report.select_point import locate
     from tcstudy.study.convergence import ConvergenceError, converge_to_file
 
     path = options.output or default_path(output)
     try:
+        if options.plot is not None:
+            check_target(options.plot)
+            locate(sweep_points(study), point)
         failed = converge_to_file(study, path, lambda text: print(text, file=sys.stderr, flush=True), options.words)
         print(convergence_report(path, options.format), end="")
         if options.plot is not None:
@@ -156,6 +170,7 @@ def cost(options: argparse.Namespace) -> int:
     from tcstudy.report.cost_progress import CostProgress
     from tcstudy.report.select_point import describe, locate
     from tcstudy.study.cost import CostError, cost_to_file
+    from tcstudy.study.cost_errors import unmeasured
 
     path, progress = options.output or default_path(output), CostProgress()
     try:
@@ -164,6 +179,8 @@ def cost(options: argparse.Namespace) -> int:
         points = sweep_points(study)
         where = locate(points, point)
         words = describe(points, where)
+        if options.error is not None and (lack := unmeasured(study, options.error)):
+            fail(f"--error: {options.error} {lack}")
         failed = cost_to_file(study, tuple(where.values()), words, options.runs, path, progress, options.words)
         progress.close()
         print(cost_report(path, options.format, options.error), end="")
@@ -190,17 +207,19 @@ def draw(options: argparse.Namespace) -> int:
     point = _point_of(options)
     try:
         kind = kind_of(options.file)
-        if kind in ("path", "cost"):
-            if point:
-                fail(f"--at: the file of tcstudy {kind} has one scene and no sweep points; leave it out")
-            if kind == "path":
-                print(draw_path(options.file, options.picture, options.response))
-            else:
-                print(plot_cost(options.file, options.picture, options.error))
+        if point and kind in ("path", "cost"):
+            fail(f"--at: the file of tcstudy {kind} has one scene and no sweep points; leave it out")
+        for name in ("level", "response", "error"):
+            if getattr(options, name) is not None and name not in DRAWN_BY[kind]:
+                fail(f"--{name}: the picture of a {kind} file does not depend on it; leave it out")
+        if kind == "path":
+            print(draw_path(options.file, options.picture, options.response or MEAN_SLIP))
+        elif kind == "cost":
+            print(plot_cost(options.file, options.picture, options.error))
         elif kind == "convergence":
             print(plot_convergence(options.file, options.picture, point))
         else:
-            print(draw_point(options.file, options.picture, point, options.level))
+            print(draw_point(options.file, options.picture, point, -1 if options.level is None else options.level))
     except (StoreError, DrawError) as error:
         fail(str(error))
     return OK
@@ -211,6 +230,9 @@ def _point_of(options: argparse.Namespace) -> dict[str, str]:
     words = [text.partition("=") for text in options.at]
     if not all(mark for _, mark, _ in words):
         fail("--at: write NAME=VALUE, for example --at alpha=100")
+    names = [name for name, _, _ in words]
+    if twice := [name for name in names if names.count(name) > 1]:
+        fail(f"--at: {twice[0]} is given twice; keep one, as a picture or a chart is of one point")
     return {name: value for name, _, value in words}
 
 

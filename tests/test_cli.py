@@ -40,7 +40,7 @@ def test_run_writes_the_file_and_a_table(folder: Path) -> None:
     result = tcstudy_command("run", "block.yaml", cwd=folder)
     assert result.returncode == 0, result.stderr
     assert (folder / "results" / "block.nc").exists()
-    assert "4 of 4 points solved; data in results/block.nc" in result.stdout
+    assert "4 of 4 solutions found; data in results/block.nc" in result.stdout
     assert "level 1: h =" in result.stderr
     assert list(folder.glob("results/*")) == [folder / "results" / "block.nc"]
     shown = tcstudy_command("show", "results/block.nc", cwd=folder)
@@ -65,6 +65,7 @@ def test_set_and_output(folder: Path) -> None:
         "run", "block.yaml", "--set", "mesh.levels=1", "--set", "sweep={tau: [0.02]}", "--output", "a.nc", cwd=folder
     )
     assert result.returncode == 0, result.stderr
+    assert "tcstudy cost block.yaml --set=mesh.levels=1 '--set=sweep={tau: [0.02]}' --plot cost.png" in result.stdout
     with tcstudy.open_results(folder / "a.nc") as tree:
         assert tree["status"].shape == (1, 1)
         assert tree["tau"].values.tolist() == [0.02]
@@ -76,6 +77,8 @@ def test_plan_touches_nothing(folder: Path) -> None:
     assert result.returncode == 0, result.stderr
     assert "2 points × 2 levels = 4 solutions" in result.stdout
     assert "left out: heat problem: " in result.stdout
+    assert "level  maxh " in result.stdout
+    assert "1 stiffness factorisation, no temperature field" in result.stdout
     assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
 
 
@@ -114,6 +117,11 @@ def test_usage_errors(folder: Path) -> None:
     missing = tcstudy_command("run", "missing.yaml", cwd=folder)
     assert missing.returncode == 2
     assert missing.stderr.count("\n") == 1
+    for command in ("run", "plan", "cost"):
+        slashed = tcstudy_command(command, "block.yaml", "--output", "new/", cwd=folder)
+        assert slashed.returncode == 2
+        assert "new/ is a folder; give the name of a file in it" in slashed.stderr
+    assert "is a directory; name a file in it" in tcstudy_command("show", ".", cwd=folder).stderr
     not_results = tcstudy_command("show", "block.yaml", cwd=folder)
     assert not_results.returncode == 2
     assert "Traceback" not in not_results.stderr
@@ -126,7 +134,7 @@ def test_failed_points_are_exit_code_1(folder: Path) -> None:
         "run", "block.yaml", "--set", smooth, "--set", strict, "--set", "sweep={a: [0.006, 0.007]}", cwd=folder
     )
     assert result.returncode == 1
-    assert "points failed: " in result.stdout
+    assert "solutions failed: " in result.stdout
     assert (folder / "results" / "block.nc").exists()
 
 

@@ -22,6 +22,7 @@ def test_the_shipped_study(tmp_path: Path) -> None:
     assert result.returncode == 0, result.stderr
     assert "reference: the exact solution" in result.stdout
     assert "u in H¹" in result.stdout
+    assert "does not fall" not in result.stdout
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
     with xarray.open_dataset(tmp_path / "results" / "convergence.convergence.nc") as data:
         assert float(data["rate_u_H1"][-1]) == pytest.approx(1.0, abs=0.03)
@@ -67,6 +68,8 @@ def test_nested_levels_and_formats(folder: Path) -> None:
         (("--set", "mesh.levls=4"), "mesh.levls"),
         (("--plot", "a.txt"), ".png"),
         (("--at", "tau"), "NAME=VALUE"),
+        (("--at", "tau=0.01"), "--at: names the point of the picture, but there is none; add --plot"),
+        (("--plot", "a.png", "--at", "tau=0.7"), "no point of the file has tau = 0.7"),
         (("--output", "block.yaml/a.nc"), "block.yaml"),
     ],
 )
@@ -87,3 +90,24 @@ def test_failed_points_are_exit_code_1(folder: Path) -> None:
     )
     assert result.returncode == 1
     assert "inclusion_violated" in result.stderr
+
+
+def test_an_exact_solution_of_another_problem_is_called_that(tmp_path: Path) -> None:
+    """The block is clamped at the left, the given displacement is not."""
+    exact = "exact={u: ['1 + 0.7*y + 0.1*y*sin(pi*x)*(1 - y)', '0']}"
+    text = STUDY.replace("levels: 2", "levels: 3").split("sweep")[0] + "sweep: {E: [1, 2]}\n"
+    (tmp_path / "block.yaml").write_text(text)
+    alone = tcstudy_command("converge", "block.yaml", "--set", exact, cwd=tmp_path)
+    assert alone.returncode == 0, alone.stderr
+    assert "The error of u does not fall at 2 of 2 points" in " ".join(alone.stdout.split())
+
+
+def test_a_film_without_friction_has_no_error_of_xi(tmp_path: Path) -> None:
+    """ξ is rounding there; a spring has errors of ξ although no kink gives its law a scale."""
+    text = STUDY.replace("levels: 2", "levels: 4").split("sweep")[0]
+    (tmp_path / "block.yaml").write_text(text)
+    none = tcstudy_command("converge", "block.yaml", "--set", "friction.tau=0", cwd=tmp_path).stdout
+    spring = tcstudy_command("converge", "block.yaml", "--set", "friction={law: linear, k: 0.1}", cwd=tmp_path).stdout
+    assert "u_T in L²" in none
+    assert "ξ in L²(Γ_C) " not in none
+    assert "ξ in L²(Γ_C) " in spring

@@ -33,6 +33,10 @@ def test_one_command_makes_the_chart_and_others_show_it_again(folder: Path) -> N
     drawn = tcstudy_command("draw", file, "b.svg", "--error", "u_L2", cwd=folder)
     assert drawn.returncode == 0, drawn.stderr
     assert drawn.stdout == "b.svg: u in L², tau = 0.005\n"
+    idle = tcstudy_command("draw", file, "c.svg", "--level", "1", cwd=folder)
+    assert idle.returncode == 2
+    assert idle.stderr == "--level: the picture of a cost file does not depend on it; leave it out\n"
+    assert not (folder / "c.svg").exists()
 
 
 def test_another_point_and_another_error(folder: Path) -> None:
@@ -51,6 +55,9 @@ def test_another_point_and_another_error(folder: Path) -> None:
         (("--plot", "a.txt"), ".png"),
         (("--at", "tau=0.7"), "tau = 0.7"),
         (("--at", "tau"), "NAME=VALUE"),
+        (("--at", "tau=0.01", "--at", "tau=0.005"), "--at: tau is given twice"),
+        (("--error", "theta_L2"), "--error: theta_L2 has no meaning, because beta is 0"),
+        (("--error", "xi_max"), "--error: xi_max needs an exact solution"),
         (("--set", "mesh.maxh=-1"), "mesh.maxh"),
         (("--output", "block.yaml/a.nc"), "block.yaml"),
     ],

@@ -24,6 +24,9 @@ FINISHED = "finished"
 PARTIAL = ".partial"
 """What the journal of a run adds to the name of its output."""
 
+MAGIC = (b"\x89HDF\r\n\x1a\n", b"CDF")
+"""How netCDF-4 and older netCDF files begin."""
+
 ROOM = 3
 """Free disk that must be there, as a multiple of the expected file (old and new stand side by side)."""
 
@@ -69,6 +72,8 @@ def _write_problems(path: Path, expected_bytes: int) -> list[str]:
     if target.is_dir():
         return [f"{path} is a directory; give the name of a file in it"]
     problems = []
+    if _is_foreign(target):
+        problems.append(f"{path} exists and is no result file; it would be lost: remove it or choose another output")
     try:
         _refuse_protected(path)
     except OSError as error:
@@ -91,6 +96,15 @@ def _write_problems(path: Path, expected_bytes: int) -> list[str]:
             "are written; free some space, choose another output or ask for less (fields: false, fewer levels)"
         )
     return problems
+
+
+def _is_foreign(target: Path) -> bool:
+    """Whether there is a file that no netCDF library wrote, such as the study itself; an empty one is no loss."""
+    if not target.is_file():
+        return False
+    with open(target, "rb") as stream:
+        start = stream.read(8)
+    return bool(start) and not start.startswith(MAGIC)
 
 
 def remove_stale(path: Path) -> None:
@@ -142,6 +156,8 @@ def refuse_unfinished(path: Path) -> None:
     """Raise StoreError unless `path` is a complete result file."""
     import netCDF4
 
+    if path.is_dir():
+        raise StoreError(f"{path} is a directory; name a file in it")
     if not path.exists():
         if path.with_name(path.name + PARTIAL).exists():
             raise StoreError(f"{path} is not there yet: its run has not finished. Run the study again to resume it")

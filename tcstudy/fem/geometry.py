@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,10 @@ from tcstudy.scene.shapes import edge_distance, edge_length, edge_normal
 Array = NDArray[np.float64]
 INTERFACE = "_interface"
 """Mesh boundary name of the edges inside the body (outlines of regions)."""
+FAR = 0.1
+"""Distance from the nearest edge, relative to the body, from which on a point of a study names no edge of a file."""
+CORNER = 1e-7
+"""Difference of distances, relative to the body, that leaves open which edge is meant; the kernel's own tolerance."""
 
 
 class GeometryFailed(RuntimeError):
@@ -167,6 +172,8 @@ def _name_edges(shape: Any, finders: list[Callable[[Array], float]], tolerance: 
 
 def _read_face(record: BrepFace) -> tuple[Any, list[Curve]]:
     """Read one plane face of a file and name its edges by the points that the study gives."""
+    if record.path.suffix.lower() in (".step", ".stp") and not _begins_as_step(record.path):  # the kernel would rattle
+        raise GeometryFailed(f"{record.path.name}: is no STEP file, as ISO-10303-21 is missing; export the face again")
     try:
         shape = occ.OCCGeometry(str(record.path), dim=2).shape
     except Exception as error:
@@ -185,8 +192,7 @@ def _read_face(record: BrepFace) -> tuple[Any, list[Curve]]:
     names: list[str | None] = [record.other] * len(edges)
     for name, points in record.edges:
         for point in points:
-            distances = [_occ_distance(edge)(np.asarray(point)) for edge in edges]
-            names[int(np.argmin(distances))] = name
+            names[_edge_near(record, edges, name, np.asarray(point), _size(face))] = name
     unnamed = [i for i, name in enumerate(names) if name is None]
     if unnamed:
         where = edges[unnamed[0]].center
@@ -195,6 +201,26 @@ def _read_face(record: BrepFace) -> tuple[Any, list[Curve]]:
             "name it by a point under edges, or give `other`"
         )
     return face, [_file_curve(edge, f"c{i}", str(names[i])) for i, edge in enumerate(edges)]
+
+
+def _begins_as_step(path: Path) -> bool:
+    with open(path, "rb") as stream:
+        return b"ISO-10303-21" in stream.read(4096)
+
+
+def _edge_near(record: BrepFace, edges: list[Any], name: str, point: Array, size: float) -> int:
+    """The edge that a point names; a point at none (wrong units) or at a corner (either edge) is refused."""
+    distances = np.array([_occ_distance(edge)(point) for edge in edges])
+    best, *others = np.argsort(distances, kind="stable")
+    where = f"{record.path.name}: the point ({point[0]:g}, {point[1]:g}) of edges.{name}"
+    if distances[best] > FAR * size:
+        raise GeometryFailed(
+            f"{where} is {distances[best]:.3g} away from the nearest edge of the face, whose size is {size:.3g}; "
+            "give a point on the edge that is meant, in metres or with its unit"
+        )
+    if others and distances[others[0]] - distances[best] <= CORNER * size:
+        raise GeometryFailed(f"{where} is as near to two edges; give the middle of the edge that is meant")
+    return int(best)
 
 
 def _file_curve(edge: Any, tag: str, name: str) -> Curve:

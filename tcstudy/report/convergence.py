@@ -134,7 +134,7 @@ def _orders(at: Any, names: tuple[str, ...]) -> Table:
         first = int(at[f"first_level_{name}"])
         verdict = VERDICTS[int(at[f"verdict_{name}"])]
         finite = np.isfinite(slope)
-        order = f"{slope:.3f}" + (f" ± {error:.3f}" if np.isfinite(error) else "") if finite else "–"
+        order = f"{slope:z.3f}" + (f" ± {error:.3f}" if np.isfinite(error) else "") if finite else "–"
         last = int(np.flatnonzero(np.isfinite(at[f"error_{name}"].values))[-1])
         rows.append(
             (
@@ -196,15 +196,17 @@ def _uncertain(value: float, uncertainty: float) -> str:
     if not uncertainty > STEADY * abs(value):
         return number(value, 7)
     decimals = 1 - int(np.floor(np.log10(uncertainty)))
+    if abs(value) <= STEADY * uncertainty:  # rounding of zero
+        return f"0 ± {uncertainty:.2g}"
     if decimals >= 0 and 1e-3 <= abs(value) < 1e7:
         spread = f"{uncertainty:.{decimals}f}" if decimals <= 5 else f"{uncertainty:.2g}"
-        return f"{value:.{decimals}f} ± {spread}"
+        return f"{value:z.{decimals}f} ± {spread}"
     digits = int(np.clip(np.ceil(np.log10(max(abs(value), uncertainty) / uncertainty)) + 2, 2, 10))
     return f"{value:.{digits}g} ± {uncertainty:.2g}"
 
 
 def _fixed(value: float) -> str:
-    return f"{value:.2f}" if np.isfinite(value) else "–"
+    return f"{value:z.2f}" if np.isfinite(value) else "–"
 
 
 def _small(value: float) -> str:

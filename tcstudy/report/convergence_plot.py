@@ -129,7 +129,7 @@ def _label(at: Any, name: str) -> str:
     slope, error = float(at[f"slope_{name}"]), float(at[f"slope_error_{name}"])
     text = math_symbol(_SYMBOLS[name])
     if np.isfinite(slope):
-        text += f": {slope:.2f}" + (f" ± {error:.1g}" if np.isfinite(error) else "")
+        text += f": {slope:z.2f}" + (f" ± {error:.1g}" if np.isfinite(error) else "")
     return text
 
 

@@ -11,10 +11,11 @@ import numpy as np
 from tcstudy.data.cost import open_cost
 from tcstudy.report import style
 from tcstudy.report.convergence_plot import math_symbol
-from tcstudy.report.cost_reading import SYMBOLS, Setting, advice, best, curves_on_front, measure_of, settings
+from tcstudy.report.cost_reading import EXACT, SYMBOLS, Setting, advice, best, curves_on_front, measure_of, settings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 GREEN, GOLD, GREY = "#009e73", "#f0c000", "#bdbdbd"
@@ -27,6 +28,8 @@ HEAD, PANEL, FOOT = 1.12, 3.3, 0.62
 LEFT, GAP, RIGHT = 0.75, 0.55, 0.2
 LINE = 0.19
 """Height of a line of text below the panels [inch]."""
+NARROW = 40.0
+"""Ratio of the ends of an axis up to which its ticks are plain numbers."""
 
 
 def plot_cost(path: Path, target: Path, measure: str | None = None) -> str:
@@ -68,12 +71,26 @@ def _figure(data: Any, measure: str) -> Figure:
     errors = [s.error for s in found if s.error > 0]
     for axes in (left, right):
         axes.set_ylim(min(errors) / 1.6, max(errors) * 1.6)
+        for axis in (axes.xaxis, axes.yaxis):
+            _few_ticks(axis)
     left.set_ylabel(f"relative error of {math_symbol(SYMBOLS[measure])}")
-    right.tick_params(labelleft=False)
+    right.tick_params(which="both", labelleft=False)
     _legend(left, data)
     for i, line in enumerate(told):
         figure.text(x, (foot - FOOT - LINE * i) / height, line, fontsize=8.5, va="top", parse_math=False)
     return figure
+
+
+def _few_ticks(axis: Axis) -> None:
+    """Below NARROW, numbers at 1, 2 and 5 only: powers of ten at every digit run into each other and off the page."""
+    from matplotlib.ticker import FuncFormatter, LogLocator
+
+    low, high = sorted(axis.get_view_interval())
+    if high < NARROW * low:
+        plain = FuncFormatter(lambda value, _: f"{value:g}")
+        axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+        axis.set_major_formatter(plain)
+        axis.set_minor_formatter(plain)
 
 
 def _over_time(axes: Axes, data: Any, found: list[Setting]) -> None:
@@ -128,7 +145,7 @@ def _over_unknowns(axes: Axes, data: Any, found: list[Setting]) -> None:
         for s in own:
             face = color if s.solved else "white"
             axes.plot(s.n_dof, s.error, MARKS[family], color=color, markersize=4.5, markerfacecolor=face)
-        if len(solved) > 2:
+        if len(solved) > 2 and max(error) > EXACT:
             slope = float(np.polyfit(np.log(n[-3:]), np.log(error[-3:]), 1)[0])
             rates.append((family, f"{family} $N^{{{slope:.2f}}}$"))
     for i, (family, text) in enumerate(reversed(rates)):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from tcstudy.data.provenance import without_paths
 from tcstudy.data.records import PointStatus
+from tcstudy.report.text import counted
 
 _NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.]*\w)")
 """A number that stands by itself: not the 1 of u_1 or "level_1"."""
@@ -56,7 +57,7 @@ def _line(status: PointStatus, group: list[Failure]) -> str:
     # reasons of the house end in their own remedy after a semicolon; an unexpected exception has none
     if status in _REMEDIES and (";" not in what or status == PointStatus.ERROR):
         what = "; ".join(filter(None, (what, _REMEDIES[status])))
-    count = "1 point" if len(group) == 1 else f"{len(group)} points"
+    count = counted(len(group), "solution")
     example = group[0].point if len(group) == 1 else f"for example {group[0].point}"
     return f"{count} failed: {named(status)}: {what} ({example})"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from tcstudy.report.text import labels, number, table
+from tcstudy.report.text import counted, number, scaled_labels, table
 
 
 class _Level(Protocol):
@@ -30,32 +30,31 @@ def forecast_text(
     output: str,
     size: int,
     at_most: bool = False,
+    length: str = "1",
 ) -> str:
-    """Counts, predicted sizes, what is left out and why; axes are (name, values, units)."""
+    """Counts, predicted sizes, what is left out and why; axes are (name, values, units), `length` is the unit of h."""
     lines = [title, ""]
     for name, values, units in axes:
-        shown = ", ".join(labels([v if isinstance(v, str) else float(str(v)) for v in values])[:6])
+        words, units = scaled_labels([v if isinstance(v, str) else float(str(v)) for v in values], units)
+        shown = ", ".join(words[:6])
         more = f", … ({len(values)} values)" if len(values) > 6 else ""
         lines.append(f"  {name}: {shown}{more}" + (f" [{units}]" if units != "1" else ""))
     most = "at most " if at_most else ""
     lines.append(
-        f"  {_counted(points, 'point')} × {most}{_counted(level_count, 'level')} = "
-        f"{most}{_counted(points * level_count, 'solution')}"
+        f"  {counted(points, 'point')} × {most}{counted(level_count, 'level')} = "
+        f"{most}{counted(points * level_count, 'solution')}"
     )
-    lines.append(f"  per level: {factorisations} stiffness factorisation(s), {heat_solves} temperature field(s)")
+    fields = counted(heat_solves, "temperature field") if heat_solves else "no temperature field"
+    lines.append(f"  per level: {counted(factorisations, 'stiffness factorisation')}, {fields}")
     lines.append("")
     if levels:
         rows = [[str(i), number(v.h), f"≈ {v.n_dof}", f"≈ {v.n_contact}"] for i, v in enumerate(levels)]
-        lines.append(table(["level", "maxh", "dofs", "contact unknowns"], rows))
+        size_of = "maxh" if length == "1" else f"maxh [{length}]"
+        lines.append(table(["level", size_of, "dofs", "contact unknowns"], rows))
     else:
         lines.append("  sizes are known once the file's face is meshed")
     lines.append("")
     lines += [f"  left out: {text}" for text in left_out]
     lines += [f"  note: {text}" for text in notes]
-    lines.append(f"  output: {output} (about {size / 1e6:.2g} MB)")
+    lines.append(f"  output: {output} ({most or 'about '}{size / 1e6:.2g} MB)")
     return "\n".join(lines)
-
-
-def _counted(number: int, noun: str) -> str:
-    """A number with its noun: 1 point, 2 points."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

@@ -32,6 +32,10 @@ def draw_line(upper: Axes, lower: Axes, line: Line, width: float) -> None:
         _shade(axes, line, metre)
         axes.axhline(0.0, color=style.PALE, linewidth=0.8, zorder=1)
         axes.set_xlim(0.0, length / metre)
+    for axes, values in ((upper, line.u_T), (lower, line.xi)):
+        if not np.any(values):  # a scale around nothing but zero would mean nothing
+            axes.set_ylim(-1.0, 1.0)
+            axes.set_yticks([0.0])
     dots: dict[str, Any] = {"marker": "o" if len(line.u_T) <= FEW else "", "markersize": 3.0, "clip_on": False}
     for part in line.parts:
         ends, nodes = line.steps(part)

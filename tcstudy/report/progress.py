@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol, TextIO
 
 from tcstudy.data.provenance import without_paths
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.report.failures import kind, named
+from tcstudy.report.text import counted
 
 
 class Work(Protocol):
-    """Points of a level, those finished before, and the relative cost of one."""
+    """Points of a level, those finished before, the relative cost of one, and whether the level is sure to come."""
 
     @property
     def points(self) -> int: ...
@@ -20,12 +21,19 @@ class Work(Protocol):
     def done(self) -> int: ...
     @property
     def weight(self) -> float: ...
+    @property
+    def sure(self) -> bool: ...
+
+
+Naming = Callable[[tuple[int, ...]], str]
+"""The labels of a sweep point by its index; empty where there is no sweep."""
 
 
 class _Failures:
     """Failed points as they come: the first of each kind is worth a line, the others are counted."""
 
-    def __init__(self) -> None:
+    def __init__(self, naming: Naming) -> None:
+        self._naming = naming
         self._kinds: dict[tuple[PointStatus, str], int] = {}
         self._said = 0
 
@@ -38,7 +46,11 @@ class _Failures:
         """The line of a failed point; empty if one like it had its line."""
         key = kind(record.status, record.reason)
         self._kinds[key] = self._kinds.get(key, 0) + 1
-        return _failure_line(record) if self._kinds[key] == 1 else ""
+        if self._kinds[key] > 1:
+            return ""
+        where = f"level {record.level}"
+        where = f"{name} on {where}" if (name := self._naming(record.index)) else where
+        return f"{where}: {named(record.status)}: {without_paths(record.reason)}"
 
     def more(self) -> str:
         """How many failed without a line; empty if none did or it has been said."""
@@ -49,16 +61,19 @@ class _Failures:
 class PlainProgress:
     """One line per level and per kind of failure, for pipes and logs."""
 
-    def __init__(self, stream: TextIO) -> None:
+    def __init__(self, stream: TextIO, naming: Naming = str) -> None:
         self._stream = stream
-        self._failures = _Failures()
+        self._failures = _Failures(naming)
 
     def begin(self, work: Sequence[Work], warnings: Sequence[str]) -> None:
         """Say what is to come."""
         total, done = sum(w.points for w in work), sum(w.done for w in work)
         for warning in warnings:
             self._say(f"warning: {warning}")
-        self._say(f"{total} points on all levels" + (f", {done} of them finished before" if done else ""))
+        most = "" if all(w.sure for w in work) else "at most "
+        points, levels = counted(work[0].points, "point"), counted(len(work), "level")
+        said = f"{points} on {most}{levels}: {most}{counted(total, 'solution')}"
+        self._say(said + (f", {done} of them finished before" if done else ""))
 
     def level(self, record: LevelRecord) -> None:
         """A mesh is ready."""
@@ -81,15 +96,15 @@ class PlainProgress:
 class TerminalProgress:
     """A bar with counts, elapsed time and time left; points of finer levels count for more."""
 
-    def __init__(self, stream: TextIO) -> None:
+    def __init__(self, stream: TextIO, naming: Naming = str) -> None:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-        self._failures = _Failures()
+        self._failures = _Failures(naming)
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
-            TextColumn("{task.fields[points]} points{task.fields[failed]}"),
+            TextColumn("{task.fields[points]} solutions{task.fields[failed]}"),
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
@@ -101,6 +116,7 @@ class TerminalProgress:
         """Start the bar; finished points of an earlier run count."""
         self._weights = [w.weight for w in work]
         self._total, self._done = sum(w.points for w in work), sum(w.done for w in work)
+        self._most = "" if all(w.sure for w in work) else "≤ "
         self._progress.start()
         for warning in warnings:
             self._progress.console.print(f"warning: {warning}", markup=False, highlight=False)
@@ -122,7 +138,7 @@ class TerminalProgress:
         )
 
     def _points(self) -> str:
-        return f"{self._done}/{self._total}"
+        return f"{self._done}/{self._most}{self._total}"
 
     def _failed(self) -> str:
         return f", {self._failures.count} failed" if self._failures.count else ""
@@ -134,9 +150,9 @@ class TerminalProgress:
             self._progress.console.print(more, markup=False, highlight=False)
 
 
-def progress(stream: TextIO = sys.stderr) -> PlainProgress | TerminalProgress:
+def progress(stream: TextIO = sys.stderr, naming: Naming = str) -> PlainProgress | TerminalProgress:
     """The fitting kind for a stream."""
-    return TerminalProgress(stream) if stream.isatty() else PlainProgress(stream)
+    return TerminalProgress(stream, naming) if stream.isatty() else PlainProgress(stream, naming)
 
 
 def _counts(work: Sequence[Work]) -> tuple[list[int], list[int]]:
@@ -149,7 +165,3 @@ def _level_line(record: LevelRecord) -> str:
         f"level {record.level}: h = {record.h_max:.3g}, {record.n_dof} dofs, {record.n_contact} contact unknowns, "
         f"meshed and assembled in {record.time_mesh + record.time_assemble:.2g} s"
     )
-
-
-def _failure_line(record: PointRecord) -> str:
-    return f"point {record.index} on level {record.level}: {named(record.status)}: {without_paths(record.reason)}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.records import PointStatus
 from tcstudy.report.style import DrawError
-from tcstudy.report.text import label, number
+from tcstudy.report.text import number, scaled_labels
 from tcstudy.scene import units as u
 
 Value = float | int | str
@@ -92,10 +92,17 @@ def check_solved(data: Any, where: Mapping[str, int], level: int) -> None:
 def describe(data: Any, where: Mapping[str, int]) -> str:
     """The labels of a point in words, "alpha = 100 W m-2 K-1, friction = tresca"."""
     parts = []
-    for name, value, units in labels(data, where):
-        shown = value if isinstance(value, str) else label(value, 6)
-        parts.append(f"{name} = {shown}" + (f" {units}" if units != "1" else ""))
+    for name in axis_names(data):
+        axis = data[name]
+        shown, unit = scaled_labels(axis.values.tolist(), str(axis.attrs["units"]), 6)  # one unit for a whole axis
+        parts.append(f"{name} = {shown[where[str(axis.dims[0])]]}" + (f" {unit}" if unit != "1" else ""))
     return ", ".join(parts)
+
+
+def naming(data: Any) -> Callable[[tuple[int, ...]], str]:
+    """`describe` by the index of a point along the sweep dimensions."""
+    dims = [str(dim) for dim in data["status"].dims if dim != "level"]
+    return lambda index: describe(data, dict(zip(dims, index, strict=True)))
 
 
 def labels(data: Any, where: Mapping[str, int]) -> list[tuple[str, float | str, str]]:

@@ -14,7 +14,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tcstudy.report.text import prefix
+from tcstudy.report.text import POWER_FIRST, prefix
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -106,11 +106,8 @@ def inches(figure: Figure, left: float, bottom: float, width: float, height: flo
 
 
 def scaled_unit(values: Iterable[float], units: str) -> tuple[float, str]:
-    """(divisor, unit) that bring the largest magnitude to 1 … 1000, where a prefix suits the unit.
-
-    A unit that begins with a power (K-1) takes none: a prefix would be raised to the power as well.
-    """
-    if re.match(r"[A-Za-z]+-?\d", units):
+    """(divisor, unit) that bring the largest magnitude to 1 … 1000, where a prefix suits the unit."""
+    if POWER_FIRST.match(units):
         return 1.0, units
     return prefix([max((abs(float(v)) for v in values), default=0.0)], units)
 

@@ -12,7 +12,8 @@ from tcstudy.data.schema import UNBALANCED
 from tcstudy.data.store import open_results
 from tcstudy.report.failures import Failure, failure_lines
 from tcstudy.report.select_point import describe
-from tcstudy.report.text import labels, number, prefix, table
+from tcstudy.report.solver_table import solver_table
+from tcstudy.report.text import number, prefix, scaled_labels, table
 
 MOST_ROWS = 48
 """Points shown; the file has them all."""
@@ -22,7 +23,8 @@ def summary(path: Path) -> str:
     """Text for the terminal, read from the result file alone. Raises StoreError if it is not one."""
     with open_results(path) as tree:
         data = tree.to_dataset().load()
-    parts = [data.attrs["title"], _levels(data), _stop(data), _points(data), _failures(data), _heat(data)]
+    parts = [data.attrs["title"], _levels(data), _stop(data), _points(data), solver_table(data), _failures(data)]
+    parts.append(_heat(data))
     return "\n\n".join(part for part in parts if part)
 
 
@@ -39,10 +41,10 @@ def _levels(data: Any) -> str:
     lambda_1 = data["lambda_1"].min(dims)
     stiffness, stiffness_unit = prefix(lambda_1.values.tolist(), data["lambda_1"].attrs["units"])
     size, unit = prefix(data["h_max"].values.tolist(), data["h_max"].attrs["units"])
-    estimated = [(name, title) for name, title in _ESTIMATED if name in data]
+    estimated = [(name, title, *_scale(data, name)) for name, title in _ESTIMATED if name in data]
     for i in range(data.sizes["level"]):
         at = data.isel(level=i)
-        estimates = [number(at[name].max(), 2) for name, _ in estimated]
+        estimates = [number(at[name].max() / divisor, 2) for name, _, divisor, _ in estimated]
         rows.append(
             [
                 str(int(at["level"])),
@@ -60,7 +62,11 @@ def _levels(data: Any) -> str:
         )
     header = ["level", _bracketed("h_max", unit), "dofs", "contact", "ok", "worst residual"]
     header += [_bracketed("λ₁", stiffness_unit), "mesh+assembly [s]", "condense [s]", "solve [s]"]
-    return table(header + [title for _, title in estimated], rows)
+    return table(header + [_bracketed(title, unit) for _, title, _, unit in estimated], rows)
+
+
+def _scale(data: Any, name: str) -> tuple[float, str]:
+    return prefix(data[name].values.ravel().tolist(), data[name].attrs.get("units", "1"))
 
 
 _ESTIMATED = (
@@ -97,40 +103,41 @@ def _points(data: Any) -> str:
     columns = [(name, title) for name, title in _COLUMNS if np.isfinite(fine[name].values).any()]
     axes = [name for name in data.coords if data[name].dims and set(data[name].dims) <= set(dims)]
     scales = {name: prefix(fine[name].values.ravel().tolist(), fine[name].attrs["units"]) for name, _ in columns}
-    header = [_titled(axis, data[axis]) for axis in axes]
+    labelled = {axis: scaled_labels(data[axis].values.tolist(), data[axis].attrs.get("units", "1")) for axis in axes}
+    header = [_bracketed(axis, labelled[axis][1]) for axis in axes]
     header += [_bracketed(title, scales[name][1]) for name, title in columns]
     refined = data.sizes["level"] > 1
     header += ["certified", *(["Δ∫ξ to last level"] if refined else [])]
-    shown = {axis: labels(data[axis].values.tolist()) for axis in axes}
-    rows = []
+    rows, failed = [], False
     for index in list(np.ndindex(shape))[:MOST_ROWS]:
         where = dict(zip(dims, index, strict=True))
         at = fine.isel(where)
-        row = [shown[axis][where[str(data[axis].dims[0])]] for axis in axes]
-        row += [number(at[name] / scales[name][0]) for name, _ in columns]
+        row = [labelled[axis][0][where[str(data[axis].dims[0])]] for axis in axes]
+        solved = int(at["status"]) == int(PointStatus.OK)
+        failed = failed or not solved
+        cells = [number(at[name] / scales[name][0]) for name, _ in columns]
+        row += cells if solved else [cell if cell == "–" else f"({cell})" for cell in cells]
         row.append(_certified(at))
         if refined:
-            row.append(_change(data["friction_resultant"].isel(where).values))
+            row.append(_change(data["friction_resultant"].isel(where).values) if solved else "–")
         rows.append(row)
     level = int(fine["level"])
     more = int(np.prod(shape)) - len(rows)
     title = f"  Level {level}, the finest:" + (f" first {len(rows)} of {len(rows) + more} points" if more > 0 else "")
     legend = "  certified: what is proved of the solution (unique, global or local minimum of the energy)"
+    if failed:
+        legend += "\n  failed: no solution; the numbers in (parentheses) are those of the last step"
     return title + "\n\n" + table(header, rows) + "\n\n" + legend
 
 
 def _certified(at: Any) -> str:
-    """The strongest statement that is proved of a solution."""
+    """The strongest statement that is proved of a solution; "failed" where there is none."""
     if int(at["status"]) != int(PointStatus.OK):
-        return "–"
+        return "failed"
     for name, text in (("unique", "unique"), ("global_minimum", "global"), ("strict_minimum", "local")):
         if int(at[name]) == 1:
             return text
     return "nothing"
-
-
-def _titled(name: str, axis: Any) -> str:
-    return _bracketed(name, axis.attrs.get("units", "1"))
 
 
 def _bracketed(name: str, unit: str) -> str:

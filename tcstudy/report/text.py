@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 
 
@@ -14,6 +15,11 @@ def number(value: float, digits: int = 4) -> str:
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
     return f"{value:.{digits}g}"
+
+
+def counted(number: int, noun: str) -> str:
+    """A number with its noun: 1 point, 2 points."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 EXACT = 1e-12
@@ -60,6 +66,22 @@ def prefix(values: Sequence[float], units: str) -> tuple[float, str]:
     return divisor, letter + units
 
 
+POWER_FIRST = re.compile(r"[A-Za-z]+-?\d")
+"""Units that begin with a power (K-1) take no prefix: it would be raised to the power as well."""
+
+
+def scaled_labels(values: Sequence[float | str], units: str, digits: int = 4) -> tuple[list[str], str]:
+    """(`labels`, units), with an SI prefix where that spares powers of ten: 2e+06 Pa is 2 MPa."""
+    shown = labels(values, digits)
+    numbers = [value for value in values if not isinstance(value, str)]
+    texts = len(numbers) < len(values)  # expressions are in the unit without a prefix
+    if texts or POWER_FIRST.match(units) or not any("e" in one for one in shown):
+        return shown, units
+    divisor, unit = prefix(numbers, units)
+    scaled = labels([value / divisor for value in numbers], digits)
+    return (shown, units) if any("e" in one for one in scaled) else (scaled, unit)
+
+
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], indent: str = "  ") -> str:
     """Columns aligned right where every cell looks like a number, left otherwise."""
     columns = list(zip(header, *rows, strict=True))
@@ -77,4 +99,4 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], indent: str = " 
 
 
 def _numeric(cell: str) -> bool:
-    return bool(cell) and (cell[0].isdigit() or cell[0] in "-+–∞−")
+    return bool(cell) and (cell[0].isdigit() or cell[0] in "-+–∞−(")

@@ -116,7 +116,9 @@ def _motion(motions: NDArray[np.float64], centre: Point, size: float) -> str:
             if abs(a) < 1e-6
             else f"slide along ({a:.3g}, {b:.3g})"
         )
-    return f"turn about ({centre[0] - size * b / c:.3g}, {centre[1] + size * a / c:.3g})"
+    at = (centre[0] - size * b / c, centre[1] + size * a / c)
+    x, y = (0.0 if abs(v) <= 1e-9 * size else v for v in at)  # rounding is no coordinate
+    return f"turn about ({x:.3g}, {y:.3g})"
 
 
 def check_goal(ctx: Context, node: Node, goal: Goal, body: Body, boundary: Boundary) -> None:

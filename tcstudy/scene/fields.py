@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Iterable, Mapping
 
@@ -38,6 +39,7 @@ EXAMPLES = {
     "role": "clamped",
     "name": "separable-newton",
     "points": "[...]",
+    "u": '["0.1*sin(pi*x)", "0"]',
 }
 """What a missing key might look like."""
 
@@ -63,7 +65,7 @@ class Fields:
         self.values = node.value
         wrong = [key for key in node.value if key not in known]
         free = [name for name in known if name not in node.value]
-        near = {key: walker.nearest(key, free) or walker.nearest(key, known) for key in wrong}
+        near = {key: _meant(key, free, known) for key in wrong}
         for key in wrong:
             remedy = f"did you mean {near[key]!r}?" if near[key] else f"use one of the keys {', '.join(free or known)}"
             if key[:1].isdigit():
@@ -104,3 +106,12 @@ class Fields:
         """A point [x, y]."""
         node = self[key]
         return walker.point(self.ctx, node) if node else default
+
+
+def _meant(key: str, free: list[str], known: list[str]) -> str | None:
+    """The key that a misspelt one stands for: one that is not given yet, unless another is more like it."""
+    best, unused = walker.nearest(key, known), walker.nearest(key, free)
+    if best is None or unused is None:
+        return unused or best
+    likeness = [difflib.SequenceMatcher(None, key, word).ratio() for word in (best, unused)]
+    return best if likeness[0] > likeness[1] else unused

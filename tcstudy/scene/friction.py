@@ -66,6 +66,11 @@ class FrictionLaw:
         """True if no piece has an exponential part."""
         return not np.any(self.a)
 
+    @property
+    def vanishes(self) -> bool:
+        """True if b ≡ 0: a film without friction."""
+        return not (np.any(self.p) or np.any(self.q) or np.any(self.a))
+
     def piece(self, s: ArrayLike, side: int = 1) -> NDArray[np.intp]:
         """Index of the piece that holds s; at a kink the piece to its right (side=1) or left (side=-1)."""
         return np.searchsorted(self.kinks, np.asarray(s), side="right" if side > 0 else "left")

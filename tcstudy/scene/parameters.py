@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -30,11 +30,13 @@ class Parameter:
     """A key that can be swept.
 
     kind: "number" or "field" have numbers as labels where they are numbers, "text" and "law" have texts
+    idle: whether the role of its edge has no use for it, so that it is none to propose
     """
 
     path: Keys
     kind: Literal["number", "field", "text", "law"]
     dimension: Dimension = NONE
+    idle: bool = False
 
 
 PLAIN = {
@@ -83,8 +85,12 @@ FIXED = {
 """Sections that cannot be swept, and what to do instead."""
 
 
-def sweepable(edges: Iterable[str], law: str | None) -> dict[Keys, Parameter]:
-    """All parameters by path. `law` is the base law, which decides where laws differ in a parameter's dimension."""
+def sweepable(edges: Mapping[str, Sequence[str]], law: str | None) -> dict[Keys, Parameter]:
+    """All parameters by path.
+
+    edges: the keys that each edge's role takes
+    law:   the base law, which decides where laws differ in a parameter's dimension
+    """
     found = dict(PLAIN)
     shapes = [SHAPES[law]] if law in SHAPES else []
     for shape in (*shapes, *SHAPES.values()):
@@ -92,17 +98,16 @@ def sweepable(edges: Iterable[str], law: str | None) -> dict[Keys, Parameter]:
             kind: Literal["number", "text"] = "number" if p.kind in ("number", "integer") else "text"
             path = ("friction", p.name)
             found.setdefault(path, Parameter(path, kind, LAW_DIMENSIONS[p.dimension]))
-    for edge in edges:
+    for edge, taken in edges.items():
         for key, (edge_kind, dimension) in EDGE.items():
-            found["boundary", edge, key] = Parameter(
-                ("boundary", edge, key), "field" if edge_kind == "field" else "text", dimension
-            )
+            own: Keys = ("boundary", edge, key)
+            found[own] = Parameter(own, "field" if edge_kind == "field" else "text", dimension, key not in taken)
     return found
 
 
 def _short_names() -> dict[str, str]:
     names = {path[-1]: ".".join(path) for path in PLAIN if path != ("friction",)}
-    for path, parameter in sweepable((), None).items():
+    for path, parameter in sweepable({}, None).items():
         if path[0] == "friction" and len(path) == 2 and parameter.kind == "number":
             names.setdefault(path[-1], ".".join(path))
     return names

@@ -19,6 +19,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     "convection": ("g", "pressure"),
     "free": (),
 }
+ALL_KEYS = (*COMPONENTS, "g", "pressure")
 FRAMES: tuple[tuple[str, str, str], ...] = (("xy", "u_x", "u_y"), ("nt", "u_N", "u_T"))
 
 Boundary = tuple[tuple[str, Role], ...]
@@ -43,6 +44,12 @@ def read_boundary(ctx: Context, node: Node, names: tuple[str, ...] | None) -> Bo
     return tuple(roles.items()) if len(ctx.errors) == before else None
 
 
+def keys_of(node: Node) -> tuple[str, ...]:
+    """The keys that the role of an edge takes; all of them if it has none that is known."""
+    word = node.child("role") if isinstance(node.value, Mapping) else node
+    return KEYS.get(str(word.value), ALL_KEYS) if word is not None else ALL_KEYS
+
+
 def _check_edges(ctx: Context, node: Node, given: Mapping[str, Node], names: tuple[str, ...]) -> None:
     """Every edge has a role and every role an edge; a misspelt edge is one fault, not two."""
     without = [name for name in names if name not in given]
@@ -65,13 +72,24 @@ def _role(ctx: Context, node: Node) -> Role:
         return _build(ctx, node, walker.choice(ctx, node, ROLES), None)
     word = node.child("role")
     if word is None:
-        Fields(ctx, node, ("role",), (*COMPONENTS, "g", "pressure"))
+        Fields(ctx, node, ("role",), ALL_KEYS)
         return Free()
     before = len(ctx.errors)
     kind = walker.choice(ctx, word, ROLES)
     if len(ctx.errors) > before:
         return Free()
-    return _build(ctx, node, kind, Fields(ctx, node, ("role",), KEYS[kind]))
+    foreign = [key for key in ALL_KEYS if key in node.value and key not in KEYS[kind]]
+    for key in foreign:
+        ctx.errors.at(node.value[key], f"the role {kind} takes no {key}", _home(key), on_key=True)
+    return _build(ctx, node, kind, Fields(ctx, node, ("role",), (*KEYS[kind], *foreign)))
+
+
+def _home(key: str) -> str:
+    """Where a key of another role belongs."""
+    if key in COMPONENTS:
+        given = "u: [a, free]" if key == "u" else f"{key}: a"
+        return f"a held displacement is {{role: clamped, {given}}}, which leaves what is not given free of traction"
+    return "give the edge the role traction or convection, which take g and pressure"
 
 
 def _build(ctx: Context, node: Node, kind: str, fields: Fields | None) -> Role:

@@ -100,13 +100,13 @@ def _parameter(ctx: Context, node: Node, scene: Scene) -> tuple[str, ...] | None
     if keys not in known:
         usable = (path for path, p in known.items() if not p.idle and not isinstance(p.value, Expression))
         names = [".".join(path) for path in usable]
-        edges = tuple(edge for edge, _ in scene.boundary)
-        if keys in sweepable(edges, None) and keys[0] in ("heat", "material", "friction"):
+        if keys in sweepable({}, None) and keys[0] in ("heat", "material", "friction"):
             what = f"the load is not affine in {name} in this study, so no path can be followed along it"
             ctx.errors.at(node, what, f"use a sweep over it; a path runs along {', '.join(names)}")
         else:
             shorter = {short: full for short, full in SHORTER.items() if full in names}
-            near = walker.nearest(word, [*names, *shorter])
+            same = [name for name in names if name.split(".")[-1] == word]
+            near = same[0] if same else walker.nearest(word, [*names, *shorter])
             remedy = f"did you mean {near!r}?" if near else f"a path runs along {', '.join(names)}"
             ctx.errors.at(node, f"the scene has no parameter {word!r} for a path", remedy)
         return None

@@ -90,10 +90,13 @@ def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Paramete
     elif key == "points":
         what, remedy = "points are for mode: list", "add mode: list"
     else:
-        same = [name for name in names if name.split(".")[-1] == path[-1]]
-        remedy = walker.choose(key, same or [*SHORT, *names, "mode"], "a parameter such as")
-        if "did you mean" not in remedy:
-            remedy = f"did you mean {same[0]!r}?" if same else "use a key path such as heat.alpha or friction.delta"
+        same = [".".join(keys) for keys, p in known.items() if keys[-1] == path[-1] and not p.idle]
+        if path[1:] and same:
+            same = [walker.nearest(key, same) or same[0]]
+        remedy = f"did you mean {' or '.join(map(repr, same))}?" if same else ""
+        if not same:
+            near = walker.nearest(key, [*SHORT, *names, "mode"])
+            remedy = f"did you mean {near!r}?" if near else "use a key path such as heat.alpha or friction.delta"
         what = f"the study has no parameter {key!r} to sweep"
     ctx.errors.at(item, what, remedy, on_key=True)
     return None

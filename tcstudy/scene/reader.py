@@ -13,6 +13,7 @@ from tcstudy.scene.document import apply_overrides, compose, load_text
 from tcstudy.scene.fields import Fields
 from tcstudy.scene.node import Collector, Mark, Node, deepest, holds, put, split_path
 from tcstudy.scene.parameters import SHORT, sweepable
+from tcstudy.scene.read_boundary import keys_of
 from tcstudy.scene.read_derived import derived_scenes, without_loads
 from tcstudy.scene.read_exact import read_exact
 from tcstudy.scene.read_mesh import read_mesh
@@ -103,11 +104,11 @@ def _read_header(ctx: Context, root: Node, default: str) -> _Header:
 def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
     """The sweep; none after a fault in its form, so that the base study is still checked."""
     boundary, friction = root.child("boundary"), root.child("friction")
-    edges = tuple(boundary.value) if boundary and isinstance(boundary.value, Mapping) else ()
+    roles = boundary.value if boundary and isinstance(boundary.value, Mapping) else {}
     law = word.value if friction and (word := friction.child("law")) else None
-    known = sweepable(edges, law if isinstance(law, str) else None)
+    known = sweepable({edge: keys_of(node) for edge, node in roles.items()}, law if isinstance(law, str) else None)
     sweep = read_sweep(ctx, root.child("sweep"), known, friction) or Sweep()
-    for option in overrides:
+    for option in (text for text in overrides if "=" in text):
         key = SHORT.get(option.partition("=")[0].strip(), option.partition("=")[0].strip())
         keys = split_path(key) or ()
         for axis in sweep.axes:

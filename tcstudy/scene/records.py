@@ -49,7 +49,7 @@ class BrepFace:
     path:  the file
     face:  which face of it, from 0
     scale: length of one unit of the file [m]
-    edges: name → points; the edge nearest to each point gets the name
+    edges: name → points on it; the edge nearest to each point gets the name
     other: name of all edges that no point names
     """
 

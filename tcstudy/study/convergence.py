@@ -33,7 +33,7 @@ from tcstudy.study.exact_energy import exact_energy, exact_friction_resultant, e
 from tcstudy.study.expectation import GAP, orders_to_expect, own_error, verdict
 from tcstudy.study.fine_reference import FineReference
 from tcstudy.study.locking import locking_note
-from tcstudy.study.reference import ExactReference, NestedReference, Reference
+from tcstudy.study.reference import Errors, ExactReference, NestedReference, Reference, with_meaning
 from tcstudy.study.solved_levels import Say, Solution, SolvedLevel, solve_levels
 
 Array = NDArray[np.float64]
@@ -44,6 +44,10 @@ MIN_LEVELS = GAP + 2
 
 class ConvergenceError(Exception):
     """The convergence of a study cannot be measured; the text says why and what to do."""
+
+
+STUCK = 0.95
+"""Ratio of the finest level's error to the coarsest's above which nothing converges: the poorest corner gives less."""
 
 
 def converge_to_file(study: Study, path: Path, say: Say, command: Sequence[str] = ("tcstudy",)) -> int:
@@ -77,7 +81,7 @@ def converge(study: Study, say: Say = lambda text: None) -> Convergence:
             _point(study, levels, reference, compared, index, scene)
             for index, scene in zip(np.ndindex(study.shape), study.scenes, strict=True)
         )
-    notes += _notes(study, levels, reference)
+    notes += _notes(study, levels, reference) + _stuck(study, points)
     return Convergence(
         h_max=np.array([level.h_max for level in levels]),
         n_dof=np.array([level.n_dof for level in levels], dtype=np.int32),
@@ -142,7 +146,10 @@ def _point(
     h = np.array([level.h_max for level in levels])
     ok = np.array([s.ok for s in solutions])
     expected = orders_to_expect(study, levels[-1], solutions[-1], scene)
-    found = [reference.errors(i, index, scene) if reference and compared[i] else {} for i in range(len(levels))]
+    found: list[Errors] = [{} for _ in levels]
+    for i in np.flatnonzero(compared) if reference else ():
+        assert reference is not None
+        found[i] = with_meaning(reference.errors(int(i), index, scene), scene)
     errors = {}
     for measure in ERRORS:
         pairs = [one.get(measure.name) for one in found]
@@ -229,3 +236,17 @@ def _notes(study: Study, levels: list[SolvedLevel], reference: Reference | None)
             "different ones; rates that jump are a sign of it."
         )
     return notes
+
+
+def _stuck(study: Study, points: tuple[PointConvergence, ...]) -> list[str]:
+    """A remark where u does not come closer to the exact solution at all, so that it solves another problem."""
+    if study.exact is None or study.exact.derived:
+        return []
+    series = [point.errors["u_energy"].error for point in points if "u_energy" in point.errors]
+    stuck = sum(bool(len(e) > 1 and e[-1] > max(STUCK * e[0], ROUNDING)) for e in series)
+    if not stuck:
+        return []
+    return [
+        f"The error of u does not fall at {stuck} of {len(points)} points: the exact solution does not belong to the "
+        "loads, supports and material of the study. Check them, or let the loads follow from it with loads: derived."
+    ]

@@ -13,7 +13,7 @@ from tcstudy.study.cost_curves import Curve, family_plan
 from tcstudy.study.cost_runs import Progress, walk
 from tcstudy.study.exact_energy import exact_friction_resultant
 from tcstudy.study.fine_reference import FineReference
-from tcstudy.study.reference import Errors, ExactReference
+from tcstudy.study.reference import Errors, ExactReference, with_meaning
 from tcstudy.study.solved_levels import SolvedLevel, empty_level, solution_of
 
 FINER = 10
@@ -26,6 +26,15 @@ SAME = 1e-8
 
 class CostError(Exception):
     """Accuracy against cost cannot be measured; the text says why and what to do."""
+
+
+def unmeasured(study: Study, name: str) -> str:
+    """Why this error cannot be measured for the study, with the remedy; empty where nothing known speaks against it."""
+    if name in ("theta_L2", "theta_H1") and all(scene.material.beta == 0.0 for scene in study.scenes):
+        return "has no meaning, because beta is 0 and temperature does not load the body; choose an error of u or xi"
+    if name in ("xi_nodes", "xi_max") and study.exact is None:
+        return "needs an exact solution, since the nodes of the reference are others; choose xi_L2, or give exact"
+    return ""
 
 
 def errors_of(
@@ -84,7 +93,7 @@ def _of(study: Study, scene: Scene, one: SolvedLevel, fine: FineReference | None
     for name, value in exact.items():
         if math.isfinite(value):
             found[name] = (abs(one.solutions[()].numbers.get(name, math.nan) - value), abs(value))
-    return found
+    return with_meaning(found, scene)
 
 
 def _reference(study: Study, scene: Scene, least: float, progress: Progress) -> tuple[SolvedLevel, float]:
@@ -92,7 +101,7 @@ def _reference(study: Study, scene: Scene, least: float, progress: Progress) -> 
     plan = replace(family_plan(study.mesh, "adaptive"), goal=Goal(), marking=max(study.mesh.marking, 0.7))
     step = None
     for step in walk(study, plan, scene, lambda name, level: False):
-        progress(f"reference: {step.n_dof} of {least:.0f} dofs", None)
+        progress(f"reference: {step.n_dof} of at least {least:.0f} dofs", None)
         if step.n_dof >= least:
             break
     assert step is not None

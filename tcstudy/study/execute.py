@@ -14,7 +14,7 @@ from tcstudy.data.provenance import collect
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.data.store import write
 from tcstudy.scene.records import Study
-from tcstudy.study.plan import output_of
+from tcstudy.study.plan import output_of, warnings
 from tcstudy.study.preflight import faults
 from tcstudy.study.run import Key, LevelWork, Watcher, run
 
@@ -61,7 +61,7 @@ def execute(
         # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
         known = (p for p in journal.points() if p.status != PointStatus.ERROR) if journal.finished else ()
         finished = {(p.level, p.index): p.u_T if p.status == PointStatus.OK else p.u_T[:0] for p in known}
-        watcher.begin(_work(study, finished), journal.warnings)
+        watcher.begin(_work(study, finished), [*journal.warnings, *warnings(study)])
         for record in run(study, finished):
             journal.add(record)
             if isinstance(record, LevelRecord):
@@ -92,4 +92,5 @@ def _work(study: Study, finished: Collection[Key]) -> list[LevelWork]:
     growth = 2.0 if mesh.family == "adaptive" else 4.0
     single = len(mesh.maxh) == 1
     finer = [growth**i if single else (mesh.maxh[0] / mesh.maxh[i]) ** 2 for i in range(mesh.levels)]
-    return [LevelWork(points, done[i], finer[i]) for i in range(mesh.levels)]
+    sure = mesh.family != "adaptive" and mesh.tolerance is None
+    return [LevelWork(points, done[i], finer[i], sure) for i in range(mesh.levels)]

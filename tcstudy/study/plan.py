@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tcstudy.scene.derived_loads import description
-from tcstudy.scene.expressions import Expression
-from tcstudy.scene.records import Body, Clamped, Contact, Convection, MeshPlan, Scene, Study
+from tcstudy.scene.records import Body, Clamped, Contact, MeshPlan, Scene, Study
 from tcstudy.scene.shapes import body_area, boundary_lengths
+from tcstudy.study.idle import idle_notes, needs_heat_solve, why_no_heat
 from tcstudy.study.locking import locking_note
 
 
@@ -78,14 +78,6 @@ def path_output(study: Study) -> Path:
     return output.with_name(f"{output.stem}-path{output.suffix or '.nc'}")
 
 
-def needs_heat_solve(scene: Scene) -> bool:
-    """True if the temperature must be computed and is not simply known."""
-    heat = scene.heat
-    if scene.material.beta == 0.0 or heat.theta is not None or not scene.edges(Convection):
-        return False
-    return isinstance(heat.theta_bar, Expression) or isinstance(heat.q, Expression) or heat.q != 0.0
-
-
 def forecast(study: Study) -> tuple[LevelForecast, ...]:
     """Predicted sizes of the levels whose number is known beforehand; grading towards points is not counted."""
     body = study.scenes[0].body
@@ -114,10 +106,10 @@ def _left_out(study: Study, heat_solved: bool) -> list[str]:
     scenes = study.scenes
     out = []
     if not heat_solved:
-        out.append(f"heat problem: {_why_no_heat(scenes)}")
+        out.append(f"heat problem: {why_no_heat(scenes)}")
     elif not all(needs_heat_solve(s) for s in scenes):
         count = sum(not needs_heat_solve(s) for s in scenes)
-        out.append(f"heat problem at {count} of {len(scenes)} points: {_why_no_heat(scenes)}")
+        out.append(f"heat problem at {count} of {len(scenes)} points: {why_no_heat(scenes)}")
     if not any(s.f != (0.0, 0.0) for s in scenes):
         out.append("body force: f is zero or not given")
     if not study.mesh.estimates:
@@ -138,28 +130,25 @@ def _levels_not_needed(mesh: MeshPlan) -> str:
     )
 
 
-def _why_no_heat(scenes: tuple[Scene, ...]) -> str:
-    scene = next(s for s in scenes if not needs_heat_solve(s))
-    if scene.material.beta == 0.0:
-        return "beta is 0, so temperature does not load the body"
-    if scene.heat.theta is not None:
-        return "theta is known"
-    if not scene.edges(Convection):
-        return "the study has no heat"
-    return "q is 0 and theta_bar is constant, so theta = theta_bar exactly"
-
-
 def _notes(study: Study) -> list[str]:
-    notes = [*_mesh_notes(study.mesh), *_other_commands(study)]
+    notes = [*idle_notes(study), *_mesh_notes(study.mesh), *_other_commands(study)]
     if (derived := description(study)) is not None:
         notes.insert(0, derived)
-    note = locking_note(max((s.material.nu for s in study.scenes if s.material.plane == "strain"), default=0.0))
-    if note is not None:
-        notes.append(note)
+    notes += _locking(study)
     down = sum(math.isinf(s.friction.omega) for s in study.scenes)
     if down:
         notes.append(f"{down} of {len(study.scenes)} points have a law with down-jumps: solutions may not be unique")
     return notes
+
+
+def _locking(study: Study) -> list[str]:
+    note = locking_note(max((s.material.nu for s in study.scenes if s.material.plane == "strain"), default=0.0))
+    return [note] if note is not None else []
+
+
+def warnings(study: Study) -> list[str]:
+    """Notes that a run says as well, since its numbers would mislead without them."""
+    return [*idle_notes(study), *_locking(study)]
 
 
 def _other_commands(study: Study) -> list[str]:

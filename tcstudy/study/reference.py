@@ -25,6 +25,13 @@ Errors = dict[str, tuple[float, float]]
 """Error and norm of the reference, by name."""
 
 
+def with_meaning(found: Errors, scene: Scene) -> Errors:
+    """The errors without those of ξ where the law is b ≡ 0: rounding there, which is no reference for anything."""
+    if not scene.friction.vanishes:
+        return found
+    return {name: pair for name, pair in found.items() if not name.startswith("xi_") and name != "friction_resultant"}
+
+
 class Reference(Protocol):
     """What errors are measured against."""
 

@@ -30,11 +30,15 @@ Key = tuple[int, tuple[int, ...]]
 
 @dataclass(frozen=True)
 class LevelWork:
-    """What a level holds in store: its points, those finished before, and the relative cost of one of them."""
+    """What a level holds in store: its points, those finished before, and the relative cost of one of them.
+
+    sure: whether there will be this level, which refinement up to a tolerance may not need
+    """
 
     points: int
     done: int
     weight: float
+    sure: bool = True
 
 
 class Watcher(Protocol):

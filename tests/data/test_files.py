@@ -196,3 +196,14 @@ def test_neither_store_nor_journal_import_what_they_do_not_need() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=_environment(), check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_file_that_is_no_result_is_not_overwritten(tmp_path: Path, written: Path) -> None:
+    """The study itself, say, by a slip of the keyboard."""
+    assert check_writable(written, 0) == []
+    study, empty = tmp_path / "block.yaml", tmp_path / "empty"
+    study.write_text("units: none\n")
+    empty.touch()
+    (problem,) = check_writable(study, 0)
+    assert "block.yaml exists and is no result file; it would be lost" in problem
+    assert check_writable(empty, 0) == []

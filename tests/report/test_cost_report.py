@@ -9,6 +9,9 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
 
 from tcstudy.accuracy.front import dominated
 from tcstudy.data.cost import STAGES, Cost, open_cost, write_cost
@@ -16,8 +19,9 @@ from tcstudy.data.kinds import kind_of
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import StoreError
+from tcstudy.report import style
 from tcstudy.report.cost import cost_report
-from tcstudy.report.cost_plot import plot_cost
+from tcstudy.report.cost_plot import _figure, plot_cost
 from tcstudy.report.cost_reading import advice, best, curves_on_front, front, measure_of, settings, stretches
 from tcstudy.report.style import DrawError
 from tests.data.compliance import cf_faults
@@ -107,6 +111,33 @@ def test_advice_names_what_is_faster_and_more_accurate(file: Path) -> None:
     assert "Faster and more accurate: graded, level 3, separable-newton: 0.25 of the error in 0.50 of the time" in text
 
 
+def test_two_families_that_begin_with_one_mesh_share_its_time(file: Path) -> None:
+    """Their two timings differ by noise alone, which must not make either of them the fastest."""
+    dofs, error, time = N.astype(np.int32), made().errors["u_energy"].copy(), made().time.copy()
+    dofs[1, 0], error[1, :, 0] = N[0, 0], error[0, :, 0]
+    time[1, :, 0] *= 0.5
+    error[1, :, 1:] = 0.07  # nowhere else better
+    study = study_of(RECTANGLE)
+    fields = {"n_dof": dofs, "n_contact": dofs // 20, "errors": {"u_energy": error}, "time": time}
+    fields["dominated"] = {"u_energy": made().dominated["u_energy"]}
+    write_cost(file, study, made(**fields), collect(study, ["tcstudy"]))
+    (only,) = stretches(settings(open_cost(file), "u_energy"))
+    assert only.family == "uniform"
+
+
+def test_errors_that_are_rounding_are_not_ranked(file: Path) -> None:
+    errors = {name: 1e-13 * e for name, e in made().errors.items()}
+    study = study_of(RECTANGLE)
+    write_cost(file, study, made(errors=errors), collect(study, ["tcstudy"]))
+    (told,) = advice(settings(open_cost(file), "u_energy"))
+    assert told.startswith("All errors are rounding (at most 1.6e-14): every mesh represents this solution exactly")
+    assert "Fastest: uniform, level 0, separable-newton in 0.1 s" in told
+    assert best(settings(open_cost(file), "u_energy")) is None
+    target = file.with_name("a.svg")
+    plot_cost(file, target)
+    assert "best:" not in target.read_text()
+
+
 def test_own_settings_that_failed_are_said_to_have_failed(file: Path) -> None:
     study = study_of(RECTANGLE)
     write_cost(file, study, made(own=(1, 1, 3)), collect(study, ["tcstudy"]))
@@ -148,6 +179,31 @@ def test_the_chart(file: Path, suffix: str) -> None:
         assert "own settings" in text
     with pytest.raises(DrawError, match=r"\.png"):
         plot_cost(file, file.with_name("a.txt"))
+
+
+@pytest.mark.parametrize("spread", [0.25, 0.4, 0.5, 0.6, 1.0, 2.0])
+def test_numbers_at_the_axes_keep_apart(file: Path, spread: float) -> None:
+    """Times from half a decade to four, errors from one third to one: small studies have little in between."""
+    study = study_of(RECTANGLE)
+    errors = {"u_energy": made().errors["u_energy"] ** min(spread, 1.0)}
+    write_cost(file, study, made(time=0.02 * (made().time / 0.1) ** spread, errors=errors), collect(study, ["tcstudy"]))
+    with style.styled():
+        figure = _figure(open_cost(file), "u_energy")
+        left, right = figure.axes[:2]
+        figure.draw(FigureCanvasAgg(figure).get_renderer())
+        for axes in (left, right):
+            ticks = [text for minor in (False, True) for text in axes.get_xticklabels(minor=minor)]
+            boxes = [text.get_window_extent() for text in ticks if text.get_text() and _within(axes, text)]
+            assert len(boxes) > 1
+            assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+        assert left.yaxis.label.get_window_extent().x0 > 0
+        sides = [text for minor in (False, True) for text in right.get_yticklabels(minor=minor)]
+        assert not any(text.get_visible() and text.get_text() for text in sides)
+
+
+def _within(axes: Axes, text: Text) -> bool:
+    low, high = axes.get_xlim()
+    return bool(low <= text.get_position()[0] <= high)
 
 
 def test_the_kind_of_a_file(file: Path, tmp_path: Path) -> None:

@@ -15,14 +15,14 @@ def missed(residual: str, point: str, iterations: int = 30) -> Failure:
 def test_numbers_that_differ_become_a_range() -> None:
     lines = failure_lines([missed("2e-07", "E = 1"), missed("3.0e-09", "E = 2"), missed("4e-8", "E = 3")])
     assert lines == [
-        "3 points failed: inclusion violated: residual 3.0e-09 to 2e-07 after 30 steps; raise solver.tolerance "
+        "3 solutions failed: inclusion violated: residual 3.0e-09 to 2e-07 after 30 steps; raise solver.tolerance "
         "(for example E = 1)"
     ]
 
 
 def test_one_point_is_no_plural() -> None:
     assert failure_lines([missed("2e-07", "E = 1")]) == [
-        "1 point failed: inclusion violated: residual 2e-07 after 30 steps; raise solver.tolerance (E = 1)"
+        "1 solution failed: inclusion violated: residual 2e-07 after 30 steps; raise solver.tolerance (E = 1)"
     ]
 
 
@@ -34,7 +34,7 @@ def test_other_words_and_other_statuses_are_other_lines_the_most_frequent_first(
         missed("1", "d"),
     ]
     lines = failure_lines(failures)
-    assert [line.split(":")[0] for line in lines] == ["2 points failed", "1 point failed", "1 point failed"]
+    assert [line.split(":")[0] for line in lines] == ["2 solutions failed", "1 solution failed", "1 solution failed"]
     assert "the limit of 300 to 400 is reached" in lines[0]
 
 

@@ -34,6 +34,15 @@ def test_the_sticking_half_is_shaded_in_both_panels(grid: Path) -> None:
         assert (left, right) == pytest.approx((0.0, 125.0))
 
 
+def test_no_slip_at_all_has_no_scale(grid: Path) -> None:
+    """A range of ±0.05 m around zero would look like a measured one."""
+    picture = read_picture(grid, level=0)
+    still = replace(picture, line=replace(picture.line, u_T=0.0 * picture.line.u_T))
+    upper, lower = sorted(figure_of(still).axes[-2:], key=lambda axes: -axes.get_position().y0)
+    assert upper.get_yticks().tolist() == [0.0]
+    assert len(lower.get_yticks()) > 1
+
+
 STORED = np.array([0, 1, 0, 1], dtype=np.int8)
 
 

@@ -21,14 +21,14 @@ def record(level: int, status: PointStatus, reason: str = "why") -> PointRecord:
 @pytest.mark.parametrize("kind", [PlainProgress, TerminalProgress])
 def test_only_failures_and_warnings_are_lines(kind: type[PlainProgress] | type[TerminalProgress]) -> None:
     stream = io.StringIO()
-    progress = kind(stream)
+    progress = kind(stream, lambda index: f"alpha = {index[0]}")
     progress.begin(WORK, ["an old journal was set aside"])
     progress.point(record(0, PointStatus.OK))
     progress.point(record(1, PointStatus.NOT_CONVERGED))
     progress.close()
     text = stream.getvalue()
     assert "warning: an old journal was set aside" in text
-    assert "point (0,) on level 1: not converged: why" in text
+    assert "alpha = 0 on level 1: not converged: why" in text
     assert "level 0: " not in text
 
 
@@ -58,3 +58,13 @@ def test_the_bar_weighs_levels() -> None:
     progress.point(record(1, PointStatus.NOT_CONVERGED))
     assert (task.completed, task.fields["points"], task.fields["failed"]) == (9.0, "3/4", ", 1 failed")
     progress.close()
+
+
+def test_levels_that_may_not_be_needed_are_counted_as_such() -> None:
+    stream = io.StringIO()
+    PlainProgress(stream).begin([LevelWork(2, 0, 2.0**i, sure=False) for i in range(30)], [])
+    PlainProgress(stream).begin(WORK, [])
+    assert stream.getvalue().splitlines() == [
+        "2 points on at most 30 levels: at most 60 solutions",
+        "2 points on 2 levels: 4 solutions, 1 of them finished before",
+    ]

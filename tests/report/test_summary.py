@@ -55,10 +55,40 @@ def text_of(tmp_path: Path):  # type: ignore[no-untyped-def]
 def test_failures_are_one_line_a_kind(text_of) -> None:  # type: ignore[no-untyped-def]
     good = [point(i, n) for i in range(3) for n in range(2)]
     text = text_of(*good, missed(0, 1, "3e-09"), missed(2, 0, "2e-07"), missed(2, 1, "1e-8"))
-    lines = [line.strip() for line in text.splitlines() if "failed" in line]
+    lines = [line.strip() for line in text.splitlines() if "solutions failed" in line]
     assert lines == [
-        "3 points failed: inclusion violated: residual 3e-09 to 2e-07 above the tolerance 1e-10; "
+        "3 solutions failed: inclusion violated: residual 3e-09 to 2e-07 above the tolerance 1e-10; "
         "raise solver.tolerance (for example alpha = 1 W m-2 K-1 on level 1)"
+    ]
+
+
+def test_what_failed_is_marked_in_its_row(text_of) -> None:  # type: ignore[no-untyped-def]
+    """A number that solves nothing must not look like the others."""
+    good = [replace(point(i, n), numbers={"energy": 2.0}) for i in range(3) for n in range(2)]
+    bad = replace(missed(1, 1, "3e-09"), numbers={"energy": 7.0})
+    rows = [line.split() for line in text_of(*good, bad).splitlines()]
+    assert ["2", "(7)", "failed", "–"] in rows
+    assert ["1", "2", "nothing", "–"] in rows
+    assert "failed: no solution; the numbers in (parentheses)" in text_of(*good, bad)
+    assert "parentheses" not in text_of(*good)
+
+
+def test_solvers_side_by_side(tmp_path: Path) -> None:
+    """Only what every solver stored; where the second found more energy, it is not the least."""
+    names = ("separable-newton", "bundle-newton")
+    study = replace(study_over((ALPHA,)), solver=replace(SolverPlan(), names=names))
+    points = []
+    for i in range(3):
+        energies = (-1.0, -1.0 if i else -0.5)
+        numbers = {"solver_energy": energies, "solver_residual": (1e-14, 3e-12), "solver_iterations": (4, 40 + i),
+                   "solver_time": (0.25, 1.0), "solver_difference": (0.0, 0.0 if i else 0.125)}  # fmt: skip
+        points += [replace(point(i, n), numbers=numbers) for n in range(2)]
+    points[-1] = missed(2, 1, "3e-09")
+    write(tmp_path / "plate.nc", study, [level(0), level(1)], points, Provenance("now", (("python", "3"),), "abc"))
+    rows = [line.split() for line in summary(tmp_path / "plate.nc").splitlines() if "-newton " in line]
+    assert rows[-2:] == [
+        ["separable-newton", "1e-14", "20", "1.2", "5/5", "–"],
+        ["bundle-newton", "3e-12", "204", "5", "3/5", "0.12"],
     ]
 
 
@@ -85,6 +115,6 @@ def test_a_point_of_a_study_without_a_sweep_is_named_by_its_level(tmp_path: Path
     one = replace(missed(0, 1, "1e-8"), index=())
     write(tmp_path / "plate.nc", study, [level(0), level(1)], [one], Provenance("now", (("python", "3"),), "abc"))
     text = summary(tmp_path / "plate.nc")
-    assert "1 point failed: inclusion violated" in text
+    assert "1 solution failed: inclusion violated" in text
     assert "(level 1)" in text
-    assert "1 point failed: not run: run the study again to resume it (level 0)" in text
+    assert "1 solution failed: not run: run the study again to resume it (level 0)" in text

@@ -211,6 +211,7 @@ def test_a_geometry_file_must_exist(tmp_path: Path) -> None:
         ("matrial.nu=0.3", "--set matrial.nu=0.3: matrial: unknown key"),
         ("alpha=5", "--set alpha=5: heat.alpha: alpha is swept, so this value would not be used"),
         ("nonsense", "--set nonsense: this option is not key=value"),
+        ("alpha", "--set alpha: this option is not key=value"),
         ("nu=", "--set nu=: this option is not key=value"),
         ("nu=[1", "--set nu=[1: YAML syntax"),
         ("mesh.maxh.x=1", "--set mesh.maxh.x=1: mesh.maxh.x: mesh.maxh is the number 0.2, not a mapping"),

@@ -253,3 +253,27 @@ def test_si_units_are_judged_like_any_other() -> None:
     for wrong in (SI.replace("delta: 40 um", "delta: 40.001 um"), SI.replace(", 0]", ", 1e-12]")):
         with pytest.raises(StudyError, match=r"the friction law does not hold on bottom|u_N is -1e-12 on the contact"):
             read_study_text(wrong)
+
+
+@pytest.mark.parametrize(("u_y", "accepted"), [("x*(x^2+y^2-1)^2 + x", True), ("x*(x^2+y^2-1)^2 + 1.00001*x", False)])
+def test_a_film_without_friction_on_an_arc(u_y: str, accepted: bool) -> None:
+    """u = ((r² − 1)² + 1) r e_φ has no shear at r = 1, but for the rounding of points; there b sets no scale."""
+    text = """\
+units: none
+body:
+  outline:
+    - {from: [1, 0], edge: foot}
+    - {from: [2, 0], edge: outer, through: [1.4142135623730951, 1.4142135623730951]}
+    - {from: [0, 2], edge: side}
+    - {from: [0, 1], edge: inner, through: [0.7071067811865476, 0.7071067811865476]}
+boundary: {foot: clamped, outer: traction, side: clamped, inner: contact}
+material: {lambda: 1.5, mu: 1}
+friction: {law: tresca, tau: 0}
+mesh: {maxh: 0.5}
+exact: {u: ["-y*(x^2+y^2-1)^2 - y", "U_Y"], loads: derived}
+""".replace("U_Y", u_y)
+    if accepted:
+        assert read_study_text(text).exact is not None
+        return
+    with pytest.raises(StudyError, match=r"exact\.u: "):
+        read_study_text(text)

@@ -69,6 +69,10 @@ def test_a_sound_study_has_no_fault(tmp_path: Path) -> None:
         ("maxh: 2 mm", "maxh: 1 um", "study.yaml:15:14: mesh.maxh: about 10^9.3 triangles are more than a study can"),
         ("bore: [[0.01, 0.006]]", "bore: [[0.01, 0.006]], top: [[0.01, 0.0061]]",
          "study.yaml:4:40: body.file.edges.bore: no edge of the face has the name 'bore': another name has a point"),
+        ("[[0.01, 0]]", "[[10, 0]]",
+         "study.yaml:3:5: body.file: plate.step: the point (10, 0) of edges.bottom is 9.98 away from the nearest edge"),
+        ("[[0.01, 0]]", "[[0, 0]]",
+         "study.yaml:3:5: body.file: plate.step: the point (0, 0) of edges.bottom is as near to two edges; give the"),
         ("    path: plate.step", "    face: 3\n    path: plate.step",
          "study.yaml:3:5: body.file: plate.step: has 1 faces"),
     ],
@@ -120,3 +124,17 @@ def test_run_tells_the_fault_once_and_leaves_nothing(tmp_path: Path) -> None:
     assert done.stderr.startswith("study.yaml:10:3: boundary: no edge is clamped")
     assert done.stderr.count("\n") == 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["plate.step", "study.yaml"]
+
+
+def test_a_file_that_is_no_step_is_told_in_one_line(tmp_path: Path) -> None:
+    """Without what the kernel itself would print."""
+    (tmp_path / "plate.step").write_text("hello\n")
+    (tmp_path / "study.yaml").write_text(STUDY)
+    done = subprocess.run(
+        [sys.executable, "-m", "tcstudy", "plan", "study.yaml"], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr == (
+        "study.yaml:3:5: body.file: plate.step: is no STEP file, as ISO-10303-21 is missing; export the face again\n"
+    )

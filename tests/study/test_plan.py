@@ -55,3 +55,19 @@ def test_other_sections_are_named_with_their_command() -> None:
 def test_a_poisson_ratio_does_not_look_like_its_bound() -> None:
     (note,) = plan(study_of(RECTANGLE, "material.nu=0.4999999")).notes
     assert note.startswith("nu = 0.4999999 in plane strain")
+
+
+def test_a_swept_parameter_that_changes_nothing_is_named() -> None:
+    """α and k where θ = θ̄, everything thermal without β; not θ̄ itself, nor α where heat is solved at some point."""
+    constant = "heat={alpha: 1, theta_bar: 5}"
+    swept = HEATED_BRACKET + "sweep: {alpha: [1, 2, 3], theta_bar: [0, 1], k: [1, 2], friction.a: [0.003, 0.004]}\n"
+    (alpha, k) = (note for note in plan(study_of(swept, constant)).notes if "changes nothing" in note)
+    assert alpha.startswith("alpha changes nothing (q is 0 and theta_bar is constant")
+    assert alpha.endswith("its 3 values give equal solutions")
+    assert k.startswith("k changes nothing")
+    without = plan(study_of(swept, constant, "material.alpha_T=0")).notes
+    assert [note.split()[0] for note in without if "changes nothing" in note] == ["alpha", "theta_bar", "k"]
+    some = HEATED_BRACKET + "sweep: {alpha: [1, 2, 3], q: [0, 0.5]}\n"
+    assert not any("changes nothing" in note for note in plan(study_of(some, constant)).notes)
+    elastic = HEATED_BRACKET + "sweep: {E: [1, 2]}"
+    assert not any("changes nothing" in note for note in plan(study_of(elastic, constant)).notes)

@@ -32,7 +32,7 @@ class PathStatus(IntEnum):
 
 
 REASONS = {
-    PathStatus.RANGE_END: "t reached the end of its range",
+    PathStatus.RANGE_END: "the parameter reached the end of the range that the path may use",
     PathStatus.CLOSED_LOOP: "the path is a closed loop and came back to its start",
     PathStatus.UNBOUNDED: "the last piece goes on without bound and no node changes its piece any more",
     PathStatus.PIECE_LIMIT: "the limit on the number of pieces was reached; raise max_pieces to follow it further",
