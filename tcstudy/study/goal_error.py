@@ -45,9 +45,9 @@ from tcstudy.study.corner_factors import MIDDLE, ROUGH, mean_factors
 from tcstudy.study.fronts import fronts, slip_length
 from tcstudy.study.goals import dual, goal_value, lumping
 from tcstudy.study.halved import Halved
+from tcstudy.study.idle import needs_heat_solve
 from tcstudy.study.level import Condensed
 from tcstudy.study.measures import sticking
-from tcstudy.study.plan import needs_heat_solve
 
 Array = NDArray[np.float64]
 

@@ -29,9 +29,9 @@ from tcstudy.scene.records import Exact, MeshPlan, Scene
 from tcstudy.study.goal_error import goal_error
 from tcstudy.study.goals import goal_value
 from tcstudy.study.halved import Halved
+from tcstudy.study.idle import needs_heat_solve
 from tcstudy.study.known_goal import known_goal
 from tcstudy.study.level import Condensed, Level
-from tcstudy.study.plan import needs_heat_solve
 
 Array = NDArray[np.float64]
 Index = tuple[int, ...]
