@@ -25,7 +25,7 @@ def run(options: argparse.Namespace) -> int:
     from tcstudy.report.summary import summary
     from tcstudy.study.execute import StoreError, execute
 
-    watcher = progress(naming=naming(sweep_points(study)))
+    watcher = progress(naming=naming(sweep_points(study)), length=_length(study))
     try:
         result = execute(study, output, watcher, options.words)
     except (StoreError, GeometryFailed) as error:
@@ -42,10 +42,14 @@ def run(options: argparse.Namespace) -> int:
 
 def plan(options: argparse.Namespace) -> int:
     study, output = _checked(options)
+    from tcstudy.fem.geometry import GeometryFailed
     from tcstudy.report.forecast import forecast_text
     from tcstudy.study.plan import plan as forecast_of
 
-    forecast = forecast_of(study)
+    try:
+        forecast = forecast_of(study)
+    except GeometryFailed as error:
+        fail(f"{options.study}: {error}")
     axes = [(axis.name, axis.labels, axis.units) for axis in study.axes]
     print(
         forecast_text(
@@ -61,7 +65,7 @@ def plan(options: argparse.Namespace) -> int:
             str(output),
             forecast.bytes,
             study.mesh.family == "adaptive" or study.mesh.tolerance is not None,
-            "m" if study.units == "SI" else "1",
+            _length(study),
         )
     )
     return OK
@@ -139,7 +143,7 @@ def converge(options: argparse.Namespace) -> int:
     try:
         if options.plot is not None:
             check_target(options.plot)
-            locate(sweep_points(study), point)
+            locate(sweep_points(study), point, "study")
         failed = converge_to_file(study, path, lambda text: print(text, file=sys.stderr, flush=True), options.words)
         print(convergence_report(path, options.format), end="")
         if options.plot is not None:
@@ -177,7 +181,7 @@ def cost(options: argparse.Namespace) -> int:
         if options.plot is not None:
             check_target(options.plot)
         points = sweep_points(study)
-        where = locate(points, point)
+        where = locate(points, point, "study")
         words = describe(points, where)
         if options.error is not None and (lack := unmeasured(study, options.error)):
             fail(f"--error: {options.error} {lack}")
@@ -252,6 +256,11 @@ def _checked(options: argparse.Namespace, default=None):  # type: ignore[no-unty
     if problems:
         fail("\n".join(problems))
     return study, output
+
+
+def _length(study) -> str:  # type: ignore[no-untyped-def]  # Study, imported lazily
+    """The unit of lengths."""
+    return "1" if study.units == "none" else "m"
 
 
 def fail(text: str) -> NoReturn:

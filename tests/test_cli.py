@@ -41,7 +41,7 @@ def test_run_writes_the_file_and_a_table(folder: Path) -> None:
     assert result.returncode == 0, result.stderr
     assert (folder / "results" / "block.nc").exists()
     assert "4 of 4 solutions found; data in results/block.nc" in result.stdout
-    assert "level 1: h =" in result.stderr
+    assert "level 1: h_max =" in result.stderr
     assert list(folder.glob("results/*")) == [folder / "results" / "block.nc"]
     shown = tcstudy_command("show", "results/block.nc", cwd=folder)
     assert shown.returncode == 0
@@ -72,14 +72,31 @@ def test_set_and_output(folder: Path) -> None:
         assert "mesh.levels=1" in tree.attrs["overrides"]
 
 
+def test_a_key_that_is_set_twice_is_refused(folder: Path) -> None:
+    words = ("--set", "sweep=null", "--set", "tau=0.01", "--set", "friction.tau=0.02")
+    result = tcstudy_command("run", "block.yaml", *words, cwd=folder)
+    assert result.returncode == 2
+    assert result.stderr.startswith("--set friction.tau=0.02: friction.tau: --set tau=0.01 would not be used")
+    assert result.stderr.count("\n") == 1
+
+
 def test_plan_touches_nothing(folder: Path) -> None:
     result = tcstudy_command("plan", "block.yaml", cwd=folder)
     assert result.returncode == 0, result.stderr
     assert "2 points × 2 levels = 4 solutions" in result.stdout
     assert "left out: heat problem: " in result.stdout
     assert "level  maxh " in result.stdout
+    assert "about" not in result.stdout.split("left out")[0]  # sizes are counted
     assert "1 stiffness factorisation, no temperature field" in result.stdout
     assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
+
+
+def test_plan_says_what_it_predicts(folder: Path) -> None:
+    large = tcstudy_command("plan", "block.yaml", "--set", "mesh={maxh: 0.004, levels: 2}", cwd=folder).stdout
+    assert "about 290000 " in large
+    assert "about 500" in large
+    bounded = tcstudy_command("plan", "block.yaml", "--set", "mesh={maxh: 0.3, tolerance: 1e-2}", cwd=folder).stdout
+    assert 0.5 < float(bounded.split("(up to about ")[1].split(" MB")[0]) < 5.0
 
 
 @pytest.mark.parametrize("command", ["run", "plan"])
@@ -138,7 +155,8 @@ def test_failed_points_are_exit_code_1(folder: Path) -> None:
     assert (folder / "results" / "block.nc").exists()
 
 
-def test_help_and_plan_load_nothing_heavy(folder: Path) -> None:
+def test_help_and_faults_load_nothing_heavy(folder: Path) -> None:
+    (folder / "bad.yaml").write_text(STUDY.replace("maxh: 0.3", "maxh: 0"))
     code = (
         "import sys; from tcstudy.cli import main\n"
         "try: main(sys.argv[1:])\n"
@@ -147,7 +165,7 @@ def test_help_and_plan_load_nothing_heavy(folder: Path) -> None:
         "light = {'numpy', 'scipy', 'shapely', 'pint', 'ruamel'} & set(sys.modules)\n"
         "print('HEAVY', sorted(heavy), 'LIGHT', sorted(light))"
     )
-    for words, light in ((["--help"], "[]"), (["run", "--help"], "[]"), (["plan", "block.yaml"], None)):
+    for words, light in ((["--help"], "[]"), (["run", "--help"], "[]"), (["plan", "bad.yaml"], None)):
         result = subprocess.run([sys.executable, "-c", code, *words], cwd=folder, text=True, capture_output=True)
         assert "HEAVY []" in result.stdout, result.stdout + result.stderr
         if light is not None:

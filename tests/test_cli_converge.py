@@ -69,7 +69,7 @@ def test_nested_levels_and_formats(folder: Path) -> None:
         (("--plot", "a.txt"), ".png"),
         (("--at", "tau"), "NAME=VALUE"),
         (("--at", "tau=0.01"), "--at: names the point of the picture, but there is none; add --plot"),
-        (("--plot", "a.png", "--at", "tau=0.7"), "no point of the file has tau = 0.7"),
+        (("--plot", "a.png", "--at", "tau=0.7"), "no point of the study has tau = 0.7"),
         (("--output", "block.yaml/a.nc"), "block.yaml"),
     ],
 )

@@ -2,12 +2,16 @@
 
 Every outline, hole or file edge becomes one `Curve` with a mesh boundary name of its own (its `tag`), so that a study
 name may cover several curves and normals on Γ_C are those of the exact curve, not of the mesh.
+
+The kernel's tolerances are lengths (1e-7, whatever the unit): bodies far from size 1 are handed to it in a unit of
+their own, a power of two [m], so that a body of micrometres is meshed like one of metres.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +19,8 @@ import numpy as np
 from netgen import occ
 from numpy.typing import NDArray
 
-from tcstudy.scene.records import Body, BrepFace, Edge, Loop
-from tcstudy.scene.shapes import edge_distance, edge_length, edge_normal
+from tcstudy.scene.records import Body, BrepFace, Edge, Loop, Point
+from tcstudy.scene.shapes import body_size, edge_distance, edge_length, edge_normal
 
 Array = NDArray[np.float64]
 INTERFACE = "_interface"
@@ -25,6 +29,10 @@ FAR = 0.1
 """Distance from the nearest edge, relative to the body, from which on a point of a study names no edge of a file."""
 CORNER = 1e-7
 """Difference of distances, relative to the body, that leaves open which edge is meant; the kernel's own tolerance."""
+SHORTEST = 1e-3
+"""Length of the shortest edge, in the kernel's unit, from which on the body is given to it with a size of about 1."""
+HARMLESS = 0.1, 10.0
+"""Units [m] in place of which 1 serves as well: against such a body the tolerances are small, too."""
 
 
 class GeometryFailed(RuntimeError):
@@ -51,12 +59,17 @@ class Curve:
 
 @dataclass(frozen=True)
 class Geometry:
-    """A body ready for meshing: the OCC shape, its curves, the names of its faces and its exact area [m²]."""
+    """A body ready for meshing.
+
+    shape:  the OCC shape, with named faces, in units of `unit` [m];  curves: its boundary
+    area:   exact area [m²];  size: diagonal of the box around it [m]
+    """
 
     shape: Any
     curves: tuple[Curve, ...]
     area: float
     size: float
+    unit: float
 
     def tags(self, name: str) -> tuple[str, ...]:
         """Mesh boundary names of all curves of the study edge `name`."""
@@ -66,7 +79,7 @@ class Geometry:
         """Area of every region by name, and of the rest of the body as "body" [m²]."""
         areas: dict[str, float] = {}
         for face in self.shape.faces:
-            areas[face.name] = areas.get(face.name, 0.0) + float(face.mass)
+            areas[face.name] = areas.get(face.name, 0.0) + float(face.mass) * self.unit**2
         return areas
 
     def samples(self, count: int = 17) -> list[tuple[str, Array, Array]]:
@@ -75,7 +88,8 @@ class Geometry:
         found = []
         for edge in self.shape.edges:
             if edge.name in curves:
-                points = np.array([[edge.Value(t)[0], edge.Value(t)[1]] for t in _parameters(edge, count)])
+                values = [edge.Value(t) for t in _parameters(edge, count)]
+                points = self.unit * np.array([[value[0], value[1]] for value in values])
                 found.append((curves[edge.name].name, points, curves[edge.name].normal(points)))
         return found
 
@@ -86,21 +100,37 @@ def build(body: Body) -> Geometry:
     Raises GeometryFailed if a file has no such face or an edge of the shape cannot be named.
     """
     if body.brep is not None:
-        face, edges = _read_face(body.brep)
+        face, edges, unit = _read_face(body.brep)
         curves = tuple(edges)
     else:
         assert body.outline is not None
-        face = _face(body.outline)
+        loops = (body.outline, *body.holes, *(region.loop for region in body.regions))
+        unit = _unit(body_size(body), min(edge_length(edge) for loop in loops for edge in loop.edges))
+        face = _face(body.outline, unit)
         records = list(body.outline.edges)
         for hole in body.holes:
-            face = face - _face(hole)
+            face = face - _face(hole, unit)
             records += hole.edges
         curves = tuple(_curve(edge, f"c{i}") for i, edge in enumerate(records))
     size = _size(face)
-    finders = _finders(body, curves, face)
-    shape = _with_regions(face, body)
+    finders = _finders(body, face, unit)
+    shape = _with_regions(face, body, unit)
     _name_edges(shape, finders, 1e-6 * size)
-    return Geometry(shape, curves, sum(f.mass for f in shape.faces), size)
+    return Geometry(shape, curves, sum(f.mass for f in shape.faces) * unit**2, size * unit, unit)
+
+
+def _unit(size: float, shortest: float) -> float:
+    """The unit [m] in which the kernel gets a body of this size and shortest edge [m]; a power of two, hence exact."""
+    unit = min(size, shortest / SHORTEST)
+    low, high = HARMLESS
+    return 1.0 if low <= unit <= high else 2.0 ** math.floor(math.log2(unit))
+
+
+def _in_units(edge: Edge, unit: float) -> Edge:
+    def point(at: Point) -> Point:
+        return at[0] / unit, at[1] / unit
+
+    return replace(edge, start=point(edge.start), end=point(edge.end), through=edge.through and point(edge.through))
 
 
 def _occ_edge(edge: Edge) -> Any:
@@ -110,8 +140,8 @@ def _occ_edge(edge: Edge) -> Any:
     return occ.ArcOfCircle(a, occ.Pnt(*edge.through, 0), b)
 
 
-def _face(loop: Loop) -> Any:
-    return occ.Face(occ.Wire([_occ_edge(edge) for edge in loop.edges]))
+def _face(loop: Loop, unit: float) -> Any:
+    return occ.Face(occ.Wire([_occ_edge(_in_units(edge, unit)) for edge in loop.edges]))
 
 
 def _curve(edge: Edge, tag: str) -> Curve:
@@ -123,12 +153,12 @@ def _size(face: Any) -> float:
     return float(np.hypot(high[0] - low[0], high[1] - low[1]))
 
 
-def _with_regions(face: Any, body: Body) -> Any:
+def _with_regions(face: Any, body: Body, unit: float) -> Any:
     """Cut the regions out of the body and glue them back, so that the mesh follows their outlines."""
     face.faces.name = "body"
     parts, rest = [], face
     for region in body.regions:
-        part = face * _face(region.loop)
+        part = face * _face(region.loop, unit)
         part.faces.name = region.name
         rest = rest - part
         parts.append(part)
@@ -136,12 +166,12 @@ def _with_regions(face: Any, body: Body) -> Any:
     return occ.Glue([rest, *parts]) if parts else rest
 
 
-def _finders(body: Body, curves: tuple[Curve, ...], face: Any) -> list[Callable[[Array], float]]:
-    """One function per curve: distance of a point from it."""
+def _finders(body: Body, face: Any, unit: float) -> list[Callable[[Array], float]]:
+    """One function per curve: distance of a point from it, both in the unit of the face."""
     if body.brep is not None:
         return [_occ_distance(edge) for edge in face.edges]
     assert body.outline is not None
-    records = [edge for loop in (body.outline, *body.holes) for edge in loop.edges]
+    records = [_in_units(edge, unit) for loop in (body.outline, *body.holes) for edge in loop.edges]
     return [lambda point, edge=edge: float(edge_distance(edge, point[None])[0]) for edge in records]  # type: ignore[misc]
 
 
@@ -170,8 +200,8 @@ def _name_edges(shape: Any, finders: list[Callable[[Array], float]], tolerance: 
         )
 
 
-def _read_face(record: BrepFace) -> tuple[Any, list[Curve]]:
-    """Read one plane face of a file and name its edges by the points that the study gives."""
+def _read_face(record: BrepFace) -> tuple[Any, list[Curve], float]:
+    """One plane face of a file, its edges named by the points that the study gives, and the unit it is in [m]."""
     if record.path.suffix.lower() in (".step", ".stp") and not _begins_as_step(record.path):  # the kernel would rattle
         raise GeometryFailed(f"{record.path.name}: is no STEP file, as ISO-10303-21 is missing; export the face again")
     try:
@@ -182,8 +212,9 @@ def _read_face(record: BrepFace) -> tuple[Any, list[Curve]]:
     if record.face >= len(faces):
         raise GeometryFailed(f"{record.path.name}: has {len(faces)} faces, face {record.face} does not exist")
     face = faces[record.face]
-    if record.scale != 1.0:
-        face = face.Scale(occ.Pnt(0, 0, 0), record.scale)
+    unit = _unit(record.scale * _size(face), record.scale * min(edge.mass for edge in face.edges))
+    if record.scale != unit:
+        face = face.Scale(occ.Pnt(0, 0, 0), record.scale / unit)
     edges = list(face.edges)
     # not by the bounding box, which the kernel widens by an absolute tolerance
     heights = [abs(edge.Value(t)[2]) for edge in edges for t in _parameters(edge, 5)]
@@ -192,15 +223,15 @@ def _read_face(record: BrepFace) -> tuple[Any, list[Curve]]:
     names: list[str | None] = [record.other] * len(edges)
     for name, points in record.edges:
         for point in points:
-            names[_edge_near(record, edges, name, np.asarray(point), _size(face))] = name
+            names[_edge_near(record, edges, name, np.asarray(point), _size(face), unit)] = name
     unnamed = [i for i, name in enumerate(names) if name is None]
     if unnamed:
-        where = edges[unnamed[0]].center
+        where = [unit * edges[unnamed[0]].center[axis] for axis in (0, 1)]
         raise GeometryFailed(
             f"{record.path.name}: the edge around ({where[0]:g}, {where[1]:g}) has no name; "
             "name it by a point under edges, or give `other`"
         )
-    return face, [_file_curve(edge, f"c{i}", str(names[i])) for i, edge in enumerate(edges)]
+    return face, [_file_curve(edge, f"c{i}", str(names[i]), unit) for i, edge in enumerate(edges)], unit
 
 
 def _begins_as_step(path: Path) -> bool:
@@ -208,14 +239,15 @@ def _begins_as_step(path: Path) -> bool:
         return b"ISO-10303-21" in stream.read(4096)
 
 
-def _edge_near(record: BrepFace, edges: list[Any], name: str, point: Array, size: float) -> int:
+def _edge_near(record: BrepFace, edges: list[Any], name: str, point: Array, size: float, unit: float) -> int:
     """The edge that a point names; a point at none (wrong units) or at a corner (either edge) is refused."""
-    distances = np.array([_occ_distance(edge)(point) for edge in edges])
+    distances = np.array([_occ_distance(edge)(point / unit) for edge in edges])
     best, *others = np.argsort(distances, kind="stable")
     where = f"{record.path.name}: the point ({point[0]:g}, {point[1]:g}) of edges.{name}"
     if distances[best] > FAR * size:
         raise GeometryFailed(
-            f"{where} is {distances[best]:.3g} away from the nearest edge of the face, whose size is {size:.3g}; "
+            f"{where} is {unit * distances[best]:.3g} away from the nearest edge of the face, "
+            f"whose size is {unit * size:.3g}; "
             "give a point on the edge that is meant, in metres or with its unit"
         )
     if others and distances[others[0]] - distances[best] <= CORNER * size:
@@ -223,7 +255,7 @@ def _edge_near(record: BrepFace, edges: list[Any], name: str, point: Array, size
     return int(best)
 
 
-def _file_curve(edge: Any, tag: str, name: str) -> Curve:
+def _file_curve(edge: Any, tag: str, name: str, unit: float) -> Curve:
     """A curve of a file: normals from the kernel's tangents at the nearest parameter."""
     grid = _parameters(edge, 257)
     points = np.array([[edge.Value(t)[0], edge.Value(t)[1]] for t in grid])
@@ -231,10 +263,10 @@ def _file_curve(edge: Any, tag: str, name: str) -> Curve:
     straight = abs(edge.mass - chord) <= 1e-12 * edge.mass
 
     def normal(at: Array) -> Array:
-        tangents = [_tangent_at(edge, grid, points, point) for point in at]
+        tangents = [_tangent_at(edge, grid, points, point) for point in at / unit]
         return np.array([[-t[1], t[0]] for t in tangents])
 
-    return Curve(tag, name, float(edge.mass), straight, normal)
+    return Curve(tag, name, float(edge.mass) * unit, straight, normal)
 
 
 def _parameters(edge: Any, count: int) -> Array:

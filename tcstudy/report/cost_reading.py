@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from tcstudy.accuracy.front import dominated
 from tcstudy.data.cost import MEASURES
 from tcstudy.data.records import PointStatus
 from tcstudy.report.style import DrawError
@@ -22,13 +23,16 @@ class Setting:
     """One measured setting.
 
     error:     relative;  time, upper: least wall time of all runs and their upper quartile [s]
-    dominated: whether another setting is as fast and as accurate;  solved: whether it passed its acceptance test
+    h_max:     longest edge of its mesh
+    dominated: whether another setting is as fast and as accurate, or is this one in a simpler family of meshes
+    solved:    whether it passed its acceptance test
     own:       whether it is the study's own
     """
 
     family: str
     solver: str
     level: int
+    h_max: float
     n_dof: int
     n_contact: int
     error: float
@@ -92,17 +96,31 @@ def settings(data: Any, measure: str) -> list[Setting]:
                         family=family,
                         solver=solver,
                         level=level,
+                        h_max=float(data["h_max"].values[f, level]),
                         n_dof=int(data["n_dof"].values[f, level]),
                         n_contact=int(data["n_contact"].values[f, level]),
                         error=float(data[f"error_{measure}"].values[at]),
                         time=float(np.min(times)),
                         upper=float(np.quantile(times, 0.75)) if np.all(np.isfinite(times)) else float("nan"),
-                        dominated=bool(data[f"dominated_{measure}"].values[at]),
+                        dominated=True,
                         solved=status == PointStatus.OK,
                         own=(family, solver, level) == own,
                     )
                 )
-    return found
+    return _judged(found)
+
+
+def _judged(found: list[Setting]) -> list[Setting]:
+    """The settings with their `dominated`: one mesh that two families share counts once, in the simplest of them.
+
+    It counts with the least of its times, whose difference is noise; `dominated` in the file lets both stand.
+    """
+    first = [next(o for o in found if o is s or _one_mesh(s, o)) for s in found]
+    counts = [a is b and s.solved for a, b, s in zip(first, found, found, strict=True)]
+    least = [min(o.time for o, one in zip(found, first, strict=True) if one is s or o is s) for s in found]
+    time = np.where(counts, least, np.nan)
+    beaten = dominated(time, np.array([s.error for s in found]))
+    return [replace(s, dominated=bool(b)) for s, b in zip(found, beaten, strict=True)]
 
 
 def front(found: Sequence[Setting]) -> list[Setting]:
@@ -144,14 +162,17 @@ def stretches(found: Sequence[Setting]) -> list[Stretch]:
 
 def _shared(found: Sequence[Setting]) -> list[Setting]:
     """The settings, where families that begin with one mesh have the least of its times: a difference is noise."""
-    return [replace(s, time=min((o.time for o in found if _one_mesh(s, o)), default=s.time)) for s in found]
+    return [
+        replace(s, time=min((o.time for o in found if s.level == o.level == 0 and _one_mesh(s, o)), default=s.time))
+        for s in found
+    ]
 
 
 def _one_mesh(s: Setting, other: Setting) -> bool:
-    """Whether two settings are one computation: the first mesh of two families."""
-    if (s.level, s.solver, s.n_dof, s.n_contact) != (other.level, other.solver, other.n_dof, other.n_contact):
+    """Whether two settings are one problem on one mesh, such as the first of two families."""
+    if (s.solver, s.n_dof, s.n_contact, s.h_max) != (other.solver, other.n_dof, other.n_contact, other.h_max):
         return False
-    return s.level == 0 and s.solved and other.solved and abs(s.error - other.error) <= SAME * s.error
+    return s.solved and other.solved and abs(s.error - other.error) <= SAME * s.error
 
 
 def _time_to(curve: Sequence[Setting], error: float) -> float:
@@ -196,6 +217,7 @@ def advice(found: Sequence[Setting]) -> list[str]:
     cheaper = min((s for s in solved if s.error <= own.error), key=lambda s: s.time, default=None)
     closer = min((s for s in solved if s.time <= own.time), key=lambda s: s.error, default=None)
     better = [s for s in (cheaper, closer) if s is not None and s.time < own.time and s.error < own.error]
+    better = [s for s in better if not _one_mesh(s, own)]
     if not better:
         told.append("No other setting measured is both faster and more accurate.")
     if len(better) == 2 and _one_mesh(*better):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from tcstudy.report.text import counted, number, scaled_labels, table
+from tcstudy.report.text import counted, number, prefix, scaled_labels, table
 
 
 class _Level(Protocol):
@@ -15,6 +15,8 @@ class _Level(Protocol):
     def n_dof(self) -> int: ...
     @property
     def n_contact(self) -> int: ...
+    @property
+    def exact(self) -> bool: ...
 
 
 def forecast_text(
@@ -32,7 +34,7 @@ def forecast_text(
     at_most: bool = False,
     length: str = "1",
 ) -> str:
-    """Counts, predicted sizes, what is left out and why; axes are (name, values, units), `length` is the unit of h."""
+    """Counts, sizes, what is left out and why; axes are (name, values, units), `length` is the unit of h."""
     lines = [title, ""]
     for name, values, units in axes:
         words, units = scaled_labels([v if isinstance(v, str) else float(str(v)) for v in values], units)
@@ -47,14 +49,18 @@ def forecast_text(
     fields = counted(heat_solves, "temperature field") if heat_solves else "no temperature field"
     lines.append(f"  per level: {counted(factorisations, 'stiffness factorisation')}, {fields}")
     lines.append("")
-    if levels:
-        rows = [[str(i), number(v.h), f"≈ {v.n_dof}", f"≈ {v.n_contact}"] for i, v in enumerate(levels)]
-        size_of = "maxh" if length == "1" else f"maxh [{length}]"
-        lines.append(table(["level", size_of, "dofs", "contact unknowns"], rows))
-    else:
-        lines.append("  sizes are known once the file's face is meshed")
-    lines.append("")
+    divisor, unit = prefix([v.h for v in levels], length)
+    rows = [[str(i), number(v.h / divisor), _count(v.n_dof, v), _count(v.n_contact, v)] for i, v in enumerate(levels)]
+    size_of = "maxh" if unit == "1" else f"maxh [{unit}]"
+    lines += [table(["level", size_of, "dofs", "contact unknowns"], rows), ""]
     lines += [f"  left out: {text}" for text in left_out]
     lines += [f"  note: {text}" for text in notes]
-    lines.append(f"  output: {output} ({most or 'about '}{size / 1e6:.2g} MB)")
+    lines.append(f"  output: {output} ({'up to ' if at_most else ''}about {size / 1e6:.2g} MB)")
     return "\n".join(lines)
+
+
+def _count(value: int, level: _Level) -> str:
+    """A number that is counted, or predicted."""
+    if level.exact:
+        return str(value)
+    return f"about {float(f'{value:.2g}'):.0f}"

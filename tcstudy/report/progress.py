@@ -9,7 +9,7 @@ from typing import Protocol, TextIO
 from tcstudy.data.provenance import without_paths
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.report.failures import kind, named
-from tcstudy.report.text import counted
+from tcstudy.report.text import counted, prefix
 
 
 class Work(Protocol):
@@ -61,8 +61,8 @@ class _Failures:
 class PlainProgress:
     """One line per level and per kind of failure, for pipes and logs."""
 
-    def __init__(self, stream: TextIO, naming: Naming = str) -> None:
-        self._stream = stream
+    def __init__(self, stream: TextIO, naming: Naming = str, length: str = "1") -> None:
+        self._stream, self._length = stream, length
         self._failures = _Failures(naming)
 
     def begin(self, work: Sequence[Work], warnings: Sequence[str]) -> None:
@@ -77,7 +77,7 @@ class PlainProgress:
 
     def level(self, record: LevelRecord) -> None:
         """A mesh is ready."""
-        self._say(_level_line(record))
+        self._say(_level_line(record, self._length))
 
     def point(self, record: PointRecord) -> None:
         """A point is finished; only the first failure of a kind is worth a line."""
@@ -150,9 +150,9 @@ class TerminalProgress:
             self._progress.console.print(more, markup=False, highlight=False)
 
 
-def progress(stream: TextIO = sys.stderr, naming: Naming = str) -> PlainProgress | TerminalProgress:
-    """The fitting kind for a stream."""
-    return TerminalProgress(stream, naming) if stream.isatty() else PlainProgress(stream, naming)
+def progress(stream: TextIO = sys.stderr, naming: Naming = str, length: str = "1") -> PlainProgress | TerminalProgress:
+    """The fitting kind for a stream; length is the unit of h."""
+    return TerminalProgress(stream, naming) if stream.isatty() else PlainProgress(stream, naming, length)
 
 
 def _counts(work: Sequence[Work]) -> tuple[list[int], list[int]]:
@@ -160,8 +160,10 @@ def _counts(work: Sequence[Work]) -> tuple[list[int], list[int]]:
     return [w.points for w in work], [w.done for w in work]
 
 
-def _level_line(record: LevelRecord) -> str:
+def _level_line(record: LevelRecord, length: str) -> str:
+    divisor, unit = prefix([record.h_max], length)
+    size = f"{record.h_max / divisor:.3g}" + (f" {unit}" if unit != "1" else "")
     return (
-        f"level {record.level}: h = {record.h_max:.3g}, {record.n_dof} dofs, {record.n_contact} contact unknowns, "
+        f"level {record.level}: h_max = {size}, {record.n_dof} dofs, {record.n_contact} contact unknowns, "
         f"meshed and assembled in {record.time_mesh + record.time_assemble:.2g} s"
     )

@@ -16,6 +16,8 @@ from tcstudy.scene import units as u
 
 Value = float | int | str
 
+SWEPT = "swept parameter "
+"""What stands before the key path in the long name of an axis (see data.schema)."""
 CLOSE = 1e-3
 """Relative distance at which a number is taken for a label: what tables print has four digits."""
 
@@ -36,19 +38,19 @@ def axis_names(data: Any) -> list[str]:
     return [str(name) for name in data.coords if data[name].dims and set(data[name].dims) <= sweep]
 
 
-def locate(data: Any, point: Mapping[str, Value] | None) -> dict[str, int]:
+def locate(data: Any, point: Mapping[str, Value] | None, holder: str = "file") -> dict[str, int]:
     """Index along each sweep dimension of the point with the given labels.
 
-    point: value by name of the swept parameter; a text may be a label, a number or a quantity ("20 K").
-           A parameter that is left out has its first value (in list mode, the first point that fits is taken).
+    point:  value by name of the swept parameter or by its key path ("alpha" or "heat.alpha"); a text may be a label,
+            a number or a quantity ("20 K"). A parameter that is left out has its first value (in list mode, the first
+            point that fits is taken).
+    holder: what has the points, for messages: "file", or "study" before there is one
 
-    Raises DrawError for an unknown name, or a value or combination that the file does not hold.
+    Raises DrawError for an unknown name, or a value or combination that there is not.
     """
-    wanted, names = dict(point or {}), axis_names(data)
-    for name in wanted:
-        if name not in names:
-            raise DrawError(_unknown_name(name, names))
-    fits = {name: _fits(name, data[name], value) for name, value in wanted.items()}
+    names = axis_names(data)
+    wanted = _by_name(data, point or {}, holder)
+    fits = {name: _fits(name, data[name], value, holder) for name, value in wanted.items()}
     if data.attrs["sweep_mode"] == "grid":
         return {name: int(np.argmax(fits[name])) if name in fits else 0 for name in names}
     if not names:
@@ -60,8 +62,24 @@ def locate(data: Any, point: Mapping[str, Value] | None) -> dict[str, int]:
         given = " and ".join(f"{name} = {value}" for name, value in wanted.items())
         one = next(iter(fits))
         near = "; ".join(describe(data, {"point": int(i)}) for i in np.flatnonzero(fits[one])[:3])
-        raise DrawError(f"no point of the file has {given} together; with that {one} it has: {near}")
+        raise DrawError(f"no point of the {holder} has {given} together; with that {one} it has: {near}")
     return {"point": int(np.argmax(together))}
+
+
+def _by_name(data: Any, point: Mapping[str, Value], holder: str) -> dict[str, Value]:
+    """The wanted values by the names that the axes have in the data."""
+    names = axis_names(data)
+    paths = {str(data[name].attrs.get("long_name", "")).removeprefix(SWEPT): name for name in names}
+    wanted: dict[str, Value] = {}
+    said: dict[str, str] = {}
+    for given, value in point.items():
+        name = given if given in names else paths.get(given)
+        if name is None:
+            raise DrawError(_unknown_name(given, names, holder))
+        if name in wanted:
+            raise DrawError(f"{said[name]} and {given} are one parameter; give it once")
+        wanted[name], said[name] = value, given
+    return wanted
 
 
 def level_number(data: Any, level: int) -> int:
@@ -114,7 +132,7 @@ def labels(data: Any, where: Mapping[str, int]) -> list[tuple[str, float | str, 
     return found
 
 
-def _fits(name: str, axis: Any, value: Value) -> NDArray[np.bool_]:
+def _fits(name: str, axis: Any, value: Value, holder: str) -> NDArray[np.bool_]:
     """Which labels of an axis are the wanted value; at least one is."""
     held = axis.values
     if held.dtype.kind in "OUS":
@@ -122,7 +140,7 @@ def _fits(name: str, axis: Any, value: Value) -> NDArray[np.bool_]:
         if str(value) not in texts:
             near = difflib.get_close_matches(str(value), texts, n=1)
             hint = f"did you mean {near[0]!r}? " if near else ""
-            raise DrawError(f"no point of the file has {name} = {value}; {hint}it has {_listed(texts)}")
+            raise DrawError(f"no point of the {holder} has {name} = {value}; {hint}it has {_listed(texts)}")
         return np.array([text == str(value) for text in texts])
     wanted = _as_number(name, value, str(axis.attrs["units"]))
     distance = np.abs(held - wanted)
@@ -132,7 +150,7 @@ def _fits(name: str, axis: Any, value: Value) -> NDArray[np.bool_]:
         nearby = _listed(
             number(label) for label in np.sort(order[np.argsort(np.abs(order - wanted), kind="stable")[:3]])
         )
-        raise DrawError(f"no point of the file has {name} = {value}; the nearest values are {nearby}")
+        raise DrawError(f"no point of the {holder} has {name} = {value}; the nearest values are {nearby}")
     return np.asarray(held == nearest)
 
 
@@ -151,12 +169,12 @@ def _as_number(name: str, value: Value, units: str) -> float:
         raise DrawError(f"{name} = {value!r}: {error}; {error.remedy}") from error
 
 
-def _unknown_name(name: str, names: list[str]) -> str:
+def _unknown_name(name: str, names: list[str], holder: str) -> str:
     if not names:
-        return f"the file has one point and no swept parameter {name!r}; leave the point out"
+        return f"the {holder} has one point and no swept parameter {name!r}; leave the point out"
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
-    return f"the file has no swept parameter {name!r}; {hint}it has {', '.join(names)}"
+    return f"the {holder} has no swept parameter {name!r}; {hint}it has {', '.join(names)}"
 
 
 def _listed(texts: Any, most: int = 8) -> str:

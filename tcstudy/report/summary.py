@@ -19,6 +19,10 @@ MOST_ROWS = 48
 """Points shown; the file has them all."""
 
 
+SIZES = "h_max: longest edge; mesh.maxh is what the mesher aims at, its longest edges come to 1.2 to 1.6 times that"
+"""Measured on all uniform meshes in configs/ and eight more."""
+
+
 def summary(path: Path) -> str:
     """Text for the terminal, read from the result file alone. Raises StoreError if it is not one."""
     with open_results(path) as tree:
@@ -62,7 +66,8 @@ def _levels(data: Any) -> str:
         )
     header = ["level", _bracketed("h_max", unit), "dofs", "contact", "ok", "worst residual"]
     header += [_bracketed("λ₁", stiffness_unit), "mesh+assembly [s]", "condense [s]", "solve [s]"]
-    return table(header + [_bracketed(title, unit) for _, title, _, unit in estimated], rows)
+    shown = table(header + [_bracketed(title, unit) for _, title, _, unit in estimated], rows)
+    return f"{shown}\n\n  {SIZES}"
 
 
 def _scale(data: Any, name: str) -> tuple[float, str]:

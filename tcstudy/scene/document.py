@@ -172,7 +172,9 @@ def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, st
     """The tree with the values of `--set key=value` options put in, one after the other.
 
     short: short names of keys, such as alpha for heat.alpha. The value null removes a key.
+    An option that a later one replaces is a fault: it would be lost without a word.
     """
+    given: list[tuple[Keys, str]] = []
     for option in overrides:
         file = f"--set {option}"
         key, equals, text = (part.strip() for part in option.partition("="))
@@ -181,6 +183,12 @@ def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, st
         if keys is None or not text:
             remedy = "write --set key.path=value, for example --set heat.alpha=25"
             errors.at_mark(Mark(file, 0, 0), "", "this option is not key=value", remedy)
+            continue
+        lost = [text for keys_before, text in given if keys_before[: len(keys)] == keys]
+        given.append((keys, option))
+        if lost:
+            what = f"--set {lost[-1]} would not be used, as this option replaces it"
+            errors.at_mark(Mark(file, 0, 0), key, what, "give every key once, a section before its keys")
             continue
         try:
             new = compose(text, file, errors, key, option=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tcstudy.errors import StudyError
@@ -107,7 +107,7 @@ def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
     roles = boundary.value if boundary and isinstance(boundary.value, Mapping) else {}
     law = word.value if friction and (word := friction.child("law")) else None
     known = sweepable({edge: keys_of(node) for edge, node in roles.items()}, law if isinstance(law, str) else None)
-    sweep = read_sweep(ctx, root.child("sweep"), known, friction) or Sweep()
+    sweep = _with_law(read_sweep(ctx, root.child("sweep"), known, friction) or Sweep(), friction)
     for option in (text for text in overrides if "=" in text):
         key = SHORT.get(option.partition("=")[0].strip(), option.partition("=")[0].strip())
         keys = split_path(key) or ()
@@ -118,6 +118,13 @@ def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
                 remedy = f"set sweep.{axis.key} instead, or remove the sweep by --set sweep=null"
                 ctx.errors.at_mark(Mark(f"--set {option}", 0, 0), key, what, remedy)
     return sweep
+
+
+def _with_law(sweep: Sweep, friction: Node | None) -> Sweep:
+    """The sweep without parameters of a law that is not there: what is missing is the section, not `friction.law`."""
+    if friction is not None or any(axis.parameter.kind == "law" for axis in sweep.axes):
+        return sweep
+    return replace(sweep, axes=tuple(axis for axis in sweep.axes if axis.parameter.path[0] != "friction"))
 
 
 def _with_swept_keys(root: Node, sweep: Sweep) -> Node:

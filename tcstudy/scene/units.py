@@ -47,7 +47,11 @@ USUAL = ("nm", "um", "mm", "cm", "m", "Pa", "kPa", "MPa", "GPa", "N", "kN", "mW"
 
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 QUANTITY = re.compile(rf"\s*({NUMBER})\s*(?![eE][+-]?[0-9])((?:[A-Za-zµμΩΩ°%]|(?<=\s)[0-9(]).*?)\s*", re.DOTALL)
-UNIT = re.compile(r"[A-Za-zµμΩΩ°%·*/^()\s0-9_-]{1,60}")
+UNIT = re.compile(r"[A-Za-zµμΩΩ°%*/^()\s0-9_-]{1,60}")
+RAISED = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+", strict=True))
+"""Raised signs of exponents, as in W·m⁻²·K⁻¹."""
+SIGNS = str.maketrans({**dict.fromkeys("·⋅∙×", "*"), **dict.fromkeys("−–", "-"), "∕": "/", "⁄": "/"})
+"""Signs of products, quotients and exponents that ASCII writes otherwise."""
 
 
 class UnitError(ValueError):
@@ -89,10 +93,10 @@ def to_si(number: str, unit: str, dimension: Dimension) -> float:
 def _factor(unit: str, dimension: Dimension) -> float:
     """How many SI units one `unit` is."""
     example = f"write for example {dimension.example}"
-    spelt = re.sub(r"\s+", " ", unit.replace("**", "^").replace("·", "*"))
+    spelt = re.sub(r"\s+", " ", _in_ascii(unit).replace("**", "^"))
     spelt = re.sub(r"(?<=[A-Za-zµμ])(-?\d)\b", r"^\1", spelt)
     # Exponents have one digit: a chain of powers is a typing error and could keep the unit library busy for ever.
-    if not UNIT.fullmatch(unit) or re.search(r"\d\d|\^[^A-Za-z]*\^", spelt):
+    if not UNIT.fullmatch(spelt) or re.search(r"\d\d|\^[^A-Za-z]*\^", spelt):
         raise UnitError(f"{unit[:40]!r} is not a unit", _unknown_remedy(unit, dimension))
     registry = _registry()
     try:
@@ -106,6 +110,12 @@ def _factor(unit: str, dimension: Dimension) -> float:
         raise UnitError(f"{unit!r} has its own zero", "write K; temperatures are counted from the stress-free state")
     factor = float(one.to(dimension.si or "dimensionless").magnitude)
     return float(f"{factor:.15g}")
+
+
+def _in_ascii(unit: str) -> str:
+    """Typeset signs as they are typed: W·m⁻²·K⁻¹ is W*m^-2*K^-1."""
+    raised = re.sub(f"[{''.join(RAISED)}]+", lambda run: "^" + "".join(RAISED[sign] for sign in run[0]), unit)
+    return raised.translate(SIGNS)
 
 
 def _si(dimension: Dimension) -> str:

@@ -12,6 +12,8 @@ from tcstudy.data.schema import BALANCED, HEAT_BOUND, NOT_JUDGED, UNBALANCED
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.solve.certificates import Certificate
 from tcstudy.solve.contact import Answer
+from tcstudy.solve.outcome import Status
+from tcstudy.solve.problem import ContactProblem
 from tcstudy.study.level import Condensed, Temperature
 
 Array = NDArray[np.float64]
@@ -34,6 +36,16 @@ def sticking(law: FrictionLaw, v: Array) -> NDArray[np.bool_]:
     return (law.kinks[near] == v) & (law.kinds[near] == UP)
 
 
+def friction_forces(problem: ContactProblem, answer: Answer) -> Array:
+    """(m,) nodal friction forces ξ = l̃ − Ãv [N/m], and 0 where the law b ≡ 0 leaves a solution nothing but rounding.
+
+    How far from 0 the forces of that solution are is its inclusion residual.
+    """
+    if problem.law.vanishes and answer.status == Status.CONVERGED:
+        return np.zeros(problem.m)
+    return problem.xi(answer.v)
+
+
 def heat_status(balance: float) -> int:
     """What the heat balance says of a temperature; NaN where there is no heat problem."""
     if np.isnan(balance):
@@ -46,7 +58,7 @@ def numbers(
 ) -> Numbers:
     """Results by variable name, units as in data.schema; the first of `solved` is the stored solution."""
     problem, answer = condensed.problem, solved[0].answer
-    xi = problem.xi(answer.v)
+    xi = friction_forces(problem, answer)
     balance = temperature.heat_balance if temperature is not None else float("nan")
     values: Numbers = {
         "energy": answer.energy + condensed.constant,

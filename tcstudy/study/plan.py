@@ -1,7 +1,4 @@
-"""What a run would do, found out without doing it: counts, predicted sizes, what is left out and why.
-
-Knows no mesh: node numbers are predicted from areas and lengths (a Netgen mesh has nearly equilateral triangles).
-"""
+"""What a run would do, found out without doing it: counts, sizes, what is left out and why."""
 
 from __future__ import annotations
 
@@ -9,21 +6,12 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+from tcstudy.data import schema
 from tcstudy.scene.derived_loads import description
-from tcstudy.scene.records import Body, Clamped, Contact, MeshPlan, Scene, Study
-from tcstudy.scene.shapes import body_area, boundary_lengths
+from tcstudy.scene.records import MeshPlan, Study
 from tcstudy.study.idle import idle_notes, needs_heat_solve, why_no_heat
 from tcstudy.study.locking import locking_note
-
-
-@dataclass(frozen=True)
-class LevelForecast:
-    """One mesh level: element size [m], predicted mesh nodes, displacement unknowns and contact unknowns."""
-
-    h: float
-    nodes: int
-    n_dof: int
-    n_contact: int
+from tcstudy.study.predicted import LevelForecast, forecast, refined
 
 
 @dataclass(frozen=True)
@@ -32,10 +20,10 @@ class Plan:
 
     points:          sweep points per level;  factorisations: stiffness factorisations per level
     heat_solves:     distinct (α, k, data) temperature fields per level; 0 if no heat problem is solved
-    levels:          one forecast per mesh level; empty if the body comes from a file and is not measured here
+    levels:          the mesh levels whose number is known beforehand, counted where their meshes are small
     left_out:        what is not computed, each with its reason
     notes:           what the user may want to know before starting
-    bytes:           expected size of the result file
+    bytes:           expected size of the result file; the most to expect where an estimate decides about meshes
     """
 
     points: int
@@ -48,11 +36,16 @@ class Plan:
 
 
 def plan(study: Study) -> Plan:
-    """The forecast of a study that the reader has accepted."""
+    """The forecast of a study that the reader has accepted.
+
+    Raises GeometryFailed where a run would before it solves anything.
+    """
+    from tcstudy.study.sizes import sizes  # other questions to this module need no mesh
+
     scenes = study.scenes
     materials = {(s.material.lam, s.material.mu) for s in scenes}
     heats = {(s.heat, s.material.k) for s in scenes if needs_heat_solve(s)}
-    levels = forecast(study)
+    levels = sizes(study)
     return Plan(
         points=len(scenes),
         factorisations=len(materials),
@@ -78,30 +71,6 @@ def path_output(study: Study) -> Path:
     return output.with_name(f"{output.stem}-path{output.suffix or '.nc'}")
 
 
-def forecast(study: Study) -> tuple[LevelForecast, ...]:
-    """Predicted sizes of the levels whose number is known beforehand; grading towards points is not counted."""
-    body = study.scenes[0].body
-    if body.brep is not None:
-        return ()
-    mesh = study.mesh
-    single = len(mesh.maxh) == 1
-    known = 1 if mesh.family == "adaptive" or mesh.tolerance is not None else mesh.levels
-    sizes = [mesh.maxh[0] / 2**i if single else mesh.maxh[i] for i in range(known)]
-    return tuple(_forecast_level(study.scenes[0], body, h) for h in sizes)
-
-
-def _forecast_level(scene: Scene, body: Body, h: float) -> LevelForecast:
-    """Euler's formula with equilateral triangles of edge h (Netgen's for maxh = h have 0.9 to 1.04 h on average)."""
-    lengths = boundary_lengths(body)
-    perimeter = sum(lengths.values())
-    triangles = body_area(body) / (math.sqrt(3) / 4 * h**2)
-    nodes = triangles / 2 + perimeter / h / 2 + 1
-    held = sum(lengths[name] / h for name, role in scene.boundary if isinstance(role, Clamped))
-    contact = sum(lengths[name] / h for name in scene.edges(Contact))
-    n_dof = 2 * nodes - 2 * held - contact
-    return LevelForecast(h, round(nodes), max(1, round(n_dof)), max(1, round(contact)))
-
-
 def _left_out(study: Study, heat_solved: bool) -> list[str]:
     scenes = study.scenes
     out = []
@@ -115,18 +84,18 @@ def _left_out(study: Study, heat_solved: bool) -> list[str]:
     if not study.mesh.estimates:
         out.append("error estimates: not asked for (mesh.estimate: true, a tolerance or family: adaptive adds them)")
     if study.mesh.tolerance is not None:
-        out.append(_levels_not_needed(study.mesh))
+        out.append(_levels_not_needed(study.mesh, "" if study.units == "none" else " m"))
     if not study.output.fields:
         out.append("whole-body fields u₂ and θ in the data: not asked for (output.fields: true keeps them)")
     return out
 
 
-def _levels_not_needed(mesh: MeshPlan) -> str:
+def _levels_not_needed(mesh: MeshPlan, unit: str) -> str:
     how = {"adaptive": "refined where the error is large", "graded": "graded", "uniform": "refined uniformly"}
     return (
-        f"meshes finer than needed: {how[mesh.family]} from maxh = {mesh.maxh[0]:g} until the estimated relative error "
-        f"of {mesh.goal.quantity} is at most {mesh.tolerance:g} at every point, {mesh.max_dofs} dofs are passed or "
-        f"there are {mesh.levels} levels"
+        f"meshes finer than needed: {how[mesh.family]} from maxh = {mesh.maxh[0]:g}{unit} until the estimated relative "
+        f"error of {mesh.goal.quantity} is at most {mesh.tolerance:g} at every point, {mesh.max_dofs} dofs are passed "
+        f"or there are {mesh.levels} levels"
     )
 
 
@@ -169,19 +138,21 @@ def _mesh_notes(mesh: MeshPlan) -> list[str]:
         driver = "the worst point of the sweep decides"
         return [f"adaptive: levels after the first follow from the estimated error of {mesh.goal.quantity}; {driver}"]
     if mesh.family == "graded":
-        return [f"graded: more elements at singular points, h ~ r^{1 - mesh.grading:g}, than the table counts"]
+        return [f"graded: at singular points the elements are smaller than maxh, h ~ r^{1 - mesh.grading:g}"]
     return []
 
 
 def expected_bytes(study: Study) -> int:
     """Rough size of the result file, for the check of free space."""
-    return _bytes(study, forecast(study))
+    if study.scenes[0].body.brep is None:
+        return _bytes(study, forecast(study))
+    from tcstudy.study.sizes import GeometryFailed, measured
+
+    try:
+        return _bytes(study, measured(study))
+    except GeometryFailed:  # which is said elsewhere
+        return _bytes(study, ())
 
 
 def _bytes(study: Study, levels: tuple[LevelForecast, ...]) -> int:
-    per_level = [20 * 8 + 16 * level.n_contact for level in levels] or [200_000] * study.mesh.levels
-    if study.mesh.family == "adaptive" or study.mesh.tolerance is not None:
-        per_level = [200_000] * study.mesh.levels
-    if study.output.fields:
-        per_level = [a + 24 * level.nodes for a, level in zip(per_level, levels, strict=False)] or per_level
-    return 100_000 + len(study.scenes) * sum(per_level)
+    return schema.expected_bytes(study, [(level.n_contact, level.nodes) for level in refined(levels, study.mesh)])

@@ -20,7 +20,7 @@ from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.outcome import Status
 from tcstudy.study.family import Family
 from tcstudy.study.level import Level
-from tcstudy.study.measures import Timed, numbers, sticking
+from tcstudy.study.measures import Timed, friction_forces, numbers, sticking
 from tcstudy.study.survey import Survey
 
 Array = NDArray[np.float64]
@@ -176,7 +176,7 @@ def _solve_point(
         fields = {"u_x": u[:n], "u_y": u[n:]}
         if temperature is not None:
             fields["theta"] = temperature.theta
-    traction = problem.xi(answer.v) / level.line.c
+    traction = friction_forces(problem, answer) / level.line.c
     sticks = sticking(problem.law, answer.v).astype(np.int8)
     return PointRecord(index, level.mesh.level, status, answer.reason, values, answer.v, traction, fields, sticks)
 

@@ -53,7 +53,8 @@ class Solution:
 class SolvedLevel:
     """One level: its mesh, its contact line, and a solution by sweep index.
 
-    edges: (m,) name of the contact edge of every contact node;  segment_edges: the same of every contact segment
+    edges: (m,) name of the contact edge of every contact node
+    segment_curve: (s,) boundary curve that every contact segment lies on, numbered alike on all meshes of the body
     """
 
     h_max: float
@@ -61,7 +62,7 @@ class SolvedLevel:
     mesh: Triangles
     line: Line
     edges: tuple[str, ...]
-    segment_edges: tuple[str, ...]
+    segment_curve: NDArray[np.intp]
     solutions: dict[tuple[int, ...], Solution]
 
 
@@ -72,12 +73,12 @@ def solve_levels(study: Study, say: Say) -> list[SolvedLevel]:
     Raises GeometryFailed if the body cannot be meshed.
     """
     study = replace(study, output=replace(study.output, fields=True))
-    family, order = Family(study), _order(study)
+    family, order, unit = Family(study), _order(study), "" if study.units == "none" else " m"
     levels = []
     for i in range(study.mesh.levels):
         mesh = family.next(i)
         level = Level(mesh, study.scenes[0], study.scenes)
-        say(f"level {i}: h = {mesh.h_max:.3g}, {level.frames.n_dof} dofs, {level.line.m} contact unknowns")
+        say(f"level {i}: h_max = {mesh.h_max:.3g}{unit}, {level.frames.n_dof} dofs, {level.line.m} contact unknowns")
         levels.append(empty_level(study, level))
         for index, scene in order:
             neighbour = _step_back(levels[-1].solutions, index)
@@ -104,7 +105,7 @@ def empty_level(study: Study, level: Level) -> SolvedLevel:
         mesh=Triangles(mesh.points, mesh.triangles),
         line=_line(level, curve, study.scenes[0].edges(Contact)),
         edges=tuple(level.line.edge_names[e] for e in level.line.edge),
-        segment_edges=tuple(mesh.geometry.curves[i].name for i in curve),
+        segment_curve=curve,
         solutions={},
     )
 

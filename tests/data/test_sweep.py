@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tcstudy.data.sweep import ascending, sweep_points
 from tcstudy.report.select_point import describe, locate
+from tcstudy.report.style import DrawError
 from tests.verification.scenes import RECTANGLE, study_of
 
 
@@ -15,6 +18,15 @@ def test_points_are_found_in_the_order_of_the_study() -> None:
     assert describe(points, where) == "tau = 0.01, nu = 0.3"
     scene = study.scenes[1 * 2 + 1]
     assert (scene.material.nu, scene.friction.b_scale) == (0.3, 0.01)
+
+
+def test_points_are_found_by_key_paths_and_messages_name_the_study() -> None:
+    points = sweep_points(study_of(RECTANGLE, "sweep={tau: [0.02, 0.01], boundary.left.u_x: [0, 1]}"))
+    assert tuple(locate(points, {"friction.tau": 0.01, "boundary.left.u_x": "1"}, "study").values()) == (1, 1)
+    with pytest.raises(DrawError, match=r"no point of the study has tau = 7"):
+        locate(points, {"friction.tau": 7}, "study")
+    with pytest.raises(DrawError, match=r"the study has no swept parameter 'tua'; did you mean 'tau'"):
+        locate(points, {"tua": 7}, "study")
 
 
 def test_axes_that_go_up_and_down_are_sorted_with_their_values() -> None:

@@ -125,6 +125,22 @@ def test_two_families_that_begin_with_one_mesh_share_its_time(file: Path) -> Non
     assert only.family == "uniform"
 
 
+def test_one_mesh_of_two_families_is_once_on_the_front(file: Path) -> None:
+    """Whichever of its two timings happens to be the least: it counts in the simplest family, with that time."""
+    error, time = made().errors["u_energy"].copy(), made().time.copy()
+    error[1, :, 0] = error[0, :, 0] * (1 + 1e-12)
+    for factor in (0.5, 1.0, 2.0):
+        time[1, :, 0] = factor * made().time[0, :, 0]
+        fields = {"n_dof": np.array([N[0], [N[0, 0], *N[1, 1:]]], dtype=np.int32), "time": time}
+        fields |= {"n_contact": fields["n_dof"] // 20, "errors": {"u_energy": error}}
+        fields["dominated"] = {"u_energy": np.zeros_like(made().dominated["u_energy"])}
+        write_cost(file, study_of(RECTANGLE), made(**fields), collect(study_of(RECTANGLE), ["tcstudy"]))
+        found = front(settings(open_cost(file), "u_energy"))
+        assert [(s.family, s.solver) for s in found if s.level == 0] == [("uniform", SOLVERS[0])]
+        report = cost_report(file)
+        assert report.count("0.05*" if factor == 0.5 else "0.1*") == (factor != 0.5)
+
+
 def test_errors_that_are_rounding_are_not_ranked(file: Path) -> None:
     errors = {name: 1e-13 * e for name, e in made().errors.items()}
     study = study_of(RECTANGLE)

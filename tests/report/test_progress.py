@@ -7,7 +7,7 @@ import io
 import numpy as np
 import pytest
 
-from tcstudy.data.records import PointRecord, PointStatus
+from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.report.progress import PlainProgress, TerminalProgress
 from tcstudy.study.run import LevelWork
 
@@ -68,3 +68,11 @@ def test_levels_that_may_not_be_needed_are_counted_as_such() -> None:
         "2 points on at most 30 levels: at most 60 solutions",
         "2 points on 2 levels: 4 solutions, 1 of them finished before",
     ]
+
+
+@pytest.mark.parametrize(("length", "size"), [("m", "8.25 mm"), ("1", "0.00825")])
+def test_the_size_of_a_level_has_its_unit(length: str, size: str) -> None:
+    stream, s = io.StringIO(), np.zeros(3)
+    level = LevelRecord(1, 0.00825, 20, 3, s, s, s, s, np.zeros(3, dtype=np.int8), ("film",), 0.1, 0.1)
+    PlainProgress(stream, length=length).level(level)
+    assert stream.getvalue().startswith(f"level 1: h_max = {size}, 20 dofs, 3 contact unknowns")

@@ -26,6 +26,7 @@ from tests.report.draw_cases import ALPHA, level_record, point_record, result, s
         ({"alpha": "100"}, "alpha = 100 W m-2 K-1, friction = tresca"),
         ({"alpha": "0.01 W/(cm^2*K)"}, "alpha = 100 W m-2 K-1, friction = tresca"),
         ({"friction": "softening"}, "alpha = 25 W m-2 K-1, friction = softening"),
+        ({"heat.alpha": 100}, "alpha = 100 W m-2 K-1, friction = tresca"),
     ],
 )
 def test_a_point_by_its_labels(grid: Path, point: dict[str, float | str] | None, label: str) -> None:
@@ -64,6 +65,8 @@ def test_a_study_without_a_sweep(tmp_path: Path) -> None:
         ({"alpha": "warm"}, r"alpha = 'warm' is not a number; give one in W m-2 K-1"),
         ({"alpha": "20 MPa"}, r"alpha = '20 MPa': 'MPa' is not a unit of a heat transfer coefficient"),
         ({"alpha": float("nan")}, r"no point of the file has alpha = nan"),
+        ({"heat.alpha": 90}, r"no point of the file has alpha = 90"),
+        ({"alpha": 25, "heat.alpha": 100}, r"alpha and heat.alpha are one parameter; give it once"),
     ],
 )
 def test_a_point_that_the_file_does_not_hold(grid: Path, point: dict[str, float | str], message: str) -> None:

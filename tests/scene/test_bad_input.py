@@ -222,3 +222,10 @@ def test_a_geometry_file_must_exist(tmp_path: Path) -> None:
 def test_faults_of_options_are_reported_at_the_option(option: str, line: str) -> None:
     [problem] = problems(BASE, option)
     assert problem.startswith(line)
+
+
+@pytest.mark.parametrize("parameter", ["tau: [1 MPa, 2 MPa]", "friction.tau: [1 MPa]", "friction.delta: [1 um]"])
+def test_a_swept_parameter_of_no_law_misses_the_section(parameter: str) -> None:
+    text = re.sub(r"friction: .*\n", "", BASE[: BASE.index("sweep:")])
+    [problem] = problems(f"{text}sweep: {{{parameter}}}\n")
+    assert ": friction: is missing; add friction: {law: tresca, tau: 20 MPa}" in problem

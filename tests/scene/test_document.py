@@ -175,6 +175,30 @@ def test_overrides() -> None:
     assert (node.path, node.mark) == ("a.b[1]", Mark("--set a.b=[1, 2 mm]", 0, 0))
 
 
+@pytest.mark.parametrize(
+    ("options", "lost"),
+    [
+        (["a.b=1", "a.b=2"], "a.b=1"),
+        (["s=1", "a.s=2"], "s=1"),
+        (["a.b=1", "c.d=4", "a={b: 2}"], "a.b=1"),
+        (["c=null", "c=null"], "c=null"),
+    ],
+)
+def test_an_option_that_a_later_one_replaces_is_refused(options: list[str], lost: str) -> None:
+    errors = Collector()
+    apply_overrides(tree("a: {b: 1}\nc: {d: 3}\n"), options, {"s": "a.s"}, errors)
+    (problem,) = errors.problems
+    assert str(problem).startswith(f"--set {options[-1]}: ")
+    assert f"--set {lost} would not be used" in str(problem)
+
+
+def test_a_section_may_be_set_before_its_keys() -> None:
+    errors = Collector()
+    root = apply_overrides(tree("a: {b: 1}\n"), ["a={b: 2, e: 3}", "a.b=4"], {}, errors)
+    assert not errors.problems
+    assert root.plain() == {"a": {"b": 4, "e": 3}}
+
+
 def test_a_problem_without_a_line_names_the_option_only() -> None:
     assert str(Problem("--set a=1", 0, 0, "a", "what", "remedy")) == "--set a=1: a: what; remedy"
     assert str(Problem("s.yaml", 3, 4, "a", "what", "remedy")) == "s.yaml:3:4: a: what; remedy"

@@ -59,3 +59,29 @@ def test_normals_point_out_of_the_body() -> None:
 def test_one_normal_costs_nothing() -> None:
     algebra = Algebra()
     assert len(algebra.scalar(normal_field(algebra, body(), body_edges(body(), ("bore",)))[0]).order) <= 6
+
+
+L_SHAPE = (
+    TEXT[: TEXT.index("body")]
+    + """
+body:
+  outline:
+    - {from: [0, 0], edge: base}
+    - {from: [2, 0], edge: rest}
+    - {from: [2, 1], edge: rest}
+    - {from: [1, 1], edge: rest}
+    - {from: [1, 2], edge: rest}
+    - {from: [0, 2], edge: wall}
+boundary: {base: contact, rest: free, wall: clamped}
+"""
+    + TEXT[TEXT.index("material") :]
+)
+
+
+@pytest.mark.parametrize(("point", "normal"), [((1.0, 0.0), (0.0, -1.0)), ((0.0, 1.0), (-1.0, 0.0))])
+def test_an_edge_ends_where_its_line_goes_on(point: tuple[float, float], normal: tuple[float, float]) -> None:
+    """The lines of the re-entrant corner's edges meet base and wall, one before its start, one behind its end."""
+    algebra, own = Algebra(), read_study_text(L_SHAPE).scenes[0].body
+    field = normal_field(algebra, own, body_edges(own))
+    found = [float(at(algebra, component, np.array([point]))[0]) for component in field]
+    np.testing.assert_allclose(found, normal, atol=1e-13)

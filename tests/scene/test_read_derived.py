@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from tcstudy.errors import StudyError
+from tcstudy.scene.derived_loads import Derivation
 from tcstudy.scene.expressions import Expression, parse
 from tcstudy.scene.gradient import value_and_gradient
 from tcstudy.scene.normal_field import body_edges, edge_samples
 from tcstudy.scene.reader import read_study_text
-from tcstudy.scene.records import Clamped, Convection, Traction
+from tcstudy.scene.records import Clamped, Convection, Exact, Traction
 
 TEXT = """\
 units: none
@@ -28,6 +29,8 @@ exact:
 U = '"y + (1 - 0.6*y)*(0.3 + 0.2*sin(pi*x))", "0.1*y*cos(pi*x)"'
 THETA = '"1 + x*(1 + 0.5*cos(pi*y))"'
 X, Y = np.array([0.2, 0.7]), np.array([0.35, 0.6])
+
+MATERIAL = read_study_text(TEXT.replace("beta: 0.5", "beta: 0")).scenes[0].material
 
 
 def changed(*changes: tuple[str, str]) -> str:
@@ -277,3 +280,21 @@ exact: {u: ["-y*(x^2+y^2-1)^2 - y", "U_Y"], loads: derived}
         return
     with pytest.raises(StudyError, match=r"exact\.u: "):
         read_study_text(text)
+
+
+def derivation(*u: str) -> Derivation:
+    """Of a displacement on the unit square, λ = 1.5 and μ = 1."""
+    exact = Exact((parse(u[0]), parse(u[1])), None, None, None)
+    return Derivation(exact, read_study_text(TEXT).scenes[0].body)
+
+
+def test_a_small_load_that_terms_leave_is_no_rounding() -> None:
+    """f_x = −(λ + 2μ) 6x + 21 (1 + 1e-6) x: a millionth of its terms."""
+    f = derivation(f"x^3 - {10.5 * (1 + 1e-6)!r}*x*y^2", "0").load((), MATERIAL)
+    np.testing.assert_allclose(at(f[0], X, Y), 2.1e-5 * X, rtol=1e-8)
+
+
+def test_a_load_that_no_sample_sees_is_kept() -> None:
+    """In a strip of a ten thousandth of the body."""
+    f = derivation("max(0, x - 0.9999)^3", "0").load((), MATERIAL)
+    np.testing.assert_allclose(at(f[0], 0.99995, 0.5), -3.5 * 6 * 5e-5, rtol=1e-9)

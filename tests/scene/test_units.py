@@ -36,6 +36,16 @@ from tcstudy.scene.units import UnitError, split_quantity, to_si
         ("5 N/mm^3", units.STIFFNESS, 5e9),
         ("-77 kN/m^3", units.BODY_FORCE, -77e3),
         ("30 %", units.NONE, 0.3),
+        ("200 W/m²/K", units.HEAT_TRANSFER, 200.0),
+        ("200 W·m⁻²·K⁻¹", units.HEAT_TRANSFER, 200.0),
+        ("200 W m⁻² K⁻¹", units.HEAT_TRANSFER, 200.0),
+        ("200 W/(m²⋅K)", units.HEAT_TRANSFER, 200.0),
+        ("200 W·m−2·K−1", units.HEAT_TRANSFER, 200.0),
+        ("0.2 kW∕m²/K", units.HEAT_TRANSFER, 200.0),
+        ("40 \u03bcm", units.LENGTH, 40e-6),  # the Greek letter; above the micro sign
+        ("-77 kN/m³", units.BODY_FORCE, -77e3),
+        ("5 N·mm⁻³", units.STIFFNESS, 5e9),
+        ("12e-6 K⁻¹", units.EXPANSION, 12e-6),
     ],
 )
 def test_value_in_si(text: str, dimension: units.Dimension, value: float) -> None:
@@ -63,6 +73,10 @@ def test_what_is_not_a_quantity(text: str) -> None:
         ("5 m**10**10**10", units.LENGTH, "is not a unit", "write for example"),
         ("5 m^9^9", units.LENGTH, "is not a unit", "write for example"),
         ("5 m^123456789", units.LENGTH, "is not a unit", "write for example"),
+        ("5 m¹²³", units.LENGTH, "is not a unit", "write for example"),
+        ("5 m^²", units.LENGTH, "is not a unit", "write for example"),
+        ("5 m²³⁻", units.LENGTH, "is not a unit", "write for example"),
+        ("5 m²", units.LENGTH, "'m²' is not a unit of a length", "write for example 20 mm"),
         ("5 m/", units.LENGTH, "is not a known unit", "write for example"),
         ("5 (m", units.LENGTH, "is not a known unit", "write for example"),
         ("5 import__", units.LENGTH, "is not a known unit", "write for example"),

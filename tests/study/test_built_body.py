@@ -11,6 +11,9 @@ from netgen import occ
 
 from tcstudy.errors import StudyError
 from tcstudy.scene.reader import read_study
+from tcstudy.study.family import Family
+from tcstudy.study.level import Level
+from tcstudy.study.plan import expected_bytes, plan
 from tcstudy.study.preflight import faults
 
 STUDY = """body:
@@ -138,3 +141,15 @@ def test_a_file_that_is_no_step_is_told_in_one_line(tmp_path: Path) -> None:
     assert done.stderr == (
         "study.yaml:3:5: body.file: plate.step: is no STEP file, as ISO-10303-21 is missing; export the face again\n"
     )
+
+
+def test_a_face_of_a_file_is_counted_as_well(tmp_path: Path) -> None:
+    """And a sweep of it does not seem to need space that its lines do not take."""
+    plate(tmp_path / "plate.step")
+    (tmp_path / "study.yaml").write_text(STUDY + "sweep: {tau: {linspace: [1 MPa, 2 MPa, 1000]}}\n")
+    study = read_study(tmp_path / "study.yaml")
+    family, scene = Family(study), study.scenes[0]
+    levels = [Level(family.next(i), scene, (scene,)) for i in range(2)]
+    assert [v.n_dof for v in plan(study).levels] == [level.frames.n_dof for level in levels]
+    assert 500_000 < expected_bytes(study) < 2_000_000
+    assert plan(study).bytes == pytest.approx(expected_bytes(study), rel=0.3)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,8 @@ from tcstudy.data.store import StoreError
 from tcstudy.scene.records import Study
 from tcstudy.study.convergence import converge
 from tcstudy.study.cost import CostError, cost_to_file, measure
+from tcstudy.study.cost_errors import FINER, _same
+from tcstudy.study.solved_levels import solve_levels
 from tests.verification.scenes import RECTANGLE, study_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -38,6 +42,20 @@ def test_all_families_and_solvers_are_measured_and_the_own_settings_named(cost: 
     assert np.array_equal(cost.status[:, 0] == PointStatus.OK, held)
     assert np.all(held.sum(axis=1) >= [3, 2, 3])
     assert cost.n_dof[0, 2] == cost.n_dof[0].max() or cost.n_dof[0, 3] < 4.3 * cost.n_dof[0, 2]
+
+
+def test_the_reference_is_ten_times_finer(cost: Cost) -> None:
+    dofs = re.search(r"adaptive mesh of (\d+) dofs", cost.reference)
+    assert dofs is not None
+    assert FINER == 10
+    assert int(dofs[1]) >= 10 * cost.n_dof.max()
+
+
+def test_solvers_share_errors_only_where_they_found_the_same() -> None:
+    one = solve_levels(study_of(PULLED, "mesh={maxh: 0.5, levels: 1}"), lambda text: None)[0]
+    for change, same in ((1e-9, True), (1e-7, False), (0.5, False)):
+        other = replace(one.solutions[()], v=(1.0 + change) * one.solutions[()].v)
+        assert _same(one, replace(one, solutions={(): other})) is same
 
 
 def test_errors_fall_and_solvers_agree_on_them(cost: Cost) -> None:
@@ -123,7 +141,9 @@ def test_the_named_solver_comes_first_and_failures_are_kept() -> None:
     smooth = "friction={law: exponential, a: 0.006, b: 0.004, delta: 0.05}"
     with pytest.raises(CostError, match="reference"):
         _measure(study_of(PULLED, *SMALL, plan, smooth), runs=1)
-    exact = tcstudy.load(CONFIGS / "convergence.yaml", ["mesh={maxh: 0.25, levels: 2}", plan, smooth])
+    pushed = "boundary={bottom: contact, top: {role: clamped, u: [0.3, 0]}, left: free, right: free}"
+    given = [pushed, "exact.loads=null", "mesh={maxh: 0.25, levels: 2}"]  # derived loads would refuse another law
+    exact = tcstudy.load(CONFIGS / "convergence.yaml", [*given, plan, smooth])
     cost = _measure(exact, runs=1)
     assert cost.solvers[0] == "bundle-newton"
     failed = (cost.status != PointStatus.OK) & (cost.status != PointStatus.NOT_RUN)

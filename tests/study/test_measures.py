@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import tcstudy
 from tcstudy.report.picture import read_picture
+from tcstudy.report.summary import summary
 from tests.verification.scenes import RECTANGLE, study_of
 
 TWO_JUMPS = "friction={law: piecewise-linear, points: [[0, 0.004], [0.01, 0.004], [0.01, 0.012]]}"
@@ -29,3 +31,17 @@ def test_sticking_nodes_are_stored_wherever_the_law_jumps_up(tmp_path: Path) -> 
     line = read_picture(tmp_path / "jumps.nc").line
     assert line.sticks is not None
     np.testing.assert_array_equal(line.sticks, sticks)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+def test_a_film_without_friction_has_none(tmp_path: Path, size: float) -> None:
+    """Else the rounding of l̃ − Ãv would look like a traction that changes by half from level to level."""
+    pulled = PULLED.replace("0.01 + 0.01*x", f"{size!r}*(1 + x)")
+    study = study_of(RECTANGLE.replace("left: clamped, top: free", pulled), "friction.tau=0", "mesh.levels=2")
+    with tcstudy.run(study, tmp_path / "free.nc") as tree:
+        assert tree["status"].values.tolist() == [1, 1]
+        assert tree["friction_resultant"].values.tolist() == [0.0, 0.0]
+        assert not tree["level_1"]["xi"].values.any()
+        assert (tree["inclusion_residual"].values > 0.0).all()
+    (row,) = (line.split() for line in summary(tmp_path / "free.nc").splitlines() if "unique" in line.split())
+    assert (row[2], row[-1]) == ("0", "0")  # ∫ξ and its change

@@ -1,0 +1,121 @@
+"""Sizes of a study's meshes: counted on the coarsest of them, which takes milliseconds.
+
+Uniform refinement of a mesh with V nodes, T triangles and the Euler characteristic χ makes T' = 4T and V' = V + E with
+E = V + T − χ edges; what the boundary carries (constraints, contact unknowns) grows affinely in 2^level. Two meshes
+therefore tell the sizes of all. Other meshes are made as long as they are small, and predicted from the last one made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from tcstudy.fem.boundary import constrain
+from tcstudy.fem.contact_line import contact_line
+from tcstudy.fem.geometry import Geometry, GeometryFailed, build
+from tcstudy.fem.grading import graded_mesh
+from tcstudy.fem.meshes import PlaneMesh, mesh_at
+from tcstudy.scene.records import Clamped, Contact, MeshPlan, Scene, Study
+from tcstudy.study.predicted import LevelForecast, known_levels, predicted
+
+MOST_NODES = 5_000
+"""Nodes up to which a mesh is made only to be counted; with its first refinement half a second."""
+
+Making = Callable[[int, PlaneMesh | None], PlaneMesh]
+"""(level, the mesh made before) → mesh."""
+
+
+def sizes(study: Study) -> tuple[LevelForecast, ...]:
+    """Sizes of the levels whose number is known beforehand.
+
+    Raises GeometryFailed where a run would before it solves anything.
+    """
+    scene, plan = study.scenes[0], study.mesh
+    geometry = build(scene.body)
+    rough = _rough(study, geometry)
+    if rough[0].nodes > MOST_NODES and len(plan.maxh) == 1:
+        return tuple(rough)
+    if plan.nested:
+        return tuple(_nested(geometry, plan, scene, rough))
+    return tuple(_one_by_one(_making(geometry, plan, scene), plan, scene, rough))
+
+
+def measured(study: Study) -> tuple[LevelForecast, ...]:
+    """Predicted sizes, without a mesh, of a body from a file. Raises GeometryFailed if there is no such face."""
+    return tuple(_rough(study, build(study.scenes[0].body)))
+
+
+def _rough(study: Study, geometry: Geometry) -> list[LevelForecast]:
+    lengths: dict[str, float] = {}
+    for curve in geometry.curves:
+        lengths[curve.name] = lengths.get(curve.name, 0.0) + curve.length
+    return [predicted(study.scenes[0], geometry.area, lengths, h) for h in known_levels(study.mesh)]
+
+
+def _nested(geometry: Geometry, plan: MeshPlan, scene: Scene, rough: list[LevelForecast]) -> list[LevelForecast]:
+    """Uniform refinements of one mesh, exactly."""
+    coarse = mesh_at(geometry, plan, 0, None)
+    first = _counted(coarse, scene, rough[0].h)
+    if len(rough) == 1:
+        return [first]
+    second = _counted(mesh_at(geometry, plan, 1, coarse), scene, rough[1].h)
+    nodes, triangles = first.nodes, len(coarse.triangles)
+    euler = first.nodes - (second.nodes - first.nodes) + triangles  # a new node for every edge
+    fixed = [2 * one.nodes - one.n_dof for one in (first, second)]
+    found = []
+    for level, one in enumerate(rough):
+        n_dof = 2 * nodes - fixed[0] - (fixed[1] - fixed[0]) * (2**level - 1)
+        n_contact = first.n_contact + (second.n_contact - first.n_contact) * (2**level - 1)
+        found.append(LevelForecast(one.h, nodes, n_dof, n_contact, exact=True))
+        nodes, triangles = 2 * nodes + triangles - euler, 4 * triangles
+    return found
+
+
+def _making(geometry: Geometry, plan: MeshPlan, scene: Scene) -> Making:
+    """How the meshes of graded and adaptive families and of lists of maxh are made."""
+    if plan.family != "graded":
+        return lambda level, _: mesh_at(geometry, plan, level, None)
+    first = mesh_at(geometry, plan, 0, None)
+    return lambda level, before: graded_mesh(first, plan, level, before, scene.boundary)
+
+
+def _one_by_one(make: Making, plan: MeshPlan, scene: Scene, rough: list[LevelForecast]) -> list[LevelForecast]:
+    """Counted as long as the meshes are small; a mesh of a list that cannot be made is a status of its points."""
+    found: list[LevelForecast] = []
+    mesh: PlaneMesh | None = None
+    for level, guess in enumerate(rough):
+        size = guess
+        if found:
+            size = _finer(found[-1], guess.h) if len(plan.maxh) == 1 else _other(found[-1], rough[level - 1], guess)
+        if size.nodes <= MOST_NODES:
+            try:
+                mesh = make(level, mesh)
+                size = _counted(mesh, scene, guess.h)
+            except GeometryFailed:
+                if level == 0 or len(plan.maxh) == 1:
+                    raise
+        found.append(size)
+    return found
+
+
+def _counted(mesh: PlaneMesh, scene: Scene, h: float) -> LevelForecast:
+    held = tuple(item for item in scene.boundary if isinstance(item[1], Clamped | Contact))
+    frames = constrain(mesh, held)
+    line = contact_line(mesh, frames, scene.edges(Contact))
+    return LevelForecast(h, mesh.n_points, frames.n_dof, line.m, exact=True)
+
+
+def _finer(known: LevelForecast, h: float) -> LevelForecast:
+    """The next graded mesh: graded alike."""
+    r = known.h / h
+    nodes, n_dof, n_contact = round(known.nodes * r**2), round(known.n_dof * r**2), round(known.n_contact * r)
+    return LevelForecast(h, nodes, n_dof, n_contact)
+
+
+def _other(known: LevelForecast, rough: LevelForecast, guess: LevelForecast) -> LevelForecast:
+    """The next mesh of a list: as predicted, and what arcs and small features added to another mesh.
+
+    known, rough: the sizes of that mesh as they are known, and as they were predicted
+    """
+    nodes = guess.nodes + max(0, known.nodes - rough.nodes)
+    n_dof = guess.n_dof + max(0, known.n_dof - rough.n_dof)
+    return LevelForecast(guess.h, nodes, n_dof, round(known.n_contact * rough.h / guess.h))
