@@ -1,8 +1,9 @@
 """P1 functions carried from one mesh of a body to the nodes of another, nested or not.
 
 A point is looked for from the triangle with the nearest centre, across the edge it lies farthest behind, until it lies
-behind none. Points outside the mesh (beside an arc that the mesh cuts short) get the linear function of the triangle
-that they lie outside of least.
+behind none. Where that leads out of the mesh (the nearest centre may be across a slot) all triangles are tried that
+are large enough to reach the point. Points outside the mesh (beside an arc that the mesh cuts short) get the linear
+function of the triangle that they lie outside of least.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ INSIDE = -1e-10
 STEPS = 200
 """Triangles a walk may cross; from the nearest centre it is a few."""
 NEARBY = 24
-"""Centres tried for points whose walk leaves the mesh."""
+"""Centres tried for points whose walk leaves the mesh, whatever the size of their triangles."""
 
 
 def interpolation(mesh: Triangles, at: Array) -> sp.csr_array:
@@ -44,16 +45,36 @@ def located(mesh: Triangles, at: Array) -> tuple[Indices, Array]:
     weights = _barycentric(corners, found, at)
     found, weights, lost = _walk(mesh, corners, at, found, weights)
     if len(lost):
-        _, near = tree.query(at[lost], k=min(NEARBY, len(corners)))
-        near = near.reshape(len(lost), -1)
-        tried = _barycentric(corners, near.ravel(), np.repeat(at[lost], near.shape[1], axis=0))
-        tried = tried.reshape(*near.shape, 3)
-        best = np.argmax(tried.min(axis=2), axis=1)
-        rows = np.arange(len(lost))
-        better = tried[rows, best].min(axis=1) > weights[lost].min(axis=1)
-        found[lost[better]] = near[rows, best][better]
-        weights[lost[better]] = tried[rows, best][better]
+        point, triangle = _candidates(corners, tree, at[lost])
+        tried = _barycentric(corners, triangle, at[lost][point])
+        depth = np.min(tried * _altitudes(corners, triangle), axis=1)
+        last = np.lexsort((depth, point))[np.cumsum(np.bincount(point, minlength=len(lost))) - 1]
+        found[lost], weights[lost] = triangle[last], tried[last]
     return found, weights
+
+
+def _candidates(corners: Array, tree: cKDTree, at: Array) -> tuple[Indices, Indices]:
+    """(point, triangle) of all triangles that may hold a point, and of the NEARBY ones of each.
+
+    A point in a triangle is no farther from its centre than two thirds of the longest side.
+    """
+    near = tree.query(at, k=min(NEARBY, len(corners)))[1].reshape(len(at), -1)
+    points, triangles = [np.repeat(np.arange(len(at)), near.shape[1])], [near.ravel()]
+    longest = np.max(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2), axis=1)
+    size = np.frexp(longest)[1]
+    for exponent in np.unique(size):
+        own = np.flatnonzero(size == exponent)
+        reached = cKDTree(tree.data[own]).query_ball_point(at, np.ldexp(0.67, exponent))
+        points.append(np.repeat(np.arange(len(at)), [len(one) for one in reached]))
+        triangles.append(own[np.concatenate(reached).astype(np.intp)])
+    return np.concatenate(points), np.concatenate(triangles)
+
+
+def _altitudes(corners: Array, of: Indices) -> Array:
+    """Heights (q, 3) of the triangles `of` above the sides opposite to their corners."""
+    a, b, c = np.moveaxis(corners[of], 1, 0)
+    twice = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    return np.asarray(twice[:, None] / np.linalg.norm(np.stack([c - b, a - c, b - a], axis=1), axis=2))
 
 
 def _walk(mesh: Triangles, corners: Array, at: Array, found: Indices, weights: Array) -> tuple[Indices, Array, Indices]:

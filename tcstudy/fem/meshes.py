@@ -27,7 +27,7 @@ Indices = NDArray[np.intp]
 class PlaneMesh:
     """A triangle mesh of the body with its arrays copied out of NGSolve.
 
-    mesh:      the NGSolve mesh, for assembly only
+    mesh:      the NGSolve mesh, for assembly only;  kernel: the same in units of `unit` [m], for refinement only
     geometry:  the geometry it was made of
     level:     position in the study's family, 0 is the coarsest
     points:    (n, 2) nodes [m];  triangles: (t, 3), counter-clockwise node indices
@@ -44,6 +44,8 @@ class PlaneMesh:
     segment_curve: Indices
     h_max: float
     time_mesh: float
+    kernel: Any
+    unit: float
 
     @property
     def n_points(self) -> int:
@@ -74,33 +76,34 @@ def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh |
     """
     start = time.perf_counter()
     if coarser is None or not plan.nested:
-        mesh = _generate(geometry, plan.maxh[level])
+        mesh, unit = _generate(geometry, plan.maxh[level]), geometry.unit
     else:
-        finer = coarser.mesh.ngmesh.Copy()  # the coarse mesh stays usable
+        finer = coarser.kernel.ngmesh.Copy()  # the coarse mesh stays usable
         finer.Refine()  # netgen's uniform refinement: four congruent children, nodes put on arcs
-        mesh = ngs.Mesh(finer)
-    return _extract(mesh, geometry, level, start)
+        mesh, unit = ngs.Mesh(finer), coarser.unit
+    return _extract(mesh, geometry, level, start, unit)
 
 
 def refine_marked(coarser: PlaneMesh, marked: NDArray[np.bool_]) -> PlaneMesh:
     """The mesh with the marked triangles (t,) bisected, one level on. Raises GeometryFailed if it is not the body."""
     start = time.perf_counter()
-    mesh = ngs.Mesh(coarser.mesh.ngmesh.Copy())  # the coarse mesh stays usable
+    mesh = ngs.Mesh(coarser.kernel.ngmesh.Copy())  # the coarse mesh stays usable
     mesh.SetRefinementFlags(marked.tolist())
     mesh.Refine()
-    return _extract(mesh, coarser.geometry, coarser.level + 1, start)
+    return _extract(mesh, coarser.geometry, coarser.level + 1, start, coarser.unit)
 
 
 def _generate(geometry: Geometry, maxh: float) -> Any:
     try:
-        mesh = ngs.Mesh(OCCGeometry(geometry.shape, dim=2).GenerateMesh(maxh=maxh))
+        mesh = ngs.Mesh(OCCGeometry(geometry.shape, dim=2).GenerateMesh(maxh=maxh / geometry.unit))
     except Exception as error:
         raise GeometryFailed(f"the mesher failed at maxh = {maxh:g} ({error}); try a smaller maxh") from error
     return mesh
 
 
-def _extract(mesh: Any, geometry: Geometry, level: int, start: float) -> PlaneMesh:
+def _extract(kernel: Any, geometry: Geometry, level: int, start: float, unit: float = 1.0) -> PlaneMesh:
     """Copy the arrays out (views die with their owner) and check that the mesh is the body."""
+    mesh = kernel if unit == 1.0 else _scaled(kernel, unit)
     ngmesh = mesh.ngmesh
     points = np.array(ngmesh.Coordinates()[:, :2])
     triangles = ngmesh.Elements2D().NumPy()["nodes"][:, :3].astype(np.intp) - 1
@@ -121,7 +124,14 @@ def _extract(mesh: Any, geometry: Geometry, level: int, start: float) -> PlaneMe
     h_max = float(np.sqrt(np.max(np.sum((corners - np.roll(corners, 1, axis=1)) ** 2, axis=2))))
     _check(geometry, points, segments, curve[outer], 0.5 * float(np.abs(twice).sum()))
     elapsed = time.perf_counter() - start
-    return PlaneMesh(mesh, geometry, level, points, triangles, segments, curve[outer], h_max, elapsed)
+    return PlaneMesh(mesh, geometry, level, points, triangles, segments, curve[outer], h_max, elapsed, kernel, unit)
+
+
+def _scaled(kernel: Any, unit: float) -> Any:
+    """The mesh in metres; the one for the kernel stays."""
+    metres = kernel.ngmesh.Copy()
+    metres.Scale(unit)
+    return ngs.Mesh(metres)
 
 
 def doubled_areas(corners: Array) -> Array:

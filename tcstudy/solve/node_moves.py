@@ -109,14 +109,32 @@ def _best_places(problem: ContactProblem, v: Array, xi: Array, stiffness: Array)
 
 
 def _on_pieces(law: FrictionLaw, v: Array, force: Array, k: Array) -> Array:
-    """(m, K+1) stationary slips of φ_i on every piece but the one v_i is on; v_i itself where there is none."""
-    piece = np.broadcast_to(np.arange(len(law.p)), (len(v), len(law.p)))
+    """(m, …) stationary slips of φ_i on every piece but the one v_i is on; v_i itself where there is none.
+
+    Newton begins at the end of a piece that is nearest to v_i. A law that falls like an exponential is steepest there
+    and φ_i concave; so it begins also where the slip would be without the exponential, beyond the minimum.
+    """
     ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
     low, high = ends[:-1], ends[1:]
-    s = np.clip(v[:, None], low, high)
-    for _ in range(1 if law.piecewise_linear else _NEWTON):
+    near = np.clip(v[:, None], low, high)
+    if law.piecewise_linear:
+        found = [_stationary(law, v, force, k, near, 1)]
+    else:
+        beyond = ((force + k * v)[:, None] - law.p) / (law.q + k[:, None])
+        starts = near, np.clip(beyond, low, high)
+        found = [_stationary(law, v, force, k, start, _NEWTON) for start in starts]
+    elsewhere = (v[:, None] <= low) | (v[:, None] >= high)
+    inside = [(low < s) & (s < high) & elsewhere for s in found]
+    return np.concatenate([np.where(own, s, v[:, None]) for own, s in zip(inside, found, strict=True)], axis=1)
+
+
+def _stationary(law: FrictionLaw, v: Array, force: Array, k: Array, s: Array, steps: int) -> Array:
+    """(m, K+1) Newton's method for φ_i′ = 0 on every piece from s; NaN where φ_i is not convex on the way."""
+    piece = np.broadcast_to(np.arange(len(law.p)), s.shape)
+    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
+    for _ in range(steps):
         slope = law.slope(s, piece) + k[:, None]
         defect = law.value(s, piece) + k[:, None] * (s - v[:, None]) - force[:, None]
-        s = np.where(slope > 0.0, np.clip(s - defect / np.where(slope > 0.0, slope, 1.0), low, high), np.nan)
-    inside = (low < s) & (s < high) & ((v[:, None] <= low) | (v[:, None] >= high))
-    return np.where(inside, s, v[:, None])
+        step = defect / np.where(slope > 0.0, slope, 1.0)
+        s = np.where(slope > 0.0, np.clip(s - step, ends[:-1], ends[1:]), np.nan)
+    return s

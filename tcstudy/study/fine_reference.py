@@ -96,17 +96,18 @@ class FineReference:
         }
 
     def _steps(self, one: SolvedLevel, own: Solution) -> Array:
-        """ξ of a level on both halves of the fine segments (s, 2): that of the nearest node of the same edge."""
+        """ξ of a level on both halves of the fine segments (s, 2): that of the nearest node of the same curve.
+
+        Of the curve and not of the edge, which may be both sides of a slot thinner than a cell.
+        """
         fine = self._fine
         a, b = np.moveaxis(fine.line.points[fine.line.segments], 1, 0)
         middles = np.stack([0.75 * a + 0.25 * b, 0.25 * a + 0.75 * b], axis=1)
         halves = np.empty(middles.shape[:2])
-        names = np.array(one.segment_edges)
-        of_segment = np.array(fine.segment_edges)
         at = one.line.points[one.line.nodes]
-        for name in dict.fromkeys(fine.segment_edges):
-            nodes = np.flatnonzero(np.isin(one.line.nodes, one.line.segments[names == name]))
-            rows = of_segment == name
+        for curve in np.unique(fine.segment_curve):
+            nodes = np.flatnonzero(np.isin(one.line.nodes, one.line.segments[one.segment_curve == curve]))
+            rows = fine.segment_curve == curve
             nearest = cKDTree(at[nodes]).query(middles[rows])[1]
             halves[rows] = own.xi[nodes[nearest]]
         return halves

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tcstudy.accuracy.expected import HeldEnds, expected_orders, smooth_up_to, smoothness
+from tcstudy.accuracy.expected import HeldEnds, Singularity, expected_orders, smooth_up_to, smoothness
 from tcstudy.accuracy.vertices import vertices
 from tcstudy.scene.reader import read_study_text
 
@@ -113,3 +113,13 @@ def test_grading_towards_corners_divides_their_exponents():
     assert "graded with mu = 0.6" in weak["u_energy"].reason
     # u_T ~ r log r at the end of the contact line: (1 + 1/2)/mu and 1/mu
     assert expected_orders(smoothness(found, False, [0.8] * len(found)))["u_T_max"].order == pytest.approx(1.25)
+
+
+def test_what_is_added_to_an_exponent_is_divided_by_mu_too():
+    """∫ r^{2α} over the smallest cell, of size h^{1/μ}, is h^{(2α+1)/μ}."""
+    assert Singularity(1.0, "", 0.8).order(plus=0.5).exponent == pytest.approx(1.875)
+    assert Singularity(0.5, "", 0.4).order(2.0).exponent == pytest.approx(2.5)
+    found = corners(sticks=True)
+    graded = smoothness(found, False, [0.5 if v.at == (2.0, 0.0) else 1.0 for v in found])
+    assert (graded.u_T.mu, graded.xi.mu) == (0.5, 0.5)
+    assert graded.xi.exponent == pytest.approx(0.7112 - 1, abs=1e-4)

@@ -63,3 +63,43 @@ def test_points_just_outside_get_the_nearest_triangles_function() -> None:
     mesh = _unit_square(300, 0)
     outside = np.array([[-1e-4, 0.5], [1.0 + 1e-4, 0.3], [0.4, -1e-4]])
     assert interpolation(mesh, outside) @ mesh.points[:, 0] == pytest.approx(outside[:, 0], abs=1e-12)
+
+
+def _square(corner: float, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and triangles of a unit square at (corner, 0) with n × n cells."""
+    x, y = (c.ravel() for c in np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1)))
+    first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    cells = np.concatenate([first[:, None] + [0, 1, n + 2], first[:, None] + [0, n + 2, n + 1]])
+    return np.column_stack([corner + x, y]), cells.astype(np.intp)
+
+
+def test_points_beside_a_slot_are_found_on_their_own_side() -> None:
+    """Centres of the fine side are nearer, and no way leads across."""
+    (left, coarse), (right, fine) = _square(0.0, 2), _square(1.001, 20)
+    mesh = Triangles(np.concatenate([left, right]), np.concatenate([coarse, fine + len(left)]))
+    at = np.column_stack([np.full(50, 0.995), np.linspace(0.01, 0.99, 50)])
+    found, weights = located(mesh, at)
+    assert np.all(found < len(coarse))
+    assert weights.min() > -1e-12
+
+
+def test_a_large_triangle_beside_many_small_ones_is_walked_to() -> None:
+    """The nearest centres, far more than are tried, are all those of small triangles."""
+    rng = np.random.default_rng(3)
+    cluster = 0.5 + 0.01 * rng.uniform(-1, 1, (300, 2))
+    points = np.concatenate([[[0, 0], [1, 0], [1, 1], [0, 1]], cluster])
+    triangles = Delaunay(points).simplices.astype(np.intp)
+    a, b, c = np.moveaxis(points[triangles], 1, 0)
+    turned = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] < 0
+    triangles[turned] = triangles[turned][:, [0, 2, 1]]
+    angle = np.linspace(0, 6, 60)
+    at = 0.5 + 0.03 * np.column_stack([np.cos(angle), np.sin(angle)])
+    assert located(Triangles(points, triangles), at)[1].min() > -1e-9
+
+
+def test_points_outside_belong_to_the_triangle_that_is_nearest_and_not_the_largest() -> None:
+    """A hundredth of its size away from a small triangle, a two hundredth from a large one that is farther off."""
+    (left, fine), (right, coarse) = _square(0.0, 20), _square(1.003, 1)
+    mesh = Triangles(np.concatenate([left, right]), np.concatenate([fine, coarse + len(left)]))
+    at = np.column_stack([np.full(30, 1.001), np.linspace(0.012, 0.97, 30)])
+    assert np.all(located(mesh, at)[0] < len(fine))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +11,9 @@ import pytest
 from netgen import occ
 
 from tcstudy.fem.geometry import GeometryFailed, build
-from tcstudy.fem.meshes import PlaneMesh, mesh_family
+from tcstudy.fem.meshes import PlaneMesh, mesh_family, refine_marked
 from tcstudy.scene.reader import read_study
-from tcstudy.scene.records import Study
+from tcstudy.scene.records import MeshPlan, Study
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
 
@@ -96,9 +98,89 @@ def test_a_face_of_a_step_file(tmp_path: Path) -> None:
         assert np.max(np.abs(np.abs(np.einsum("ij,ij->i", normals, radial)) - 1)) < 1e-12
 
 
+def test_a_face_in_nanometres(tmp_path: Path) -> None:
+    """The same face a million times smaller: below the kernel's tolerances, were they applied in metres."""
+    ring_sector(tmp_path / "ring.step")
+    (tmp_path / "study.yaml").write_text(FILE_STUDY)
+    study = read_study(tmp_path / "study.yaml")
+    body, one = study.scenes[0].body, build(study.scenes[0].body)
+    assert body.brep is not None
+    edges = tuple((name, tuple((1e-6 * x, 1e-6 * y) for x, y in points)) for name, points in body.brep.edges)
+    small = build(replace(body, brep=replace(body.brep, scale=1e-6 * body.brep.scale, edges=edges)))
+    assert small.area == pytest.approx(1e-12 * one.area, rel=1e-9)
+    assert [c.name for c in small.curves] == [c.name for c in one.curves]
+    assert [c.length for c in small.curves] == pytest.approx([1e-6 * c.length for c in one.curves], rel=1e-9)
+    fine, expected = list(mesh_family(small, MeshPlan((2e-9,), 2)))[1], list(mesh_family(one, study.mesh))[1]
+    assert len(fine.triangles) == pytest.approx(len(expected.triangles), rel=0.1)
+    points = fine.points[curve_nodes(fine, "inner")]
+    normals = small.curves[next(i for i, c in enumerate(small.curves) if c.name == "inner")].normal(points)
+    assert np.max(np.abs(np.linalg.norm(points, axis=1) - 1e-8)) < 1e-20
+    assert np.max(np.abs(np.abs(np.einsum("ij,ij->i", normals, points / 1e-8)) - 1)) < 1e-9
+
+
 def test_an_unnamed_edge_of_a_file_is_an_error(tmp_path: Path) -> None:
     ring_sector(tmp_path / "ring.step")
     text = FILE_STUDY.replace("    other: head\n", "").replace(", head: free", "")
     (tmp_path / "study.yaml").write_text(text)
     with pytest.raises(GeometryFailed, match="has no name"):
         build(read_study(tmp_path / "study.yaml").scenes[0].body)
+
+
+def scaled_bracket(unit: float) -> Study:
+    """The bracket with all lengths in another unit."""
+    numbers = re.compile(r"(?<=[\[\s])-?\d+(\.\d+)?(?=[,\]}])")
+    body, rest = HEATED_BRACKET.split("boundary:")
+    body = numbers.sub(lambda match: repr(float(match.group()) * unit), body)
+    return study_of(f"{body}boundary:{rest}", f"mesh={{maxh: {0.2 * unit!r}, levels: 2}}")
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1e-6, 1e-3, 1e3, 1e12])
+def test_bodies_of_every_size_have_meshes(unit: float) -> None:
+    """The kernel's tolerances are lengths: without care a body of a micrometre has no mesh, one of 1e12 m no box."""
+    for one, other in zip(meshes_of(scaled_bracket(1.0)), meshes_of(scaled_bracket(unit)), strict=True):
+        assert len(other.triangles) == pytest.approx(len(one.triangles), rel=0.1)
+        np.testing.assert_allclose(np.array(other.mesh.ngmesh.Coordinates())[:, :2], other.points, rtol=1e-15)
+        assert other.geometry.size / unit == pytest.approx(one.geometry.size, rel=1e-5)
+        assert other.geometry.area / unit**2 == pytest.approx(one.geometry.area, rel=1e-9)
+        areas, own = one.geometry.face_areas(), other.geometry.face_areas()
+        assert {name: area / unit**2 for name, area in own.items()} == pytest.approx(areas, rel=1e-7)
+    fine = refine_marked(other, np.arange(len(other.triangles)) % 7 == 0)
+    radius = np.linalg.norm(fine.points[curve_nodes(fine, "bore")] / unit - [0.9, 0.5], axis=1)
+    assert np.max(np.abs(radius - 0.15)) < 1e-14
+    for (_, points, normals), (_, expected, directions) in zip(
+        fine.geometry.samples(), meshes_of(scaled_bracket(1.0))[0].geometry.samples(), strict=True
+    ):
+        np.testing.assert_allclose(points / unit, expected, atol=1e-6)
+        np.testing.assert_allclose(normals, directions, atol=1e-6)
+
+
+@pytest.mark.parametrize("unit", [2.0**-40, 2.0**-20, 2.0**30])
+def test_powers_of_two_change_no_bit_of_a_mesh(unit: float) -> None:
+    for one, other in zip(meshes_of(scaled_bracket(2.0**20)), meshes_of(scaled_bracket(unit)), strict=True):
+        assert np.array_equal(one.triangles, other.triangles)
+        assert np.array_equal(one.points / 2.0**20, other.points / unit)
+        assert np.array_equal(one.segments, other.segments)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e-3, 1.0, 1e3, 1e9])
+def test_short_edges_stay_above_the_tolerances_of_the_kernel(unit: float) -> None:
+    """A chamfer of a millionth of the body: given to the kernel with size 1 it would be near its tolerance."""
+    corners = [(0.0, 0.0), (1.0 - 1e-6, 0.0), (1.0, 1e-6), (1.0, 0.5), (0.0, 0.5)]
+    outline = ", ".join(
+        f"{{from: [{x * unit!r}, {y * unit!r}], edge: {name}}}"
+        for (x, y), name in zip(corners, ("base", "chamfer", "right", "top", "left"), strict=True)
+    )
+    study = study_of(f"""
+units: none
+body: {{outline: [{outline}]}}
+boundary: {{base: contact, chamfer: free, right: free, top: free, left: clamped}}
+material: {{E: 1, nu: 0.3}}
+friction: {{law: tresca, tau: 1}}
+mesh: {{maxh: {0.25 * unit!r}, levels: 1}}
+""")
+    geometry = build(study.scenes[0].body)
+    chamfer = geometry.curves[1].length
+    assert chamfer == pytest.approx(np.sqrt(2.0) * 1e-6 * unit, rel=1e-9)
+    assert chamfer / geometry.unit > 1e-4
+    assert geometry.area == pytest.approx((0.5 - 0.5e-12) * unit**2, rel=1e-12)
+    assert len(next(mesh_family(geometry, study.mesh)).triangles) < 2000

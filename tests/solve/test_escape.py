@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from tcstudy.scene.friction import FrictionLaw
+from tcstudy.solve import escape as escape_module
 from tcstudy.solve.contact import ESCAPE, Answer, Branch, solve_contact
-from tcstudy.solve.escape import seems_global
-from tcstudy.solve.hull_start import estimate_lambda_1, hull_start
+from tcstudy.solve.escape import PROMISES, escape, seems_global
+from tcstudy.solve.hull_start import GROWTH, HullStart, estimate_lambda_1, hull_start
 from tcstudy.solve.loop import iterate
-from tcstudy.solve.outcome import Status
+from tcstudy.solve.outcome import Outcome, Status
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.solve.separable_newton import SeparableNewton
 from tests.benchmarks.stability_maps import down_jumps
@@ -125,3 +126,45 @@ def test_seems_global_near_a_down_jump() -> None:
         problem = ContactProblem(np.array([[stiffness]]), np.array([stiffness * at + 1.0]), np.ones(1), law)
         assert problem.inclusion_residual(np.array([at])) <= 1e-14
         assert seems_global(problem, np.array([at]), stiffness) is expected
+
+
+def test_moves_begin_at_the_best_and_end_where_none_helps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever converges higher up, or as high, neither takes the place of the best nor goes on."""
+    A_tilde, c = cases.half_laplacian(20)
+    problem = ContactProblem(A_tilde, c * np.linspace(0.4, 1.8, 20), c, down_jumps(0.6, 10))
+    best = solve_contact(problem).v
+    begun: list[np.ndarray] = []
+
+    def moves(own: ContactProblem, v: np.ndarray) -> list[np.ndarray]:
+        begun.append(v)
+        slipping = np.flatnonzero(~np.isin(v, own.law.kinks))[0]
+        return [np.where(np.arange(own.m) == slipping, v * (1.0 + 1e-13), v), v + 0.1, v + 0.2]
+
+    def stay(own: ContactProblem, x0: np.ndarray, accuracy: float) -> Outcome:
+        return Outcome(x0, 0.0, Status.CONVERGED, "", 1, 1)
+
+    monkeypatch.setattr(escape_module, "seems_global", lambda *_: False)
+    monkeypatch.setattr(escape_module, "hull_start", lambda p, x, *_: HullStart(x + 0.5, False))
+    monkeypatch.setattr(escape_module, "node_moves", moves)
+    found = escape(problem, best, 1e-12, stay)
+    assert found is not None
+    assert len(begun) == 1
+    assert np.array_equal(begun[0], best)
+    assert found.iterations == 1 + PROMISES
+
+
+def test_nonconvexity_is_let_in_step_by_step() -> None:
+    """Falls of the convexified laws: below λ₁, then four times as steep each time."""
+    A_tilde, c = cases.half_laplacian(30)
+    problem = ContactProblem(A_tilde, c * 1.4, c, down_jumps(0.6, 10))
+    falls: list[float] = []
+
+    def solve(changed: ContactProblem, x0: np.ndarray) -> Outcome:
+        falls.append(changed.law.omega)
+        return iterate(SeparableNewton(1e-3), changed, x0)
+
+    hull_start(problem, np.zeros(30), problem.lambda_1, solve)
+    assert len(falls) >= 2
+    assert falls[0] < problem.lambda_1
+    assert np.array(falls[1:]) == pytest.approx(GROWTH * np.array(falls[:-1]), rel=1e-9)
+    assert GROWTH == 4.0

@@ -26,6 +26,31 @@ def test_one_node_leaves_its_well() -> None:
     assert list(node_moves(problem, np.array([0.6]))) == []
 
 
+def test_one_node_leaves_a_well_along_an_exponential() -> None:
+    """b = 0.5 + 0.5 e^(−10 s) falls fastest where the node sticks; b + s = 0.95 again at 0.4441."""
+    problem = ContactProblem(np.eye(1), np.array([0.95]), np.ones(1), cases.exponential_decay(1.0, 0.5, 0.1))
+    (found,) = node_moves(problem, np.zeros(1))
+    assert 0.4 < found[0] < 0.5
+    assert 0.5 + 0.5 * np.exp(-10.0 * found[0]) + found[0] == pytest.approx(0.95, abs=1e-14)
+    mirrored = ContactProblem(np.eye(1), np.array([-0.95]), np.ones(1), problem.law)
+    assert [float(w[0]) for w in node_moves(mirrored, np.zeros(1))] == [-found[0]]
+
+
+def test_many_nodes_leave_wells_along_an_exponential() -> None:
+    promised = lower = 0
+    for seed in range(40):
+        rng = np.random.default_rng([seed, 9])
+        A_tilde, c = cases.half_laplacian(12)
+        law = cases.exponential_decay(1.0, 0.5, 10.0 ** rng.uniform(-2.5, -1.0))
+        problem = ContactProblem(A_tilde, c * rng.uniform(0.3, 1.3, 12), c, law)
+        v = descend(problem)
+        for w in islice(node_moves(problem, v), 1):
+            promised += 1
+            lower += problem.energy(descend(problem, w)) < problem.energy(v)
+    assert promised >= 8
+    assert lower >= 0.8 * promised
+
+
 def test_stiffnesses_are_schur_complements() -> None:
     """k_i by eliminating all other free nodes one problem at a time."""
     for seed in range(6):

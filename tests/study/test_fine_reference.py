@@ -40,6 +40,43 @@ def test_nested_meshes_give_the_errors_of_exact_prolongation(text: str) -> None:
                 assert error == pytest.approx(one[name][0], rel=1e-6, abs=1e-12 * size), name
 
 
+def test_a_solution_has_no_error_against_itself() -> None:
+    levels = solve_levels(study_of(WARM, "mesh={maxh: 0.3, levels: 2}"), _say)
+    scene = study_of(WARM).scenes[0]
+    for name, (error, size) in FineReference(levels[1], levels).errors(1, (), scene).items():
+        assert error <= 1e-12 * size, name
+
+
+SLOT = """
+units: none
+body:
+  outline:
+    - {from: [0, 0], edge: base}
+    - {from: [0.995, 0], edge: slot}
+    - {from: [0.995, 0.6], edge: tip}
+    - {from: [1.005, 0.6], edge: slot}
+    - {from: [1.005, 0], edge: base}
+    - {from: [2, 0], edge: wall}
+    - {from: [2, 1], edge: top}
+    - {from: [0, 1], edge: wall}
+boundary: {base: clamped, slot: contact, tip: free, wall: clamped, top: {role: traction, g: [0.05, -0.1]}}
+material: {E: 1, nu: 0.3}
+friction: {law: slip-weakening, tau_s: 0.02, tau_k: 0.01, delta: 0.5}
+mesh: {maxh: 0.3, levels: 4}
+"""
+
+
+def test_friction_is_looked_up_on_its_own_side_of_a_slot() -> None:
+    """Both sides are one edge, a thirtieth of a cell apart, and friction has opposite signs there."""
+    study = study_of(SLOT)
+    levels = solve_levels(study, _say)
+    nested, fine = NestedReference(levels), FineReference(levels[-1], levels)
+    for level in (0, 1):
+        error, size = nested.errors(level, (), study.scenes[0])["xi_L2"]
+        assert fine.errors(level, (), study.scenes[0])["xi_L2"][0] == pytest.approx(error, rel=1e-9)
+        assert error < 0.12 * size
+
+
 def _solved(study: Study, plan: MeshPlan, levels: int) -> list[SolvedLevel]:
     scene, found = study.scenes[0], []
     for step in walk(study, plan, scene, lambda name, level: False):

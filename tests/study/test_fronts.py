@@ -110,3 +110,20 @@ def test_fronts_of_the_closed_form(change: float) -> None:
     length, doubt = slip_length(level.line, condensed.problem, v)
     assert doubt == 0.0
     assert abs(length - (1.0 - change)) < np.median(level.line.c) / 6.0
+
+
+def test_a_front_is_not_sought_far_from_its_cell() -> None:
+    """|v|^{2/3} = 1, 1.1, 1.2 points nine cells into the sticking side; half a cell is as far as it goes."""
+    line = line_of(6)
+    v = np.zeros(line.m)
+    v[-3:] = np.array([1.0, 1.1, 1.2]) ** 1.5
+    (front,) = fronts(line, problem_of(line), v)
+    assert front.more == pytest.approx(1.0)
+
+
+def test_nodes_that_slip_the_other_way_belong_to_another_front() -> None:
+    line = line_of(6)
+    v = np.zeros(line.m)
+    v[-3:] = 0.1, -1.0, -2.0
+    (front,) = fronts(line, problem_of(line), v)
+    assert (front.more, front.doubt) == (0.0, 0.5)

@@ -1,0 +1,103 @@
+"""What a run costs, by a clock that every part of the work moves on by a known time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from tcstudy.scene.records import MeshPlan
+from tcstudy.study import cost_runs
+from tcstudy.study.cost_curves import Curve, _too_slow
+from tcstudy.study.cost_runs import Stages, Step, walk
+from tests.verification.scenes import RECTANGLE, study_of
+
+GEOMETRY, MESH, ASSEMBLY, POINT, SOLVE, ESTIMATE = 1000.0, 1.0, 10.0, 100.0, 30.0, 5.0
+
+
+class Clock:
+    """Stands for the module `time`."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def perf_counter(self) -> float:
+        return self.now
+
+    def timed(self, seconds: float, do: Callable[..., Any]) -> Callable[..., Any]:
+        """The same work, which takes so long."""
+
+        def slow(*arguments: Any) -> Any:
+            self.now += seconds
+            return do(*arguments)
+
+        return slow
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    family, point = cost_runs.Family, cost_runs.solve_point
+
+    class SlowFamily(family):
+        def __init__(self, study: Any) -> None:
+            super().__init__(study)
+            clock.now += GEOMETRY
+            self.next = clock.timed(MESH, super().next)  # type: ignore[method-assign]
+            self.survey = clock.timed(ESTIMATE, super().survey)  # type: ignore[method-assign]
+
+    def solve(*arguments: Any) -> Any:
+        record = point(*arguments)
+        clock.now += POINT
+        return replace(record, numbers={**record.numbers, "time_solve": SOLVE})
+
+    monkeypatch.setattr(cost_runs, "time", clock)
+    monkeypatch.setattr(cost_runs, "Family", SlowFamily)
+    monkeypatch.setattr(cost_runs, "Level", clock.timed(ASSEMBLY, cost_runs.Level))
+    monkeypatch.setattr(cost_runs, "solve_point", solve)
+    return clock
+
+
+def stages(plan: MeshPlan) -> list[Stages]:
+    study = study_of(RECTANGLE, "boundary.top={role: traction, g: [0.02, -0.01]}")
+    steps = walk(study, plan, study.scenes[0], lambda name, level: False)
+    return [step.stages["separable-newton"] for step in steps]
+
+
+def test_uniform_meshes_cost_all_refinements_and_one_solution(clock: Clock) -> None:
+    for level, found in enumerate(stages(MeshPlan((0.5,), 3))):
+        assert found == Stages(GEOMETRY + (level + 1) * MESH, ASSEMBLY, POINT - SOLVE, SOLVE, 0.0)
+
+
+def test_listed_meshes_cost_their_own_meshing_only(clock: Clock) -> None:
+    for found in stages(MeshPlan((0.6, 0.5, 0.4), 3)):
+        assert found == Stages(GEOMETRY + MESH, ASSEMBLY, POINT - SOLVE, SOLVE, 0.0)
+
+
+@pytest.mark.parametrize("tolerance", [None, 1e-9])
+def test_meshes_that_follow_from_solutions_cost_all_levels_before(clock: Clock, tolerance: float | None) -> None:
+    """With a tolerance the last level's estimate, too: without it no one would know to stop."""
+    before, last = MESH + ASSEMBLY + POINT + ESTIMATE, ESTIMATE if tolerance else 0.0
+    found = stages(MeshPlan((0.5,), 3, "adaptive", tolerance=tolerance))
+    assert len(found) == 3
+    for level, one in enumerate(found):
+        assert one == Stages(GEOMETRY + MESH, ASSEMBLY, POINT - SOLVE, SOLVE, level * before + last)
+        assert one.total == pytest.approx(GEOMETRY + MESH + ASSEMBLY + POINT + level * before + last)
+
+
+def test_a_solver_is_left_behind_only_where_it_is_slow_in_both_ways() -> None:
+    """More than 3 s and more than four times all other work."""
+
+    def slow(solve: float, other: float) -> bool:
+        first, second = Stages(other, 0, 0, 0.1, 0), Stages(other, 0, 0, solve, 0)
+        step = Step(None, {}, {"first": first, "second": second}, 0.0, "")  # type: ignore[arg-type]
+        curve = Curve("uniform", MeshPlan((0.5,), 1))
+        curve.steps.append((0.5, 10, 2))
+        notes: list[str] = []
+        dropped = _too_slow(step, curve, notes)
+        assert len(notes) == len(dropped)
+        return dropped == {"second"}
+
+    assert [slow(2.9, 0.1), slow(4.0, 1.1), slow(4.0, 0.9)] == [False, False, True]
