@@ -2,10 +2,15 @@
 
 Numbers:    J(u) − J(u_h) falls by 2^p when h is halved, so that it is (J(u_{h/2}) − J(u_h))/(1 − 2^{−p}). p = 2 where
             solution and dual solution are smooth, 2λ in a corner where they are like r^λ. The limit takes p = 2 (factor
-            4/3), the error the mean of p = 1 and p = 2 (factor 5/3): for either it is off by a quarter at most. In
-            corners with λ < 1 both take p = 2λ (corner_factors.py), with the share of the error that lies there.
+            4/3), its mean with p = 1 (factor 5/3) says how far that may be off. In corners with λ < 1 both take p = 2λ
+            (corner_factors.py), with the share of the error that lies there.
             All that distinguishes u_h from u is in it (given displacements between nodes, lumped friction,
             oscillating data, temperature, arcs), signs included
+Held ends:  ξ_i of a sticking node beside a held one is what its hat function sees, and ∫ξ lacks half a cell of
+            traction (goals.lost). The dual solution jumps from 1 to 0 there, p = 1. On closed forms that is up to 86 %
+            of the error of an adaptive mesh, as the rest cancels; so it is taken by itself, and what is left has p = 2
+Tears:      where b falls at a slip, neighbours may lie on either side of it, and the front rests on a node: ∫ξ is known
+            to a cell times the jump (goals.torn). Half of that of the finer mesh is added to the error
 Slip length: the sum of slipping cells, quantised to a cell, against the positions of the fronts within their cells
             (fronts.py), L_h and L_{h/2}: limit L as above, error |J(u_h) − L| + ⅔ |L_{h/2} − L_h|, by which p = 1 and
             p = 2 differ (more in corners), + the doubt of fronts that could not be located
@@ -13,11 +18,12 @@ Hidden:     a sticking zone that both meshes are too coarse for (fronts.py) has 
             its length is added to the error of ∫ξ
 Crossing:   where contributions of different order cancel, J(u) − J(u_h) changes its sign between two levels and is
             small by accident. The difference of both solutions sees most of what cancels, and the error of the
-            extrapolation remains: `survey` adds half of what the limit has changed by since the level before, and
-            takes at least half of what that level's error has become at the rate 1/N. So the estimate does not follow
-            the error down to zero; its ratio to the error is then large and means nothing
+            extrapolation remains: `survey` adds half of what the limit has changed by since the level before, or what
+            the orders differ by if that is more, and takes at least a third of what that level's error has become at
+            the rate 1/N. So the estimate does not follow the error down to zero; its ratio to the error is then large
+            and means nothing
 Shares:     ‖u_{h/2} − u_h‖_K ‖z − I_h z‖_K + |a_K(lift of u_D − u_h, z)| + lumping + heat, with the dual solution z on
-            the finer mesh (goals.py): unsigned, for marking only
+            the finer mesh (goals.py), and for ∫ξ held ends and tears: unsigned, for marking only
 Why not the dual weighted residual itself: products of recovered gradients gave 0.05 to 26 times the true error.
             Recovery is not superconvergent on bisected meshes, and where displacements are given beside Γ_C their
             interpolation carried most of the error of ∫ξ, weighted with the recovered stress of a dual solution that
@@ -43,10 +49,10 @@ from tcstudy.solve.outcome import Status
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.study.corner_factors import MIDDLE, ROUGH, mean_factors
 from tcstudy.study.fronts import fronts, slip_length
-from tcstudy.study.goals import dual, goal_value, lumping
+from tcstudy.study.goals import dual, goal_value, lost, lumping, torn
 from tcstudy.study.halved import Halved
 from tcstudy.study.idle import needs_heat_solve
-from tcstudy.study.level import Condensed
+from tcstudy.study.level import Condensed, Level
 from tcstudy.study.measures import sticking
 
 Array = NDArray[np.float64]
@@ -59,12 +65,15 @@ ACCEPTED = 1e-6
 class GoalError:
     """What is estimated of one solution.
 
-    limit:  estimated J(u);  error: estimated |J(u) − J(u_h)|, in the unit of J, infinite where the finer problem failed
-    shares: (t,) what each triangle may contribute to it
+    limit:  estimated J(u);  error: what |J(u) − J(u_h)| is by that limit, in the unit of J, infinite where the finer
+            problem failed
+    spread: by how much the limit changes with the order it is extrapolated with
+    shares: (t,) what each triangle may contribute to the error
     """
 
     limit: float
     error: float
+    spread: float
     shares: Array
 
 
@@ -80,7 +89,7 @@ def goal_error(
     answer = solve_contact(finer.problem, tolerance=ACCEPTED, branch="continued", neighbour=halved.start(v))
     value = goal_value(goal, condensed.problem, line, v)
     if answer.status != Status.CONVERGED:
-        return GoalError(value, np.inf, np.zeros(len(triangles.area)))
+        return GoalError(value, np.inf, 0.0, np.zeros(len(triangles.area)))
     shares = _shares(goal, halved, triangles, scene, (condensed, finer), (v, answer.v), u)
     to_limit, to_error = mean_factors(halved.coarse, scene, sticking(condensed.problem.law, v), shares)
     if goal.quantity == "slip_length":
@@ -88,12 +97,26 @@ def goal_error(
         better, doubt = slip_length(fine.line, finer.problem, answer.v)
         limit, change = own + to_limit * (better - own), abs(better - own)
         error = abs(value - limit) + (to_error - to_limit + ROUGH - MIDDLE) * change + doubt
-        return GoalError(limit, error, shares + _cells(halved, triangles, condensed, v))
+        return GoalError(limit, error, 0.0, shares + _cells(halved, triangles, condensed, v))
     change = goal_value(goal, finer.problem, fine.line, answer.v) - value
-    error = to_error * abs(change)
-    if goal.quantity == "friction_resultant":
-        error += _unseen(fine.line, finer.problem, answer.v)
-    return GoalError(value + to_limit * change, error, shares)
+    spread = to_error - to_limit
+    if goal.quantity != "friction_resultant":
+        return GoalError(value + to_limit * change, to_limit * abs(change), spread * abs(change), shares)
+    missing, cells = lost(line, condensed.problem, v), torn(line, condensed.problem, v)
+    first = float(missing.sum())
+    rest = change - first + float(lost(fine.line, finer.problem, answer.v).sum())
+    limit = value + first + to_limit * rest
+    doubt = _unseen(fine.line, finer.problem, answer.v) + float(torn(fine.line, finer.problem, answer.v).sum())
+    shares += _at_segments(halved.coarse, np.abs(missing) + cells)
+    return GoalError(limit, abs(limit - value) + doubt, spread * abs(rest), shares)
+
+
+def _at_segments(level: Level, values: Array) -> Array:
+    """(t,) values on segments of Γ_C (s,) at the triangle of each."""
+    shares = np.zeros(len(level.mesh.triangles))
+    for i in np.flatnonzero(values):
+        shares[np.isin(level.mesh.triangles, level.line.segments[i]).sum(axis=1) == 2] += values[i]
+    return shares
 
 
 def _unseen(line: ContactLine, problem: ContactProblem, v: Array) -> float:

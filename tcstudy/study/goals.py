@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from tcstudy.fem.contact_line import ContactLine
 from tcstudy.fem.recovery import Triangles
+from tcstudy.scene.friction import DOWN
 from tcstudy.scene.records import Goal, Point
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.study.fronts import slopes
@@ -58,6 +59,41 @@ def point_weights(line: ContactLine, at: Point) -> Array:
         if node in unknown:
             w[unknown[node]] = share
     return w
+
+
+def lost(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
+    """(s,) friction that ∫ξ misses on the segments of Γ_C between a held node and a sticking one [N/m].
+
+    ξ_i of a sticking node is what its hat function sees, ½ t·width less than the traction t carries there. A slipping
+    node's cell c_i reaches up to the held node.
+    """
+    stick, xi = sticking(problem.law, v), problem.xi(v)
+    unknown = np.full(int(line.segments.max()) + 1, -1, dtype=np.intp)
+    unknown[line.nodes] = np.arange(line.m)
+    own = unknown[line.segments]
+    node, width = own.max(axis=1), np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1)
+    at_held = (own.min(axis=1) < 0) & stick[node]
+    hat = line.c.copy()
+    np.add.at(hat, node[at_held], -0.5 * width[at_held])
+    return np.where(at_held, 0.5 * width * xi[node] / hat[node], 0.0)
+
+
+def torn(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
+    """(s,) half of what ∫ξ changes by where b falls at a slip between those of two neighbours, and one follows [N/m].
+
+    Such a front rests on a node wherever the load would have it, so that ∫ξ is known to a cell there.
+    """
+    law = problem.law
+    falls = np.flatnonzero(law.kinds == DOWN)
+    unknown = np.full(int(line.segments.max()) + 1, -1, dtype=np.intp)
+    unknown[line.nodes] = np.arange(line.m)
+    own = unknown[line.segments]
+    width, total = np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1), np.zeros(len(own))
+    for k in falls:
+        beyond = (v > law.kinks[k])[own]
+        apart = (beyond[:, 0] != beyond[:, 1]) & np.all(own >= 0, axis=1)
+        total += np.where(apart, 0.5 * width * abs(law.b_right[k] - law.b_left[k]), 0.0)
+    return total
 
 
 def dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Array:

@@ -1,6 +1,6 @@
 """Whether tolerances of goals are met: true against asked-for errors on solutions with fronts at random places.
 
-    python -m tests.benchmarks.tolerances          # prints a table; about ten minutes
+    python -m tests.benchmarks.tolerances          # prints a table; about a minute
 
 Scenes:    stick meets slip in closed form (tests.verification.goal_scenes.front_study), the front at COUNT places drawn
            from a fixed seed, on coarse meshes of three sizes

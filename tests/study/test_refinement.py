@@ -93,9 +93,12 @@ def test_the_worst_point_decides_the_mesh() -> None:
 
 
 @pytest.mark.parametrize("kept", [1, 4, 7, 12])
-def test_a_resumed_run_comes_to_the_same_meshes(tmp_path: Path, kept: int) -> None:
+@pytest.mark.parametrize(
+    "mesh", ["levels: 4, family: adaptive, goal: friction_resultant", "tolerance: 1e-3, of: friction_resultant"]
+)
+def test_a_resumed_run_comes_to_the_same_meshes(tmp_path: Path, mesh: str, kept: int) -> None:
     """Also where it stopped within a level: what was solved before is estimated again, not solved."""
-    study = study_of(SWEPT, "mesh={maxh: 0.5, levels: 4, family: adaptive, goal: friction_resultant}")
+    study = study_of(SWEPT, f"mesh={{maxh: 0.5, {mesh}}}")
     whole = tcstudy.run(study, tmp_path / "whole.nc")
     output = tmp_path / "out.nc"
     with Journal.open(output, study) as journal:
