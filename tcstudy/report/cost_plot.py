@@ -24,7 +24,7 @@ MARKS = {"uniform": "s", "graded": "D", "adaptive": "o", "study": "^"}
 LINES: tuple[Any, ...] = ("-", (0, (1.2, 1.6)), (0, (4, 2)), (0, (4, 2, 1, 2)))
 """Line styles of the first, second … solver."""
 
-HEAD, PANEL, FOOT = 1.12, 3.3, 0.62
+HEAD, PANEL, FOOT = 1.28, 3.3, 0.62
 LEFT, GAP, RIGHT = 0.75, 0.55, 0.2
 LINE = 0.19
 """Height of a line of text below the panels [inch]."""
@@ -57,7 +57,8 @@ def _figure(data: Any, measure: str) -> Figure:
     x = LEFT / style.WIDTH
     figure.text(x, 1 - 0.3 / height, data.attrs["title"], fontsize=12, fontweight="bold", parse_math=False)
     words = [data.attrs["point"], f"reference: {data.attrs['reference']}"]
-    figure.text(x, 1 - 0.55 / height, ";  ".join(filter(None, words)), parse_math=False, fontsize=8.5)
+    for i, line in enumerate(filter(None, words)):
+        figure.text(x, 1 - (0.55 + LINE * i) / height, line, parse_math=False, fontsize=8.5)
     width = (style.WIDTH - LEFT - GAP - RIGHT) / 2
     left = style.inches(figure, LEFT, foot, width, PANEL)
     right = style.inches(figure, LEFT + width + GAP, foot, width, PANEL)

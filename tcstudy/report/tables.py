@@ -47,7 +47,7 @@ def _text(part: Part) -> str:
     if isinstance(part, Heading):
         return part.text if part.level == 1 else f"{part.text}\n{'─' * len(part.text)}"
     if isinstance(part, str):
-        return textwrap.fill(part, WIDTH, subsequent_indent="  ", break_long_words=False)
+        return textwrap.fill(part, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
     columns = list(zip(part.header, *part.rows, strict=True))
     widths = [max(len(cell) for cell in column) for column in columns]
     right = [_numeric(column[1:]) for column in columns]
