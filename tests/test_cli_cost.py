@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 import xarray
 
+from tcstudy.cli import main
 from tests.test_cli import STUDY, tcstudy_command
 
 
@@ -69,4 +71,16 @@ def test_bad_input_is_one_line_and_exit_code_2(folder: Path, words: tuple[str, .
     assert message in result.stderr
     assert result.stderr.count("\n") == 1
     assert result.stdout == ""
+    assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
+
+
+def test_a_picture_without_matplotlib_is_refused_before_any_work(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.chdir(folder)
+    for command in ("cost", "converge"):
+        with pytest.raises(SystemExit, match="2"):
+            main([command, "block.yaml", "--plot", "a.png"])
+        assert 'pip install "tcstudy[plot]"' in capsys.readouterr().err
     assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]

@@ -70,17 +70,23 @@ class DrawError(Exception):
 
 def styled() -> AbstractContextManager[None]:
     """The settings of the pictures, for the time of a `with`; raises DrawError if there is no matplotlib."""
+    settings: AbstractContextManager[None] = _matplotlib().rc_context(_STYLE)
+    return settings
+
+
+def _matplotlib() -> Any:
     try:
         import matplotlib
     except ImportError as error:
         raise DrawError('pictures need matplotlib, which is not installed; pip install "tcstudy[plot]"') from error
-    return matplotlib.rc_context(_STYLE)
+    return matplotlib
 
 
 def check_target(target: Path) -> None:
-    """Raise DrawError unless the name asks for a format that is known, before any work is done."""
+    """Raise DrawError, before any work is done, unless the name asks for a known format and pictures can be made."""
     if target.suffix.lower() not in SUFFIXES:
         raise DrawError(f"{target}: a picture's name ends in {', '.join(SUFFIXES)}; choose one of them")
+    _matplotlib()
 
 
 def save(figure: Figure, target: Path) -> None:
