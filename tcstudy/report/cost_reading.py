@@ -73,6 +73,8 @@ SAME = 1e-9
 def measure_of(data: Any, wanted: str | None) -> str:
     """The error to report: the one asked for, or of u in energy. Raises DrawError if the file does not have it."""
     held = [m.name for m in MEASURES if f"error_{m.name}" in data]
+    if not held:
+        raise DrawError("the file has no errors: nothing was there to compare with")
     name = wanted or (DEFAULT if DEFAULT in held else held[0])
     if name not in held:
         raise DrawError(f"there is no error {name!r} in the file; it has {', '.join(held)}")

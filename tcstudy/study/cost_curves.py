@@ -119,9 +119,10 @@ def _steps(study: Study, scene: Scene, curve: Curve, progress: Progress, notes: 
 
 
 def _next(curve: Curve) -> float:
-    """Unknowns to expect of the next level."""
+    """Unknowns to expect of the next level: a uniform one has four times as many, an adaptive step may add few."""
     sizes = [n_dof for _, n_dof, _ in curve.steps]
-    return sizes[-1] * (sizes[-1] / sizes[-2] if len(sizes) > 1 else 1.0)
+    first = 1.0 if curve.plan.family == "adaptive" else 4.0
+    return sizes[-1] * (sizes[-1] / sizes[-2] if len(sizes) > 1 else first)
 
 
 def _keep(study: Study, scene: Scene, curve: Curve, step: Step) -> None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from tcstudy.data.records import PointStatus
+from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.scene.records import Goal, Scene, Study
 from tcstudy.study.cost_curves import Curve, family_plan
 from tcstudy.study.cost_runs import Progress, walk
@@ -69,6 +70,9 @@ def errors_of(
         key: {measure: e / sizes[measure] for measure, (e, _) in errors.items() if sizes.get(measure, 0.0) > 0.0}
         for key, errors in found.items()
     }
+    if not any(relative.values()):
+        remedy = "give it a load, for example by --set, or name a sweep point that has one by --at"
+        raise CostError(f"nothing loads this scene: its solution is zero, and errors have no size; {remedy}")
     return relative, words, own_error
 
 
@@ -97,13 +101,20 @@ def _of(study: Study, scene: Scene, one: SolvedLevel, fine: FineReference | None
 
 
 def _reference(study: Study, scene: Scene, least: float, progress: Progress) -> tuple[SolvedLevel, float]:
-    """The solution on an adaptive mesh of at least so many unknowns, and its estimated relative error."""
+    """The solution on an adaptive mesh of at least so many unknowns, and its estimated relative error.
+
+    Raises CostError if it is not solved, GeometryFailed if there is no mesh that is fine enough.
+    """
     plan = replace(family_plan(study.mesh, "adaptive"), goal=Goal(), marking=max(study.mesh.marking, 0.7))
     step = None
-    for step in walk(study, plan, scene, lambda name, level: False):
-        progress(f"reference: {step.n_dof} of at least {least:.0f} dofs", None)
-        if step.n_dof >= least:
-            break
+    try:
+        for step in walk(study, plan, scene, lambda name, level: False):
+            progress(f"reference: {step.n_dof} of at least {least:.0f} dofs", None)
+            if step.n_dof >= least:
+                break
+    except GeometryFailed:  # triangles too small for the mesher: the mesh before serves if it is fine enough
+        if step is None or step.n_dof < least * LEAST / FINER:
+            raise
     assert step is not None
     record = next(iter(step.records.values()))
     if record.status != PointStatus.OK:

@@ -152,6 +152,22 @@ def test_the_named_solver_comes_first_and_failures_are_kept() -> None:
     assert np.all(cost.dominated["u_energy"][failed])
 
 
+def test_a_scene_without_load_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    study = study_of(RECTANGLE, *SMALL)
+    with pytest.raises(CostError, match=r"nothing loads this scene.*--at"):
+        cost_to_file(study, (), "", 1, tmp_path / "a.nc", lambda text, left: None, ["tcstudy"])
+    assert not list(tmp_path.iterdir())
+
+
+def test_curves_do_not_go_far_beyond_the_own_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tcstudy.study.cost_curves.MOST", 100)
+    cost = _measure(study_of(PULLED, "mesh={maxh: 0.2, levels: 1}"), runs=1)
+    own = cost.n_dof[cost.own[0], cost.own[2]]
+    assert own > 100
+    assert np.count_nonzero(cost.n_dof[0] > 0) == 1  # a uniform refinement would have four times as many
+    assert cost.n_dof.max() < 3 * own
+
+
 def test_the_sweep_point_is_the_one_asked_for() -> None:
     study = study_of(PULLED, *SMALL, "sweep={tau: [0.001, 0.01], nu: [0.2, 0.3]}")
     one = measure(study, (1, 0), 1, lambda text, left: None)
