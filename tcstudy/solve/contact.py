@@ -42,8 +42,8 @@ class Answer:
     energy:             L̃(v) [J/m]
     status, reason:     CONVERGED, or why not; reason is empty for a solution
     iterations, evaluations: of all attempts together
-    start:              ZERO, FRICTIONLESS or NEIGHBOUR: where the run that found it began
-    energies:           L̃ of the solutions found from the three starts; NaN where none was sought or found
+    start:              ZERO, FRICTIONLESS, NEIGHBOUR or ESCAPE: where the run that found it began
+    energies:           L̃ of the solutions found from these starts, in this order; NaN where none was sought or found
     """
 
     v: Array

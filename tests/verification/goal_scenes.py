@@ -30,6 +30,7 @@ from tcstudy.study.goals import goal_value
 from tcstudy.study.level import Level
 from tcstudy.study.run import run
 from tests.verification import closed_forms
+from tests.verification.scenes import HEATED_BRACKET
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RESULTANT = Goal("friction_resultant")
@@ -59,30 +60,13 @@ friction: {law: slip-weakening, tau_s: 0.012, tau_k: 0.006, delta: 0.1}
 mesh: {maxh: 0.5, levels: 1}
 """
 
-BRACKET = """
-units: none
-body:
-  outline:
-    - {from: [0, 0], edge: slope}
-    - {from: [1, -0.3], edge: curve, through: [1.6, -0.2]}
-    - {from: [2, 0.3], edge: right}
-    - {from: [2, 1], edge: top}
-    - {from: [0, 1], edge: left}
-  holes:
-    - circle: {center: [0.9, 0.5], radius: 0.15, edge: bore}
-boundary:
-  slope: contact
-  curve: contact
-  right: {role: convection, g: [0.01, "0.02*y"], pressure: 0.03}
-  top: {role: clamped, u: [0.002, "-0.001*x"]}
-  left: {role: traction, g: [0.02, -0.01]}
-  bore: convection
-material: {E: 2, nu: 0.25, plane: stress, k: 0.7, alpha_T: 0.05}
-loads: {f: [0.01, "-0.02*x"]}
-heat: {alpha: 0.8, theta_bar: "0.2 + 0.1*x", q: 0.6}
-friction: {law: tresca, tau: 0.01}
-mesh: {maxh: 0.4, levels: 1}
-"""
+BRACKET = (
+    HEATED_BRACKET.replace("  regions:\n    heater: {rectangle: {corner: [1.3, 0.4], width: 0.4, height: 0.3}}\n", "")
+    .replace(", omega: heater", "")
+    .replace("{law: exponential, a: 0.004, b: 0.002, delta: 0.02}", "{law: tresca, tau: 0.01}")
+    .replace("{maxh: 0.2, levels: 2}", "{maxh: 0.4, levels: 1}")
+)
+"""The bracket heated all over, with Tresca friction."""
 OBTUSE: Point = (1.0, -0.3)
 
 
