@@ -15,6 +15,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import FrictionLaw
+from tcstudy.solve.extended import extended_residual
 
 Array = NDArray[np.float64]
 
@@ -49,25 +50,32 @@ class ContactProblem:
 
     @cached_property
     def traction_scale(self) -> float:
-        """Scale of b: the law's own where it has one, else the largest load per length [Pa]."""
+        """Scale of b: the law's own where it has one, else the largest load per length or b(0) [Pa]."""
         own = self.law.b_scale
-        return own if own > 0.0 else float(np.max(np.abs(self.l_tilde / self.c), initial=0.0))
+        if own > 0.0:
+            return own
+        return float(np.max(np.abs([*self.l_tilde / self.c, *np.ravel(self.law.b(0.0))]), initial=0.0))
 
-    def xi_extended(self, v: Array) -> Array:
-        """ξ = l̃ − Ãv with the differences formed in extended precision where the platform has it [N/m].
+    def xi_extended(self, v: Array, v_low: Array | None = None) -> Array:
+        """ξ = l̃ − Ã(v + v_low) in about twice double precision, rounded once [N/m].
+
+        v_low: (m,) low part of v where that is known as a sum of two doubles
 
         For judging: where ξ is small against Ãv, double precision leaves rounding of the size of the tolerance.
         """
-        exact = self.l_tilde.astype(np.longdouble) - self.A_tilde.astype(np.longdouble) @ v.astype(np.longdouble)
-        return np.asarray(exact, dtype=float)
+        return extended_residual(self.l_tilde, self.A_tilde, v, v_low)
 
     def xi_rounding(self, v: Array) -> float:
-        """Bound of the rounding of `xi`, as an inclusion residual: √m ε max_i (|l̃| + |Ã||v|)_i / c_i / (scale of b)."""
+        """What rounding v to doubles does to the inclusion residual, about: the bound of solve/acceptance.py.
+
+        √m ε max_i ((|l̃| + |Ã||v|)_i/c_i + |b′(v_i) v_i|) / (scale of b), the slope of b only off its kinks.
+        """
         if self.m == 0 or self.traction_scale == 0.0:
             return 0.0
-        size = np.abs(self.l_tilde) + np.abs(self.A_tilde) @ np.abs(v)
-        worst = float(np.max(size / self.c)) / self.traction_scale
-        return float(np.sqrt(self.m) * np.finfo(float).eps) * worst
+        size = (np.abs(self.l_tilde) + np.abs(self.A_tilde) @ np.abs(v)) / self.c
+        slope = np.abs(self.law.slope(v, self.law.piece(v)) * v)
+        size += np.where(np.isin(v, self.law.kinks), 0.0, slope)
+        return float(np.sqrt(self.m) * np.finfo(float).eps * np.max(size)) / self.traction_scale
 
     def distance(self, v: Array, tolerance: float = 0.0, xi: Array | None = None) -> Array:
         """(m,) dist(ξ_i/c_i, b̂(v_i)) [Pa]; nodes within `tolerance` of a kink are tested on the filled interval."""
