@@ -1,6 +1,7 @@
 """Command line: arguments and exit codes only.
 
-Exit codes: 0 all points solved, 1 some points failed, 2 bad study or usage, 130 interrupted.
+Exit codes: 0 all points solved, 1 some points failed, 2 bad study or usage, 3 no memory or no room for what is
+printed, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -13,27 +14,63 @@ from pathlib import Path
 
 from tcstudy import commands as do
 from tcstudy.commands import OK
+from tcstudy.report.outlet import guarded_streams, is_lost
 
-INTERRUPTED = 130
+NO_ROOM, INTERRUPTED = 3, 130
 
-_EPILOG = """exit codes: 0 all points solved, 1 some points failed, 2 bad study or usage, 130 interrupted"""
+_EPILOG = (
+    "exit codes: 0 all points solved, 1 some points failed, 2 bad study or usage, 3 no memory or no room for what is "
+    "printed, 130 interrupted"
+)
+_KEPT = "finished points are kept, the same command goes on from there"
+_NEEDED = 1 << 28
+"""Bytes that the mesher and the solvers ask for at once; where these are not to be had, memory is what is short."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code."""
+    """Run the command line and return its exit code; raises SystemExit for bad usage and bad studies."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    with guarded_streams() as out:
+        try:
+            code = _command(arguments)
+        except SystemExit as stop:
+            if stop.code:
+                raise
+            code = OK
+        out.flush()
+        if is_lost(out):
+            print(f"standard output: {out.lost}; what was to be printed is lost", file=sys.stderr)
+            code = code or NO_ROOM
+    return code
+
+
+def _command(arguments: list[str]) -> int:
+    """What the words ask for."""
     options = _parser().parse_args(arguments)
     command: Callable[[argparse.Namespace], int] = options.command
     options.words = ["tcstudy", *arguments]
+    kept = _KEPT if command is do.run else "nothing was written"
     try:
         return command(options)
     except KeyboardInterrupt:
-        kept = "finished points are kept, the same command goes on from there"
-        print(f"interrupted; {kept if command is do.run else 'nothing was written'}", file=sys.stderr)
+        print(f"interrupted; {kept}", file=sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:  # the reader of our output went away, as `head` does
-        sys.stderr.close()
-        return OK
+    except Exception as error:
+        if not _memory_is_short(error):
+            raise
+        print(f"there is not enough memory; {kept}. Free some, or ask for less (coarser meshes)", file=sys.stderr)
+        return NO_ROOM
+
+
+def _memory_is_short(error: Exception) -> bool:
+    """Whether an error comes of missing memory; a library may call it by any name, so it is tried."""
+    if isinstance(error, MemoryError):
+        return True
+    try:
+        bytearray(_NEEDED)
+    except MemoryError:
+        return True
+    return False
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -6,18 +6,21 @@ import sys
 import time
 from typing import TextIO
 
+from tcstudy.report.outlet import raw_terminal, visible
+
 
 class CostProgress:
     """What is being measured, and how long it may still take."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
-        self._stream = stream if stream is not None else sys.stderr
+        self._stream = raw_terminal(stream if stream is not None else sys.stderr)
         self._terminal = self._stream.isatty()
         self._open = False
         self._start = time.monotonic()
 
     def __call__(self, text: str, left: float | None) -> None:
         """Called with what begins now and the seconds left, if they are known."""
+        text = visible(text)
         if left is not None:
             text += f", about {_span(left)} left"
         if self._terminal:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TextIO
 
+from tcstudy.report.outlet import raw_terminal
 from tcstudy.report.text import number
 
 
@@ -12,7 +13,7 @@ class PathProgress:
     """Pieces so far and the present value of the parameter [SI]."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
-        self._stream = stream if stream is not None else sys.stderr
+        self._stream = raw_terminal(stream if stream is not None else sys.stderr)
         self._shown = self._stream.isatty()
         self._open = False
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from typing import Protocol, TextIO
+from typing import Protocol, TextIO, cast
 
 from tcstudy.data.provenance import without_paths
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.report.failures import kind, named
+from tcstudy.report.outlet import Outlet, raw_terminal, visible
 from tcstudy.report.text import counted, prefix
 
 
@@ -108,7 +109,7 @@ class TerminalProgress:
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
-            console=Console(file=stream),
+            console=Console(file=raw_terminal(stream)),
             transient=True,
         )
 
@@ -119,7 +120,7 @@ class TerminalProgress:
         self._most = "" if all(w.sure for w in work) else "≤ "
         self._progress.start()
         for warning in warnings:
-            self._progress.console.print(f"warning: {warning}", markup=False, highlight=False)
+            self._say(f"warning: {warning}")
         total, done = (sum(n * w.weight for n, w in zip(ns, work, strict=True)) for ns in _counts(work))
         self._task = self._progress.add_task("meshing", total=total, points=self._points(), failed="")
         self._progress.update(self._task, completed=done)
@@ -131,11 +132,14 @@ class TerminalProgress:
     def point(self, record: PointRecord) -> None:
         """Move on; the first failure of a kind is printed above the bar, and all are counted in it."""
         if record.status != PointStatus.OK and (line := self._failures.line(record)):
-            self._progress.console.print(line, markup=False, highlight=False)
+            self._say(line)
         self._done += 1
         self._progress.update(
             self._task, advance=self._weights[record.level], points=self._points(), failed=self._failed()
         )
+
+    def _say(self, text: str) -> None:
+        self._progress.console.print(visible(text), markup=False, highlight=False)
 
     def _points(self) -> str:
         return f"{self._done}/{self._most}{self._total}"
@@ -147,11 +151,12 @@ class TerminalProgress:
         """Remove the bar; say how many failures had no line."""
         self._progress.stop()
         if more := self._failures.more():
-            self._progress.console.print(more, markup=False, highlight=False)
+            self._say(more)
 
 
-def progress(stream: TextIO = sys.stderr, naming: Naming = str, length: str = "1") -> PlainProgress | TerminalProgress:
-    """The fitting kind for a stream; length is the unit of h."""
+def progress(stream: TextIO | None = None, naming: Naming = str, length: str = "1") -> PlainProgress | TerminalProgress:
+    """The fitting kind for a stream (standard error if none is given); length is the unit of h."""
+    stream = stream if stream is not None else cast(TextIO, sys.stderr or Outlet(None))
     return TerminalProgress(stream, naming) if stream.isatty() else PlainProgress(stream, naming, length)
 
 

@@ -1,0 +1,136 @@
+"""Standard output and error that stop no work: closed, without a reader, on a full disk, or without Greek letters.
+
+What cannot be written is dropped and remembered; a character that the encoding lacks is spelled in ASCII; control
+characters, which could come from a title or a stranger's file, are shown as escapes and never reach the terminal raw.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import sys
+import unicodedata
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, TextIO, cast
+
+_CONTROL = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
+)
+"""All but tab and newline: C0, C1, marks that change the direction or end a line, bytes of a name that are no text."""
+
+_SPELLED = {
+    "α": "alpha", "β": "beta", "θ": "theta", "λ": "lambda", "μ": "u", "ν": "nu", "ξ": "xi", "σ": "sigma", "ω": "omega",
+    "Γ": "Gamma", "Δ": "D", "∂": "d", "∫": "int ", "∞": "inf", "−": "-", "–": "-", "─": "-", "×": "x", "·": "*",
+    "≤": "<=", "≥": ">=", "→": "->", "√": "sqrt", "ρ": "rho", "“": '"', "”": '"', "’": "'", "̄": "_bar", "⁻": "-",
+}  # fmt: skip
+"""What the reports contain beyond ASCII and Unicode cannot decompose into it."""
+
+
+def visible(text: str) -> str:
+    """The text with control characters as escapes: an escape character becomes the four characters \\x1b."""
+    return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
+
+
+def spelled(text: str, encoding: str) -> str:
+    """The text with every character that the encoding lacks spelled in ASCII, or a question mark."""
+    return "".join(_spelled(c, encoding) for c in text)
+
+
+def _spelled(character: str, encoding: str) -> str:
+    try:
+        character.encode(encoding)
+        return character
+    except UnicodeEncodeError:
+        plain = "".join(_SPELLED.get(c, c) for c in unicodedata.normalize("NFKD", character))
+        return plain.encode("ascii", "ignore").decode("ascii") or "?"
+
+
+class Outlet:
+    """A text stream, or none, that takes everything and never raises; `lost` is the first error of writing."""
+
+    def __init__(self, stream: TextIO | None, controls: bool = False) -> None:
+        self._stream, self._controls = stream, controls
+        self.lost: Exception | None = None
+
+    def write(self, text: str) -> int:
+        """Write the text, its control characters made visible."""
+        shown = text if self._controls else visible(text)
+        if self._stream is not None:
+            try:
+                try:
+                    self._stream.write(shown)
+                except UnicodeEncodeError:
+                    self._stream.write(spelled(shown, self._stream.encoding))
+            except (OSError, ValueError) as error:  # ValueError: the stream was closed
+                self._lose(error)
+        return len(text)
+
+    def flush(self) -> None:
+        """Bring what was written on its way."""
+        if self._stream is not None:
+            try:
+                self._stream.flush()
+            except (OSError, ValueError) as error:
+                self._lose(error)
+
+    def isatty(self) -> bool:
+        """Whether a person looks at it."""
+        return self._stream is not None and not self._stream.closed and self._stream.isatty()
+
+    @property
+    def encoding(self) -> str:
+        """The encoding of the stream."""
+        return getattr(self._stream, "encoding", None) or "utf-8"
+
+    def raw(self) -> Outlet:
+        """The same for a progress bar, which moves the cursor: control characters pass."""
+        return Outlet(self._stream, controls=True)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def _lose(self, error: Exception) -> None:
+        """From here on nothing is written; what the stream still holds must not fail again when Python ends."""
+        self.lost = self.lost or error
+        with suppress(OSError, ValueError, AttributeError):
+            descriptor = cast(TextIO, self._stream).fileno()
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, descriptor)
+            os.close(nowhere)
+
+
+@contextmanager
+def guarded_streams() -> Iterator[Outlet]:
+    """Standard output and error as outlets for the time of a `with`; gives that of standard output."""
+    _occupy_descriptors()
+    before = sys.stdout, sys.stderr
+    out, err = Outlet(before[0]), Outlet(before[1])
+    sys.stdout, sys.stderr = cast(TextIO, out), cast(TextIO, err)
+    try:
+        yield out
+    finally:
+        out.flush()
+        err.flush()
+        sys.stdout, sys.stderr = before
+
+
+def raw_terminal(stream: TextIO) -> TextIO:
+    """A stream for a progress bar, which writes control characters of its own."""
+    return cast(TextIO, stream.raw()) if isinstance(stream, Outlet) else stream
+
+
+def is_lost(out: Outlet) -> bool:
+    """Whether output was lost that someone still wanted: not when its reader had enough, as `head` does."""
+    return out.lost is not None and getattr(out.lost, "errno", None) not in (errno.EPIPE, errno.ESHUTDOWN)
+
+
+def _occupy_descriptors() -> None:
+    """Open the closed ones of 0, 1, 2 to nowhere: a result file must not become someone's standard error."""
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            with suppress(OSError):
+                os.open(os.devnull, os.O_RDWR)  # gets the lowest free number, which is this one

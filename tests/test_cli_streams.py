@@ -1,0 +1,87 @@
+"""The command line with streams that are closed, full, without a reader or without Greek, and with little memory."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tcstudy import cli, commands
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="shell redirections of POSIX")
+
+STUDY = """title: "\\e[31mred\\e]0;own\\a"
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: clamped, top: {role: traction, g: [0.02, 0]}, right: free}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: 0.01}
+mesh: {maxh: 0.5, levels: 1}
+sweep: {tau: {linspace: [0.005, 0.01, 40]}}
+"""
+
+
+def shell(command: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[bytes]:
+    """The exit code of the first command of a pipe; TC stands for tcstudy."""
+    (folder / "block.yaml").write_text(STUDY)
+    script = f"TC() {{ '{sys.executable}' -m tcstudy \"$@\"; }}; {command}; exit ${{PIPESTATUS[0]}}"
+    env = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONWARNINGS": "error", **environment}
+    return subprocess.run(["bash", "-c", script], cwd=folder, env=env, capture_output=True)
+
+
+@pytest.mark.parametrize("redirection", ["2>&1 | head -1", "2>&-", ">&-", ">&- 2>&-"])
+def test_a_run_finishes_whoever_reads(tmp_path: Path, redirection: str) -> None:
+    result = shell(f"TC run block.yaml --output a.nc {redirection}", tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert (tmp_path / "a.nc").exists()
+    assert b"Traceback" not in result.stderr
+    shown = shell("TC show a.nc", tmp_path)
+    assert shown.returncode == 0
+    assert b"\x1b" not in shown.stdout
+    assert b"\\x1b[31mred" in shown.stdout
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
+def test_a_summary_in_another_encoding(tmp_path: Path, encoding: str) -> None:
+    result = shell("TC run block.yaml --output a.nc", tmp_path, PYTHONIOENCODING=encoding)
+    assert result.returncode == 0, result.stderr
+    assert "lambda1" in result.stdout.decode(encoding)
+    assert b"40 of 40 solutions found" in result.stdout
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+@pytest.mark.parametrize("words", ["plan block.yaml", "--help"])
+def test_what_could_not_be_printed_is_no_success(tmp_path: Path, words: str) -> None:
+    result = shell(f"TC {words} >/dev/full", tmp_path)
+    assert result.returncode == cli.NO_ROOM
+    assert result.stderr.count(b"\n") == 1
+    assert b"No space left on device; what was to be printed is lost" in result.stderr
+
+
+def test_no_control_character_reaches_the_terminal(tmp_path: Path) -> None:
+    result = shell("TC plan block.yaml; TC plan block.yaml --set 'tile=\x1b[31m'", tmp_path)
+    assert b"\x1b" not in result.stdout + result.stderr
+    assert result.stdout.startswith(b"\\x1b[31mred\\x1b]0;own\\x07\n")
+
+
+def test_missing_memory_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def greedy(options: object) -> int:
+        raise MemoryError
+
+    monkeypatch.setattr(commands, "run", greedy)
+    assert cli.main(["run", "block.yaml"]) == cli.NO_ROOM
+    captured = capsys.readouterr()
+    assert captured.err.startswith("there is not enough memory; finished points are kept")
+    assert captured.err.count("\n") == 1
+
+
+def test_other_errors_are_not_called_missing_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    def wrong(options: object) -> int:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(commands, "run", wrong)
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["run", "block.yaml"])
