@@ -128,7 +128,7 @@ def curves(law: FrictionLaw, reach: float) -> list[tuple[Array, Array]]:
     """(s, b) along each piece of the law within −reach … reach."""
     ends = np.concatenate([[-reach], law.kinks, [reach]])
     found = []
-    for piece in range(len(law.p)):
+    for piece in range(len(law.q)):
         s = np.linspace(ends[piece], ends[piece + 1], SAMPLES if law.a[piece] else 2)
         found.append((s, law.value(s, piece)))
     return found

@@ -7,9 +7,11 @@ Literature: Šestak & Jovanović, Appl. Math. Mech. 31 (2010), doi 10.3879/j.iss
 
 Every law of the package is one record: K kinks and K + 1 pieces, piece k being
 
-    b_k(s) = p_k + q_k s + a_k exp(−r_k s)        between kink k−1 and kink k,
+    b_k(s) = b0_k + q_k (s − s0_k) + a_k exp(−r_k (s − s0_k))        between kink k−1 and kink k,
 
-which contains piecewise-linear laws (a = 0) and exponential decay in closed form.
+which contains piecewise-linear laws (a = 0) and exponential decay in closed form. A piece hangs on its anchor s0_k,
+as a rule one of its ends, because the difference s − s0_k is exact where it matters: a piece a few roundings wide keeps
+the values at both ends, where p + q s would have lost all digits.
 """
 
 from __future__ import annotations
@@ -36,15 +38,17 @@ class FrictionLaw:
 
     name:   the shape's name, for reports
     kinks:  (K,) slips at which b jumps or bends, strictly increasing [m]
-    p:      (K+1,) constant part of each piece [Pa]
+    s_0:    (K+1,) anchor of each piece: an end of it, or another slip not far from it [m]
+    b_0:    (K+1,) value of the linear part of each piece at its anchor [Pa]
     q:      (K+1,) slope of each piece [Pa/m]
-    a:      (K+1,) amplitude of the exponential part [Pa]
+    a:      (K+1,) amplitude of the exponential part at the anchor [Pa]
     r:      (K+1,) rate of the exponential part [1/m], 0 where a = 0
     """
 
     name: str
     kinks: Array
-    p: Array
+    s_0: Array
+    b_0: Array
     q: Array
     a: Array
     r: Array
@@ -58,7 +62,7 @@ class FrictionLaw:
     @property
     def _numbers(self) -> tuple[str | bytes, ...]:
         """Name and bytes of the arrays; adding 0.0 makes −0.0 and 0.0 one number."""
-        arrays = (self.kinks, self.p, self.q, self.a, self.r)
+        arrays = (self.kinks, self.s_0, self.b_0, self.q, self.a, self.r)
         return (self.name, *((np.asarray(x, dtype=float) + 0.0).tobytes() for x in arrays))
 
     @property
@@ -69,7 +73,7 @@ class FrictionLaw:
     @property
     def vanishes(self) -> bool:
         """True if b ≡ 0: a film without friction."""
-        return not (np.any(self.p) or np.any(self.q) or np.any(self.a))
+        return not (np.any(self.b_0) or np.any(self.q) or np.any(self.a))
 
     def piece(self, s: ArrayLike, side: int = 1) -> NDArray[np.intp]:
         """Index of the piece that holds s; at a kink the piece to its right (side=1) or left (side=-1)."""
@@ -78,9 +82,10 @@ class FrictionLaw:
     def value(self, s: ArrayLike, piece: ArrayLike) -> Array:
         """b_k(s) of the named pieces, without asking whether s lies in them (shape of s)."""
         s, k = np.asarray(s, dtype=float), np.asarray(piece)
-        value: Array = self.p[k] + self.q[k] * s
+        apart = s - self.s_0[k]
+        value: Array = self.b_0[k] + self.q[k] * apart
         if not self.piecewise_linear:
-            value = value + self.a[k] * np.exp(-self.r[k] * s)
+            value = value + self.a[k] * np.exp(-self.r[k] * apart)
         return value
 
     def slope(self, s: ArrayLike, piece: ArrayLike) -> Array:
@@ -88,7 +93,7 @@ class FrictionLaw:
         s, k = np.asarray(s, dtype=float), np.asarray(piece)
         slope: Array = self.q[k] + 0.0 * s
         if not self.piecewise_linear:
-            slope = slope - self.a[k] * self.r[k] * np.exp(-self.r[k] * s)
+            slope = slope - self.a[k] * self.r[k] * np.exp(-self.r[k] * (s - self.s_0[k]))
         return slope
 
     def b(self, s: ArrayLike, side: int = 1) -> Array:
@@ -129,21 +134,21 @@ class FrictionLaw:
         k, x = np.asarray(piece), np.asarray(x, dtype=float)
         y = np.asarray(y, dtype=float)
         step = y - x
-        total = step * (self.p[k] + self.q[k] * (x + 0.5 * step))
+        total = step * (self.b_0[k] + self.q[k] * ((x - self.s_0[k]) + 0.5 * step))
         if not self.piecewise_linear:
             # from the end where the exponential is larger, so that expm1 cannot overflow
             rate = self.r[k]
             larger = np.where(rate * step >= 0.0, x, y)
             decay = np.abs(rate * step)
             length = np.where(decay == 0.0, step, step * -np.expm1(-decay) / np.where(decay == 0.0, 1.0, decay))
-            total = total + self.a[k] * np.exp(-rate * larger) * length
+            total = total + self.a[k] * np.exp(-rate * (larger - self.s_0[k])) * length
         return total
 
     @cached_property
     def _inner_ends(self) -> tuple[Array, Array]:
         """(K+1,) the end of each piece nearer to 0 (0 itself for the pieces that touch it), and j there."""
-        near, j_near = np.zeros(len(self.p)), np.zeros(len(self.p))
-        for k in range(int(self.piece(0.0, +1)) + 1, len(self.p)):
+        near, j_near = np.zeros(len(self.q)), np.zeros(len(self.q))
+        for k in range(int(self.piece(0.0, +1)) + 1, len(self.q)):
             near[k] = self.kinks[k - 1]
             j_near[k] = j_near[k - 1] + self.piece_integral(k - 1, near[k - 1], near[k])
         for k in range(int(self.piece(0.0, -1)) - 1, -1, -1):
@@ -171,9 +176,10 @@ class FrictionLaw:
 
     def _terms_at_kinks(self, piece: NDArray[np.intp]) -> Array:
         """(K,) sum of the magnitudes that b of the named pieces is made of at the kinks: what rounding goes with."""
-        rs = self.r[piece] * self.kinks
+        apart = self.kinks - self.s_0[piece]
+        rs = self.r[piece] * apart
         exponential = np.where(self.a[piece] == 0.0, 0.0, np.abs(self.a[piece]) * np.exp(-rs) * (1.0 + np.abs(rs)))
-        return np.abs(self.p[piece]) + np.abs(self.q[piece] * self.kinks) + exponential
+        return np.abs(self.b_0[piece]) + np.abs(self.q[piece] * apart) + exponential
 
     @cached_property
     def omega(self) -> float:
@@ -189,7 +195,7 @@ class FrictionLaw:
 
     def _slope_ends(self) -> Array:
         """(2(K+1),) slopes at both ends of every piece, limits at ±∞ included."""
-        pieces = np.arange(len(self.p))
+        pieces = np.arange(len(self.q))
         ends = np.concatenate([[-np.inf], self.kinks, [np.inf]])
         slopes = []
         for s in (ends[:-1], ends[1:]):
@@ -201,7 +207,7 @@ class FrictionLaw:
     @cached_property
     def b_scale(self) -> float:
         """Largest |b| at the kinks and, where bounded, at infinity [Pa]; 0 for a law without either."""
-        ends = [abs(float(self.p[k])) for k in (0, -1) if self.q[k] == 0.0]
+        ends = [abs(float(self.b_0[k])) for k in (0, -1) if self.q[k] == 0.0]
         index = np.arange(len(self.kinks))
         limits = [self.value(self.kinks, index + side) for side in (0, 1)]
         return float(np.max(np.abs(np.concatenate([*limits, ends])), initial=0.0))
@@ -213,30 +219,40 @@ class FrictionLaw:
         return float(lengths.min()) if len(lengths) else 0.0
 
     def scaled(self, s_unit: float, b_unit: float) -> FrictionLaw:
-        """The same law with slips measured in s_unit and tractions in b_unit."""
+        """The same law with slips measured in s_unit and tractions in b_unit.
+
+        Division rounds the kinks, so that a narrow piece changes its width: slope and rate follow, which keeps the
+        values at its ends; two kinks that become one are a jump.
+        """
+        kinks = self.kinks / s_unit
+        width, rounded = np.diff(self.kinks), np.diff(kinks) * s_unit
+        stretch = np.ones(len(self.q))
+        stretch[1:-1] = width / np.where(rounded > 0.0, rounded, width)
+        kept = np.concatenate([[True], rounded > 0.0, [True]]) if len(kinks) else np.ones(1, dtype=bool)
         return FrictionLaw(
             self.name,
-            self.kinks / s_unit,
-            self.p / b_unit,
-            self.q * (s_unit / b_unit),
-            self.a / b_unit,
-            self.r * s_unit,
+            kinks[kept[1:]] if len(kinks) else kinks,
+            self.s_0[kept] / s_unit,
+            self.b_0[kept] / b_unit,
+            (self.q * stretch)[kept] * (s_unit / b_unit),
+            self.a[kept] / b_unit,
+            (self.r * stretch)[kept] * s_unit,
         )
 
     def check_growth(self) -> None:
         """Raise GrowthError unless (15) and (16) hold: b eventually opposes slip and grows at most linearly."""
-        arrays = (self.kinks, self.p, self.q, self.a, self.r)
+        arrays = (self.kinks, self.s_0, self.b_0, self.q, self.a, self.r)
         if not all(np.all(np.isfinite(x)) for x in arrays):
             raise GrowthError("the law has a value that is not finite, so |b(s)| ≤ C(1+|s|), eq. (16), fails")
         if np.any(np.diff(self.kinks) <= 0):
             raise GrowthError("the kinks of the law are not in increasing order of slip")
         for piece, sign, side in ((-1, 1.0, "s → +∞"), (0, -1.0, "s → −∞")):
-            p, q, a = sign * self.p[piece], self.q[piece], sign * self.a[piece]
+            b_0, q, a = sign * self.b_0[piece], self.q[piece], sign * self.a[piece]
             rate = sign * self.r[piece]
             if a != 0.0 and rate < 0.0:
                 raise GrowthError(f"b grows exponentially as {side}, so |b(s)| ≤ C(1+|s|), eq. (16), fails")
-            if q < 0.0 or (q == 0.0 and (p < 0.0 or (p == 0.0 and a < 0.0))):
+            if q < 0.0 or (q == 0.0 and (b_0 < 0.0 or (b_0 == 0.0 and a < 0.0))):
                 raise GrowthError(
-                    f"b ends with the wrong sign as {side} (last slope {q:g}, last value {sign * p:g}), "
+                    f"b ends with the wrong sign as {side} (last slope {q:g}, last value {sign * b_0:g}), "
                     "so eq. (15) fails: friction must not push the slip on for large |s|"
                 )

@@ -7,6 +7,7 @@ up-jump: the filled interval at 0 is [−b(0+), b(0+)], eq. (4) of Šestak & Jov
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -17,7 +18,8 @@ from tcstudy.scene.friction import FrictionLaw
 
 MAX_TEETH = 10_000
 
-ROUNDING = 8 * float(np.finfo(float).eps)
+ROUNDING = 2 * float(np.finfo(float).eps)
+"""Corners nearer than this to the straight line between their neighbours, relative to b there, are none."""
 
 
 class LawError(ValueError):
@@ -36,24 +38,29 @@ class LawError(ValueError):
 
 
 class _Piece(NamedTuple):
-    """b(s) = p + q s + a exp(−r s)."""
+    """b(s) = b_0 + q (s − s_0) + a exp(−r (s − s_0))."""
 
-    p: float
+    s_0: float
+    b_0: float
     q: float = 0.0
     a: float = 0.0
     r: float = 0.0
 
     def mirrored(self) -> _Piece:
         """The piece −b(−s)."""
-        return _Piece(-self.p, self.q, -self.a, -self.r)
+        return _Piece(-self.s_0, -self.b_0, self.q, -self.a, -self.r)
+
+    def goes_on_as(self, other: _Piece) -> bool:
+        """True if both are the same function; a constant has no anchor."""
+        return self[1:] == other[1:] and (self.s_0 == other.s_0 or (self.q == 0.0 and self.a == 0.0))
 
 
 def _law(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> FrictionLaw:
     """A law from its kinks and pieces; a kink between two equal pieces is none and is left out."""
-    keep = [i for i in range(len(kinks)) if pieces[i] != pieces[i + 1]]
+    keep = [i for i in range(len(kinks)) if not pieces[i].goes_on_as(pieces[i + 1])]
     kept = [pieces[0], *(pieces[i + 1] for i in keep)]
-    p, q, a, r = (np.array(column, dtype=float) + 0.0 for column in zip(*kept, strict=True))
-    return FrictionLaw(name, np.array([kinks[i] for i in keep], dtype=float), p, q, a, r)
+    columns = (np.array(column, dtype=float) + 0.0 for column in zip(*kept, strict=True))
+    return FrictionLaw(name, np.array([kinks[i] for i in keep], dtype=float), *columns)
 
 
 def _odd(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> FrictionLaw:
@@ -65,21 +72,21 @@ def _odd(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> Frictio
 def tresca(tau: float) -> FrictionLaw:
     """b = τ."""
     _not_negative(tau=tau)
-    return _odd("tresca", [], [_Piece(tau)])
+    return _odd("tresca", [], [_Piece(0.0, tau)])
 
 
 def slip_weakening(tau_s: float, tau_k: float, delta: float) -> FrictionLaw:
     """From τ_s linearly to τ_k over the slip δ, then τ_k."""
     _not_negative(tau_s=tau_s, tau_k=tau_k)
     _positive(delta=delta)
-    return _odd("slip-weakening", [delta], [_Piece(tau_s, (tau_k - tau_s) / delta), _Piece(tau_k)])
+    return _odd("slip-weakening", [delta], [_Piece(0.0, tau_s, (tau_k - tau_s) / delta), _Piece(delta, tau_k)])
 
 
 def exponential(a: float, b: float, delta: float) -> FrictionLaw:
     """(a − b) e^(−s/δ) + b."""
     _not_negative(a=a, b=b)
     _positive(delta=delta)
-    piece = _Piece(b) if a == b else _Piece(b, 0.0, a - b, 1.0 / delta)
+    piece = _Piece(0.0, b) if a == b else _Piece(0.0, b, 0.0, a - b, 1.0 / delta)
     return _odd("exponential", [], [piece])
 
 
@@ -97,14 +104,15 @@ def saw_tooth(tau: float, delta: float, teeth: int, drop: float, decay: float) -
         if not 0.0 < value <= 1.0:
             raise LawError(name, f"must be above 0 and at most 1, not {value:g}; it is a fraction of the peak")
     peaks = [tau * decay**i for i in range(teeth + 1)]
-    pieces = [_Piece(peak * (1.0 - drop - drop * i), drop * peak / delta) for i, peak in enumerate(peaks[:-1])]
-    return _odd("saw-tooth", [i * delta for i in range(1, teeth + 1)], [*pieces, _Piece((1.0 - drop) * peaks[-1])])
+    pieces = [_Piece(i * delta, (1.0 - drop) * peak, drop * peak / delta) for i, peak in enumerate(peaks[:-1])]
+    pieces.append(_Piece(teeth * delta, (1.0 - drop) * peaks[-1]))
+    return _odd("saw-tooth", [i * delta for i in range(1, teeth + 1)], pieces)
 
 
 def linear(k: float) -> FrictionLaw:
     """k s, a spring; without a kink."""
     _not_negative(k=k)
-    return _law("linear", [], [_Piece(0.0, k)])
+    return _law("linear", [], [_Piece(0.0, 0.0, k)])
 
 
 class _Vertex(NamedTuple):
@@ -161,35 +169,49 @@ def _polygon(vertices: list[_Vertex], left: float | None, right: float) -> tuple
 
     left, right: slopes beyond the ends; without a left one the law begins at the first vertex, which is no kink
     """
-    pairs = list(pairwise(vertices))
-    lines = [*(_line(a.s, a.right, (b.left - a.right) / (b.s - a.s)) for a, b in pairs),
-             _line(vertices[-1].s, vertices[-1].right, right)]  # fmt: skip
-    first = 1 if left is None else 0
-    pieces = [lines.pop(0) if left is None else _line(vertices[0].s, vertices[0].left, left)]
-    kinks: list[float] = []
-    for at, line in enumerate(lines, start=first):
-        near = vertices[max(0, at - 1) : at + 2]
-        if not _straight(pieces[-1], line, vertices[at], near):
-            kinks.append(vertices[at].s)
-            pieces.append(line)
+    corners = _corners(vertices)
+    lines = [_line(a, b) for a, b in pairwise(corners)]
+    first, last = corners[0], corners[-1]
+    outer = [] if left is None else [(first, _Piece(first.s, first.left, left))]
+    pieces = [line for _, line in outer] + lines + [_Piece(last.s, last.right, right)]
+    kinks = [corner.s for corner in (corners if outer else corners[1:])]
+    if len(pieces) > 1 and last.left == last.right and pieces[-2].q == right:  # a slope goes on beyond its end
+        del pieces[-1], kinks[-1]
+    if outer and len(pieces) > 1 and first.left == first.right and pieces[1].q == left:
+        del pieces[0], kinks[0]
     return kinks, pieces
 
 
-def _line(s: float, b: float, slope: float) -> _Piece:
-    """The line through (s, b)."""
-    return _Piece(b - slope * s, slope)
+def _corners(vertices: list[_Vertex]) -> list[_Vertex]:
+    """The vertices without those that lie on the straight line between the corners beside them, to ROUNDING.
 
-
-def _straight(before: _Piece, after: _Piece, vertex: _Vertex, near: list[_Vertex]) -> bool:
-    """True if the law goes straight on at a vertex: the slopes differ by no more than rounding of the points.
-
-    near: the vertex with its neighbours; at an end there is one, and the slope beyond it is exact, as given
+    From every corner the slopes that pass all later vertices closely enough form an interval that shrinks; the next
+    corner is the last vertex that is seen within it. The line drawn is the one through both corners, so that what is
+    left out costs no other vertex anything.
     """
-    if vertex.left != vertex.right or len(near) < 3:
-        return vertex.left == vertex.right and before.q == after.q
-    gap = min(b.s - a.s for a, b in pairwise(near))
-    size = abs(near[0].right) + abs(vertex.left) + abs(near[2].left) + abs(before.q * vertex.s)
-    return abs(before.q - after.q) * gap <= ROUNDING * size
+    corners, at = [vertices[0]], 0
+    while at + 1 < len(vertices):
+        begin, low, high, end = vertices[at], -math.inf, math.inf, at + 1
+        for i in range(at + 1, len(vertices)):
+            vertex = vertices[i]
+            apart, rise = vertex.s - begin.s, vertex.left - begin.right
+            if low <= rise / apart <= high:
+                end = i
+            slack = ROUNDING * max(abs(vertex.left), abs(begin.right))
+            low, high = max(low, (rise - slack) / apart), min(high, (rise + slack) / apart)
+            if low > high or vertex.left != vertex.right:
+                break
+        at = end
+        corners.append(vertices[at])
+    return corners
+
+
+def _line(a: _Vertex, b: _Vertex) -> _Piece:
+    """The line between two vertices, anchored at the one nearer to s = 0, so that mirror images stay mirror images."""
+    slope = (b.left - a.right) / (b.s - a.s)
+    if a.s == -b.s and a.right == -b.left:
+        return _Piece(0.0, 0.0, slope)
+    return _Piece(a.s, a.right, slope) if abs(a.s) <= abs(b.s) else _Piece(b.s, b.left, slope)
 
 
 def _not_negative(**values: float) -> None:

@@ -41,7 +41,8 @@ def bend_below_tangent(law: FrictionLaw, v: Array, zeta: Array, low: Array, high
 
 def mirrored(law: FrictionLaw) -> FrictionLaw:
     """The law −b(−s)."""
-    return FrictionLaw(law.name, -law.kinks[::-1], -law.p[::-1], law.q[::-1], -law.a[::-1], -law.r[::-1])
+    kinks, s_0, b_0, a, r = (-x[::-1] for x in (law.kinks, law.s_0, law.b_0, law.a, law.r))
+    return FrictionLaw(law.name, kinks, s_0, b_0, law.q[::-1], a, r)
 
 
 @dataclass
@@ -59,7 +60,7 @@ def _one_side(law: FrictionLaw, v: Array, zeta: Array, high: Array) -> Array:
     first = law.piece(v, +1)
     ends = np.append(law.kinks, np.inf)
     march = _March(v.copy(), np.zeros(len(v)), np.full(len(v), -np.inf), np.abs(zeta))
-    for piece in range(len(law.p)):
+    for piece in range(len(law.q)):
         end = np.minimum(ends[piece], high)
         active = np.flatnonzero((first <= piece) & (march.at < end))
         if not len(active):
@@ -126,4 +127,4 @@ def _gap_gain(law: FrictionLaw, piece: int, at: Array, excess: Array, width: Arr
     if law.a[piece] == 0.0:
         return gain
     rate = law.r[piece]
-    return gain - law.a[piece] * np.exp(-rate * at) * (-np.expm1(-rate * width) / rate - width)
+    return gain - law.a[piece] * np.exp(-rate * (at - law.s_0[piece])) * (-np.expm1(-rate * width) / rate - width)

@@ -120,7 +120,7 @@ def _on_pieces(law: FrictionLaw, v: Array, force: Array, k: Array) -> Array:
     if law.piecewise_linear:
         found = [_stationary(law, v, force, k, near, 1)]
     else:
-        beyond = ((force + k * v)[:, None] - law.p) / (law.q + k[:, None])
+        beyond = v[:, None] + (force[:, None] - law.b_0 - law.q * (v[:, None] - law.s_0)) / (law.q + k[:, None])
         starts = near, np.clip(beyond, low, high)
         found = [_stationary(law, v, force, k, start, _NEWTON) for start in starts]
     elsewhere = (v[:, None] <= low) | (v[:, None] >= high)
@@ -130,7 +130,7 @@ def _on_pieces(law: FrictionLaw, v: Array, force: Array, k: Array) -> Array:
 
 def _stationary(law: FrictionLaw, v: Array, force: Array, k: Array, s: Array, steps: int) -> Array:
     """(m, K+1) Newton's method for φ_i′ = 0 on every piece from s; NaN where φ_i is not convex on the way."""
-    piece = np.broadcast_to(np.arange(len(law.p)), s.shape)
+    piece = np.broadcast_to(np.arange(len(law.q)), s.shape)
     ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
     for _ in range(steps):
         slope = law.slope(s, piece) + k[:, None]

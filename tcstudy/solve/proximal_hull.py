@@ -42,8 +42,8 @@ def proximal_hull(law: FrictionLaw, kappa: float) -> tuple[FrictionLaw, Array]:
         return law, np.empty((0, 2))
     s, j = law_samples(law, kappa)
     first, last = _bridges(law, kappa, s, j)
-    left, right, sigma = _refined(law, kappa, first, last, s)
-    return _assembled(law, kappa, left, right, sigma), np.column_stack([left, right])
+    left, right = _refined(law, kappa, first, last, s)
+    return _assembled(law, kappa, left, right), np.column_stack([left, right])
 
 
 @lru_cache(maxsize=64)
@@ -96,26 +96,25 @@ def _bridges(law: FrictionLaw, kappa: float, s: Array, j: Array) -> tuple[Index,
     return first[bridge], last[bridge]
 
 
-def _refined(law: FrictionLaw, kappa: float, first: Index, last: Index, s: Array) -> tuple[Array, Array, Array]:
-    """(s₁, s₂, σ) of the common tangents, each end kept between the samples beside its own."""
+def _refined(law: FrictionLaw, kappa: float, first: Index, last: Index, s: Array) -> tuple[Array, Array]:
+    """(s₁, s₂) of the common tangents, each end kept between the samples beside its own."""
     left, right = s[first], s[last]
     left_range = s[np.maximum(first - 1, 0)], s[np.minimum(first + 1, last)]
     right_range = s[np.maximum(last - 1, first)], s[np.minimum(last + 1, len(s) - 1)]
     for _ in range(_REFINEMENTS):
-        sigma = _chord(law, kappa, left, right)
+        sigma = _mean(law, left, right) + 0.5 * kappa * (left + right)
         new_left = np.clip(_tangent(law, kappa, left, sigma), *left_range)
         new_right = np.clip(_tangent(law, kappa, right, sigma), *right_range)
         apart = new_left < new_right
         left, right = np.where(apart, new_left, left), np.where(apart, new_right, right)
     left[1:] = np.maximum(left[1:], right[:-1])  # bridges may meet but not overlap
     kept = left < right
-    left, right = left[kept], right[kept]
-    return left, right, _chord(law, kappa, left, right)
+    return left[kept], right[kept]
 
 
-def _chord(law: FrictionLaw, kappa: float, left: Array, right: Array) -> Array:
-    """Slope of the chord of j + ½κ s² [Pa]."""
-    return integral(law, left, right) / (right - left) + 0.5 * kappa * (left + right)
+def _mean(law: FrictionLaw, left: Array, right: Array) -> Array:
+    """Mean of b between left and right [Pa]; with ½κ (left + right) it is the slope of the chord of j + ½κ s²."""
+    return integral(law, left, right) / (right - left)
 
 
 def _tangent(law: FrictionLaw, kappa: float, s: Array, sigma: Array) -> Array:
@@ -131,15 +130,18 @@ def _tangent(law: FrictionLaw, kappa: float, s: Array, sigma: Array) -> Array:
     return moved
 
 
-def _assembled(law: FrictionLaw, kappa: float, left: Array, right: Array, sigma: Array) -> FrictionLaw:
-    """The law that is σ − κ s on the bridges and `law` between them."""
-    own = list(zip(law.p.tolist(), law.q.tolist(), law.a.tolist(), law.r.tolist(), strict=True))
+def _assembled(law: FrictionLaw, kappa: float, left: Array, right: Array) -> FrictionLaw:
+    """The law that is σ − κ s on the bridges and `law` between them; a bridge hangs on its end nearer to s = 0."""
+    own = list(zip(*(x.tolist() for x in (law.s_0, law.b_0, law.q, law.a, law.r)), strict=True))
     after = {float(kink): own[k + 1] for k, kink in enumerate(law.kinks)}
-    for s_1, s_2, tangent in zip(left.tolist(), right.tolist(), sigma.tolist(), strict=True):
+    mean = _mean(law, left, right)
+    for s_1, s_2, middle in zip(left.tolist(), right.tolist(), mean.tolist(), strict=True):
         after = {kink: piece for kink, piece in after.items() if not s_1 <= kink < s_2}
-        after[s_1] = (tangent, -kappa, 0.0, 0.0)
+        fall = 0.5 * kappa * (s_2 - s_1)
+        anchor, value = (s_1, middle + fall) if abs(s_1) <= abs(s_2) else (s_2, middle - fall)
+        after[s_1] = (anchor, value, -kappa, 0.0, 0.0)
         after.setdefault(s_2, own[int(law.piece(s_2, +1))])
     kinks = sorted(after)
     pieces = [own[0], *(after[kink] for kink in kinks)]
-    p, q, a, r = (np.array(column) for column in zip(*pieces, strict=True))
-    return FrictionLaw(f"proximal hull of {law.name}", np.array(kinks), p, q, a, r)
+    columns = (np.array(column) for column in zip(*pieces, strict=True))
+    return FrictionLaw(f"proximal hull of {law.name}", np.array(kinks), *columns)

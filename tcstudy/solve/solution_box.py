@@ -74,7 +74,7 @@ def b_range(law: FrictionLaw, low: Array, high: Array) -> tuple[Array, Array]:
 def _turning_points(law: FrictionLaw) -> tuple[Array, Array]:
     """Slips where b′ = q − a r exp(−r s) vanishes inside a piece, and b there (both pieces' ends excluded)."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        s = -np.log(law.q / (law.a * law.r)) / law.r
+        s = law.s_0 - np.log(law.q / (law.a * law.r)) / law.r
     ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
     piece = np.flatnonzero(np.isfinite(s) & (ends[:-1] < s) & (s < ends[1:]))
     return s[piece], law.value(s[piece], piece)
@@ -87,7 +87,7 @@ def least_slope(law: FrictionLaw, low: Array, high: Array) -> Array:
     """
     ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
     least = np.full(len(low), np.inf)
-    for piece in range(len(law.p)):
+    for piece in range(len(law.q)):
         first, last = np.maximum(low, ends[piece]), np.minimum(high, ends[piece + 1])
         met = np.flatnonzero(first <= last)
         index = np.full(len(met), piece)

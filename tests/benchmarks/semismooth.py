@@ -131,7 +131,7 @@ def solve_branches(problem: ContactProblem, branch: Index) -> Array | None:
     rows = problem.A_tilde[free]
     matrix = rows[:, free]
     matrix[np.diag_indices(len(free))] += c[free] * law.q[k]
-    rhs = problem.l_tilde[free] - c[free] * law.p[k] - rows @ v
+    rhs = problem.l_tilde[free] - c[free] * (law.b_0[k] - law.q[k] * law.s_0[k]) - rows @ v
     factor, info = scipy.linalg.lapack.dpotrf(matrix.T, lower=1)
     if info == 0:
         v[free] = scipy.linalg.lapack.dpotrs(factor, rhs, lower=1)[0]

@@ -22,8 +22,10 @@ def linear_law(
     s, low, high = (np.array(x, dtype=float) for x in (kinks, left, right))
     inner = (low[1:] - high[:-1]) / np.diff(s)
     q = np.concatenate([[ends[0]], inner, [ends[1]]])
-    p = np.concatenate([[low[0] - ends[0] * s[0]], high - q[1:] * s])
-    return FrictionLaw(name, s, p, q, np.zeros(len(p)), np.zeros(len(p)))
+    inward = np.concatenate([[False], np.abs(s[:-1]) <= np.abs(s[1:]), [True]])  # the left end is nearer to s = 0
+    s_0 = np.where(inward, np.append(s[0], s), np.append(s, s[-1]))
+    b_0 = np.where(inward, np.append(low[0], high), np.append(low, high[-1]))
+    return FrictionLaw(name, s, s_0, b_0, q, np.zeros(len(q)), np.zeros(len(q)))
 
 
 def slip_weakening(mu_s: float = 1.0, mu_k: float = 0.5, d: float = 0.1) -> FrictionLaw:
@@ -37,6 +39,7 @@ def exponential_decay(mu_s: float = 1.0, mu_k: float = 0.5, d: float = 0.1) -> F
     return FrictionLaw(
         "exponential decay",
         np.array([0.0]),
+        np.zeros(2),
         np.array([-mu_k, mu_k]),
         np.zeros(2),
         np.array([-drop, drop]),
@@ -58,7 +61,7 @@ def sawtooth(mu: float = 1.0, d: float = 0.1, slope: float = 5.0, drop: float = 
 def spring(stiffness: float = 1.0) -> FrictionLaw:
     """b(s) = stiffness · s, a law without kinks."""
     zero = np.zeros(1)
-    return FrictionLaw("spring", np.zeros(0), zero, np.array([stiffness]), zero, zero)
+    return FrictionLaw("spring", np.zeros(0), zero, zero, np.array([stiffness]), zero, zero)
 
 
 def half_laplacian(m: int, stiffness: float = 1.0) -> tuple[Array, Array]:
@@ -101,21 +104,22 @@ def random_law(rng: np.random.Generator, lambda_1: float, max_kinks: int = 41, s
 
 def _bent(rng: np.random.Generator, law: FrictionLaw) -> FrictionLaw:
     """Some pieces turned into exponentials with the same values at their ends (outer pieces: a decaying part)."""
-    s, p, q = law.kinks, law.p.copy(), law.q.copy()
-    a, r = np.zeros(len(p)), np.zeros(len(p))
+    s, b_0, q = law.kinks, law.b_0.copy(), law.q.copy()
+    a, r = np.zeros(len(q)), np.zeros(len(q))
     fastest = 20.0 / max(float(np.max(np.abs(s))), 0.1)
     for k in range(1, len(s)):
         if rng.random() < 0.5:
             rate = rng.uniform(0.3, 3.0) / (s[k] - s[k - 1])
             r[k] = rng.choice([-1.0, 1.0]) * min(rate, fastest)
             first, last = law.b_right[k - 1], law.b_left[k]
-            a[k] = (first - last) / (np.exp(-r[k] * s[k - 1]) - np.exp(-r[k] * s[k]))
-            p[k], q[k] = first - a[k] * np.exp(-r[k] * s[k - 1]), 0.0
-    for k, kink, sign in ((0, s[0], -1.0), (-1, s[-1], 1.0)):
+            part = np.exp(-r[k] * (s[k - 1 : k + 1] - law.s_0[k]))
+            a[k] = (first - last) / (part[0] - part[1])
+            b_0[k], q[k] = first - a[k] * part[0], 0.0
+    for k, sign in ((0, -1.0), (-1, 1.0)):
         if rng.random() < 0.5:
             r[k] = sign * min(10.0 ** rng.uniform(0.0, 1.5), fastest)
-            a[k] = sign * rng.uniform(0.0, 1.0) * np.exp(r[k] * kink)
-    return FrictionLaw("random smooth", s, p, q, a, r)
+            a[k] = sign * rng.uniform(0.0, 1.0)
+    return FrictionLaw("random smooth", s, law.s_0, b_0, q, a, r)
 
 
 def random_problem(rng: np.random.Generator, m: int, max_kinks: int = 41, smooth: bool = False) -> ContactProblem:
@@ -149,7 +153,8 @@ def independent_residual(problem: ContactProblem, v: Array) -> float:
     worst, largest = 0.0, 0.0
 
     def piece_value(k: int, s: float) -> float:
-        return float(law.p[k] + law.q[k] * s + law.a[k] * np.exp(-law.r[k] * s))
+        apart = s - law.s_0[k]
+        return float(law.b_0[k] + law.q[k] * apart + law.a[k] * np.exp(-law.r[k] * apart))
 
     for node, s in enumerate(v):
         below = sum(1 for kink in law.kinks if kink < s)
@@ -158,6 +163,6 @@ def independent_residual(problem: ContactProblem, v: Array) -> float:
         worst = gap if not gap <= worst else worst
     for k, kink in enumerate(law.kinks):
         largest = max(largest, abs(piece_value(k, kink)), abs(piece_value(k + 1, kink)))
-    for k in (0, len(law.p) - 1):
-        largest = max(largest, abs(float(law.p[k])) if law.q[k] == 0.0 else 0.0)
+    for k in (0, len(law.q) - 1):
+        largest = max(largest, abs(float(law.b_0[k])) if law.q[k] == 0.0 else 0.0)
     return worst / (largest or float(np.max(np.abs(l_tilde / c))))

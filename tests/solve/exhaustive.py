@@ -1,7 +1,7 @@
 """All solutions of a small contact problem with a piecewise-linear law, by trying every place of every node.
 
 Each node is on one of the K + 1 pieces or on one of the K kinks: (2K + 1)^m linear systems. Shares no code with
-the solvers: values and energies are computed here from p, q and the kinks alone.
+the solvers: values and energies are computed here from the numbers of the pieces alone.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ def primitive(law: FrictionLaw, s: Array) -> Array:
     """∫₀ˢ b by adding the trapezia of all pieces between 0 and s (exact for linear pieces)."""
     low, high, total = np.minimum(s, 0.0), np.maximum(s, 0.0), np.zeros(np.shape(s))
     ends = [-np.inf, *law.kinks, np.inf]
-    for piece in range(len(law.p)):
+    for piece in range(len(law.q)):
         x, y = np.clip(ends[piece], low, high), np.clip(ends[piece + 1], low, high)
-        total = total + (y - x) * (law.p[piece] + law.q[piece] * 0.5 * (x + y))
+        middle = 0.5 * (x - law.s_0[piece]) + 0.5 * (y - law.s_0[piece])
+        total = total + (y - x) * (law.b_0[piece] + law.q[piece] * middle)
     return np.sign(s) * total
 
 
@@ -53,11 +54,12 @@ def all_solutions(problem: ContactProblem) -> list[Array]:
         matrix = np.where(fixed[:, None], np.eye(m), problem.A_tilde + np.diag(problem.c * law.q[piece]))
         if abs(np.linalg.det(matrix)) < 1e-14:
             continue
-        v = np.linalg.solve(matrix, np.where(fixed, kink, problem.l_tilde - problem.c * law.p[piece]))
+        at_0 = law.b_0[piece] - law.q[piece] * law.s_0[piece]
+        v = np.linalg.solve(matrix, np.where(fixed, kink, problem.l_tilde - problem.c * at_0))
         v = np.where(fixed, kink, v)
         traction = (problem.l_tilde - problem.A_tilde @ v) / problem.c
         at = np.where(fixed, place - count - 1, 0)
-        sides = np.stack([law.p[at] + law.q[at] * kink, law.p[at + 1] + law.q[at + 1] * kink])
+        sides = np.stack([law.b_0[k] + law.q[k] * (kink - law.s_0[k]) for k in (at, at + 1)])
         inside = (ends[piece] - length <= v) & (v <= ends[piece + 1] + length)
         filled = (sides.min(0) - size <= traction) & (traction <= sides.max(0) + size)
         if np.all(np.where(fixed, filled, inside)) and not any(np.max(np.abs(v - w)) < 100 * length for w in found):
@@ -144,9 +146,12 @@ def least_energy(problem: ContactProblem, batch: int = 20_000) -> float:
     """
     law, m = problem.law, problem.m
     ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
-    jumps = law.p[1:] + law.q[1:] * law.kinks - law.p[:-1] - law.q[:-1] * law.kinks
+    before, after = np.arange(len(law.kinks)), np.arange(len(law.kinks)) + 1
+    left, right = (law.b_0[k] + law.q[k] * (law.kinks - law.s_0[k]) for k in (before, after))
+    jumps = right - left
     ups = law.kinks[jumps > 0.0]
-    count, length = len(law.p), 1e-11 * float(np.max(np.abs(law.kinks)) + 1.0)
+    at_0 = law.b_0 - law.q * law.s_0
+    count, length = len(law.q), 1e-11 * float(np.max(np.abs(law.kinks)) + 1.0)
     total, least = (count + len(ups)) ** m, np.inf
     for begin in range(0, total, batch):
         number = np.arange(begin, min(begin + batch, total))
@@ -157,7 +162,7 @@ def least_energy(problem: ContactProblem, batch: int = 20_000) -> float:
         diagonal = np.eye(m) * (problem.c * law.q[piece])[:, None, :]
         matrix = np.where(fixed[:, :, None], np.eye(m), problem.A_tilde + diagonal)
         regular = np.abs(np.linalg.det(matrix)) > 1e-14
-        rhs = np.where(fixed, kink, problem.l_tilde - problem.c * law.p[piece])[regular]
+        rhs = np.where(fixed, kink, problem.l_tilde - problem.c * at_0[piece])[regular]
         v = np.linalg.solve(matrix[regular], rhs[:, :, None])[:, :, 0]
         low, high = ends[piece[regular]] - length, ends[piece[regular] + 1] + length
         inside = np.all(fixed[regular] | ((low <= v) & (v <= high)), axis=1)

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 def law(name: str, kinks: list[float], p: list[float], q: list[float], a: list[float], r: list[float]) -> FrictionLaw:
-    found = FrictionLaw(name, *(np.array(x, dtype=float) for x in (kinks, p, q, a, r)))
+    found = FrictionLaw(name, *(np.array(x, dtype=float) for x in (kinks, [0.0] * len(p), p, q, a, r)))
     found.check_growth()
     return found
 
@@ -36,8 +36,7 @@ def contact_problem(m: int, shape: FrictionLaw, seed: int, s: float = 1.0, b: fl
     c = (1 + 0.2 * random.random(m)) / m
     A_tilde = (modes * (2 * np.sin(np.pi * k / (2 * (m + 1))))) @ modes * (0.8 * b / (s * m))
     load = 1.8 * np.sin(2 * np.pi * k / (m + 1)) + 0.75 + 0.45 * random.standard_normal(m)
-    scaled = FrictionLaw(shape.name, shape.kinks * s, shape.p * b, shape.q * b / s, shape.a * b, shape.r / s)
-    return ContactProblem(A_tilde, b * c * load, c, scaled)
+    return ContactProblem(A_tilde, b * c * load, c, shape.scaled(1.0 / s, 1.0 / b))
 
 
 @pytest.mark.parametrize("name", LAWS)

@@ -82,4 +82,4 @@ def test_other_units() -> None:
     s_unit, b_unit = 2.0**-30, 2.0**30
     other, scaled = proximal_hull(law.scaled(s_unit, b_unit), 6.0 * s_unit / b_unit)
     assert scaled * s_unit == pytest.approx(bridges, rel=1e-12)
-    assert other.p * b_unit == pytest.approx(hull.p, rel=1e-12)
+    assert other.b_0 * b_unit == pytest.approx(hull.b_0, rel=1e-12)

@@ -26,7 +26,7 @@ class LawGraph:
     low, high:    bounds of the moving coordinate (s [m] on a segment, ξ/c [Pa] on a vertical side)
     sense:        sign of the moving coordinate's change along the line: +1, on the side of a down-jump −1
     after_low, after_high: code of the piece that follows at either bound (−1 where the bound is infinite)
-    slope, start: b = start + slope·s on a segment; 0 and 0 on a vertical side [Pa/m, Pa]
+    slope, anchor, start: b = start + slope·(s − anchor) on a segment; 0 on a vertical side [Pa/m, m, Pa]
     kink:         s of a vertical side, 0 on a segment [m]
     """
 
@@ -37,12 +37,17 @@ class LawGraph:
     after_low: Codes
     after_high: Codes
     slope: Array
+    anchor: Array
     start: Array
     kink: Array
 
     def traction(self, codes: Codes, s: Array, side: Array) -> Array:
         """ξ/c: the segment's b(s) where a node is free, the given value on a vertical side."""
-        return np.where(self.free[codes], self.start[codes] + self.slope[codes] * s, side)
+        return np.where(self.free[codes], self.on_segment(codes, s), side)
+
+    def on_segment(self, codes: Codes, s: Array) -> Array:
+        """b(s) of the named segments [Pa]."""
+        return np.asarray(self.start[codes] + self.slope[codes] * (s - self.anchor[codes]))
 
 
 def law_graph(law: FrictionLaw) -> LawGraph:
@@ -55,8 +60,9 @@ def law_graph(law: FrictionLaw) -> LawGraph:
     codes = np.arange(2 * count + 1)
     free = codes % 2 == 0
     ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
-    low, high, slope, start, kink = (np.zeros(len(codes)) for _ in range(5))
-    low[0::2], high[0::2], slope[0::2], start[0::2] = ends[:-1], ends[1:], law.q, law.p
+    low, high, slope, anchor, start, kink = (np.zeros(len(codes)) for _ in range(6))
+    low[0::2], high[0::2] = ends[:-1], ends[1:]
+    slope[0::2], anchor[0::2], start[0::2] = law.q, law.s_0, law.b_0
     low[1::2] = np.minimum(law.b_left, law.b_right)
     high[1::2] = np.maximum(law.b_left, law.b_right)
     kink[1::2] = law.kinks
@@ -76,6 +82,7 @@ def law_graph(law: FrictionLaw) -> LawGraph:
         np.where(falls, after, before),
         np.where(falls, before, after),
         slope,
+        anchor,
         start,
         kink,
     )

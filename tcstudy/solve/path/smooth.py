@@ -34,33 +34,33 @@ def piecewise_linear(law: FrictionLaw, tolerance: float, s_max: float) -> Fricti
     allowed = tolerance * law.b_scale
     ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
     kinks: list[float] = []
-    p: list[float] = []
-    q: list[float] = []
-    for k in range(len(law.p)):
+    pieces: list[tuple[float, float, float]] = []
+    for k in range(len(law.q)):
         nodes = _nodes(law, k, float(ends[k]), float(ends[k + 1]), s_max, allowed)
-        starts, slopes = _chords(law, k, nodes)
-        kinks += [*nodes[1:-1], *([nodes[-1]] if k + 1 < len(law.p) else [])]
-        p += starts
-        q += slopes
-    zero = np.zeros(len(p))
-    result = FrictionLaw(f"{law.name}, piecewise linear", np.array(kinks), np.array(p), np.array(q), zero, zero)
+        kinks += [*nodes[1:-1], *([nodes[-1]] if k + 1 < len(law.q) else [])]
+        pieces += _chords(law, k, nodes)
+    s_0, b_0, q = (np.array(column) for column in zip(*pieces, strict=True))
+    zero = np.zeros(len(q))
+    result = FrictionLaw(f"{law.name}, piecewise linear", np.array(kinks), s_0, b_0, q, zero, zero)
     result.check_growth()
     return result
 
 
 def _nodes(law: FrictionLaw, k: int, left: float, right: float, s_max: float, allowed: float) -> list[float]:
     """Ends of the chords of piece k, its own ends included (±∞ where it has none)."""
-    a, r = abs(float(law.a[k])), float(law.r[k])
+    a, r, anchor = abs(float(law.a[k])), float(law.r[k]), float(law.s_0[k])
     if a == 0.0 or r == 0.0:
         return [left, right]
     if r < 0.0:  # the mirror image, so that an odd law stays odd to the bit
-        return [-s for s in _decaying(a, -r, -right, -left, s_max, allowed)[::-1]]
-    return _decaying(a, r, left, right, s_max, allowed)
+        return [-s for s in _decaying(a, -r, -anchor, -right, -left, s_max, allowed)[::-1]]
+    return _decaying(a, r, anchor, left, right, s_max, allowed)
 
 
-def _decaying(a: float, r: float, left: float, right: float, s_max: float, allowed: float) -> list[float]:
-    """Nodes for a exp(−r s), a, r > 0, between left and right."""
-    faded = np.log(a / allowed) / r  # beyond it less than `allowed` is left
+def _decaying(
+    a: float, r: float, anchor: float, left: float, right: float, s_max: float, allowed: float
+) -> list[float]:
+    """Nodes for a exp(−r (s − anchor)), a, r > 0, between left and right."""
+    faded = anchor + np.log(a / allowed) / r  # beyond it less than `allowed` is left
     first, last = max(left, -s_max), min(right, s_max)
     if not np.isfinite(right):
         last = min(last, max(faded, first))
@@ -69,7 +69,7 @@ def _decaying(a: float, r: float, left: float, right: float, s_max: float, allow
 
     # √(b″/(8·allowed)) integrated from s to the end; a cell of length 1 in this measure has half its bound each side
     def measure(s: float) -> float:
-        return float(np.sqrt(a / (8.0 * allowed)) * np.exp(-0.5 * r * s))
+        return float(np.sqrt(a / (8.0 * allowed)) * np.exp(-0.5 * r * (s - anchor)))
 
     total = measure(first) - measure(last)
     cells = max(1, int(np.ceil(total)))
@@ -77,9 +77,9 @@ def _decaying(a: float, r: float, left: float, right: float, s_max: float, allow
         if cells > MAX_CELLS:
             raise ValueError(f"more than {MAX_CELLS} chords are needed; the tolerance is too small")
         levels = measure(first) - total * np.arange(1, cells) / cells
-        inner = -2.0 / r * np.log(levels / np.sqrt(a / (8.0 * allowed)))
+        inner = anchor - 2.0 / r * np.log(levels / np.sqrt(a / (8.0 * allowed)))
         nodes = np.concatenate([[first], inner, [last]])
-        if np.max(_chord_errors(a, r, nodes)) <= allowed:
+        if np.max(_chord_errors(a, r, nodes - anchor)) <= allowed:
             break
         cells += 1 + cells // 20
     outer = [left] if left < first else []
@@ -87,23 +87,23 @@ def _decaying(a: float, r: float, left: float, right: float, s_max: float, allow
 
 
 def _chord_errors(a: float, r: float, nodes: Array) -> Array:
-    """Largest distance of a exp(−rs) from each chord: h²/8 · max|b″| over the cell."""
+    """Largest distance of a exp(−r s) from each chord: h²/8 · max|b″| over the cell."""
     return np.asarray(a * r * r * np.exp(-r * nodes[:-1]) * np.diff(nodes) ** 2 / 8.0)
 
 
-def _chords(law: FrictionLaw, k: int, nodes: list[float]) -> tuple[list[float], list[float]]:
-    """(start, slope) of the lines between consecutive nodes; beyond the first and last finite node the linear part."""
-    p, q, a, r = (float(x[k]) for x in (law.p, law.q, law.a, law.r))
-    starts, slopes = [], []
+def _chords(law: FrictionLaw, k: int, nodes: list[float]) -> list[tuple[float, float, float]]:
+    """(anchor, value there, slope) of the lines between consecutive nodes, each hung on its end nearer to s = 0.
 
-    def part(s: float) -> float:
-        return a * float(np.exp(-r * s))
-
+    Beyond the first and last finite node it is the linear part that goes on.
+    """
+    q, a = float(law.q[k]), float(law.a[k])
+    chords = []
     for x, y in pairwise(nodes):
-        outside = not (np.isfinite(x) and np.isfinite(y))
-        anchor = x if np.isfinite(x) else y
-        slope = 0.0 if outside or a == 0.0 else (part(y) - part(x)) / (y - x)
-        offset = part(anchor) - slope * anchor if a != 0.0 and np.isfinite(anchor) else a
-        starts.append(p + offset)
-        slopes.append(q + slope)
-    return starts, slopes
+        inner = bool(np.isfinite(x) and np.isfinite(y))
+        anchor = (x if abs(x) <= abs(y) else y) if inner else x if np.isfinite(x) else y
+        if a == 0.0 or not np.isfinite(anchor):
+            chords.append((float(law.s_0[k]), float(law.b_0[k]) + a, q))
+            continue
+        slope = float((law.value(y, k) - law.value(x, k)) / (y - x)) if inner else q
+        chords.append((anchor, float(law.value(anchor, k)), slope))
+    return chords

@@ -112,7 +112,7 @@ def place(walk: Walk, nodes: Index, codes: Codes) -> None:
     was_free, free = graph.free[old], graph.free[codes]
     kink = np.where(was_free, np.where(free, walk.x[nodes], graph.kink[codes]), graph.kink[old])
     # Onto a vertical side: the traction it begins with is that of the segment the node comes from.
-    force = walk.units.weight[nodes] * (graph.start[old] + graph.slope[old] * kink)
+    force = walk.units.weight[nodes] * graph.on_segment(old, kink)
     walk.x[nodes] = np.where(free, kink, force)
     walk.codes[nodes] = codes
     walk.set_bounds(nodes)

@@ -33,7 +33,8 @@ def all_solutions(problem: ParametricProblem, t: float) -> list[tuple[Array, boo
         v = np.array([0.0 if f else law.kinks[i] for f, i in zip(free, k, strict=True)])
         H = A[np.ix_(free, free)] + np.diag(c[free] * law.q[k[free]])
         if free.any():
-            rhs = problem.load(t)[free] - c[free] * law.p[k[free]] - A[np.ix_(free, ~free)] @ v[~free]
+            at_0 = law.b_0[k[free]] - law.q[k[free]] * law.s_0[k[free]]
+            rhs = problem.load(t)[free] - c[free] * at_0 - A[np.ix_(free, ~free)] @ v[~free]
             v[free] = np.linalg.solve(H, rhs)
         traction = (problem.load(t) - A @ v) / c
         holds = [
