@@ -349,3 +349,13 @@ def test_another_matrix_takes_over_the_order_of_elimination():
         fewer[np.flatnonzero(free)[0]] = False
     with pytest.raises(ValueError, match="other kept or eliminated"):
         condense(other, points, keep, fewer, components, plan=first.plan)
+
+
+def test_a_plan_is_refused_for_a_matrix_of_another_pattern():
+    """Same unknowns, one more pair of entries: the layout would put numbers in the wrong places."""
+    A, points, keep, free, components = rolled_plate(MESHES["structured"])
+    plan = on((A, points, keep, free, components)).plan
+    i, j = np.flatnonzero(free)[[0, -1]]
+    more = sp.csr_matrix(A + sp.csr_matrix(([1e-3, 1e-3], ([i, j], [j, i])), shape=A.shape))
+    with pytest.raises(ValueError, match="another pattern"):
+        condense(more, points, keep, free, components, plan=plan)

@@ -1,0 +1,50 @@
+"""The order of elimination: stable sorting, and separators that are minimum vertex covers (König)."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from tcstudy.condense.ordering import _separators, along, nested_dissection, node_graph
+from tests.condense.meshes import heat, plate
+
+
+def test_along_is_the_stable_order():
+    values = np.random.default_rng(0).integers(0, 7, 200) * 0.1
+    assert np.array_equal(along(values), np.argsort(values, kind="stable"))
+    assert len(along(np.empty(0))) == 0
+
+
+def covers(chosen: set[int], edges: list[tuple[int, int]]) -> bool:
+    return all(a in chosen or b in chosen for a, b in edges)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_a_separator_has_the_fewest_nodes_that_cut_all_edges(seed):
+    rng = np.random.default_rng(seed)
+    n = 9
+    left = np.zeros(n, dtype=bool)
+    left[rng.permutation(n)[: n // 2]] = True
+    pairs = [(a, b) for a in range(n) for b in range(n) if a != b and rng.random() < 0.2]
+    pairs = sorted({*pairs, *((b, a) for a, b in pairs)}) or [(0, 1), (1, 0)]
+    i, j = (np.array(side, dtype=np.int32) for side in zip(*pairs, strict=True))
+    between = [(a, b) for a, b in pairs if left[a] != left[b]]
+    found = set(np.flatnonzero(_separators(left, i, j)).tolist())
+    least = next(k for k in range(n + 1) if any(covers(set(c), between) for c in combinations(range(n), k)))
+    assert covers(found, between)
+    assert len(found) == least
+
+
+def test_no_edge_joins_two_parts_of_a_dissection():
+    mesh = plate(20, hole=True, seed=3)
+    active = mesh.points[:, 0] > 0
+    i, j = node_graph(heat(mesh), len(mesh.points), active)
+    orders = [along(mesh.points[:, axis]) for axis in (0, 1)]
+    label = nested_dissection(mesh.points, orders, i, j, active, leaf=8)
+    assert np.array_equal(label > 0, active)
+    low, high = np.minimum(label[i], label[j]), np.maximum(label[i], label[j])
+    while np.any(high > low):  # the lower label must be an ancestor of the higher one
+        high = np.where(high > low, high >> 1, high)
+    assert np.array_equal(high, low)
