@@ -24,6 +24,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.solve.acceptance import Acceptance
 from tcstudy.solve.path.base import SingularCellError
 from tcstudy.solve.path.problem import ParametricProblem
 from tcstudy.solve.path.record import Path, PathEnd, PathStatus, Recorder, joined
@@ -43,7 +44,8 @@ class Follower:
 
     t_min, t_max: the path ends where t leaves this range
     max_pieces:   pieces on either side of the start
-    tolerance:    largest residual |l̃ − Ãu − ξ|/c relative to the scale of b accepted at any vertex
+    tolerance:    largest residual |l̃ − Ãu − ξ|/c relative to the scale of b accepted at any vertex, then strict; None
+                  for the default of solve/acceptance.py
     stable_only:  end where the branch stops being stable
     check_every:  vertices whose residuals are checked together
     """
@@ -51,9 +53,14 @@ class Follower:
     t_min: float = -np.inf
     t_max: float = np.inf
     max_pieces: int = 20_000
-    tolerance: float = 1e-11
+    tolerance: float | None = None
     stable_only: bool = False
     check_every: int = 32
+
+    @property
+    def acceptance(self) -> Acceptance:
+        """The test that every vertex passes."""
+        return Acceptance(self.tolerance)
 
     def follow(
         self,

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.solve.loop import iterate
+from tcstudy.solve.outcome import Outcome
 from tcstudy.solve.path.follow import Follower, ParametricProblem, Path, PathStatus
 from tcstudy.solve.separable_newton import SeparableNewton
 
@@ -145,7 +146,7 @@ class _Cycle:
         t = float(branch.t[-1])
         beyond = t + (1.0 if rising else -1.0) * BEYOND * (self.t_up - self.t_down)
         outcome = iterate(self.newton, self.problem.at(beyond), self._over(branch, rising))
-        if not outcome.converged:
+        if not self._solved(beyond, outcome):
             self.reason = f"no solution was found beyond the fold at t = {t:g}: {outcome.reason}"
             return None
         back = self._branch(outcome.x, beyond, t, not rising)
@@ -153,6 +154,12 @@ class _Cycle:
             self.reason = f"the solution beyond the fold at t = {t:g} does not reach back to it: {back.end.reason}"
             return None
         return np.asarray(back.u[-1])
+
+    def _solved(self, t: float, outcome: Outcome) -> bool:
+        """Whether a descent has ended in a solution, as exact as rounding lets it be."""
+        problem = self.problem.at(t)
+        residual = problem.inclusion_residual(outcome.x, xi=problem.xi_extended(outcome.x))
+        return outcome.converged or self.follower.acceptance.accepts(residual, problem.xi_rounding(outcome.x))
 
     def _over(self, branch: Path, rising: bool) -> Array:
         """The next vertex of the full path behind the end of a stable branch."""

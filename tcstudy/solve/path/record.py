@@ -166,6 +166,10 @@ class Recorder:
         self.u.append(u)
         self.traction.append(traction)
 
+    def replace_last(self, t: float, u: Array, traction: Array) -> None:
+        """The last vertex, known better."""
+        self.t[-1], self.u[-1], self.traction[-1] = t, u, traction
+
     def changed(self, nodes: Index, before: Codes, after: Codes) -> None:
         """Codes that change at the last vertex."""
         moved = before != after

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.solve.acceptance import Acceptance
 from tcstudy.solve.path.base import SingularCellError
 from tcstudy.solve.path.problem import ParametricProblem
 from tcstudy.solve.path.record import PathEnd, PathStatus, Recorder
@@ -21,6 +22,9 @@ Array = NDArray[np.float64]
 BLURRED = 3e-14
 """Relative error of a direction above which the matrix is factored anew."""
 
+AIM = 0.1
+"""Part of the tolerance that is worked for with fresh factorisations, as far as rounding lets it be reached."""
+
 
 class Limits(Protocol):
     """What a run needs to know of the options of path.Follower."""
@@ -32,7 +36,7 @@ class Limits(Protocol):
     @property
     def max_pieces(self) -> int: ...
     @property
-    def tolerance(self) -> float: ...
+    def acceptance(self) -> Acceptance: ...
     @property
     def stable_only(self) -> bool: ...
     @property
@@ -70,6 +74,7 @@ class Run:
         self.home, self.start_x, self.start_t = _key(ray.codes), ray.x.copy(), t
         self.seen.setdefault(self.home, 0)
         self.checked, self.every, self.returned = 0, options.check_every, -1
+        self.reached = 0.0
         self._store()
 
     def _store(self) -> None:
@@ -120,6 +125,8 @@ class Run:
         except SingularCellError:
             return PathStatus.SINGULAR
         record.changed(at, before[at], walk.codes[at])
+        if len(at) > 1:
+            self._settle()
         return self._entered()
 
     def _last_step(self, step: float) -> tuple[float, PathStatus] | None:
@@ -169,12 +176,14 @@ class Run:
         defect = load - np.array(record.u[first:]) @ p.A_tilde - p.c * np.array(record.traction[first:])
         residual = np.max(np.abs(defect) / p.c, axis=1) / self.units.traction
         record.residual.extend(float(r) for r in residual)
-        worst = float(np.max(residual, initial=0.0))
-        if worst <= self.options.tolerance:
-            if worst > 0.01 * self.options.tolerance:
+        worst, noise = float(np.max(residual)), self._noise(first + int(np.argmax(residual)))
+        limit = self.options.acceptance.limit(noise)
+        good = min(limit, max(AIM * self.options.acceptance.aim, 0.5 * noise, self.reached))
+        if worst <= good or (worst <= limit and self.returned == self.mark.count):
+            self.reached = 0.0 if worst <= good else 2.0 * worst
+            if worst > 0.01 * good:
                 self._steady()
-            often = worst > 0.1 * self.options.tolerance
-            self.every = max(1, self.every // 2) if often else min(2 * self.every, self.options.check_every)
+            self.every = max(1, self.every // 2) if worst > 0.1 * good else min(2 * self.every, self.options.check_every)
             self._mark()
             return True
         if self.returned == self.mark.count:
@@ -185,6 +194,29 @@ class Run:
         self.walk.tie = max(1e-2 * self.walk.tie, 1e-14)  # it may have been no tie
         self.every = 1
         return False
+
+    def _noise(self, vertex: int) -> float:
+        """What rounding allows of the residual at a vertex."""
+        return self.problem.at(self.record.t[vertex]).xi_rounding(self.record.u[vertex])
+
+    def _settle(self) -> None:
+        """Balance the point again after tied nodes were put on their bounds, and store it as the vertex.
+
+        A node that only bends there may move off its bound by rounding; one at a jump stays on it.
+        """
+        walk, graph = self.walk, self.walk.graph
+        lead = int(np.argmax(np.abs(walk.dx)))
+        on_low, on_high = walk.x == walk.low, walk.x == walk.high
+        beyond = np.where(on_low, graph.after_low[walk.codes], graph.after_high[walk.codes])
+        keep = (on_low | on_high) & ~(graph.free[walk.codes] & graph.free[beyond])
+        held = int(np.argmax(np.where(keep, np.abs(walk.dx), 0.0))) if np.any(keep) else lead
+        x = walk.x.copy()
+        try:
+            walk.refine(held)
+        except SingularCellError:
+            return  # the check of the residuals judges the point as it is
+        walk.x = np.where(keep, x, walk.x)
+        self.record.replace_last(walk.t, walk.u, walk.traction(walk.u))
 
     def _steady(self) -> None:
         """Correct the present point and its direction; with a fresh factorisation where the old one no longer helps."""

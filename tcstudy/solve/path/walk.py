@@ -22,7 +22,11 @@ Codes = NDArray[np.int32]
 Index = NDArray[np.intp]
 
 TIE = 1e-12
-"""Nodes this close to their bound, relative to slip and traction there, reach it together with the first one."""
+"""Nodes this close to their bound, relative to slip and traction there, reach it together with the first one, or as
+close as rounding of the problem lets their place be known (Units.blur)."""
+
+LARGEST_TIE = 1e-9
+"""Whatever rounding is, nodes farther from their bound have not reached it."""
 
 STILL = 1e-14
 """Speeds below this part of the largest one are rounding, and zero."""
@@ -39,6 +43,7 @@ class Units:
     weight:    c divided by it, (m,)
     traction:  scale of b [Pa]
     slip:      (m,) slip that changes a node's own traction by the scale of b [m]
+    blur:      rounding of a displacement relative to the largest one, about: ε √m times a condition number of Ã
     """
 
     stiffness: float
@@ -49,6 +54,7 @@ class Units:
     weight: Array
     traction: float
     slip: Array
+    blur: float
 
 
 def units_of(problem: ParametricProblem, t: float) -> Units:
@@ -77,6 +83,7 @@ def units_of(problem: ParametricProblem, t: float) -> Units:
         problem.c / stiffness,
         traction,
         slip,
+        float(np.sqrt(problem.m) * np.finfo(float).eps * compliance * np.linalg.norm(A, np.inf)),
     )
 
 
@@ -92,7 +99,7 @@ class Walk:
         self.problem, self.units = problem, units
         self.graph: LawGraph = law_graph(problem.law)
         self.codes, self.x, self.t = codes.copy(), x.copy(), t
-        self.tie = TIE
+        self.tie = max(TIE, min(4.0 * units.blur, LARGEST_TIE))
         free = self.graph.free[codes]
         self.tableau = Tableau(units.A, units.load, units.compliance, free, self.stiffness(codes, slice(None)))
         self.negatives = self.tableau.negatives()
