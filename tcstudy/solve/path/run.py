@@ -183,7 +183,9 @@ class Run:
             self.reached = 0.0 if worst <= good else 2.0 * worst
             if worst > 0.01 * good:
                 self._steady()
-            self.every = max(1, self.every // 2) if worst > 0.1 * good else min(2 * self.every, self.options.check_every)
+            self.every = (
+                max(1, self.every // 2) if worst > 0.1 * good else min(2 * self.every, self.options.check_every)
+            )
             self._mark()
             return True
         if self.returned == self.mark.count:
