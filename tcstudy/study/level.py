@@ -3,61 +3,31 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import NamedTuple
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense.symbolic import EliminationPlan
-from tcstudy.fem.boundary import Frames, constrain, values_at
+from tcstudy.fem.boundary import Frames, constrain
 from tcstudy.fem.contact_line import contact_line
 from tcstudy.fem.elasticity import ElasticForms
 from tcstudy.fem.gradients import GradientProducts
 from tcstudy.fem.heat import HeatForms
 from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.scene.expressions import Expression
 from tcstudy.scene.records import Clamped, Contact, Convection, Material, Role, Scene
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.study.cache import Recent
 from tcstudy.study.elastic import PRESCRIBED, Elastic, Load
 from tcstudy.study.heat_families import Column
-from tcstudy.study.loads import Term, mechanical_terms, split, traction_of
-from tcstudy.study.thermal import BATCH, Conduction, Part
+from tcstudy.study.loads import Term, mechanical_terms, traction_of
+from tcstudy.study.temperature import UNIFORM, Temperature, Temperatures
+from tcstudy.study.thermal import BATCH
 
 Array = NDArray[np.float64]
-Field = Expression | Column
-"""A temperature field on the body: given, or a column of a heat problem."""
-
-UNIFORM = ("uniform",)
-"""Key of the load that a uniform temperature makes."""
 MEMORY = 512e6
 """Bytes of basis loads, and again of temperatures, that a level keeps for reuse."""
-
-
-@dataclass(frozen=True)
-class Temperature:
-    """θ of one scene: its mean [K], and the defect of α∫(θ−θ̄) = ∫q relative to the heat that moves (NaN if unused)."""
-
-    mean: float
-    heat_balance: float
-    _nodal: Callable[[], Array] = field(repr=False)
-
-    @cached_property
-    def theta(self) -> Array:
-        """Nodal values (n,) [K], computed when asked for."""
-        return self._nodal()
-
-
-class _ThetaPart(NamedTuple):
-    """One part of θ: a uniform temperature, (field, factor) on top; heat out through Γ_θ, heat moved [W/m]."""
-
-    constant: float
-    fields: list[tuple[Field, float]]
-    heat_out: float = 0.0
-    through: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -73,6 +43,29 @@ class Condensed:
     problem: ContactProblem
     constant: float
     terms: tuple[Term, ...]
+    time: float
+
+
+@dataclass(frozen=True)
+class CondensedBlock:
+    """P scenes on one level whose bodies differ in μ only: plain arrays, nothing of the mesh.
+
+    A_tilde:  (m, m) for μ = 1; the scenes have mu·A_tilde [1]
+    c:        (m,) [m];  lambda_1: of A_tilde [1/m]
+    mu:       (P,) shear moduli [Pa];  l_tilde: (P, m) condensed loads [N/m]
+    constant: (P,) what the total potential energies have beside L̃(u₁) [J/m]
+    theta_mean, heat_balance: (P,) as in `Temperature`; NaN where temperature does not load the body
+    time:     wall time spent on factorisation and loads [s]
+    """
+
+    A_tilde: Array
+    c: Array
+    lambda_1: float
+    mu: Array
+    l_tilde: Array
+    constant: Array
+    theta_mean: Array
+    heat_balance: Array
     time: float
 
 
@@ -111,13 +104,11 @@ class Level:
         gradients = GradientProducts(mesh)
         self.elastic = ElasticForms(gradients)
         self.heat = HeatForms(gradients, scene.edges(Convection))
-        heated = [s for s in scenes if s.material.beta != 0.0] if scene.edges(Convection) else []
-        self.conduction = Conduction(self.heat, ((s.heat, s.material.k) for s in heated), MEMORY)
+        self.temperatures = Temperatures(self.heat, mesh.points, scenes, MEMORY)
         self._groups = _groups(scenes)
         self._frames: dict[Hashable, Frames] = {}
         self._plan: EliminationPlan | None = None
         self._bodies: Recent[Elastic] = Recent(1, lambda _: 1)  # one factor at a time: they are large
-        self._known: Recent[Array] = Recent(MEMORY, lambda theta: theta.nbytes)
         self.frames = self._frames_of(scene.boundary)
         self.line = contact_line(mesh, self.frames, scene.edges(Contact))
         gradients.assemble()
@@ -131,65 +122,11 @@ class Level:
             self._frames[key] = constrain(self.mesh, key)
         return self._frames[key]
 
-    # -- temperature -------------------------------------------------------------------------------
-
-    def _theta_parts(self, scene: Scene) -> list[_ThetaPart]:
-        """All parts of θ; nothing is solved for what is constant or unused."""
-        heat = scene.heat
-        if heat.theta is not None:
-            given = heat.theta
-            return [_ThetaPart(0.0, [(given, 1.0)]) if isinstance(given, Expression) else _ThetaPart(float(given), [])]
-        if not scene.edges(Convection):
-            return []
-        k = scene.material.k
-        parts: list[tuple[Part, float]] = []
-        if isinstance(heat.theta_bar, Expression) or heat.theta_bar != 0.0:
-            parts.append((self.conduction.surroundings(heat.theta_bar, heat.alpha, k or 1.0), 1.0))
-        shape, factor = split(heat.q)
-        if factor != 0.0:
-            assert k is not None
-            parts.append((self.conduction.source(shape, heat.omega, heat.alpha, k), factor))
-        return [
-            _ThetaPart(f * p.constant, [(c, f * w) for c, w in p.columns], f * p.heat_out, abs(f) * p.through)
-            for p, f in parts
-        ]
-
-    def _field(self, name: Field) -> Array:
-        """Nodal values (n,) of a field."""
-        if isinstance(name, Column):
-            return self.conduction.field(name)
-        return self._known.get(name, lambda: values_at(name, self.mesh.points))
-
-    def _mean(self, name: Field) -> float:
-        """Mean of a field over the body."""
-        if isinstance(name, Column):
-            return self.conduction.mean(name)
-        area = self.heat.nodal_area
-        return float(area @ self._field(name)) / float(area.sum())
+    # -- the condensed problem ---------------------------------------------------------------------
 
     def temperature(self, scene: Scene) -> Temperature:
         """θ of a scene with its mean and heat balance; zero where the scene has no heat."""
-        parts = self._theta_parts(scene)
-        constant = sum(part.constant for part in parts)
-        fields = [item for part in parts for item in part.fields]
-
-        def nodal() -> Array:
-            theta = np.full(self.mesh.n_points, constant)
-            for name, factor in fields:
-                theta += factor * self._field(name)
-            return theta
-
-        mean = constant + sum(factor * self._mean(name) for name, factor in fields)
-        balance = float("nan")
-        shape, factor = split(scene.heat.q)
-        if scene.heat.theta is None and scene.edges(Convection) and factor != 0.0:
-            # relative to all heat that moves, because sources and sinks may cancel, and little q pass much heat by
-            defect = sum(part.heat_out for part in parts) - factor * self.conduction.heat_in(shape, scene.heat.omega)
-            through = sum(part.through for part in parts)
-            balance = abs(defect) / through if through else 0.0
-        return Temperature(mean, balance, nodal)
-
-    # -- the condensed problem ---------------------------------------------------------------------
+        return self.temperatures.of(scene)
 
     def condensed(self, scene: Scene) -> Condensed:
         """Ã, l̃ and c of a scene, eq. (20); factors and basis loads are reused by value.
@@ -197,9 +134,16 @@ class Level:
         Raises NotPositiveDefinite if the body is not held or the material is not elastic.
         """
         start = time.perf_counter()
+        l_tilde, constant, terms = self._condensed_load(scene)
+        body, mu = self._body(scene, self._frames_of(scene.boundary))
+        problem = ContactProblem(body.A_tilde(mu), l_tilde, self.line.c, scene.friction)
+        return Condensed(problem, constant, terms, time.perf_counter() - start)
+
+    def _condensed_load(self, scene: Scene) -> tuple[Array, float, tuple[Term, ...]]:
+        """l̃ (m,) [N/m], what the energy has beside L̃ [J/m], and the basis terms of the load."""
         frames = self._frames_of(scene.boundary)
         # heat first: its factor may go before the elastic one comes
-        terms = (*mechanical_terms(scene.f, scene.boundary), *self._thermal_terms(scene))
+        terms = (*mechanical_terms(scene.f, scene.boundary), *self.temperatures.terms(scene))
         body, mu = self._body(scene, frames)
         loads = len(terms)
         if np.any(frames.values):
@@ -207,8 +151,48 @@ class Level:
         span = body.span(tuple(term.key for term in terms), self._load(body, frames))
         coefficients = np.array([term.coefficient for term in terms])
         constant = body.energy_constant(mu, span, coefficients, loads, frames.values)
-        problem = ContactProblem(body.A_tilde(mu), span.l_tilde @ coefficients, self.line.c, scene.friction)
-        return Condensed(problem, constant, terms, time.perf_counter() - start)
+        return span.l_tilde @ coefficients, constant, terms
+
+    def block(self, scenes: Sequence[Scene]) -> CondensedBlock:
+        """The condensed problems of scenes that share λ/μ (see `ratio`), each distinct load once.
+
+        A scene's numbers do not depend on the other scenes of its block, to the bit.
+        Raises as `condensed`; ValueError for scenes of different ratios.
+        """
+        start = time.perf_counter()
+        if len({self.ratio(scene) for scene in scenes}) > 1:
+            raise ValueError("the scenes of a block differ in λ/μ")
+        which: dict[Hashable, int] = {}
+        of = [which.setdefault((s.f, s.boundary, s.heat, s.material), len(which)) for s in scenes]
+        first = np.unique(of, return_index=True)[1]
+        loads = [self._loads(scenes[i]) for i in first]
+        body, _ = self._body(scenes[0], self._frames_of(scenes[0].boundary))
+        l_tilde, constant, mean, balance = (np.array(column) for column in zip(*loads, strict=True))
+        mu = np.array([scene.material.mu for scene in scenes])
+        return CondensedBlock(
+            A_tilde=body.A_tilde(1.0),
+            c=self.line.c,
+            lambda_1=body.lambda_1,
+            mu=mu,
+            l_tilde=l_tilde[of],
+            constant=constant[of],
+            theta_mean=mean[of],
+            heat_balance=balance[of],
+            time=time.perf_counter() - start,
+        )
+
+    def _loads(self, scene: Scene) -> tuple[Array, float, float, float]:
+        """l̃, the energy's constant, mean of θ and heat balance of a scene."""
+        l_tilde, constant, _ = self._condensed_load(scene)
+        if scene.material.beta == 0.0:
+            return l_tilde, constant, float("nan"), float("nan")
+        theta = self.temperature(scene)
+        return l_tilde, constant, theta.mean, theta.heat_balance
+
+    @staticmethod
+    def ratio(scene: Scene) -> float:
+        """λ/μ to 15 digits: scenes that share it share a factor."""
+        return _ratio_and_scale(scene.material)[0]
 
     def lambda_1(self, scene: Scene) -> float:
         """λ₁ of the body on this mesh (method §5) [Pa/m], once per λ/μ."""
@@ -235,7 +219,7 @@ class Level:
     def load(self, scene: Scene) -> Array:
         """l_θ in x and y (2n,) [N/m]: mechanical and thermal loads, without prescribed displacements."""
         total = np.zeros(2 * self.mesh.n_points)
-        for term in (*mechanical_terms(scene.f, scene.boundary), *self._thermal_terms(scene)):
+        for term in (*mechanical_terms(scene.f, scene.boundary), *self.temperatures.terms(scene)):
             total += term.coefficient * self._basis_load(term.key)
         return total
 
@@ -250,19 +234,6 @@ class Level:
             self._bodies.put(ratio, body)
         return body, mu
 
-    def _thermal_terms(self, scene: Scene) -> list[Term]:
-        """β∫θ tr ε(v): the uniform part through one vector, the rest through one for each temperature field."""
-        beta = scene.material.beta
-        if beta == 0.0:
-            return []
-        self.conduction.prepare()
-        parts = self._theta_parts(scene)
-        terms = [Term(("theta", name), beta * factor) for part in parts for name, factor in part.fields]
-        uniform = sum(part.constant for part in parts)
-        if uniform != 0.0:
-            terms.append(Term(UNIFORM, beta * uniform))
-        return terms
-
     def _load(self, body: Elastic, frames: Frames) -> Load:
         """How the basis loads of a body are made."""
 
@@ -275,7 +246,7 @@ class Level:
         def together(key: Hashable) -> list[Hashable]:
             assert isinstance(key, tuple)
             if key[0] == "theta" and isinstance(key[1], Column):
-                return [("theta", column) for column in self.conduction.together(key[1])]
+                return [("theta", column) for column in self.temperatures.conduction.together(key[1])]
             group = self._groups.get(key)
             return group if group is not None else [key]
 
@@ -290,5 +261,5 @@ class Level:
         if key == UNIFORM:
             return self.elastic.thermal_load(np.ones(self.mesh.n_points))
         if kind == "theta":
-            return self.elastic.thermal_load(self._field(key[1]))
+            return self.elastic.thermal_load(self.temperatures.field(key[1]))
         return self.elastic.traction(key[1], traction_of(kind, key[2]))

@@ -14,7 +14,8 @@ from tcstudy.solve.certificates import Certificate
 from tcstudy.solve.contact import Answer
 from tcstudy.solve.outcome import Status
 from tcstudy.solve.problem import ContactProblem
-from tcstudy.study.level import Condensed, Temperature
+from tcstudy.study.level import Condensed
+from tcstudy.study.temperature import Temperature
 
 Array = NDArray[np.float64]
 Numbers = dict[str, float | tuple[float, ...]]

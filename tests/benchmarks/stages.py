@@ -108,7 +108,9 @@ def _stages(level: Level, scene: Scene, clock: Clock) -> Iterator[float]:
     least_eigenvalue(body.A_tilde(mu), level.line.c)
     lowest = clock()
     yield elastic - lowest
-    level.conduction.heat_in(1.0, scene.heat.omega)  # the heat factor, its spectrum and the condensed source
+    level.temperatures.conduction.heat_in(
+        1.0, scene.heat.omega
+    )  # the heat factor, its spectrum and the condensed source
     yield clock()
     condensed = level.condensed(scene)
     yield clock()
