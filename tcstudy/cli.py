@@ -125,6 +125,12 @@ def _parser() -> argparse.ArgumentParser:
     _response_argument(draw)
     _error_argument(draw)
     draw.set_defaults(command=do.draw)
+    report = commands.add_parser("report", help="make one HTML page of a result file, for any browser, offline")
+    report.add_argument("file", type=Path, metavar="FILE.nc")
+    report.add_argument("-o", "--output", type=_file, metavar="PAGE", help="the page (default: FILE.html)")
+    what = "leave out what makes a page large: levels, live, body or lines (may be repeated)"
+    report.add_argument("--without", action="append", default=[], metavar="PART", help=what)
+    report.set_defaults(command=do.report)
     parser.add_argument("--version", action="version", version=f"tcstudy {_version()}")
     return parser
 

@@ -229,6 +229,21 @@ def draw(options: argparse.Namespace) -> int:
     return OK
 
 
+def report(options: argparse.Namespace) -> int:
+    from tcstudy.data.files import StoreError
+    from tcstudy.report.page import LEAVE_OUT, PageError, write_page
+
+    unknown = [part for part in options.without if part not in LEAVE_OUT]
+    if unknown:
+        fail(f"--without: there is no part {unknown[0]!r}; choose of {', '.join(LEAVE_OUT)}")
+    target = options.output or options.file.with_suffix(".html")
+    try:
+        print(write_page(options.file, target, tuple(options.without)).words)
+    except (StoreError, PageError) as error:
+        fail(str(error))
+    return OK
+
+
 def _point_of(options: argparse.Namespace) -> dict[str, str]:
     """The sweep point that --at names; exits with 2 if it cannot be read."""
     words = [text.partition("=") for text in options.at]

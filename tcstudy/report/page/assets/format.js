@@ -1,0 +1,110 @@
+// Decoding of the packed data, numbers and units in words.
+const TC = {};
+
+TC.decode = async function (text) {
+  const packed = Uint8Array.from(atob(text.trim()), (c) => c.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  const buffer = await new Response(stream).arrayBuffer();
+  const length = new DataView(buffer).getUint32(0, true);
+  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const start = Math.ceil((4 + length) / 8) * 8;
+  return TC.unpack(header, buffer, start);
+};
+
+TC.kinds = { f8: Float64Array, f4: Float32Array, i4: Int32Array, i2: Int16Array, i1: Int8Array, u2: Uint16Array };
+
+TC.unpack = function (node, buffer, start) {
+  if (Array.isArray(node)) return node.map((one) => TC.unpack(one, buffer, start));
+  if (node === "inf") return Infinity;
+  if (node === "-inf") return -Infinity;
+  if (node === null || typeof node !== "object") return node;
+  if (node.$) {
+    const size = node.s.reduce((a, b) => a * b, 1);
+    const array = new TC.kinds[node.$](buffer, start + node.o, size);
+    array.shape = node.s;
+    return array;
+  }
+  const found = {};
+  for (const key in node) found[key] = TC.unpack(node[key], buffer, start);
+  return found;
+};
+
+// Row p of values kept with 16 bits; missing ones are NaN.
+TC.row = function (rows, p) {
+  const n = rows.rows.shape[1], scale = rows.scale[p], out = new Float64Array(n);
+  for (let i = 0; i < n; i++) {
+    const q = rows.rows[p * n + i];
+    out[i] = q === -32768 ? NaN : q * scale;
+  }
+  return out;
+};
+
+// Field p on the body: the sum of its modes.
+TC.field = function (fields, p) {
+  const rank = fields.factor.shape[1], n = fields.mode.rows.shape[1], out = new Float64Array(n);
+  for (let j = 0; j < rank; j++) {
+    const factor = fields.factor[p * rank + j] * fields.mode.scale[j];
+    if (factor !== 0) for (let i = 0; i < n; i++) out[i] += factor * fields.mode.rows[j * n + i];
+  }
+  return out;
+};
+
+TC.SYMBOLS = {
+  alpha: "α", theta_bar: "θ̄", theta: "θ", beta: "β", alpha_T: "α_T", lambda: "λ", mu: "μ", nu: "ν", tau: "τ", tau_s: "τ_s", tau_k: "τ_k",
+  delta: "δ", omega: "ω", lambda_1: "λ₁", u_T_max: "largest |u_T|", slip_length: "slip length", friction_resultant: "friction resultant ∫ξ",
+  energy: "energy", theta_mean: "mean θ", uniqueness_margin: "λ₁ − ω", inclusion_residual: "inclusion residual", error_estimate: "estimated error",
+  iterations: "solver steps", time_solve: "time to solve", time_condense: "time to condense", heat_balance: "heat balance defect", goal: "goal",
+  goal_estimate: "estimated error of goal", goal_error: "error of goal", evaluations: "evaluations", h_max: "longest edge h",
+};
+TC.symbol = (name) => TC.SYMBOLS[name] || name.replace(/_/g, " ");
+
+TC.UP = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
+TC.unit = function (units) {
+  if (!units || units === "1") return "";
+  return units.replace(/([A-Za-zµ)])(-?\d+)/g, (_, a, b) => a + [...b].map((c) => TC.UP[c]).join("")).replace(/ /g, " ");
+};
+TC.PREFIXES = [[1e9, "G"], [1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"]];
+
+// {by, unit}: what to divide by, and the unit with its prefix, so that the largest of the values reads well.
+TC.scale = function (values, units) {
+  const plain = { by: 1, unit: TC.unit(units) };
+  if (!units || units === "1" || units === "K" || /^[A-Za-z]+-?\d/.test(units)) return plain;
+  let most = 0;
+  for (const v of values) if (Number.isFinite(v)) most = Math.max(most, Math.abs(v));
+  if (most === 0) return plain;
+  const [by, letter] = TC.PREFIXES.find(([size]) => most >= size) || TC.PREFIXES[6];
+  if (units === "s" && by > 1) return plain;
+  return { by, unit: letter + TC.unit(units) };
+};
+
+TC.number = function (value, digits = 4) {
+  if (value === null || value === undefined || Number.isNaN(value)) return "–";
+  if (!Number.isFinite(value)) return value > 0 ? "∞" : "−∞";
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  if (size >= 1e6 || size < 1e-4) {
+    const [m, e] = value.toExponential(Math.max(0, digits - 2)).split("e");
+    return `${m.replace("-", "−")}·10${[...String(Number(e))].map((c) => TC.UP[c]).join("")}`;
+  }
+  return String(Number(value.toPrecision(digits))).replace("-", "−");
+};
+TC.quantity = function (value, units, digits = 4) {
+  const s = TC.scale([value], units);
+  return `${TC.number(value / s.by, digits)}${s.unit ? " " + s.unit : ""}`;
+};
+// One value of a swept parameter, in one unit for the whole axis.
+TC.axisLabel = function (axis, i) {
+  if (!axis.numeric) return axis.values[i];
+  const s = TC.scale(axis.values, axis.units);
+  return TC.number(axis.values[i] / s.by, 5);
+};
+TC.axisTitle = function (axis) {
+  const s = axis.numeric ? TC.scale(axis.values, axis.units) : { unit: "" };
+  return TC.symbol(axis.name) + (s.unit ? ` [${s.unit}]` : "");
+};
+TC.percent = (x) => (x >= 1e-5 ? `${Number((100 * x).toPrecision(2))} %` : TC.number(x, 2));
+TC.range = (values) => {
+  let lo = Infinity, hi = -Infinity;
+  for (const v of values) if (Number.isFinite(v)) { if (v < lo) lo = v; if (v > hi) hi = v; }
+  return lo <= hi ? [lo, hi] : [0, 1];
+};

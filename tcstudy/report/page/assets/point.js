@@ -1,0 +1,296 @@
+// One point: body, slip and friction along the contact line, law with operating points, energies.
+TC.STATES = [
+  { name: "sticks", colour: "var(--c1)" }, { name: "slips", colour: "var(--c2)" }, { name: "slips, weakened", colour: "var(--c4)" },
+];
+TC.ROLES = {
+  contact: { words: "contact", stroke: "var(--c1)", "stroke-width": 4 }, clamped: { words: "held", stroke: "var(--ink)", "stroke-width": 4 },
+  convection: { words: "convection", stroke: "var(--c2)", "stroke-width": 2.5, "stroke-dasharray": "7 4" }, traction: { words: "traction", stroke: "var(--c3)", "stroke-width": 2.5, "stroke-dasharray": "2 3" },
+  free: { words: "free", stroke: "var(--soft)", "stroke-width": 1.2 },
+};
+TC.point = {
+  draw(host) {
+    const s = TC.state, p = TC.run.flat(s.at), level = s.level, d = TC.data;
+    const line = d.lines[String(level)] || d.lines[Object.keys(d.lines).sort((a, b) => b - a)[0]], proof = TC.run.proof(p, level);
+    const reason = d.run.reasons[d.run.reason[p * d.run.nlevels + level]];
+    const head = TC.el("p", {}, TC.el("b", {}, TC.run.words(s.at)), ` on level ${level}: `, TC.el("span", { class: `badge ${proof === "failed" ? "bad" : proof === "nothing" || proof === "local" ? "" : "good"}` }, TC.run.PROOFS[proof]), reason && proof === "failed" ? TC.el("span", { class: "bad" }, reason) : null);
+    const buttons = TC.el("div", { class: "controls noprint" },
+      TC.el("button", { "aria-pressed": s.vs ? "true" : "false", title: "keep this point and compare others with it (c)", "aria-label": "compare", onclick: () => TC.set({ vs: s.vs ? null : s.at.slice() }) }, s.vs ? "stop comparing" : "compare with …"),
+      s.vs ? TC.el("button", { "aria-label": "swap", onclick: () => TC.set({ vs: s.at, at: s.vs }) }, "swap") : null,
+      s.vs ? TC.el("span", { class: "note" }, TC.run.flat(s.vs) === p ? "kept; now choose another point" : `dashed: ${TC.run.words(s.vs)}`) : null,
+      d.body ? TC.el("label", {}, TC.el("span", {}, "deformation: ", TC.el("output", { id: "deform-text" })), TC.el("input", { type: "range", min: 0, max: 3, step: 0.05, value: s.deform, "aria-label": "deformation", oninput: (e) => { s.deform = Number(e.target.value); TC.writeState(); TC.point.body(p); } })) : null);
+    const left = TC.el("div", { class: "panel" }), right = TC.el("div", { class: "panel" });
+    TC.fill(host, head, buttons, TC.el("div", { class: "columns wide" }, left, right));
+    const vs = s.vs && TC.run.flat(s.vs) !== p ? TC.run.flat(s.vs) : null;
+    if (line) {
+      const shownLevel = d.lines[String(level)] === line ? level : d.run.nlevels - 1;
+      const cases = [p, vs].filter((k) => k !== null).map((k) => TC.point.contact(line, k));
+      const width = TC.width(left), frame = TC.point.frame(line, width);
+      TC.point.left = left;
+      if (frame.shape) TC.point.bodyPanel(left, p, line, frame);
+      TC.point.profiles(left, line, cases, frame, shownLevel !== level ? `level ${shownLevel} (the page holds no contact line of level ${level})` : "");
+      TC.point.law(right, line, cases, p, vs);
+    } else left.append(TC.el("p", { class: "note" }, "The page was made without contact lines; the file has them."));
+    TC.point.energies(right, p, level);
+    TC.point.table(right, p, vs, level);
+  },
+  // Slip, friction and state at every contact node of a point.
+  contact(line, p, given) {
+    const u = given ? given.u : TC.row(line.u_T, p), xi = given ? given.xi : TC.row(line.xi, p), m = u.length, state = new Int8Array(m);
+    const law = given ? given.law : TC.point.lawOf(p), peaks = law ? TC.point.peaks(law) : null;
+    for (let i = 0; i < m; i++) {
+      const sticks = given ? given.sticks[i] : line.sticks ? line.sticks[p * m + i] === 1 : u[i] === 0;
+      state[i] = sticks ? 0 : peaks && Math.abs(xi[i]) < 0.995 * peaks(u[i]) ? 2 : 1;
+    }
+    return { u, xi, state };
+  },
+  lawOf: (p) => (TC.data.laws ? TC.data.laws.laws[TC.data.laws.index[TC.point.scene(p)]] : null),
+  // The study's order of points is that of the file but where a swept list was sorted; laws stand in the study's order.
+  scene(p) { return TC.data.laws.place ? TC.data.laws.place[p] : p; },
+  // s -> largest |b| between 0 and s.
+  peaks(law) {
+    const at = [];
+    for (const [ss, bs] of law.curves) ss.forEach((s, i) => at.push([s, Math.abs(bs[i])]));
+    return (u) => { let most = 0; for (const [s, b] of at) if (s * u >= 0 && Math.abs(s) <= Math.abs(u) * (1 + 1e-12)) most = Math.max(most, b); return most; };
+  },
+  // Where things stand: drawn body in pixels, and whether the contact line runs along x so that all share one axis.
+  frame(line, width) {
+    const d = TC.data, xs = [], ys = [];
+    for (const e of d.outline || []) for (const [x, y] of e.line) { xs.push(x); ys.push(y); }
+    if (d.body) { xs.push(...TC.range(d.body.x)); ys.push(...TC.range(d.body.y)); }
+    const shape = xs.length > 0, [y0, y1] = TC.range(line.y), bx = shape ? TC.range(xs) : TC.range(line.x), by = shape ? TC.range(ys) : [y0, y1];
+    const along = y1 - y0 <= 1e-9 * (bx[1] - bx[0]), margin = { left: 66, right: 92 };
+    const wide = width - margin.left - margin.right, per = Math.max((bx[1] - bx[0]) / wide, (by[1] - by[0]) / 340), scale = TC.scale(bx, line.u_T_units);
+    const used = (bx[1] - bx[0]) / per;
+    return { shape, width, margin, bx, by, per, along, scale, used, top: 34, high: (by[1] - by[0]) / per };
+  },
+  exaggeration() {
+    const b = TC.data.body;
+    if (b.factor) return b.factor;
+    let most = 0;
+    const s = TC.state;
+    for (let p = 0; p < TC.data.run.points; p++) { const x = TC.field(b.u_x, p), y = TC.field(b.u_y, p); for (let i = 0; i < x.length; i += 7) most = Math.max(most, Math.hypot(x[i], y[i])); if (p > 60) break; }
+    const [x0, x1] = TC.range(b.x), [y0, y1] = TC.range(b.y), wanted = most > 0 ? (0.06 * Math.hypot(x1 - x0, y1 - y0)) / most : 1, power = 10 ** Math.floor(Math.log10(wanted));
+    return (b.factor = most > 0 ? [5, 2, 1].find((f) => f * power <= wanted) * power : 1);
+  },
+  bodyPanel(host, p, line, frame) {
+    const extra = 26, width = frame.width, height = Math.ceil(frame.high + 2 * frame.top + extra), d = TC.data;
+    const canvas = TC.el("canvas", { style: `width:${width}px;height:${height}px`, role: "img", "aria-label": "the body" }), svg = TC.svgNode("svg", { width, height, role: "img", "aria-label": "the body with the roles of its edges" });
+    const ratio = Math.min(3, window.devicePixelRatio || 1) * (width < 500 ? 1 : 1);
+    canvas.width = width * ratio; canvas.height = height * ratio;
+    const title = TC.el("h3", {}, d.body && d.body.theta ? `Temperature θ [${TC.unit(d.body.theta_units) || "1"}] and deformation` : d.body ? "Deformation" : "The body");
+    host.append(title, TC.el("div", { class: "stack", style: `height:${height}px` }, canvas, svg), TC.point.roleKey());
+    TC.point.panel = { canvas, svg, frame, line, ratio, height };
+    TC.point.body(p);
+  },
+  roleKey() {
+    const used = [...new Set((TC.data.outline || []).map((e) => e.role))];
+    if (!used.length) return TC.el("span");
+    const out = TC.el("div", { class: "legend" });
+    for (const role of Object.keys(TC.ROLES).filter((r) => used.includes(r))) {
+      const { words, ...look } = TC.ROLES[role];
+      out.append(TC.el("span", { style: "display:inline-block;margin-right:14px" }, TC.svgNode("svg", { width: 28, height: 10, style: "display:inline-block;margin-right:5px;vertical-align:1px" }, TC.svgNode("line", { x1: 0, x2: 28, y1: 5, y2: 5, ...look })), words));
+    }
+    if ((TC.data.sources || []).length) out.append(TC.el("span", { style: "display:inline-block" }, TC.svgNode("svg", { width: 28, height: 12, style: "display:inline-block;margin-right:5px;vertical-align:-1px" }, TC.svgNode("rect", { x: 1, y: 1, width: 26, height: 10, fill: "none", stroke: "var(--bad)", "stroke-width": 1.5, "stroke-dasharray": "4 3" })), "heated"));
+    return out;
+  },
+  toPx(frame, x, y) { return [frame.margin.left + (x - frame.bx[0]) / frame.per, frame.top + frame.high - (y - frame.by[0]) / frame.per]; },
+  body(p) {
+    const { canvas, svg, frame, line, ratio } = TC.point.panel, d = TC.data, b = d.body, g = canvas.getContext("2d");
+    const factor = b ? TC.point.exaggeration() * TC.state.deform : 0, text = document.getElementById("deform-text");
+    if (text) text.textContent = `× ${TC.number(factor, 2)}`;
+    g.setTransform(ratio, 0, 0, ratio, 0, 0);
+    g.clearRect(0, 0, canvas.width, canvas.height);
+    const over = [];
+    if (b) TC.point.fillBody(g, p, factor, frame, over);
+    else TC.point.fillOutline(over, frame);
+    TC.point.names(over, frame);
+    svg.replaceChildren(...over);
+  },
+  fillBody(g, p, factor, frame, over) {
+    const b = TC.data.body, n = b.x.length, ux = TC.field(b.u_x, p), uy = TC.field(b.u_y, p), X = new Float64Array(n), Y = new Float64Array(n);
+    for (let i = 0; i < n; i++) [X[i], Y[i]] = TC.point.toPx(frame, b.x[i] + factor * ux[i], b.y[i] + factor * uy[i]);
+    const theta = b.theta ? TC.field(b.theta, p) : null, [lo, hi] = theta ? TC.range(theta) : [0, 0], even = !theta || hi - lo < 2e-3 * Math.max(Math.abs(lo), Math.abs(hi));
+    const style = getComputedStyle(document.documentElement), levels = even ? [] : TC.ticks(lo, hi, 11), colour = (t) => TC.css(TC.colour(t, TC.HEAT));
+    const tri = b.triangle;
+    if (even) {
+      g.fillStyle = theta ? colour(0.3) : style.getPropertyValue("--body");
+      g.strokeStyle = g.fillStyle; g.lineWidth = 0.6;
+      g.beginPath();
+      for (let t = 0; t < tri.length; t += 3) { g.moveTo(X[tri[t]], Y[tri[t]]); g.lineTo(X[tri[t + 1]], Y[tri[t + 1]]); g.lineTo(X[tri[t + 2]], Y[tri[t + 2]]); g.closePath(); }
+      g.fill(); g.stroke();
+    } else {
+      const step = levels[1] - levels[0], first = Math.floor(lo / step) * step, count = Math.max(1, Math.ceil((hi - first) / step - 1e-9));
+      const bands = [...Array(count)].map(() => []);
+      for (let t = 0; t < tri.length; t += 3) {
+        const corners = [0, 1, 2].map((k) => { const i = tri[t + k]; return [X[i], Y[i], (theta[i] - first) / step]; });
+        const a = Math.max(0, Math.floor(Math.min(...corners.map((c) => c[2])))), z = Math.min(count - 1, Math.floor(Math.max(...corners.map((c) => c[2]))));
+        for (let k = a; k <= z; k++) { const poly = a === z ? corners : TC.point.clip(TC.point.clip(corners, k, 1), k + 1, -1); if (poly.length > 2) bands[k].push(poly); }
+      }
+      bands.forEach((polys, k) => {
+        g.fillStyle = colour((k + 0.5) / count); g.strokeStyle = g.fillStyle; g.lineWidth = 0.6;
+        g.beginPath();
+        for (const poly of polys) { poly.forEach(([x, y], i) => (i ? g.lineTo(x, y) : g.moveTo(x, y))); g.closePath(); }
+        g.fill(); g.stroke();
+      });
+      TC.point.heatBar(over, frame, first, step, count, colour);
+    }
+    if (theta && even) over.push(TC.svgNode("text", { x: frame.margin.left, y: 16 }, `θ = ${TC.number(0.5 * (lo + hi), 4)} ${TC.unit(b.theta_units)} everywhere`));
+    for (const e of TC.data.outline || []) over.push(TC.point.path(e.line.map(([x, y]) => TC.point.toPx(frame, x, y)), { fill: "none", stroke: "var(--soft)", "stroke-width": 1, "stroke-dasharray": "4 3" }));
+    const edges = b.boundary, byRole = {};
+    for (let k = 0; k < edges.length / 2; k++) {
+      const known = TC.data.outline && b.edge[k] >= 0 ? TC.data.outline[b.edge[k]].role : "free";
+      (byRole[known] = byRole[known] || []).push(`M${X[edges[2 * k]].toFixed(1)},${Y[edges[2 * k]].toFixed(1)}L${X[edges[2 * k + 1]].toFixed(1)},${Y[edges[2 * k + 1]].toFixed(1)}`);
+    }
+    for (const role of ["free", "traction", "convection", "clamped", "contact"]) if (byRole[role]) {
+      const { words, ...look } = TC.ROLES[role];
+      over.push(TC.svgNode("path", { d: byRole[role].join(""), fill: "none", "stroke-linecap": "butt", ...look, ...(role === "convection" || role === "traction" ? { "stroke-dasharray": null } : {}) }));
+      if (role === "convection" || role === "traction") over[over.length - 1].setAttribute("stroke-width", 3);
+    }
+    for (const loop of TC.data.sources || []) over.push(TC.point.path([...loop, loop[0]].map(([x, y]) => TC.point.toPx(frame, x, y)), { fill: "none", stroke: "var(--bad)", "stroke-width": 1.5, "stroke-dasharray": "4 3" }));
+  },
+  // The part of a polygon [x, y, value] with sign·value ≥ sign·bound.
+  clip(poly, bound, sign) {
+    const out = [];
+    for (let i = 0; i < poly.length; i++) {
+      const a = poly[i], b = poly[(i + 1) % poly.length], da = sign * (a[2] - bound), db = sign * (b[2] - bound);
+      if (da >= 0) out.push(a);
+      if (da * db < 0) { const t = da / (da - db); out.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), bound]); }
+    }
+    return out;
+  },
+  heatBar(over, frame, first, step, count, colour) {
+    const x = Math.min(frame.width - 44, frame.margin.left + frame.used + 46), h = Math.min(frame.high, 220), y0 = frame.top + (frame.high - h) / 2, each = h / count, text = TC.tickText([...Array(count + 1)].map((_, k) => first + k * step)), every = Math.max(1, Math.ceil(14 / each));
+    for (let k = 0; k < count; k++) over.push(TC.svgNode("rect", { x, y: y0 + h - (k + 1) * each, width: 11, height: each + 0.5, fill: colour((k + 0.5) / count) }));
+    for (let k = 0; k <= count; k += every) over.push(TC.svgNode("text", { x: x + 15, y: y0 + h - k * each + 4 }, text(first + k * step)));
+  },
+  path: (pts, attrs) => TC.svgNode("path", { d: pts.map(([x, y], i) => `${i ? "L" : "M"}${x.toFixed(1)},${y.toFixed(1)}`).join(""), ...attrs }),
+  fillOutline(over, frame) {
+    const d = TC.data.outline.map((e) => e.line.map(([x, y]) => TC.point.toPx(frame, x, y)));
+    over.push(TC.svgNode("path", { d: d.map((pts, k) => pts.map(([x, y], i) => `${i || (k && Math.hypot(x - d[k - 1][d[k - 1].length - 1][0], y - d[k - 1][d[k - 1].length - 1][1]) < 1e-6) ? "L" : "M"}${x.toFixed(1)},${y.toFixed(1)}`).join("")).join(""), fill: "var(--body)", "fill-rule": "evenodd", stroke: "none" }));
+    TC.data.outline.forEach((e, k) => { const { words, ...look } = TC.ROLES[e.role]; over.push(TC.point.path(d[k], { fill: "none", ...look })); });
+    for (const loop of TC.data.sources || []) over.push(TC.point.path([...loop, loop[0]].map(([x, y]) => TC.point.toPx(frame, x, y)), { fill: "none", stroke: "var(--bad)", "stroke-width": 1.5, "stroke-dasharray": "4 3" }));
+  },
+  // Names of edges, each once, outside its longest piece.
+  names(over, frame) {
+    const seen = {}, size = (e) => e.line.slice(1).reduce((t, q, i) => t + Math.hypot(q[0] - e.line[i][0], q[1] - e.line[i][1]), 0);
+    for (const e of TC.data.outline || []) if (!seen[e.name] || size(e) > size(seen[e.name])) seen[e.name] = e;
+    for (const e of Object.values(seen)) {
+      const k = Math.floor((e.line.length - 1) / 2), a = e.line[k], b = e.line[k + 1], [ax, ay] = TC.point.toPx(frame, ...a), [bx, by] = TC.point.toPx(frame, ...b), len = Math.hypot(bx - ax, by - ay) || 1;
+      const nx = -(by - ay) / len, ny = (bx - ax) / len; // outward for a counter-clockwise outline, y downwards on the screen
+      if (e.loop) { // a hole's name stands inside the hole
+        const all = TC.data.outline.filter((o) => o.loop === e.loop).flatMap((o) => o.line).map(([x, y]) => TC.point.toPx(frame, x, y)), [x0, x1] = TC.range(all.map((q) => q[0])), [y0, y1] = TC.range(all.map((q) => q[1]));
+        if (x1 - x0 > 8 * e.name.length) over.push(TC.svgNode("text", { x: (x0 + x1) / 2, y: (y0 + y1) / 2 + 4, class: "soft", "text-anchor": "middle" }, e.name));
+        continue;
+      }
+      const away = TC.data.body ? 22 : 13, x = (ax + bx) / 2 + away * nx, y = (ay + by) / 2 + away * ny;
+      over.push(TC.svgNode("text", { x, y: y + 4, class: "halo soft", "text-anchor": nx > 0.5 ? "start" : nx < -0.5 ? "end" : "middle" }, e.name));
+    }
+  },
+  profiles(host, line, cases, frame, note) {
+    const pos = frame.along ? line.x : line.arclength, width = frame.width, right = frame.along && frame.shape ? width - frame.margin.left - frame.used : 20;
+    const by = frame.scale.by, shift = (part) => (frame.along ? line.x[part.a] - line.arclength[part.a] : 0), sense = (part) => (frame.along && part.b - part.a > 1 && line.x[part.b - 1] < line.x[part.a] ? -1 : 1);
+    const edge = (part, s) => (frame.along ? (line.x[part.a] + sense(part) * (s - line.arclength[part.a])) / by : s / by);
+    const ends = line.parts.flatMap((part) => [edge(part, part.cells[0]), edge(part, part.cells[part.cells.length - 1])]);
+    const xr = frame.along && frame.shape ? frame.bx.map((v) => v / by) : TC.range(ends), margin = { left: frame.margin.left, right, top: 20, bottom: 10 };
+    const us = TC.scale(cases.flatMap((c) => TC.range(c.u)), line.u_T_units), xs = TC.scale(cases.flatMap((c) => TC.range(c.xi)), line.xi_units);
+    const label = (frame.along ? "x" : "arc length along the contact line") + (frame.scale.unit ? ` [${frame.scale.unit}]` : "");
+    const upper = new TC.Plot({ width, height: 178, x: xr, y: TC.pad(TC.range([0, ...cases.flatMap((c) => TC.range(c.u).map((v) => v / us.by))])), ylabel: `slip u_T${us.unit ? ` [${us.unit}]` : ""}`, margin: { ...margin, bottom: 8 }, xnone: true, label: "slip along the contact line" });
+    const lower = new TC.Plot({ width, height: 214, x: xr, y: TC.pad(TC.range([0, ...cases.flatMap((c) => TC.range(c.xi).map((v) => v / xs.by))])), xlabel: label, ylabel: `friction ξ = −S_T${xs.unit ? ` [${xs.unit}]` : ""}`, margin: { ...margin, top: 8, bottom: 46 }, label: "friction along the contact line" });
+    cases.forEach((c, k) => {
+      const dash = k ? { "stroke-dasharray": "6 4", opacity: 0.85 } : {};
+      for (const part of line.parts) {
+        const xsPart = [], uPart = [];
+        for (let i = part.a; i < part.b; i++) { xsPart.push(frame.along ? pos[i] / by : pos[i] / by); uPart.push(c.u[i] / us.by); }
+        const a = edge(part, part.cells[0]), b = edge(part, part.cells[part.cells.length - 1]);
+        if (part.held[0] && line.rest) { xsPart.unshift(a); uPart.unshift(0); }
+        if (part.held[1] && line.rest) { xsPart.push(b); uPart.push(0); }
+        if (part.closed) { xsPart.push(b); uPart.push(c.u[part.a] / us.by); }
+        upper.line(xsPart, uPart, { stroke: "var(--c1)", "stroke-width": 2, ...dash });
+        const edges = Array.from(part.cells, (s) => edge(part, s)), values = [];
+        for (let i = part.a; i < part.b; i++) values.push(c.xi[i] / xs.by);
+        if (part.closed) { edges[0] = pos[part.a] / by; edges.push(edges[0] + (edges[edges.length - 1] - edge(part, part.cells[0]))); values.push(values[0]); }
+        lower.steps(edges, values, { stroke: "var(--c2)", "stroke-width": 1.8, ...dash });
+        if (k) continue;
+        for (let i = part.a; i < part.b; i++) {
+          const l = upper.px(edge(part, part.cells[i - part.a])), r = upper.px(edge(part, part.cells[i - part.a + 1]));
+          upper.over.append(TC.svgNode("rect", { x: Math.min(l, r), y: 4, width: Math.abs(r - l) + 0.4, height: 9, fill: TC.STATES[c.state[i]].colour }));
+        }
+        for (const [held, at] of [[part.held[0], a], [part.held[1], b]]) if (held) for (const plot of [upper, lower]) {
+          const x = plot.px(at), y = plot.py(0);
+          plot.over.append(TC.svgNode("path", { d: `M${x},${y - 8}V${y + 8}M${x},${y - 8}l-5,5M${x},${y - 2}l-5,5M${x},${y + 4}l-5,5`, stroke: "var(--ink)", "stroke-width": 1.5, fill: "none" }, TC.svgNode("title", {}, "held end")));
+        }
+      }
+    });
+    const held = line.parts.some((part) => part.held[0] || part.held[1]), shares = [0, 0, 0], total = line.c.reduce((a, b) => a + b, 0);
+    for (let i = 0; i < line.c.length; i++) shares[cases[0].state[i]] += line.c[i] / total;
+    const key = TC.el("div", { class: "legend" }, TC.STATES.map((st, k) => (shares[k] > 0 ? TC.el("span", { style: "display:inline-block;margin-right:14px" }, TC.svgNode("svg", { width: 20, height: 10, style: "display:inline-block;margin-right:5px" }, TC.svgNode("rect", { width: 20, height: 10, fill: st.colour })), `${st.name} (${Math.round(100 * shares[k])} %)`) : null)).filter(Boolean));
+    if (held) key.append(TC.el("span", {}, "hatched bar: held end"));
+    TC.point.hover(upper, lower, line, cases[0], us, xs);
+    host.append(TC.el("h3", {}, `Slip and friction along ${line.edges.join(", ") || "the contact line"}`), upper.svg, lower.svg, key);
+    if (note) host.append(TC.el("p", { class: "note" }, note));
+  },
+  hover(upper, lower, line, c, us, xs) {
+    const marks = [upper, lower].map((plot) => plot.over.appendChild(TC.svgNode("line", { y1: plot.top, y2: plot.bottom, stroke: "var(--ink)", "stroke-width": 1, visibility: "hidden", "pointer-events": "none" })));
+    const text = upper.text(upper.right, 30, "", { "text-anchor": "end", visibility: "hidden" });
+    const centre = (i) => { const part = line.parts.find((q) => i >= q.a && i < q.b); const k = i - part.a; return 0.5 * (part.cells[k] + part.cells[k + 1]); };
+    const frame = TC.point.frame(line, upper.width), pos = (i) => (frame.along ? line.x[i] : line.arclength[i]) / frame.scale.by;
+    for (const plot of [upper, lower]) {
+      plot.svg.addEventListener("pointermove", (e) => {
+        const v = plot.ix(e.clientX - plot.svg.getBoundingClientRect().left);
+        let best = 0;
+        for (let i = 1; i < c.u.length; i++) if (Math.abs(pos(i) - v) < Math.abs(pos(best) - v)) best = i;
+        marks.forEach((mark, k) => { const x = [upper, lower][k].px(pos(best)); mark.setAttribute("x1", x); mark.setAttribute("x2", x); mark.setAttribute("visibility", "visible"); });
+        text.textContent = `u_T = ${TC.number(c.u[best] / us.by)} ${us.unit}, ξ = ${TC.number(c.xi[best] / xs.by)} ${xs.unit}, ${TC.STATES[c.state[best]].name}`;
+        text.setAttribute("visibility", "visible");
+      });
+      plot.svg.addEventListener("pointerleave", () => { marks.forEach((m) => m.setAttribute("visibility", "hidden")); text.setAttribute("visibility", "hidden"); });
+    }
+    void centre;
+  },
+  // The law with the place of every node on it.
+  lawPlot(width, law, cases, line, extra = {}) {
+    const us = cases.flatMap((c) => TC.range(c.u)), widest = Math.max(...us.map(Math.abs), 0), all = [...us, 0];
+    const reach = law.reach > 0 ? Math.min(law.reach, Math.max(3 * widest, 0.2 * law.reach)) : widest || 1;
+    const both = Math.min(...all) < -0.02 * widest, lo = Math.min(both ? -0.6 * reach : -0.12 * reach, ...all), hi = Math.max(both && Math.max(...all) < 0.02 * widest ? 0.12 * reach : reach, ...all);
+    const us_ = TC.scale([lo, hi], line.u_T_units), bs = [];
+    for (const [ss, b] of law.curves) ss.forEach((s, i) => { if (s >= lo && s <= hi) bs.push(b[i]); });
+    for (const [s, l, r] of law.jumps) if (s >= lo && s <= hi) bs.push(l, r);
+    for (const c of cases) bs.push(...TC.range(c.xi));
+    const ys = TC.scale(bs, line.xi_units), range = extra.yrange || TC.pad(TC.range([...bs.map((v) => v / ys.by), 0]), 0.08);
+    const plot = new TC.Plot({ width, height: 270, x: extra.xrange || TC.pad([lo / us_.by, hi / us_.by], 0.02), y: range, xlabel: `slip u_T${us_.unit ? ` [${us_.unit}]` : ""}`, ylabel: `ξ${ys.unit ? ` [${ys.unit}]` : ""}`, margin: { left: 60, right: 12, top: 10, bottom: 46 }, label: "friction law with operating points" });
+    for (const [ss, b] of law.curves) {
+      const s = ss.slice(), v = b.slice(), n = s.length; // outer pieces go on straight
+      if (ss === law.curves[law.curves.length - 1][0] && hi > s[n - 1]) { s.push(hi * 1.2); v.push(v[n - 1] + ((v[n - 1] - v[n - 2]) / (s[n - 1] - s[n - 2])) * (hi * 1.2 - s[n - 1])); }
+      if (ss === law.curves[0][0] && lo < s[0]) { s.unshift(lo * 1.2); v.unshift(v[0] - ((v[1] - v[0]) / (s[2] - s[1])) * (s[1] - lo * 1.2)); }
+      plot.line(s.map((x) => x / us_.by), v.map((x) => x / ys.by), { stroke: "var(--ink)", "stroke-width": 1.6 });
+    }
+    for (const [s, l, r, kind] of law.jumps) plot.line([s / us_.by, s / us_.by], [l / ys.by, r / ys.by], { stroke: kind > 0 ? "var(--c1)" : "var(--c2)", "stroke-width": kind > 0 ? 3 : 2, "stroke-dasharray": kind > 0 ? "" : "4 3" });
+    cases.forEach((c, k) => { for (let i = 0; i < c.u.length; i++) if (Number.isFinite(c.u[i])) plot.inner.append(TC.svgNode("circle", { cx: plot.px(c.u[i] / us_.by), cy: plot.py(c.xi[i] / ys.by), r: 3.2, fill: k ? "none" : TC.STATES[c.state[i]].colour, stroke: TC.STATES[c.state[i]].colour, "stroke-width": 1, "fill-opacity": 0.55 })); });
+    return { plot, us: us_, ys };
+  },
+  law(host, line, cases, p, vs) {
+    const law = TC.point.lawOf(p);
+    if (!law) { host.append(TC.el("h3", {}, "Friction law"), TC.el("p", { class: "note" }, "The study's text can no longer be read here, so the law is not drawn.")); return; }
+    const other = vs !== null && TC.point.lawOf(vs) !== law ? " (the compared point has another law; its places are drawn all the same)" : "";
+    const { plot } = TC.point.lawPlot(TC.width(host), law, cases, line);
+    const omega = law.omega === Infinity || law.omega === null ? "∞" : TC.quantity(law.omega, line.xi_units === "1" ? "1" : "Pa m-1");
+    host.append(TC.el("h3", {}, `Friction law (${law.name}) and where every node stands on it`), plot.svg, TC.el("p", { class: "legend" }, `steepest fall ω = ${omega}; thick: up-jump (sticking), dashed: down-jump${other}`));
+  },
+  energies(host, p, level) {
+    const r = TC.data.run, e = TC.run.energies(p, level), found = e.map((v, k) => ({ v, name: r.starts[k], used: TC.run.flag("start_used", p, level) === k })).filter((o) => Number.isFinite(o.v));
+    if (!found.length) return;
+    const least = Math.min(...found.map((o) => o.v)), size = Math.max(...found.map((o) => Math.abs(o.v))) || 1, most = Math.max(...found.map((o) => o.v - least)), width = TC.width(host);
+    const svg = TC.svgNode("svg", { width, height: found.length * 24 + 4, role: "img", "aria-label": "energies of all starts" }), units = r.numbers.energy ? r.numbers.energy.units : "1";
+    found.forEach((o, k) => {
+      const gap = o.v - least, same = gap <= 1e-9 * size, w = same ? 0 : (gap / most) * (width - 330);
+      svg.append(TC.svgNode("text", { x: 104, y: k * 24 + 16, "text-anchor": "end", "font-weight": o.used ? 700 : 400 }, o.name), TC.svgNode("rect", { x: 112, y: k * 24 + 4, width: Math.max(2, w), height: 15, fill: o.used ? "var(--c1)" : "var(--c6)" }), TC.svgNode("text", { x: 120 + w, y: k * 24 + 16 }, same ? `${TC.quantity(o.v, units, 5)}${o.used ? ", stored" : ""}` : `+ ${TC.quantity(gap, units, 3)}${o.used ? ", stored" : ""}`));
+    });
+    host.append(TC.el("h3", {}, "Energy of the solution that each start leads to"), svg, TC.el("p", { class: "note" }, most <= 1e-9 * size ? "All starts lead to the same energy." : "Different energies: there is more than one solution."));
+  },
+  table(host, p, vs, level) {
+    const r = TC.data.run, cell = (name, k) => TC.quantity(TC.run.value(name, k, level), r.numbers[name].units, 5), names = Object.keys(r.numbers).filter((n) => Number.isFinite(TC.run.value(n, p, level)) || TC.run.value(n, p, level) === Infinity);
+    const rows = names.map((n) => TC.el("tr", {}, TC.el("th", { title: r.numbers[n].long_name }, TC.symbol(n)), TC.el("td", {}, cell(n, p)), vs !== null ? TC.el("td", {}, cell(n, vs)) : null));
+    const head = vs !== null ? TC.el("tr", {}, TC.el("th", {}, ""), TC.el("td", {}, TC.el("b", {}, "this point")), TC.el("td", {}, TC.el("b", {}, TC.run.words(TC.run.index(vs))))) : null;
+    host.append(TC.el("details", { open: vs !== null }, TC.el("summary", {}, "All numbers of this point"), TC.el("table", { class: "facts" }, TC.el("tbody", {}, head, rows))));
+  },
+};

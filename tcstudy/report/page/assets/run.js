@@ -1,0 +1,360 @@
+// The page of a run: the sweep as a map and curves, accuracy and cost, the data.
+TC.run = {
+  setup() {
+    const r = TC.data.run, s = TC.state, given = TC.readState();
+    r.points = r.shape.reduce((a, b) => a * b, 1);
+    r.nlevels = r.levels.h_max.length;
+    r.grid = r.mode === "grid";
+    r.varied = r.grid ? r.axes.filter((a) => a.values.length > 1) : r.axes;
+    const byName = (n) => r.varied.find((a) => a.name === n), numeric = r.varied.filter((a) => a.numeric), texts = r.varied.filter((a) => !a.numeric);
+    const ranked = [...numeric].sort((a, b) => new Set(b.values).size - new Set(a.values).size);
+    s.x = (byName(given.x) || ranked[0] || texts[0] || {}).name;
+    const rest = [...ranked, ...texts].filter((a) => a.name !== s.x);
+    s.y = (byName(given.y) && given.y !== s.x ? byName(given.y) : rest[0] || {}).name;
+    const by = [...texts, ...ranked].filter((a) => a.name !== s.x);
+    s.by = (byName(given.by) && given.by !== s.x ? byName(given.by) : by[0] || {}).name;
+    const names = Object.keys(r.numbers);
+    s.q = names.includes(given.q) ? given.q : names[0];
+    s.level = TC.run.whole(given.level, r.nlevels, r.nlevels - 1);
+    s.at = TC.run.place(given.at) || TC.run.worst();
+    s.vs = TC.run.place(given.vs) || null;
+    s.deform = given.deform !== undefined && Number.isFinite(Number(given.deform)) ? Number(given.deform) : 1;
+    s.sort = given.sort !== undefined ? Number(given.sort) : -1;
+    s.down = given.down === "1" ? 1 : 0;
+    s.mode = given.mode === "live" && TC.data.live ? "live" : "";
+  },
+  whole(text, count, other) { const n = Number(text); return text !== undefined && Number.isInteger(n) && n >= 0 && n < count ? n : other; },
+  place(text) {
+    if (text === undefined) return null;
+    const at = String(text).split(",").map(Number), shape = TC.data.run.shape;
+    if (!shape.length) return [];
+    return at.length === shape.length && at.every((v, i) => Number.isInteger(v) && v >= 0 && v < shape[i]) ? at : null;
+  },
+  // The solved point with the largest slip: what one looks for first.
+  worst() {
+    const r = TC.data.run, u = r.numbers.u_T_max, level = r.nlevels - 1;
+    let best = 0, most = -1;
+    for (let p = 0; p < r.points; p++) if (TC.run.flag("status", p, level) === 1 && u && u.v[p * r.nlevels + level] > most) { most = u.v[p * r.nlevels + level]; best = p; }
+    return TC.run.index(best);
+  },
+  index(p) { const shape = TC.data.run.shape, at = []; for (let i = shape.length - 1; i >= 0; i--) { at[i] = p % shape[i]; p = Math.floor(p / shape[i]); } return at; },
+  flat: (at) => at.reduce((p, i, k) => p * TC.data.run.shape[k] + i, 0),
+  axis: (name) => TC.data.run.axes.find((a) => a.name === name),
+  dim: (name) => TC.data.run.dims.indexOf(TC.run.axis(name).dim),
+  flag(name, p, level) { const f = TC.data.run.flags[name]; return f ? f[p * TC.data.run.nlevels + level] : 0; },
+  value(name, p, level) { const n = TC.data.run.numbers[name]; return n ? n.v[p * TC.data.run.nlevels + level] : NaN; },
+  energies(p, level) { const r = TC.data.run, k = r.starts.length; return r.start_energy ? Array.from(r.start_energy.slice((p * r.nlevels + level) * k, (p * r.nlevels + level + 1) * k)) : []; },
+  several(p, level) {
+    const e = TC.run.energies(p, level).filter(Number.isFinite).sort((a, b) => a - b), size = Math.max(...e.map(Math.abs), 0);
+    let count = e.length ? 1 : 0;
+    for (let i = 1; i < e.length; i++) if (e[i] - e[i - 1] > 1e-9 * size) count++;
+    return count;
+  },
+  words(at) {
+    const r = TC.data.run;
+    if (!r.axes.length) return "the one point of the study";
+    return r.axes.map((a) => `${TC.symbol(a.name)} = ${TC.axisLabel(a, at[TC.run.dim(a.name)])}${a.numeric && TC.scale(a.values, a.units).unit ? " " + TC.scale(a.values, a.units).unit : ""}`.replace(a.numeric ? /$^/ : " = ", ": ")).join(", ");
+  },
+  // What is known of a point: failed, unique, global, local, nothing.
+  proof(p, level) {
+    if (TC.run.flag("status", p, level) !== 1) return "failed";
+    for (const [flag, word] of [["unique", "unique"], ["global_minimum", "global"], ["strict_minimum", "local"]]) if (TC.run.flag(flag, p, level) === 1) return word;
+    return "nothing";
+  },
+  PROOFS: { unique: "proved to be the only solution", global: "proved to have the least energy", local: "proved to be a local minimum only", nothing: "a solution, nothing proved of it", failed: "no solution" },
+
+  draw() {
+    const host = TC.run.host || (TC.run.host = TC.run.layout());
+    TC.run.controls(host.controls);
+    TC.run.map(host.map);
+    TC.run.curves(host.curves);
+    TC.point.draw(host.point);
+    TC.run.accuracy(host.accuracy);
+    TC.run.rows(host.rows);
+  },
+  layout() {
+    const main = document.getElementById("main"), part = (title, id) => { const body = TC.el("div", { id }); main.append(TC.el("h2", {}, title), body); return body; };
+    main.replaceChildren();
+    const sweep = TC.data.run.varied.length ? part("1  The sweep", "sweep") : TC.el("div");
+    const controls = TC.el("div", { class: "controls noprint" }), map = TC.el("div", { class: "panel" }), curves = TC.el("div", { class: "panel" });
+    const two = TC.data.run.varied.length > 1;
+    sweep.append(controls, two ? TC.el("div", { class: "columns" }, map, curves) : curves);
+    const point = part(TC.data.run.varied.length ? "2  The point" : "The solution", "point"), accuracy = part("3  How accurate, at what cost", "accuracy"), data = part("4  The data", "table");
+    const rows = TC.el("div");
+    data.append(rows);
+    TC.provenance(data);
+    return { controls, map: two ? map : null, curves, point, accuracy, rows };
+  },
+  controls(host) {
+    const r = TC.data.run, s = TC.state, out = [];
+    out.push(TC.choice("quantity", Object.keys(r.numbers).map((n) => [n, TC.symbol(n)]), s.q, (q) => TC.set({ q })));
+    if (r.varied.length > 1) {
+      const names = r.varied.map((a) => [a.name, TC.symbol(a.name)]);
+      out.push(TC.choice("across", names, s.x, (x) => TC.set({ x, y: x === s.y ? s.x : s.y, by: x === s.by ? s.x : s.by })));
+      out.push(TC.choice("map: up", names.filter(([n]) => n !== s.x), s.y, (y) => TC.set({ y })));
+      out.push(TC.choice("curves: one for each", names.filter(([n]) => n !== s.x), s.by, (by) => TC.set({ by })));
+    }
+    if (r.nlevels > 1) out.push(TC.slider("level", r.levels.h_max.map((h, i) => `${i} (h = ${TC.quantity(h, r.units.h_max, 3)})`), s.level, (level) => TC.set({ level })));
+    if (r.grid) for (const a of r.varied) {
+      const d = TC.run.dim(a.name), unit = a.numeric ? TC.scale(a.values, a.units).unit : "", texts = a.values.map((_, i) => TC.axisLabel(a, i) + (unit ? " " + unit : ""));
+      const move = (i) => { const at = s.at.slice(); at[d] = i; TC.set({ at }); };
+      out.push(a.numeric ? TC.slider(TC.symbol(a.name), texts, s.at[d], move) : TC.choice(TC.symbol(a.name), texts.map((t, i) => [i, t]), s.at[d], (v) => move(Number(v))));
+    } else out.push(TC.slider("point", [...Array(r.points)].map((_, p) => `${p + 1} of ${r.points}`), s.at[0], (i) => TC.set({ at: [i] })));
+    TC.fill(host, out);
+  },
+  // Colour of a value, and the bar that explains it.
+  shade(values) {
+    const [lo, hi] = TC.range(values);
+    return { lo, hi, of: (v) => TC.colour(hi > lo ? (v - lo) / (hi - lo) : 0.5) };
+  },
+  map(host) {
+    if (!host) return;
+    const r = TC.data.run, s = TC.state, q = r.numbers[s.q], all = [];
+    const ax = TC.run.axis(s.x), ay = TC.run.axis(s.y);
+    for (let p = 0; p < r.points; p++) if (TC.run.flag("status", p, s.level) === 1) all.push(q.v[p * r.nlevels + s.level]);
+    const shade = TC.run.shade(all), scale = TC.scale(all, q.units), unit = scale.unit ? ` [${scale.unit}]` : "";
+    const width = TC.width(host), title = TC.el("h3", {}, `${TC.symbol(s.q)}${unit}, level ${s.level}`);
+    const svg = r.grid ? TC.run.cells(width, ax, ay, shade, scale) : TC.run.scatter(width, ax, ay, shade, scale);
+    const fixed = r.grid ? r.varied.filter((a) => a.name !== s.x && a.name !== s.y) : [];
+    const note = fixed.length ? "at " + fixed.map((a) => { const i = s.at[TC.run.dim(a.name)], u = a.numeric ? TC.scale(a.values, a.units).unit : ""; return `${TC.symbol(a.name)} = ${TC.axisLabel(a, i)}${u ? " " + u : ""}`; }).join(", ") : "";
+    TC.fill(host, title, note ? TC.el("p", { class: "note" }, note) : null, svg, TC.run.bar(Math.min(width, 420), shade, scale), TC.run.key(width));
+  },
+  patterns(svg) {
+    const defs = TC.svgNode("defs"), stroke = (light) => (light ? "rgba(255,255,255,.85)" : "rgba(0,0,0,.75)");
+    for (const tone of ["l", "d"]) {
+      const c = stroke(tone === "l");
+      defs.append(TC.svgNode("pattern", { id: `local-${tone}`, width: 8, height: 8, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)" }, TC.svgNode("line", { x1: 0, y1: 0, x2: 0, y2: 8, stroke: c, "stroke-width": 1.6 })));
+      defs.append(TC.svgNode("pattern", { id: `global-${tone}`, width: 9, height: 9, patternUnits: "userSpaceOnUse" }, TC.svgNode("circle", { cx: 3, cy: 3, r: 1.3, fill: c })));
+      defs.append(TC.svgNode("pattern", { id: `nothing-${tone}`, width: 8, height: 8, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)" }, TC.svgNode("path", { d: "M0,0V8M0,0H8", stroke: c, "stroke-width": 1.4 })));
+    }
+    svg.append(defs);
+  },
+  cell(svg, x, y, w, h, p, shade, scale, numbers) {
+    const s = TC.state, proof = TC.run.proof(p, s.level), v = TC.run.value(s.q, p, s.level), rgb = shade.of(v), tone = TC.dark(rgb) ? "l" : "d";
+    const g = TC.svgNode("g", { class: "cell", "data-point": p });
+    const tip = `${TC.run.words(TC.run.index(p))}\n${TC.symbol(s.q)} = ${TC.quantity(v, TC.data.run.numbers[s.q].units)}\n${TC.run.PROOFS[proof]}`;
+    g.append(TC.svgNode("title", {}, tip + (TC.run.several(p, s.level) > 1 ? `\n${TC.run.several(p, s.level)} different energies found` : "")));
+    if (proof === "failed") {
+      g.append(TC.svgNode("rect", { x, y, width: w, height: h, fill: "var(--shade)", stroke: "var(--bad)" }), TC.svgNode("path", { d: `M${x + 4},${y + 4}L${x + w - 4},${y + h - 4}M${x + w - 4},${y + 4}L${x + 4},${y + h - 4}`, stroke: "var(--bad)", "stroke-width": 2 }));
+    } else {
+      g.append(TC.svgNode("rect", { x, y, width: w, height: h, fill: TC.css(rgb) }));
+      if (proof !== "unique") g.append(TC.svgNode("rect", { x, y, width: w, height: h, fill: `url(#${proof}-${tone})` }));
+      if (TC.run.several(p, s.level) > 1) g.append(TC.svgNode("rect", { x: x + 2.5, y: y + 2.5, width: Math.max(0, w - 5), height: Math.max(0, h - 5), fill: "none", stroke: "#d55e00", "stroke-width": 3 }));
+      if (numbers) {
+        const text = TC.number(v / scale.by, 3), wide = 7.2 * text.length + 6;
+        g.append(TC.svgNode("rect", { x: x + w / 2 - wide / 2, y: y + h / 2 - 8, width: wide, height: 16, fill: TC.css(rgb) }), TC.svgNode("text", { x: x + w / 2, y: y + h / 2 + 4.5, "text-anchor": "middle", style: `fill:${TC.dark(rgb) ? "#fff" : "#111"}` }, text));
+      }
+    }
+    g.addEventListener("click", (e) => TC.set(e.shiftKey ? { vs: TC.run.index(p) } : { at: TC.run.index(p) }));
+    svg.append(g);
+  },
+  cells(width, ax, ay, shade, scale) {
+    const s = TC.state, nx = ax.values.length, ny = ay.values.length, dx = TC.run.dim(ax.name), dy = TC.run.dim(ay.name);
+    const wide = ay.numeric ? 7 : Math.max(...ay.values.map((v) => String(v).length)) * 1, left = ay.numeric ? 66 : Math.min(150, 34 + 7 * wide), w = (width - left - 8) / nx, h = Math.max(14, Math.min(62, 330 / ny, Math.max(26, w))), height = ny * h + 58;
+    const svg = TC.svgNode("svg", { width, height, tabindex: 0, role: "application", "aria-label": `map of ${TC.symbol(s.q)}; arrow keys move the point` });
+    TC.run.patterns(svg);
+    const at = (i, j) => { const k = s.at.slice(); k[dx] = i; k[dy] = j; return TC.run.flat(k); };
+    for (let i = 0; i < nx; i++) for (let j = 0; j < ny; j++) TC.run.cell(svg, left + i * w + 0.5, (ny - 1 - j) * h + 0.5, w - 1, h - 1, at(i, j), shade, scale, w > 46 && h > 22);
+    const frame = (k, attrs) => svg.append(TC.svgNode("rect", { x: left + k[dx] * w + 1, y: (ny - 1 - k[dy]) * h + 1, width: w - 2, height: h - 2, fill: "none", "pointer-events": "none", ...attrs }));
+    frame(s.at, { stroke: "var(--halo)", "stroke-width": 6 });
+    frame(s.at, { stroke: "var(--ink)", "stroke-width": 2.5 });
+    if (s.vs && s.vs.every((v, k) => k === dx || k === dy || v === s.at[k])) frame(s.vs, { stroke: "var(--ink)", "stroke-width": 2.5, "stroke-dasharray": "5 4" });
+    const every = Math.max(1, Math.ceil(Math.max(...ax.values.map((_, i) => TC.axisLabel(ax, i).length)) * 8 / w));
+    for (let i = 0; i < nx; i += every) svg.append(TC.svgNode("text", { x: left + (i + 0.5) * w, y: ny * h + 17, "text-anchor": "middle" }, TC.axisLabel(ax, i)));
+    const rows = Math.max(1, Math.ceil(15 / h));
+    for (let j = 0; j < ny; j += rows) svg.append(TC.svgNode("text", { x: left - 7, y: (ny - j - 0.5) * h + 4, "text-anchor": "end" }, TC.axisLabel(ay, j)));
+    svg.append(TC.svgNode("text", { x: left + (nx * w) / 2, y: ny * h + 40, "text-anchor": "middle" }, TC.axisTitle(ax)), TC.svgNode("text", { x: 12, y: (ny * h) / 2, "text-anchor": "middle", transform: `rotate(-90 12 ${(ny * h) / 2})` }, TC.axisTitle(ay)));
+    svg.addEventListener("keydown", (e) => {
+      const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[e.key];
+      if (!step) return;
+      e.preventDefault();
+      const k = s.at.slice();
+      k[dx] = Math.min(nx - 1, Math.max(0, k[dx] + step[0]));
+      k[dy] = Math.min(ny - 1, Math.max(0, k[dy] + step[1]));
+      TC.set({ at: k });
+      document.querySelector("#sweep svg[tabindex]")?.focus();
+    });
+    return svg;
+  },
+  scatter(width, ax, ay, shade, scale) {
+    const r = TC.data.run, s = TC.state, place = (a, p) => (a.numeric ? a.values[p] : a.values.indexOf(a.values[p]));
+    const fx = TC.scale(ax.numeric ? ax.values : [1], ax.units).by, fy = TC.scale(ay.numeric ? ay.values : [1], ay.units).by;
+    const xs = [...Array(r.points)].map((_, p) => place(ax, p) / fx), ys = [...Array(r.points)].map((_, p) => place(ay, p) / fy);
+    const plot = new TC.Plot({ width, height: 320, x: TC.pad(TC.range(xs)), y: TC.pad(TC.range(ys)), xlabel: TC.axisTitle(ax), ylabel: TC.axisTitle(ay) });
+    TC.run.patterns(plot.svg);
+    for (let p = 0; p < r.points; p++) {
+      const group = TC.svgNode("g");
+      TC.run.cell(group, plot.px(xs[p]) - 8, plot.py(ys[p]) - 8, 16, 16, p, shade, scale, false);
+      if (p === s.at[0]) group.append(TC.svgNode("rect", { x: plot.px(xs[p]) - 10, y: plot.py(ys[p]) - 10, width: 20, height: 20, fill: "none", stroke: "var(--ink)", "stroke-width": 2.5 }));
+      plot.over.append(group);
+    }
+    return plot.svg;
+  },
+  bar(width, shade, scale) {
+    const svg = TC.svgNode("svg", { width, height: 34, role: "img", "aria-label": "colours" }), n = 60, left = 66;
+    if (!(shade.hi > shade.lo)) return svg;
+    for (let i = 0; i < n; i++) svg.append(TC.svgNode("rect", { x: left + (i * (width - left - 30)) / n, y: 2, width: (width - left - 30) / n + 0.6, height: 11, fill: TC.css(TC.colour((i + 0.5) / n)) }));
+    for (const t of [0, 0.5, 1]) svg.append(TC.svgNode("text", { x: left + t * (width - left - 30), y: 28, "text-anchor": "middle" }, TC.number((shade.lo + t * (shade.hi - shade.lo)) / scale.by, 3)));
+    svg.append(TC.svgNode("text", { x: width - 24, y: 12, class: "soft" }, scale.unit));
+    return svg;
+  },
+  key() {
+    const r = TC.data.run, s = TC.state, present = new Set();
+    let several = false;
+    for (let p = 0; p < r.points; p++) { present.add(TC.run.proof(p, s.level)); several = several || TC.run.several(p, s.level) > 1; }
+    const out = TC.el("div", { class: "legend" });
+    for (const proof of ["unique", "global", "local", "nothing", "failed"].filter((k) => present.has(k))) {
+      const svg = TC.svgNode("svg", { width: 26, height: 16, style: "display:inline-block;vertical-align:-3px;margin:0 5px 0 0", role: "img", "aria-label": proof });
+      const box = (fill, extra = {}) => svg.append(TC.svgNode("rect", { x: 0.5, y: 0.5, width: 25, height: 15, fill, stroke: "var(--soft)", ...extra }));
+      if (proof === "failed") { box("var(--shade)"); svg.append(TC.svgNode("path", { d: "M3,3L23,13M23,3L3,13", stroke: "var(--bad)", "stroke-width": 2 })); } else { box("#9aa"); if (proof !== "unique") box(`url(#${proof}-d)`); }
+      out.append(TC.el("span", { style: "display:inline-block;margin-right:16px" }, svg, TC.run.PROOFS[proof]));
+    }
+    if (several) {
+      const svg = TC.svgNode("svg", { width: 26, height: 16, style: "display:inline-block;vertical-align:-3px;margin:0 5px 0 0", role: "img", "aria-label": "several" });
+      svg.append(TC.svgNode("rect", { x: 2, y: 2, width: 22, height: 12, fill: "#9aa", stroke: "#d55e00", "stroke-width": 3 }));
+      out.append(TC.el("span", { style: "display:inline-block" }, svg, "starts led to different solutions"));
+    }
+    return out;
+  },
+  curves(host) {
+    const r = TC.data.run, s = TC.state, q = r.numbers[s.q], width = TC.width(host);
+    if (!s.x) return;
+    const ax = TC.run.axis(s.x), by = s.by && s.by !== s.x ? TC.run.axis(s.by) : null, dx = TC.run.dim(s.x), db = by ? TC.run.dim(by.name) : -1, series = [];
+    const place = (i) => (ax.numeric ? ax.values[i] / TC.scale(ax.values, ax.units).by : i);
+    if (r.grid) for (let b = 0; b < (by ? by.values.length : 1); b++) {
+      const pts = [];
+      for (let i = 0; i < ax.values.length; i++) { const at = s.at.slice(); at[dx] = i; if (by) at[db] = b; pts.push({ p: TC.run.flat(at), x: place(i) }); }
+      series.push({ name: by ? TC.axisLabel(by, b) : "", pts, on: !by || b === s.at[db] });
+    } else {
+      const groups = new Map();
+      for (let p = 0; p < r.points; p++) { const key = by ? TC.axisLabel(by, p) : ""; if (!groups.has(key)) groups.set(key, []); groups.get(key).push({ p, x: ax.numeric ? place(p) : ax.values.indexOf(ax.values[p]) }); }
+      for (const [name, pts] of groups) series.push({ name, pts: pts.sort((a, b) => a.x - b.x), on: pts.some((o) => o.p === s.at[0]) });
+    }
+    const every = series.flatMap((g) => g.pts), get = (o) => (TC.run.flag("status", o.p, s.level) === 1 ? TC.run.value(s.q, o.p, s.level) : NaN);
+    const scale = TC.scale(every.map(get), q.units), ys = every.map(get).map((v) => v / scale.by);
+    const names = series.map((g) => g.name), room = by && series.length <= 14 ? Math.min(130, 14 + 7 * Math.max(...names.map((n) => n.length))) : 14;
+    const plot = new TC.Plot({ width, height: 330, x: TC.pad(TC.range(every.map((o) => o.x)), 0.03), y: TC.pad(TC.range(ys)), xlabel: TC.axisTitle(ax), ylabel: TC.symbol(s.q) + (scale.unit ? ` [${scale.unit}]` : ""), margin: { left: 66, right: room, top: 10, bottom: 46 },
+      xticks: ax.numeric ? undefined : [...new Set(ax.values)].map((_, i) => i), xtext: ax.numeric ? undefined : (i) => [...new Set(ax.values)][i] });
+    const ends = [];
+    series.forEach((g, k) => {
+      const look = TC.series(k), v = g.pts.map((o) => get(o) / scale.by);
+      plot.line(g.pts.map((o) => o.x), v, { ...look, "stroke-width": g.on ? 2.8 : 1.5, opacity: g.on ? 1 : 0.75 });
+      g.pts.forEach((o, i) => {
+        if (!Number.isFinite(v[i])) return;
+        const shown = TC.marker(TC.SHAPES[k % 4], plot.px(o.x), plot.py(v[i]), g.pts.length > 40 ? 2 : 3.6, { fill: TC.run.proof(o.p, s.level) === "unique" ? look.stroke : "var(--bg)", stroke: look.stroke, "stroke-width": 1.6, class: "mark" });
+        shown.append(TC.svgNode("title", {}, `${TC.run.words(TC.run.index(o.p))}\n${TC.quantity(get(o), q.units)}`));
+        shown.addEventListener("click", () => TC.set({ at: TC.run.index(o.p) }));
+        plot.over.append(shown);
+      });
+      const last = v.map(Number.isFinite).lastIndexOf(true);
+      if (last >= 0) ends.push({ y: plot.py(v[last]), name: g.name, look });
+    });
+    const here = TC.run.flat(s.at), mine = every.find((o) => o.p === here);
+    if (mine && Number.isFinite(get(mine))) plot.over.append(TC.svgNode("circle", { cx: plot.px(mine.x), cy: plot.py(get(mine) / scale.by), r: 8, fill: "none", stroke: "var(--ink)", "stroke-width": 2 }));
+    if (room > 14) {
+      ends.sort((a, b) => a.y - b.y);
+      for (let i = 1; i < ends.length; i++) ends[i].y = Math.max(ends[i].y, ends[i - 1].y + 14);
+      const over = Math.max(0, (ends.length ? ends[ends.length - 1].y : 0) - plot.bottom);
+      for (const e of ends) plot.text(plot.right + 10, e.y - over + 4, e.name, { style: `fill:${e.look.stroke}` });
+    }
+    const note = `${by ? `one curve for each ${TC.symbol(by.name)}; ` : ""}filled marks: proved unique; ring: the point below`;
+    TC.fill(host, TC.el("h3", {}, `${TC.symbol(s.q)} over ${TC.symbol(ax.name)}`), TC.el("p", { class: "note" }, note), plot.svg);
+  },
+  accuracy(host) {
+    const r = TC.data.run, s = TC.state, p = TC.run.flat(s.at), out = [], width = Math.min(560, TC.width(host));
+    const narrow = TC.width(host) < 760, half = narrow ? TC.width(host) : Math.floor(TC.width(host) / 2 - 14);
+    if (r.nlevels > 1) out.push(TC.el("div", { class: "columns" }, TC.el("div", { class: "panel" }, TC.run.changes(half, p)), TC.el("div", { class: "panel" }, TC.run.costs(half, p))));
+    else out.push(TC.el("p", { class: "note" }, "The study has one mesh; add levels to see how the numbers converge."));
+    out.push(TC.el("h3", {}, "What would be better"), TC.el("ul", {}, TC.run.advice(p).map((t) => TC.el("li", {}, t))));
+    TC.fill(host, out);
+    if (TC.data.convergence) { const box = TC.el("div"); host.append(TC.el("h3", {}, "Measured convergence (tcstudy converge)"), box); TC.others.convergence(box, TC.data.convergence, true); }
+    if (TC.data.cost) { const box = TC.el("div"); host.append(TC.el("h3", {}, "Accuracy against cost (tcstudy cost)"), box); TC.others.cost(box, TC.data.cost, true); }
+  },
+  CONVERGED: ["u_T_max", "slip_length", "friction_resultant", "energy", "error_estimate"],
+  changes(width, p) {
+    const r = TC.data.run, h = r.levels.h_max, scale = TC.scale(h, r.units.h_max), series = [];
+    for (const name of TC.run.CONVERGED.filter((n) => r.numbers[n])) {
+      const v = h.map((_, l) => (TC.run.flag("status", p, l) === 1 ? TC.run.value(name, p, l) : NaN));
+      const last = Math.abs(v[v.length - 1]) || 1;
+      const e = name === "error_estimate" ? v : v.map((x, l) => (l === 0 ? NaN : Math.abs(x - v[l - 1]) / last));
+      series.push({ name, xs: h.map((x) => x / scale.by), ys: e.map((x) => (x > 0 ? x : NaN)), what: name === "error_estimate" ? "estimated error" : TC.symbol(name) });
+    }
+    const ys = series.flatMap((g) => g.ys).filter((v) => v > 0), xs = series[0].xs;
+    if (!ys.length) return [TC.el("h3", {}, "Convergence over the levels"), TC.el("p", { class: "note" }, "The numbers do not change from level to level.")];
+    const plot = new TC.Plot({ width, height: 300, x: TC.pad(TC.range(xs), 0.12, true), y: TC.pad(TC.range(ys), 0.12, true), xlog: true, ylog: true, xlabel: `longest edge h${scale.unit ? ` [${scale.unit}]` : ""}`, ylabel: "relative change from the level before", margin: { left: 74, right: 14, top: 10, bottom: 46 } });
+    const hi = Math.max(...xs), lo = Math.min(...xs), top = Math.max(...ys);
+    for (const order of [1, 2]) {
+      plot.line([lo, hi], [top * (lo / hi) ** order, top], { stroke: "var(--soft)", "stroke-width": 1, "stroke-dasharray": "3 3" });
+      const y = Math.max(top * (lo / hi) ** order, plot.y[0]), x = top * (lo / hi) ** order >= plot.y[0] ? lo : hi * (plot.y[0] / top) ** (1 / order);
+      plot.text(plot.px(x) + 4, plot.py(y) - 5, `order ${order}`, { class: "soft halo" });
+    }
+    const legend = TC.el("div", { class: "legend" });
+    series.forEach((g, k) => {
+      const look = TC.series(k);
+      plot.line(g.xs, g.ys, look);
+      g.xs.forEach((x, i) => { if (g.ys[i] > 0) plot.over.append(TC.marker(TC.SHAPES[k % 4], plot.px(x), plot.py(g.ys[i]), 4, { fill: look.stroke })); });
+      const n = g.ys.length, rate = n > 2 ? Math.log(g.ys[n - 2] / g.ys[n - 1]) / Math.log(g.xs[n - 2] / g.xs[n - 1]) : NaN;
+      const key = TC.svgNode("svg", { width: 26, height: 12, style: "display:inline-block;vertical-align:-1px;margin-right:5px" }, TC.svgNode("line", { x1: 0, x2: 26, y1: 6, y2: 6, "stroke-width": 2, ...look }), TC.marker(TC.SHAPES[k % 4], 13, 6, 4, { fill: look.stroke }));
+      legend.append(TC.el("span", { style: "display:inline-block;margin-right:14px" }, key, `${g.what}${Number.isFinite(rate) ? `: last order ${rate.toFixed(1).replace("-", "−")}` : ""}`));
+    });
+    return [TC.el("h3", {}, "Convergence over the levels, of this point"), plot.svg, legend, TC.el("p", { class: "note" }, "Expected where slip meets stick or an end is held: order 1 for ∫ξ and slip length, up to 2 for energy and slip on smooth data. The orders to expect at every corner: tcstudy converge.")];
+  },
+  STAGES: [["time_mesh", "mesh"], ["time_assemble", "matrices"], ["time_condense", "condensing, all points"], ["time_solve", "contact, all points"]],
+  costs(width) {
+    const r = TC.data.run, sum = (name, l) => { if (r.levels[name]) return r.levels[name][l]; const n = r.numbers[name]; let t = 0; for (let p = 0; n && p < r.points; p++) { const v = n.v[p * r.nlevels + l]; if (Number.isFinite(v)) t += v; } return t; };
+    const rows = r.levels.h_max.map((_, l) => TC.run.STAGES.map(([name]) => sum(name, l) || 0)), most = Math.max(...rows.map((x) => x.reduce((a, b) => a + b, 0))) || 1;
+    const high = 30, left = 66, svg = TC.svgNode("svg", { width, height: rows.length * high + 24, role: "img", "aria-label": "wall time by level" });
+    rows.forEach((parts, l) => {
+      let x = left;
+      parts.forEach((t, k) => {
+        const w = (t / most) * (width - left - 78);
+        svg.append(TC.svgNode("rect", { x, y: l * high + 4, width: Math.max(0, w - 0.5), height: high - 8, fill: `var(--c${[6, 5, 1, 2][k]})` }, TC.svgNode("title", {}, `${TC.run.STAGES[k][1]}: ${TC.quantity(t, "s", 3)}`)));
+        x += w;
+      });
+      svg.append(TC.svgNode("text", { x: left - 8, y: l * high + 19, "text-anchor": "end" }, `level ${l}`), TC.svgNode("text", { x: x + 6, y: l * high + 19 }, TC.quantity(parts.reduce((a, b) => a + b, 0), "s", 2)));
+    });
+    const key = TC.el("div", { class: "legend" }, TC.run.STAGES.map(([, t], k) => TC.el("span", { style: "display:inline-block;margin-right:14px" }, TC.svgNode("svg", { width: 12, height: 12, style: "display:inline-block;margin-right:4px" }, TC.svgNode("rect", { width: 12, height: 12, fill: `var(--c${[6, 5, 1, 2][k]})` })), t)));
+    const rowsOf = r.levels.h_max.map((h, l) => TC.el("tr", {}, [l, TC.quantity(h, r.units.h_max, 3), r.levels.n_dof[l], r.levels.n_contact[l]].map((t) => TC.el("td", {}, String(t)))));
+    const sizes = TC.el("table", {}, TC.el("thead", {}, TC.el("tr", {}, ["level", "longest edge", "unknowns", "on the contact line"].map((t) => TC.el("th", {}, t)))), TC.el("tbody", {}, rowsOf));
+    return [TC.el("h3", {}, "Wall time by level, whole sweep"), svg, key, sizes];
+  },
+  advice(p) {
+    const r = TC.data.run, out = [], last = r.nlevels - 1, name = r.file || TC.data.file;
+    const stop = r.stop.filter(Boolean);
+    if (stop.length) out.push(`Refinement ended because ${stop[stop.length - 1]}.`);
+    if (last > 0 && r.numbers.friction_resultant) {
+      const a = TC.run.value("friction_resultant", p, last), b = TC.run.value("friction_resultant", p, last - 1), e = Math.abs(a - b) / Math.abs(a);
+      if (e > 0.01) out.push(`At this point the friction resultant still changed by ${TC.percent(e)}: one more level (mesh.levels: ${last + 2}) should halve that at about four times the unknowns; graded or adaptive meshes reach it with fewer (tcstudy cost shows how many).`);
+      else if (Number.isFinite(e)) out.push(`At this point the friction resultant changed by ${TC.percent(e)} with the last level; one level less would save most of the time and leave about ${TC.percent(2 * e)}.`);
+    }
+    const open = [...Array(r.points).keys()].filter((k) => TC.run.proof(k, last) === "local" || TC.run.proof(k, last) === "nothing").length;
+    if (open) out.push(`For ${open} of ${r.points} points other solutions with less energy are not excluded: tcstudy path follows all solutions along one parameter.`);
+    const several = [...Array(r.points).keys()].filter((k) => TC.run.several(k, last) > 1).length;
+    if (several) out.push(`For ${several} points different starts led to different solutions; the stored one is that of ${TC.data.yaml.includes("branch:") ? "the branch that the study asks for" : "least energy among those found"}.`);
+    if (!TC.data.body) out.push("With output: {fields: true} the page also shows the body's temperature and deformation.");
+    if (!TC.data.live) out.push("With output: {live: true} the contact problem can be solved here, in the browser, while sliders move.");
+    if (!TC.data.convergence && last > 1) out.push("tcstudy converge measures errors and compares them with the orders to expect; its file beside this one is shown here, too.");
+    return out;
+  },
+  rows(host) {
+    const r = TC.data.run, s = TC.state, level = s.level, points = [...Array(r.points).keys()], columns = [];
+    for (const a of r.axes) {
+      const d = TC.run.dim(a.name);
+      columns.push({ title: TC.axisTitle(a), csv: a.name + (a.units !== "1" ? ` [${a.units}]` : ""), left: !a.numeric, get: (p) => a.values[TC.run.index(p)[d]], text: (p) => TC.axisLabel(a, TC.run.index(p)[d]) });
+    }
+    for (const name of Object.keys(r.numbers).filter((n) => !["lambda_1", "omega", "evaluations", "time_condense", "heat_balance"].includes(n))) {
+      const n = r.numbers[name], scale = TC.scale(points.map((p) => n.v[p * r.nlevels + level]), n.units);
+      columns.push({ title: TC.symbol(name) + (scale.unit ? ` [${scale.unit}]` : ""), csv: name + (n.units !== "1" ? ` [${n.units}]` : ""), get: (p) => n.v[p * r.nlevels + level], text: (p) => TC.number(n.v[p * r.nlevels + level] / scale.by) });
+    }
+    columns.push({ title: "certified", csv: "certified", left: true, get: (p) => TC.run.proof(p, level) });
+    columns[columns.length - 1].text = (p) => TC.run.proof(p, level);
+    columns.push({ title: "status", csv: "status", left: true, get: (p) => r.statuses[TC.run.flag("status", p, level)], text: (p) => r.statuses[TC.run.flag("status", p, level)] });
+    const reason = (p) => r.reasons[r.reason[p * r.nlevels + level]];
+    if (points.some(reason)) columns.push({ title: "reason", csv: "reason", left: true, get: reason, text: reason });
+    const t = TC.table({ columns, rows: points, sort: s.sort, down: s.down, chosen: (p) => p === TC.run.flat(s.at), pick: (p) => TC.set({ at: TC.run.index(p) }), onsort: (i) => TC.set({ sort: i, down: i === s.sort && !s.down ? 1 : 0 }) });
+    const csv = () => TC.save(`${TC.data.file.replace(/\.nc$/, "")}-level${level}.csv`, TC.CSV(columns.map((c) => c.csv), t.order.map((p) => columns.map((c) => c.get(p)))));
+    const scroll = host.querySelector(".scroll")?.scrollTop || 0, box = TC.el("div", { class: "scroll" }, t.node);
+    TC.fill(host, TC.el("div", { class: "controls noprint" }, TC.el("button", { onclick: csv, "aria-label": "csv" }, "Download as CSV"), TC.el("span", { class: "note" }, `${r.points} points on level ${level}; a click on a row shows the point`)), box);
+    box.scrollTop = scroll;
+  },
+};

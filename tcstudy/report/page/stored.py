@@ -1,0 +1,88 @@
+"""What the page takes from other rooms: opened result files, the study that stands in them, drawing helpers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from tcstudy.data.convergence import ERRORS, NUMBERS, VERDICTS
+from tcstudy.data.convergence import default_path as convergence_path
+from tcstudy.data.cost import default_path as cost_path
+from tcstudy.data.files import StoreError, replace_file
+from tcstudy.data.kinds import kind_of
+from tcstudy.data.records import PointStatus
+from tcstudy.data.store import open_results
+from tcstudy.errors import StudyError
+from tcstudy.report.cost_reading import advice, measure_of, settings
+from tcstudy.report.outline import boundary_edges
+from tcstudy.report.picture import BodyFields, Line
+from tcstudy.report.select_point import axis_names, describe
+from tcstudy.report.style import DrawError
+from tcstudy.scene.friction import DOWN, UP, FrictionLaw
+from tcstudy.scene.laws import SHAPES
+from tcstudy.scene.reader import read_study_text
+from tcstudy.scene.records import Clamped, Study
+
+__all__ = [
+    "DOWN", "ERRORS", "NUMBERS", "SHAPES", "UP", "VERDICTS", "BodyFields", "Clamped", "DrawError", "FrictionLaw",
+    "Line", "PointStatus", "StoreError", "Stored", "Study", "advice", "axis_names", "boundary_edges",
+    "describe", "measure_of", "read", "replace_file", "settings",
+]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Stored:
+    """One result file in memory.
+
+    kind:   "run", "convergence", "cost" or "path"
+    data:   the root dataset
+    groups: datasets of the level groups by number; those of live data by number
+    study:  the study in the file, None if its text can no longer be read (a body's own file may be gone)
+    beside: convergence and cost files of the same study that lie beside a run's file
+    """
+
+    path: Path
+    kind: str
+    data: Any
+    groups: dict[int, Any]
+    live: dict[int, Any]
+    study: Study | None
+    beside: tuple[Stored, ...] = ()
+
+
+def read(path: Path) -> Stored:
+    """Everything in a result file. Raises StoreError if it is none or not complete."""
+    kind = kind_of(path)
+    with open_results(path) as tree:
+        data = tree.to_dataset().load()
+        if kind == "run" and not {"status", "level"} <= set(data.variables):
+            raise StoreError(f"{path} is no file of tcstudy run, converge, cost or path, so there is no page of it")
+        levels = {n: tree[f"level_{n}"] for n in range(data.sizes.get("level", 0)) if f"level_{n}" in tree.children}
+        groups = {n: group.to_dataset().load() for n, group in levels.items()}
+        live = {n: group["live"].to_dataset().load() for n, group in levels.items() if "live" in group.children}
+    found = Stored(path, kind, data, groups, live, _study(data))
+    return replace(found, beside=tuple(_beside(found))) if kind == "run" else found
+
+
+def _study(data: Any) -> Study | None:
+    text, overrides = str(data.attrs.get("study_yaml", "")), str(data.attrs.get("overrides", ""))
+    try:
+        return read_study_text(text, "study", [one for one in overrides.split("\n") if one])
+    except (StudyError, OSError):
+        return None
+
+
+def _beside(run: Stored) -> list[Stored]:
+    """Convergence and cost files of the same study text beside a run's file."""
+    found = []
+    for path in (convergence_path(run.path), cost_path(run.path)):
+        if not path.is_file():
+            continue
+        try:
+            other = read(path)
+        except StoreError:
+            continue
+        if other.data.attrs.get("study_yaml") == run.data.attrs.get("study_yaml"):
+            found.append(other)
+    return found
