@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -108,7 +109,7 @@ def nearest(places: Array, named: list[Json]) -> NDArray[np.int8]:
 def _distance(places: Array, line: Array) -> Array:
     """(k,) distance of places from a polyline."""
     best = np.full(len(places), np.inf)
-    for a, b in zip(line[:-1], line[1:], strict=True):
+    for a, b in pairwise(line):
         t = b - a
         s = np.clip((places - a) @ t / max(float(t @ t), np.finfo(float).tiny), 0.0, 1.0)
         best = np.minimum(best, np.hypot(*(places - a - s[:, None] * t).T))

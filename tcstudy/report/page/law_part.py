@@ -7,12 +7,13 @@ values alone and put to the test: the shape built from them must be the same law
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from tcstudy.report.page.container import Json
-from tcstudy.report.page.stored import DOWN, SHAPES, UP, FrictionLaw, Study
+from tcstudy.report.page.stored import DOWN, SHAPES, UP, FrictionLaw, Study, axis_places
 
 SAMPLES = 60
 ROUNDING = 1e-12
@@ -23,8 +24,16 @@ def law_part(study: Study | None) -> Json | None:
     if study is None:
         return None
     numbers: dict[FrictionLaw, int] = {}
-    index = [numbers.setdefault(scene.friction, len(numbers)) for scene in study.scenes]
+    index = [numbers.setdefault(study.scenes[i].friction, len(numbers)) for i in file_order(study)]
     return {"laws": [drawn(law) for law in numbers], "index": index}
+
+
+def file_order(study: Study) -> list[int]:
+    """The scene of every point of the file: a file has axes that go up and down sorted, the study has not."""
+    numbers = np.arange(len(study.scenes)).reshape(study.shape)
+    if study.mode == "grid" and study.axes:
+        numbers = numbers[np.ix_(*(np.argsort(axis_places(axis)) for axis in study.axes))]
+    return [int(i) for i in numbers.ravel()]
 
 
 def drawn(law: FrictionLaw) -> Json:
@@ -32,7 +41,7 @@ def drawn(law: FrictionLaw) -> Json:
     reach = _reach(law)
     ends = np.concatenate([[-reach], law.kinks, [reach]])
     curves = []
-    for a, b in zip(ends[:-1], ends[1:], strict=True):
+    for a, b in pairwise(ends):
         s = np.linspace(a, b, SAMPLES if not law.piecewise_linear else 2)
         middle = np.full(len(s), law.piece(0.5 * (a + b)))
         curves.append([s.tolist(), law.value(s, middle).tolist()])

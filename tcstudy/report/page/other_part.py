@@ -35,7 +35,7 @@ def convergence_part(stored: Stored, box: Container) -> Json:
         own = data[name].transpose(*dims, "level") if "level" in data[name].dims else data[name].transpose(*dims)
         return own.values.reshape((points, levels) if "level" in data[name].dims else (points,))
 
-    errors = [
+    errors: list[Json] = [
         {
             "name": m.name,
             "symbol": m.symbol,
@@ -84,7 +84,7 @@ def _convergence_verdict(errors: list[Json], status: Any) -> Json:
     early = sum(verdict == "pre asymptotic" for verdict in told)
     parts += [f"{early} not yet settled (pre-asymptotic)"] if early else []
     slow = sorted({str(error["symbol"]) for error in errors if "slower" in error["verdict"]})
-    parts += [f"slower than expected: {', '.join(slow)}"] if slow else []
+    parts += ["slower than expected: " + ", ".join(slow)] if slow else []
     parts += [] if solved else ["some levels were not solved"]
     if not told:
         parts = ["nothing could be compared: there is no reference"]

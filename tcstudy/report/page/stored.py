@@ -12,6 +12,7 @@ from tcstudy.data.cost import default_path as cost_path
 from tcstudy.data.files import StoreError, replace_file
 from tcstudy.data.kinds import kind_of
 from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import axis_places
 from tcstudy.data.store import open_results
 from tcstudy.errors import StudyError
 from tcstudy.report.cost_reading import advice, measure_of, settings
@@ -26,7 +27,7 @@ from tcstudy.scene.records import Clamped, Study
 
 __all__ = [
     "DOWN", "ERRORS", "NUMBERS", "SHAPES", "UP", "VERDICTS", "BodyFields", "Clamped", "DrawError", "FrictionLaw",
-    "Line", "PointStatus", "StoreError", "Stored", "Study", "advice", "axis_names", "boundary_edges",
+    "Line", "PointStatus", "StoreError", "Stored", "Study", "advice", "axis_names", "axis_places", "boundary_edges",
     "describe", "measure_of", "read", "replace_file", "settings",
 ]  # fmt: skip
 

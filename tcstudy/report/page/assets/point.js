@@ -43,9 +43,7 @@ TC.point = {
     }
     return { u, xi, state };
   },
-  lawOf: (p) => (TC.data.laws ? TC.data.laws.laws[TC.data.laws.index[TC.point.scene(p)]] : null),
-  // The study's order of points is that of the file but where a swept list was sorted; laws stand in the study's order.
-  scene(p) { return TC.data.laws.place ? TC.data.laws.place[p] : p; },
+  lawOf: (p) => (TC.data.laws ? TC.data.laws.laws[TC.data.laws.index[p]] : null),
   // s -> largest |b| between 0 and s.
   peaks(law) {
     const at = [];

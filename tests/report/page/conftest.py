@@ -1,0 +1,34 @@
+"""A small study with fields, run once for all tests of the page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tcstudy.scene.reader import read_study_text
+from tcstudy.study.execute import execute
+
+STUDY = """
+title: A block <on> a film
+body: {outline: [{from: [0, 0], edge: film}, {from: [0.2, 0], edge: end}, {from: [0.2, 0.1], edge: top},
+                 {from: [0, 0.1], edge: back}]}
+boundary: {film: contact, back: clamped, top: convection, end: {role: traction, g: [3 MPa, 0]}}
+material: {E: 210 GPa, nu: 0.3, k: 45, alpha_T: 12e-6}
+heat: {alpha: 200, theta_bar: 10 K, q: 5e5}
+friction: {law: slip-weakening, tau_s: 40 MPa, tau_k: 10 MPa, delta: 40 um}
+mesh: {maxh: 40 mm, levels: 2}
+sweep:
+  theta_bar: [20 K, 0 K, 10 K]
+  friction:
+    plain: {law: tresca, tau: 40 MPa}
+    weak: {law: slip-weakening, tau_s: 40 MPa, tau_k: 10 MPa, delta: 40 um}
+output: {fields: true}
+"""
+
+
+@pytest.fixture(scope="session")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("page") / "block.nc"
+    execute(read_study_text(STUDY), path)
+    return path
