@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
         result = execute(study, output, watcher, options.words)
     except (StoreError, GeometryFailed) as error:
         watcher.close()
-        fail(f"{options.study}: {error}")
+        fail(_said(options, study, error))
     finally:
         watcher.close()
     print(summary(result.output))
@@ -49,7 +49,7 @@ def plan(options: argparse.Namespace) -> int:
     try:
         forecast = forecast_of(study)
     except GeometryFailed as error:
-        fail(f"{options.study}: {error}")
+        fail(_said(options, study, error))
     axes = [(axis.name, axis.labels, axis.units) for axis in study.axes]
     print(
         forecast_text(
@@ -102,7 +102,7 @@ def path(options: argparse.Namespace) -> int:
             print(f"\n  {draw_path(output, options.plot, options.response or MEAN_SLIP)}")
     except (PathError, StoreError, GeometryFailed, DrawError) as error:
         progress.close()
-        fail(f"{options.study}: {error}")
+        fail(_said(options, study, error))
     print("".join(f"\n  {problem}" for problem in problems) + f"\n  data in {output}")
     return SOME_FAILED if problems else OK
 
@@ -149,7 +149,7 @@ def converge(options: argparse.Namespace) -> int:
         if options.plot is not None:
             print(plot_convergence(path, options.plot, point), file=sys.stderr)
     except (StoreError, GeometryFailed, ConvergenceError, DrawError) as error:
-        fail(f"{options.study}: {error}")
+        fail(_said(options, study, error))
     print(f"data in {path}", file=sys.stderr)
     return SOME_FAILED if failed else OK
 
@@ -192,7 +192,7 @@ def cost(options: argparse.Namespace) -> int:
             print(plot_cost(path, options.plot, options.error), file=sys.stderr)
     except (StoreError, GeometryFailed, CostError, DrawError) as error:
         progress.close()
-        fail(f"{options.study}: {error}")
+        fail(_said(options, study, error))
     finally:
         progress.close()
     print(f"data in {path}", file=sys.stderr)
@@ -271,6 +271,14 @@ def _checked(options: argparse.Namespace, default=None):  # type: ignore[no-unty
     if problems:
         fail("\n".join(problems))
     return study, output
+
+
+def _said(options: argparse.Namespace, study, error: Exception) -> str:  # type: ignore[no-untyped-def]  # Study, lazily
+    """What stopped a command, with its place in the study where it has one."""
+    from tcstudy.fem.geometry import GeometryFailed
+    from tcstudy.study.preflight import geometry_fault
+
+    return geometry_fault(study, error) if isinstance(error, GeometryFailed) else f"{options.study}: {error}"
 
 
 def _length(study) -> str:  # type: ignore[no-untyped-def]  # Study, imported lazily

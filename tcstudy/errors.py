@@ -2,8 +2,26 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass
+
+UNSEEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
+"""Unicode categories that print nothing, begin a line or steer a terminal."""
+LONGEST_KEY, LONGEST_PART = 100, 400
+"""Characters that a message shows of a key path or an option, and of each of its halves."""
+
+
+def printable(text: str) -> str:
+    """The text with escapes such as \\x1b in place of characters that are no sign."""
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(c.encode("unicode_escape").decode() if unicodedata.category(c) in UNSEEN else c for c in text)
+
+
+def shortened(text: str, most: int = 60) -> str:
+    """The text, cut so that a message stays one readable line."""
+    return text if len(text) <= most else text[: most - 3] + "..."
 
 
 @dataclass(frozen=True)
@@ -25,9 +43,11 @@ class Problem:
 
     def __str__(self) -> str:
         """The line the user sees: `file:line:column: key: what; remedy`."""
-        place = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
-        key = f"{self.key}: " if self.key else ""
-        return f"{place}: {key}{self.what}; {self.remedy}"
+        file = shortened(self.file, LONGEST_KEY) if self.file.startswith("--set ") else self.file
+        place = f"{file}:{self.line}:{self.column}" if self.line else file
+        key = f"{shortened(self.key, LONGEST_KEY)}: " if self.key else ""
+        what, remedy = shortened(self.what, LONGEST_PART), shortened(self.remedy, LONGEST_PART)
+        return printable(f"{place}: {key}{what}; {remedy}")
 
 
 class StudyError(Exception):

@@ -15,6 +15,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tcstudy.errors import printable, shortened
+
 if TYPE_CHECKING:
     import netCDF4
 
@@ -26,6 +28,9 @@ PARTIAL = ".partial"
 
 MAGIC = (b"\x89HDF\r\n\x1a\n", b"CDF")
 """How netCDF-4 and older netCDF files begin."""
+
+LONGEST_NAME = 255 - 32
+"""Bytes of a name, such that the names of files written beside the output remain below the 255 of file systems."""
 
 ROOM = 3
 """Free disk that must be there, as a multiple of the expected file (old and new stand side by side)."""
@@ -68,6 +73,8 @@ def check_writable(path: Path, expected_bytes: int) -> list[str]:
 
 
 def _write_problems(path: Path, expected_bytes: int) -> list[str]:
+    if fault := _name_fault(path):
+        return [fault]
     target = Path(os.path.realpath(path))
     if target.is_dir():
         return [f"{path} is a directory; give the name of a file in it"]
@@ -96,6 +103,21 @@ def _write_problems(path: Path, expected_bytes: int) -> list[str]:
             "are written; free some space, choose another output or ask for less (fields: false, fewer levels)"
         )
     return problems
+
+
+def _name_fault(path: Path) -> str:
+    """Why no file can have this name, or why none beside it can have the longer names of what is written aside."""
+    shown = printable(str(path))
+    if "\0" in str(path):
+        return f"{shown} has a NUL character, as no file name can; choose another output"
+    try:
+        longest = max(len(part.encode()) for part in path.parts)
+    except UnicodeEncodeError:
+        return f"{shown} is no UTF-8 text, as netCDF needs it; choose another output"
+    if longest > LONGEST_NAME:
+        what = f"has a part of {longest} bytes; names of results may have {LONGEST_NAME}"
+        return f"{shortened(shown)} {what}; choose a shorter output"
+    return ""
 
 
 def _is_foreign(target: Path) -> bool:

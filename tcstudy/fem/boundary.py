@@ -124,7 +124,7 @@ def values_at(scalar: Scalar, points: Array) -> Array:
     if isinstance(scalar, Expression):
         value = np.broadcast_to(scalar.evaluate(points[:, 0], points[:, 1]), len(points))
         if not np.all(np.isfinite(value)):
-            raise GeometryFailed(f"the expression {str(scalar)!r} is not finite everywhere on its edge")
+            raise GeometryFailed(f"the expression {str(scalar)!r} is not finite at every node; correct it", ())
         return np.array(value, dtype=float)
     return np.full(len(points), float(scalar))
 
@@ -177,7 +177,8 @@ def _check_agreement(
         others = {held.name[order[i]] for i in np.flatnonzero(own == own[wrong[0]])}
         raise GeometryFailed(
             f"edges {', '.join(sorted(others))} prescribe different displacements at their common "
-            f"corner ({x:g}, {y:g}); make them agree there, or free a component"
+            f"corner ({x:g}, {y:g}); make them agree there, or free a component",
+            ("boundary",),
         )
 
 

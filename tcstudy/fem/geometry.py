@@ -19,6 +19,7 @@ import numpy as np
 from netgen import occ
 from numpy.typing import NDArray
 
+from tcstudy.fem.foreign_file import file_fault
 from tcstudy.scene.records import Body, BrepFace, Edge, Loop, Point
 from tcstudy.scene.shapes import body_size, edge_distance, edge_length, edge_normal
 
@@ -36,7 +37,14 @@ HARMLESS = 0.1, 10.0
 
 
 class GeometryFailed(RuntimeError):
-    """The geometry kernel or the mesher could not do what the study asks; the text says what and what to try."""
+    """The geometry kernel or the mesher could not do what the study asks; the text says what and what to try.
+
+    keys: key path of the value in the study that decides about it
+    """
+
+    def __init__(self, text: str, keys: tuple[str, ...] = ("mesh", "maxh")) -> None:
+        super().__init__(text)
+        self.keys = keys
 
 
 @dataclass(frozen=True)
@@ -196,7 +204,8 @@ def _name_edges(shape: Any, finders: list[Callable[[Array], float]], tolerance: 
     missing = [i for i in range(len(finders)) if f"c{i}" not in found]
     if missing:
         raise GeometryFailed(
-            f"boundary curve {missing[0]} vanished when holes and regions were cut; check that parts do not overlap"
+            f"boundary curve {missing[0]} vanished when holes and regions were cut; check that parts do not overlap",
+            ("body",),
         )
 
 
@@ -204,6 +213,8 @@ def _read_face(record: BrepFace) -> tuple[Any, list[Curve], float]:
     """One plane face of a file, its edges named by the points that the study gives, and the unit it is in [m]."""
     if record.path.suffix.lower() in (".step", ".stp") and not _begins_as_step(record.path):  # the kernel would rattle
         raise GeometryFailed(f"{record.path.name}: is no STEP file, as ISO-10303-21 is missing; export the face again")
+    if (fault := file_fault(record.path)) is not None:
+        raise GeometryFailed(f"{record.path.name}: {fault}; export the face again", ("body", "file"))
     try:
         shape = occ.OCCGeometry(str(record.path), dim=2).shape
     except Exception as error:

@@ -158,8 +158,9 @@ def mesh_faults(plan: MeshPlan, area: float, size: float) -> Iterator[tuple[int,
         exponent = math.log10(area / (math.sqrt(3.0) / 4.0)) - 2.0 * math.log10(h)
         exponent += refinements * math.log10(4.0)
         if exponent > math.log10(MAX_TRIANGLES):
-            least = 10.0 ** ((exponent - math.log10(MAX_TRIANGLES)) / 2.0) * h
+            least = 10.0 ** (math.log10(h) + (exponent - math.log10(MAX_TRIANGLES)) / 2.0)
             remedy = f"choose maxh above {least:.2g}" + (" or fewer levels" if refinements else "")
             if least > size:
-                remedy = f"give at most {max(1, plan.levels - math.ceil(math.log2(least / h)))} levels"
+                fewer = math.ceil((exponent - math.log10(MAX_TRIANGLES)) / (2.0 * math.log10(2.0)))
+                remedy = f"give at most {max(1, plan.levels - fewer)} levels"
             yield i, f"about 10^{exponent:.1f} triangles are more than a study can use", remedy

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -28,6 +29,9 @@ MAX_SEGMENTS = 20_000
 MAX_FAULTS = 20
 """Most faults of one kind that are named for one loop."""
 
+LARGEST, SMALLEST = (bound**0.25 for bound in (sys.float_info.max, sys.float_info.min))
+"""Lengths whose fourth powers, as shapes need them, are still floating-point numbers."""
+
 SHARPEST = 1e-4
 """Smallest angle of a corner [rad]."""
 
@@ -42,12 +46,18 @@ class Fault:
 
 
 def coordinate_faults(loop: Loop, place: str) -> list[Fault]:
-    """Coordinates that are not finite; to be looked for before anything else."""
+    """Coordinates that are not finite or whose products are not; to be looked for before anything else."""
     faults = []
     for i, edge in enumerate(loop.edges):
         points = (edge.start, edge.end) if edge.through is None else (edge.start, edge.end, edge.through)
         if not np.all(np.isfinite(points)):
             faults.append(Fault(_place(place, i), "a coordinate is not finite", "give finite numbers"))
+        elif not faults and (largest := float(np.max(np.abs(points)))) > LARGEST:
+            what = f"the coordinate {largest:.3g} is too large to compute with"
+            faults.append(Fault(_place(place, i), what, "check the number and its unit"))
+    if not faults and loop.edges and 0.0 < (size := rough_size(loop)) < SMALLEST:
+        what = f"the size {size:.3g} is too small to compute with"
+        faults.append(Fault(place, what, "check the numbers and their unit"))
     return faults
 
 

@@ -60,7 +60,7 @@ def _refuse(ctx: Context, root: Node, sweep: Sweep) -> None:
         what = "a path changes a load, but loads: derived leaves none to change"
         ctx.errors.at(path, what, "remove path, or give the loads", on_key=True)
     for axis in sweep.axes:
-        section, *_, last = axis.parameter.path
+        section, last = axis.parameter.path[0], axis.parameter.path[-1]
         if section in ("boundary", "loads") or (section == "heat" and last in HEAT):
             what = f"{axis.key} is swept, but exact.loads: derived makes it follow from the exact solution"
             ctx.errors.at(axis.node, what, "remove it from the sweep, or give the loads", on_key=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,15 +13,17 @@ from tcstudy.scene.document import apply_overrides, compose, load_text
 from tcstudy.scene.fields import Fields
 from tcstudy.scene.node import Collector, Mark, Node, deepest, holds, put, split_path
 from tcstudy.scene.parameters import SHORT, sweepable
-from tcstudy.scene.read_boundary import keys_of
+from tcstudy.scene.read_boundary import ALL_KEYS, keys_of
 from tcstudy.scene.read_derived import derived_scenes, without_loads
 from tcstudy.scene.read_exact import read_exact
+from tcstudy.scene.read_heat import read_heat
+from tcstudy.scene.read_material import read_material
 from tcstudy.scene.read_mesh import read_mesh
 from tcstudy.scene.read_path import read_path
 from tcstudy.scene.read_run import read_output, read_solver
 from tcstudy.scene.read_sweep import Sweep, read_sweep, records
 from tcstudy.scene.records import Exact, MeshPlan, OutputPlan, PathPlan, Scene, SolverPlan, Study
-from tcstudy.scene.scenes import SceneReader
+from tcstudy.scene.scenes import SECTIONS, SceneReader
 from tcstudy.scene.walker import Context
 
 REQUIRED = ("body", "boundary", "material", "friction", "mesh")
@@ -106,8 +108,9 @@ def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
     boundary, friction = root.child("boundary"), root.child("friction")
     roles = boundary.value if boundary and isinstance(boundary.value, Mapping) else {}
     law = word.value if friction and (word := friction.child("law")) else None
-    known = sweepable({edge: keys_of(node) for edge, node in roles.items()}, law if isinstance(law, str) else None)
-    sweep = _with_law(read_sweep(ctx, root.child("sweep"), known, friction) or Sweep(), friction)
+    edges = {edge: keys_of(node) for edge, node in roles.items()} if boundary else _swept_edges(root.child("sweep"))
+    known = sweepable(edges, law if isinstance(law, str) else None)
+    sweep = _of_sections(ctx, root, read_sweep(ctx, root.child("sweep"), known, friction) or Sweep())
     for option in (text for text in overrides if "=" in text):
         key = SHORT.get(option.partition("=")[0].strip(), option.partition("=")[0].strip())
         keys = split_path(key) or ()
@@ -120,11 +123,45 @@ def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
     return sweep
 
 
-def _with_law(sweep: Sweep, friction: Node | None) -> Sweep:
-    """The sweep without parameters of a law that is not there: what is missing is the section, not `friction.law`."""
-    if friction is not None or any(axis.parameter.kind == "law" for axis in sweep.axes):
-        return sweep
-    return replace(sweep, axes=tuple(axis for axis in sweep.axes if axis.parameter.path[0] != "friction"))
+def _swept_edges(sweep: Node | None) -> dict[str, tuple[str, ...]]:
+    """The edges that a sweep names, with all keys: of a study without the section `boundary`."""
+    points = sweep.child("points") if sweep else None
+    rows = points.value if points and isinstance(points.value, tuple) else ()
+    maps = [node.value for node in (sweep, *rows) if node and isinstance(node.value, Mapping)]
+    names = [key.split(".") for keys in maps for key in keys]
+    return {words[1]: ALL_KEYS for words in names if len(words) == 3 and words[0] == "boundary"}
+
+
+def _of_sections(ctx: Context, root: Node, sweep: Sweep) -> Sweep:
+    """The sweep without parameters of a section that is not there and that they do not make by themselves.
+
+    What is missing then is the section, not one of its keys in the sweep. The optional section `heat` is recorded here.
+    """
+    lost = {section for section in SECTIONS if root.child(section) is None and not _made_by(ctx, section, sweep)}
+    for section in sorted(lost & set(OPTIONAL)):
+        swept = next(axis.key for axis in sweep.axes if axis.parameter.path[0] == section)
+        remedy = "add heat: {alpha: ..., theta_bar: ...}, or remove it from the sweep"
+        ctx.errors.at(root, f"is missing, but {swept} is swept", remedy, key=section)
+    return replace(sweep, axes=tuple(axis for axis in sweep.axes if axis.parameter.path[0] not in lost))
+
+
+def _made_by(ctx: Context, section: str, sweep: Sweep) -> bool:
+    """Whether the swept keys of a section are all that it needs; true if none is swept."""
+    axes = [axis for axis in sweep.axes if axis.parameter.path[0] == section and axis.values]
+    if not axes or any(axis.parameter.path == (section,) for axis in axes):
+        return True
+    probe, node = Context(Collector(), ctx.units), axes[0].node
+    root = _with_swept_keys(replace(node, value={}), replace(sweep, axes=tuple(axes)))
+    made = root.child(section)
+    if made is None or section in ("boundary", "friction"):
+        return False
+    read: dict[str, Callable[[], object]] = {
+        "material": lambda: read_material(probe, made),
+        "heat": lambda: read_heat(probe, made, None),
+        "loads": lambda: True,
+    }
+    read[section]()
+    return not any(problem.what == "is missing" for problem in probe.errors.problems)
 
 
 def _with_swept_keys(root: Node, sweep: Sweep) -> Node:

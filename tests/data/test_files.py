@@ -207,3 +207,21 @@ def test_a_file_that_is_no_result_is_not_overwritten(tmp_path: Path, written: Pa
     (problem,) = check_writable(study, 0)
     assert "block.yaml exists and is no result file; it would be lost" in problem
     assert check_writable(empty, 0) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "part"),
+    [("a\0b", "NUL"), ("b\udcff.nc", "no UTF-8 text"), ("x" * 245 + ".nc", "has a part of 248 bytes")],
+)
+def test_names_that_no_result_can_have(tmp_path: Path, name: str, part: str) -> None:
+    [problem] = check_writable(tmp_path / name, 1)
+    assert part in problem
+    assert problem.isprintable()
+    problem.encode()
+
+
+def test_the_longest_name_is_written(output: Path, study: Study, provenance: Provenance) -> None:
+    longest = output.with_name("x" * (files.LONGEST_NAME - 3) + ".nc")
+    assert check_writable(longest, 1) == []
+    files.replace_file(longest, lambda aside: aside.write_text("x"))
+    assert longest.read_text() == "x"

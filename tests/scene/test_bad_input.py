@@ -229,3 +229,41 @@ def test_a_swept_parameter_of_no_law_misses_the_section(parameter: str) -> None:
     text = re.sub(r"friction: .*\n", "", BASE[: BASE.index("sweep:")])
     [problem] = problems(f"{text}sweep: {{{parameter}}}\n")
     assert ": friction: is missing; add friction: {law: tresca, tau: 20 MPa}" in problem
+
+
+@pytest.mark.parametrize(
+    ("lost", "sweep", "missing"),
+    [
+        ("material", "nu: [0.3, 0.4]", "1:1: material: is missing"),
+        ("boundary", "boundary.top.pressure: [1, 2]", "1:1: boundary: is missing"),
+        ("friction", "delta: [20 um, 40 um]", "1:1: friction: is missing"),
+        ("heat", "alpha: [25, 100]", "1:1: heat: is missing, but alpha is swept"),
+    ],
+)
+def test_a_missing_section_is_not_looked_for_in_the_sweep(lost: str, sweep: str, missing: str) -> None:
+    text = BASE[: BASE.index("sweep:")] + f"sweep: {{{sweep}}}\n"
+    lines = [line for line in problems(text, f"{lost}=null") if "convection" not in line and "heat needs" not in line]
+    assert len(lines) == 1
+    assert lines[0].startswith(f"study.yaml:{missing}")
+
+
+def test_a_sweep_may_make_a_section_by_itself() -> None:
+    text = changed("  alpha: [25, 100]\n  delta: [20 um, 40 um]", "  E: [1 GPa, 2 GPa]\n  nu: [0.1, 0.2]")
+    text = text.replace("heat: {alpha: 100 W/(m^2*K), theta_bar: 20 K, q: 5e6, omega: hot}", "")
+    text = text.replace("convection", "free")
+    assert read_study_text(text, "study.yaml", ["material=null"]).shape == (2, 2)
+
+
+@pytest.mark.parametrize("size", ["1e200", "1e308", "1e-200"])
+def test_a_body_whose_size_no_number_can_be_computed_with(size: str) -> None:
+    text = BASE[: BASE.index("  regions:")].replace("[2, 0]", f"[{size}, 0]").replace("[2, 1]", f"[{size}, {size}]")
+    text = text.replace("[0, 1]", f"[0, {size}]") + BASE[BASE.index("boundary:") :].replace(", omega: hot", "")
+    lines = problems(text, "mesh={maxh: 0.2}")
+    assert lines[0].startswith("study.yaml:3:")
+    assert "to compute with; check the number" in lines[0]
+
+
+def test_control_characters_are_shown_as_escapes() -> None:
+    lines = problems(changed("left: clamped", '"\\x1b[31mleft": clamped'))
+    assert any("boundary.\\x1b[31mleft: " in line for line in lines)
+    assert all(line.isprintable() for line in lines)

@@ -298,3 +298,15 @@ def test_a_load_that_no_sample_sees_is_kept() -> None:
     """In a strip of a ten thousandth of the body."""
     f = derivation("max(0, x - 0.9999)^3", "0").load((), MATERIAL)
     np.testing.assert_allclose(at(f[0], 0.99995, 0.5), -3.5 * 6 * 5e-5, rtol=1e-9)
+
+
+def test_whole_laws_may_be_swept() -> None:
+    laws = "sweep: {friction: {a: {law: tresca, tau: 1}, b: {law: tresca, tau: 2}}}\n"
+    exact = 'exact: {u: ["y", "0"], loads: derived}\n'
+    text = TEXT[: TEXT.index("exact:")].replace(", beta: 0.5", "").replace("heat: {alpha: 3}\n", "")
+    text = text.replace("convection", "traction").replace(
+        "slip-weakening, tau_s: 1, tau_k: 0.4, delta: 1", "tresca, tau: 1"
+    )
+    study = read_study_text(text + exact + laws)
+    assert len(study.scenes) == 2
+    assert dict(study.scenes[0].boundary) == dict(study.scenes[1].boundary)

@@ -1,0 +1,277 @@
+"""Studies spoilt at random, all of which must be planned or refused: `python -m tests.benchmarks.mutated [N] [FIRST]`.
+
+N studies (3,000 unless given) are made from the shipped ones and from one that uses every kind of key: keys renamed,
+dropped, given twice, values replaced by other types, units, huge numbers, NaN, texts with control characters, sections
+moved, lines and characters of the text lost. `tcstudy plan` is to exit with 0, or with 2 and one clear line for each
+fault: without a traceback, a warning or a control character. What does not is printed with its seed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import io
+import random
+import sys
+import tempfile
+import time
+import traceback
+import unicodedata
+import warnings
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ruamel.yaml import YAML
+
+from tcstudy.cli import main as tcstudy
+
+PROBLEMS = 3_000
+LONGEST_LINE = 600
+HANGS = 120.0
+"""Seconds after which the process ends with the place where it hangs."""
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+EVERY_KEY = """\
+title: Every kind of key
+body:
+  outline:
+    - {from: [0, 0], edge: bottom}
+    - {from: [2, 0], edge: right, through: [2.1, 0.5]}
+    - {from: [2, 1], edge: top}
+    - {from: [0, 1], edge: left}
+  holes:
+    - {circle: {center: [0.5, 0.5], radius: 0.1, edge: bore}}
+    - {rectangle: {corner: [1.5, 0.6], width: 0.1, height: 0.2, edge: slot}}
+  regions: {hot: {polygon: [[1, 0.3], [1.3, 0.3], [1.2, 0.6]]}}
+boundary:
+  bottom: contact
+  right: {role: convection, g: [0, "1 MPa"]}
+  top: {role: traction, pressure: "1e5*(1 + sin(pi*x))"}
+  left: {role: clamped, u_x: 0, u_y: free}
+  bore: free
+  slot: {role: clamped, u: [0, 0]}
+material: {E: 210 GPa, nu: 0.3, k: 45 W/(m*K), alpha_T: 12e-6 1/K, plane: stress}
+loads: {f: [0, -77 kN/m^3]}
+heat: {alpha: 100 W/(m^2*K), theta_bar: "20*(1 + x)", q: 5e6, omega: hot}
+friction: {law: saw-tooth, tau: 20 MPa, delta: 40 um, teeth: 3, drop: 0.5, decay: 0.8}
+mesh: {maxh: 0.4, tolerance: 0.05, of: {u_T: [1, 0]}}
+solver: {name: [separable-newton, bundle-newton], tolerance: 1e-9, max_iterations: 500, branch: continued}
+sweep:
+  mode: list
+  points: [{alpha: 25, q: 1e6}, {alpha: 100, q: 2e6}]
+output: {path: out.nc, fields: true}
+path: {parameter: load, from: 0, to: 2, at: [1, 1.5], start: lowest, within: [-1, 3], hysteresis: false, level: 0}
+"""
+
+TEXTS = (
+    "", " ", "x", "free", "derived", "contact", "clamped", "null", "~", "5", "5 kg", "5 mm", "-3 GPa", "1,5",
+    "1e400", "nan", "sin(x)", "1/0", "x/0", "log(-x)", "x^x^x^x", "((((", "__import__('os')", "x.y", "2*", "exp(1e9*x)",
+    "-" * 99, "ü", "θ̄", "\u202eabc", "\x00", "a\x00b", "\x1b[31mred", "\x85", "\u2028", "\ud7ff", "\U0001f600", "[",
+    "{", "*a", "&a", "!!python/object:os.system", "../../x", "/", ".", "a" * 5000,
+    "x+" * 3000 + "x", "(" * 400 + "x" + ")" * 400,
+)  # fmt: skip
+NUMBERS = (0, -1, 1, 2, 3.7, 1e-320, 1e-200, 1e-12, 1e12, 1e154, 1e200, 1e308, -1e308, 10**400, -(10**30), 0.5, -0.0)
+RAW = (".nan", ".inf", "-.inf", "null", "true", "off", "0x1f", "0b2", "1_000", "1e", "2020-01-01", "[]", "{}", "[[]]",
+       "[[[]]]", "{a: {a: {}}}", "[1, [2, [3]]]", "{1: 2}", "? [a]", "!!int x", "!!binary aGk=", "<<", "|", "&a [*a]",
+       "[" * 30 + "]" * 30, "[" * 3000 + "]" * 3000, "{linspace: [0, 1, 0]}", "{linspace: [0, 1, 1e9]}",
+       "{geomspace: [-1, 1, 3]}", "{linspace: [1e308, -1e308, 3]}", "{law: tresca, tau: 1}",
+       "[free, free]")  # fmt: skip
+KEYS = ("", " ", "x", "E", "nu", "law", "tau", "role", "u", "u_x", "g", "theta", "q", "omega", "sweep", "exact",
+        "loads", "path", "units", "edges", "file", "outline", "h", "mode", "points", "of", "goal", "a.b", "[0]",
+        "ü", "\x1b[1m", "\x00", "null", "true", "1", "<<", "a" * 3000, "\u202e", "a\nb")  # fmt: skip
+
+
+ODD = ("\t", "\x07", "\x1b[2J", "\ufeff", "\u202e", ":", "- ", "#", "{", "]", '"', "'", "%", "---\n", "\r")
+"""What is put into a text."""
+
+
+@dataclass(frozen=True)
+class Raw:
+    """YAML text that is written as it is."""
+
+    text: str
+
+
+Tree = object
+"""A scalar, Raw, a list of trees, or a mapping as a list of [key, tree] in a Map, where keys may repeat."""
+
+
+class Map(list):  # type: ignore[type-arg]
+    """Key and value pairs."""
+
+
+def tree_of(plain: object) -> Tree:
+    """The tree of what the YAML library reads."""
+    if isinstance(plain, dict):
+        return Map([str(key), tree_of(value)] for key, value in plain.items())
+    return [tree_of(value) for value in plain] if isinstance(plain, list) else plain
+
+
+def yaml_of(tree: Tree) -> str:
+    """YAML text of a tree, in flow style; every section on a line of its own."""
+    if isinstance(tree, Map):
+        return "\n".join(f"{_word(key)}: {_flow(value)}" for key, value in tree) + "\n"
+    return _flow(tree)
+
+
+def _flow(tree: Tree) -> str:
+    if isinstance(tree, Raw):
+        return tree.text
+    if isinstance(tree, Map):
+        return "{" + ", ".join(f"{_word(key)}: {_flow(value)}" for key, value in tree) + "}"
+    if isinstance(tree, list):
+        return "[" + ", ".join(map(_flow, tree)) + "]"
+    if tree is None or isinstance(tree, bool):
+        return {None: "null", True: "true", False: "false"}[tree]
+    return _word(tree) if isinstance(tree, str) else repr(tree)
+
+
+def _word(text: str) -> str:
+    """A text in double quotes; half of the odd characters escaped, the others as they are."""
+    inner = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(f"\\x{ord(c):02x}" if ord(c) < 32 else c for c in inner) + '"'
+
+
+def places(tree: Tree) -> list[tuple[list, int]]:  # type: ignore[type-arg]
+    """(list, index) of every value in a tree; in a Map the pair and 1."""
+    found: list[tuple[list, int]] = []  # type: ignore[type-arg]
+    for i, item in enumerate(tree if isinstance(tree, list) else ()):
+        holder, index = (item, 1) if isinstance(tree, Map) else (tree, i)
+        found.append((holder, index))
+        found += places(holder[index])
+    return found
+
+
+def hostile(rng: random.Random) -> Tree:
+    """A value that hardly any key can take."""
+    return rng.choice((rng.choice(TEXTS), rng.choice(NUMBERS), Raw(rng.choice(RAW)), rng.choice(NUMBERS)))
+
+
+def spoil(rng: random.Random, tree: Map) -> None:
+    """One mutation of the tree, in place."""
+    holder, index = rng.choice(places(tree))
+    maps = [tree] + [h[i] for h, i in places(tree) if isinstance(h[i], Map) and h[i]]
+    some = rng.choice(maps)
+    pair = rng.choice(some) if some else ["x", 1]
+    match rng.randrange(11):
+        case 0 | 1 | 2 | 3:
+            holder[index] = hostile(rng)
+        case 4:
+            pair[0] = rng.choice(KEYS) if rng.random() < 0.5 else pair[0][:-1] + rng.choice("aexy_")
+        case 5:
+            some[:] = [other for other in some if other is not pair]
+        case 6:
+            some.append([pair[0], rng.choice((pair[1], hostile(rng)))])
+        case 7:  # moved to another place
+            some[:] = [other for other in some if other is not pair]
+            rng.choice(maps).append(list(pair))
+        case 8:
+            holder[index] = [holder[index]] if rng.random() < 0.5 else Map([[rng.choice(KEYS), holder[index]]])
+        case 9:  # two values change places
+            other, j = rng.choice(places(tree))
+            if repr(other[j]) not in repr(holder[index]) and repr(holder[index]) not in repr(other[j]):
+                holder[index], other[j] = other[j], holder[index]
+        case 10:
+            lists = [h[i] for h, i in places(tree) if isinstance(h[i], list) and not isinstance(h[i], Map) and h[i]]
+            if lists:
+                chosen = rng.choice(lists)
+                chosen.pop() if rng.random() < 0.5 else chosen.append(rng.choice((chosen[0], hostile(rng))))
+
+
+def garble(rng: random.Random, text: str) -> str:
+    """One mutation of the text."""
+    lines = text.split("\n")
+    i, at = rng.randrange(len(lines)), rng.randrange(max(1, len(text)))
+    odd = rng.choice(
+        ("\t", "\x07", "\x1b[2J", "\ufeff", "\u202e", ":", "- ", "#", "{", "]", '"', "'", "%", "---\n", "\r")
+    )
+    match rng.randrange(6):
+        case 0:
+            return text[:at] + odd + text[at:]
+        case 1:
+            return text[:at] + text[at + rng.randrange(1, 9) :]
+        case 2:
+            return text[:at]
+        case 3:
+            return "\n".join([*lines[:i], lines[i], lines[i], *lines[i + 1 :]])
+        case 4:
+            return "\n".join([*lines[:i], *lines[i + 1 :]])
+        case _:
+            return "\n".join([*lines[:i], " " * rng.randrange(5) + lines[i].lstrip(), *lines[i + 1 :]])
+
+
+def mutated(seed: int, texts: Sequence[str]) -> str:
+    """A study with one to three faults (a few have none that matters)."""
+    rng = random.Random(seed)
+    text = rng.choice(texts)
+    if rng.random() < 0.25:
+        return garble(rng, text)
+    tree = tree_of(YAML(typ="safe", pure=True).load(text))
+    assert isinstance(tree, Map)
+    for _ in range(rng.choice((1, 1, 1, 2, 3))):
+        spoil(rng, tree)
+    return yaml_of(tree)
+
+
+def sources() -> list[str]:
+    """The studies that are spoilt."""
+    return [EVERY_KEY, *(path.read_text(encoding="utf-8") for path in sorted(CONFIGS.glob("*.yaml")))]
+
+
+def complaint(text: str, folder: Path) -> tuple[int, str]:
+    """Exit code of `tcstudy plan` on a text, and what is wrong with how it ended; "" if nothing is."""
+    file = folder / "s.yaml"
+    file.write_bytes(text.encode("utf-8", "surrogatepass"))
+    out, err = io.StringIO(), io.StringIO()
+    code: object = None
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            code = tcstudy(["plan", str(file), "--output", str(folder / "out.nc")])
+        except SystemExit as exit_:
+            code = exit_.code
+        except Exception:
+            return -1, traceback.format_exc()
+    said = err.getvalue()
+    if code not in (0, 2):
+        return -1, f"exit code {code}"
+    lines = said.rstrip("\n").split("\n")
+    if code == 2 and (not said.strip() or not all(line.startswith(str(file)) and "; " in line for line in lines)):
+        return 2, f"no clear line: {said!r}"
+    if any(len(line) > LONGEST_LINE for line in lines):
+        return 2, f"a line of {max(map(len, lines))} characters"
+    raw = [c for c in out.getvalue() + said if c != "\n" and unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp")]
+    return int(code), f"raw control characters {raw}: {said!r}" if raw else ""
+
+
+def survey(seeds: Sequence[int], say: Callable[[str], None] = print) -> Counter[str]:
+    """How the studies of some seeds ended; says what ended badly."""
+    counts: Counter[str] = Counter()
+    texts = sources()
+    slowest = (0.0, -1)
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in seeds:
+            start = time.perf_counter()
+            faulthandler.dump_traceback_later(HANGS, exit=True)
+            code, why = complaint(mutated(seed, texts), Path(folder))
+            faulthandler.cancel_dump_traceback_later()
+            slowest = max(slowest, (time.perf_counter() - start, seed))
+            counts["badly ended" if why else {0: "planned", 2: "refused"}[code]] += 1
+            if why:
+                say(f"seed {seed}: {why}")
+    say(f"slowest: seed {slowest[1]}, {slowest[0]:.1f} s")
+    return counts
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Survey N seeds from FIRST on."""
+    number, first = (*map(int, arguments), *(PROBLEMS, 0)[len(arguments) :])
+    counts = survey(range(first, first + number))
+    print(", ".join(f"{count} {how}" for how, count in sorted(counts.items())))
+    sys.exit(bool(counts["badly ended"]))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
