@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 _SLICES = 3
 """Slices of about 21 bits each; what a fourth would hold is small enough to be multiplied in double precision."""
-_BLOCK = 32_768
+_BLOCK = 16_384
 """Entries of a matrix that are worked on at a time; the temporaries of as many fit a cache."""
 
 
@@ -35,7 +35,7 @@ def extended_residual(rhs: Array, matrix: Array, v: Array, v_low: Array | None =
 
     matrix: (n, m);  v: (m,);  v_low: (m,) low part of v, at most half a unit in the last place of v; None for 0
 
-    Its error is one rounding of the result and about m 2⁻¹¹⁰ of the largest terms. It costs about fifty products with
+    Its error is one rounding of the result and about m 2⁻¹¹⁰ of the largest terms. It costs about fifty to a hundred products with
     the matrix in double precision.
     """
     n, m = matrix.shape
@@ -44,16 +44,16 @@ def extended_residual(rhs: Array, matrix: Array, v: Array, v_low: Array | None =
     bits = (53 - int(m).bit_length()) // 2
     *parts, rest = _slices(v[None, :], bits)
     v_slices = np.concatenate([*parts, rest if v_low is None else rest + v_low]).T
-    result, rows = np.empty(n), max(1, _BLOCK // m)
+    terms = np.empty((n, (_SLICES + 1) ** 2))
+    rows = max(1, _BLOCK // m)
     for first in range(0, n, rows):
-        block = slice(first, first + rows)
-        high, low = rhs[block], np.zeros(len(rhs[block]))
-        for piece in _slices(matrix[block], bits):
-            for term in (piece @ v_slices).T:
-                high, error = two_sum(high, -term)
-                low += error
-        result[block] = high + low
-    return result
+        pieces = _slices(matrix[first : first + rows], bits)
+        np.concatenate([piece @ v_slices for piece in pieces], axis=1, out=terms[first : first + rows])
+    high, low = np.asarray(rhs, dtype=float), np.zeros(n)
+    for term in np.ascontiguousarray(terms.T):
+        high, error = two_sum(high, -term)
+        low += error
+    return high + low
 
 
 def _slices(rows: Array, bits: int) -> list[Array]:
