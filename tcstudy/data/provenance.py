@@ -20,6 +20,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 from tcstudy.scene.records import Study
+from tcstudy.solve.acceptance import Acceptance
 
 CONVENTIONS = "CF-1.11"
 REFERENCES = "Sestak & Jovanovic, Appl. Math. Mech. 31 (2010), doi:10.3879/j.issn.1000-0887.2010.01.008"
@@ -63,7 +64,7 @@ def global_attributes(study: Study, provenance: Provenance) -> dict[str, Any]:
         "history": provenance.history,
         "references": REFERENCES,
         "solver": " ".join(study.solver.names),
-        "solver_tolerance": float(study.solver.tolerance),
+        "solver_tolerance": Acceptance(study.solver.tolerance).aim,
         "unit_system": study.units,
         "sweep_mode": study.mode,
         "study_yaml": study.text,

@@ -92,6 +92,13 @@ _BALANCE = (
     ("comment", f"unbalanced where heat_balance exceeds {HEAT_BOUND:g}: thin triangles cost digits of theta"),
     *_JUDGED,
 )
+MET, LIMITED = 1, 2
+_INCLUSION = (
+    ("flag_values", np.arange(3, dtype=np.int8)),
+    ("flag_meanings", "not_judged met limited_by_rounding"),
+    ("comment", "limited_by_rounding: above the tolerance by default, but no larger than inclusion_rounding"),
+    *_JUDGED,
+)
 UNKNOWN, SLIPS, STICKS = -1, 0, 1
 _STICKS = (
     ("flag_values", np.array([UNKNOWN, SLIPS, STICKS], dtype=np.int8)),
@@ -116,6 +123,8 @@ ROOT: tuple[Variable, ...] = (
     Variable("reason", "str", "1", "why the point is not ok, in words; empty if it is"),
     _result("energy", "J m-1", "energy of the discrete problem at the solution, per unit thickness"),
     _result("inclusion_residual", "1", "largest distance of -S_T from the filled friction law, over its scale"),
+    _result("inclusion_rounding", "1", "inclusion residual that rounding of displacements and data to doubles allows"),
+    Variable("inclusion_status", "i1", "1", "judgement of the inclusion residual", extra=_INCLUSION),
     _count("iterations", "steps of the solver", extra=_JUDGED),
     _count("evaluations", "evaluations of the energy", extra=_JUDGED),
     _result("u_T_max", "m", "largest absolute tangential displacement on the contact line"),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.data.records import PointStatus
-from tcstudy.data.schema import UNBALANCED
+from tcstudy.data.schema import LIMITED, UNBALANCED
 from tcstudy.data.store import open_results
 from tcstudy.report.failures import Failure, failure_lines
 from tcstudy.report.select_point import describe
@@ -28,7 +28,7 @@ def summary(path: Path) -> str:
     with open_results(path) as tree:
         data = tree.to_dataset().load()
     parts = [data.attrs["title"], _levels(data), _stop(data), _points(data), solver_table(data), _failures(data)]
-    parts.append(_heat(data))
+    parts += [_rounding(data), _heat(data)]
     return "\n\n".join(part for part in parts if part)
 
 
@@ -163,6 +163,24 @@ def _failures(data: Any) -> str:
     places = np.argwhere(status.values != int(PointStatus.OK))
     failed = [(PointStatus(int(status.values[tuple(p)])), str(reason[tuple(p)]), _point(data, p)) for p in places]
     return "\n".join(f"  {line}" for line in failure_lines(Failure(*one) for one in failed))
+
+
+def _rounding(data: Any) -> str:
+    """Where the inclusion holds only as far as rounding allows; older files have no judgement of it."""
+    if "inclusion_status" not in data:
+        return ""
+    places = np.argwhere(data["inclusion_status"].values == LIMITED)
+    if not len(places):
+        return ""
+    worst = max(places, key=lambda place: float(data["inclusion_residual"].values[tuple(place)]))
+    residual, allowed = (
+        float(data[name].values[tuple(worst)]) for name in ("inclusion_residual", "inclusion_rounding")
+    )
+    return (
+        f"  limited by rounding: {len(places)} of {data['status'].size} solutions hold to {number(residual, 2)} of the "
+        f"scale of b or better, where rounding alone allows {number(allowed, 2)}; friction is small against the forces "
+        f"in the body (worst at {_point(data, worst)})"
+    )
 
 
 def _heat(data: Any) -> str:

@@ -27,8 +27,8 @@ def read_solver(ctx: Context, node: Node | None) -> SolverPlan | None:
         return SolverPlan(names) if len(ctx.errors) == before else None
     fields = Fields(ctx, node, (), ("name", "tolerance", "max_iterations", "branch"))
     names = _solvers(ctx, value) if (value := fields["name"]) else default.names
-    tolerance = fields.quantity("tolerance", NONE, "positive", default.tolerance)
-    if tolerance >= 1.0:
+    tolerance = fields.quantity("tolerance", NONE, "positive", 0.0) or default.tolerance
+    if tolerance is not None and tolerance >= 1.0:
         remedy = "write for example 1e-10"
         ctx.errors.at(fields.values["tolerance"], f"must be less than 1, but is {tolerance:g}", remedy)
     limit = walker.integer(ctx, value, 1) if (value := fields["max_iterations"]) else None

@@ -102,7 +102,7 @@ def _newton(problem: ContactProblem, free: Index, piece: Index, v: Array, newton
     for _ in range(newton_steps):
         defect = c * law.value(v[free], piece) - problem.xi(v)[free]
         if solver is None or not law.piecewise_linear:
-            solver = _solver(problem, free, c * law.slope(v[free], piece))
+            solver = linear_solver(problem, free, c * law.slope(v[free], piece))
         if solver is None:
             return None
         correction = solver(defect)
@@ -114,7 +114,7 @@ def _newton(problem: ContactProblem, free: Index, piece: Index, v: Array, newton
     return v
 
 
-def _solver(problem: ContactProblem, free: Index, slope: Array) -> Callable[[Array], Array] | None:
+def linear_solver(problem: ContactProblem, free: Index, slope: Array) -> Callable[[Array], Array] | None:
     """x = (A_FF + diag(slope))⁻¹ rhs by Cholesky, by LU where the matrix is indefinite, None where it is singular."""
     matrix = submatrix(problem.A_tilde, free)
     matrix[np.diag_indices(len(free))] += slope

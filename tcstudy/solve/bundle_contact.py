@@ -53,7 +53,7 @@ class IdentifyingBundle(BundleNewton):
     identify:  decrease predicted within the radius, relative to |f|, below which the active pieces are tried, and
                the most that they may lower the energy by
     every:     evaluations between two trials
-    inclusion: inclusion residual that the pieces must reach
+    inclusion: inclusion residual that the pieces must reach, as far as rounding allows it
     """
 
     contact: ContactProblem | None = None
@@ -72,7 +72,11 @@ class IdentifyingBundle(BundleNewton):
         step = v - state.x
         change = energy_change(self.contact, state.x, self.contact.xi(state.x), step, self.contact.A_tilde @ step)
         left = self.identify * state.scale
-        return (v, residual) if residual <= self.inclusion and -left <= change <= 0.0 else None
+        return (
+            (v, residual)
+            if residual <= max(self.inclusion, self.contact.xi_rounding(v)) and -left <= change <= 0.0
+            else None
+        )
 
     def verdict(self, problem: Oracle, state: State) -> tuple[Status, str] | None:
         """As bundle-Newton's, or converged on the active pieces."""
@@ -106,12 +110,17 @@ def solve_with_bundle(
     x0: Array,
     max_iterations: int | None = None,
     log: Callable[[str], None] | None = None,
+    inclusion: float = 1e-12,
 ) -> Outcome:
-    """Run the method on the contact problem from x0 (m,) [m]; log gets one line an iteration."""
+    """Run the method on the contact problem from x0 (m,) [m]; log gets one line an iteration.
+
+    inclusion: inclusion residual to work for
+    """
     plain = contact_method(problem)
     method = IdentifyingBundle(
         tolerance=plain.tolerance, max_iterations=plain.max_iterations, x_unit=plain.x_unit, contact=problem
     )
+    method = replace(method, inclusion=inclusion)
     if max_iterations is not None:
         method = replace(method, max_iterations=max_iterations)
     return iterate(method, contact_oracle(problem), x0, log)

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import UP
+from tcstudy.solve.acceptance import Acceptance
 from tcstudy.solve.global_bound import bend_below_tangent
 from tcstudy.solve.newton_system import cholesky, submatrix
 from tcstudy.solve.nodal_pieces import relative_residual, slopes
@@ -69,26 +70,28 @@ def certify(
     problem: ContactProblem,
     v: Array,
     lambda_1: float | None = None,
-    tolerance: float = 1e-10,
+    tolerance: float | None = None,
     margin: float = 1e-6,
     inverse: Array | None = None,
+    residual: float | None = None,
 ) -> Certificate:
     """Certificate of the solution v (m,).
 
     lambda_1:  λ₁ if known (it depends on the body only), else it is computed
-    tolerance: largest inclusion residual that counts as a solution
+    tolerance: largest inclusion residual that counts as a solution, None for the default of solve/acceptance.py
+    residual:  inclusion residual if known better than from v in double precision, else it is computed
     inverse:   Ã⁻¹ if known (it depends on the body only), else it is computed
     margin:    μ/λ₁, by how much a matrix must be positive definite
     """
     threshold = problem.lambda_1 if lambda_1 is None else lambda_1
-    residual, omega = relative_residual(problem, v), problem.law.omega
+    residual, omega = relative_residual(problem, v) if residual is None else residual, problem.law.omega
     slack, resting = _resting_slack(problem, v)
     convex = omega < (1.0 - margin) * threshold
     if problem.m == 0:
         return Certificate(residual, threshold, omega, convex, True, True, True, 0.0, slack, 0)
     low, high = solution_box(problem, threshold, inverse=inverse)
     unique = convex or _positive_definite(problem, least_slope(problem.law, low, high), threshold, margin)
-    solved = residual <= tolerance
+    solved = Acceptance(tolerance).accepts(residual, problem.xi_rounding(v))
     strict = solved and (unique or _strict_minimum(problem, v, threshold, margin))
     gap = _global_gap(problem, v, low, high, threshold, margin, unique) if solved else float("nan")
     return Certificate(residual, threshold, omega, convex, unique, strict, bool(np.isfinite(gap)), gap, slack, resting)

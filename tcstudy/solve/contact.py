@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.solve.acceptance import Acceptance
 from tcstudy.solve.active_pieces import finish
 from tcstudy.solve.escape import escape
 from tcstudy.solve.loop import iterate
 from tcstudy.solve.outcome import Outcome, Status
 from tcstudy.solve.problem import ContactProblem
+from tcstudy.solve.refinement import Refined, refined
 from tcstudy.solve.separable_newton import SeparableNewton
 
 Array = NDArray[np.float64]
@@ -29,6 +31,11 @@ ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE = 0, 1, 2, 3
 not have led to the least energy, the convexified problem and moves of single nodes (solve/escape.py)."""
 ROUNDING = 0.01
 """Share of the tolerance that the rounding of ξ may have before the residual is formed in extended precision."""
+ACCURACY = 1e-12
+"""Residual that methods work for, whatever larger one is accepted."""
+FAR = 100.0
+"""Multiples of the rounding of ξ up to which a residual that is too large is put down to it."""
+_OTHERWISE = "raise solver.tolerance or try the other solver"
 TIE = 1e-12
 """Relative difference of energies up to which two answers count as equally low; the earlier start then wins."""
 
@@ -37,8 +44,11 @@ TIE = 1e-12
 class Answer:
     """A judged solution.
 
-    v:                  (m,) tangential displacements [m]
+    v, v_low:           (m,) tangential displacements v + v_low [m]; the low part is 0 where one double is enough
+    xi:                 (m,) nodal friction forces l̃ − Ã(v + v_low) [N/m]
     inclusion_residual: max_i dist(ξ_i/c_i, b̂(v_i)) / (scale of b)
+    rounding:           what rounding of the problem allows of it, `ContactProblem.xi_rounding`
+    limited:            accepted only because rounding allows no better (solve/acceptance.py)
     energy:             L̃(v) [J/m]
     status, reason:     CONVERGED, or why not; reason is empty for a solution
     iterations, evaluations: of all attempts together
@@ -55,40 +65,47 @@ class Answer:
     evaluations: int
     start: int = ZERO
     energies: tuple[float, ...] = (float("nan"),) * 4
+    v_low: Array = field(default_factory=lambda: np.zeros(0))
+    xi: Array = field(default_factory=lambda: np.zeros(0))
+    rounding: float = 0.0
+    limited: bool = False
 
 
 def solve_contact(
     problem: ContactProblem,
     solver: str = "separable-newton",
-    tolerance: float = 1e-10,
+    tolerance: float | None = None,
     max_iterations: int | None = None,
     branch: Branch = "lowest",
     neighbour: Array | None = None,
     log: Log | None = None,
 ) -> Answer:
-    """Find v with 0 ∈ Ãv − l̃ + ∂Ψ(v) and an inclusion residual of at most `tolerance`.
+    """Find v with 0 ∈ Ãv − l̃ + ∂Ψ(v) and an inclusion residual that is accepted.
 
+    tolerance: largest inclusion residual, strict; None for 1e-10 or what rounding allows (solve/acceptance.py)
     branch:    "lowest": of the solutions found from zero, from the frictionless solution, from the neighbour and,
                unless the best of them seems global or the solver is bundle-newton, by the escape phase the one with
                least energy; "continued": from the neighbour, without leaving its basin on purpose; "from-zero":
                from zero. The last two try the other starts only where theirs fails
     neighbour: (m,) a solution of a neighbouring problem, if there is one
 
-    An answer that misses the tolerance is solved again to higher accuracy; one that still misses it is returned as
-    failed, with its residual. Raises ValueError for an unknown solver.
+    An answer that misses the tolerance is solved again to higher accuracy, in the end with v as a sum of two doubles;
+    one that still misses it is returned as failed, with its residual. Raises ValueError for an unknown solver.
     """
     if solver not in SOLVERS:
         raise ValueError(f"unknown solver {solver!r}; use one of {', '.join(SOLVERS)}")
     run = _separable if solver == "separable-newton" else _bundle
+    acceptance = Acceptance(tolerance)
+    accuracy = min(ACCURACY, acceptance.aim)
     answers: list[Answer] = []
     for start, x0 in _starts(problem, branch, neighbour):
         stay = branch == "continued" and start == NEIGHBOUR
-        outcome = run(problem, x0, min(1e-12, tolerance), max_iterations, stay, log)
-        answers.append(replace(_judge(problem, outcome, tolerance), start=start))
+        outcome = run(problem, x0, accuracy, max_iterations, stay, log)
+        answers.append(replace(_judge(problem, outcome, acceptance), start=start))
         if branch != "lowest" and answers[-1].status == Status.CONVERGED:
             break
     if branch == "lowest" and solver == "separable-newton":
-        answers += _escape(problem, _together(answers), tolerance, max_iterations, log)
+        answers += _escape(problem, _together(answers), acceptance, max_iterations, log)
     return _together(answers)
 
 
@@ -103,7 +120,7 @@ def _starts(problem: ContactProblem, branch: Branch, neighbour: Array | None) ->
 
 
 def _escape(
-    problem: ContactProblem, best: Answer, tolerance: float, max_iterations: int | None, log: Log | None
+    problem: ContactProblem, best: Answer, acceptance: Acceptance, max_iterations: int | None, log: Log | None
 ) -> list[Answer]:
     """What the escape phase finds, if it has any business; where rounding decides or the data are bad it has none."""
     if best.status not in (Status.CONVERGED, Status.ITERATION_LIMIT, Status.STALLED):
@@ -113,8 +130,8 @@ def _escape(
         return _separable(changed, x0, accuracy, max_iterations, True, log)
 
     known = best.v if best.status == Status.CONVERGED else None
-    found = escape(problem, known, min(1e-12, tolerance), solve)
-    return [] if found is None else [replace(_judge(problem, found, tolerance), start=ESCAPE)]
+    found = escape(problem, known, min(ACCURACY, acceptance.aim), solve)
+    return [] if found is None else [replace(_judge(problem, found, acceptance), start=ESCAPE)]
 
 
 def _separable(
@@ -133,34 +150,54 @@ def _bundle(
 ) -> Outcome:
     from tcstudy.solve.bundle_contact import solve_with_bundle  # needs the QP library
 
-    return solve_with_bundle(problem, x0, max_iterations=max_iterations, log=log)
+    return solve_with_bundle(problem, x0, max_iterations=max_iterations, log=log, inclusion=accuracy)
 
 
-def _judge(problem: ContactProblem, outcome: Outcome, tolerance: float) -> Answer:
+def _judge(problem: ContactProblem, outcome: Outcome, acceptance: Acceptance) -> Answer:
     """End on the exact active pieces if that is better, then apply the inclusion test."""
-    v, residual = outcome.x, problem.inclusion_residual(outcome.x)
-    if residual > tolerance:
-        v, residual = finish(problem, v)
-        residual = problem.inclusion_residual(v)
-    if problem.xi_rounding(v) > ROUNDING * tolerance:
-        # in double precision the residual is no better known than the tolerance it is compared with
-        residual = problem.inclusion_residual(v, xi=problem.xi_extended(v))
+    point = _looked_at(problem, outcome.x, acceptance)
+    if not point.residual <= acceptance.aim:
+        other = _looked_at(problem, finish(problem, outcome.x)[0], acceptance)
+        point = other if other.residual < point.residual else point
+    rounding = problem.xi_rounding(point.v)
     status, reason = Status.CONVERGED, ""
-    if not residual <= tolerance:
+    if not acceptance.accepts(point.residual, rounding):
         status = Status.INCLUSION_VIOLATED if outcome.converged else outcome.status
-        reason = _failure(problem, outcome, v, residual, tolerance)
-    return Answer(v, residual, problem.energy(v), status, reason, outcome.iterations, outcome.evaluations)
+        reason = _failure(outcome, point.residual, rounding, acceptance)
+    return Answer(
+        point.v,
+        point.residual,
+        problem.energy(point.v),
+        status,
+        reason,
+        outcome.iterations,
+        outcome.evaluations,
+        v_low=point.v_low,
+        xi=point.xi,
+        rounding=rounding,
+        limited=acceptance.limited(point.residual, rounding),
+    )
 
 
-def _failure(problem: ContactProblem, outcome: Outcome, v: Array, residual: float, tolerance: float) -> str:
+def _looked_at(problem: ContactProblem, v: Array, acceptance: Acceptance) -> Refined:
+    """v with its residual, in extended precision and refined where rounding is no longer small beside the tolerance."""
+    if problem.xi_rounding(v) > ROUNDING * acceptance.aim:
+        return refined(problem, v, acceptance.aim)
+    xi = problem.xi(v)
+    return Refined(v, np.zeros(problem.m), xi, problem.inclusion_residual(v, xi=xi))
+
+
+def _failure(outcome: Outcome, residual: float, rounding: float, acceptance: Acceptance) -> str:
     """Why an answer misses the tolerance and what to try; more iterations do not help against rounding."""
-    missed = f"inclusion residual {residual:.1e} above the tolerance {tolerance:.1e}"
-    rounding = problem.xi_rounding(v)
-    if outcome.converged or rounding > tolerance:
+    limit = acceptance.limit(rounding)
+    missed = f"inclusion residual {residual:.1e} above the tolerance {limit:.1e}"
+    if limit < residual <= FAR * rounding:
         return (
             f"{missed}; rounding alone leaves about {rounding:.0e} because friction is small against the forces in the "
             "body or elements on the contact line are very thin: raise solver.tolerance, check the units, or coarsen"
         )
+    if outcome.converged:
+        return f"{missed}: the pieces of the law on which the method ended do not hold to that accuracy; {_OTHERWISE}"
     return f"{missed}: {outcome.reason}"
 
 

@@ -35,8 +35,8 @@ def extended_residual(rhs: Array, matrix: Array, v: Array, v_low: Array | None =
 
     matrix: (n, m);  v: (m,);  v_low: (m,) low part of v, at most half a unit in the last place of v; None for 0
 
-    Its error is one rounding of the result and about m 2⁻¹¹⁰ of the largest terms. It costs about fifty to a hundred products with
-    the matrix in double precision.
+    Its error is one rounding of the result and about m 2⁻¹¹⁰ of the largest terms. It costs about a hundred
+    products with the matrix in double precision.
     """
     n, m = matrix.shape
     if m == 0:

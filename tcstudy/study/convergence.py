@@ -29,6 +29,7 @@ from tcstudy.data.files import StoreError, check_writable
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
 from tcstudy.scene.records import Scene, Study
+from tcstudy.solve.acceptance import Acceptance
 from tcstudy.study.exact_energy import exact_energy, exact_friction_resultant, exact_slip_length
 from tcstudy.study.expectation import GAP, orders_to_expect, own_error, verdict
 from tcstudy.study.fine_reference import FineReference
@@ -153,8 +154,8 @@ def _point(
     errors = {}
     for measure in ERRORS:
         pairs = [one.get(measure.name) for one in found]
-        nested = study.exact is None
-        series = _error_series(h, pairs, ok & compared, expected[measure.name], study.solver.tolerance, nested)
+        nested, aim = study.exact is None, Acceptance(study.solver.tolerance).aim
+        series = _error_series(h, pairs, ok & compared, expected[measure.name], aim, nested)
         if series is not None:
             errors[measure.name] = series
     exact = {}

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.schema import BALANCED, HEAT_BOUND, NOT_JUDGED, UNBALANCED
+from tcstudy.data.schema import BALANCED, HEAT_BOUND, LIMITED, MET, NOT_JUDGED, UNBALANCED
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.solve.certificates import Certificate
 from tcstudy.solve.contact import Answer
@@ -44,7 +44,14 @@ def friction_forces(problem: ContactProblem, answer: Answer) -> Array:
     """
     if problem.law.vanishes and answer.status == Status.CONVERGED:
         return np.zeros(problem.m)
-    return problem.xi(answer.v)
+    return answer.xi
+
+
+def inclusion_status(answer: Answer) -> int:
+    """What the inclusion residual says of a solution; nothing of a failure."""
+    if answer.status != Status.CONVERGED:
+        return NOT_JUDGED
+    return LIMITED if answer.limited else MET
 
 
 def heat_status(balance: float) -> int:
@@ -64,6 +71,8 @@ def numbers(
     values: Numbers = {
         "energy": answer.energy + condensed.constant,
         "inclusion_residual": answer.inclusion_residual,
+        "inclusion_rounding": answer.rounding,
+        "inclusion_status": inclusion_status(answer),
         "iterations": answer.iterations,
         "evaluations": answer.evaluations,
         "u_T_max": float(np.max(np.abs(answer.v), initial=0.0)),

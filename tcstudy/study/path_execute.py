@@ -11,6 +11,7 @@ from tcstudy.data.path_records import PathRecord
 from tcstudy.data.path_store import write_path
 from tcstudy.data.provenance import collect
 from tcstudy.scene.records import Study
+from tcstudy.solve.acceptance import Acceptance
 from tcstudy.study.path_run import Progress, follow_path
 
 GOOD_ENDS = ("range_end", "unbounded", "closed_loop", "start")
@@ -39,9 +40,10 @@ def shortfalls(study: Study, record: PathRecord) -> list[str]:
     for t, count in zip(solutions.at, solutions.solution_count, strict=True):
         if not count:
             found.append(f"the path has no solution at {study.path.name} = {t:g}")
-    inexact = int((~(solutions.solution_residual <= study.solver.tolerance)).sum())
+    aim = Acceptance(study.solver.tolerance).aim
+    inexact = int((~(solutions.solution_residual <= aim)).sum())
     if inexact:
-        found.append(f"{inexact} solutions miss the tolerance {study.solver.tolerance:g}; see solution_residual")
+        found.append(f"{inexact} solutions miss the tolerance {aim:g}; see solution_residual")
     if record.loop is not None and not (record.loop.loop_complete and record.loop.loop_closed):
         why = record.loop.loop_reason if not record.loop.loop_complete else "it does not end where it began"
         found.append(f"the hysteresis loop is not whole: {why}")

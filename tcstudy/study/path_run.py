@@ -41,7 +41,7 @@ class _Setting:
     true: ParametricProblem
     straight: ParametricProblem
     lambda_1: float
-    tolerance: float
+    tolerance: float | None
 
 
 def follow_path(study: Study, progress: Progress | None = None) -> PathRecord:

@@ -164,7 +164,14 @@ def _solve_point(
         solved.append(Timed(answer, time.perf_counter() - start))
     answer = solved[0].answer
     temperature = level.temperature(scene) if scene.material.beta != 0.0 else None
-    certificate = certify(problem, answer.v, level.lambda_1(scene), plan.tolerance, inverse=level.A_inverse(scene))
+    certificate = certify(
+        problem,
+        answer.v,
+        level.lambda_1(scene),
+        plan.tolerance,
+        inverse=level.A_inverse(scene),
+        residual=answer.inclusion_residual,
+    )
     values = numbers(condensed, solved, temperature, certificate)
     status = _POINT_STATUS.get(answer.status, PointStatus.NOT_CONVERGED)
     if survey is not None and status == PointStatus.OK:

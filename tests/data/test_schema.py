@@ -137,7 +137,14 @@ def test_flags_fit_their_meanings(written: Path) -> None:
     with netCDF4.Dataset(written) as nc:
         flags = [v for v in variables(nc) if "flag_values" in v.ncattrs()]
         certificates = {"unique", "strict_minimum", "global_minimum"}
-        assert {v.name for v in flags} == {"status", "edge", "start_used", "heat_status", "sticks"} | certificates
+        assert {v.name for v in flags} == {
+            "status",
+            "edge",
+            "start_used",
+            "heat_status",
+            "inclusion_status",
+            "sticks",
+        } | certificates
         for v in flags:
             values = np.atleast_1d(v.flag_values)
             assert values.dtype == v.dtype
