@@ -33,6 +33,9 @@ from tcstudy.solve.solution_box import least_slope, solution_box
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+MARGIN = 1e-6
+"""μ/λ₁: by how much a matrix must be positive definite."""
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -71,7 +74,7 @@ def certify(
     v: Array,
     lambda_1: float | None = None,
     tolerance: float | None = None,
-    margin: float = 1e-6,
+    margin: float = MARGIN,
     inverse: Array | None = None,
     residual: float | None = None,
 ) -> Certificate:
@@ -90,7 +93,7 @@ def certify(
     if problem.m == 0:
         return Certificate(residual, threshold, omega, convex, True, True, True, 0.0, slack, 0)
     low, high = solution_box(problem, threshold, inverse=inverse)
-    unique = convex or _positive_definite(problem, least_slope(problem.law, low, high), threshold, margin)
+    unique = convex or positive_definite(problem, least_slope(problem.law, low, high), threshold, margin)
     solved = Acceptance(tolerance).accepts(residual, problem.xi_rounding(v))
     strict = solved and (unique or _strict_minimum(problem, v, threshold, margin))
     gap = _global_gap(problem, v, low, high, threshold, margin, unique) if solved else float("nan")
@@ -103,7 +106,7 @@ def _shift(problem: ContactProblem, lambda_1: float, margin: float) -> float:
     return max(margin * lambda_1, 8.0 * problem.m * np.finfo(float).eps * largest)
 
 
-def _positive_definite(
+def positive_definite(
     problem: ContactProblem, slope: Array, lambda_1: float, margin: float, named: Index | None = None
 ) -> bool:
     """Whether Ã + C diag(slope − μ) is positive definite on the named nodes (all by default)."""
@@ -148,7 +151,7 @@ def _strict_minimum(problem: ContactProblem, v: Array, lambda_1: float, margin: 
         return False
     free = np.flatnonzero(~held)
     slope = np.minimum(law.slope(v[free], law.piece(v[free], -1)), law.slope(v[free], law.piece(v[free], +1)))
-    return _positive_definite(problem, slope, lambda_1, margin, free)
+    return positive_definite(problem, slope, lambda_1, margin, free)
 
 
 def _global_gap(
@@ -162,5 +165,5 @@ def _global_gap(
     if unique:
         return gap
     bend = bend_below_tangent(problem.law, v, zeta, low, high)
-    certified = np.all(np.isfinite(bend)) and _positive_definite(problem, -bend, lambda_1, margin)
+    certified = np.all(np.isfinite(bend)) and positive_definite(problem, -bend, lambda_1, margin)
     return gap if certified else float("nan")

@@ -34,9 +34,12 @@ def bend_below_tangent(law: FrictionLaw, v: Array, zeta: Array, low: Array, high
 
     zeta: (m,) elements of b̂(v), exactly b(v) off the kinks [Pa]
     """
-    right = _one_side(law, v, zeta, high)
-    left = _one_side(mirrored(law), -v, -zeta, -low)
-    return np.maximum(right, left)
+    return np.maximum(*bends_by_side(law, v, zeta, low, high))
+
+
+def bends_by_side(law: FrictionLaw, v: Array, zeta: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """(right, left): the same with s > v_i and with s < v_i alone, −∞ where the box has no such s."""
+    return _one_side(law, v, zeta, high), _one_side(mirrored(law), -v, -zeta, -low)
 
 
 def mirrored(law: FrictionLaw) -> FrictionLaw:
@@ -93,7 +96,7 @@ def _advance(law: FrictionLaw, piece: int, march: _March, active: Index, v: Arra
     march.size[active] = np.maximum(march.size[active], np.abs(value))
     distance = at - v[active]
     largest = _quotient(gap, excess, slope, distance, width)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # 0/0 at v itself, which is left out below
         noise = _ROUNDINGS * np.finfo(float).eps * march.size[active] / distance
     largest = largest + np.where(distance > 0.0, noise, 0.0)
     march.D[active] = np.maximum(march.D[active], np.where(width > 0.0, largest, -np.inf))

@@ -18,7 +18,12 @@ Array = NDArray[np.float64]
 
 
 def solution_box(
-    problem: ContactProblem, lambda_1: float, rounds: int = 30, inverse: Array | None = None
+    problem: ContactProblem,
+    lambda_1: float,
+    rounds: int = 30,
+    inverse: Array | None = None,
+    others: Array | None = None,
+    common: bool = False,
 ) -> tuple[Array, Array]:
     """(low, high), (m,) each: every solution lies between them [m].
 
@@ -26,24 +31,34 @@ def solution_box(
               λ₁‖v‖² ≤ vᵀÃv = vᵀ(l̃ − Cζ) ≤ (‖l̃/c‖ + B‖1‖)‖v‖ in the norm weighted by c
     inverse:  Ã⁻¹ if known (many problems share one Ã)
     rounds:   at most so many improvements; ends when the box no longer shrinks by a hundredth
+    others:   (k, m) more loads l̃: the box holds for them, for the problem's own, and for all loads between them
+    common:   the part that the boxes of all these loads have in common instead (low > high where there is none)
     """
     law, c = problem.law, problem.c
-    driving = np.sqrt(c @ (problem.l_tilde / c) ** 2) + _largest_push(law) * np.sqrt(c.sum())
+    loads = problem.l_tilde[None, :] if others is None else np.vstack([problem.l_tilde, others])
+    widest, narrowest = (np.min, np.max) if common else (np.max, np.min)
+    load = float(widest(np.sqrt((loads / c) ** 2 @ c)))
+    driving = load + _largest_push(law) * np.sqrt(c.sum())
     high = (1.0 + 1e-6) * driving / lambda_1 / np.sqrt(c)
     low = -high
     inverse = np.asarray(scipy.linalg.inv(problem.A_tilde)) if inverse is None else inverse
     condition = np.linalg.norm(problem.A_tilde, 1) * np.linalg.norm(inverse, 1)
     rounding = 8.0 * problem.m * np.finfo(float).eps * condition
-    rising, falling = np.maximum(inverse, 0.0), np.minimum(inverse, 0.0)
+    size = np.abs(inverse)
+    answers = loads @ inverse
+    least_answer, largest_answer = narrowest(answers, axis=0), widest(answers, axis=0)
+    largest_load = np.max(np.abs(loads), axis=0)
     for _ in range(rounds):
-        least, largest = (problem.l_tilde - c * b for b in b_range(law, low, high)[::-1])
-        slack = rounding * (np.abs(inverse) @ np.maximum(np.abs(least), np.abs(largest)))
-        new_low = np.maximum(low, rising @ least + falling @ largest - slack)
-        new_high = np.maximum(np.minimum(high, rising @ largest + falling @ least + slack), new_low)
+        least, largest = (-c * b for b in b_range(law, low, high)[::-1])
+        middle, radius = inverse @ (0.5 * (least + largest)), size @ (0.5 * (largest - least))
+        slack = rounding * (size @ (largest_load + np.maximum(np.abs(least), np.abs(largest))))
+        new_low = np.maximum(low, least_answer + middle - radius - slack)
+        new_high = np.minimum(high, largest_answer + middle + radius + slack)
+        new_high = new_high if common else np.maximum(new_high, new_low)
         gain = float(np.max(np.maximum(new_low - low, high - new_high), initial=0.0))
         shrinks = gain > 0.01 * float(np.max(high - low, initial=0.0))
         low, high = new_low, new_high
-        if not shrinks:
+        if not shrinks or np.any(low > high):
             break
     return low, high
 
@@ -62,12 +77,17 @@ def b_range(law: FrictionLaw, low: Array, high: Array) -> tuple[Array, Array]:
     """(least, largest) value of the filled graph of b on [low, high] (shape of low) [Pa]."""
     ends = [law.b(low, -1), law.b(low, +1), law.b(high, -1), law.b(high, +1)]
     least, largest = np.minimum.reduce(ends), np.maximum.reduce(ends)
-    inner = [(law.kinks, law.b_left), (law.kinks, law.b_right), _turning_points(law)]
-    for points, values in inner:
-        for point, value in zip(points, values, strict=True):
-            inside = (low <= point) & (point <= high)
-            least = np.where(inside, np.minimum(least, value), least)
-            largest = np.where(inside, np.maximum(largest, value), largest)
+    turning, values = _turning_points(law)
+    points = np.concatenate([law.kinks, law.kinks, turning])
+    order = np.argsort(points, kind="stable")
+    points, values = points[order], np.concatenate([law.b_left, law.b_right, values])[order]
+    first, last = np.searchsorted(points, low, side="left"), np.searchsorted(points, high, side="right")
+    inside = first < last
+    if not np.any(inside):
+        return least, largest
+    slices = np.stack([first[inside], last[inside]], axis=1).ravel()  # reduceat: every other slice is one of ours
+    for extreme, found in ((np.minimum, least), (np.maximum, largest)):
+        found[inside] = extreme(found[inside], extreme.reduceat(np.append(values, values[-1]), slices)[::2])
     return least, largest
 
 

@@ -13,12 +13,14 @@ from tcstudy.data.path_records import ContactState, CurveRecord, LoopRecord, Pat
 from tcstudy.scene.friction import DOWN, FrictionLaw
 from tcstudy.scene.path_scene import path_scene
 from tcstudy.scene.records import PathPlan, Study
+from tcstudy.solve.acceptance import Acceptance
 from tcstudy.solve.certificates import Certificate, certify
 from tcstudy.solve.contact import TIE, solve_contact
 from tcstudy.solve.outcome import Status
 from tcstudy.solve.path.follow import Follower, ParametricProblem, Path
 from tcstudy.solve.path.hysteresis import Hysteresis, hysteresis
 from tcstudy.solve.path.lowest import lowest
+from tcstudy.solve.path.proofs import proved_minima
 from tcstudy.solve.path.query import PathSolution, folds, solutions_at, solutions_of
 from tcstudy.solve.path.smooth import piecewise_linear
 from tcstudy.solve.path.start import NoSolutionError
@@ -108,7 +110,7 @@ def _follow(setting: _Setting, progress: Progress | None) -> tuple[Path, Array]:
     direction = plan.direction
     if direction != "both" and plan.begin > plan.end:  # the follower's forward is growing t
         direction = "backward" if direction == "forward" else "forward"
-    follower = Follower(t_min=plan.within[0], t_max=plan.within[1], max_pieces=plan.max_pieces)
+    follower = Follower(plan.within[0], plan.within[1], plan.max_pieces, setting.tolerance)
     try:
         return follower.follow(problem, answer.v, plan.begin, direction, progress), answer.v
     except NoSolutionError as error:
@@ -144,18 +146,8 @@ def _curve(setting: _Setting, path: Path) -> CurveRecord:
         lowest_begin=low.begin,
         lowest_end=low.end,
         lowest_piece=low.piece.astype(np.int32),
-        lowest_certified=_certified(setting, path, low.begin, low.end, low.piece),
+        lowest_certified=proved_minima(path, low, setting.lambda_1, Acceptance(setting.tolerance)).astype(np.int8),
     )
-
-
-def _certified(setting: _Setting, path: Path, begin: Array, end: Array, pieces: NDArray[np.intp]) -> NDArray[np.int8]:
-    """Whether the lowest solutions are proved to be global minima at the middle of their intervals."""
-    proved = np.zeros(len(pieces), dtype=np.int8)
-    for i, (t, piece) in enumerate(zip(0.5 * (begin + end), pieces, strict=True)):
-        s = (t - path.t[piece]) / (path.t[piece + 1] - path.t[piece])
-        v = path.u[piece] + s * (path.u[piece + 1] - path.u[piece])
-        proved[i] = _certificate(setting, path.problem, v, float(t)).global_minimum
-    return proved
 
 
 def contact_states(law: FrictionLaw) -> NDArray[np.int8]:
@@ -213,7 +205,7 @@ def _loop(setting: _Setting, v: Array) -> LoopRecord:
     plan, problem = setting.plan, setting.straight
     sign = 1.0 if plan.begin < plan.end else -1.0
     driven = problem if sign > 0.0 else replace(problem, l_1=-problem.l_1)
-    follower = Follower(max_pieces=plan.max_pieces)
+    follower = Follower(max_pieces=plan.max_pieces, tolerance=setting.tolerance)
     return _loop_record(setting, hysteresis(driven, v, sign * plan.begin, sign * plan.end, follower=follower), sign)
 
 
