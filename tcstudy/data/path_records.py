@@ -75,7 +75,8 @@ class SolutionsRecord:
 
     at, solution_count: (a,) requested values, and how many solutions each has
     solution_*: (s,) one entry a solution, in the order of `at` and along the path; at: index of its value; piece: where
-                it lies; energy [J/m]; residual: inclusion residual; stable: on the path; lowest: least energy among
+                it lies; energy [J/m]; residual: inclusion residual, and what rounding of the problem
+                allows of it (rounding); stable: on the path; lowest: least energy among
                 those of its value; unique, strict_minimum, global_minimum: certificates; u_T, xi: (s, m)
     """
 
@@ -85,6 +86,7 @@ class SolutionsRecord:
     solution_piece: Index
     solution_energy: Array
     solution_residual: Array
+    solution_rounding: Array
     solution_stable: Flag
     solution_lowest: Flag
     solution_unique: Flag

@@ -83,6 +83,7 @@ SOLUTIONS: tuple[Variable, ...] = (
     _index("solution_piece", "piece of the path that holds the solution", _SOLUTION),
     _number("solution_energy", "J m-1", "total potential energy, per unit thickness", _SOLUTION, _WHERE),
     _number("solution_residual", "1", "inclusion residual over the scale of friction", _SOLUTION, _WHERE),
+    _number("solution_rounding", "1", "what rounding allows of the inclusion residual", _SOLUTION, _WHERE),
     _flag("solution_stable", "strict local minimum of the energy on the path", _SOLUTION, _STABLE),
     _flag("solution_lowest", "least energy on the path at its value", _SOLUTION, "higher lowest"),
     _flag("solution_unique", "certified to be the only solution", _SOLUTION, _CERTIFIED),

@@ -40,10 +40,11 @@ def shortfalls(study: Study, record: PathRecord) -> list[str]:
     for t, count in zip(solutions.at, solutions.solution_count, strict=True):
         if not count:
             found.append(f"the path has no solution at {study.path.name} = {t:g}")
-    aim = Acceptance(study.solver.tolerance).aim
-    inexact = int((~(solutions.solution_residual <= aim)).sum())
+    judged = zip(solutions.solution_residual, solutions.solution_rounding, strict=True)
+    acceptance = Acceptance(study.solver.tolerance)
+    inexact = sum(not acceptance.accepts(float(residual), float(rounding)) for residual, rounding in judged)
     if inexact:
-        found.append(f"{inexact} solutions miss the tolerance {aim:g}; see solution_residual")
+        found.append(f"{inexact} solutions miss the tolerance {acceptance.aim:g}; see solution_residual")
     if record.loop is not None and not (record.loop.loop_complete and record.loop.loop_closed):
         why = record.loop.loop_reason if not record.loop.loop_complete else "it does not end where it began"
         found.append(f"the hysteresis loop is not whole: {why}")

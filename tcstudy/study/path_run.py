@@ -190,6 +190,7 @@ def _solutions(setting: _Setting, path: Path) -> SolutionsRecord:
         solution_piece=np.array([s.piece for _, s in rows], dtype=np.int32),
         solution_energy=energies + setting.load.constant(np.array([at[i] for i, _ in rows])),
         solution_residual=np.array([s.residual for _, s in rows]),
+        solution_rounding=np.array([setting.true.at(at[i]).xi_rounding(s.v) for i, s in rows]),
         solution_stable=flags([s.stable for _, s in rows]),
         solution_lowest=flags([s.energy <= least[i] + slack for i, s in rows]),
         solution_unique=flags([proof.unique for proof in proofs]),
