@@ -25,6 +25,7 @@ from tcstudy.scene.expression_tree import Node
 from tcstudy.scene.expressions import Expression
 from tcstudy.scene.kinks import kinks
 from tcstudy.scene.normal_field import Vector, body_edges, edge_samples, normal_field
+from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Body, Clamped, Convection, Exact, Heat, Material, Role, Scene, Study, Traction
 from tcstudy.scene.sampling import inside
 
@@ -161,7 +162,7 @@ def description(study: Study) -> str | None:
     """What was derived, in words; None if nothing was."""
     if study.exact is None or not study.exact.derived:
         return None
-    scenes = study.scenes
+    scenes = distinct(study.scenes, "boundary", "f", "heat")
     first = scenes[0]
     words = ["f" if any(s.f != (0.0, 0.0) for s in scenes) else "f = 0"]
     for name, role in first.boundary:

@@ -8,12 +8,13 @@ fault. The word `derived` may stand in the place of a load; where an edge is hel
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from tcstudy.scene.derived_checks import Checks, Fault
 from tcstudy.scene.derived_loads import Derivation
 from tcstudy.scene.node import COMPONENTS, Node, deepest
+from tcstudy.scene.points import Scenes
 from tcstudy.scene.read_sweep import Sweep
 from tcstudy.scene.records import Body, Convection, Exact, Scene
 from tcstudy.scene.walker import Context
@@ -131,8 +132,8 @@ def _component(ctx: Context, node: Node) -> Node:
 
 
 def derived_scenes(
-    ctx: Context, root: Node, sweep: Sweep, exact: Exact, body: Body, scenes: tuple[Scene, ...]
-) -> tuple[Scene, ...]:
+    ctx: Context, root: Node, sweep: Sweep, exact: Exact, body: Body, scenes: Sequence[Scene]
+) -> Sequence[Scene]:
     """The scenes with their loads; what forbids it is recorded, once for each place."""
     checks, derivation = Checks(exact, body), Derivation(exact, body)
     before = len(ctx.errors)
@@ -149,14 +150,14 @@ def derived_scenes(
         if len(ctx.errors) > before:
             break
     ctx.errors.point = ""
-    return tuple(made) if len(made) == len(scenes) else scenes
+    return Scenes.of(made) if len(made) == len(scenes) else scenes
 
 
 def _record(ctx: Context, root: Node, fault: Fault) -> None:
     ctx.errors.at(deepest(root, ("exact", *fault.keys)), fault.what, fault.remedy)
 
 
-def _missing(exact: Exact, scenes: tuple[Scene, ...]) -> Iterator[Fault]:
+def _missing(exact: Exact, scenes: Sequence[Scene]) -> Iterator[Fault]:
     """A temperature that the loads need and the study does not give; α = 0."""
     if exact.theta is None:
         beta = any(scene.material.beta != 0.0 for scene in scenes)

@@ -183,7 +183,7 @@ def _check_keys(ctx: Context, root: Node, sweep: Sweep) -> None:
     Fields(ctx, root, required, (*OPTIONAL, "mesh"))
 
 
-def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scenes: tuple[Scene, ...]) -> _Plans:
+def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scenes: Sequence[Scene]) -> _Plans:
     """Meshes, solver, output and the exact solution."""
     before, body = len(ctx.errors), reader.body
     if sweep.h and not isinstance(sweep.h.value, tuple | Mapping):

@@ -5,6 +5,7 @@ Symbols follow Šestak & Jovanović (2010): alpha, theta_bar, q, omega (the sour
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -333,7 +334,7 @@ class Study:
     """A whole study: the sweep and one validated Scene for each of its points.
 
     mode:   "grid": points are the product of the axes; "list": axes are read together (zip and list)
-    scenes: one per point, in C order of the axes; each is complete
+    scenes: one per point, in C order of the axes; each is complete (scene.points.Scenes for a sweep)
     text:   the exact YAML text;  source: its file, if any
     units:  "SI" or "none" (dimensionless)
     """
@@ -344,7 +345,7 @@ class Study:
     units: Literal["SI", "none"]
     mode: Literal["grid", "list"]
     axes: tuple[Axis, ...]
-    scenes: tuple[Scene, ...]
+    scenes: Sequence[Scene]
     mesh: MeshPlan
     solver: SolverPlan
     output: OutputPlan

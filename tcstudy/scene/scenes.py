@@ -7,14 +7,18 @@ values that touch it, so 10^4 points cost little more than their distinct values
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tcstudy.scene.checks import check_heat, check_support, supports
 from tcstudy.scene.corners import check_corners
 from tcstudy.scene.finite import check_finite
 from tcstudy.scene.node import Node, put
+from tcstudy.scene.points import Scenes
 from tcstudy.scene.read_body import BodyReading, check_shape, read_body
 from tcstudy.scene.read_boundary import read_boundary
 from tcstudy.scene.read_friction import read_friction
@@ -30,6 +34,15 @@ THERMAL = ("boundary", "material", "heat")
 """Sections that check_heat compares."""
 
 Indices = tuple[int, ...]
+_FIELD = {"loads": "f"}
+"""Field of a scene for a section, where it has another name."""
+
+
+class _Keys(NamedTuple):
+    """Combinations of values of some axes, and (P,) which of them each point has."""
+
+    distinct: list[Indices]
+    of: NDArray[np.int32]
 
 
 class SceneReader:
@@ -43,7 +56,6 @@ class SceneReader:
         self.nodes: dict[tuple[str, Indices], Node | None] = {}
         self.values: dict[tuple[str, Indices], Any] = {}
         self.supports: set[tuple[object, ...]] = set()
-        self.compared: set[tuple[Indices, ...]] = set()
         self.base: Scene | None = None
 
     def _body(self, reading: BodyReading) -> Body | None:
@@ -59,53 +71,78 @@ class SceneReader:
             return None
         return body
 
-    def read(self) -> tuple[Scene, ...]:
-        """One scene for each point, in C order of the axes; incomplete after a fault."""
+    def read(self) -> Sequence[Scene]:
+        """One scene for each point, in C order of the axes; after a fault the base study's, if it has none."""
         base = {s: self._read(s, self.root.child(s)) for s in SECTIONS}
         self._compare(self.root, base)
         for section in SECTIONS:
             if not self.touching[section]:
                 self.nodes[section, ()], self.values[section, ()] = self.root.child(section), base[section]
         self.base = self._made(base)
-        scenes = [self._scene(point) for point in self._points()] if self.sweep.axes else [self.base]
-        return tuple(scene for scene in scenes if scene)
+        if not self.sweep.axes:
+            return (self.base,) if self.base else ()
+        keys = {s: self._keys(s) for s in SECTIONS}
+        for section in SECTIONS:
+            for key in keys[section].distinct:
+                self._read_point(section, key)
+        self._compare_points(keys)
+        records = {s: [self.values[s, key] for key in keys[s].distinct] for s in SECTIONS}
+        if self.body is None or any(record is None for known in records.values() for record in known):
+            return (self.base,) if self.base else ()
+        named = {_FIELD.get(s, s): s for s in SECTIONS}
+        return Scenes(self.body, {n: records[s] for n, s in named.items()}, {n: keys[s].of for n, s in named.items()})
 
-    def _points(self) -> Iterator[Indices]:
-        """Index of the value on every axis, point by point."""
-        ranges = [range(len(axis.values)) for axis in self.sweep.axes]
-        return itertools.product(*ranges) if self.sweep.mode == "grid" else zip(*ranges, strict=True)
+    def _keys(self, section: str) -> _Keys:
+        """The values of the axes that touch a section: all combinations, and which one each point has."""
+        axes, sizes = self.touching[section], [len(axis.values) for axis in self.sweep.axes]
+        if self.sweep.mode == "grid":
+            distinct = list(itertools.product(*(range(sizes[i]) for i in axes)))
+            one = np.zeros([1] * len(sizes), dtype=np.int32)
+            for i in axes:
+                steps = np.arange(sizes[i], dtype=np.int32).reshape([-1 if d == i else 1 for d in range(len(sizes))])
+                one = one * np.int32(sizes[i]) + steps
+            return _Keys(distinct, np.broadcast_to(one, sizes).ravel())
+        found: dict[Indices, int] = {}
+        of = [found.setdefault((i,) * len(axes), len(found)) for i in range(sizes[0])]
+        return _Keys(list(found), np.array(of, dtype=np.int32))
 
-    def _scene(self, point: Indices) -> Scene | None:
-        keys = {s: tuple(point[i] for i in self.touching[s]) for s in SECTIONS}
-        for section, key in keys.items():
-            if (section, key) not in self.values:
-                self.ctx.errors.point = self._text(point, self.touching[section])
-                node = self.nodes[section, key] = self._put(section, point)
-                self.values[section, key] = self._read(section, node)
-        values = {s: self.values[s, key] for s, key in keys.items()}
-        triple = tuple(keys[s] for s in THERMAL)
-        if triple not in self.compared:
-            self.compared.add(triple)
-            if any(triple):
-                self.ctx.errors.point = self._text(point, sorted(i for s in THERMAL for i in self.touching[s]))
-                self._compare(self._point_root(keys), values)
-        return self._made(values)
+    def _read_point(self, section: str, key: Indices) -> None:
+        """The record of a section for the values at `key` of the axes that touch it."""
+        if (section, key) not in self.values:
+            axes = self.touching[section]
+            self.ctx.errors.point = self._text(key, axes)
+            node = self.nodes[section, key] = self._put(section, key)
+            self.values[section, key] = self._read(section, node)
+
+    def _compare_points(self, keys: Mapping[str, _Keys]) -> None:
+        """Checks across the sections, once for every combination of those that are compared."""
+        count = 1
+        code = np.zeros(len(keys["heat"].of), dtype=np.int64)
+        for s in THERMAL:
+            code, count = code * len(keys[s].distinct) + keys[s].of, count * len(keys[s].distinct)
+        for i in np.sort(np.unique(code, return_index=True)[1]) if count > 1 else ():
+            at = {s: keys[s].distinct[keys[s].of[i]] for s in SECTIONS}
+            values = {s: self.values[s, at[s]] for s in SECTIONS}
+            swept = {axis: index for s in THERMAL for axis, index in zip(self.touching[s], at[s], strict=True)}
+            self.ctx.errors.point = self._text(tuple(swept[axis] for axis in sorted(swept)), sorted(swept))
+            self._compare(self._point_root(at), values)
 
     def _made(self, values: Mapping[str, Any]) -> Scene | None:
         if self.body is None or any(value is None for value in values.values()):
             return None
-        return Scene(self.body, **{{"loads": "f"}.get(s, s): value for s, value in values.items()})
+        return Scene(self.body, **{_FIELD.get(s, s): value for s, value in values.items()})
 
-    def _text(self, point: Indices, axes: list[int]) -> str:
-        """The swept values of a point in words."""
-        return ", ".join(f"{self.sweep.axes[i].key} = {_shown(self.sweep.axes[i], point[i])}" for i in axes)
+    def _text(self, key: Indices, axes: list[int]) -> str:
+        """Values of some axes in words."""
+        named = zip(axes, key, strict=True)
+        return ", ".join(f"{self.sweep.axes[i].key} = {_shown(self.sweep.axes[i], at)}" for i, at in named)
 
-    def _put(self, section: str, point: Indices) -> Node | None:
-        """The section with the swept values of a point."""
+    def _put(self, section: str, key: Indices) -> Node | None:
+        """The section with swept values put in."""
         root = Node({s: n for s in (section,) if (n := self.root.child(s))}, "", self.root.mark, self.root.mark)
         try:
-            for i in self.touching[section]:
-                root = put(root, self.sweep.axes[i].parameter.path, self.sweep.axes[i].values[point[i]])
+            for i, at in zip(self.touching[section], key, strict=True):
+                root = put(root, self.sweep.axes[i].parameter.path, self.sweep.axes[i].values[at])
         except KeyError:  # the base study has something else there, which is recorded already
             return None
         return root.child(section)

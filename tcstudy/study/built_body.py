@@ -12,6 +12,7 @@ from tcstudy.fem.geometry import Geometry, GeometryFailed, build
 from tcstudy.scene.checks import Piece, mesh_faults, support_fault, supports
 from tcstudy.scene.loop_faults import TOLERANCE
 from tcstudy.scene.places import Found
+from tcstudy.scene.points import distinct
 from tcstudy.scene.read_body import edge_names
 from tcstudy.scene.records import Body, Study
 from tcstudy.scene.shapes import edge_length, loop_area
@@ -73,7 +74,7 @@ def _support_faults(study: Study, geometry: Geometry) -> Iterator[Found]:
     pieces = [Piece(*sample) for sample in geometry.samples()]
     centre = (float(pieces[0].points[0, 0]), float(pieces[0].points[0, 1]))
     seen = set()
-    for scene in study.scenes:
+    for scene in distinct(study.scenes, "boundary"):
         held = supports(scene.boundary)
         if held not in seen:
             seen.add(held)

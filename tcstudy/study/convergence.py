@@ -28,6 +28,7 @@ from tcstudy.data.convergence import (
 from tcstudy.data.files import StoreError, check_writable
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
+from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Scene, Study
 from tcstudy.solve.acceptance import Acceptance
 from tcstudy.study.exact_energy import exact_energy, exact_friction_resultant, exact_slip_length
@@ -215,7 +216,7 @@ def _numbers(h: Array, solutions: list[Solution], ok: Mask, exact: dict[str, flo
 
 def _notes(study: Study, levels: list[SolvedLevel], reference: Reference | None) -> list[str]:
     notes = []
-    nu = max((s.material.nu for s in study.scenes if s.material.plane == "strain"), default=0.0)
+    nu = max((s.material.nu for s in distinct(study.scenes, "material") if s.material.plane == "strain"), default=0.0)
     if (note := locking_note(nu)) is not None:
         notes.append(note)
     if isinstance(reference, ExactReference):

@@ -9,6 +9,7 @@ import numpy as np
 
 from tcstudy.data.records import PointStatus
 from tcstudy.fem.geometry import GeometryFailed
+from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Goal, Scene, Study
 from tcstudy.study.cost_curves import Curve, family_plan
 from tcstudy.study.cost_runs import Progress, walk
@@ -31,7 +32,9 @@ class CostError(Exception):
 
 def unmeasured(study: Study, name: str) -> str:
     """Why this error cannot be measured for the study, with the remedy; empty where nothing known speaks against it."""
-    if name in ("theta_L2", "theta_H1") and all(scene.material.beta == 0.0 for scene in study.scenes):
+    if name in ("theta_L2", "theta_H1") and all(
+        scene.material.beta == 0.0 for scene in distinct(study.scenes, "material")
+    ):
         return "has no meaning, because beta is 0 and temperature does not load the body; choose an error of u or xi"
     if name in ("xi_nodes", "xi_max") and study.exact is None:
         return "needs an exact solution, since the nodes of the reference are others; choose xi_L2, or give exact"

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from tcstudy.scene.expressions import Expression
+from tcstudy.scene.points import combinations, distinct
 from tcstudy.scene.records import Convection, Scene, Study
 
 SECTIONS = ("heat", "material")
 """Sections of which a scene may need only a part."""
+FELT = ("boundary", *SECTIONS)
+"""Sections that decide what a scene needs of heat."""
 
 
 def needs_heat_solve(scene: Scene) -> bool:
@@ -19,9 +24,9 @@ def needs_heat_solve(scene: Scene) -> bool:
     return isinstance(heat.theta_bar, Expression) or isinstance(heat.q, Expression) or heat.q != 0.0
 
 
-def why_no_heat(scenes: tuple[Scene, ...]) -> str:
+def why_no_heat(scenes: Sequence[Scene]) -> str:
     """Why the first scene without a heat problem has none."""
-    scene = next(s for s in scenes if not needs_heat_solve(s))
+    scene = next(s for s in distinct(scenes, *FELT) if not needs_heat_solve(s))
     if scene.material.beta == 0.0:
         return "beta is 0, so temperature does not load the body"
     if scene.heat.theta is not None:
@@ -44,15 +49,11 @@ def idle_notes(study: Study) -> list[str]:
 
 def _idle(study: Study, d: int) -> bool:
     """Whether all scenes along dimension d are the same to the solver."""
-    stride = 1
-    for size in study.shape[d + 1 :]:
-        stride *= size
-    count = study.shape[d]
-    for i, scene in enumerate(study.scenes):
-        place = i // stride % count
-        if place and tuple(_felt(scene)) != tuple(_felt(study.scenes[i - place * stride])):
-            return False
-    return True
+    scenes, of = combinations(study.scenes, *FELT)
+    numbers: dict[tuple[object, ...], int] = {}
+    felt = np.array([numbers.setdefault(tuple(_felt(scene)), len(numbers)) for scene in scenes])
+    points = felt[of].reshape(study.shape)
+    return bool(np.all(points == points.take([0], axis=d)))
 
 
 def _felt(scene: Scene) -> Iterator[object]:

@@ -16,6 +16,7 @@ from tcstudy.fem.elasticity import ElasticForms
 from tcstudy.fem.gradients import GradientProducts
 from tcstudy.fem.heat import HeatForms
 from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Clamped, Contact, Convection, Material, Role, Scene
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.study.cache import Recent
@@ -82,9 +83,9 @@ def _ratio_and_scale(material: Material) -> tuple[float, float]:
 def _groups(scenes: Sequence[Scene]) -> dict[Hashable, list[Hashable]]:
     """Key of a load that needs no temperature → the keys of all that go through the factor with it."""
     keys: dict[Hashable, None] = {}
-    for f, boundary in dict.fromkeys((scene.f, scene.boundary) for scene in scenes):
-        keys |= dict.fromkeys(term.key for term in mechanical_terms(f, boundary))
-    if any(scene.material.beta != 0.0 for scene in scenes):
+    for scene in distinct(scenes, "f", "boundary"):
+        keys |= dict.fromkeys(term.key for term in mechanical_terms(scene.f, scene.boundary))
+    if any(scene.material.beta != 0.0 for scene in distinct(scenes, "material")):
         keys[UNIFORM] = None
     listed = list(keys)
     batches = [listed[first : first + BATCH] for first in range(0, len(listed), BATCH)]

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from tcstudy.data import schema
 from tcstudy.scene.derived_loads import description
+from tcstudy.scene.points import count_points, distinct
 from tcstudy.scene.records import MeshPlan, Study
-from tcstudy.study.idle import idle_notes, needs_heat_solve, why_no_heat
+from tcstudy.study.idle import FELT, idle_notes, needs_heat_solve, why_no_heat
 from tcstudy.study.locking import locking_note
 from tcstudy.study.predicted import LevelForecast, forecast, refined
 
@@ -42,12 +43,11 @@ def plan(study: Study) -> Plan:
     """
     from tcstudy.study.sizes import sizes  # other questions to this module need no mesh
 
-    scenes = study.scenes
-    materials = {(s.material.lam, s.material.mu) for s in scenes}
-    heats = {(s.heat, s.material.k) for s in scenes if needs_heat_solve(s)}
+    materials = {(s.material.lam, s.material.mu) for s in distinct(study.scenes, "material")}
+    heats = {(s.heat, s.material.k) for s in distinct(study.scenes, *FELT) if needs_heat_solve(s)}
     levels = sizes(study)
     return Plan(
-        points=len(scenes),
+        points=len(study.scenes),
         factorisations=len(materials),
         heat_solves=len(heats),
         levels=levels,
@@ -74,12 +74,12 @@ def path_output(study: Study) -> Path:
 def _left_out(study: Study, heat_solved: bool) -> list[str]:
     scenes = study.scenes
     out = []
+    cold = count_points(scenes, FELT, lambda s: not needs_heat_solve(s))
     if not heat_solved:
         out.append(f"heat problem: {why_no_heat(scenes)}")
-    elif not all(needs_heat_solve(s) for s in scenes):
-        count = sum(not needs_heat_solve(s) for s in scenes)
-        out.append(f"heat problem at {count} of {len(scenes)} points: {why_no_heat(scenes)}")
-    if not any(s.f != (0.0, 0.0) for s in scenes):
+    elif cold:
+        out.append(f"heat problem at {cold} of {len(scenes)} points: {why_no_heat(scenes)}")
+    if not any(s.f != (0.0, 0.0) for s in distinct(scenes, "f")):
         out.append("body force: f is zero or not given")
     if not study.mesh.estimates:
         out.append("error estimates: not asked for (mesh.estimate: true, a tolerance or family: adaptive adds them)")
@@ -104,14 +104,16 @@ def _notes(study: Study) -> list[str]:
     if (derived := description(study)) is not None:
         notes.insert(0, derived)
     notes += _locking(study)
-    down = sum(math.isinf(s.friction.omega) for s in study.scenes)
+    down = count_points(study.scenes, ("friction",), lambda s: math.isinf(s.friction.omega))
     if down:
         notes.append(f"{down} of {len(study.scenes)} points have a law with down-jumps: solutions may not be unique")
     return notes
 
 
 def _locking(study: Study) -> list[str]:
-    note = locking_note(max((s.material.nu for s in study.scenes if s.material.plane == "strain"), default=0.0))
+    note = locking_note(
+        max((s.material.nu for s in distinct(study.scenes, "material") if s.material.plane == "strain"), default=0.0)
+    )
     return [note] if note is not None else []
 
 

@@ -14,6 +14,7 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.scene.points import combinations
 from tcstudy.scene.records import Scene, Study
 from tcstudy.solve.certificates import certify
 from tcstudy.solve.contact import solve_contact
@@ -118,16 +119,12 @@ def _failed(index: tuple[int, ...], level: int, status: PointStatus, reason: str
 def _order(study: Study) -> list[tuple[tuple[int, ...], Scene]]:
     """Points sorted so that those that share a factorisation and temperatures follow one another."""
     indices = list(np.ndindex(study.shape))
+    scenes, of = combinations(study.scenes, "material", "heat")
     keys: dict[object, int] = {}
-
-    def rank(i: int) -> tuple[int, int]:
-        scene = study.scenes[i]
-        material = ("material", scene.material.lam, scene.material.mu)
-        thermal = ("thermal", scene.heat.alpha, scene.material.k)
-        return keys.setdefault(material, len(keys)), keys.setdefault(thermal, len(keys))
-
-    ranked = sorted(range(len(indices)), key=rank)
-    return [(indices[i], study.scenes[i]) for i in ranked]
+    material = [keys.setdefault(("material", s.material.lam, s.material.mu), len(keys)) for s in scenes]
+    thermal = [keys.setdefault(("thermal", s.heat.alpha, s.material.k), len(keys)) for s in scenes]
+    ranked = np.lexsort((np.array(thermal)[of], np.array(material)[of]))
+    return [(indices[i], study.scenes[int(i)]) for i in ranked]
 
 
 def solve_point(

@@ -7,6 +7,7 @@ of that point's relative error. A tolerance holds when it holds for every point 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -71,7 +72,7 @@ class Survey:
     level: Level
     plan: MeshPlan
     before: dict[Index, Estimate] = field(default_factory=dict)
-    scenes: tuple[Scene, ...] = ()
+    scenes: Sequence[Scene] = ()
     exact: Exact | None = None
     estimates: dict[Index, Estimate] = field(default_factory=dict)
     _halved: Halved | None = None

@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.heat import HeatForms
 from tcstudy.scene.expressions import Expression
+from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Convection, Scene
 from tcstudy.study.cache import Recent
 from tcstudy.study.heat_families import Column
+from tcstudy.study.idle import FELT
 from tcstudy.study.loads import Term, split
 from tcstudy.study.thermal import Conduction, Part
 
@@ -58,7 +60,7 @@ class Temperatures:
 
     def __init__(self, forms: HeatForms, points: Array, scenes: Sequence[Scene], memory: float) -> None:
         """points: (n, 2) nodes;  scenes: all to come, if known;  memory: bytes of fields kept, of either kind."""
-        heated = [s for s in scenes if s.material.beta != 0.0 and s.edges(Convection)]
+        heated = [s for s in distinct(scenes, *FELT) if s.material.beta != 0.0 and s.edges(Convection)]
         self.conduction = Conduction(forms, ((s.heat, s.material.k) for s in heated), memory)
         self._points, self._area = points, lambda: forms.nodal_area
         self._known: Recent[Array] = Recent(memory, lambda theta: theta.nbytes)

@@ -1,0 +1,114 @@
+"""The scenes of a sweep without a list of them: each section's few records, and which one every point has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.scene.records import Body, Scene
+
+SECTIONS = ("boundary", "material", "f", "heat", "friction")
+"""Fields of a scene that a sweep may vary; the body belongs to all points."""
+Which = NDArray[np.int32]
+
+
+class Scenes(Sequence[Scene]):
+    """One scene for each point of a sweep, in C order of its axes, made when it is asked for.
+
+    A sweep of 10⁶ points has a few records in each section: what is asked of all scenes is asked of `distinct` ones.
+    """
+
+    def __init__(self, body: Body, records: Mapping[str, Sequence[Any]], which: Mapping[str, Which]) -> None:
+        """records: of each section;  which: (P,) index of the record that each point has, by section."""
+        self._body = body
+        self._records = {section: tuple(records[section]) for section in SECTIONS}
+        self._which = {section: np.asarray(which[section], dtype=np.int32) for section in SECTIONS}
+
+    @classmethod
+    def of(cls, scenes: Sequence[Scene]) -> Scenes | tuple[()]:
+        """Scenes that are there already, of one body; equal records are kept once."""
+        if isinstance(scenes, Scenes):
+            return scenes
+        if not scenes:
+            return ()
+        records: dict[str, dict[Any, int]] = {section: {} for section in SECTIONS}
+        which = {section: np.empty(len(scenes), dtype=np.int32) for section in SECTIONS}
+        for section, known in records.items():
+            for i, scene in enumerate(scenes):
+                which[section][i] = known.setdefault(getattr(scene, section), len(known))
+        return cls(scenes[0].body, {section: list(known) for section, known in records.items()}, which)
+
+    def __len__(self) -> int:
+        return len(self._which["friction"])
+
+    @overload
+    def __getitem__(self, index: int) -> Scene: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Scene, ...]: ...
+    def __getitem__(self, index: int | slice) -> Scene | tuple[Scene, ...]:
+        if isinstance(index, slice):
+            return tuple(self[i] for i in range(*index.indices(len(self))))
+        record = {section: self._records[section][self._which[section][index]] for section in SECTIONS}
+        return Scene(self._body, **record)
+
+    def __iter__(self) -> Iterator[Scene]:
+        return (self[i] for i in range(len(self)))
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Sequence) or len(other) != len(self):
+            return False
+        return all(a == b for a, b in zip(self, other, strict=True))
+
+    def __hash__(self) -> int:
+        return hash((self._body, len(self), self._records["heat"], self._records["material"]))
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} scenes>"
+
+    def records(self, section: str) -> tuple[Any, ...]:
+        """The records of a section that points have."""
+        return self._records[section]
+
+    def which(self, *sections: str) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """(first, of): a point with each distinct combination of the sections, and (P,) the combination of a point."""
+        return self._combinations[sections] if sections in self._combinations else self._combine(sections)
+
+    @cached_property
+    def _combinations(self) -> dict[tuple[str, ...], tuple[NDArray[np.intp], NDArray[np.intp]]]:
+        return {}
+
+    def _combine(self, sections: tuple[str, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        code = np.zeros(len(self), dtype=np.int64)
+        for section in sections:
+            code = code * len(self._records[section]) + self._which[section]
+        _, first, of = np.unique(code, return_index=True, return_inverse=True)
+        order = np.argsort(first)
+        rank = np.empty_like(order)
+        rank[order] = np.arange(len(order))
+        self._combinations[sections] = first[order], rank[of]
+        return self._combinations[sections]
+
+
+def distinct(scenes: Sequence[Scene], *sections: str) -> tuple[Scene, ...]:
+    """One scene for each distinct combination of the sections, in the order of the points."""
+    return combinations(scenes, *sections)[0]
+
+
+def combinations(scenes: Sequence[Scene], *sections: str) -> tuple[tuple[Scene, ...], NDArray[np.intp]]:
+    """`distinct` scenes, and (P,) which of them each point is like."""
+    if not isinstance(scenes, Scenes):
+        scenes = Scenes.of(scenes)
+    if not isinstance(scenes, Scenes):
+        return (), np.zeros(0, dtype=np.intp)
+    first, of = scenes.which(*sections)
+    return tuple(scenes[int(i)] for i in first), of
+
+
+def count_points(scenes: Sequence[Scene], sections: Sequence[str], is_so: Callable[[Scene], bool]) -> int:
+    """How many points are so, where that is decided by the sections named."""
+    some, of = combinations(scenes, *sections)
+    return int(np.bincount(of, minlength=len(some)) @ np.array([is_so(scene) for scene in some], dtype=np.intp))
