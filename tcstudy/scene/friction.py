@@ -65,7 +65,7 @@ class FrictionLaw:
         arrays = (self.kinks, self.s_0, self.b_0, self.q, self.a, self.r)
         return (self.name, *((np.asarray(x, dtype=float) + 0.0).tobytes() for x in arrays))
 
-    @property
+    @cached_property
     def piecewise_linear(self) -> bool:
         """True if no piece has an exponential part."""
         return not np.any(self.a)

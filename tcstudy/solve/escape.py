@@ -19,7 +19,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import DOWN, FrictionLaw
+from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solve.hull_start import estimate_lambda_1, hull_start
 from tcstudy.solve.newton_system import cholesky
 from tcstudy.solve.nodal_pieces import energy_change, integral
@@ -103,7 +103,7 @@ def seems_global(problem: ContactProblem, v: Array, lambda_1: float) -> bool:
         return True
     zeta = np.clip(problem.xi(v) / problem.c, *law.interval(v))[:, None]
     s, j = law_samples(law, lambda_1)
-    beyond = _beyond_down_jumps(law, v)
+    beyond = _largest_quotients(law, v[:, None], zeta)
     bend = np.maximum(
         _bend(law, v[:, None], zeta, s[None, :], j[None, :]), _bend(law, v[:, None], zeta, beyond, law.j(beyond))
     )
@@ -127,12 +127,23 @@ def _bend(law: FrictionLaw, v: Array, zeta: Array, s: Array, j: Array) -> Array:
     return np.asarray(np.max(np.where(apart == 0.0, -np.inf, quotient), axis=1))
 
 
-def _beyond_down_jumps(law: FrictionLaw, v: Array) -> Array:
-    """(m, 2) slips twice as far away as the next down-jump on either side, where its pull is largest; v without one."""
-    down = np.concatenate([[-np.inf], law.kinks[law.kinds == DOWN], [np.inf]])
-    after = np.searchsorted(down, v, side="right")
-    beyond = 2.0 * np.stack([down[after - 1], down[after]], axis=1) - v[:, None]
-    return np.where(np.isfinite(beyond), beyond, v[:, None])
+def _largest_quotients(law: FrictionLaw, v: Array, zeta: Array) -> Array:
+    """(m, K+1) where the quotient of `_bend` is largest on every piece but v's own; v itself where that is at an end.
+
+    On a linear piece 2 [j(v) + ζ (s − v) − j(s)] is the parabola 2h + 2gx − qx² in x = s − v, and over x² that is
+    largest at x = −2h/g. The linear part stands for the whole of an exponential piece.
+    """
+    if not len(law.kinks):
+        return v
+    inner = np.concatenate([law.kinks[:1], law.kinks])  # an end of every piece
+    j, piece = law.j(inner), np.arange(len(law.q))
+    apart, b, q = inner - v, law.value(inner, piece), law.slope(inner, piece)
+    g = zeta - b + q * apart
+    h = law.j(v) - j + b * apart - 0.5 * q * apart**2
+    s = v - 2.0 * h / np.where(g == 0.0, 1.0, g)
+    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
+    inside = (g != 0.0) & (ends[:-1] < s) & (s < ends[1:]) & ((v <= ends[:-1]) | (v >= ends[1:]))
+    return np.where(inside, s, v)
 
 
 def _lower(problem: ContactProblem, v: Array, w: Array) -> bool:

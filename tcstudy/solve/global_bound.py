@@ -96,8 +96,7 @@ def _advance(law: FrictionLaw, piece: int, march: _March, active: Index, v: Arra
     march.size[active] = np.maximum(march.size[active], np.abs(value))
     distance = at - v[active]
     largest = _quotient(gap, excess, slope, distance, width)
-    with np.errstate(divide="ignore", invalid="ignore"):  # 0/0 at v itself, which is left out below
-        noise = _ROUNDINGS * np.finfo(float).eps * march.size[active] / distance
+    noise = _ROUNDINGS * np.finfo(float).eps * march.size[active] / np.where(distance > 0.0, distance, 1.0)
     largest = largest + np.where(distance > 0.0, noise, 0.0)
     march.D[active] = np.maximum(march.D[active], np.where(width > 0.0, largest, -np.inf))
     march.gap[active] = gap + _gap_gain(law, piece, at, excess, width)

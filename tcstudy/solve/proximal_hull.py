@@ -9,8 +9,9 @@ b_κ = σ − κ s with the two conditions of a common tangent (equal areas, as 
 Up-jumps stay, down-jumps and steep falls become falls of slope −κ. With κ ≤ λ₁ the problem with b_κ is convex, and its
 least energy is a lower bound of the original one.
 
-The tangents are sought on samples (kinks, and _SAMPLES slips on every piece) and then refined on the pieces; a contact
-set that lies between two samples is bridged. b_κ serves as a start only, so that this costs quality, never correctness.
+The tangents are sought on samples (kinks, and _SAMPLES slips on every piece); then, wherever j + ½κ s² dips below a
+bridge, the bottom of the dip becomes a sample, until there is none; at last they are refined on the pieces. A second
+dip on one exponential piece may be overlooked; b_κ is a start only, so that this costs quality, never correctness.
 """
 
 from __future__ import annotations
@@ -29,7 +30,10 @@ Index = NDArray[np.intp]
 _SAMPLES = 8
 _REFINEMENTS = 5
 _HALVINGS = 12
-"""Samples on a piece, tangent iterations, and samples on an outer piece, each half as far out as the one before."""
+_PASSES = 30
+_DIP = 1e-8
+"""Samples on a piece, tangent iterations, samples on an outer piece, each half as far out as the one before, passes
+over the samples at most, and the part of its terms below which a dip does not count."""
 
 
 @lru_cache(maxsize=64)
@@ -41,7 +45,14 @@ def proximal_hull(law: FrictionLaw, kappa: float) -> tuple[FrictionLaw, Array]:
     if law.omega <= kappa:
         return law, np.empty((0, 2))
     s, j = law_samples(law, kappa)
-    first, last = _bridges(law, kappa, s, j)
+    for further in reversed(range(_PASSES)):
+        hull = _lower_hull(s, j + 0.5 * kappa * s * s)
+        first, last, before, after = _bridges(law, kappa, s, hull)
+        below = _below(law, kappa, s[first], s[last], s[before], s[after])
+        if not (further and len(below)):
+            break
+        s = np.union1d(s, below)
+        j = law.j(s)
     left, right = _refined(law, kappa, first, last, s)
     return _assembled(law, kappa, left, right), np.column_stack([left, right])
 
@@ -78,22 +89,53 @@ def _beside_down_jumps(law: FrictionLaw, kappa: float) -> Array:
     return np.concatenate([(kink - left)[fits], (kink + right)[fits]])
 
 
-def _bridges(law: FrictionLaw, kappa: float, s: Array, j: Array) -> tuple[Index, Index]:
-    """(first, last) sample of every segment of the lower hull of (s, j + ½κ s²) on which b + κ s does not rise."""
-    x, y = s.tolist(), (j + 0.5 * kappa * s * s).tolist()
+def _lower_hull(s: Array, y: Array) -> Index:
+    """Vertices of the lower convex hull of the points (s, y), s growing."""
+    x, height = s.tolist(), y.tolist()
     hull: list[int] = []
     for i in range(len(x)):
         while len(hull) > 1:
             a, b = hull[-2], hull[-1]
-            if (y[b] - y[a]) * (x[i] - x[b]) < (y[i] - y[b]) * (x[b] - x[a]):
+            if (height[b] - height[a]) * (x[i] - x[b]) < (height[i] - height[b]) * (x[b] - x[a]):
                 break
             hull.pop()
         hull.append(i)
-    first, last = np.array(hull[:-1]), np.array(hull[1:])
+    return np.array(hull)
+
+
+def _bridges(law: FrictionLaw, kappa: float, s: Array, hull: Index) -> tuple[Index, Index, Index, Index]:
+    """(first, last) sample of every segment of the hull on which b + κ s does not rise, and the vertices beside it.
+
+    Inside a piece on which b + κ s rises the hull is the law itself, however many samples rounding leaves out.
+    """
+    first, last = hull[:-1], hull[1:]
     piece = law.piece(s[first], +1)
     falls = (law.slope(s[first], piece) + kappa <= 0.0) | (law.slope(s[last], piece) + kappa <= 0.0)
-    bridge = (last > first + 1) | (piece != law.piece(s[last], -1)) | falls
-    return first[bridge], last[bridge]
+    bridge = (piece != law.piece(s[last], -1)) | falls
+    before, after = np.append(hull[0], hull[:-2]), np.append(hull[2:], hull[-1])
+    return first[bridge], last[bridge], before[bridge], after[bridge]
+
+
+def _below(law: FrictionLaw, kappa: float, left: Array, right: Array, before: Array, after: Array) -> Array:
+    """Slips where j + ½κ s² lies lowest below the line from left to right, one for each piece that it dips on.
+
+    before, after: how far the line is looked at on either side, since it may cut through the arc that it should touch
+    """
+    edges = np.unique(np.concatenate([law.kinks, left, right, before, after]))
+    line, part = np.nonzero((before[:, None] <= edges[:-1]) & (edges[1:] <= after[:, None]))
+    low, high, begin, end = edges[part], edges[part + 1], left[line], right[line]
+    piece = law.piece(low, +1)
+    middle = 0.5 * (begin + end)
+    mean = _mean(law, begin, end)  # b + κ s = σ in terms that do not cancel: b + κ (s − middle) = mean
+    s = 0.5 * (low + high)
+    for _ in range(1 if law.piecewise_linear else _REFINEMENTS):
+        slope = law.slope(s, piece) + kappa
+        excess = law.value(s, piece) - mean + kappa * (s - middle)
+        s = np.clip(s - np.where(slope > 0.0, excess / np.where(slope > 0.0, slope, 1.0), 0.0), low, high)
+    friction, straight = integral(law, begin, s), mean * (s - begin)
+    bend = 0.5 * kappa * (s - begin) * (end - s)
+    noise = _DIP * (np.abs(friction) + np.abs(straight) + np.abs(bend))
+    return np.unique(s[(low < s) & (s < high) & (friction - straight - bend < -noise)])
 
 
 def _refined(law: FrictionLaw, kappa: float, first: Index, last: Index, s: Array) -> tuple[Array, Array]:

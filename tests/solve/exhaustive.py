@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solve.certificates import Certificate, certify
+from tcstudy.solve.contact import ESCAPE, solve_contact
 from tcstudy.solve.problem import ContactProblem
 from tests.benchmarks.stability_maps import down_jumps, up_jumps
 from tests.solve import contact_cases as cases
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 
 def primitive(law: FrictionLaw, s: Array) -> Array:
     """∫₀ˢ b by adding the trapezia of all pieces between 0 and s (exact for linear pieces)."""
-    low, high, total = np.minimum(s, 0.0), np.maximum(s, 0.0), np.zeros(np.shape(s))
+    low, high, total = np.minimum(s, 0.0), np.maximum(s, 0.0), np.zeros_like(s)
     ends = [-np.inf, *law.kinks, np.inf]
     for piece in range(len(law.q)):
         x, y = np.clip(ends[piece], low, high), np.clip(ends[piece + 1], low, high)
@@ -34,8 +35,8 @@ def primitive(law: FrictionLaw, s: Array) -> Array:
 
 def energy(problem: ContactProblem, v: Array) -> Array:
     """L̃ from `primitive` at the points v (…, m)."""
-    quadratic = 0.5 * np.sum(v * (v @ problem.A_tilde), axis=-1) - v @ problem.l_tilde
-    return np.asarray(quadratic + primitive(problem.law, v) @ problem.c)
+    quadratic = 0.5 * np.sum(v * (v @ problem.A_tilde), axis=-1) - np.sum(v * problem.l_tilde, axis=-1)
+    return np.asarray(quadratic + np.sum(primitive(problem.law, v) * problem.c, axis=-1))
 
 
 def all_solutions(problem: ContactProblem) -> list[Array]:
@@ -77,8 +78,9 @@ def is_strict_minimum(problem: ContactProblem, v: Array, rng: np.random.Generato
     step[::2] *= ~np.isin(v, problem.law.kinks)
     step = step[np.any(step != 0.0, axis=1)]
     step /= np.linalg.norm(step, axis=1, keepdims=True)
-    here = energy(problem, v)
-    return all(bool(np.all(energy(problem, v + radius * step) > here)) for radius in (1e-6, 3e-7))
+    point = v.astype(np.longdouble)  # soft bodies: the difference is below the rounding of both energies
+    here, length = energy(problem, point), max(1.0, float(np.max(np.abs(v))))
+    return all(bool(np.all(energy(problem, point + radius * length * step) > here)) for radius in (1e-6, 3e-7))
 
 
 def small_problem(seed: int, m: int) -> ContactProblem:
@@ -96,6 +98,82 @@ def small_problem(seed: int, m: int) -> ContactProblem:
     waves = (rng.normal() / k * np.sin(np.pi * k * x + rng.uniform(0, 6)) for k in range(1, 4))
     shape = rng.normal() + sum(waves) + 0.1 * rng.normal(size=m)
     return ContactProblem(A_tilde, c * shape * rng.uniform(0.7, 2.0) * law.b_scale / np.abs(shape).max(), c, law)
+
+
+PLACES = {1: 30, 2: 16, 3: 10, 4: 7, 5: 5, 6: 4, 7: 3, 8: 3}
+"""Most pieces and up-jumps that a law of `any_problem` has with m nodes, so that at most 6,561 choices are tried."""
+
+
+def any_law(rng: np.random.Generator, places: int) -> FrictionLaw:
+    """Any law that grows as (15) asks for: it may push the slip on, be odd or not, jump and fall as it likes."""
+    while True:
+        odd = bool(rng.random() < 0.3)
+        s = np.cumsum(rng.uniform(0.02, 1.0, rng.integers(1, 9)) * 10.0 ** rng.uniform(-1.0, 0.5))
+        s = s - (s[0] if odd else rng.uniform(-0.5, 1.5) * s[-1])
+        left = rng.normal(size=len(s)) + rng.choice([0.0, 1.0]) * np.sign(s)
+        right = np.where(rng.random(len(s)) < 0.4, rng.normal(size=len(s)), left)
+        steep = np.where(rng.random(2) < 0.5, 0.0, 10.0 ** rng.uniform(-1.0, 1.0, 2))
+        if odd:
+            right[0] = abs(left[0]) * rng.integers(0, 2)
+            left[0] = -right[0]
+        left[0], right[-1] = (left[0] if odd else -abs(left[0])), abs(right[-1])
+        kinks = [*-s[:0:-1], *s] if odd else list(s)
+        low = [*-right[:0:-1], *left] if odd else list(left)
+        high = [*-left[:0:-1], *right] if odd else list(right)
+        law = cases.linear_law("any", kinks, low, high, (steep[int(odd)], steep[1]))
+        if len(law.q) + np.count_nonzero(law.b_right > law.b_left) <= places:
+            law.check_growth()
+            return law
+
+
+def any_problem(seed: int, m: int) -> ContactProblem:
+    """Any law on a body that is soft or stiff, an elastic line or a random matrix, neighbours coupled either way."""
+    rng = np.random.default_rng([seed, m, 7])
+    law = any_law(rng, PLACES[m])
+    A_tilde, c = cases.random_stiffness(rng, m)
+    if rng.random() < 0.3:
+        factor = rng.normal(size=(m, m))
+        A_tilde = c.mean() * (factor @ factor.T / m + 10.0 ** rng.uniform(-2.0, 0.0) * np.eye(m))
+    A_tilde = A_tilde * 10.0 ** rng.uniform(-2.5, 0.5)
+    load = rng.normal() + rng.choice([0.1, 1.0]) * rng.normal(size=m)
+    return ContactProblem(A_tilde, c * load * 10.0 ** rng.uniform(-2.0, 0.5) * law.b_scale, c, law)
+
+
+@dataclass(frozen=True)
+class Search:
+    """What a study finds on one `any_problem`, beside the least energy of all.
+
+    solved, found: whether there is an answer, and whether it has the least energy
+    plain:         the same of the starts without the search for less
+    contradicted:  certificates of the answer that the enumeration or the sampling refutes
+    """
+
+    solved: bool
+    found: bool
+    plain: bool
+    contradicted: tuple[str, ...]
+
+
+def search(seed: int, m: int) -> Search:
+    """The default solver and its certificates on one `any_problem`."""
+    problem = any_problem(seed, m)
+    least = least_energy(problem)
+    answer = solve_contact(problem)
+    certificate = certify(problem, answer.v)
+    above = least + 1e-10 * (abs(least) + float(problem.c @ np.abs(problem.law.j(answer.v))))
+    found = answer.energy <= above
+    strict = not certificate.strict_minimum or is_strict_minimum(problem, answer.v, np.random.default_rng(seed))
+    wrong = {
+        "unique": certificate.unique and not found,
+        "global_minimum": certificate.global_minimum and answer.energy > above + certificate.energy_gap,
+        "strict_minimum": not strict,
+    }
+    return Search(
+        not answer.reason,
+        found,
+        float(np.nanmin(answer.energies[:ESCAPE])) <= above,
+        tuple(name for name, is_wrong in wrong.items() if is_wrong),
+    )
 
 
 @dataclass(frozen=True)
@@ -158,10 +236,11 @@ def least_energy(problem: ContactProblem, batch: int = 20_000) -> float:
         place = number[:, None] // (count + len(ups)) ** np.arange(m) % (count + len(ups))
         fixed = place >= count
         piece = np.where(fixed, 0, place)
-        kink = ups[np.where(fixed, place - count, 0)]
+        kink = np.append(ups, 0.0)[np.where(fixed, place - count, 0)]
         diagonal = np.eye(m) * (problem.c * law.q[piece])[:, None, :]
         matrix = np.where(fixed[:, :, None], np.eye(m), problem.A_tilde + diagonal)
-        regular = np.abs(np.linalg.det(matrix)) > 1e-14
+        size = np.where(fixed, 1.0, np.sqrt(np.diagonal(problem.A_tilde)))
+        regular = np.abs(np.linalg.det(matrix / size[:, :, None] / size[:, None, :])) > 1e-14
         rhs = np.where(fixed, kink, problem.l_tilde - problem.c * at_0[piece])[regular]
         v = np.linalg.solve(matrix[regular], rhs[:, :, None])[:, :, 0]
         low, high = ends[piece[regular]] - length, ends[piece[regular] + 1] + length

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.laws import SHAPES
 from tcstudy.solve import escape as escape_module
 from tcstudy.solve.contact import ESCAPE, Answer, Branch, solve_contact
 from tcstudy.solve.escape import PROMISES, escape, seems_global
@@ -38,6 +39,34 @@ def test_the_least_energy_of_all_is_found(m: int, count: int) -> None:
     assert after == count
     assert before < count
     assert ran < 0.3 * count
+
+
+def test_laws_that_push_hide_no_well() -> None:
+    """Any law, odd or not, opposing the slip or pushing it on: the share of `tests.benchmarks.reliability` for CI."""
+    results = [exhaustive.search(seed, 1 + seed % 8) for seed in range(160)]
+    assert all(r.solved and not r.contradicted for r in results)
+    assert all(r.found for r in results)
+    assert sum(r.plain for r in results) < len(results)
+
+
+def test_a_well_between_two_samples_of_the_law_is_found() -> None:
+    """One node on a soft body; the well at 0.377 lies between the last kink and the next sample, at 0.74."""
+    points = [(0.25, 0.0), (0.25, 0.7), (0.29, -0.5)]
+    law = SHAPES["piecewise-linear"].build(points=points, odd=False, slopes=[0.0, 5.7])
+    problem = ContactProblem(np.array([[0.0017]]), np.array([-0.0033]), np.ones(1), law)
+    answer = solve_contact(problem)
+    assert answer.start == ESCAPE
+    assert answer.energy == pytest.approx(exhaustive.least_energy(problem), rel=1e-12)
+    assert not seems_global(problem, np.array([-0.0033 / 0.0017]), problem.lambda_1)
+
+
+def test_nodes_that_push_each_other_apart() -> None:
+    """The softest mode is perpendicular to the rigid slip."""
+    points = [(-0.2, 0.4), (-0.1, -0.5), (0.3, -0.9), (0.4, -1.4), (0.5, 1.0)]
+    law = SHAPES["piecewise-linear"].build(points=points, odd=False, slopes=[2.0, 0.3])
+    problem = ContactProblem(np.array([[5.0, 4.0], [4.0, 5.0]]), np.full(2, -0.98), np.full(2, 0.675), law)
+    assert estimate_lambda_1(problem) == pytest.approx(problem.lambda_1, rel=1e-12)
+    assert solve_contact(problem).energy == pytest.approx(exhaustive.least_energy(problem), rel=1e-12)
 
 
 def test_least_energy_agrees_with_all_solutions() -> None:

@@ -6,6 +6,7 @@ import pytest
 from tcstudy.scene.friction import DOWN, FrictionLaw
 from tcstudy.solve.proximal_hull import proximal_hull
 from tests.solve import contact_cases as cases
+from tests.solve import exhaustive
 
 
 def test_slip_weakening_in_closed_form() -> None:
@@ -83,3 +84,20 @@ def test_other_units() -> None:
     other, scaled = proximal_hull(law.scaled(s_unit, b_unit), 6.0 * s_unit / b_unit)
     assert scaled * s_unit == pytest.approx(bridges, rel=1e-12)
     assert other.b_0 * b_unit == pytest.approx(hull.b_0, rel=1e-12)
+
+
+def test_no_well_is_bridged_over() -> None:
+    """Any law against a dense grid: j − j_κ is least, and equal, wherever the hull touches."""
+    for seed in range(60):
+        rng = np.random.default_rng([seed, 29])
+        law = exhaustive.any_law(rng, 30)
+        kappa = 10.0 ** rng.uniform(-3.0, 2.0)
+        hull, bridges = proximal_hull(law, kappa)
+        if not len(bridges):
+            continue
+        ends = np.unique(bridges)
+        s = np.concatenate([np.linspace(x, y, 200) for x, y in bridges] + [law.kinks])
+        apart, touching = (law.j(x) - hull.j(x) for x in (s, ends))
+        size = float(np.max(np.abs(law.j(s)) + kappa * s**2))
+        assert np.ptp(touching) <= 1e-6 * size
+        assert apart.min() >= touching.max() - 1e-6 * size
