@@ -2,7 +2,7 @@
 
     import tcstudy
     study = tcstudy.load("configs/quickstart.yaml", ["mesh.levels=2"])
-    tree = tcstudy.run(study)              # xarray.DataTree; also written to results/quickstart.nc
+    tree = tcstudy.run(study, "coarse.nc")  # xarray.DataTree; also written to the file
     tree["level_1"]["u_T"]                 # tangential displacements on the second mesh
 
 The functions import what they need when they are called, so that `import tcstudy` costs nothing.
@@ -32,23 +32,30 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     return read_study(Path(path), overrides)
 
 
-def run(study: Study | str | Path, output: str | Path | None = None, *, progress: bool = False) -> xarray.DataTree:
+def run(
+    study: Study | str | Path, output: str | Path | None = None, *, progress: bool = False, force: bool = False
+) -> xarray.DataTree:
     """Run a study (or a study file), write its netCDF file and return its data, loaded into memory.
 
-    progress: show progress on stderr. Points that fail have a status and a reason in the data.
-    Raises StudyError, tcstudy.data.files.StoreError or tcstudy.fem.geometry.GeometryFailed.
+    progress: show progress on stderr;  force: compute again what the file holds already, replace what else it holds
+    Points that fail have a status and a reason in the data. Raises StudyError, tcstudy.fem.geometry.GeometryFailed,
+    or tcstudy.data.files.StoreError, for example where the file holds the results of another study.
     """
+    from tcstudy.data.identity import holds, identity
     from tcstudy.report.progress import progress as terminal
     from tcstudy.study.execute import execute
+    from tcstudy.study.plan import output_of
 
     study = load(study) if isinstance(study, str | Path) else study
-    watcher = terminal() if progress else None
-    try:
-        result = execute(study, Path(output) if output is not None else None, watcher, ("tcstudy.run",))
-    finally:
-        if watcher is not None:
-            watcher.close()
-    with open_results(result.output) as tree:
+    path = Path(output) if output is not None else output_of(study)
+    if force or not holds(path, identity("run", study)):
+        watcher = terminal() if progress else None
+        try:
+            execute(study, path, watcher, ("tcstudy.run",))
+        finally:
+            if watcher is not None:
+                watcher.close()
+    with open_results(path) as tree:
         return tree.load()
 
 

@@ -83,6 +83,7 @@ def _parser() -> argparse.ArgumentParser:
     run = commands.add_parser("run", help="run a study and write its netCDF file", epilog=_EPILOG)
     _study_arguments(run)
     run.add_argument("--output", type=_file, metavar="FILE", help="result file (default: results/<study>.nc)")
+    _force_argument(run)
     run.set_defaults(command=do.run)
     plan = commands.add_parser("plan", help="check a study and say what a run would do", epilog=_EPILOG)
     _study_arguments(plan)
@@ -93,6 +94,7 @@ def _parser() -> argparse.ArgumentParser:
     path.add_argument("--output", type=_file, metavar="FILE", help="result file (default: results/<study>-path.nc)")
     path.add_argument("--plot", type=_file, metavar="PICTURE", help="also draw it: a .png, .svg or .pdf file")
     _response_argument(path)
+    _force_argument(path)
     path.set_defaults(command=do.path)
     show = commands.add_parser("show", help="print the summary of a result file", epilog=_EPILOG)
     show.add_argument("file", type=Path, metavar="FILE.nc")
@@ -107,6 +109,7 @@ def _parser() -> argparse.ArgumentParser:
     converge.add_argument(
         "--at", action="append", default=[], metavar="NAME=VALUE", help="point of the plot (default: first)"
     )
+    _force_argument(converge)
     converge.set_defaults(command=do.converge)
     cost = commands.add_parser("cost", help="chart accuracy against cost: meshes and solvers compared", epilog=_EPILOG)
     _study_arguments(cost)
@@ -116,6 +119,7 @@ def _parser() -> argparse.ArgumentParser:
     cost.add_argument("--plot", type=_file, metavar="PICTURE", help="draw the chart: a .png, .svg or .pdf file")
     cost.add_argument("--at", action="append", default=[], metavar="NAME=VALUE", help="sweep point (default: first)")
     _error_argument(cost)
+    _force_argument(cost)
     cost.set_defaults(command=do.cost)
     draw = commands.add_parser("draw", help="draw a result file: a point, a path, errors, costs", epilog=_EPILOG)
     draw.add_argument("file", type=Path, metavar="FILE.nc")
@@ -138,6 +142,11 @@ def _parser() -> argparse.ArgumentParser:
 def _response_argument(parser: argparse.ArgumentParser) -> None:
     what = "what a path is drawn over: the mean (default) or largest slip, or the friction resultant"
     parser.add_argument("--response", choices=("mean-slip", "max-slip", "friction"), help=what)
+
+
+def _force_argument(parser: argparse.ArgumentParser) -> None:
+    what = "compute again what the result file holds already, and replace results of another study"
+    parser.add_argument("--force", action="store_true", help=what)
 
 
 def _error_argument(parser: argparse.ArgumentParser) -> None:

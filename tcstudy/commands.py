@@ -8,7 +8,12 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from typing import NoReturn
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from tcstudy.data.kinds import Kind
+    from tcstudy.scene.records import Study
 
 OK, SOME_FAILED, BAD_INPUT = 0, 1, 2
 MEAN_SLIP = "mean-slip"
@@ -18,11 +23,13 @@ DRAWN_BY = {"run": ("at", "level"), "path": ("response",), "convergence": ("at",
 
 def run(options: argparse.Namespace) -> int:
     study, output = _checked(options)
+    if _is_there(options, "run", study, output):
+        points, failed = _stored(output)
+        return _say_run(options, output, points, failed, "found before")
     from tcstudy.data.sweep import sweep_points
     from tcstudy.fem.geometry import GeometryFailed
     from tcstudy.report.progress import progress
     from tcstudy.report.select_point import naming
-    from tcstudy.report.summary import summary
     from tcstudy.study.execute import StoreError, execute
 
     watcher = progress(naming=naming(sweep_points(study)), length=_length(study))
@@ -33,11 +40,18 @@ def run(options: argparse.Namespace) -> int:
         fail(_said(options, study, error))
     finally:
         watcher.close()
-    print(summary(result.output))
-    print(f"\n  {result.points - result.failed} of {result.points} solutions found; data in {result.output}")
+    return _say_run(options, result.output, result.points, result.failed, "found")
+
+
+def _say_run(options: argparse.Namespace, output: Path, points: int, failed: int, found: str) -> int:
+    """The summary of a run, where its data are and what could be asked next."""
+    from tcstudy.report.summary import summary
+
+    print(summary(output))
+    print(f"\n  {points - failed} of {points} solutions {found}; data in {output}")
     again = shlex.join(["tcstudy", "cost", str(options.study), *(f"--set={text}" for text in options.overrides)])
     print(f"  what accuracy costs here: {again} --plot cost.png")
-    return SOME_FAILED if result.failed else OK
+    return SOME_FAILED if failed else OK
 
 
 def plan(options: argparse.Namespace) -> int:
@@ -79,6 +93,7 @@ def path(options: argparse.Namespace) -> int:
         remedy = "add path: {parameter: theta_bar, from: 0 K, to: 40 K}"
         fail(f"{options.study}: path: the study has no section path; {remedy}")
     from tcstudy.data.files import StoreError
+    from tcstudy.data.path_store import stored_shortfalls
     from tcstudy.fem.geometry import GeometryFailed
     from tcstudy.report.path_figure import draw_path
     from tcstudy.report.path_progress import PathProgress
@@ -87,6 +102,7 @@ def path(options: argparse.Namespace) -> int:
     from tcstudy.study.path_affine import PathError
     from tcstudy.study.path_execute import execute_path
 
+    there = _is_there(options, "path", study, output)
     progress = PathProgress()
     try:
         if options.plot is not None:
@@ -95,7 +111,7 @@ def path(options: argparse.Namespace) -> int:
             names = ", ".join(axis.name for axis in study.axes)
             note = f"note: a path is of one scene, that outside the sweep; the values of {names} are not used"
             print(note, file=sys.stderr)
-        problems = execute_path(study, output, progress, options.words)
+        problems = stored_shortfalls(output) if there else execute_path(study, output, progress, options.words)
         progress.close()
         print(path_summary(output))
         if options.plot is not None:
@@ -110,6 +126,7 @@ def path(options: argparse.Namespace) -> int:
 def show(options: argparse.Namespace) -> int:
     from tcstudy.data.files import StoreError
     from tcstudy.data.kinds import kind_of
+    from tcstudy.data.reading import reading
     from tcstudy.report.convergence import convergence_report
     from tcstudy.report.cost import cost_report
     from tcstudy.report.path_summary import path_summary
@@ -117,7 +134,9 @@ def show(options: argparse.Namespace) -> int:
 
     reports = {"run": summary, "path": path_summary, "convergence": convergence_report, "cost": cost_report}
     try:
-        print(reports[kind_of(options.file)](options.file).rstrip("\n"))
+        with reading(options.file):
+            text = reports[kind_of(options.file)](options.file).rstrip("\n")
+        print(text)
     except StoreError as error:
         fail(str(error))
     return OK
@@ -129,8 +148,10 @@ def converge(options: argparse.Namespace) -> int:
     point = _point_of(options)
     if point and options.plot is None:
         fail("--at: names the point of the picture, but there is none; add --plot PICTURE")
-    study, output = _checked(options)
     from tcstudy.data.convergence import default_path
+    from tcstudy.study.plan import output_of
+
+    study, path = _checked(options, lambda study: default_path(output_of(study)))
     from tcstudy.data.files import StoreError
     from tcstudy.data.sweep import sweep_points
     from tcstudy.fem.geometry import GeometryFailed
@@ -139,12 +160,13 @@ def converge(options: argparse.Namespace) -> int:
     from tcstudy.report.select_point import locate
     from tcstudy.study.convergence import ConvergenceError, converge_to_file
 
-    path = options.output or default_path(output)
+    say = lambda text: print(text, file=sys.stderr, flush=True)  # noqa: E731
     try:
         if options.plot is not None:
             check_target(options.plot)
             locate(sweep_points(study), point, "study")
-        failed = converge_to_file(study, path, lambda text: print(text, file=sys.stderr, flush=True), options.words)
+        there = _is_there(options, "convergence", study, path)
+        failed = _stored(path)[1] if there else converge_to_file(study, path, say, options.words)
         print(convergence_report(path, options.format), end="")
         if options.plot is not None:
             print(plot_convergence(path, options.plot, point), file=sys.stderr)
@@ -164,8 +186,10 @@ def cost(options: argparse.Namespace) -> int:
     if options.runs < 1:
         fail(f"--runs: {options.runs} runs measure nothing; give 1 or more")
     point = _point_of(options)
-    study, output = _checked(options)
     from tcstudy.data.cost import default_path
+    from tcstudy.study.plan import output_of
+
+    study, path = _checked(options, lambda study: default_path(output_of(study)))
     from tcstudy.data.files import StoreError
     from tcstudy.data.sweep import sweep_points
     from tcstudy.fem.geometry import GeometryFailed
@@ -176,7 +200,7 @@ def cost(options: argparse.Namespace) -> int:
     from tcstudy.study.cost import CostError, cost_to_file
     from tcstudy.study.cost_errors import unmeasured
 
-    path, progress = options.output or default_path(output), CostProgress()
+    progress = CostProgress()
     try:
         if options.plot is not None:
             check_target(options.plot)
@@ -185,7 +209,10 @@ def cost(options: argparse.Namespace) -> int:
         words = describe(points, where)
         if options.error is not None and (lack := unmeasured(study, options.error)):
             fail(f"--error: {options.error} {lack}")
-        failed = cost_to_file(study, tuple(where.values()), words, options.runs, path, progress, options.words)
+        if _is_there(options, "cost", study, path, point=words, runs=options.runs):
+            failed = _stored(path)[1]
+        else:
+            failed = cost_to_file(study, tuple(where.values()), words, options.runs, path, progress, options.words)
         progress.close()
         print(cost_report(path, options.format, options.error), end="")
         if options.plot is not None:
@@ -202,6 +229,7 @@ def cost(options: argparse.Namespace) -> int:
 def draw(options: argparse.Namespace) -> int:
     from tcstudy.data.files import StoreError
     from tcstudy.data.kinds import kind_of
+    from tcstudy.data.reading import reading
     from tcstudy.report.convergence_plot import plot_convergence
     from tcstudy.report.cost_plot import plot_cost
     from tcstudy.report.draw import DrawError
@@ -216,14 +244,16 @@ def draw(options: argparse.Namespace) -> int:
         for name in ("level", "response", "error"):
             if getattr(options, name) is not None and name not in DRAWN_BY[kind]:
                 fail(f"--{name}: the picture of a {kind} file does not depend on it; leave it out")
-        if kind == "path":
-            print(draw_path(options.file, options.picture, options.response or MEAN_SLIP))
-        elif kind == "cost":
-            print(plot_cost(options.file, options.picture, options.error))
-        elif kind == "convergence":
-            print(plot_convergence(options.file, options.picture, point))
-        else:
-            print(draw_point(options.file, options.picture, point, -1 if options.level is None else options.level))
+        with reading(options.file):
+            if kind == "path":
+                text = draw_path(options.file, options.picture, options.response or MEAN_SLIP)
+            elif kind == "cost":
+                text = plot_cost(options.file, options.picture, options.error)
+            elif kind == "convergence":
+                text = plot_convergence(options.file, options.picture, point)
+            else:
+                text = draw_point(options.file, options.picture, point, -1 if options.level is None else options.level)
+        print(text)
     except (StoreError, DrawError) as error:
         fail(str(error))
     return OK
@@ -279,6 +309,36 @@ def _said(options: argparse.Namespace, study, error: Exception) -> str:  # type:
     from tcstudy.study.preflight import geometry_fault
 
     return geometry_fault(study, error) if isinstance(error, GeometryFailed) else f"{options.study}: {error}"
+
+
+def _is_there(options: argparse.Namespace, kind: Kind, study: Study, output: Path, **asked: object) -> bool:
+    """Whether the output holds what the command would compute, which is then said; else exits with 2 if it holds
+    something else. With --force neither is asked."""
+    if options.force:
+        return False
+    from tcstudy.data.identity import holds, identity
+    from tcstudy.errors import StoreError
+
+    try:
+        there = holds(output, identity(kind, study, **asked))
+    except StoreError as error:
+        fail(f"{options.study}: {error}")
+    if there:
+        print(f"{output} holds these results already; --force computes them again", file=sys.stderr)
+    return there
+
+
+def _stored(output: Path) -> tuple[int, int]:
+    """How many solutions a file has, and how many of them failed."""
+    import netCDF4
+
+    from tcstudy.data.records import PointStatus
+
+    with netCDF4.Dataset(output) as nc:
+        status = nc["status"][...]
+        charted = nc["status"].dimensions == ("family", "solver", "level")
+    asked = status[status != PointStatus.NOT_RUN] if charted else status  # a chart has no mesh everywhere
+    return int(asked.size), int((asked != PointStatus.OK).sum())
 
 
 def _length(study) -> str:  # type: ignore[no-untyped-def]  # Study, imported lazily

@@ -50,6 +50,10 @@ class Problem:
         return printable(f"{place}: {key}{what}; {remedy}")
 
 
+class StoreError(Exception):
+    """Results cannot be kept or read; the text says why and what to do."""
+
+
 class StudyError(Exception):
     """A study that cannot be run, with all its problems, sorted by line and without duplicates."""
 

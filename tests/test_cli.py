@@ -187,3 +187,39 @@ def test_the_quickstart_on_coarse_levels(tmp_path: Path) -> None:
         assert bool((tree["status"] == 1).all())
         assert float(tree["inclusion_residual"].max()) <= 1e-10
         assert float(tree["heat_balance"].max()) < 1e-12
+
+
+def test_a_finished_study_ends_at_once_and_another_one_asks(folder: Path) -> None:
+    first = tcstudy_command("run", "block.yaml", cwd=folder)
+    file = folder / "results" / "block.nc"
+    before = file.read_bytes()
+    again = tcstudy_command("run", "block.yaml", cwd=folder)
+    assert (first.returncode, again.returncode) == (0, 0)
+    assert again.stderr == "results/block.nc holds these results already; --force computes them again\n"
+    assert again.stdout.replace("found before", "found") == first.stdout
+    other = tcstudy_command("run", "block.yaml", "--set", "sweep={}", cwd=folder)
+    assert other.returncode == 2
+    assert other.stderr.startswith("block.yaml: results/block.nc holds the results of another study")
+    assert other.stderr.count("\n") == 1
+    assert file.read_bytes() == before
+    forced = tcstudy_command("run", "block.yaml", "--set", "sweep={}", "--force", cwd=folder)
+    assert forced.returncode == 0, forced.stderr
+    with tcstudy.open_results(file) as tree:
+        assert tree["status"].shape == (2,)
+
+
+@pytest.mark.parametrize(
+    ("command", "options"),
+    [("converge", []), ("cost", ["--runs", "1"]), ("path", [])],
+)
+def test_other_commands_are_not_done_twice_either(folder: Path, command: str, options: list[str]) -> None:
+    section = 'path: {parameter: "load", from: 0, to: 1}\n' if command == "path" else ""
+    (folder / "block.yaml").write_text(STUDY + section)
+    first = tcstudy_command(command, "block.yaml", *options, cwd=folder)
+    again = tcstudy_command(command, "block.yaml", *options, cwd=folder)
+    assert (first.returncode, again.returncode) == (0, 0), first.stderr + again.stderr
+    assert "holds these results already" in again.stderr
+    assert again.stdout == first.stdout
+    other = tcstudy_command(command, "block.yaml", *options, "--set", "material.nu=0.2", cwd=folder)
+    assert other.returncode == 2
+    assert "holds the results of another study" in other.stderr

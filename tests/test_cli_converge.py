@@ -107,7 +107,9 @@ def test_a_film_without_friction_has_no_error_of_xi(tmp_path: Path) -> None:
     text = STUDY.replace("levels: 2", "levels: 4").split("sweep")[0]
     (tmp_path / "block.yaml").write_text(text)
     none = tcstudy_command("converge", "block.yaml", "--set", "friction.tau=0", cwd=tmp_path).stdout
-    spring = tcstudy_command("converge", "block.yaml", "--set", "friction={law: linear, k: 0.1}", cwd=tmp_path).stdout
+    spring = tcstudy_command(
+        "converge", "block.yaml", "--set", "friction={law: linear, k: 0.1}", "--force", cwd=tmp_path
+    ).stdout
     assert "u_T in L²" in none
     assert "ξ in L²(Γ_C) " not in none
     assert "ξ in L²(Γ_C) " in spring

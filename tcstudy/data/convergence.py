@@ -129,13 +129,15 @@ def write_convergence(path: Path, study: Study, convergence: Convergence, proven
     attributes = global_attributes(study, provenance)
     data.attrs = {**attributes, "reference": convergence.reference, "notes": "\n".join(convergence.notes)}
     data.attrs[FINISHED] = np.int32(1)
-    encoding = {name: _encoding(data[name]) for name in data.variables}
-    replace_file(path, lambda aside: data.to_netcdf(aside, engine="netcdf4", encoding=encoding))
+    storage = {name: encoding(data[name]) for name in data.variables}
+    replace_file(path, lambda aside: data.to_netcdf(aside, engine="netcdf4", encoding=storage))
 
 
-def _encoding(variable: Any) -> dict[str, Any]:
+def encoding(variable: Any) -> dict[str, Any]:
+    """How a variable is stored: NaN for missing numbers, with a checksum where HDF5 has one (arrays of numbers)."""
+    checked = bool(variable.ndim) and variable.dtype.kind in "iuf"
     floats = variable.dtype.kind == "f" and variable.name not in variable.coords
-    return {"_FillValue": float("nan") if floats else None}
+    return {"_FillValue": float("nan") if floats else None, **({"fletcher32": True} if checked else {})}
 
 
 def _dataset(study: Study, convergence: Convergence) -> xarray.Dataset:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.convergence import ERRORS, NUMBERS, Measure
+from tcstudy.data.convergence import ERRORS, NUMBERS, Measure, encoding
 from tcstudy.data.files import FINISHED, StoreError, replace_file
 from tcstudy.data.kinds import CONTENT
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
@@ -87,8 +87,8 @@ def write_cost(path: Path, study: Study, cost: Cost, provenance: Provenance) -> 
     data = _dataset(study, cost)
     data.attrs = global_attributes(study, provenance) | _own_attributes(cost)
     data.attrs[FINISHED] = np.int32(1)
-    encoding = {name: _encoding(data[name]) for name in data.variables}
-    replace_file(path, lambda aside: data.to_netcdf(aside, engine="netcdf4", encoding=encoding))
+    storage = {name: encoding(data[name]) for name in data.variables}
+    replace_file(path, lambda aside: data.to_netcdf(aside, engine="netcdf4", encoding=storage))
 
 
 def open_cost(path: Path) -> xarray.Dataset:
@@ -110,13 +110,9 @@ def _own_attributes(cost: Cost) -> dict[str, Any]:
         "own_solver": cost.solvers[solver],
         "own_level": np.int32(level),
         "point": cost.point,
+        "runs": np.int32(cost.time.shape[-1]),
         "notes": "\n".join(cost.notes),
     }
-
-
-def _encoding(variable: Any) -> dict[str, Any]:
-    floats = variable.dtype.kind == "f" and variable.name not in variable.coords
-    return {"_FillValue": float("nan") if floats else None}
 
 
 def _dataset(study: Study, cost: Cost) -> xarray.Dataset:

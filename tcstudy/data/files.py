@@ -9,35 +9,37 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tcstudy.errors import printable, shortened
+from tcstudy.data.reading import FINISHED, PARTIAL, is_foreign
+from tcstudy.data.seal import put_seal
+from tcstudy.errors import StoreError, printable, shortened
 
 if TYPE_CHECKING:
     import netCDF4
 
-FINISHED = "finished"
-"""Global attribute set last: netCDF-4 opens a file whose writer died as if nothing were wrong."""
-
-PARTIAL = ".partial"
-"""What the journal of a run adds to the name of its output."""
-
-MAGIC = (b"\x89HDF\r\n\x1a\n", b"CDF")
-"""How netCDF-4 and older netCDF files begin."""
+__all__ = [
+    "FINISHED",
+    "PARTIAL",
+    "StoreError",
+    "check_writable",
+    "new_dataset",
+    "remove_stale",
+    "replace_file",
+    "special_file",
+    "sync_directory",
+]
 
 LONGEST_NAME = 255 - 32
 """Bytes of a name, such that the names of files written beside the output remain below the 255 of file systems."""
 
 ROOM = 3
 """Free disk that must be there, as a multiple of the expected file (old and new stand side by side)."""
-
-
-class StoreError(Exception):
-    """Results cannot be kept or read; the text says why and what to do."""
 
 
 def replace_file(path: Path, make: Callable[[Path], None], kept: str = "") -> None:
@@ -49,9 +51,12 @@ def replace_file(path: Path, make: Callable[[Path], None], kept: str = "") -> No
     target = Path(os.path.realpath(path))
     aside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
+        if what := special_file(path):
+            raise StoreError(f"{path} is {what}, no file; choose another output")
         _refuse_protected(path)
         target.parent.mkdir(parents=True, exist_ok=True)
         make(aside)
+        put_seal(aside)
         _sync_file(aside)
         if target.exists():
             shutil.copymode(target, aside)
@@ -78,8 +83,10 @@ def _write_problems(path: Path, expected_bytes: int) -> list[str]:
     target = Path(os.path.realpath(path))
     if target.is_dir():
         return [f"{path} is a directory; give the name of a file in it"]
+    if what := special_file(path):
+        return [f"{path} is {what}, no file; choose another output"]
     problems = []
-    if _is_foreign(target):
+    if is_foreign(target):
         problems.append(f"{path} exists and is no result file; it would be lost: remove it or choose another output")
     try:
         _refuse_protected(path)
@@ -120,13 +127,17 @@ def _name_fault(path: Path) -> str:
     return ""
 
 
-def _is_foreign(target: Path) -> bool:
-    """Whether there is a file that no netCDF library wrote, such as the study itself; an empty one is no loss."""
-    if not target.is_file():
-        return False
-    with open(target, "rb") as stream:
-        start = stream.read(8)
-    return bool(start) and not start.startswith(MAGIC)
+def special_file(path: Path) -> str:
+    """What stands at a path if it is neither a file nor a folder: "a device", …; empty otherwise.
+
+    Raises OSError where symbolic links go in a circle.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return ""
+    kinds = {stat.S_ISFIFO: "a pipe", stat.S_ISSOCK: "a socket", stat.S_ISCHR: "a device", stat.S_ISBLK: "a device"}
+    return next((name for is_kind, name in kinds.items() if is_kind(mode)), "")
 
 
 def remove_stale(path: Path) -> None:
@@ -172,30 +183,6 @@ def _refuse_protected(path: Path) -> None:
     # by the mode, not by os.access: renaming over a file needs no right to write it, and root may do anything
     if path.exists() and not path.stat().st_mode & 0o222:
         raise PermissionError(errno.EACCES, "the file is write-protected", str(path))
-
-
-def refuse_unfinished(path: Path) -> None:
-    """Raise StoreError unless `path` is a complete result file."""
-    import netCDF4
-
-    if path.is_dir():
-        raise StoreError(f"{path} is a directory; name a file in it")
-    if not path.exists():
-        if path.with_name(path.name + PARTIAL).exists():
-            raise StoreError(f"{path} is not there yet: its run has not finished. Run the study again to resume it")
-        raise StoreError(f"there is no file {path}. Run the study first, or check the name")
-    try:
-        with netCDF4.Dataset(path) as nc:
-            finished = FINISHED in nc.ncattrs()
-    except (OSError, RuntimeError) as error:
-        raise StoreError(
-            f"{path} is no netCDF file or is cut short ({_cause(error)}). Run the study again to make it anew"
-        ) from error
-    if not finished:
-        raise StoreError(
-            f"{path} is unfinished (its writer stopped midway) or not made by tcstudy. "
-            "Run the study again to make it anew"
-        )
 
 
 def _cause(error: Exception) -> str:

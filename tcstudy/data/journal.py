@@ -8,7 +8,6 @@ deleted.
 
 from __future__ import annotations
 
-import json
 import os
 import sqlite3
 import threading
@@ -20,7 +19,7 @@ from tcstudy.data import schema
 from tcstudy.data.files import PARTIAL, StoreError, remove_stale, sync_directory
 from tcstudy.data.journal_file import SELECT, connect, rollback_file, set_aside
 from tcstudy.data.journal_rows import Row, decode_level, decode_point, encode
-from tcstudy.data.provenance import NUMERICS, package_versions, study_sha256
+from tcstudy.data.provenance import program, study_sha256
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.scene.records import Study
 
@@ -175,5 +174,4 @@ class Journal:
 
 
 def _header(study: Study) -> dict[str, str]:
-    versions = package_versions(NUMERICS)
-    return {"format": FORMAT, "study_sha256": study_sha256(study), "versions": json.dumps(versions)}
+    return {"format": FORMAT, "study_sha256": study_sha256(study), "program": program()}

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-from tcstudy.data.files import refuse_unfinished
+from tcstudy.data.reading import attributes
 
 Kind = Literal["run", "path", "convergence", "cost"]
 CONTENT = "content"
@@ -14,12 +15,12 @@ CONTENT = "content"
 
 def kind_of(path: Path) -> Kind:
     """The command whose file this is. Raises StoreError if there is no file or it is not complete."""
-    refuse_unfinished(path)
-    import netCDF4
+    return kind_from(attributes(path))
 
-    with netCDF4.Dataset(path) as nc:
-        names = nc.ncattrs()
-        content = nc.getncattr(CONTENT) if CONTENT in names else ""
+
+def kind_from(found: Mapping[str, Any]) -> Kind:
+    """The command by the global attributes of its file."""
+    content = found.get(CONTENT)
     if content in ("path", "cost"):
         return "path" if content == "path" else "cost"
-    return "convergence" if "reference" in names else "run"
+    return "convergence" if "reference" in found else "run"

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tcstudy.data import path_schema as schema
-from tcstudy.data.files import FINISHED, StoreError, new_dataset, refuse_unfinished, replace_file
+from tcstudy.data.files import FINISHED, StoreError, new_dataset, replace_file
+from tcstudy.data.kinds import CONTENT, kind_of
 from tcstudy.data.path_records import PathRecord
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
+from tcstudy.data.reading import attributes
 from tcstudy.data.schema import Variable, edge_attributes
 from tcstudy.scene.records import Study
 
@@ -19,13 +21,19 @@ if TYPE_CHECKING:
     import netCDF4
     import xarray
 
-CONTENT = "content"
-"""Global attribute that tells the file of a path from that of a run."""
+SHORTFALLS = "shortfalls"
+"""Global attribute: what of a path is not as it was asked for, one sentence a line; empty if nothing."""
 
 
-def write_path(path: Path, study: Study, record: PathRecord, provenance: Provenance) -> None:
-    """Write a path to `path`, replacing an old file in one step; raises StoreError if that is not possible."""
-    replace_file(path, lambda aside: _write_file(aside, study, record, provenance))
+def write_path(
+    path: Path, study: Study, record: PathRecord, provenance: Provenance, shortfalls: Sequence[str] = ()
+) -> None:
+    """Write a path to `path`, replacing an old file in one step; raises StoreError if that is not possible.
+
+    shortfalls: what is not as it was asked for, in words
+    """
+    lacks = {SHORTFALLS: without_paths("\n".join(shortfalls))}
+    replace_file(path, lambda aside: _write_file(aside, study, record, global_attributes(study, provenance) | lacks))
 
 
 def open_path(path: Path) -> xarray.Dataset:
@@ -42,14 +50,15 @@ def open_path(path: Path) -> xarray.Dataset:
 
 def is_path(path: Path) -> bool:
     """True for the file of a path, False for that of a run; raises StoreError if it is neither."""
-    refuse_unfinished(path)
-    import netCDF4
-
-    with netCDF4.Dataset(path) as nc:
-        return CONTENT in nc.ncattrs() and nc.getncattr(CONTENT) == "path"
+    return kind_of(path) == "path"
 
 
-def _write_file(file: Path, study: Study, record: PathRecord, provenance: Provenance) -> None:
+def stored_shortfalls(path: Path) -> list[str]:
+    """What the file says of a path that is not as it was asked for. Raises StoreError."""
+    return [line for line in str(attributes(path).get(SHORTFALLS, "")).split("\n") if line]
+
+
+def _write_file(file: Path, study: Study, record: PathRecord, general: Mapping[str, Any]) -> None:
     curve, line, solutions = record.curve, record.line, record.solutions
     parts: list[tuple[tuple[Variable, ...], Mapping[str, Any]]] = [
         (schema.LINE, vars(line)),
@@ -63,7 +72,7 @@ def _write_file(file: Path, study: Study, record: PathRecord, provenance: Proven
     if record.loop is not None:
         parts.append((schema.LOOP, vars(record.loop)))
     with new_dataset(file) as nc:
-        nc.setncatts(global_attributes(study, provenance) | _path_attributes(study, record))
+        nc.setncatts({**general, **_path_attributes(study, record)})
         for variables, values in parts:
             _put(nc, variables, values, study)
         nc["edge"].setncatts(edge_attributes(line.edge_names))
@@ -95,6 +104,7 @@ def _put(nc: netCDF4.Dataset, variables: Iterable[Variable], values: Mapping[str
         for name, size in zip(variable.dims, array.shape, strict=True):
             if name not in nc.dimensions:
                 nc.createDimension(name, size)
-        new = nc.createVariable(variable.name, variable.dtype, variable.dims, fill_value=False)
+        checked = bool(variable.dims)  # HDF5 has no checksums of scalars
+        new = nc.createVariable(variable.name, variable.dtype, variable.dims, fill_value=False, fletcher32=checked)
         new.setncatts(schema.attributes(variable, study))
         new[...] = array

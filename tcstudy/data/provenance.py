@@ -15,6 +15,7 @@ import subprocess
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from importlib import metadata
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
@@ -71,6 +72,7 @@ def global_attributes(study: Study, provenance: Provenance) -> dict[str, Any]:
         "study_sha256": study_sha256(study),
         "overrides": "\n".join(without_directories(study.overrides)),
         "versions": json.dumps(versions),
+        "program": program(),
         "git_commit": provenance.git_commit,
     }
 
@@ -88,6 +90,20 @@ def study_sha256(study: Study) -> str:
         digest.update(b"\0" + path.name.encode() + b"\0")
         if path.is_file():
             digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def program() -> str:
+    """All of the program that can change a result, as JSON: versions of its packages and the content of its own."""
+    return json.dumps({**package_versions(NUMERICS), "content": content_sha256()})
+
+
+@cache
+def content_sha256() -> str:
+    """SHA-256 of this package's modules, names and texts: a version number does not change with every edit."""
+    package, digest = Path(__file__).parents[1], hashlib.sha256()
+    for file in sorted(package.rglob("*.py")):
+        digest.update(b"\0" + file.relative_to(package).as_posix().encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()
 
 

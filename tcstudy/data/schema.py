@@ -341,6 +341,10 @@ def axis_problems(study: Study) -> list[str]:
     return problems
 
 
+CHUNKED = 2_500
+"""Bytes that HDF5 spends on a variable with a checksum beside its values."""
+
+
 def expected_bytes(study: Study, levels: Sequence[LevelRecord | tuple[int, int]]) -> int:
     """Size of the result file [byte], for a look at the disk before the work.
 
@@ -348,6 +352,7 @@ def expected_bytes(study: Study, levels: Sequence[LevelRecord | tuple[int, int]]
     """
     points = int(np.prod(study.shape, dtype=np.int64))
     total = 100_000 + len(study.text.encode()) + 8 * (len(ROOT) + 2) * points * study.mesh.levels
+    total += CHUNKED * (len(ROOT) + len(CONTACT) * len(levels))
     for level in levels:
         contact, nodes = level if isinstance(level, tuple) else _counts(level)
         total += (17 * points + 48) * contact

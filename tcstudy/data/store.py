@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tcstudy.data import schema
-from tcstudy.data.files import FINISHED, StoreError, new_dataset, refuse_unfinished, replace_file
+from tcstudy.data.files import FINISHED, StoreError, new_dataset, replace_file
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
+from tcstudy.data.reading import attributes
 from tcstudy.data.records import LevelRecord, PointRecord
 from tcstudy.scene.records import Study
 
@@ -53,7 +54,7 @@ def open_results(path: Path) -> xarray.DataTree:
 
     Raises StoreError if there is no file, if it is not a result file or if its run has not finished.
     """
-    refuse_unfinished(path)
+    attributes(path)
     import xarray  # here, because a run needs no xarray and its import takes longer than writing the file
 
     return xarray.open_datatree(path, engine="netcdf4")
@@ -106,10 +107,15 @@ def _allocate(variables: Sequence[schema.Variable], study: Study, sizes: dict[st
 
 
 def _put(where: netCDF4.Dataset, variable: schema.Variable, study: Study, values: np.ndarray[Any, Any] | None) -> None:
-    """Define a variable and write its values, if there are any yet."""
+    """Define a variable and write its values; without any, those of each point in its place come later."""
     dims = schema.expand(variable.dims, study)
     kind: Any = str if variable.dtype == "str" else variable.dtype
-    new = where.createVariable(variable.name, kind, dims, fill_value=variable.fill_value)
+    checked = bool(dims) and variable.dtype != "str"  # HDF5 has no checksums of scalars and texts
+    # without values yet: whole-body fields, which are written point by point
+    chunks = (1,) * len(study.shape) + (where.dimensions["mesh_node"].size,) if values is None else None
+    new = where.createVariable(
+        variable.name, kind, dims, fill_value=variable.fill_value, fletcher32=checked, chunksizes=chunks
+    )
     new.setncatts(schema.attributes(variable, study))
     if values is not None:
         new[...] = values
@@ -124,7 +130,8 @@ def _put_axes(nc: netCDF4.Dataset, study: Study) -> None:
         labels = schema.axis_labels(axis)
         name = schema.axis_name(axis)
         dim = name if study.mode == "grid" else schema.POINT
-        new = nc.createVariable(name, str if labels.dtype == object else "f8", (dim,), fill_value=False)
+        texts = labels.dtype == object
+        new = nc.createVariable(name, str if texts else "f8", (dim,), fill_value=False, fletcher32=not texts)
         new.setncatts(schema.axis_attributes(axis))
         new[...] = labels[np.argsort(schema.axis_places(axis))] if study.mode == "grid" else labels
     _put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels, dtype=np.int32))

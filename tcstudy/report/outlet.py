@@ -15,10 +15,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, TextIO, cast
 
-_CONTROL = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
-)
-"""All but tab and newline: C0, C1, marks that change the direction or end a line, bytes of a name that are no text."""
+from tcstudy.errors import printable
+
+_KEPT = re.compile(r"([\n\t])")
 
 _SPELLED = {
     "α": "alpha", "β": "beta", "θ": "theta", "λ": "lambda", "μ": "u", "ν": "nu", "ξ": "xi", "σ": "sigma", "ω": "omega",
@@ -29,8 +28,8 @@ _SPELLED = {
 
 
 def visible(text: str) -> str:
-    """The text with control characters as escapes: an escape character becomes the four characters \\x1b."""
-    return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
+    """The text with all but signs, tabs and newlines as escapes: an escape character becomes the characters \\x1b."""
+    return "".join(part if part in ("\n", "\t") else printable(part) for part in _KEPT.split(text))
 
 
 def spelled(text: str, encoding: str) -> str:

@@ -27,8 +27,9 @@ def execute_path(
     """
     with threadpool_limits(1, user_api="blas"):
         record = follow_path(study, progress)
-    write_path(output, study, record, collect(study, command))
-    return shortfalls(study, record)
+    found = shortfalls(study, record)
+    write_path(output, study, record, collect(study, command), found)
+    return found
 
 
 def shortfalls(study: Study, record: PathRecord) -> list[str]:

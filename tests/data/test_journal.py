@@ -259,7 +259,7 @@ def test_a_journal_of_other_versions_is_set_aside(
     output: Path, study: Study, new_point: Callable[..., PointRecord], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fill(output, study, [new_point((0, 0, 0), 0)])
-    monkeypatch.setattr(journal_module, "package_versions", lambda names: dict.fromkeys(names, "99"))
+    monkeypatch.setattr(journal_module, "program", lambda: "edited")
     with Journal.open(output, study) as journal:
         assert journal.finished == {}
         assert "other versions" in journal.warnings[0]

@@ -86,7 +86,7 @@ def test_compliance_checker_finds_no_fault(file: Path, tmp_path: Path, capsys: p
 def test_a_path_is_told_from_a_run(file: Path, tmp_path: Path) -> None:
     assert is_path(file)
     with netCDF4.Dataset(tmp_path / "run.nc", "w") as nc:
-        nc.setncattr("finished", np.int32(1))
+        nc.setncatts({"source": "tcstudy 0.1.0", "finished": np.int32(1)})
     assert not is_path(tmp_path / "run.nc")
     with pytest.raises(StoreError, match="result of a run"):
         open_path(tmp_path / "run.nc")

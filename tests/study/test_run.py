@@ -30,7 +30,7 @@ sweep: {friction.tau: [0.005, 0.01, 0.02], E: [1, 2]}
 
 
 def run(tmp_path: Path, text: str, *overrides: str) -> xr.DataTree:
-    return tcstudy.run(study_of(text, *overrides), tmp_path / "out.nc")
+    return tcstudy.run(study_of(text, *overrides), tmp_path / "out.nc", force=True)
 
 
 def test_values_stand_at_their_points(tmp_path: Path) -> None:

@@ -1,0 +1,59 @@
+"""Which results a file holds, so that two studies do not overwrite each other and none is computed twice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tcstudy.data.kinds import Kind, kind_from
+from tcstudy.data.provenance import program, study_sha256
+from tcstudy.data.reading import attributes, is_foreign
+from tcstudy.errors import StoreError
+from tcstudy.scene.records import Study
+
+
+@dataclass(frozen=True)
+class Identity:
+    """All that decides what stands in a file.
+
+    kind: the command;  study_sha256: the study with its overrides and geometry;  program: versions of the code and of
+    the libraries that compute;  asked: global attributes that options of the command decide
+    """
+
+    kind: Kind
+    study_sha256: str
+    program: str
+    asked: tuple[tuple[str, Any], ...] = ()
+
+
+def identity(kind: Kind, study: Study, **asked: Any) -> Identity:
+    """The identity of the results that a command would compute now."""
+    return Identity(kind, study_sha256(study), program(), tuple(asked.items()))
+
+
+def holds(path: Path, wanted: Identity) -> bool:
+    """Whether the file holds the wanted results, complete. Raises StoreError if it holds others, or is damaged."""
+    if not path.is_file() or not path.stat().st_size or is_foreign(path):  # a foreign one is told of elsewhere
+        return False
+    remedy = "give another --output, or --force to replace it"
+    try:
+        found = attributes(path)
+    except StoreError as error:
+        raise StoreError(f"{error}: {remedy}") from error
+    if what := _difference(found, wanted):
+        raise StoreError(f"{path} {what}; {remedy}")
+    return True
+
+
+def _difference(found: dict[str, Any], wanted: Identity) -> str:
+    """What the file holds instead; empty if it holds what is wanted."""
+    if (kind := kind_from(found)) != wanted.kind:
+        return f"holds results of another command ({kind})"
+    if found.get("study_sha256") != wanted.study_sha256:
+        return "holds the results of another study, or of this one with other values"
+    if any(found.get(name) != value for name, value in wanted.asked):
+        return "holds the results of another --at or --runs"
+    if found.get("program") != wanted.program:
+        return "holds this study as another version of the program or its libraries computed it"
+    return ""

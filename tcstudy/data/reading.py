@@ -1,0 +1,107 @@
+"""What an existing file is, found out before the netCDF library opens it here.
+
+A file whose seal is whole is read at once. Any other one (changed since, of an earlier version, a stranger's) is read
+by a child process first, and what fails on it later is the file's fault, told in one line.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from tcstudy.data.probe import Unreadable, plain_attributes, probe
+from tcstudy.data.seal import Seal, seal_of
+from tcstudy.errors import StoreError
+
+FINISHED = "finished"
+"""Global attribute set last: netCDF-4 opens a file whose writer died as if nothing were wrong."""
+
+PARTIAL = ".partial"
+"""What the journal of a run adds to the name of its output."""
+
+_MAGIC = (b"\x89HDF\r\n\x1a\n", b"CDF")
+"""How netCDF-4 and older netCDF files begin."""
+
+_FAULTS = (LookupError, ValueError, TypeError, AttributeError, ArithmeticError, OSError, RuntimeError, Warning)
+"""What reading and drawing values that do not fit together may raise."""
+
+
+def is_foreign(file: Path) -> bool:
+    """Whether there is a file that does not say it is a result of tcstudy; an empty one is no loss. Raises OSError."""
+    if not file.is_file() or not file.stat().st_size or seal_of(file) != Seal.NONE:
+        return False
+    if not _is_netcdf(file):
+        return True
+    try:
+        return not _says_ours(probe(file))
+    except Unreadable:
+        return True
+
+
+def attributes(path: Path) -> dict[str, Any]:
+    """The global attributes of a complete result file. Raises StoreError if it is none, or damaged."""
+    if path.is_dir():
+        raise StoreError(f"{path} is a directory; name a file in it")
+    if not path.exists():
+        if path.with_name(path.name + PARTIAL).exists():
+            raise StoreError(f"{path} is not there yet: its run has not finished. Run the study again to resume it")
+        raise StoreError(f"there is no file {path}. Run the study first, or check the name")
+    if not path.is_file():
+        raise StoreError(f"{path} is no file but a device or a pipe; name a result file")
+    anew = "Run the study again to make it anew"
+    try:
+        found = _attributes(path)
+    except Unreadable as error:
+        raise StoreError(f"{path} is no netCDF file or is cut short or damaged ({error}). {anew}") from error
+    except (OSError, RuntimeError) as error:
+        raise StoreError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
+    if not _says_ours(found):
+        raise StoreError(f"{path} is unfinished (its writer stopped midway) or not made by tcstudy. {anew}")
+    return found
+
+
+def _attributes(path: Path) -> dict[str, Any]:
+    seal = seal_of(path)
+    if seal == Seal.BROKEN:
+        raise Unreadable("its checksum is wrong")
+    if seal == Seal.NONE:
+        if not _is_netcdf(path):
+            raise Unreadable("it does not begin like one")
+        return probe(path)
+    import netCDF4
+
+    with netCDF4.Dataset(path) as nc:
+        return plain_attributes(nc)
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """For the time of a `with` that reads a result file: raises StoreError if the file is none, or if something fails
+    on one that has changed since tcstudy wrote it. What fails on a file that is whole passes as it is."""
+    attributes(path)
+    if seal_of(path) == Seal.WHOLE:
+        yield
+        return
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        try:
+            yield
+        except _FAULTS as error:
+            text = (str(error).splitlines() or [""])[0]
+            cause = f"{type(error).__name__}: {text}"
+            raise StoreError(
+                f"{path} was changed after tcstudy wrote it and does not hold what it should ({cause}). "
+                "Run the study again to make it anew"
+            ) from error
+
+
+def _is_netcdf(file: Path) -> bool:
+    with open(file, "rb") as stream:
+        return stream.read(8).startswith(_MAGIC)
+
+
+def _says_ours(found: dict[str, Any]) -> bool:
+    return FINISHED in found and str(found.get("source", "")).startswith("tcstudy")

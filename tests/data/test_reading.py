@@ -1,0 +1,149 @@
+"""What an existing file is: ours and whole, ours and damaged, changed, or a stranger's."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+
+from tcstudy.data import probe as probe_module
+from tcstudy.data.files import StoreError, check_writable
+from tcstudy.data.identity import holds, identity
+from tcstudy.data.probe import Unreadable, read_all
+from tcstudy.data.reading import attributes, is_foreign, reading
+from tcstudy.data.seal import Seal, seal_of
+from tcstudy.data.store import open_results, write
+from tcstudy.scene.records import Study
+
+
+def stranger(path: Path, **more: object) -> Path:
+    with netCDF4.Dataset(path, "w") as nc:
+        nc.setncatts({"title": "my measurements", **more})
+        nc.createDimension("t", 3)
+        nc.createVariable("v", "f8", ("t",))[:] = 1.0
+    return path
+
+
+def test_a_whole_file_is_sealed_and_its_arrays_carry_checksums(written: Path) -> None:
+    assert seal_of(written) == Seal.WHOLE
+    assert attributes(written)["title"] == "Bärenstark"
+    with netCDF4.Dataset(written) as nc:
+        for group in (nc, *nc.groups.values()):
+            for variable in group.variables.values():
+                if variable.dtype is not str and variable.ndim:
+                    assert variable.filters()["fletcher32"], variable.name
+
+
+@pytest.mark.parametrize("place", [0, 8, 600, 5000, -200, -60])
+def test_a_flipped_byte_is_told_before_the_library_opens_the_file(
+    written: Path, place: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    raw = bytearray(written.read_bytes())
+    raw[place] ^= 0x40
+    written.write_bytes(raw)
+    monkeypatch.setattr(netCDF4, "Dataset", None)
+    with pytest.raises(StoreError, match=r"damaged \(its checksum is wrong\)"):
+        open_results(written)
+    assert not is_foreign(written)
+
+
+def test_a_changed_file_is_read_but_what_fails_on_it_is_its_own_fault(written: Path) -> None:
+    with netCDF4.Dataset(written, "a") as nc:
+        nc.setncattr("title", "edited")
+    assert seal_of(written) == Seal.NONE
+    assert attributes(written)["title"] == "edited"
+    assert not is_foreign(written)
+    with pytest.raises(StoreError, match=r"was changed after tcstudy wrote it.*KeyError"), reading(written):
+        raise KeyError("omega")
+
+
+def test_what_fails_on_a_whole_file_is_not_called_damage(written: Path) -> None:
+    with pytest.raises(KeyError), reading(written):
+        raise KeyError("omega")
+
+
+def test_files_of_strangers_are_not_overwritten(tmp_path: Path) -> None:
+    mine = stranger(tmp_path / "mine.nc", finished=np.int32(1))
+    old = stranger(tmp_path / "old.nc", source="tcstudy 0.1.0", finished=np.int32(1))  # has no seal
+    classic = tmp_path / "classic.nc"
+    classic.write_bytes(b"CDF\x01" + bytes(28))
+    hdf = tmp_path / "measured.h5"
+    hdf.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(2000))
+    for file in (mine, classic, hdf):
+        assert "exists and is no result file; it would be lost" in check_writable(file, 0)[0]
+    assert check_writable(old, 0) == []
+
+
+def test_what_crashes_or_hangs_the_library_is_told(written: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with netCDF4.Dataset(written, "a") as nc:
+        nc.setncattr("title", "edited")
+    for seconds, script, what in (
+        (60.0, "import os; os.abort()", "crashes"),
+        (0.5, "import time; time.sleep(60)", "does not come to an end"),
+    ):
+        monkeypatch.setattr(probe_module, "SECONDS", seconds)
+        real = probe_module.subprocess.run
+
+        def instead(command: list[str], real=real, script=script, **more: object):  # type: ignore[no-untyped-def]
+            return real([command[0], "-c", script], **more)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(probe_module.subprocess, "run", instead)
+            probe_module._probe.cache_clear()
+            with pytest.raises(StoreError, match=what):
+                attributes(written)
+
+
+def test_a_file_that_states_more_than_it_can_hold_is_not_read(tmp_path: Path) -> None:
+    with netCDF4.Dataset(tmp_path / "bomb.nc", "w") as nc:
+        nc.createDimension("t", 10**12)
+        nc.createVariable("v", "f8", ("t",), chunksizes=(1000,))
+    with pytest.raises(Unreadable, match="which it cannot hold"):
+        read_all(str(tmp_path / "bomb.nc"))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes and sockets of POSIX")
+def test_what_is_no_file_is_no_output(tmp_path: Path, study: Study, new_level: Callable[..., object]) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to(tmp_path / "pipe")
+    (tmp_path / "circle").symlink_to(tmp_path / "circle")
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(os.path.relpath(tmp_path / "socket"))
+    for name, what in (("pipe", "a pipe"), ("link", "a pipe"), ("socket", "a socket"), ("circle", "oo many levels")):
+        assert what in check_writable(tmp_path / name, 0)[0]
+    assert "is a device, no file" in check_writable(Path(os.devnull), 0)[0]
+    with pytest.raises(StoreError, match="is no file but a device or a pipe"):
+        attributes(tmp_path / "pipe")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="symbolic links")
+def test_a_symbolic_link_is_written_where_it_points(written: Path, tmp_path: Path, study: Study, provenance) -> None:  # type: ignore[no-untyped-def]
+    link = tmp_path / "link.nc"
+    link.symlink_to(tmp_path / "elsewhere" / "far.nc")
+    write(link, study, (), [], provenance)
+    assert link.is_symlink()
+    assert os.listdir(tmp_path / "elsewhere") == ["far.nc"]
+    assert seal_of(link) == Seal.WHOLE
+
+
+def test_a_file_holds_one_study_of_one_program(written: Path, study: Study, tmp_path: Path) -> None:
+    wanted = identity("run", study)
+    assert holds(written, wanted)
+    assert not holds(tmp_path / "none.nc", wanted)
+    for other, what in (
+        (identity("run", replace(study, overrides=())), "another study, or of this one with other values"),
+        (identity("path", study), r"another command \(run\)"),
+        (replace(wanted, program="edited"), "another version of the program"),
+        (replace(wanted, asked=(("runs", 3),)), "another --at or --runs"),
+    ):
+        with pytest.raises(StoreError, match=f"holds .*{what}.*; give another --output, or --force"):
+            holds(written, other)
+    written.write_bytes(written.read_bytes().replace(b"sweep", b"swept", 1))
+    with pytest.raises(StoreError, match=r"checksum is wrong.*--force"):
+        holds(written, wanted)
