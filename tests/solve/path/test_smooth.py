@@ -26,6 +26,16 @@ def test_error_bound_and_its_sharpness(tolerance: float) -> None:
     assert np.count_nonzero(approximation.kinds) == 1
 
 
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6])
+def test_no_more_sides_than_the_error_needs(tolerance: float) -> None:
+    """∫√(|b″|/(16 E)) sides in the limit of many, with E the error; two more for the ends that stay on the curve."""
+    law = SHAPES["exponential"].build(a=2.0, b=0.5, delta=0.3)
+    sides = np.count_nonzero(piecewise_linear(law, tolerance, 40.0).kinks > 0.0)
+    part, error = 1.5, tolerance * law.b_scale
+    least = 2.0 * (np.sqrt(part / (16.0 * error)) - np.sqrt(2.0 / 16.0))
+    assert least - 1 <= sides <= least + 3
+
+
 def test_random_laws_keep_kinks_and_error() -> None:
     for seed in range(20):
         rng = np.random.default_rng([seed, 83])
