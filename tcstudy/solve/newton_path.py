@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.solve.convex_step import convex_step
 from tcstudy.solve.newton_state import SeparableState, new_state
 from tcstudy.solve.newton_system import FreeSystem, factorise
 from tcstudy.solve.nodal_pieces import energy_change, integral, next_up_jump
@@ -25,6 +26,10 @@ ROUNDING = (
     "that friction causes: allow a larger tolerance or use a coarser contact mesh"
 )
 _REFINEMENTS = 8
+_WHOLE = ("newton/1", "escape", "model")
+"""Steps after which progress is not called slow."""
+_PUT_OFF = 20
+"""Slow steps more before a step on the convex model is tried again that was of no use."""
 
 
 def along_path(
@@ -88,6 +93,24 @@ def straight(problem: ContactProblem, state: SeparableState, halvings: int) -> S
     return moved(problem, state, targets[best], "straight") if changes[best] < 0.0 else None
 
 
+def on_model(problem: ContactProblem, state: SeparableState, halvings: int) -> SeparableState:
+    """The first of the step lengths 1, ½, ¼ … towards the minimum of the convex model that lowers L̃.
+
+    Without one the state itself, with the next such step put off.
+    """
+    found = convex_step(problem, state.v, state.piece)
+    if found is not None:
+        target, factorisations = found
+        state = replace(state, factorisations=state.factorisations + factorisations)
+        for halving in range(halvings + 1):
+            at = target if halving == 0 else state.v + 0.5**halving * (target - state.v)
+            step = at - state.v
+            state = replace(state, evaluations=state.evaluations + 1)
+            if energy_change(problem, state.v, state.xi, step, problem.A_tilde @ step) < 0.0:
+                return moved(problem, state, at, "model")
+    return replace(state, slow=-_PUT_OFF)
+
+
 def node_by_node(problem: ContactProblem, state: SeparableState) -> SeparableState:
     """One pass of one-dimensional minimisations over the descending nodes."""
     target = descend_nodes(problem, state.v, state.xi, state.slopes.descent)
@@ -149,4 +172,5 @@ def escape(problem: ContactProblem, state: SeparableState, system: FreeSystem) -
 def moved(problem: ContactProblem, state: SeparableState, v: Array, how: str) -> SeparableState:
     """The state at the accepted point v, with the work so far."""
     new = new_state(problem, v)
-    return replace(new, moved=how, evaluations=state.evaluations + 1, factorisations=state.factorisations)
+    slow = 0 if how in _WHOLE else state.slow + 1
+    return replace(new, moved=how, evaluations=state.evaluations + 1, factorisations=state.factorisations, slow=slow)

@@ -31,6 +31,7 @@ class SeparableState:
     moved:          what the last step was, for the log
     second_order:   what the second-order test found, None while untested
     evaluations, factorisations: work so far
+    slow:           steps since the last whole one, or since all nodes were moved together
     stopped:        (status, reason) if the last step could not be made
     """
 
@@ -45,6 +46,7 @@ class SeparableState:
     second_order: str | None = None
     evaluations: int = 1
     factorisations: int = 0
+    slow: int = 0
     stopped: tuple[Status, str] | None = None
 
     @property

@@ -7,7 +7,9 @@
      rule on the exact energy difference; if the path gives no decrease within a few halvings,
   4. minimises node by node along the descending one-sided slopes, which always lowers the energy; where that would be
      done twice in a row, it first goes straight, all nodes together, as far as that pays (under thin layers step 4
-     alone crawls).
+     alone crawls),
+  5. after several steps that were shortened or node by node it goes to the minimum of a convex model (convex_step),
+     by interior points: where Ã is dense and badly conditioned steps 3 and 4 settle few nodes at a time.
 Every accepted step lowers L̃, so no iterate returns and cycles are impossible. (Only at rounding level, where L̃ can no
 longer tell two points apart, is the residual the judge.) A point at which no node descends is first-order
 stationary in every direction, because L̃′(v; d) is the sum of the nodes' one-sided slopes.
@@ -32,7 +34,7 @@ from numpy.typing import NDArray
 
 from tcstudy.solve.coarse_start import coarse_start
 from tcstudy.solve.loop import iterate
-from tcstudy.solve.newton_path import along_path, escape, node_by_node, refine, straight
+from tcstudy.solve.newton_path import along_path, escape, node_by_node, on_model, refine, straight
 from tcstudy.solve.newton_state import SeparableState, new_state
 from tcstudy.solve.newton_system import NotPositiveDefiniteError, factorise
 from tcstudy.solve.nodal_pieces import relative_residual
@@ -50,6 +52,7 @@ class SeparableNewton:
     max_iterations: steps before giving up
     armijo:         fraction of the first-order decrease that a step must realise
     halvings:       step lengths 1, ½, ¼ … tried before going node by node
+    patience:       slow steps (shortened, node by node) before the minimum of a convex model is gone to
     coarsest:       problems larger than this start from coarser copies of themselves where that start has the
                     lower energy and x0 is not a solution already; 0 to start from x0 always
 
@@ -62,6 +65,7 @@ class SeparableNewton:
     armijo: float = 1e-4
     halvings: int = 4
     coarsest: int = 40
+    patience: int = 6
 
     def start(self, problem: ContactProblem, x0: Array) -> SeparableState:
         """State at x0 or at the coarse start."""
@@ -83,6 +87,10 @@ class SeparableNewton:
         state = replace(state, factorisations=state.factorisations + system.factorisations)
         if state.residual <= self.tolerance:
             return escape(problem, state, system)
+        if state.slow >= self.patience and not state.at_rounding:
+            state = on_model(problem, state, self.halvings)
+            if state.moved == "model" and state.slow == 0:
+                return state
         moved = along_path(problem, state, system, self.armijo, self.halvings)
         if moved is not None and not (moved.at_rounding and moved.residual > self.tolerance):
             return moved
