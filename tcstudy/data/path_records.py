@@ -40,7 +40,8 @@ class CurveRecord:
     stable:    (k−1,) strict local minimum of the energy inside the piece
     state:     (k−1, m) ContactState
     slip_length: (k−1,) length of the contact line that does not stick [m]
-    fold_vertex, fold_maximum, fold_stable_before, fold_stable_after: (f,) turning points of t
+    fold_vertex, fold_size, fold_maximum, fold_stable_before, fold_stable_after: (f,) turning points of t; size: how far
+        t steps back there
     event_vertex, event_node, event_before, event_after: (e,) changes of a node's state: the fronts of slip and stick
     lowest_begin, lowest_end, lowest_piece, lowest_certified: (n,) which piece has the least energy on the path for t
         from begin to end; certified: proved at the middle to have the least energy of all states
@@ -56,6 +57,7 @@ class CurveRecord:
     state: Flag
     slip_length: Array
     fold_vertex: Index
+    fold_size: Array
     fold_maximum: Flag
     fold_stable_before: Flag
     fold_stable_after: Flag

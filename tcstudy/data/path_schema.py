@@ -59,6 +59,7 @@ CURVE: tuple[Variable, ...] = (
     _at_node("state", "i1", "1", "what the contact node does on the piece", "piece", "", _STATES),
     _number("slip_length", "m", "length of the contact line that does not stick", _PIECE),
     _index("fold_vertex", "vertex at which the parameter turns", _FOLD),
+    _number("fold_size", T, "how far the parameter steps back at the fold", _FOLD),
     _flag("fold_maximum", "whether the parameter has a maximum at the fold", _FOLD, "minimum maximum"),
     _flag("fold_stable_before", "stability of the piece before the fold", _FOLD, _STABLE),
     _flag("fold_stable_after", "stability of the piece after the fold", _FOLD, _STABLE),

@@ -136,6 +136,7 @@ def _curve(setting: _Setting, path: Path) -> CurveRecord:
         state=state,
         slip_length=np.asarray((state != ContactState.STICK) @ path.problem.c),
         fold_vertex=np.array([f.vertex for f in turning], dtype=np.int32),
+        fold_size=np.array([f.size for f in turning]),
         fold_maximum=np.array([f.limit for f in turning], dtype=np.int8),
         fold_stable_before=np.array([f.stable[0] for f in turning], dtype=np.int8),
         fold_stable_after=np.array([f.stable[1] for f in turning], dtype=np.int8),

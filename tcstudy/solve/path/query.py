@@ -11,6 +11,7 @@ from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solve.active_pieces import ActivePieces, finish, solve_on
 from tcstudy.solve.nodal_pieces import relative_residual
 from tcstudy.solve.path.record import Path
+from tcstudy.solve.path.turns import real_turns
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,7 @@ class Fold:
 
     vertex: index into the path;  t: the parameter there
     v:      (m,) displacements;  energy: L̃ [J/m]
+    size:   how far t steps back there, see turns.turn_sizes
     limit:  True where t has a local maximum along the path, False at a minimum
     stable: the branch is stable on one side (before, after: on which)
     """
@@ -47,6 +49,7 @@ class Fold:
     t: float
     v: Array
     energy: float
+    size: float
     limit: bool
     stable: tuple[bool, bool]
 
@@ -87,17 +90,18 @@ def _solution(path: Path, piece: int, s: float, t: float, stable: bool) -> PathS
 
 
 def folds(path: Path) -> list[Fold]:
-    """All folds with both sides' stability."""
+    """All turns of t that are more than rounding, with both sides' stability."""
     return [
         Fold(
             int(k),
             float(path.t[k]),
             path.u[k],
             float(path.energy[k]),
+            float(size),
             bool(path.t[k] > path.t[k - 1] or path.t[k] > path.t[min(k + 1, path.pieces)]),
             (bool(path.stable[k - 1]), bool(path.stable[k])),
         )
-        for k in path.folds
+        for k, size in zip(*real_turns(path), strict=True)
     ]
 
 
