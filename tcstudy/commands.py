@@ -88,7 +88,7 @@ def plan(options: argparse.Namespace) -> int:
 def path(options: argparse.Namespace) -> int:
     from tcstudy.study.plan import path_output
 
-    study, output = _checked(options, path_output)
+    study, output = _checked(options, path_output, swept=False)
     if study.path is None:
         remedy = "add path: {parameter: theta_bar, from: 0 K, to: 40 K}"
         fail(f"{options.study}: path: the study has no section path; {remedy}")
@@ -158,13 +158,15 @@ def converge(options: argparse.Namespace) -> int:
     from tcstudy.report.convergence import convergence_report
     from tcstudy.report.convergence_plot import plot_convergence
     from tcstudy.report.select_point import locate
-    from tcstudy.study.convergence import ConvergenceError, converge_to_file
+    from tcstudy.study.convergence import ConvergenceError, converge_to_file, without_errors
 
     say = lambda text: print(text, file=sys.stderr, flush=True)  # noqa: E731
     try:
         if options.plot is not None:
             check_target(options.plot)
             locate(sweep_points(study), point, "study")
+            if lack := without_errors(study):
+                fail(f"--plot: there would be no errors to draw: {lack}")
         there = _is_there(options, "convergence", study, path)
         failed = _stored(path)[1] if there else converge_to_file(study, path, say, options.words)
         print(convergence_report(path, options.format), end="")
@@ -285,15 +287,18 @@ def _point_of(options: argparse.Namespace) -> dict[str, str]:
     return {name: value for name, _, value in words}
 
 
-def _checked(options: argparse.Namespace, default=None):  # type: ignore[no-untyped-def]  # Study, imported lazily
-    """The study and its output (`default` of the study if none is given), both found usable; else exits with 2."""
+def _checked(options: argparse.Namespace, default=None, swept: bool = True):  # type: ignore[no-untyped-def]  # Study, imported lazily
+    """The study and its output (`default` of the study if none is given), both found usable; else exits with 2.
+
+    swept: whether the command uses the sweep
+    """
     from tcstudy.errors import StudyError
     from tcstudy.scene.reader import read_study
     from tcstudy.study.plan import output_of
     from tcstudy.study.preflight import faults
 
     try:
-        study = read_study(options.study, options.overrides)
+        study = read_study(options.study, options.overrides, swept=swept)
     except StudyError as error:
         fail(str(error))
     output = options.output or (default or output_of)(study)

@@ -70,3 +70,13 @@ def test_the_example(tmp_path: Path) -> None:
     result = tcstudy_command("path", CONFIGS / "path.yaml", "--set", "mesh.levels=2", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "falls at 1.129 mm (rising)" in result.stdout
+
+
+def test_a_swept_key_of_the_scene_outside_the_sweep_may_be_set(folder: Path) -> None:
+    assert "swept" in tcstudy_command("plan", "block.yaml", "--set", "tau=0.03", cwd=folder).stderr
+    for tau in ("0.01", "0.03"):
+        result = tcstudy_command("path", "block.yaml", "--set", f"tau={tau}", "--output", f"{tau}.nc", cwd=folder)
+        assert result.returncode == 0, result.stderr
+    weak, strong = (xr.open_dataset(folder / f"{tau}.nc") for tau in ("0.01", "0.03"))
+    with weak, strong:
+        assert float(abs(strong["xi"]).max()) > 1.5 * float(abs(weak["xi"]).max())

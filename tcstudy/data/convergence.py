@@ -90,6 +90,13 @@ class NumberSeries:
     exact: float
 
 
+_NAN = np.array(np.nan)
+UNMEASURED = ErrorSeries(_NAN, np.nan, _NAN, np.nan, np.nan, -1, "unknown", np.nan, "")
+"""An error that a point does not have, although other points of the sweep do; it fills all levels."""
+NO_NUMBER = NumberSeries(_NAN, _NAN, np.nan, np.nan, np.nan, np.nan)
+"""A number that a point does not have, such as the heat balance where no heat problem is solved."""
+
+
 @dataclass(frozen=True)
 class PointConvergence:
     """One sweep point: what came of each level, and the series by name."""
@@ -206,8 +213,8 @@ def _put_error(put: Any, measure: Measure, sweep: Sequence[str], both: Sequence[
         "reason": (sweep, lambda s: s.reason, "1", f"reason of the expected order: {what}"),
     }
     for part, (dims, of, units, text) in get.items():
-        put(f"{part}_{name}", tuple(dims), lambda p, of=of: of(p.errors[name]), units, text)
-    verdict = lambda p: np.int8(VERDICTS.index(p.errors[name].verdict))  # noqa: E731
+        put(f"{part}_{name}", tuple(dims), lambda p, of=of: of(p.errors.get(name, UNMEASURED)), units, text)
+    verdict = lambda p: np.int8(VERDICTS.index(p.errors.get(name, UNMEASURED).verdict))  # noqa: E731
     put(f"verdict_{name}", tuple(sweep), verdict, "1", f"what the rates say: {what}", **verdicts)
 
 
@@ -222,4 +229,4 @@ def _put_number(put: Any, measure: Measure, sweep: Sequence[str], both: Sequence
         "exact": (sweep, lambda s: s.exact, units, f"exact value where known: {what}"),
     }
     for part, (dims, of, unit, text) in get.items():
-        put(f"{part}_{name}", tuple(dims), lambda p, of=of: of(p.numbers[name]), unit, text)
+        put(f"{part}_{name}", tuple(dims), lambda p, of=of: of(p.numbers.get(name, NO_NUMBER)), unit, text)

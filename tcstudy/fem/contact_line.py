@@ -83,7 +83,8 @@ def _cells(mesh: PlaneMesh, segments: Indices, lengths: Array, free: NDArray[np.
     if len(lost):
         x, y = mesh.points[segments[lost[0], 0]]
         raise GeometryFailed(
-            f"the contact line has no free node at ({x:g}, {y:g}), all its nodes there are held; refine the mesh"
+            f"the contact line has no free node at ({x:g}, {y:g}), all its nodes there are held; refine the mesh, "
+            "or draw short edges that stand for a curve as arcs with through"
         )
     share = np.where((free[:, 0] & free[:, 1])[:, None], 0.5, free)
     c = np.zeros(mesh.n_points)

@@ -100,7 +100,8 @@ def _point(at: Any, reference: str) -> Iterator[Part]:
             yield _errors(at, symbol, words, names, reference)
     if measured:
         yield _orders(at, tuple(measured))
-    numbers = [measure for measure in NUMBERS if f"value_{measure.name}" in at]
+    values = {measure: at.get(f"value_{measure.name}") for measure in NUMBERS}
+    numbers = [measure for measure, value in values.items() if value is not None and np.isfinite(value).any()]
     if numbers:
         yield _numbers(at, numbers)
 

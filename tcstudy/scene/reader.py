@@ -30,10 +30,13 @@ REQUIRED = ("body", "boundary", "material", "friction", "mesh")
 OPTIONAL = ("title", "institution", "units", "loads", "heat", "solver", "sweep", "output", "exact", "path")
 
 
-def read_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
-    """The study in a file, with `--set` options key=value put in; raises StudyError with all its problems."""
+def read_study(path: str | Path, overrides: Sequence[str] = (), *, swept: bool = True) -> Study:
+    """The study in a file, with `--set` options key=value put in; raises StudyError with all its problems.
+
+    swept: whether the sweep is used, so that an option for a swept key would be lost; a path is of the scene outside it
+    """
     path = Path(path)
-    return _read(load_text(path), str(path), path, tuple(overrides))
+    return _read(load_text(path), str(path), path, tuple(overrides), swept)
 
 
 def read_study_text(text: str, name: str = "<text>", overrides: Sequence[str] = ()) -> Study:
@@ -56,14 +59,14 @@ class _Plans:
     path: PathPlan | None
 
 
-def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...]) -> Study:
+def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...], swept: bool = True) -> Study:
     ctx = Context(Collector(), folder=source.parent if source else Path())
     root = apply_overrides(compose(text, file, ctx.errors), overrides, SHORT, ctx.errors)
     if not isinstance(root.value, Mapping):
         ctx.errors.at(root, f"a study is a mapping, but this is {root.kind()}", "see configs/quickstart.yaml")
         raise StudyError(ctx.errors.problems)
     header = _read_header(ctx, root, source.stem if source else file)
-    sweep = _read_sweep(ctx, root, overrides)
+    sweep = _read_sweep(ctx, root, overrides if swept else ())
     base = _with_swept_keys(without_loads(ctx, root, sweep), sweep)
     _check_keys(ctx, base, sweep)
     reader = SceneReader(ctx, base, sweep)

@@ -42,12 +42,17 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 MIN_LEVELS = GAP + 2
+NO_REFERENCE = (
+    f"two levels must be {2**GAP} times coarser than the finest, as they are with mesh.levels of {MIN_LEVELS}"
+)
 
 
 class ConvergenceError(Exception):
     """The convergence of a study cannot be measured; the text says why and what to do."""
 
 
+COARSER = 0.9
+"""Share of 2^GAP by which a compared level is coarser than the reference at least: longest edges scatter."""
 STUCK = 0.95
 """Ratio of the finest level's error to the coarsest's above which nothing converges: the poorest corner gives less."""
 
@@ -69,6 +74,17 @@ def converge_to_file(study: Study, path: Path, say: Say, command: Sequence[str] 
     convergence = converge(study, say)
     write_convergence(path, study, convergence, collect(study, command))
     return sum(status != PointStatus.OK for point in convergence.points for status in point.status)
+
+
+def without_errors(study: Study) -> str:
+    """Why no errors will be measured, as far as that is known before the meshes are made; empty if they may be."""
+    if study.exact is not None or study.mesh.levels < 2 or study.mesh.family == "adaptive":  # the latter have own words
+        return ""
+    listed = np.array(study.mesh.maxh)
+    far = np.count_nonzero(listed >= COARSER**4 * 2**GAP * listed[-1]) >= 2 or len(listed) == 1
+    if study.mesh.levels >= MIN_LEVELS and far:
+        return ""
+    return f"{NO_REFERENCE}; give more levels, or the exact solution"
 
 
 def converge(study: Study, say: Say = lambda text: None) -> Convergence:
@@ -101,11 +117,10 @@ def _reference(study: Study, levels: list[SolvedLevel]) -> tuple[Reference | Non
     if study.exact is not None:
         return ExactReference(study.exact, levels), "the exact solution", np.ones(n, dtype=bool), []
     h = np.array([level.h_max for level in levels])
-    compared = h >= 0.9 * 2**GAP * h[-1]
+    compared = h >= COARSER * 2**GAP * h[-1]
     if n < MIN_LEVELS or np.count_nonzero(compared) < 2:
-        why = f"two levels must be {2**GAP} times coarser than the finest, as they are with mesh.levels of {MIN_LEVELS}"
         none = np.zeros(n, dtype=bool)
-        return None, "none", none, [f"No errors are measured: {why}; numbers are extrapolated."]
+        return None, "none", none, [f"No errors are measured: {NO_REFERENCE}; numbers are extrapolated."]
     last = int(np.flatnonzero(compared)[-1])
     between = [str(i) for i in range(last + 1, n - 1)]
     skipped = (

@@ -10,6 +10,7 @@ from tcstudy.data import schema
 from tcstudy.scene.derived_loads import description
 from tcstudy.scene.points import count_points, distinct
 from tcstudy.scene.records import MeshPlan, Study
+from tcstudy.study.doubts import doubts
 from tcstudy.study.idle import FELT, idle_notes, needs_heat_solve, why_no_heat
 from tcstudy.study.locking import locking_note
 from tcstudy.study.predicted import LevelForecast, forecast, refined
@@ -100,7 +101,7 @@ def _levels_not_needed(mesh: MeshPlan, unit: str) -> str:
 
 
 def _notes(study: Study) -> list[str]:
-    notes = [*idle_notes(study), *_mesh_notes(study.mesh), *_other_commands(study)]
+    notes = [*idle_notes(study), *doubts(study), *_mesh_notes(study.mesh), *_other_commands(study)]
     if (derived := description(study)) is not None:
         notes.insert(0, derived)
     notes += _locking(study)
@@ -119,7 +120,7 @@ def _locking(study: Study) -> list[str]:
 
 def warnings(study: Study) -> list[str]:
     """Notes that a run says as well, since its numbers would mislead without them."""
-    return [*idle_notes(study), *_locking(study)]
+    return [*idle_notes(study), *doubts(study), *_locking(study)]
 
 
 def _other_commands(study: Study) -> list[str]:

@@ -1,0 +1,106 @@
+"""What a study says and its author may not have meant: no load, absolute temperatures, a curve that is a polygon."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.scene.expressions import Expression
+from tcstudy.scene.points import combinations, distinct
+from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Study, Traction
+from tcstudy.scene.shapes import edge_normal
+
+AMBIENT = (250.0, 350.0)
+"""Temperatures [K] of a workshop when they are counted from absolute zero, which the study does not do."""
+PARALLEL = 1e-6
+"""Sine of the angle up to which two edges meet smoothly; the constraints of a mesh go by the same bound."""
+
+
+def doubts(study: Study) -> list[str]:
+    """One sentence for each of them."""
+    scenes = study.scenes
+    notes = list(_pinned(scenes[0]))
+    idle = int(np.count_nonzero(~loaded(scenes)))
+    if idle:
+        where = "nothing loads this scene" if len(scenes) == 1 else f"nothing loads {idle} of {len(scenes)} points"
+        notes.append(f"{where}: u = 0 is a solution; give f, g, a pressure, a displacement or a temperature")
+    if study.units == "SI":
+        notes += _absolute(scenes)
+    return notes
+
+
+def loaded(scenes: Sequence[Scene]) -> NDArray[np.bool_]:
+    """(P,) whether anything moves a body out of u = 0: a load, a displacement, a temperature, or a law that pushes."""
+    warm = _where(scenes, ("boundary", "heat"), _warm) & _where(scenes, ("material",), lambda s: s.material.beta != 0.0)
+    return _where(scenes, ("boundary", "f"), _forced) | warm | _where(scenes, ("friction",), _pushes)
+
+
+def _where(scenes: Sequence[Scene], sections: tuple[str, ...], is_so: Callable[[Scene], bool]) -> NDArray[np.bool_]:
+    """(P,) which points are so, where that is decided by the sections named."""
+    some, of = combinations(scenes, *sections)
+    return np.array([is_so(scene) for scene in some], dtype=bool)[of]
+
+
+def _forced(scene: Scene) -> bool:
+    """Whether there is a force, a pressure or a displacement."""
+    given: list[object] = [*scene.f]
+    for _, role in scene.boundary:
+        if isinstance(role, Traction | Convection):
+            given += [*role.g, role.pressure]
+        elif isinstance(role, Clamped):
+            given += [component for component in role.u if component is not None]
+    return any(value != 0.0 for value in given)
+
+
+def _warm(scene: Scene) -> bool:
+    """Whether there is a temperature."""
+    if scene.heat.theta is not None:
+        return scene.heat.theta != 0.0
+    return bool(scene.edges(Convection)) and (scene.heat.theta_bar != 0.0 or scene.heat.q != 0.0)
+
+
+def _pushes(scene: Scene) -> bool:
+    """Whether the law has a traction where nothing slips: 0 not in b̂(0)."""
+    low, high = scene.friction.interval(np.zeros(1), 0.0)
+    return not low[0] <= 0.0 <= high[0]
+
+
+def _absolute(scenes: Sequence[Scene]) -> Iterator[str]:
+    """Temperatures that look as if they were counted from absolute zero."""
+    heated = any(scene.material.beta != 0.0 for scene in distinct(scenes, "material"))
+    for key in ("theta_bar", "theta"):
+        values = {getattr(scene.heat, key) for scene in distinct(scenes, "heat")} if heated else set()
+        numbers = sorted(v for v in values if v is not None and not isinstance(v, Expression))
+        seen = [v for v in numbers if AMBIENT[0] <= v <= AMBIENT[1]]
+        if seen:
+            yield (
+                f"{key} = {seen[0]:g} K: temperatures count from the stress-free state, so the body is heated by as "
+                "much; if it is an absolute temperature, write the difference"
+            )
+
+
+def _pinned(scene: Scene) -> Iterator[str]:
+    """Corners of Γ_C, which both their edges hold: u_N = 0 from two sides is u = 0."""
+    count = pinned_corners(scene.body, scene.edges(Contact))
+    if count:
+        corners = "corner of the contact line is" if count == 1 else "corners of the contact line are"
+        yield (
+            f"{count} {corners} pinned: u_N = 0 on both sides leaves no slip there; if short straight edges stand for "
+            "a curve, draw it as arcs with through: [x, y]"
+        )
+
+
+def pinned_corners(body: Body, contact: tuple[str, ...]) -> int:
+    """Corners between two contact edges of different directions; 0 for a body from a file, whose edges are unknown."""
+    if body.outline is None:
+        return 0
+    count = 0
+    for loop in (body.outline, *body.holes):
+        for edge, following in pairwise((*loop.edges, loop.edges[0])):
+            if edge.name in contact and following.name in contact:
+                a, b = edge_normal(edge, [edge.end])[0], edge_normal(following, [following.start])[0]
+                count += bool(abs(a[0] * b[1] - a[1] * b[0]) > PARALLEL)
+    return count
