@@ -14,6 +14,7 @@ import numpy as np
 
 from tcstudy.data import schema
 from tcstudy.data.files import FINISHED, StoreError, new_dataset, replace_file
+from tcstudy.data.live import put_live
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
 from tcstudy.data.reading import attributes
 from tcstudy.data.records import LevelRecord, PointRecord
@@ -153,7 +154,7 @@ def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF
     group = nc.createGroup(f"level_{level.level}")
     group.setncattr("level", np.int32(level.level))
     group.createDimension("node", len(level.arclength))
-    if level.fields:
+    if "node_x" in level.fields:
         group.createDimension("mesh_node", len(level.fields["node_x"]))
         group.createDimension("mesh_face", len(level.fields["triangle"]))
         group.createDimension("corner", 3)
@@ -162,6 +163,7 @@ def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF
         mesh[...] = 0
         for variable in schema.MESH:
             _put(group, variable, study, level.fields[variable.name])
+    put_live(group, study, level.fields, _put)
     return group
 
 

@@ -55,7 +55,8 @@ def read_output(ctx: Context, node: Node | None) -> OutputPlan | None:
         path: Path | None = Path(walker.text(ctx, node, "a path"))
         fields = None
     else:
-        fields = Fields(ctx, node, (), ("path", "fields"))
+        fields = Fields(ctx, node, (), ("path", "fields", "live"))
         path = Path(walker.text(ctx, value, "a path")) if (value := fields["path"]) else None
     kept = walker.flag(ctx, value) if fields and (value := fields["fields"]) else False
-    return OutputPlan(path, kept) if len(ctx.errors) == before else None
+    live = walker.flag(ctx, value) if fields and (value := fields["live"]) else False
+    return OutputPlan(path, kept, live) if len(ctx.errors) == before else None

@@ -323,10 +323,16 @@ class Axis:
 
 @dataclass(frozen=True)
 class OutputPlan:
-    """Where the data go and what beside the mandatory variables is kept."""
+    """Where the data go and what beside the mandatory variables is kept.
+
+    fields: θ and u of the whole body at every point
+    live:   what a page needs to solve the contact problem by itself (study.live); off unless asked for, because it
+            costs a run some thirty temperatures and up to half a megabyte a level
+    """
 
     path: Path | None = None
     fields: bool = False
+    live: bool = False
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.outcome import Status
 from tcstudy.study.family import Family
 from tcstudy.study.level import Level
+from tcstudy.study.live import live_arrays
 from tcstudy.study.measures import Timed, friction_forces, numbers, sticking
 from tcstudy.study.survey import Survey
 
@@ -202,6 +203,8 @@ def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
             "node_y": mesh.points[:, 1],
             "triangle": mesh.triangles.astype(np.int32),
         }
+    if study.output.live:
+        fields |= live_arrays(study, level)
     return LevelRecord(
         level=mesh.level,
         h_max=mesh.h_max,

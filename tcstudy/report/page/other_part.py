@@ -95,7 +95,7 @@ def cost_part(stored: Stored) -> Json:
     """Every measured setting by error measure, and what the file advises."""
     data = stored.data
     names = [str(name)[6:] for name in data.variables if str(name).startswith("error_")]
-    charts = []
+    charts: list[Json] = []
     for name in names:
         try:
             found = settings(data, measure_of(data, name))

@@ -12,6 +12,7 @@ from tcstudy.report.page.body_part import body_part, drawn_level, outline, sourc
 from tcstudy.report.page.container import Container, Json, size_of
 from tcstudy.report.page.law_part import law_part
 from tcstudy.report.page.line_part import line_part
+from tcstudy.report.page.live_part import live_part
 from tcstudy.report.page.other_part import convergence_part, cost_part, path_part
 from tcstudy.report.page.run_part import run_part
 from tcstudy.report.page.stored import Stored, StoreError, read, replace_file
@@ -159,6 +160,11 @@ def _run_content(stored: Stored, without: tuple[str, ...], box: Container) -> Js
         "sources": sources(stored.study),
         "body": None if body is None else body_part(stored, body, box),
     }
+    if stored.live and "live" not in without and levels and (live := live_part(stored, box)) is not None:
+        content["live"] = live
+        level = str(live["level"])
+        if level not in content["lines"]:
+            content["lines"][level] = line_part(stored, live["level"], box)
     for other in stored.beside:
         content[other.kind] = convergence_part(other, box) if other.kind == "convergence" else cost_part(other)
     return content

@@ -1,1 +1,168 @@
-TC.live = { draw() {} };
+// The live mode: one point of the sweep to start from, sliders for its loads and its law, solved here at every move.
+TC.live = {
+  setup() {
+    const L = TC.data.live;
+    if (!L || L.m) return;
+    const m = (L.m = L.c.length), full = new Float64Array(m * m);
+    for (let i = 0, k = 0; i < m; i++) for (let j = 0; j <= i; j++, k++) full[i * m + j] = full[j * m + i] = L.A[k];
+    L.A = full;
+    L.line = TC.data.lines[String(L.level)];
+  },
+  usable: (p) => TC.data.live.valid[p] === 1 && TC.data.laws.laws[TC.data.laws.index[p]].spec,
+  // What the sliders move: {alpha, theta_bar, factor, q, law}.
+  base(p) {
+    const L = TC.data.live;
+    return { alpha: L.alpha[p], theta_bar: L.theta_bar[p], factor: 1, q: L.q[p], law: JSON.parse(JSON.stringify(TC.data.laws.laws[TC.data.laws.index[p]].spec)) };
+  },
+  problem(p, set) {
+    const L = TC.data.live;
+    return new TC.Problem(TC.liveStiffness(L, p), TC.liveLoad(L, p, set), L.c, TC.lawOf(set.law));
+  },
+  // All minima found at these settings; known: [name, v] further starts.
+  solve(p, set, known = []) {
+    const problem = TC.live.problem(p, set), free = TC.frictionless(problem);
+    const starts = [["zero", new Float64Array(problem.m)], ["frictionless", free], ["half of it", free.map((x) => 0.5 * x)], ["twice it", free.map((x) => 2 * x)], ...known];
+    const begun = performance.now(), found = TC.solveAll(problem, starts);
+    return { problem, found, starts: starts.length, time: (performance.now() - begun) / starts.length };
+  },
+  draw() {
+    TC.live.setup();
+    const s = TC.state, main = document.getElementById("main");
+    if (!TC.live.host) {
+      const head = TC.el("div", { class: "live" }), controls = TC.el("div"), left = TC.el("div", { class: "panel" }), right = TC.el("div", { class: "panel" });
+      main.replaceChildren(TC.el("h2", {}, "Explore live"), head, controls, TC.el("div", { class: "columns wide" }, left, right));
+      head.append(TC.el("p", {}, TC.el("b", {}, "Solved now, in this browser"), `, not stored results: mesh level ${TC.data.live.level} with ${TC.data.live.m} contact nodes, the same separable Newton method, from several starts. A solution is accepted by its inclusion residual, which stands beside it; “only solution” is said where the law falls less steeply than the body is stiff (ω < λ₁), and nowhere else.`));
+      TC.live.host = { controls, left, right };
+      TC.live.point = null;
+    }
+    const p = TC.run.flat(s.at);
+    if (TC.live.point !== p) { TC.live.point = p; TC.live.set = TC.live.usable(p) ? TC.live.restore(p) : null; TC.live.shown = null; TC.live.lambda = null; TC.live.controls(p); }
+    TC.live.show(p);
+  },
+  // Settings from the address, if they are of this point.
+  restore(p) {
+    const set = TC.live.base(p), s = TC.state, given = s.set || TC.readState().set;
+    if (!given || TC.live.restored) return set;
+    TC.live.restored = true;
+    try { const back = JSON.parse(given); if (back.law && TC.lawOf(back.law)) return { ...set, ...back }; } catch { /* an address written by hand */ }
+    return set;
+  },
+  controls(p) {
+    const r = TC.data.run, s = TC.state, L = TC.data.live, host = TC.live.host.controls, picks = TC.el("div", { class: "controls" });
+    if (r.grid) for (const a of r.varied) { const d = TC.run.dim(a.name), unit = a.numeric ? TC.scale(a.values, a.units).unit : ""; picks.append(TC.choice(`start from ${TC.symbol(a.name)}`, a.values.map((_, i) => [i, TC.axisLabel(a, i) + (unit ? " " + unit : "")]), s.at[d], (v) => { const at = s.at.slice(); at[d] = Number(v); TC.set({ at, set: null }); })); }
+    else if (r.points > 1) picks.append(TC.slider("start from point", [...Array(r.points)].map((_, k) => `${k + 1}`), s.at[0], (i) => TC.set({ at: [i], set: null })));
+    picks.append(TC.el("button", { "aria-label": "reset", onclick: () => { TC.live.point = null; TC.set({ set: null }); } }, "reset sliders"));
+    const sliders = TC.el("div", { class: "sliders" });
+    TC.fill(host, picks, sliders);
+    if (!TC.live.set) { sliders.append(TC.el("p", { class: "bad" }, "This point cannot be solved here: its loads, its elastic ratio or its law are not of the kind that travels in the page. Choose another.")); return; }
+    const set = TC.live.set, units = TC.data.unit_system === "none" ? () => "1" : (u) => u, values = (name) => Array.from(L[name]).filter((v, k) => L.valid[k] === 1 && Number.isFinite(v));
+    if (Number.isFinite(set.alpha) && L.beta[p] !== 0 && (L.source_node || (L.surroundings_node && L.surroundings_node.length > 1))) {
+      const k = L.k[p], nodes = [...(L.source_node || []), ...(L.surroundings_node && L.surroundings_node.length > 1 ? L.surroundings_node : [])], lo = Math.min(...nodes) * k, hi = Math.max(...nodes) * k;
+      sliders.append(TC.live.slider("α", units("W m-2 K-1"), lo, hi, true, () => set.alpha, (v) => { set.alpha = v; }));
+    }
+    if (L.beta[p] !== 0 && L.surroundings_node) { const all = values("theta_bar"), most = Math.max(...all.map(Math.abs), 10); sliders.append(TC.live.slider("θ̄", units("K"), Math.min(0, ...all) - 0.5 * most, Math.max(...all) + most, false, () => set.theta_bar, (v) => { set.theta_bar = v; })); }
+    if (L.beta[p] !== 0 && L.source_node && L.q[p] !== 0) sliders.append(TC.live.slider("q", units("W m-3"), 0, 2 * L.q[p], false, () => set.q, (v) => { set.q = v; }));
+    if (L.mechanical[p] >= 0) sliders.append(TC.live.slider("load factor", "1", -2, 3, false, () => set.factor, (v) => { set.factor = v; }));
+    TC.live.lawSliders(p, sliders, units);
+  },
+  lawSliders(p, host, units) {
+    const set = TC.live.set, base = TC.live.base(p).law.law === set.law.law ? TC.live.base(p).law : set.law, kind = { delta: "m", k: "Pa m-1", slope: "Pa m-1" };
+    for (const key of Object.keys(set.law).filter((k) => k !== "law" && k !== "points")) {
+      if (key === "teeth") { host.append(TC.live.slider("teeth", "1", 1, 8, false, () => set.law.teeth, (v) => { set.law.teeth = v; }, 1)); continue; }
+      if (key === "drop" || key === "decay") { host.append(TC.live.slider(key, "1", 0.05, 1, false, () => set.law[key], (v) => { set.law[key] = v; })); continue; }
+      const unit = units(kind[key] || "Pa"), v = base[key];
+      if (v > 0) host.append(TC.live.slider(TC.symbol(key), unit, v / 8, v * 8, true, () => set.law[key], (x) => { set.law[key] = x; }));
+      else if (key !== "slope") host.append(TC.live.slider(TC.symbol(key), unit, 0, Math.max(...Object.values(base).filter((x) => typeof x === "number")) || 1, false, () => set.law[key], (x) => { set.law[key] = x; }));
+    }
+  },
+  slider(label, units, lo, hi, log, get, put, step) {
+    const n = 400, to = (v) => (log ? (Math.log(v / lo) / Math.log(hi / lo)) * n : ((v - lo) / (hi - lo)) * n), from = (x) => { const v = log ? lo * (hi / lo) ** (x / n) : lo + ((hi - lo) * x) / n; return step ? Math.round(v) : v; };
+    const out = TC.el("output", {}, TC.quantity(get(), units)), range = TC.el("input", { type: "range", min: 0, max: n, step: "any", "aria-label": label });
+    range.value = to(get());
+    range.addEventListener("input", () => { put(from(Number(range.value))); out.textContent = TC.quantity(get(), units); TC.live.moved(); });
+    return TC.el("label", { class: "slider" }, TC.el("span", {}, `${label}: `, out), range);
+  },
+  moved() {
+    if (TC.live.waiting) return;
+    TC.live.waiting = true;
+    requestAnimationFrame(() => { TC.live.waiting = false; TC.state.set = JSON.stringify(TC.live.set); TC.writeState(); TC.live.show(TC.live.point); });
+  },
+  show(p) {
+    const { left, right } = TC.live.host, set = TC.live.set, L = TC.data.live;
+    if (!set) { TC.fill(left); TC.fill(right); return; }
+    let done;
+    try { done = TC.live.solve(p, set, TC.live.shown ? [["before the move", TC.live.shown.v]] : []); } catch (error) { TC.fill(right, TC.el("p", { class: "bad" }, String(error.message || error))); return; }
+    TC.live.lambda = TC.live.lambda || TC.lambda1(done.problem.A, L.c);
+    const good = done.found.filter((o) => o.answer.converged), all = good.length ? good : done.found;
+    if (!TC.live.shown || TC.live.lowest !== false) TC.live.shown = all[0].answer;
+    else TC.live.shown = all.reduce((best, o) => (TC.live.apart(o.answer.v, TC.live.shown.v) < TC.live.apart(best.v, TC.live.shown.v) ? o.answer : best), all[0].answer);
+    TC.live.result(left, right, p, done, all, good.length > 0);
+  },
+  apart: (a, b) => a.reduce((t, x, i) => t + (x - b[i]) ** 2, 0),
+  result(left, right, p, done, all, solved) {
+    const L = TC.data.live, law = done.problem.law, drawn = law.drawn(), lambda = TC.live.lambda, unique = solved && law.omega < lambda.proved;
+    const one = TC.live.case(TC.live.shown, drawn), stored = TC.live.same(p) ? TC.point.contact(L.line, p) : null, cases = stored ? [one, stored] : [one], line = { ...L.line };
+    XX
+    TC.fill(left);
+    TC.point.profiles(left, line, cases, frame, stored ? "dashed: the stored solution of this point" : "");
+    const energies = TC.scale(all.map((o) => o.answer.energy), TC.data.run.numbers.energy ? TC.data.run.numbers.energy.units : "1");
+    const list = TC.el("div", { class: "minima" }, all.map((o, k) => TC.el("button", { "aria-label": `minimum ${k}`, "aria-pressed": o.answer === TC.live.shown ? "true" : "false", onclick: () => { TC.live.shown = o.answer; TC.live.lowest = k === 0 ? undefined : false; TC.live.result(left, right, p, done, all, solved); } },
+      `${k === 0 ? "L̃ = " + TC.number(o.answer.energy / energies.by, 6) : "+ " + TC.number((o.answer.energy - all[0].answer.energy) / energies.by, 4)} ${energies.unit}; from ${o.names.join(", ")}${o.answer.converged ? (o.answer.minimum ? "" : "; second-order test undecided") : "; NOT SOLVED: " + o.answer.reason}`)));
+    const says = !solved ? TC.el("span", { class: "badge bad" }, "no solution found") : unique ? TC.el("span", { class: "badge good" }, "only solution (ω < λ₁)") : TC.el("span", { class: "badge" }, all.length > 1 ? `${all.length} local minima found; there may be more` : "one local minimum found; there may be others");
+    const units = TC.data.unit_system === "none" ? "1" : "Pa m-1", law_ = TC.live.lawPanel(TC.width(right), drawn, cases, line);
+    TC.fill(right, TC.el("p", {}, says, ` residual ${TC.number(TC.live.shown.residual, 2)}, ${TC.number(done.time, 2)} ms a solve, ${done.starts} starts`),
+      TC.el("p", { class: "note" }, `λ₁ = ${TC.quantity(lambda.value, units)}, ω = ${law.omega === Infinity ? "∞" : TC.quantity(law.omega, units)}; largest |u_T| = ${TC.quantity(Math.max(...TC.live.shown.v.map(Math.abs)), line.u_T_units)}`),
+      TC.el("h3", {}, all.length > 1 ? "Local minima found, by energy" : "Energy"), list, law_);
+  },
+  // Whether the sliders stand where the stored point was solved.
+  same: (p) => JSON.stringify(TC.live.base(p)) === JSON.stringify(TC.live.set),
+  case(answer, drawn) {
+    const c = TC.data.live.c, xi = answer.xi.map((x, i) => x / c[i]);
+    return TC.point.contact(TC.data.live.line, 0, { u: answer.v, xi, sticks: answer.rests, law: drawn });
+  },
+  lawPanel(width, drawn, cases, line) {
+    const set = TC.live.set, host = TC.el("div"), { plot, us, ys } = TC.point.lawPlot(width, drawn, cases.slice(0, 1), line, TC.live.frozen || {});
+    host.append(TC.el("h3", {}, "The law, and where every node stands"), plot.svg);
+    if (set.law.points) {
+      host.append(TC.el("p", { class: "legend" }, "drag the squares to change the law"));
+      set.law.points.forEach((point, k) => {
+        const x = plot.px(point[0] / us.by), y = plot.py(point[1] / ys.by), handle = TC.svgNode("rect", { x: x - 7, y: y - 7, width: 14, height: 14, fill: "var(--bg)", stroke: "var(--accent)", "stroke-width": 2.5, style: "cursor:grab;touch-action:none", "data-handle": k });
+        handle.addEventListener("pointerdown", (e) => { e.preventDefault(); TC.live.drag(k, plot, us, ys); });
+        plot.over.append(handle);
+      });
+    } else host.append(TC.el("button", { "aria-label": "points", onclick: () => TC.live.toPoints(drawn) }, "turn into points that can be dragged"));
+    return host;
+  },
+  // Dragging: the axes stay as they are until the pointer is let go.
+  drag(k, plot, us, ys) {
+    const points = TC.live.set.law.points, n = points.length, svgOf = () => TC.live.host.right.querySelector("svg[aria-label^='friction law']");
+    TC.live.frozen = { xrange: plot.x, yrange: plot.y };
+    const move = (e) => {
+      const box = svgOf().getBoundingClientRect(), lo = k > 0 ? points[k - 1][0] : 0, hi = k < n - 1 ? points[k + 1][0] : Infinity;
+      points[k][1] = Math.max(0, plot.iy(e.clientY - box.top) * ys.by);
+      if (k > 0) points[k][0] = Math.min(hi, Math.max(lo, plot.ix(e.clientX - box.left) * us.by));
+      if (points.some((q, i) => i > 1 && q[0] === points[i - 2][0])) points[k][0] = k < n - 1 ? 0.5 * (lo + hi) : lo + 1e-3 * plot.x[1] * us.by;
+      TC.live.moved();
+    };
+    const end = () => { window.removeEventListener("pointermove", move); TC.live.frozen = null; TC.live.moved(); };
+    window.addEventListener("pointermove", move);
+    window.addEventListener("pointerup", end, { once: true });
+  },
+  // Any odd law as points: exact for straight pieces, 12 points for a curved one.
+  toPoints(drawn) {
+    const points = [];
+    for (const [s, b] of drawn.curves) {
+      if (s[s.length - 1] <= 0 || s[0] < 0) continue;
+      const every = s.length > 2 ? Math.ceil(s.length / 12) : 1;
+      s.forEach((x, i) => { if (i % every === 0 || i === s.length - 1) { const last = points[points.length - 1]; if (!last || last[0] !== x || last[1] !== b[i]) points.push([x, b[i]]); } });
+    }
+    if (!points.length) return;
+    const reach = TC.live.shown ? Math.max(...TC.live.shown.v.map(Math.abs)) : 1;
+    if (!(drawn.reach > 0)) points.forEach((q, i) => { q[0] = i ? 2 * reach : 0; });
+    const n = points.length, slope = n > 1 && points[n - 1][0] > points[n - 2][0] ? Math.max(0, (points[n - 1][1] - points[n - 2][1]) / (points[n - 1][0] - points[n - 2][0])) : 0;
+    if (n > 2 && slope === 0 && points[n - 1][1] === points[n - 2][1]) points.pop();
+    TC.live.set.law = { law: "piecewise-linear", points, slope: drawn.name === "linear" ? slope : 0 };
+    TC.live.controls(TC.live.point);
+    TC.live.moved();
+  },
+};
