@@ -102,7 +102,7 @@ TC.live = {
   result(left, right, p, done, all, solved) {
     const L = TC.data.live, law = done.problem.law, drawn = law.drawn(), lambda = TC.live.lambda, unique = solved && law.omega < lambda.proved;
     const one = TC.live.case(TC.live.shown, drawn), stored = TC.live.same(p) ? TC.point.contact(L.line, p) : null, cases = stored ? [one, stored] : [one], line = { ...L.line };
-    XX
+    const frame = { ...TC.point.frame(line, TC.width(left)), shape: false };
     TC.fill(left);
     TC.point.profiles(left, line, cases, frame, stored ? "dashed: the stored solution of this point" : "");
     const energies = TC.scale(all.map((o) => o.answer.energy), TC.data.run.numbers.energy ? TC.data.run.numbers.energy.units : "1");

@@ -1,0 +1,101 @@
+"""A headless Chromium for tests, driven through chromedriver's HTTP interface (WebDriver), with nothing to install."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import socket
+import subprocess
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+FLAGS = ("headless", "no-sandbox", "disable-gpu", "disable-quic", "no-first-run", "disable-background-networking",
+         "disable-component-update", "disable-sync", "hide-scrollbars")  # fmt: skip
+PATIENCE = 60.0
+"""Seconds that the browser may take to start or to draw a page."""
+
+
+def missing() -> str:
+    """Why there is no browser; empty if there is one."""
+    absent = [name for name in ("chromium", "chromedriver") if shutil.which(name) is None]
+    return f"needs {' and '.join(absent)} (Debian: apt-get install chromium chromium-driver)" if absent else ""
+
+
+class Browser:
+    """One browser with one window; close it after use."""
+
+    def __init__(self, profile: Path, width: int = 1280, height: int = 1000) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            port = free.getsockname()[1]
+        self._driver = subprocess.Popen(
+            ["chromedriver", f"--port={port}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        self._root = f"http://127.0.0.1:{port}"
+        arguments = [f"--{flag}" for flag in FLAGS]
+        arguments += [f"--user-data-dir={profile}", f"--window-size={width},{height}"]
+        chrome = {"goog:chromeOptions": {"args": arguments}, "goog:loggingPrefs": {"browser": "ALL"}}
+        try:
+            self._wait_for_driver()
+            made = self._call("POST", "/session", {"capabilities": {"alwaysMatch": chrome}})
+        except BaseException:
+            self._driver.kill()
+            self._driver.wait()
+            raise
+        self._root += f"/session/{made['sessionId']}"
+
+    def open(self, page: Path, fragment: str = "") -> None:
+        """Open a page and wait until it is drawn."""
+        self._call("POST", "/url", {"url": "about:blank"})
+        self._call("POST", "/url", {"url": f"{page.resolve().as_uri()}{fragment}"})
+        end = time.monotonic() + PATIENCE
+        while not self.run("return document.documentElement.dataset.ready === '1'"):
+            if time.monotonic() > end:
+                raise TimeoutError(f"{page.name} was not drawn: {self.run('return document.body.innerText')}")
+            time.sleep(0.05)
+
+    def run(self, script: str, *arguments: Any) -> Any:
+        """The value that a script returns."""
+        return self._call("POST", "/execute/sync", {"script": script, "args": list(arguments)})
+
+    def press(self, key: str) -> None:
+        """Press one key in the page."""
+        event = f"new KeyboardEvent('keydown', {{key: {json.dumps(key)}, bubbles: true}})"
+        self.run(f"(document.activeElement || document.body).dispatchEvent({event})")
+
+    def complaints(self) -> list[str]:
+        """Errors of the console since the last call."""
+        entries = self._call("POST", "/se/log", {"type": "browser"})
+        return [entry["message"] for entry in entries if entry["level"] == "SEVERE"]
+
+    def close(self) -> None:
+        """End the browser."""
+        try:
+            self._call("DELETE", "", None)
+        finally:
+            self._driver.terminate()
+            self._driver.wait(timeout=PATIENCE)
+
+    def _wait_for_driver(self) -> None:
+        end = time.monotonic() + PATIENCE
+        while True:
+            try:
+                if self._call("GET", "/status", None)["ready"]:
+                    return
+            except urllib.error.URLError:
+                if time.monotonic() > end:
+                    raise
+            time.sleep(0.05)
+
+    def _call(self, method: str, path: str, body: Any) -> Any:
+        data = None if body is None else json.dumps(body).encode()
+        request = urllib.request.Request(self._root + path, data, {"Content-Type": "application/json"}, method=method)
+        try:
+            with urllib.request.urlopen(request, timeout=2 * PATIENCE) as answer:
+                return json.load(answer)["value"]
+        except urllib.error.HTTPError as error:
+            with error:
+                raise RuntimeError(json.load(error)["value"]["message"]) from None
