@@ -358,6 +358,8 @@ def expected_bytes(study: Study, levels: Sequence[LevelRecord | tuple[int, int]]
         total += (17 * points + 48) * contact
         if study.output.fields:
             total += 8 * (len(FIELDS) * points + 5) * nodes
+        if study.output.live:
+            total += 8 * (min(contact, 250) + 40) * contact + 72 * points
     return total
 
 
