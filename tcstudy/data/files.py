@@ -42,10 +42,11 @@ ROOM = 3
 """Free disk that must be there, as a multiple of the expected file (old and new stand side by side)."""
 
 
-def replace_file(path: Path, make: Callable[[Path], None], kept: str = "") -> None:
+def replace_file(path: Path, make: Callable[[Path], None], kept: str = "", sealed: bool = True) -> None:
     """Put the file that `make` writes aside in the place of `path`, in one step and on the disk.
 
-    kept: what of the work is not lost if that fails, for the message
+    kept:   what of the work is not lost if that fails, for the message
+    sealed: whether it is a result file, which ends in a seal
     Raises StoreError if the file cannot be written; the old one is then untouched.
     """
     target = Path(os.path.realpath(path))
@@ -56,7 +57,8 @@ def replace_file(path: Path, make: Callable[[Path], None], kept: str = "") -> No
         _refuse_protected(path)
         target.parent.mkdir(parents=True, exist_ok=True)
         make(aside)
-        put_seal(aside)
+        if sealed:
+            put_seal(aside)
         _sync_file(aside)
         if target.exists():
             shutil.copymode(target, aside)

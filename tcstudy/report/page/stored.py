@@ -9,12 +9,13 @@ from typing import Any
 from tcstudy.data.convergence import ERRORS, NUMBERS, VERDICTS
 from tcstudy.data.convergence import default_path as convergence_path
 from tcstudy.data.cost import default_path as cost_path
-from tcstudy.data.files import StoreError, replace_file
+from tcstudy.data.files import replace_file
 from tcstudy.data.kinds import kind_of
+from tcstudy.data.reading import reading
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import axis_places
 from tcstudy.data.store import open_results
-from tcstudy.errors import StudyError
+from tcstudy.errors import StoreError, StudyError
 from tcstudy.report.cost_reading import advice, measure_of, settings
 from tcstudy.report.outline import boundary_edges
 from tcstudy.report.picture import BodyFields, Line
@@ -28,7 +29,7 @@ from tcstudy.scene.records import Clamped, Study
 __all__ = [
     "DOWN", "ERRORS", "NUMBERS", "SHAPES", "UP", "VERDICTS", "BodyFields", "Clamped", "DrawError", "FrictionLaw",
     "Line", "PointStatus", "StoreError", "Stored", "Study", "advice", "axis_names", "axis_places", "boundary_edges",
-    "describe", "measure_of", "read", "replace_file", "settings",
+    "describe", "measure_of", "read", "reading", "replace_file", "settings",
 ]  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from tcstudy.report.page.line_part import line_part
 from tcstudy.report.page.live_part import live_part
 from tcstudy.report.page.other_part import convergence_part, cost_part, path_part
 from tcstudy.report.page.run_part import run_part
-from tcstudy.report.page.stored import Stored, StoreError, read, replace_file
+from tcstudy.report.page.stored import Stored, StoreError, read, reading, replace_file
 
 SCRIPTS = ("format.js", "charts.js", "laws.js", "solver.js", "parts.js", "run.js", "point.js", "live.js", "others.js",
            "main.js")  # fmt: skip
@@ -62,14 +62,9 @@ def write_page(path: Path, target: Path, left_out: tuple[str, ...] = ()) -> Writ
         raise PageError(f"{target} exists and is no page; it would be lost: choose another name with -o")
     if target.is_dir():
         raise PageError(f"{target} is a directory; give the name of a file in it")
-    stored = read(path)
     without = list(left_out)
-    while True:
-        text = page(stored, tuple(without))
-        more = [part for part in LEAVE_OUT if part not in without and _has(stored, part)]
-        if size_of(text) <= AIM or not more:
-            break
-        without.append(more[0])
+    with reading(path):
+        text = _fitting(read(path), without)
     if size_of(text) > MOST:
         raise PageError(
             f"the page would have {size_of(text) / 1e6:.0f} MB, more than {MOST / 1e6:.0f} MB, even without "
@@ -79,9 +74,19 @@ def write_page(path: Path, target: Path, left_out: tuple[str, ...] = ()) -> Writ
     def put(aside: Path) -> None:
         aside.write_text(text, encoding="utf-8")
 
-    replace_file(target, put)
+    replace_file(target, put, sealed=False)
     dropped = tuple(part for part in without if part not in left_out)
     return Written(target, size_of(text), dropped)
+
+
+def _fitting(stored: Stored, without: list[str]) -> str:
+    """The page, with parts added to those left out until it is no larger than AIM."""
+    while True:
+        text = page(stored, tuple(without))
+        more = [part for part in LEAVE_OUT if part not in without and _has(stored, part)]
+        if size_of(text) <= AIM or not more:
+            return text
+        without.append(more[0])
 
 
 def _has(stored: Stored, part: str) -> bool:

@@ -23,6 +23,7 @@ def test_a_page_needs_nothing_from_outside(page: Path) -> None:
         assert word not in text.replace("http://www.w3.org/2000/svg", ""), word
     assert "A block &lt;on&gt; a film" in text
     assert "6 of 6 solved" in text
+    assert text.rstrip().endswith("</html>")
 
 
 def test_numbers_of_every_point_and_level_are_in_the_page(page: Path, result: Path) -> None:
