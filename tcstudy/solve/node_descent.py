@@ -29,7 +29,7 @@ def descend_nodes(problem: ContactProblem, v: Array, xi: Array, descent: Array) 
     v, xi = v.copy(), xi.copy()
     for node in np.argsort(-gain, kind="stable")[: np.count_nonzero(gain)]:
         c = float(problem.c[node])
-        energy = _NodeEnergy(problem.law, float(v[node]), float(xi[node]) / c, float(diagonal[node]) / c)
+        energy = NodeEnergy(problem.law, float(v[node]), float(xi[node]) / c, float(diagonal[node]) / c)
         target = energy.descend()
         xi -= problem.A_tilde[node] * (target - v[node])
         v[node] = target
@@ -37,7 +37,7 @@ def descend_nodes(problem: ContactProblem, v: Array, xi: Array, descent: Array) 
 
 
 @dataclass(frozen=True)
-class _NodeEnergy:
+class NodeEnergy:
     """½ k (s − s₀)² − traction (s − s₀) + j(s), the energy per length of one node with the others held.
 
     s_0 [m], traction ξ/c at s₀ [Pa], stiffness k = Ã_ii/c_i [Pa/m]

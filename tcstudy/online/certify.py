@@ -1,0 +1,116 @@
+"""What can be proved about P points at once; the flags of tcstudy/solve/certificates.py with the same meaning.
+
+Before any solution: convex (ω < λ₁) or convex on the box that holds all solutions → unique.
+At a solution v:     global minimum, if Ã − C diag D is positive definite with D of law_bends; that proves a strict one,
+                     too. Else a strict minimum by the second-order test on the free nodes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.online.definite import definite
+from tcstudy.online.law_bends import PARTS
+from tcstudy.online.newton import factor_free, slopes, traction_scale
+from tcstudy.online.problems import Rows
+from tcstudy.scene.friction import UP
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+MARGIN = 1e-6
+"""μ/λ₁, by how much a matrix must be positive definite."""
+_ROUNDS, _SHRINKS = 30, 0.01
+"""Improvements of a box at most, and by which part of its size one must shrink it."""
+_FEW_PARTS = 6
+"""Parts of exponential pieces that are tried before PARTS."""
+
+
+def solution_boxes(rows: Rows) -> tuple[Array, Array]:
+    """(low, high), (R, m) each: every solution lies between them, as tcstudy/solve/solution_box.py has it [m].
+
+    Ã⁻¹ of an interval is Ã⁻¹ of its middle and |Ã⁻¹| of its radius: two products a round. Rows that shrink no more
+    drop out.
+    """
+    body, c = rows.body, rows.body.c
+    push = rows.laws.largest_push()
+    driving = np.sqrt(np.sum(rows.loads**2 / c, axis=1)) + push * np.sqrt(c.sum())
+    high = (1.0 + 1e-6) * driving[:, None] / body.lambda_1 / np.sqrt(c)
+    low, absolute, rounding = -high, np.abs(body.inverse), body.inverse_rounding()
+    at, row_sums = np.arange(len(low)), absolute.sum(axis=1)
+    for _ in range(_ROUNDS):
+        own_low, own_high = low[at], high[at]
+        least, largest = rows.laws.value_range(own_low, own_high)
+        middle, radius = rows.loads - c * (0.5 * (largest + least)), c * (0.5 * (largest - least))
+        slack = rounding * np.max(np.abs(middle) + radius, axis=1)[:, None] * row_sums
+        centre, reach = middle @ body.inverse, radius @ absolute + slack
+        new_low = np.maximum(own_low, centre - reach)
+        new_high = np.maximum(np.minimum(own_high, centre + reach), new_low)
+        gain = np.maximum(np.max(new_low - own_low, axis=1), np.max(own_high - new_high, axis=1))
+        low[at], high[at] = new_low, new_high
+        on = np.flatnonzero(gain > _SHRINKS * np.max(own_high - own_low, axis=1))
+        if not len(on):
+            break
+        if len(on) < len(at):
+            rows, at = rows.take(on), at[on]
+    return low, high
+
+
+def unique(rows: Rows, low: Array, high: Array) -> Flags:
+    """(R,) whether the energy is proved to be convex on the boxes of all solutions."""
+    return definite(rows.body, rows.laws.least_slope(low, high), MARGIN)
+
+
+def nearest_traction(rows: Rows, v: Array) -> tuple[Array, Array]:
+    """(ξ/c, the element ζ of b̂(v) nearest to it), (R, m) each [Pa]."""
+    traction = rows.xi(v) / rows.body.c
+    return traction, np.clip(traction, *rows.laws.interval(v, rows.laws.locate(v)))
+
+
+def global_minimum(rows: Rows, v: Array, low: Array, high: Array) -> Flags:
+    """(R,) whether v is proved to be a global minimum; low, high: the boxes of all solutions."""
+    _, zeta = nearest_traction(rows, v)
+    low, high = np.minimum(low, v), np.maximum(high, v)
+    proved = np.zeros(len(v), dtype=bool)
+    open_ = np.arange(len(v))
+    for parts in (PARTS,) if rows.laws.tables.linear else (_FEW_PARTS, PARTS):
+        bend = rows.laws.take(open_).bend(v[open_], zeta[open_], low[open_], high[open_], parts)
+        finite = np.all(np.isfinite(bend), axis=1)
+        proved[open_[finite]] = definite(rows.body, -bend[finite], MARGIN)
+        bent = np.any(rows.laws.tables.a[rows.laws.law[open_]] != 0.0, axis=(1, 2))
+        open_ = open_[bent & finite & ~proved[open_]]
+        if not len(open_):
+            break
+    return proved
+
+
+def strict_minimum(rows: Rows, v: Array) -> Flags:
+    """(R,) the second-order test with nodes that rest without slack counted as free (sufficient, not necessary)."""
+    body, xi = rows.body, rows.xi(v)
+    s = slopes(body, rows.laws, traction_scale(body, rows.laws, rows.loads), v, xi)
+    noise = 1e3 * np.finfo(float).eps * (np.diagonal(body.A_tilde) * np.abs(v) + np.abs(xi))
+    on_up = rows.laws.kind(s.at) == UP
+    held = on_up & (s.left < -noise) & (s.right > noise)
+    least = np.minimum(rows.laws.slope(v, s.at.piece), rows.laws.slope(v, s.at.piece + s.at.on))
+    added = body.c * (least - body.shift(MARGIN))
+    proved = ~np.any(s.jump & ~on_up, axis=1)
+    for i in np.flatnonzero(proved):
+        free = np.flatnonzero(~held[i])
+        proved[i] = factor_free(body, free, added[i, free])[1] == 0
+    return proved
+
+
+def resting_slack(rows: Rows, v: Array) -> tuple[Array, NDArray[np.intp]]:
+    """(R,) least slack of the nodes on up-jumps relative to c·(scale of b), inf without any, and their number."""
+    scale = traction_scale(rows.body, rows.laws, rows.loads)
+    s = slopes(rows.body, rows.laws, scale, v, rows.xi(v))
+    on = rows.laws.kind(s.at) == UP
+    slack = np.where(on, np.minimum(-s.left, s.right) / rows.body.c, np.inf)
+    return np.min(slack, axis=1, initial=np.inf) / scale, np.count_nonzero(on, axis=1)
+
+
+def energy_gap(rows: Rows, v: Array) -> Array:
+    """(R,) ‖ξ/c − ζ‖²/(2μ): what rounding in v leaves open of a proof [J/m]."""
+    traction, zeta = nearest_traction(rows, v)
+    return np.asarray((traction - zeta) ** 2 @ rows.body.c / (2.0 * rows.body.shift(MARGIN)))

@@ -1,0 +1,161 @@
+"""Descent of many rows at once: the separable Newton method of tcstudy/solve/separable_newton.py in a batch.
+
+Every step is the same for all rows (rest, Newton's equations, clipped path with Armijo's rule, node by node where that
+gives no decrease, and on request the step along negative curvature at a saddle); rows that are done drop out. Where
+energies can no longer tell two points apart the residual judges, and a row ends with the best point that it has seen.
+Left out: the straight step of thin layers; rows that would need it end unsolved and are left to the single solve.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.online.body import prolonged, restricted
+from tcstudy.online.law_tables import Place
+from tcstudy.online.newton import Slopes, directions, slopes, traction_scale
+from tcstudy.online.problems import Rows
+from tcstudy.online.saddles import leave_saddles
+from tcstudy.solve.node_descent import NodeEnergy
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+TOLERANCE = 1e-12
+"""Residual that descent aims at; what is accepted as a solution is up to tcstudy/solve/acceptance.py."""
+_COARSE_TOLERANCE = 1e-6
+_STEPS, _SADDLES, _HALVINGS, _ARMIJO = 80, 20, 4, 1e-4
+"""Steps at most, saddles that are left at most, step lengths 1, ½, ¼ … tried, and the share of the first-order decrease
+that a step must realise."""
+_ROUNDING = 1e-13
+"""Changes of energy below this part of the work of ξ are rounding."""
+_POLISHED = 3
+"""Steps at rounding level that may follow each other as long as they lower the residual."""
+
+
+@dataclass(frozen=True, eq=False)
+class Descended:
+    """Ends of R descents: v (R, m) [m], first-order residual (R,), steps taken (R,)."""
+
+    v: Array
+    residual: Array
+    steps: Index
+
+
+def descend(rows: Rows, start: Array, tolerance: float = TOLERANCE, minima: bool = False) -> Descended:
+    """Descend from `start` (R, m) until the residual is at most `tolerance`.
+
+    minima: go on from stationary points that fail the second-order test, which costs a factorisation a row
+    """
+    ended = _descend(rows, start, tolerance)
+    open_ = np.flatnonzero(ended.residual <= tolerance) if minima else np.empty(0, dtype=np.intp)
+    for _ in range(_SADDLES):
+        if not len(open_):
+            break
+        own, v = rows.take(open_), ended.v[open_]
+        xi = own.xi(v)
+        s = slopes(own.body, own.laws, traction_scale(own.body, own.laws, own.loads), v, xi)
+        v, left = leave_saddles(own, v, xi, s)
+        open_ = open_[left]
+        again = _descend(rows.take(open_), v[left], tolerance)
+        ended.v[open_], ended.residual[open_] = again.v, again.residual
+        ended.steps[open_] += again.steps + 1
+        open_ = open_[again.residual <= tolerance]
+    return ended
+
+
+def _descend(rows: Rows, start: Array, tolerance: float) -> Descended:
+    """Newton's method to a first-order stationary point."""
+    body, scale = rows.body, traction_scale(rows.body, rows.laws, rows.loads)
+    count = len(start)
+    best, residual, taken = start.copy(), np.full(count, np.inf), np.zeros(count, dtype=np.intp)
+    at, v, polished = np.arange(count), start, np.zeros(count, dtype=np.intp)
+    for step in range(_STEPS + 1):
+        xi = rows.xi(v)
+        s = slopes(body, rows.laws, scale, v, xi)
+        better = s.residual < residual[at]
+        best[at[better]], residual[at[better]], taken[at] = v[better], s.residual[better], step
+        going = (s.residual > tolerance) & (polished < _POLISHED) & ((polished == 0) | better)
+        if step == _STEPS or not np.any(going):
+            break
+        if not np.all(going):
+            on = np.flatnonzero(going)
+            s, rows, at, scale = s.take(on), rows.take(on), at[on], scale[on]
+            v, xi, polished = v[on], xi[on], polished[on]
+        v, level = _step(rows, v, xi, s)
+        polished = np.where(level, polished + 1, 0)
+    return Descended(best, residual, taken)
+
+
+def descend_nested(
+    rows: Rows,
+    start: Array,
+    tolerance: float = TOLERANCE,
+    minima: bool = False,
+    coarse: float = _COARSE_TOLERANCE,
+) -> Descended:
+    """`descend` from the interpolated solution of the coarser body where that has less energy than `start`, and so on.
+
+    coarse: tolerance on the coarser bodies
+    """
+    body = rows.body
+    if body.coarse is not None:
+        copies = Rows(body.coarse, rows.laws.every_second(), restricted(rows.loads))
+        v = prolonged(descend_nested(copies, start[:, ::2], max(tolerance, coarse), minima, coarse).v, body.m)
+        lower = rows.energy(v) < rows.energy(start)
+        start = np.where(lower[:, None], v, start)
+    return descend(rows, start, tolerance, minima)
+
+
+def _step(rows: Rows, v: Array, xi: Array, s: Slopes) -> tuple[Array, NDArray[np.bool_]]:
+    """(next v, whether the change of energy was within rounding) of every row."""
+    d = _newton(rows, v, s)
+    first_order = np.where(d > 0.0, s.right, s.left)
+    stop = rows.laws.next_up_jump(s.at, d)
+    new, level = v.copy(), np.zeros(len(v), dtype=bool)
+    todo = np.arange(len(v))
+    for halving in range(_HALVINGS + 1):
+        x, direction, end = v[todo], 0.5**halving * d[todo], stop[todo]
+        target = x + direction
+        reached = np.where(direction > 0.0, target >= end, target <= end) & (direction != 0.0)
+        target = np.where(reached, end, target)
+        at = Place(s.at.piece[todo], s.at.on[todo])
+        change, work = (rows if halving == 0 else rows.take(todo)).energy_change(x, xi[todo], target, at)
+        needed = _ARMIJO * np.abs(np.einsum("ri,ri->r", first_order[todo], target - x))
+        accepted = (change < 0.0) & (change <= -needed)
+        within = ~accepted & (np.abs(change) <= _ROUNDING * work) & (halving == 0)
+        taken = accepted | within
+        new[todo[taken]], level[todo[within]] = target[taken], True
+        todo = todo[~taken]
+        if not len(todo):
+            return new, level
+    for i in todo:
+        new[i] = _node_by_node(rows, int(i), v[i], xi[i], s.descent[i])
+    return new, level
+
+
+def _newton(rows: Rows, v: Array, s: Slopes) -> Array:
+    """(R, m) Newton directions; nodes on a jump that would go uphill stay."""
+    free = s.free
+    stiffness = np.where(free, rows.body.c * rows.laws.slope(v, s.piece), 0.0)
+    d = directions(rows.body, free, stiffness, s.descent)
+    d[s.jump & (np.where(d > 0.0, s.right, -s.left) > 0.0)] = 0.0
+    return d
+
+
+def _node_by_node(rows: Rows, row: int, v: Array, xi: Array, descent: Array) -> Array:
+    """(m,) one row after a pass over its descending nodes, largest gain first, as solve/node_descent.py; rare."""
+    A, c, laws = rows.body.A_tilde, rows.body.c, rows.laws
+    diagonal = np.diagonal(A)
+    gain = descent**2 / diagonal
+    v, xi = v.copy(), xi.copy()
+    law = laws.single(row) if laws.plain else None
+    for node in np.argsort(-gain, kind="stable")[: np.count_nonzero(gain)]:
+        own = laws.single(row, int(node)) if law is None else law
+        place = float(v[node])
+        target = NodeEnergy(own, place, float(xi[node] / c[node]), float(diagonal[node] / c[node])).descend()
+        xi -= A[node] * (target - v[node])
+        v[node] = target
+    return v

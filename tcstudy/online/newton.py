@@ -1,0 +1,191 @@
+"""One-sided slopes and Newton's equations for many rows at once.
+
+Newton's equations of a row, (A_FF + C b′_F) d_F = −g_F on its free nodes F, are solved on the smaller of two sides:
+on F, or, with the compliance G = Ã⁻¹, on the nodes K that rest or have b′ ≠ 0:
+
+    y = −G g,   (G_KK + D) z = y_K,   d = y − G z,   D = 1/(c b′) on sliding nodes of K, 0 on resting ones.
+
+A_FF + C b′ is positive definite exactly if G_KK + D has as many negative eigenvalues as b′ (Sylvester's law of inertia
+on both Schur complements of one block matrix). Where it is not, the falls of b are lifted to zero, as in
+tcstudy/solve/newton_system.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tcstudy.online.body import Body
+from tcstudy.online.law_tables import Place
+from tcstudy.online.row_laws import RowLaws
+from tcstudy.scene.friction import BEND
+from tcstudy.solve.newton_system import cholesky
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+STACKED = 64
+"""Up to so many nodes linear systems are stacked for one call, above they are solved row by row."""
+_WIDTH = 8
+"""Stacked systems are padded to multiples of this."""
+_INDEFINITE_COST = 1.5
+"""What a symmetric indefinite factorisation costs, in Cholesky factorisations."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """First-order information of R rows at v, (R, m) each; as tcstudy/solve/nodal_pieces.Slopes.
+
+    at:          where v sits
+    left, right: derivatives of L̃ in v_i from both sides [N/m]
+    descent:     the steeper descending one of both (the derivative itself where L̃ is smooth), 0 at rest
+    jump:        v_i sits bitwise on a jump of b
+    residual:    (R,) max |descent|/c over the scale of b
+    """
+
+    at: Place
+    left: Array
+    right: Array
+    descent: Array
+    jump: Flags
+    residual: Array
+
+    @property
+    def free(self) -> Flags:
+        """Nodes that do not rest on an up-jump."""
+        return ~(self.jump & (self.descent == 0.0))
+
+    @property
+    def piece(self) -> Index:
+        """Address of the piece on the descending side."""
+        return self.at.toward(self.descent <= 0.0)
+
+    def take(self, rows: Index) -> Slopes:
+        """The named rows."""
+        at = Place(self.at.piece[rows], self.at.on[rows])
+        left, right, descent = self.left[rows], self.right[rows], self.descent[rows]
+        return Slopes(at, left, right, descent, self.jump[rows], self.residual[rows])
+
+
+def slopes(body: Body, laws: RowLaws, scale: Array, v: Array, xi: Array) -> Slopes:
+    """Slopes c b(v∓0) − ξ of rows; scale: (R,) of b [Pa]."""
+    at = laws.locate(v)
+    left = body.c * laws.value(v, at.piece) - xi
+    right, jump = left, np.zeros(v.shape, dtype=bool)
+    if np.any(at.on):
+        right = np.where(at.on, body.c * laws.value(v, at.piece + at.on) - xi, left)
+        jump = laws.kind(at) != BEND
+    climb_right, climb_left = np.maximum(-right, 0.0), np.maximum(left, 0.0)
+    descent = np.where(jump, np.where(climb_right >= climb_left, -climb_right, climb_left), right)
+    return Slopes(at, left, right, descent, jump, np.max(np.abs(descent) / body.c, axis=1, initial=0.0) / scale)
+
+
+def traction_scale(body: Body, laws: RowLaws, loads: Array) -> Array:
+    """(R,) scale of b as ContactProblem.traction_scale has it, 1 where that is 0 [Pa]."""
+    scale = laws.b_scale()
+    bare = np.flatnonzero(scale == 0.0)
+    if len(bare):
+        zero, own = np.zeros((len(bare), body.m)), laws.take(bare)
+        at_0 = np.maximum(*(np.abs(b) for b in own.interval(zero, own.locate(zero))))
+        scale[bare] = np.max(np.maximum(np.abs(loads[bare]) / body.c, at_0), axis=1, initial=0.0)
+    return np.where(scale > 0.0, scale, 1.0)
+
+
+def directions(body: Body, free: Flags, stiffness: Array, g: Array) -> Array:
+    """(R, m) d with (A_FF + diag k) d_F = −g_F and 0 elsewhere, k = `stiffness` = c b′ [N/m per m].
+
+    Rows in which that matrix is not positive definite get the k lifted to at least 0; of small, stacked systems only
+    those whose d does not descend.
+    """
+    loaded = free & (stiffness != 0.0)
+    held = ~free | loaded
+    d, size = np.zeros(free.shape), np.count_nonzero(free, axis=1)
+    other = np.count_nonzero(held, axis=1)
+    stack = free.shape[1] <= STACKED
+    falls = np.any(loaded & (stiffness < 0.0), axis=1)
+    compliant = np.where(falls & (not stack), _INDEFINITE_COST, 1.0) * other < size
+    g = np.where(free, g, 0.0)
+    y = np.zeros(free.shape)
+    y[compliant] = -(g[compliant] @ body.inverse)
+    z, softness = np.zeros(free.shape), np.divide(1.0, stiffness, out=np.zeros(free.shape), where=loaded)
+    rows, others = np.flatnonzero(~compliant), np.flatnonzero(compliant)
+    if stack:
+        d[rows] = _stacked(body.A_tilde, free[rows], stiffness[rows], -g[rows])
+        z[others] = _stacked(body.inverse, held[others], softness[others], y[others])
+    else:
+        for i in rows:
+            d[i] = _on_free(body, np.flatnonzero(free[i]), stiffness[i], -g[i])
+        for i in others:
+            z[i] = _on_held(body, held[i], np.where(loaded[i], stiffness[i], 0.0), y[i])
+    d[others] = y[others] - z[others] @ body.inverse
+    d[~free] = 0.0
+    if stack:
+        uphill = np.flatnonzero(falls & ~(np.einsum("ri,ri->r", g, d) < 0.0))
+        if len(uphill):
+            d[uphill] = directions(body, free[uphill], np.maximum(stiffness[uphill], 0.0), g[uphill])
+    return d
+
+
+def _stacked(M: Array, mask: Flags, diagonal: Array, rhs: Array) -> Array:
+    """(R, m) x with (M + diag) x = rhs on the masked nodes of each row; systems of similar size in one stack."""
+    x, size = np.zeros(mask.shape), np.count_nonzero(mask, axis=1)
+    order = np.argsort(~mask, axis=1, kind="stable")
+    width = np.minimum(mask.shape[1], -(-size // _WIDTH) * _WIDTH)
+    for n in np.unique(width[size > 0]):
+        rows = np.flatnonzero(width == n)
+        nodes, valid = order[rows, :n], np.arange(n) < size[rows, None]
+        stack = M[nodes[:, :, None], nodes[:, None, :]]
+        stack *= valid[:, :, None] & valid[:, None, :]
+        own = np.where(valid, np.take_along_axis(diagonal[rows], nodes, 1), 1.0)
+        np.einsum("rii->ri", stack)[...] += own
+        right = np.where(valid, np.take_along_axis(rhs[rows], nodes, 1), 0.0)
+        solved = np.linalg.solve(stack, right[..., None])[..., 0]
+        x[rows[:, None], nodes] = np.where(valid, solved, 0.0)
+    return x
+
+
+def block_of(M: Array, rows: Index, columns: Index) -> Array:
+    """M[rows, columns] as a new matrix; two `take` are faster than one fancy index."""
+    return M.take(rows, axis=0).take(columns, axis=1)
+
+
+def factor_free(body: Body, free: Index, k: Array) -> tuple[Array, int]:
+    """Cholesky factor of A_FF + diag k and LAPACK's info (0 if positive definite)."""
+    if not len(free):
+        return np.zeros((0, 0)), 0
+    matrix = block_of(body.A_tilde, free, free)
+    matrix.reshape(-1)[:: len(free) + 1] += k
+    return cholesky(matrix)
+
+
+def _on_free(body: Body, free: Index, k: Array, rhs: Array) -> Array:
+    """(m,) solution of one row on its free nodes."""
+    d = np.zeros(len(rhs))
+    if len(free):
+        factor, info = factor_free(body, free, k[free])
+        if info:
+            factor, _ = factor_free(body, free, np.maximum(k[free], 0.0))
+        d[free] = scipy.linalg.lapack.dpotrs(factor, rhs[free], lower=1)[0]
+    return d
+
+
+def _on_held(body: Body, held: Flags, k: Array, y: Array) -> Array:
+    """(m,) forces z of one row on the nodes that rest or have k ≠ 0."""
+    z, nodes = np.zeros(len(y)), np.flatnonzero(held)
+    if not len(nodes):
+        return z
+    matrix, own = block_of(body.inverse, nodes, nodes), k[nodes]
+    matrix.reshape(-1)[:: len(nodes) + 1] += np.divide(1.0, own, out=np.zeros(len(own)), where=own != 0.0)
+    if not np.any(own < 0.0):
+        z[nodes] = scipy.linalg.lapack.dpotrs(cholesky(matrix)[0], y[nodes], lower=1)[0]
+        return z
+    factor, pivots, x, _ = scipy.linalg.lapack.dsysv(matrix.T, y[nodes], lwork=64 * len(nodes), lower=1, overwrite_a=1)
+    negative = np.count_nonzero((pivots > 0) & (np.diagonal(factor) < 0.0)) + np.count_nonzero(pivots < 0) // 2
+    if negative != np.count_nonzero(own < 0.0):
+        return _on_held(body, held & (k >= 0.0), np.maximum(k, 0.0), y)
+    z[nodes] = x
+    return z

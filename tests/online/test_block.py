@@ -1,0 +1,179 @@
+"""Blocks of points against the single solve, its certificates, and enumeration; bits; branches; failures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tcstudy.online import BlockAnswers, Body, LawTables, Options, RowLaws, solve_block, solve_points
+from tcstudy.online.sweep import blocks, waves
+from tcstudy.solve.certificates import certify
+from tcstudy.solve.contact import NEIGHBOUR, solve_contact
+from tcstudy.solve.outcome import Status
+from tests.online.rows import block, single, some_laws
+from tests.solve import contact_cases as cases
+from tests.solve.exhaustive import least_energy, small_problem
+
+FLAGS = ("convex", "unique", "strict_minimum", "global_minimum")
+TIE = 1e-12
+
+
+@pytest.mark.parametrize(("m", "points"), [(5, 60), (20, 40), (70, 24)])
+def test_no_energy_is_higher_and_no_certificate_lost(m: int, points: int) -> None:
+    laws = some_laws()
+    body, loads, tables, law = block(m, laws, points)
+    answers = solve_points(body, loads, tables, law)
+    assert np.all(answers.status == Status.CONVERGED)
+    for p in range(points):
+        problem = single(body, loads[p], laws[law[p]])
+        expected = solve_contact(problem)
+        assert answers.energy[p] <= expected.energy + TIE * abs(expected.energy)
+        assert cases.independent_residual(problem, answers.v[p]) <= 1e-11
+        np.testing.assert_allclose(answers.energy[p], problem.energy(answers.v[p]), rtol=1e-11, atol=1e-14)
+        proved = certify(problem, answers.v[p], body.lambda_1, inverse=body.inverse)
+        for flag in FLAGS:
+            assert getattr(answers.certificates, flag)[p] == getattr(proved, flag), flag
+        assert answers.certificates.resting[p] == proved.resting
+        np.testing.assert_allclose(answers.certificates.least_slack[p], proved.least_slack, rtol=1e-6)
+        assert np.isnan(answers.certificates.energy_gap[p]) == np.isnan(proved.energy_gap)
+
+
+@pytest.mark.parametrize("m", [2, 3])
+def test_the_least_energy_of_all_is_found(m: int) -> None:
+    found = 0
+    for seed in range(40):
+        problem = small_problem(seed, m)
+        body = Body.of(problem.A_tilde, problem.c)
+        answers = solve_points(body, problem.l_tilde[None], LawTables.of([problem.law]), np.zeros(1, dtype=np.intp))
+        least = least_energy(problem)
+        slack = 1e-10 * (abs(least) + float(problem.c @ np.abs(problem.law.j(answers.v[0]))))
+        found += answers.energy[0] <= least + slack
+        assert not answers.certificates.global_minimum[0] or answers.energy[0] <= least + slack
+    assert found >= 39
+
+
+def same_bits(one: BlockAnswers, other: BlockAnswers) -> bool:
+    names = ("v", "xi", "inclusion_residual", "energy", "status", "start", "start_energies", "steps")
+    arrays = all(np.array_equal(getattr(one, n), getattr(other, n), equal_nan=True) for n in names)
+    return arrays and all(
+        np.array_equal(getattr(one.certificates, flag), getattr(other.certificates, flag)) for flag in FLAGS
+    )
+
+
+def test_a_block_is_the_same_to_the_bit_whoever_solves_it() -> None:
+    body, loads, tables, law = block(44, some_laws(), 50)
+    first = solve_points(body, loads, tables, law)
+    assert same_bits(first, solve_points(body, loads, tables, law))
+    own = blocks(law, body.m)[0]
+    used, rows = np.unique(law[own], return_inverse=True)
+    alone = solve_block(body, loads[own], RowLaws(tables.take(used), rows.reshape(-1, 1)))
+    assert same_bits(first.take(own), alone)
+
+
+def test_blocks_hold_all_points_once_and_are_bounded() -> None:
+    law = np.arange(5000) % 7
+    for m in (11, 352, 10**6):
+        parts = blocks(law, m)
+        assert sorted(np.concatenate(parts)) == list(range(5000))
+        assert max(map(len, parts)) == max(1, min(1024, 2**18 // m))
+        assert np.all(np.diff(law[np.concatenate(parts)]) >= 0)
+
+
+def test_laws_by_node_agree_with_laws_by_row() -> None:
+    laws = some_laws()
+    body, loads, tables, law = block(20, laws, 30)
+    by_row = solve_block(body, loads, RowLaws(tables, law[:, None]))
+    by_node = solve_block(body, loads, RowLaws(tables, np.repeat(law[:, None], body.m, axis=1)))
+    np.testing.assert_allclose(by_node.energy, by_row.energy, rtol=1e-11, atol=1e-14)
+    assert np.array_equal(by_node.certificates.global_minimum, by_row.certificates.global_minimum)
+
+
+def test_laws_in_other_units_by_node_give_the_same_slips() -> None:
+    laws = some_laws()[:2]
+    body, loads, tables, law = block(20, laws, 12)
+    expected = solve_block(body, loads, RowLaws(tables, law[:, None]))
+    rng = np.random.default_rng(0)
+    stretched, stronger = rng.uniform(0.5, 2.0, (len(law), 1)), rng.uniform(0.5, 2.0, (len(law), 1))
+    scaled = [laws[k].scaled(s, b) for k, s, b in zip(law, stretched[:, 0], stronger[:, 0], strict=True)]
+    rows = RowLaws(LawTables.of(scaled), np.arange(len(law))[:, None], None, stretched, stronger)
+    answers = solve_block(body, loads, rows)
+    lowest = expected.certificates.global_minimum
+    assert np.count_nonzero(lowest) > 5
+    assert np.array_equal(answers.certificates.unique, expected.certificates.unique)
+    np.testing.assert_allclose(answers.energy[lowest], expected.energy[lowest], rtol=1e-10, atol=1e-13)
+
+
+def test_a_moved_law_is_a_moved_problem() -> None:
+    """v = w + s_p with a law moved by s_p is w with the load l̃ − Ã s_p and the law as it is."""
+    body, loads, tables, law = block(20, [cases.slip_weakening(1.0, 0.6, 1.0)], 10)
+    passed = 0.1 * np.sin(np.arange(20))[None, :].repeat(10, axis=0)
+    moved = solve_block(body, loads, RowLaws(tables, law[:, None], passed))
+    plain = solve_block(body, loads - passed @ body.A_tilde, RowLaws(tables, law[:, None]))
+    assert np.all(plain.certificates.unique)
+    assert np.all(moved.certificates.unique)
+    np.testing.assert_allclose(moved.v - passed, plain.v, atol=1e-11)
+
+
+def test_branch_continued_follows_its_neighbours_in_waves() -> None:
+    laws = [cases.slip_weakening(1.0, 0.2, 0.05)]
+    body, loads, tables, _ = block(20, laws, 1)
+    loads = loads * np.linspace(0.2, 3.0, 12)[:, None]
+    neighbour = np.arange(12) - 1
+    law = np.zeros(12, dtype=np.intp)
+    answers = solve_points(body, loads, tables, law, Options(branch="continued"), neighbour)
+    v = None
+    for p in range(12):
+        expected = solve_contact(single(body, loads[p], laws[0]), branch="continued", neighbour=v)
+        v = expected.v
+        np.testing.assert_allclose(answers.v[p], v, atol=1e-9 * np.max(np.abs(v)))
+        assert answers.start[p] == expected.start == (0 if p == 0 else NEIGHBOUR)
+
+
+def test_waves_refuse_a_circle() -> None:
+    assert [list(w) for w in waves(np.array([-1, 0, 0, 1]))] == [[0], [1, 2], [3]]
+    with pytest.raises(ValueError, match="circle"):
+        waves(np.array([1, 0]))
+
+
+def test_branch_from_zero_is_that_of_the_single_solve() -> None:
+    laws = some_laws()
+    body, loads, tables, law = block(20, laws, 30)
+    answers = solve_points(body, loads, tables, law, Options(branch="from-zero"))
+    for p in range(30):
+        expected = solve_contact(single(body, loads[p], laws[law[p]]), branch="from-zero")
+        np.testing.assert_allclose(answers.energy[p], expected.energy, rtol=1e-11, atol=1e-14)
+
+
+def test_what_rounding_hides_is_judged_and_reported() -> None:
+    """Friction 1e-30 of the load: no strict tolerance can be met, and every point says so."""
+    laws = [cases.slip_weakening(1.0, 0.5, 0.1)]
+    body, loads, tables, law = block(20, laws, 4)
+    answers = solve_points(body, 1e30 * loads, tables, law, Options(tolerance=1e-10))
+    failed = answers.status != Status.CONVERGED
+    assert np.any(failed)
+    for p in range(4):
+        assert bool(answers.reasons[p]) == bool(failed[p])
+        assert not failed[p] or not answers.certificates.global_minimum[p]
+
+
+def test_a_body_without_load_or_friction_is_at_rest() -> None:
+    body, loads, _, _ = block(5, [cases.spring()], 2)
+    nothing = cases.spring(0.0)
+    answers = solve_points(body, 0.0 * loads, LawTables.of([nothing]), np.zeros(2, dtype=np.intp))
+    assert np.all(answers.v == 0.0)
+    assert np.all(answers.status == Status.CONVERGED)
+    assert np.all(answers.certificates.unique)
+
+
+def test_where_double_precision_is_not_enough_the_answer_has_a_low_part() -> None:
+    """Friction 1e-8 of the load: the single solve keeps v as a sum of two doubles, and so does the block."""
+    laws = [cases.slip_weakening(1e-8, 0.5e-8, 0.1)]
+    body, loads, tables, law = block(20, laws, 3)
+    loads = loads / np.max(np.abs(loads)) * np.max(body.c)
+    answers = solve_points(body, loads, tables, law, Options(tolerance=1e-10))
+    assert np.all(answers.status == Status.CONVERGED)
+    assert np.any(answers.v_low != 0.0)
+    assert np.all(answers.inclusion_residual <= 1e-10)
+    for p in range(3):
+        expected = solve_contact(single(body, loads[p], laws[0]), tolerance=1e-10)
+        assert answers.energy[p] <= expected.energy + TIE * abs(expected.energy)

@@ -1,0 +1,115 @@
+"""Laws in tables against the laws themselves: values, primitives, ranges, bends, hulls; by row and by node."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tcstudy.online import LawTables, RowLaws
+from tcstudy.online.law_bends import bend_below_tangent as bends
+from tcstudy.online.law_bounds import largest_push, least_slope, value_range
+from tcstudy.online.law_hulls import proximal_hulls
+from tcstudy.solve import global_bound, nodal_pieces, solution_box
+from tcstudy.solve.proximal_hull import proximal_hull
+from tests.online.rows import some_laws
+
+LAWS = some_laws()
+TABLES = LawTables.of(LAWS)
+
+
+def slips(rng: np.random.Generator, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """(law by node, slips): a third of them on a kink of their law."""
+    law = rng.integers(0, len(LAWS), shape)
+    s = rng.normal(scale=0.5, size=shape)
+    for place in zip(*np.nonzero(rng.random(shape) < 0.3), strict=True):
+        kinks = LAWS[law[place]].kinks
+        if len(kinks):
+            s[place] = rng.choice(kinks)
+    return law, s
+
+
+def by_law(law: np.ndarray, *arguments: np.ndarray, of) -> np.ndarray:
+    """`of`(law, its own entries of the arguments), put together again."""
+    result = np.empty(law.shape)
+    for k, own in enumerate(LAWS):
+        mine = law == k
+        result[mine] = of(own, *(x[mine] for x in arguments))
+    return result
+
+
+def test_values_slopes_and_primitives_are_those_of_the_laws() -> None:
+    rng = np.random.default_rng(1)
+    law, x = slips(rng, (8, 40))
+    _, y = slips(rng, (8, 40))
+    at, end = TABLES.locate(law, x), TABLES.locate(law, y)
+    for side, piece in ((-1, at.piece), (1, at.piece + at.on)):
+        assert np.array_equal(TABLES.value(x, piece), by_law(law, x, of=lambda b, s, side=side: b.b(s, side)))
+        slope = by_law(law, x, of=lambda b, s, side=side: b.slope(s, b.piece(s, side)))
+        np.testing.assert_allclose(TABLES.slope(x, piece), slope, rtol=1e-14)
+    expected = by_law(law, x, y, of=nodal_pieces.integral)
+    np.testing.assert_allclose(TABLES.integral(x, y, at, end), expected, rtol=1e-12, atol=1e-14)
+    towards = rng.normal(size=x.shape)
+    assert np.array_equal(TABLES.next_up_jump(at, towards), by_law(law, x, towards, of=nodal_pieces.next_up_jump))
+
+
+def test_ranges_and_least_slopes_are_those_of_the_laws() -> None:
+    rng = np.random.default_rng(2)
+    law, low = slips(rng, (8, 60))
+    high = low + np.where(rng.random(low.shape) < 0.2, 0.0, rng.exponential(0.3, low.shape))
+    for one, found in enumerate(value_range(TABLES, law, low, high)):
+        expected = by_law(law, low, high, of=lambda b, x, y, one=one: solution_box.b_range(b, x, y)[one])
+        np.testing.assert_allclose(found, expected, rtol=1e-14)
+    np.testing.assert_allclose(
+        least_slope(TABLES, law, low, high), by_law(law, low, high, of=solution_box.least_slope), rtol=1e-14
+    )
+    np.testing.assert_allclose(largest_push(TABLES), [solution_box._largest_push(law) for law in LAWS], rtol=1e-14)
+
+
+@pytest.mark.parametrize("parts", [6, 48])
+def test_bends_are_those_of_the_laws_and_few_parts_never_less(parts: int) -> None:
+    rng = np.random.default_rng(3)
+    law, v = slips(rng, (1, 300))
+    law, v = law[0], v[0]
+    low, high = v - rng.exponential(0.5, len(v)), v + rng.exponential(0.5, len(v))
+    zeta = by_law(law, v, of=lambda b, s: np.mean(b.interval(s), axis=0))
+    found = bends(TABLES, law, v, zeta, low, high, parts)
+    expected = by_law(law, v, zeta, low, high, of=global_bound.bend_below_tangent)
+    if parts == 48:
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    else:
+        finite = np.isfinite(expected)
+        assert np.all(found[finite] >= expected[finite] - 1e-9 * np.abs(expected[finite]))
+
+
+@pytest.mark.parametrize("kappa", [0.5, 3.0, 20.0])
+def test_hulls_are_those_of_the_laws(kappa: float) -> None:
+    hulls, bridges = proximal_hulls(TABLES, kappa)
+    s = np.linspace(-1.2, 1.2, 501)
+    for k, law in enumerate(LAWS):
+        expected, ends = proximal_hull(law, kappa)
+        np.testing.assert_allclose(np.column_stack([bridges.left, bridges.right])[bridges.law == k], ends, rtol=1e-6)
+        index = np.full(s.shape, k)
+        at = hulls.locate(index, s)
+        np.testing.assert_allclose(hulls.value(s, at.piece), expected.b(s, -1), rtol=1e-6, atol=1e-6)
+        inside = np.any((ends[:, :1] < s) & (s < ends[:, 1:]), axis=0) if len(ends) else np.zeros(s.shape, dtype=bool)
+        assert np.array_equal(bridges.cover(index[:, None], s[:, None])[:, 0], inside)
+
+
+def test_laws_by_node_are_moved_stretched_and_made_stronger() -> None:
+    rng = np.random.default_rng(4)
+    shape = (3, 7)
+    law, _ = slips(rng, shape)
+    moved, stretched, stronger = rng.normal(size=shape), rng.uniform(0.5, 2.0, shape), rng.uniform(0.5, 2.0, shape)
+    rows = RowLaws(TABLES, law, moved, stretched, stronger)
+    v = rng.normal(size=shape)
+    at = rows.locate(v)
+    t = (v - moved) / stretched
+    np.testing.assert_allclose(rows.value(v, at.piece), stronger * by_law(law, t, of=lambda b, x: b.b(x)), rtol=1e-12)
+    for row in range(shape[0]):
+        for node in range(shape[1]):
+            own, x = rows.single(row, node), v[row, node]
+            np.testing.assert_allclose(own.b(x), rows.value(v, at.piece)[row, node], rtol=1e-10)
+    zero, to = np.zeros(shape), rows.locate(v)
+    from_zero = rows.integral(zero, v, rows.locate(zero), to)
+    expected = [[float(rows.single(r, i).j(v[r, i])) for i in range(shape[1])] for r in range(shape[0])]
+    np.testing.assert_allclose(from_zero, expected, rtol=1e-9, atol=1e-12)
