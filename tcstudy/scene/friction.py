@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 UP, BEND, DOWN = 1, 0, -1
 """Kinds of kink: up-jump (convex kink of j, sticking), change of slope only, down-jump (concave)."""
 
+NARROW = 32.0
+"""Roundings of the slip up to which a piece is narrow (`FrictionLaw.without_narrow_pieces`)."""
+
 
 class GrowthError(ValueError):
     """The law violates growth condition (15) or (16); the text says where and why."""
@@ -238,6 +241,22 @@ class FrictionLaw:
             self.a[kept] / b_unit,
             (self.r * stretch)[kept] * s_unit,
         )
+
+    @cached_property
+    def without_narrow_pieces(self) -> FrictionLaw:
+        """The law with pieces of up to NARROW roundings of the slip as jumps; the law itself where there are none.
+
+        No double lies inside the narrowest of them, so that a descent cannot come to rest there; on a jump it can.
+        """
+        size = np.maximum(np.abs(self.kinks[:-1]), np.abs(self.kinks[1:]))
+        narrow = np.diff(self.kinks) <= NARROW * np.spacing(size)
+        if not np.any(narrow):
+            return self
+        kept = np.concatenate([[True], ~narrow, [True]])
+        outer = np.append(narrow, False) & (self.kinks < 0.0)  # of the two ends the one nearer to 0 stays
+        held = np.where(self.kinks < 0.0, ~outer, np.concatenate([[True], ~narrow]))
+        arrays = (x[kept] for x in (self.s_0, self.b_0, self.q, self.a, self.r))
+        return FrictionLaw(self.name, self.kinks[held], *arrays)
 
     def check_growth(self) -> None:
         """Raise GrowthError unless (15) and (16) hold: b eventually opposes slip and grows at most linearly."""

@@ -142,7 +142,7 @@ def _separable(
         method = replace(method, coarsest=0)  # coarse copies of the problem would look for a lower basin
     if max_iterations is not None:
         method = replace(method, max_iterations=max_iterations)
-    return iterate(method, problem, x0, log)
+    return iterate(method, replace(problem, law=problem.law.without_narrow_pieces), x0, log)
 
 
 def _bundle(
@@ -181,10 +181,11 @@ def _judge(problem: ContactProblem, outcome: Outcome, acceptance: Acceptance) ->
 
 def _looked_at(problem: ContactProblem, v: Array, acceptance: Acceptance) -> Refined:
     """v with its residual, in extended precision and refined where rounding is no longer small beside the tolerance."""
-    if problem.xi_rounding(v) > ROUNDING * acceptance.aim:
-        return refined(problem, v, acceptance.aim)
     xi = problem.xi(v)
-    return Refined(v, np.zeros(problem.m), xi, problem.inclusion_residual(v, xi=xi))
+    plain = Refined(v, np.zeros(problem.m), xi, problem.inclusion_residual(v, xi=xi))
+    if problem.xi_rounding(v) > ROUNDING * acceptance.aim or not plain.residual <= acceptance.aim:
+        return refined(problem, v, acceptance.aim)
+    return plain
 
 
 def _failure(outcome: Outcome, residual: float, rounding: float, acceptance: Acceptance) -> str:

@@ -44,7 +44,8 @@ def extended(problem: ContactProblem, v: Array, v_low: Array | None = None) -> R
     low = np.zeros(problem.m) if v_low is None else v_low
     xi = problem.xi_extended(v, v_low)
     law = problem.law
-    moved = xi - problem.c * np.where(low == 0.0, 0.0, law.slope(v, law.piece(v)) * low)  # b at v + v_low, from b at v
+    piece = np.where(low < 0.0, law.piece(v, -1), law.piece(v, +1))
+    moved = xi - problem.c * np.where(low == 0.0, 0.0, law.slope(v, piece) * low)  # b at v + v_low, from b at v
     return Refined(v, low, xi, problem.inclusion_residual(v, xi=moved))
 
 
@@ -73,7 +74,8 @@ def _step(problem: ContactProblem, at: Refined) -> Refined | None:
     free = np.flatnonzero(~s.at_rest)
     if not len(free):
         return None
-    piece = np.where(s.descent <= 0.0, law.piece(at.v, +1), law.piece(at.v, -1))[free]
+    right = (at.v_low > 0.0) | ((at.v_low == 0.0) & (s.descent <= 0.0))
+    piece = np.where(right, law.piece(at.v, +1), law.piece(at.v, -1))[free]
     slope = c[free] * law.slope(at.v[free], piece)
     solve = linear_solver(problem, free, slope)
     if solve is None:

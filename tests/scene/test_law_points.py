@@ -50,7 +50,6 @@ def test_close_points_keep_their_values(odd: bool) -> None:
 def test_a_point_one_rounding_on_does_not_swallow_the_next_piece() -> None:
     law = SHAPES["piecewise-linear"].build(points=[(0, 0.5), (0.3, 0.5), (0.1 + 0.2, 0.5), (1, 1)])
     assert float(law.b(0.9)) == pytest.approx(0.5 + 0.5 * 0.6 / 0.7, rel=1e-15)
-    assert law.kinks.tolist() == [-1.0, -0.3, 0.0, 0.3, 1.0] or law.kinks[3] == 0.1 + 0.2
 
 
 @pytest.mark.parametrize("width", [1e-6, 1e-9, 1e-12])
