@@ -130,6 +130,7 @@ def show(options: argparse.Namespace) -> int:
     from tcstudy.report.convergence import convergence_report
     from tcstudy.report.cost import cost_report
     from tcstudy.report.path_summary import path_summary
+    from tcstudy.report.style import DrawError
     from tcstudy.report.summary import summary
 
     reports = {"run": summary, "path": path_summary, "convergence": convergence_report, "cost": cost_report}
@@ -137,7 +138,7 @@ def show(options: argparse.Namespace) -> int:
         with reading(options.file):
             text = reports[kind_of(options.file)](options.file).rstrip("\n")
         print(text)
-    except StoreError as error:
+    except (StoreError, DrawError) as error:
         fail(str(error))
     return OK
 

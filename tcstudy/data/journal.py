@@ -13,6 +13,7 @@ import sqlite3
 import threading
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from tcstudy.data import schema
@@ -21,6 +22,7 @@ from tcstudy.data.journal_file import SELECT, connect, rollback_file, set_aside
 from tcstudy.data.journal_rows import Row, decode_level, decode_point, encode
 from tcstudy.data.provenance import program, study_sha256
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.store import check_point
 from tcstudy.scene.records import Study
 
 COMMIT_SECONDS = 0.25
@@ -62,18 +64,19 @@ class Journal:
         if problems:
             raise StoreError("; ".join(problems))
         path = Path(os.path.realpath(output))
-        path = path.with_name(path.name + PARTIAL)
+        path = Path(os.path.realpath(path.with_name(path.name + PARTIAL)))
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise StoreError(f"cannot make {path.parent}: {error.strerror}. choose another output") from error
         header = _header(study)
         warnings: tuple[str, ...] = ()
-        connection, why = connect(path, header)
+        check = partial(_check, study)
+        connection, why = connect(path, header, check)
         if why:
             kept = set_aside(path, connection)
             warnings = (f"{path.name} {why}; it is kept as {kept.name} and the run starts anew",)
-            connection, why = connect(path, header)
+            connection, why = connect(path, header, check)
         if connection is None or why:
             raise StoreError(f"cannot start the journal {path}: {why}. Choose another output")
         remove_stale(output)
@@ -171,6 +174,17 @@ class Journal:
         """The timer's flush: its error is kept for the next `add`, `flush` or `close`."""
         with suppress(StoreError):
             self.flush()
+
+
+def _check(study: Study, row: Row) -> None:
+    """Raise an error unless a row is a record that has a place in the file of this study."""
+    if row[0] == "level":
+        level = decode_level(row)
+        lengths = {len(values) for values in (level.arclength, level.x, level.y, level.c, level.edge)}
+        if lengths != {level.n_contact} or not 0 <= level.level < study.mesh.levels:
+            raise ValueError(f"level {level.level} does not fit the study")
+        return
+    check_point(decode_point(row), study)
 
 
 def _header(study: Study) -> dict[str, str]:

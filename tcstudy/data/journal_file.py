@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import sqlite3
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from tcstudy.data.files import StoreError
-from tcstudy.data.journal_rows import checksum
+from tcstudy.data.files import StoreError, special_file
+from tcstudy.data.journal_rows import Row, checksum
+from tcstudy.errors import shortened
 
 SMALLEST_PAGE = 512
 """Bytes of the smallest SQLite file that holds anything."""
@@ -27,9 +29,18 @@ class _Damaged(Exception):
     """The journal cannot be trusted; the text says why."""
 
 
-def connect(path: Path, header: dict[str, str]) -> tuple[sqlite3.Connection | None, str]:
-    """An open, locked journal with this header, and why it cannot be used ("" if it can)."""
+_FAULTS = (sqlite3.DatabaseError, _Damaged, ValueError, TypeError, LookupError, AttributeError, OverflowError)
+"""What a journal with damaged or foreign content may raise."""
+
+
+def connect(path: Path, header: dict[str, str], check: Callable[[Row], None]) -> tuple[sqlite3.Connection | None, str]:
+    """An open, locked journal with this header, and why it cannot be used ("" if it can).
+
+    check: raises an error for a row that is no record of this run, whatever its checksum says
+    """
     connection: sqlite3.Connection | None = None
+    if what := special_file(path):
+        raise StoreError(f"{path} is {what}, no file. Remove it or choose another output")
     # SQLite takes a file shorter than a page for an empty one and writes over it. Only its size is looked at: to open
     # and close it here would drop the locks that this process has on it
     if path.is_file() and 0 < path.stat().st_size < SMALLEST_PAGE:
@@ -41,18 +52,25 @@ def connect(path: Path, header: dict[str, str]) -> tuple[sqlite3.Connection | No
         connection.execute("PRAGMA synchronous=FULL")
         connection.execute("BEGIN EXCLUSIVE")
         connection.execute("COMMIT")
-        return connection, _look_into(connection, header)
-    except (sqlite3.DatabaseError, _Damaged) as error:
+        return connection, _look_into(connection, header, check)
+    except _FAULTS as error:
         obstacle = _obstacle(path, error)
         if connection is not None and not obstacle:
-            return connection, f"is damaged ({error})"
+            return connection, f"is damaged ({_line(error)})"
         if connection is not None:
             connection.close()
         raise StoreError(obstacle) from error
 
 
+def _line(error: Exception) -> str:
+    """The first line of an error, cut to a readable length."""
+    return shortened((str(error).splitlines() or [type(error).__name__])[0], 100)
+
+
 def _obstacle(path: Path, error: Exception) -> str:
     """What keeps a sound journal from being used; empty if the error speaks of damage."""
+    if not isinstance(error, sqlite3.Error):
+        return ""
     text = str(error)
     if "locked" in text:
         return f"another run is writing to the same output ({path} is locked). Wait for it or choose another output"
@@ -66,7 +84,7 @@ def _obstacle(path: Path, error: Exception) -> str:
     return ""
 
 
-def _look_into(connection: sqlite3.Connection, header: dict[str, str]) -> str:
+def _look_into(connection: sqlite3.Connection, header: dict[str, str], check: Callable[[Row], None]) -> str:
     """Make the tables of an empty journal; say why a filled one does not belong to this run."""
     tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if not tables:
@@ -78,9 +96,9 @@ def _look_into(connection: sqlite3.Connection, header: dict[str, str]) -> str:
         return ""
     if tables != {"header", "record"}:
         return "is not a journal of tcstudy"
-    check = connection.execute("PRAGMA quick_check").fetchone()[0]
-    if check != "ok":
-        raise _Damaged(check)
+    verdict = connection.execute("PRAGMA quick_check").fetchone()[0]
+    if verdict != "ok":
+        raise _Damaged(verdict)
     found = dict(connection.execute("SELECT key, value FROM header").fetchall())
     if found.get("study_sha256") != header["study_sha256"]:
         return "is of another study or other overrides"
@@ -90,6 +108,7 @@ def _look_into(connection: sqlite3.Connection, header: dict[str, str]) -> str:
         for row in connection.execute(SELECT, (kind,)):
             if checksum(row) != row[-1]:
                 raise _Damaged(f"wrong checksum of {kind} {row[1]} on level {row[2]}")
+            check(row)
     # a write, because SQLite opens a file that it must not write without a word, locking or not
     connection.execute("PRAGMA user_version = 1")
     return ""
@@ -103,9 +122,13 @@ def set_aside(path: Path, connection: sqlite3.Connection | None) -> Path:
     if connection is not None and os.name == "nt":  # an open file cannot be renamed there
         connection.close()
     # renamed before the lock goes, so that no other run can resume it in between
-    os.rename(path, kept)
-    if connection is not None:
-        connection.close()
+    try:
+        os.rename(path, kept)
+    except OSError as error:
+        raise StoreError(f"cannot set {path} aside: {error.strerror}. Remove it or choose another output") from error
+    finally:
+        if connection is not None:
+            connection.close()
     with suppress(FileNotFoundError):
         os.rename(rollback_file(path), rollback_file(kept))
     return kept

@@ -83,7 +83,7 @@ def _write_file(
             contact[level.level] = _contact_arrays(study, level)
         places = [schema.axis_places(axis) for axis in study.axes] if study.mode == "grid" else []
         for point in points:
-            _check_point(point, study)
+            check_point(point, study)
             if places:
                 point = replace(point, index=tuple(int(p[i]) for p, i in zip(places, point.index, strict=True)))
             _take_point(root, contact.get(point.level, {}), point)
@@ -219,7 +219,7 @@ def _put_fields(group: netCDF4.Group | None, study: Study, point: PointRecord) -
         group[name][point.index] = values
 
 
-def _check_point(point: PointRecord, study: Study) -> None:
+def check_point(point: PointRecord, study: Study) -> None:
     """Raise ValueError unless the record has a place in the file of this study."""
     inside = len(point.index) == len(study.shape) and all(
         0 <= i < n for i, n in zip(point.index, study.shape, strict=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import random
 import signal
@@ -20,6 +21,7 @@ from tcstudy.data import journal as journal_module
 from tcstudy.data import store
 from tcstudy.data.files import StoreError
 from tcstudy.data.journal import Journal
+from tcstudy.data.journal_rows import checksum
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.scene.records import Study
@@ -124,6 +126,7 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from conftest import make_level, make_point, make_study
 from tcstudy.data.journal import Journal
+from tcstudy.data.journal_rows import checksum
 import numpy as np
 from dataclasses import replace
 study = make_study()
@@ -348,6 +351,7 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from conftest import make_point, make_study
 from tcstudy.data.journal import Journal
+from tcstudy.data.journal_rows import checksum
 from tcstudy.data.files import StoreError
 from dataclasses import replace
 import numpy as np
@@ -420,3 +424,48 @@ def test_axes_that_the_store_would_refuse_are_refused_before_the_work(output: Pa
     bad = replace(study, axes=(replace(study.axes[0], name="xi", path=("xi",)),))
     with pytest.raises(StoreError, match="name of a result"):
         Journal.open(output, bad)
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        ("scalars", b"\xff\xfe"),
+        ("scalars", "[]"),
+        ("scalars", '{"index": [9, 9, 9], "level": 0, "status": 1, "reason": "", "numbers": {}}'),
+        ("layout", '[["u_T", "<f8", [99]]]'),
+        ("arrays", "text"),
+        ("crc", "text"),
+    ],
+)
+def test_a_record_that_is_none_sets_the_journal_aside(
+    output: Path, study: Study, new_point: Callable[..., PointRecord], column: str, value: object
+) -> None:
+    """Whatever its checksum says: the store would refuse it only after all the work."""
+    fill(output, study, [new_point((0, 0, 0), 0)])
+    with contextlib.closing(sqlite3.connect(partial(output))) as database:
+        database.execute(f"UPDATE record SET {column} = ?", (value,))
+        row = list(database.execute("SELECT kind, place, level, scalars, layout, arrays, crc FROM record").fetchone())
+        if column != "crc":
+            with contextlib.suppress(TypeError):
+                database.execute("UPDATE record SET crc = ?", (checksum(tuple(row)),))
+        database.commit()
+    with Journal.open(output, study) as journal:
+        assert journal.finished == {}
+        assert "is damaged" in journal.warnings[0]
+        assert "\n" not in journal.warnings[0]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes and symbolic links of POSIX")
+def test_a_journal_is_a_file_wherever_its_link_points(
+    output: Path, study: Study, new_point: Callable[..., PointRecord], tmp_path: Path
+) -> None:
+    output.parent.mkdir()
+    partial(output).symlink_to(tmp_path / "far.partial")
+    fill(output, study, [new_point((0, 0, 0), 0)])
+    assert partial(output).is_symlink()
+    with Journal.open(output, study) as journal:
+        assert len(journal.finished) == 1
+    partial(output).unlink()
+    os.mkfifo(partial(output))
+    with pytest.raises(StoreError, match="is a pipe, no file"):
+        Journal.open(output, study)

@@ -1,0 +1,224 @@
+"""Damaged result files and journals through the commands: each is refused or set aside in one line, or read.
+
+    python -m tests.benchmarks.damaged [--cases 500] [--seed 1]
+
+Files are flipped, cut, emptied in parts, edited (attributes and values changed, variables renamed) or replaced by a
+stranger's; journals are flipped, cut, and their rows edited with checksums that fit.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import os
+import random
+import shutil
+import sqlite3
+import sys
+import tempfile
+import traceback
+import warnings
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+
+from tcstudy.cli import main
+from tcstudy.data.journal import Journal
+from tcstudy.data.journal_rows import checksum
+from tcstudy.scene.reader import read_study
+from tcstudy.study.run import run
+
+STUDY = """units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: clamped, right: free, top: {role: traction, g: [0.1, 0]}}
+material: {E: 1, nu: 0.3}
+friction: {law: slip-weakening, tau_s: 0.1, tau_k: 0.05, delta: 0.12}
+mesh: {maxh: 0.5, levels: 2}
+sweep: {delta: [1.2, 0.12]}
+path: {parameter: load, from: 0, to: 1, at: [0.5]}
+"""
+ODD = ("", "x", "\x1b[31mRED\x1b]0;owned\x07", 5, np.nan, np.array([1, 2, 3]), "{", "a b c", "y" * 10_000, "\u202e")
+FILES = {"run": "run.nc", "path": "path.nc", "converge": "convergence.nc", "cost": "cost.nc"}
+
+
+def make_bases(folder: Path) -> None:
+    """A sound file of each command, the journal of a run that was killed, and their study."""
+    study = folder / "study.yaml"
+    study.write_text(STUDY)
+    for command, name in FILES.items():
+        more = ["--runs", "1", "--set", "mesh.levels=1"] if command == "cost" else []
+        code, _, errors = called([command, str(study), "--output", str(folder / name), *more])
+        assert code == 0, errors
+    with Journal.open(folder / "journal.nc", read_study(study)) as journal:
+        for record in run(read_study(study)):
+            journal.add(record)
+
+
+def called(words: list[str]) -> tuple[int, str, str]:
+    """Exit code (99 after an error that is none of ours), standard output and error of a command."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            code = main(words)
+        except SystemExit as stop:
+            code = int(stop.code or 0)
+        except BaseException:  # what this program is to find
+            code = 99
+            err.write(traceback.format_exc())
+    return code, out.getvalue(), err.getvalue()
+
+
+def flip(file: Path, draw: random.Random) -> None:
+    raw = bytearray(file.read_bytes())
+    for _ in range(draw.choice((1, 1, 4, 64))):
+        raw[draw.randrange(len(raw))] ^= 1 << draw.randrange(8)
+    file.write_bytes(raw)
+
+
+def flip_unsealed(file: Path, draw: random.Random) -> None:
+    """As `flip`, of a file of an earlier version, which has no seal: only a child may open it."""
+    file.write_bytes(file.read_bytes()[:-200])
+    with contextlib.suppress(OSError), netCDF4.Dataset(file):
+        pass
+    flip(file, draw)
+
+
+def zero(file: Path, draw: random.Random) -> None:
+    raw = bytearray(file.read_bytes())
+    start = draw.randrange(len(raw))
+    raw[start : start + 512] = bytes(len(raw[start : start + 512]))
+    file.write_bytes(raw)
+
+
+def cut(file: Path, draw: random.Random) -> None:
+    raw = file.read_bytes()
+    file.write_bytes(raw[: draw.randrange(len(raw))])
+
+
+def foreign(file: Path, draw: random.Random) -> None:
+    file.unlink()
+    with netCDF4.Dataset(file, "w") as nc:
+        nc.setncatts({"source": draw.choice(("tcstudy 0.1.0", "an instrument")), "finished": np.int32(1)})
+        nc.setncattr("content", draw.choice(("path", "cost", "run", 5)))
+
+
+def edit_attribute(file: Path, draw: random.Random) -> None:
+    with netCDF4.Dataset(file, "a") as nc:
+        holder = draw.choice([nc, nc, *nc.variables.values()])
+        names = [name for name in holder.ncattrs() if name != "_FillValue"]
+        if names and draw.random() < 0.3:
+            holder.delncattr(draw.choice(names))
+        elif names:
+            holder.setncattr(draw.choice(names), draw.choice(ODD))
+
+
+def edit_value(file: Path, draw: random.Random) -> None:
+    with netCDF4.Dataset(file, "a") as nc:
+        group = draw.choice([nc, *nc.groups.values()])
+        found = [v for v in group.variables.values() if v.size]
+        variable = draw.choice(found)
+        if variable.dtype is str:
+            variable[...] = np.full(variable.shape, draw.choice(("", "\x1b[31mR", "a b", "\n\n")), dtype=object)
+        else:
+            odd = [0, 1, -1, 99, 127] + ([np.nan, np.inf, 1e300] if variable.dtype.kind == "f" else [])
+            variable[...] = np.full(variable.shape, draw.choice(odd), dtype=variable.dtype)
+
+
+def rename(file: Path, draw: random.Random) -> None:
+    with netCDF4.Dataset(file, "a") as nc:
+        if draw.random() < 0.3:
+            name = draw.choice(list(nc.dimensions))
+            nc.renameDimension(name, f"zz_{name}")
+        else:
+            name = draw.choice(list(nc.variables))
+            nc.renameVariable(name, f"zz_{name}")
+
+
+def edit_row(file: Path, draw: random.Random) -> None:
+    """Another content of one record or of the header, with the checksum that belongs to it."""
+    with contextlib.closing(sqlite3.connect(file)) as database:
+        if draw.random() < 0.2:
+            database.execute("UPDATE header SET value = ?", (draw.choice((b"\xff\xfe", "", 5)),))
+        else:
+            names = ("kind", "place", "level", "scalars", "layout", "arrays")
+            rows = database.execute(f"SELECT rowid, {', '.join(names)} FROM record").fetchall()
+            number, *row = draw.choice(rows)
+            at = draw.randrange(len(names))
+            row[at] = draw.choice(("{}", "[]", "null", b"\xff\xfe", -7, "9,9", '[["u_T", "<f8", [99]]]', 1.5))
+            with contextlib.suppress(TypeError):
+                row.append(checksum((*row, 0)))  # type: ignore[arg-type]
+            values = ", ".join(f"{name} = ?" for name in (*names, "crc")[: len(row)])
+            with contextlib.suppress(sqlite3.IntegrityError):
+                database.execute(f"UPDATE record SET {values} WHERE rowid = ?", (*row, number))
+        database.commit()
+
+
+Damage = Callable[[Path, random.Random], None]
+WAYS: tuple[Damage, ...] = (flip, flip, zero, cut, foreign, edit_attribute, edit_attribute, edit_value, rename)
+CHILD_WAYS: tuple[Damage, ...] = (*WAYS, flip_unsealed)
+JOURNAL_WAYS: tuple[Damage, ...] = (flip, zero, cut, edit_row, edit_row)
+
+
+def try_one(bases: Path, work: Path, draw: random.Random, ways: tuple[Damage, ...], drawn: float = 0.2) -> list[str]:
+    """One damaged file through one command; what was wrong, in words, empty if nothing."""
+    study = str(bases / "study.yaml")
+    if draw.random() < 0.25:
+        file, way = work / "journal.nc.partial", draw.choice(JOURNAL_WAYS)
+        shutil.copy(bases / "journal.nc.partial", file)
+        words, allowed = ["run", study, "--output", str(work / "journal.nc")], (0, 1)
+    else:
+        command, name = draw.choice(sorted(FILES.items()))
+        file, way = work / name, draw.choice(ways)
+        shutil.copy(bases / name, file)
+        kind, allowed = draw.random(), (0, 2)
+        if kind < drawn:
+            words = ["draw", str(file), str(work / "picture.png")]
+        elif kind < 0.7:
+            words = ["show", str(file)]
+        else:
+            more = ["--runs", "1"] if command == "cost" else []
+            words = [command, study, "--output", str(file), *more, "--set", "mesh.levels=2"]
+    with contextlib.suppress(OSError, RuntimeError, AttributeError):  # the library refuses some edits
+        way(file, draw)
+    code, out, err = called(words)
+    faults = []
+    if code not in allowed:
+        faults.append(f"exit code {code}: {err[-1500:]}")
+    if code == 2 and err.count("\n") != 1:
+        faults.append(f"{err.count(chr(10))} lines of error: {err[:500]}")
+    if any(c in out + err for c in "\x1b\x07\u202e"):
+        faults.append("control characters")
+    for left in work.iterdir():
+        left.unlink()
+    return [f"{way.__name__}, tcstudy {words[0]} {file.name}: {fault}" for fault in faults]
+
+
+def measure(cases: int, seed: int, ways: tuple[Damage, ...], drawn: float = 0.2) -> Counter[str]:
+    """Faults by their text after so many damaged files."""
+    found: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory() as folder:
+        bases, work = Path(folder) / "bases", Path(folder) / "work"
+        bases.mkdir()
+        work.mkdir()
+        make_bases(bases)
+        for i in range(cases):
+            found.update(try_one(bases, work, random.Random(f"{seed}-{i}"), ways, drawn))
+    return found
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("MPLBACKEND", "Agg")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=500)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    faults = measure(options.cases, options.seed, CHILD_WAYS)
+    for text, count in faults.most_common():
+        print(f"{count} × {text}\n")
+    print(f"{options.cases} damaged files, {sum(faults.values())} faults")
+    sys.exit(1 if faults else 0)
