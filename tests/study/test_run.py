@@ -122,7 +122,8 @@ def test_too_few_iterations_is_a_status_with_a_remedy(tmp_path: Path) -> None:
 
 
 SLOW = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent in the background hands down one that is ignored
 from pathlib import Path
 from tcstudy.scene.reader import read_study
 from tcstudy.study import run as run_module
@@ -154,12 +155,16 @@ def test_finished_points_survive(tmp_path: Path, kill: signal.Signals) -> None:
     words = [sys.executable, "-c", SLOW, str(study_file), str(output), str(reached)]
     process = subprocess.Popen(words, env=environment)
     partial = tmp_path / "out.nc.partial"
-    deadline = time.monotonic() + 60
-    while not reached.exists() and time.monotonic() < deadline:
-        time.sleep(0.05)
-    time.sleep(COMMIT_SECONDS + 0.5)  # a record is safe so long after it was made
-    process.send_signal(kill)
-    assert process.wait(30) in (-kill, 130)
+    try:
+        deadline = time.monotonic() + 60
+        while not reached.exists() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        time.sleep(COMMIT_SECONDS + 0.5)  # a record is safe so long after it was made
+        process.send_signal(kill)
+        assert process.wait(30) in (-kill, 130)
+    finally:  # no child outlives the test
+        process.kill()
+        process.wait()
     assert partial.exists()
     assert not output.exists()
     from tcstudy.study.execute import execute
