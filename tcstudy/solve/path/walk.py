@@ -25,6 +25,9 @@ TIE = 1e-12
 """Nodes this close to their bound, relative to slip and traction there, reach it together with the first one, or as
 close as rounding of the problem lets their place be known (Units.blur)."""
 
+BLURS = 64.0
+"""Where a whole zone reaches its bounds at once its motion is nearly singular, and rounding that much larger."""
+
 LARGEST_TIE = 1e-9
 """Whatever rounding is, nodes farther from their bound have not reached it."""
 
@@ -99,7 +102,7 @@ class Walk:
         self.problem, self.units = problem, units
         self.graph: LawGraph = law_graph(problem.law)
         self.codes, self.x, self.t = codes.copy(), x.copy(), t
-        self.tie = max(TIE, min(4.0 * units.blur, LARGEST_TIE))
+        self.tie = max(TIE, min(BLURS * units.blur, LARGEST_TIE))
         free = self.graph.free[codes]
         self.tableau = Tableau(units.A, units.load, units.compliance, free, self.stiffness(codes, slice(None)))
         self.negatives = self.tableau.negatives()
