@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.report import style
+from tcstudy.report.path_folds import seen_folds
 from tcstudy.report.path_picture import RESPONSES, PathPicture, read_path_picture
 from tcstudy.report.path_states import draw_states
 from tcstudy.report.style import DrawError
@@ -91,9 +92,11 @@ def symbol(name: str) -> str:
 
 def _caption(picture: PathPicture) -> str:
     data = picture.data
+    t = picture.t[seen_folds(data)[0]]
+    t = t[(t >= picture.span[0]) & (t <= picture.span[1])]
     parts = [
         f"{data.sizes.get('piece', 0)} pieces",
-        f"{data.sizes.get('fold', 0)} folds",
+        f"{len(t)} {'fold' if len(t) == 1 else 'folds'}",
         f"{int(data['n_contact'])} contact nodes, level {int(data['level'])}",
         f"worst residual {number(float(data['residual'].max()), 2)}",
     ]
@@ -115,7 +118,7 @@ def _draw_curve(axes: Axes, picture: PathPicture, divisor: float) -> None:
     stable = data["stable"].values.astype(bool)
     _pieces(axes, t, y, ~stable, color=style.VERMILLION, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
     _pieces(axes, t, y, stable, color=style.INK, linewidth=1.3, zorder=4)
-    folds = data["fold_vertex"].values if "fold_vertex" in data else []
+    folds, _ = seen_folds(data)
     dot: dict[str, Any] = {
         "marker": "o",
         "markersize": 3.2,
@@ -232,7 +235,7 @@ def _legend(axes: Axes, picture: PathPicture) -> None:
         entries.append((Line2D([], [], color=LOWER, linewidth=6.0), "global minimum (proved)"))
     if not proved.all():
         entries.append((Line2D([], [], color=LOW, linewidth=6.0), "least energy on the path"))
-    if data.sizes.get("fold", 0):
+    if len(seen_folds(data)[0]):
         ring: dict[str, Any] = {"markerfacecolor": "white", "markeredgewidth": 0.9, "linestyle": "none"}
         entries.append((Line2D([], [], color=style.VERMILLION, marker="o", markersize=3.2, **ring), "fold"))
     if data.sizes.get("solution", 0):

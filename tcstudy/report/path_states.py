@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.path_records import ContactState
 from tcstudy.report import style
+from tcstudy.report.path_folds import seen_folds
 from tcstudy.report.path_picture import PathPicture
 from tcstudy.report.text import number
 
@@ -105,7 +106,7 @@ def _ticks(axes: Axes, picture: PathPicture, position: Array, shown: NDArray[np.
     axes.set_xticks(places, [number(value / divisor, 3) for value in values])
     axes.set_xlim(0.0, position[-1])
     last = -np.inf
-    for vertex in picture.data["fold_vertex"].values if "fold_vertex" in picture.data else []:
+    for vertex in seen_folds(picture.data)[0]:
         at = np.flatnonzero(shown == vertex)
         if len(at) and position[at[0]] - last > 0.01 * position[-1]:
             last = position[at[0]]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.data.path_store import open_path
+from tcstudy.report.path_folds import folds_in_words, seen_folds
 from tcstudy.report.text import number, prefix, table
 
 MOST_ROWS = 60
@@ -35,14 +36,15 @@ def _path(data: Any) -> str:
     divisor, unit = prefix([float(low), float(high)], units)
     followed = f"{number(t.min() / divisor)} … {number(t.max() / divisor)}"
     span = f"from {number(low / divisor)} to {number(high / divisor)} {unit}".removesuffix(" 1")
-    folds = t[data["fold_vertex"].values] if "fold_vertex" in data else np.zeros(0)
+    folds = t[seen_folds(data)[0]]
     inside = int(np.count_nonzero((folds >= min(low, high)) & (folds <= max(low, high))))
     stable = int(data["stable"].sum())
     lines = [
         f"  Path along {data.attrs['parameter']} {span}, reaching {followed}",
         f"  level {int(data['level'])}: {int(data['n_dof'])} dofs, {int(data['n_contact'])} contact unknowns; "
         f"omega/lambda_1 = {number(float(data['omega'] / data['lambda_1']))}",
-        f"  {data.sizes['piece']} pieces ({stable} stable), {len(folds)} folds ({inside} in the range), "
+        f"  {data.sizes['piece']} pieces ({stable} stable), {folds_in_words(data)}, "
+        f"{inside} of the folds in the range, "
         f"worst residual {number(float(data['residual'].max()), 2)}",
     ]
     if float(data["law_error"]) > 0.0:

