@@ -75,12 +75,17 @@ class HeldEnds:
     stick: bool = False
 
 
-def smooth_up_to(exponent: float | None, ends: HeldEnds) -> Smoothness:
-    """Smoothness of a given solution with u ~ r^exponent, ξ ~ r^(exponent−1); None if it is smooth."""
+def smooth_up_to(exponent: float | None, ends: HeldEnds, front: bool = False) -> Smoothness:
+    """Smoothness of a given solution with u ~ r^exponent, ξ ~ r^(exponent−1); None if it is smooth.
+
+    front: stick meets slip somewhere on Γ_C, where ξ has a kink at least
+    """
     why = "smooth" if exponent is None else f"given: u ~ r^{exponent:g}"
     given = NO_LIMIT if exponent is None else Singularity(exponent, why)
     xi = [NO_LIMIT if exponent is None else Singularity(exponent - 1, why)]
     u_T = [given]
+    if front:
+        xi.append(Singularity(1.0, "stick meets slip on Γ_C, where ξ has a kink"))
     if ends.slip:
         u_T.append(Singularity(1.0, "held end of Γ_C, whose half cell goes to a slipping node"))
         xi.append(u_T[-1])

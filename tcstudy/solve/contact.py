@@ -85,8 +85,8 @@ def solve_contact(
     tolerance: largest inclusion residual, strict; None for 1e-10 or what rounding allows (solve/acceptance.py)
     branch:    "lowest": of the solutions found from zero, from the frictionless solution, from the neighbour and,
                unless the best of them seems global or the solver is bundle-newton, by the escape phase the one with
-               least energy; "continued": from the neighbour, without leaving its basin on purpose; "from-zero":
-               from zero. The last two try the other starts only where theirs fails
+               least energy; "continued": from the neighbour, without leaving its basin on purpose, and not moved at
+               all if it is a solution; "from-zero": from zero. These two try the other starts only where theirs fails
     neighbour: (m,) a solution of a neighbouring problem, if there is one
 
     An answer that misses the tolerance is solved again to higher accuracy, in the end with v as a sum of two doubles;
@@ -100,13 +100,21 @@ def solve_contact(
     answers: list[Answer] = []
     for start, x0 in _starts(problem, branch, neighbour):
         stay = branch == "continued" and start == NEIGHBOUR
-        outcome = run(problem, x0, accuracy, max_iterations, stay, log)
+        solves = (
+            stay and problem.inclusion_residual(x0) <= acceptance.aim
+        )  # a descent would leave one that is no minimum
+        outcome = _unmoved(problem, x0) if solves else run(problem, x0, accuracy, max_iterations, stay, log)
         answers.append(replace(_judge(problem, outcome, acceptance), start=start))
         if branch != "lowest" and answers[-1].status == Status.CONVERGED:
             break
     if branch == "lowest" and solver == "separable-newton":
         answers += _escape(problem, _together(answers), acceptance, max_iterations, log)
     return _together(answers)
+
+
+def _unmoved(problem: ContactProblem, v: Array) -> Outcome:
+    """A point that solves the problem already."""
+    return Outcome(v, problem.energy(v), Status.CONVERGED, "", 0, 1)
 
 
 def _starts(problem: ContactProblem, branch: Branch, neighbour: Array | None) -> Iterator[tuple[int, Array]]:

@@ -246,6 +246,7 @@ def _notes(study: Study, levels: list[SolvedLevel], reference: Reference | None)
     if isinstance(reference, NestedReference | FineReference):
         seen = ", ".join(f"{p:g} as {p + own_error(p):.2f}" for p in (0.5, 1.0, 2.0))
         notes.append(f"The reference has an error of its own, so rates look larger: an order of {seen} at most.")
+    notes += _lower(study, levels)
     several = sum(s.numbers.get("unique") == 0 for s in levels[-1].solutions.values())
     if several:
         notes.append(
@@ -253,6 +254,20 @@ def _notes(study: Study, levels: list[SolvedLevel], reference: Reference | None)
             "different ones; rates that jump are a sign of it."
         )
     return notes
+
+
+def _lower(study: Study, levels: list[SolvedLevel]) -> list[str]:
+    """A remark where the exact solution is an equilibrium, but not the one of least energy."""
+    pairs = [(s.numbers["energy"], s.lower) for s in levels[-1].solutions.values() if np.isfinite(s.lower)]
+    if not pairs:
+        return []
+    energy, lower = max(pairs, key=lambda pair: pair[0] - pair[1])
+    unit = "" if study.units == "none" else " J/m"
+    return [
+        f"At {len(pairs)} of {len(study.scenes)} points a state of lower energy than the exact solution's was found: "
+        f"by {energy - lower:.3g}{unit} at most ({lower:.6g} against {energy:.6g} on the finest level). Errors are "
+        "those of the branch that starts at the exact solution; tcstudy run stores the lower state."
+    ]
 
 
 def _stuck(study: Study, points: tuple[PointConvergence, ...]) -> list[str]:

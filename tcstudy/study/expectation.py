@@ -24,7 +24,8 @@ NOTABLE = 0.1
 def orders_to_expect(study: Study, finest: SolvedLevel, solution: Solution, scene: Scene) -> dict[str, Expected]:
     """Expected orders from the corners and from stick and slip on the finest level, or as the study gives them."""
     if study.exact is not None:
-        return expected_orders(smooth_up_to(study.exact.exponent, _held_ends(finest, solution)))
+        front = solution.ok and bool(solution.sticks.any()) and not bool(solution.sticks.all())
+        return expected_orders(smooth_up_to(study.exact.exponent, _held_ends(finest, solution), front))
 
     def sticks(edge: str, at: Point) -> bool:
         own = np.array([name == edge for name in finest.edges])

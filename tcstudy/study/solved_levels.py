@@ -13,6 +13,9 @@ from tcstudy.accuracy.norms import Triangles
 from tcstudy.data.records import PointRecord, PointStatus
 from tcstudy.fem.boundary import curve_normals
 from tcstudy.scene.records import Contact, Scene, Study
+from tcstudy.solve.active_pieces import finish
+from tcstudy.solve.contact import TIE
+from tcstudy.study.exact_line import exact_u_T
 from tcstudy.study.family import Family
 from tcstudy.study.level import Level
 from tcstudy.study.measures import sticking
@@ -42,6 +45,8 @@ class Solution:
     xi: Array
     sticks: NDArray[np.bool_]
     numbers: dict[str, float]
+    lower: float = float("nan")
+    """Energy of the least state found, where it lies below this one on the branch of the exact solution [J/m]."""
 
     @property
     def ok(self) -> bool:
@@ -83,10 +88,33 @@ def solve_levels(study: Study, say: Say) -> list[SolvedLevel]:
         for index, scene in order:
             neighbour = _step_back(levels[-1].solutions, index)
             record = solve_point(study, level, index, scene, neighbour)
-            levels[-1].solutions[index] = solution = solution_of(study, level, scene, record)
+            least = solution_of(study, level, scene, record)
+            solution = _on_exact_branch(study, level, index, scene, levels[-1], least)
+            levels[-1].solutions[index] = solution
             if not solution.ok:
                 say(f"point {index} on level {i}: {solution.status.name.lower()}: {solution.reason}")
     return levels
+
+
+def _on_exact_branch(
+    study: Study, level: Level, index: tuple[int, ...], scene: Scene, one: SolvedLevel, least: Solution
+) -> Solution:
+    """The solution that the exact one leads to as a start, where it is nearer than the least one; else the least one.
+
+    Where friction falls, the exact solution may be one of several, and not the lowest: errors belong to its own branch.
+    It may even be no minimum, so that Newton's method on its pieces finds it where a descent would leave it.
+    """
+    if study.exact is None or study.solver.branch != "lowest" or not least.ok or least.numbers.get("unique") == 1:
+        return least
+    start = one.line.at_nodes(exact_u_T(study.exact))
+    close, _ = finish(level.condensed(scene).problem, start)
+    near = replace(study, solver=replace(study.solver, branch="continued"))
+    found = solution_of(study, level, scene, solve_point(near, level, index, scene, close))
+    if not found.ok or np.linalg.norm(found.v - start) >= np.linalg.norm(least.v - start):
+        return least
+    energies = found.numbers["energy"], least.numbers["energy"]
+    below = energies[1] < energies[0] - TIE * max(map(abs, energies))
+    return replace(found, lower=energies[1]) if below else found
 
 
 def _order(study: Study) -> list[tuple[tuple[int, ...], Scene]]:

@@ -1,0 +1,44 @@
+"""Where the exact solution is one of several and not the least, errors are those of its own branch, and it is said."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tcstudy.accuracy.expected import HeldEnds, expected_orders, smooth_up_to
+from tcstudy.scene.reader import read_study_text
+from tcstudy.study.convergence import converge
+
+FALLING_FILM = """\
+units: none
+body: {rectangle: {width: 1, height: 1}}
+boundary: {bottom: contact, top: clamped, left: convection, right: convection}
+material: {lambda: 1.5, mu: 1, beta: 0.5, k: 1}
+heat: {alpha: 2}
+friction: {law: exponential, a: 0.6, b: 0.2, delta: 0.125}
+mesh: {maxh: 0.25, levels: 3}
+exact:
+  u: ["(x^2-y^2)/60 + 0.05 + y*(0.2 + 0.4*exp(-8*(x^2/60+0.05)))", "x*y/30"]
+  theta: "x/3"
+  loads: derived
+"""
+
+
+def test_errors_on_a_falling_film_are_those_of_the_exact_solutions_branch() -> None:
+    """It is a saddle of the energy there: L = 0.1238, where 0.106 is the least found."""
+    found = converge(read_study_text(FALLING_FILM))
+    [point] = found.points
+    assert abs(point.errors["u_energy"].slope - 1.0) < 0.05
+    assert point.errors["u_energy"].verdict == "as_expected"
+    assert point.errors["u_L2"].error[-1] < 0.01
+    assert abs(point.numbers["energy"].value[-1] - point.numbers["energy"].exact) < 1e-5
+    [note] = [note for note in found.notes if "lower energy" in note]
+    assert note.startswith("At 1 of 1 points a state of lower energy than the exact solution's was found: by 0.017")
+
+
+def test_a_front_on_the_line_limits_the_orders_of_xi() -> None:
+    without, front = (expected_orders(smooth_up_to(None, HeldEnds(), front)) for front in (False, True))
+    assert (without["xi_nodes"].order, without["xi_max"].order) == (2.0, 2.0)
+    assert (front["xi_L2"].order, front["xi_nodes"].order, front["xi_max"].order) == (1.0, 1.5, 1.0)
+    assert "stick meets slip" in front["xi_max"].reason
+    singular = expected_orders(smooth_up_to(1.5, HeldEnds(), True))
+    assert np.isclose(singular["xi_max"].order, 0.5)  # what the study gives is worse
