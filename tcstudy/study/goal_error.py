@@ -1,27 +1,32 @@
 """What a number J of a solution lacks, from the same problem on the mesh with every triangle cut into four.
 
 Numbers:    J(u) − J(u_h) falls by 2^p when h is halved, so that it is (J(u_{h/2}) − J(u_h))/(1 − 2^{−p}). p = 2 where
-            solution and dual solution are smooth, 2λ in a corner where they are like r^λ. The limit takes p = 2 (factor
-            4/3), its mean with p = 1 (factor 5/3) says how far that may be off. In corners with λ < 1 both take p = 2λ
-            (corner_factors.py), with the share of the error that lies there.
+            solution and dual solution are smooth (factor 4/3), 2λ in a corner where they are like r^λ. So the change
+            is taken apart by nodes (contributions.py), and every part has the factor of its place (corner_factors.py);
+            what the parts do not sum to, because the problem is not linear, has 4/3.
             All that distinguishes u_h from u is in it (given displacements between nodes, lumped friction,
             oscillating data, temperature, arcs), signs included
+Regions:    the mean of p = 2 and p = 1 says how far the limit may be off: a third of a region's part. Regions are the
+            singular corners, and the rest of the body by the nearest corner, front or point asked for; each falls by
+            an order of its own, so that their thirds add like independent errors, in squares. Parts of either sign in
+            two regions sum to little on some mesh, to more on the next, and the change of their sum says nothing: on
+            an L whose clamped corner and body move a front to opposite sides, it was 1/50 of the error
 Held ends:  ξ_i of a sticking node beside a held one is what its hat function sees, and ∫ξ lacks half a cell of
             traction (goals.lost). The dual solution jumps from 1 to 0 there, p = 1. On closed forms that is up to 86 %
-            of the error of an adaptive mesh, as the rest cancels; so it is taken by itself, and what is left has p = 2
+            of the error of an adaptive mesh, as the rest cancels; so it is taken by itself, and what is left has p = 2.
+            The finer mesh lacks half of it; what it lacks less or more, as where a node there changes sides, is added
 Tears:      where b falls at a slip, neighbours may lie on either side of it, and the front rests on a node: ∫ξ is known
             to a cell times the jump (goals.torn). Half of that of the finer mesh is added to the error
 Slip length: the sum of slipping cells, quantised to a cell, against the positions of the fronts within their cells
-            (fronts.py), L_h and L_{h/2}: limit L as above, error |J(u_h) − L| + ⅔ |L_{h/2} − L_h|, by which p = 1 and
-            p = 2 differ (more in corners), + the doubt of fronts that could not be located
+            (fronts.py), L_h and L_{h/2}: limit L as above, error |J(u_h) − L| + the doubt of fronts that could not be
+            located
 Hidden:     a sticking zone that both meshes are too coarse for (fronts.py) has ξ anywhere in b̂: half of the jump times
             its length is added to the error of ∫ξ
 Crossing:   where contributions of different order cancel, J(u) − J(u_h) changes its sign between two levels and is
-            small by accident. The difference of both solutions sees most of what cancels, and the error of the
-            extrapolation remains: `survey` adds half of what the limit has changed by since the level before, or what
-            the orders differ by if that is more, and takes at least a third of what that level's error has become at
-            the rate 1/N. So the estimate does not follow the error down to zero; its ratio to the error is then large
-            and means nothing
+            small by accident. The parts see what cancels, and the error of the extrapolation remains: `survey` adds
+            half of what the limit has changed by since the level before, or what the orders differ by if that is
+            more, and takes at least a third of what that level's error has become at the rate 1/N. So the estimate
+            does not follow the error down to zero; its ratio to the error is then large and means nothing
 Shares:     ‖u_{h/2} − u_h‖_K ‖z − I_h z‖_K + |a_K(lift of u_D − u_h, z)| + lumping + heat, with the dual solution z on
             the finer mesh (goals.py), and for ∫ξ held ends and tears: unsigned, for marking only
 Why not the dual weighted residual itself: products of recovered gradients gave 0.05 to 26 times the true error.
@@ -33,6 +38,7 @@ Left out:   data that oscillate within half an element escape both meshes
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,7 +53,8 @@ from tcstudy.scene.records import Goal, Material, Scene
 from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.outcome import Status
 from tcstudy.solve.problem import ContactProblem
-from tcstudy.study.corner_factors import MIDDLE, ROUGH, mean_factors
+from tcstudy.study.contributions import contributions
+from tcstudy.study.corner_factors import DIFFERENCE, SMOOTH, Regions, regions
 from tcstudy.study.fronts import fronts, slip_length
 from tcstudy.study.goals import dual, goal_value, lost, lumping, torn
 from tcstudy.study.halved import Halved
@@ -68,12 +75,14 @@ class GoalError:
     limit:  estimated J(u);  error: what |J(u) − J(u_h)| is by that limit, in the unit of J, infinite where the finer
             problem failed
     spread: by how much the limit changes with the order it is extrapolated with
+    change: what the finer mesh changes of J(u_h); slip lengths on it have their fronts located
     shares: (t,) what each triangle may contribute to the error
     """
 
     limit: float
     error: float
     spread: float
+    change: float
     shares: Array
 
 
@@ -89,26 +98,42 @@ def goal_error(
     answer = solve_contact(finer.problem, tolerance=ACCEPTED, branch="continued", neighbour=halved.start(v))
     value = goal_value(goal, condensed.problem, line, v)
     if answer.status != Status.CONVERGED:
-        return GoalError(value, np.inf, 0.0, np.zeros(len(triangles.area)))
-    shares = _shares(goal, halved, triangles, scene, (condensed, finer), (v, answer.v), u)
-    to_limit, to_error = mean_factors(halved.coarse, scene, sticking(condensed.problem.law, v), shares)
+        return GoalError(value, np.inf, 0.0, 0.0, np.zeros(len(triangles.area)))
+    shares, parts = _parts(goal, halved, triangles, scene, (condensed, finer), (v, answer.v), u)
+    parted = regions(halved, scene, sticking(condensed.problem.law, v), _places(goal, halved.coarse, condensed, v))
     if goal.quantity == "slip_length":
         own, _ = slip_length(line, condensed.problem, v)
         better, doubt = slip_length(fine.line, finer.problem, answer.v)
-        limit, change = own + to_limit * (better - own), abs(better - own)
-        error = abs(value - limit) + (to_error - to_limit + ROUGH - MIDDLE) * change + doubt
-        return GoalError(limit, error, 0.0, shares + _cells(halved, triangles, condensed, v))
+        rest, spread = _extrapolated(better - own, parts, parted)
+        error, shares = abs(value - own - rest) + doubt, shares + _cells(halved, triangles, condensed, v)
+        return GoalError(own + rest, error, spread, better - value, shares)
     change = goal_value(goal, finer.problem, fine.line, answer.v) - value
-    spread = to_error - to_limit
     if goal.quantity != "friction_resultant":
-        return GoalError(value + to_limit * change, to_limit * abs(change), spread * abs(change), shares)
+        rest, spread = _extrapolated(change, parts, parted)
+        return GoalError(value + rest, abs(rest), spread, change, shares)
     missing, cells = lost(line, condensed.problem, v), torn(line, condensed.problem, v)
+    still = lost(fine.line, finer.problem, answer.v)
+    found = missing - halved.on_segments(still)
     first = float(missing.sum())
-    rest = change - first + float(lost(fine.line, finer.problem, answer.v).sum())
-    limit = value + first + to_limit * rest
+    parts[halved.middles] -= found
+    rest, spread = _extrapolated(change - float(found.sum()), parts, parted)
+    spread += float(np.abs(2.0 * found - missing).sum())
     doubt = _unseen(fine.line, finer.problem, answer.v) + float(torn(fine.line, finer.problem, answer.v).sum())
     shares += _at_segments(halved.coarse, np.abs(missing) + cells)
-    return GoalError(limit, abs(limit - value) + doubt, spread * abs(rest), shares)
+    return GoalError(value + first + rest, abs(first + rest) + doubt, spread, change, shares)
+
+
+def _places(goal: Goal, level: Level, condensed: Condensed, v: Array) -> Array:
+    """(k, 2) fronts, and the point that u_T is asked for at [m]."""
+    at = [level.line.ends[front.segment].mean(axis=0) for front in fronts(level.line, condensed.problem, v)]
+    return np.array(at + ([np.array(goal.at)] if goal.at is not None else [])).reshape(-1, 2)
+
+
+def _extrapolated(change: float, parts: Array, parted: Regions) -> tuple[float, float]:
+    """From the change, its parts (n,) and the regions: J(u) − J(u_h), and by how much other orders alter that."""
+    nonlinear = change - float(parts.sum())
+    spread = DIFFERENCE * math.hypot(*parted.sums(parts).tolist(), nonlinear)
+    return float(parted.factors @ parts) + SMOOTH * nonlinear, spread
 
 
 def _at_segments(level: Level, values: Array) -> Array:
@@ -129,7 +154,7 @@ def _unseen(line: ContactLine, problem: ContactProblem, v: Array) -> float:
     return total
 
 
-def _shares(
+def _parts(
     goal: Goal,
     halved: Halved,
     triangles: Triangles,
@@ -137,15 +162,19 @@ def _shares(
     condensed: tuple[Condensed, Condensed],
     v: tuple[Array, Array],
     u: Array,
-) -> Array:
-    """(t,) shares by triangles of the level; zero if the dual problem is singular (a turning point)."""
+) -> tuple[Array, Array]:
+    """(t,) shares by triangles of the level, (n,) parts of the change by nodes.
+
+    Zero if the dual problem is singular (a turning point).
+    """
     fine, line, material = halved.level, halved.coarse.line, scene.material
     try:
         z_T = dual(goal, condensed[1].problem, fine.line, v[1])
     except scipy.linalg.LinAlgError:
-        return np.zeros(len(triangles.area))
-    z = fine.extension(scene, z_T)
-    e = fine.displacement(scene, condensed[1], v[1]) - halved.carry(u)
+        return np.zeros(len(triangles.area)), np.zeros(halved.level.mesh.n_points)
+    z, both = fine.extension(scene, z_T), (halved.carry(u), fine.displacement(scene, condensed[1], v[1]))
+    parts = contributions(goal, halved, material, (condensed[0].problem, condensed[1].problem), v, both, z)
+    e = both[1] - both[0]
     rest = own_strain(halved.triangles, z - halved.interpolated(z))
     shares = np.sqrt(_energy(halved, own_strain(halved.triangles, e), material) * _energy(halved, rest, material))
     frames = fine.frames
@@ -155,7 +184,7 @@ def _shares(
     shares += triangles.from_segments(np.abs(lumping(triangles, line, xi, halved.at_coarse(z_T))))
     if material.beta != 0.0:
         shares += _heat_shares(halved, scene, z)
-    return shares
+    return shares, parts
 
 
 def _work(triangles: Triangles, a: Array, b: Array, material: Material) -> Array:

@@ -65,9 +65,28 @@ class Halved:
         nodal[self.level.line.nodes] = z_T
         return nodal[self.coarse.line.nodes]
 
+    def restricted(self, forces: Array) -> Array:
+        """(n,) forces at the contact nodes of the finer level (m_f,) as those at the nodes of the level."""
+        nodal = np.zeros(self.level.mesh.n_points)
+        nodal[self.level.line.nodes] = forces
+        return np.asarray(self._prolong.matrix.T @ nodal)
+
     def gathered(self, values: Array) -> Array:
         """(t,) sums of (t_f,) values over the parts of each triangle of the level."""
         return np.asarray(np.bincount(self.parent, values, minlength=len(self.coarse.mesh.triangles)), dtype=float)
+
+    @cached_property
+    def middles(self) -> NDArray[np.intp]:
+        """(s,) the new node in the middle of each segment of Γ_C of the level."""
+        n = self._coarse_nodes
+        ends = _sorted_pairs(self._prolong.matrix[n:].indices.reshape(-1, 2), n)
+        order = np.argsort(ends)
+        return n + order[np.searchsorted(ends[order], _sorted_pairs(self.coarse.line.segments, n))]
+
+    def on_segments(self, values: Array) -> Array:
+        """(s,) sums of (s_f,) values on the segments of Γ_C over the two parts of each of the level."""
+        at_new = np.bincount(self.level.line.segments.max(axis=1), values, minlength=self.level.mesh.n_points)
+        return np.asarray(at_new[self.middles])
 
     def dual_temperature(self, scene: Scene, z: Array) -> Array:
         """ζ (n_f,) with c(ζ, φ) = β∫φ div z for all φ: the change of a goal with the heat that goes in."""
@@ -99,3 +118,8 @@ def _parents(coarse: PlaneMesh, fine: PlaneMesh, prolong: sp.csr_array) -> NDArr
 
 def _keys(corners: NDArray[np.intp], n: int) -> NDArray[np.intp]:
     return (corners[:, 0] * n + corners[:, 1]) * n + corners[:, 2]
+
+
+def _sorted_pairs(pairs: NDArray[np.intp], n: int) -> NDArray[np.intp]:
+    """One number for each unordered pair of nodes."""
+    return pairs.min(axis=1) * n + pairs.max(axis=1)

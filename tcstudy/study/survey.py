@@ -44,7 +44,7 @@ class Estimate:
 
     n_dof:      displacement unknowns of the level
     energy:     relative error √(Σ η_K²)/‖u_h‖ in the energy norm
-    value:      J(u_h) of the goal, NaN without one;  limit: estimated J(u)
+    value:      J(u_h) of the goal, NaN without one;  limit: estimated J(u);  change: J(u_{h/2}) − J(u_h)
     goal:       estimated |J(u) − J(u_h)|, in the unit of J
     error:      what the tolerance is compared with: relative error of the goal, or in the energy norm without one
     indicators: (t,) shares of the triangles in error² (energy) or error (goal)
@@ -54,6 +54,7 @@ class Estimate:
     energy: float
     value: float
     limit: float
+    change: float
     goal: float
     error: float
     indicators: Array
@@ -98,12 +99,12 @@ class Survey:
     # -- one solution ------------------------------------------------------------------------------
 
     def _estimate(self, index: Index, scene: Scene, condensed: Condensed, v: Array) -> Estimate:
-        goal, n_dof = self.plan.goal, self.level.frames.n_dof
+        goal, n_dof, nan = self.plan.goal, self.level.frames.n_dof, math.nan
         u = self.level.displacement(scene, condensed, v)
         squares, norm = self._squares(scene, condensed, v, u)
         energy = _ratio(math.sqrt(float(squares.sum())), norm)
         if goal.quantity == "energy":
-            return Estimate(n_dof, energy, math.nan, math.nan, math.nan, energy, squares)
+            return Estimate(n_dof, energy, nan, nan, nan, nan, energy, squares)
         if self._halved is None:
             self._halved = Halved(self.level, scene, self.scenes)
         found = goal_error(goal, self._halved, self.triangles, scene, condensed, v, u)
@@ -114,7 +115,7 @@ class Survey:
         error = max(found.error + max(found.spread, drift), self._least(old))
         # A goal may not feel the solution, for example u_T where the body sticks.
         shares = found.shares if np.any(found.shares) else squares
-        return Estimate(n_dof, energy, value, found.limit, error, _ratio(error, abs(value)), shares)
+        return Estimate(n_dof, energy, value, found.limit, found.change, error, _ratio(error, abs(value)), shares)
 
     def _least(self, old: Estimate | None) -> float:
         """A third of what the error of the level before becomes at J(u) − J(u_h) ~ 1/N: no change of sign hides more.

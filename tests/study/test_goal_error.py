@@ -17,7 +17,7 @@ from tcstudy.scene.records import Goal, MeshPlan
 from tcstudy.solve.contact import Answer, solve_contact
 from tcstudy.solve.outcome import Status
 from tcstudy.study import goal_error as goal_error_module
-from tcstudy.study.corner_factors import MIDDLE, SMOOTH, mean_factors
+from tcstudy.study.corner_factors import SMOOTH, regions
 from tcstudy.study.family import Family
 from tcstudy.study.goals import goal_value, lost, torn
 from tcstudy.study.halved import Halved
@@ -127,19 +127,20 @@ def test_no_error_at_all_on_the_first_mesh_is_not_believed() -> None:
 
 
 def test_factors_are_those_of_smooth_solutions_and_of_corners() -> None:
-    study = stick_slip(1)
+    study, nowhere = stick_slip(1), np.empty((0, 2))
     level = Level(Family(study).next(0), study.scenes[0])
-    sticks, shares = np.zeros(level.line.m, dtype=bool), np.ones(len(level.mesh.triangles))
-    assert mean_factors(level, study.scenes[0], sticks, shares) == pytest.approx((SMOOTH, MIDDLE))
-    assert mean_factors(level, study.scenes[0], sticks, 0.0 * shares) == (SMOOTH, MIDDLE)
-    level, _ = bracket()
+    smooth = regions(Halved(level, study.scenes[0]), study.scenes[0], np.zeros(level.line.m, dtype=bool), nowhere)
+    assert np.all(smooth.factors == SMOOTH)
+    assert len(smooth.sums(smooth.factors)) == 4  # as many as the body has corners
+    level, halved = bracket()
     scene = study_of(HEATED_BRACKET).scenes[0]
-    at_corner = np.any(level.mesh.triangles == np.argmin(np.linalg.norm(level.mesh.points - [1.0, -0.3], axis=1)), 1)
-    to_limit, to_error = mean_factors(level, scene, np.zeros(level.line.m, dtype=bool), at_corner.astype(float))
-    assert to_limit == pytest.approx(to_error)
-    assert to_limit == pytest.approx(
-        1.0 / (1.0 - 2.0 ** (-2.0 * (180.0 / 174.21486877 - 1.0))), rel=1e-6
-    )  # λ = π/ω − 1
+    found = regions(halved, scene, np.zeros(level.line.m, dtype=bool), nowhere)
+    node = int(np.argmin(np.linalg.norm(level.mesh.points - [1.0, -0.3], axis=1)))
+    touching = np.any(level.mesh.triangles == node, axis=1)
+    around = np.unique(halved.level.mesh.triangles[touching[halved.parent]])
+    lam = 180.0 / 174.21486877 - 1.0  # π/ω − 1 between slipping edges
+    assert found.factors[around] == pytest.approx(1.0 / (1.0 - 2.0 ** (-2.0 * lam)), rel=1e-6)
+    assert set(np.flatnonzero(found.region == found.region[node])) == set(around)
 
 
 def test_goals_of_exact_solutions() -> None:

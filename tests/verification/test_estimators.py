@@ -262,13 +262,13 @@ def test_a_tolerance_of_a_known_goal_is_met(goal: Goal, tolerance: float) -> Non
 
 
 def test_effectivity_of_goals_on_uniform_meshes() -> None:
-    """Where no refinement chases the estimate, signed errors behave and the ratio settles."""
+    """Where no refinement chases the estimate, the ratio settles; parts of the body cancel, and count all the same."""
     study = exact.manufactured_study(1, 0.25)
     for goal in (Goal("friction_resultant", None, RESULTANT), Goal("u_T", (0.4, 0.0), SLIP)):
         plan = MeshPlan((0.25,), 5, goal=goal, estimate=True)
         points = [r for r in run(replace(study, mesh=plan)) if isinstance(r, PointRecord)]
         ratios = [float(p.numbers["goal_effectivity"]) for p in points[1:]]
-        assert all(0.8 < ratio < 1.6 for ratio in ratios), ratios
+        assert all(0.8 < ratio < 2.5 for ratio in ratios), ratios
 
 
 def test_goals_at_singular_corners(singular: Study) -> None:
