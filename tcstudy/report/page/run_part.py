@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.report.page.container import Container, Json
-from tcstudy.report.page.stored import PointStatus, Stored, axis_names, describe
+from tcstudy.report.page.stored import PointStatus, Stored, axis_names, pretty, scaled_labels
 
 Array = NDArray[np.float64]
 
@@ -110,7 +110,8 @@ def verdict(data: Any) -> Json:
     error, how = mesh_error(data, ok)
     if error is not None:
         parts.append(f"mesh error about {_percent(error)}")
-    parts += [f"slip jumps {where}" for where in jumps(fine, ok)[:2]]
+    if places := jumps(fine, ok)[:2]:
+        parts.append(f"slip jumps {' and '.join(places)}")
     bad = int(np.count_nonzero(data["heat_status"].values == 2)) if "heat_status" in data else 0
     if bad:
         parts.append(f"heat balance missed at {bad}")
@@ -181,9 +182,29 @@ def jumps(fine: Any, ok: NDArray[np.bool_]) -> list[str]:
 
 
 def _between(fine: Any, name: str, at: int, where: dict[str, int]) -> str:
-    """ "between theta_bar = 12 K and 14 K (friction = brittle)"."""
-    one = fine.isel({name: [at, at + 1]})
-    ends = [describe(one[["status"]].assign_attrs(fine.attrs), {**where, name: i}) for i in (0, 1)]
-    parts = [dict(part.split(" = ", 1) for part in end.split(", ") if " = " in part) for end in ends]
-    rest = ", ".join(f"{key} = {value}" for key, value in parts[0].items() if key != name)
-    return f"between {name} = {parts[0][name]} and {parts[1][name]}" + (f" ({rest})" if rest else "")
+    """ "between θ̄ = 12 and 14 K (friction: brittle)"."""
+    labels, unit = _labels(fine[name])
+    ends = f"between {_symbol(name)} = {labels[at]} and {labels[at + 1]} {unit}".rstrip()
+    rest = []
+    for other, i in where.items():
+        if fine.sizes[other] > 1:
+            labels, unit = _labels(fine[other])
+            mark = ": " if fine[other].values.dtype.kind in "OUS" else " = "
+            rest.append(f"{_symbol(other)}{mark}{labels[i]} {unit}".rstrip())
+    return ends + (f" ({', '.join(rest)})" if rest else "")
+
+
+def _labels(axis: Any) -> tuple[list[str], str]:
+    """The labels of an axis and their unit as it is read."""
+    shown, unit = scaled_labels(axis.values.tolist(), str(axis.attrs.get("units", "1")))
+    return shown, pretty(unit) if unit != "1" else ""
+
+
+SYMBOLS = {
+    "alpha": "α", "theta_bar": "θ̄", "beta": "β", "alpha_T": "α_T", "lambda": "λ", "mu": "μ", "nu": "ν", "tau": "τ",
+    "tau_s": "τ_s", "tau_k": "τ_k", "delta": "δ",
+}  # fmt: skip
+
+
+def _symbol(name: str) -> str:
+    return SYMBOLS.get(name, name.replace("_", " "))

@@ -19,8 +19,9 @@ from tcstudy.errors import StoreError, StudyError
 from tcstudy.report.cost_reading import advice, measure_of, settings
 from tcstudy.report.outline import boundary_edges
 from tcstudy.report.picture import BodyFields, Line
-from tcstudy.report.select_point import axis_names, describe
-from tcstudy.report.style import DrawError
+from tcstudy.report.select_point import axis_names
+from tcstudy.report.style import DrawError, pretty
+from tcstudy.report.text import scaled_labels
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.reader import read_study_text
@@ -29,7 +30,7 @@ from tcstudy.scene.records import Clamped, Study
 __all__ = [
     "DOWN", "ERRORS", "NUMBERS", "SHAPES", "UP", "VERDICTS", "BodyFields", "Clamped", "DrawError", "FrictionLaw",
     "Line", "PointStatus", "StoreError", "Stored", "Study", "advice", "axis_names", "axis_places", "boundary_edges",
-    "describe", "measure_of", "read", "reading", "replace_file", "settings",
+    "measure_of", "pretty", "read", "reading", "replace_file", "scaled_labels", "settings",
 ]  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import shutil
 import socket
@@ -65,6 +66,21 @@ class Browser:
         """Press one key in the page."""
         event = f"new KeyboardEvent('keydown', {{key: {json.dumps(key)}, bubbles: true}})"
         self.run(f"(document.activeElement || document.body).dispatchEvent({event})")
+
+    def command(self, name: str, **parameters: Any) -> Any:
+        """A command of Chromium's own protocol."""
+        return self._call("POST", "/goog/cdp/execute", {"cmd": name, "params": parameters})
+
+    def size(self, width: int, height: int, phone: bool = False) -> None:
+        """Give the window a size, also one that is narrower than real windows can be."""
+        sizes = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": phone}
+        self.command("Emulation.setDeviceMetricsOverride", **sizes)
+
+    def picture(self, target: Path, clip: tuple[float, float, float, float] | None = None) -> None:
+        """A PNG of the window, or of (x, y, width, height) of the page."""
+        area = {} if clip is None else {"clip": dict(zip(("x", "y", "width", "height"), clip, strict=True), scale=1)}
+        shot = self.command("Page.captureScreenshot", format="png", captureBeyondViewport=True, **area)
+        target.write_bytes(base64.b64decode(shot["data"]))
 
     def complaints(self) -> list[str]:
         """Errors of the console since the last call."""

@@ -97,6 +97,6 @@ def _line(slip: list[float]) -> xr.Dataset:
 
 def test_a_jump_is_told_from_a_slope() -> None:
     ok = np.ones(6, dtype=bool)
-    assert jumps(_line([0.0, 1.0, 2.0, 9.0, 10.0, 11.0]), ok) == ["between theta_bar = 2 K and 3 K"]
+    assert jumps(_line([0.0, 1.0, 2.0, 9.0, 10.0, 11.0]), ok) == ["between θ̄ = 2 and 3 K"]
     assert jumps(_line([0.0, 1.0, 2.0, 3.0, 4.0, 5.0]), ok) == []
     assert jumps(_line([10.0, 10.1, 10.1, 10.9, 10.9, 11.0]), ok) == []

@@ -95,8 +95,14 @@ TC.quantity = function (value, units, digits = 4) {
 // One value of a swept parameter, in one unit for the whole axis.
 TC.axisLabel = function (axis, i) {
   if (!axis.numeric) return axis.values[i];
+  if (!axis.labels) axis.labels = axis.values.map((_, k) => TC.oneLabel(axis, k));
+  return axis.labels[i];
+};
+TC.oneLabel = function (axis, i) {
   const s = TC.scale(axis.values, axis.units);
-  return TC.number(axis.values[i] / s.by, 5);
+  let digits = 4;
+  while (digits < 12 && new Set(axis.values.map((v) => TC.number(v / s.by, digits))).size < new Set(axis.values).size) digits++;
+  return TC.number(axis.values[i] / s.by, digits);
 };
 TC.axisTitle = function (axis) {
   const s = axis.numeric ? TC.scale(axis.values, axis.units) : { unit: "" };

@@ -43,7 +43,7 @@ TC.table = function ({ columns, rows, sort, down, onsort, chosen, pick }) {
   }
   const head = columns.map((c, i) => TC.el("th", { class: c.left ? "text" : "", "aria-sort": i === sort ? (down ? "descending" : "ascending") : undefined },
     TC.el("button", { title: "sort", "aria-label": `sort by ${c.title}`, onclick: () => onsort(i) }, c.title + (i === sort ? (down ? " ▼" : " ▲") : ""))));
-  const body = order.map((row) => TC.el("tr", { class: [chosen && chosen(row) ? "chosen" : "", pick ? "link" : ""].join(" "), onclick: pick ? () => pick(row) : undefined },
+  const body = order.map((row) => TC.el("tr", { "data-row": typeof row === "number" ? row : undefined, class: [chosen && chosen(row) ? "chosen" : "", pick ? "link" : ""].join(" "), onclick: pick ? () => pick(row) : undefined },
     columns.map((c) => TC.el("td", { class: c.left ? "text" : "" }, c.text ? c.text(row) : TC.number(c.get(row))))));
   return { node: TC.el("table", {}, TC.el("thead", {}, TC.el("tr", {}, head)), TC.el("tbody", {}, body)), order };
 };

@@ -56,7 +56,7 @@ TC.point = {
     for (const e of d.outline || []) for (const [x, y] of e.line) { xs.push(x); ys.push(y); }
     if (d.body) { xs.push(...TC.range(d.body.x)); ys.push(...TC.range(d.body.y)); }
     const shape = xs.length > 0, [y0, y1] = TC.range(line.y), bx = shape ? TC.range(xs) : TC.range(line.x), by = shape ? TC.range(ys) : [y0, y1];
-    const along = y1 - y0 <= 1e-9 * (bx[1] - bx[0]), margin = { left: 66, right: 92 };
+    const along = y1 - y0 <= 1e-9 * (bx[1] - bx[0]), margin = { left: 66, right: 100 };
     const wide = width - margin.left - margin.right, per = Math.max((bx[1] - bx[0]) / wide, (by[1] - by[0]) / 340), scale = TC.scale(bx, line.u_T_units);
     const used = (bx[1] - bx[0]) / per;
     return { shape, width, margin, bx, by, per, along, scale, used, top: 34, high: (by[1] - by[0]) / per };
@@ -101,7 +101,7 @@ TC.point = {
     const over = [];
     if (b) TC.point.fillBody(g, p, factor, frame, over);
     else TC.point.fillOutline(over, frame);
-    TC.point.names(over, frame);
+    TC.point.names(over, frame, b ? TC.point.moved(p, factor) : null);
     svg.replaceChildren(...over);
   },
   fillBody(g, p, factor, frame, over) {
@@ -157,7 +157,7 @@ TC.point = {
     return out;
   },
   heatBar(over, frame, first, step, count, colour) {
-    const x = Math.min(frame.width - 44, frame.margin.left + frame.used + 46), h = Math.min(frame.high, 220), y0 = frame.top + (frame.high - h) / 2, each = h / count, text = TC.tickText([...Array(count + 1)].map((_, k) => first + k * step)), every = Math.max(1, Math.ceil(14 / each));
+    const x = Math.min(frame.width - 44, frame.margin.left + frame.used + 54), h = Math.min(frame.high, 220), y0 = frame.top + (frame.high - h) / 2, each = h / count, text = TC.tickText([...Array(count + 1)].map((_, k) => first + k * step)), every = Math.max(1, Math.ceil(14 / each));
     for (let k = 0; k < count; k++) over.push(TC.svgNode("rect", { x, y: y0 + h - (k + 1) * each, width: 11, height: each + 0.5, fill: colour((k + 0.5) / count) }));
     for (let k = 0; k <= count; k += every) over.push(TC.svgNode("text", { x: x + 15, y: y0 + h - k * each + 4 }, text(first + k * step)));
   },
@@ -169,7 +169,16 @@ TC.point = {
     for (const loop of TC.data.sources || []) over.push(TC.point.path([...loop, loop[0]].map(([x, y]) => TC.point.toPx(frame, x, y)), { fill: "none", stroke: "var(--bad)", "stroke-width": 1.5, "stroke-dasharray": "4 3" }));
   },
   // Names of edges, each once, outside its longest piece.
-  names(over, frame) {
+  // Where the middle of a named edge goes with the deformation, in pixels.
+  moved(p, factor) {
+    const b = TC.data.body, ux = TC.field(b.u_x, p), uy = TC.field(b.u_y, p), frame = TC.point.panel.frame;
+    return (x, y) => {
+      let best = 0, least = Infinity;
+      for (const i of b.boundary) { const far = (b.x[i] - x) ** 2 + (b.y[i] - y) ** 2; if (far < least) { least = far; best = i; } }
+      return TC.point.toPx(frame, x + factor * ux[best], y + factor * uy[best]);
+    };
+  },
+  names(over, frame, moved) {
     const seen = {}, size = (e) => e.line.slice(1).reduce((t, q, i) => t + Math.hypot(q[0] - e.line[i][0], q[1] - e.line[i][1]), 0);
     for (const e of TC.data.outline || []) if (!seen[e.name] || size(e) > size(seen[e.name])) seen[e.name] = e;
     for (const e of Object.values(seen)) {
@@ -180,7 +189,8 @@ TC.point = {
         if (x1 - x0 > 8 * e.name.length) over.push(TC.svgNode("text", { x: (x0 + x1) / 2, y: (y0 + y1) / 2 + 4, class: "soft", "text-anchor": "middle" }, e.name));
         continue;
       }
-      const away = TC.data.body ? 22 : 13, x = (ax + bx) / 2 + away * nx, y = (ay + by) / 2 + away * ny;
+      const middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])], [ux, uy] = moved ? moved(...middle) : [(ax + bx) / 2, (ay + by) / 2], still = [(ax + bx) / 2, (ay + by) / 2];
+      const out = Math.max(0, (ux - still[0]) * nx + (uy - still[1]) * ny), x = still[0] + (13 + out) * nx, y = still[1] + (13 + out) * ny;
       over.push(TC.svgNode("text", { x, y: y + 4, class: "halo soft", "text-anchor": nx > 0.5 ? "start" : nx < -0.5 ? "end" : "middle" }, e.name));
     }
   },

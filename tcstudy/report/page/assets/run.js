@@ -45,6 +45,11 @@ TC.run = {
   value(name, p, level) { const n = TC.data.run.numbers[name]; return n ? n.v[p * TC.data.run.nlevels + level] : NaN; },
   energies(p, level) { const r = TC.data.run, k = r.starts.length; return r.start_energy ? Array.from(r.start_energy.slice((p * r.nlevels + level) * k, (p * r.nlevels + level + 1) * k)) : []; },
   several(p, level) {
+    const r = TC.data.run, known = (r.counted = r.counted || new Int8Array(r.points * r.nlevels).fill(-1)), at = p * r.nlevels + level;
+    return known[at] >= 0 ? known[at] : (known[at] = TC.run.count(p, level));
+  },
+  // Number of different energies among the starts.
+  count(p, level) {
     const e = TC.run.energies(p, level).filter(Number.isFinite).sort((a, b) => a - b), size = Math.max(...e.map(Math.abs), 0);
     let count = e.length ? 1 : 0;
     for (let i = 1; i < e.length; i++) if (e[i] - e[i - 1] > 1e-9 * size) count++;
@@ -281,8 +286,8 @@ TC.run = {
     }
     const ys = series.flatMap((g) => g.ys).filter((v) => v > 0), xs = series[0].xs;
     if (!ys.length) return [TC.el("h3", {}, "Convergence over the levels"), TC.el("p", { class: "note" }, "The numbers do not change from level to level.")];
-    const plot = new TC.Plot({ width, height: 300, x: TC.pad(TC.range(xs), 0.12, true), y: TC.pad(TC.range(ys), 0.12, true), xlog: true, ylog: true, xlabel: `longest edge h${scale.unit ? ` [${scale.unit}]` : ""}`, ylabel: "relative change from the level before", margin: { left: 74, right: 14, top: 10, bottom: 46 } });
-    const hi = Math.max(...xs), lo = Math.min(...xs), top = Math.max(...ys);
+    const plot = new TC.Plot({ width, height: 300, x: TC.pad(TC.range(xs.slice(1)), 0.12, true), y: TC.pad(TC.range(ys), 0.12, true), xlog: true, ylog: true, xlabel: `longest edge h${scale.unit ? ` [${scale.unit}]` : ""}`, ylabel: "relative change from the level before", margin: { left: 74, right: 14, top: 10, bottom: 46 } });
+    const hi = xs.length > 1 ? xs[1] : xs[0], lo = Math.min(...xs), top = Math.max(...ys);
     for (const order of [1, 2]) {
       plot.line([lo, hi], [top * (lo / hi) ** order, top], { stroke: "var(--soft)", "stroke-width": 1, "stroke-dasharray": "3 3" });
       const y = Math.max(top * (lo / hi) ** order, plot.y[0]), x = top * (lo / hi) ** order >= plot.y[0] ? lo : hi * (plot.y[0] / top) ** (1 / order);
@@ -291,6 +296,7 @@ TC.run = {
     const legend = TC.el("div", { class: "legend" });
     series.forEach((g, k) => {
       const look = TC.series(k);
+      if (!g.ys.some((v) => v > 0)) { legend.append(TC.el("span", { style: "display:inline-block;margin-right:14px" }, `${g.what}: does not change`)); return; }
       plot.line(g.xs, g.ys, look);
       g.xs.forEach((x, i) => { if (g.ys[i] > 0) plot.over.append(TC.marker(TC.SHAPES[k % 4], plot.px(x), plot.py(g.ys[i]), 4, { fill: look.stroke })); });
       const n = g.ys.length, rate = n > 2 ? Math.log(g.ys[n - 2] / g.ys[n - 1]) / Math.log(g.xs[n - 2] / g.xs[n - 1]) : NaN;
@@ -316,7 +322,7 @@ TC.run = {
     const key = TC.el("div", { class: "legend" }, TC.run.STAGES.map(([, t], k) => TC.el("span", { style: "display:inline-block;margin-right:14px" }, TC.svgNode("svg", { width: 12, height: 12, style: "display:inline-block;margin-right:4px" }, TC.svgNode("rect", { width: 12, height: 12, fill: `var(--c${[6, 5, 1, 2][k]})` })), t)));
     const rowsOf = r.levels.h_max.map((h, l) => TC.el("tr", {}, [l, TC.quantity(h, r.units.h_max, 3), r.levels.n_dof[l], r.levels.n_contact[l]].map((t) => TC.el("td", {}, String(t)))));
     const sizes = TC.el("table", {}, TC.el("thead", {}, TC.el("tr", {}, ["level", "longest edge", "unknowns", "on the contact line"].map((t) => TC.el("th", {}, t)))), TC.el("tbody", {}, rowsOf));
-    return [TC.el("h3", {}, "Wall time by level, whole sweep"), svg, key, sizes];
+    return [TC.el("h3", {}, "Wall time by level, whole sweep"), svg, key, TC.el("div", { class: "wide-table" }, sizes)];
   },
   advice(p) {
     const r = TC.data.run, out = [], last = r.nlevels - 1, name = r.file || TC.data.file;
@@ -337,6 +343,14 @@ TC.run = {
     return out;
   },
   rows(host) {
+    // a long table is made again only where its numbers or its order change
+    const key = `${TC.state.level} ${TC.state.sort} ${TC.state.down}`, here = TC.run.flat(TC.state.at);
+    if (host.dataset.key === key && host.firstChild) {
+      host.querySelector("tr.chosen")?.classList.remove("chosen");
+      host.querySelector(`tr[data-row="${here}"]`)?.classList.add("chosen");
+      return;
+    }
+    host.dataset.key = key;
     const r = TC.data.run, s = TC.state, level = s.level, points = [...Array(r.points).keys()], columns = [];
     for (const a of r.axes) {
       const d = TC.run.dim(a.name);
