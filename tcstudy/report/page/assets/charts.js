@@ -28,8 +28,11 @@ TC.logTicks = function (lo, hi, count) {
   const every = Math.max(1, Math.ceil((b - a) / Math.max(1, count)));
   for (let e = a; e <= b; e += every) if (inside(10 ** e)) out.push(10 ** e);
   if (out.length < 3) {
-    out.length = 0;
-    for (let e = a; e <= b; e++) for (const s of b - a <= 1 ? [1, 1.5, 2, 3, 5, 7] : [1, 2, 5]) if (inside(s * 10 ** e)) out.push(s * 10 ** e);
+    for (const parts of [[1, 2, 5], [1, 1.5, 2, 3, 5, 7]]) {
+      out.length = 0;
+      for (let e = a - 1; e <= b; e++) for (const s of parts) if (inside(s * 10 ** e)) out.push(s * 10 ** e);
+      if (out.length > 2) break;
+    }
   }
   return out.length ? out : [lo, hi];
 };
