@@ -49,7 +49,7 @@ def descend(rows: Rows, start: Array, tolerance: float = TOLERANCE, minima: bool
 
     minima: go on from stationary points that fail the second-order test, which costs a factorisation a row
     """
-    ended = _descend(rows, start, tolerance)
+    ended = _descend(rows, start, tolerance, minima)
     open_ = np.flatnonzero(ended.residual <= tolerance) if minima else np.empty(0, dtype=np.intp)
     for _ in range(_SADDLES):
         if not len(open_):
@@ -59,15 +59,15 @@ def descend(rows: Rows, start: Array, tolerance: float = TOLERANCE, minima: bool
         s = slopes(own.body, own.laws, traction_scale(own.body, own.laws, own.loads), v, xi)
         v, left = leave_saddles(own, v, xi, s)
         open_ = open_[left]
-        again = _descend(rows.take(open_), v[left], tolerance)
+        again = _descend(rows.take(open_), v[left], tolerance, minima)
         ended.v[open_], ended.residual[open_] = again.v, again.residual
         ended.steps[open_] += again.steps + 1
         open_ = open_[again.residual <= tolerance]
     return ended
 
 
-def _descend(rows: Rows, start: Array, tolerance: float) -> Descended:
-    """Newton's method to a first-order stationary point."""
+def _descend(rows: Rows, start: Array, tolerance: float, careful: bool) -> Descended:
+    """Newton's method to a first-order stationary point; careful: as newton.directions has it."""
     body, scale = rows.body, traction_scale(rows.body, rows.laws, rows.loads)
     count = len(start)
     best, residual, taken = start.copy(), np.full(count, np.inf), np.zeros(count, dtype=np.intp)
@@ -84,7 +84,7 @@ def _descend(rows: Rows, start: Array, tolerance: float) -> Descended:
             on = np.flatnonzero(going)
             s, rows, at, scale = s.take(on), rows.take(on), at[on], scale[on]
             v, xi, polished = v[on], xi[on], polished[on]
-        v, level = _step(rows, v, xi, s)
+        v, level = _step(rows, v, xi, s, careful)
         polished = np.where(level, polished + 1, 0)
     return Descended(best, residual, taken)
 
@@ -109,9 +109,9 @@ def descend_nested(
     return descend(rows, start, tolerance, minima)
 
 
-def _step(rows: Rows, v: Array, xi: Array, s: Slopes) -> tuple[Array, NDArray[np.bool_]]:
+def _step(rows: Rows, v: Array, xi: Array, s: Slopes, careful: bool) -> tuple[Array, NDArray[np.bool_]]:
     """(next v, whether the change of energy was within rounding) of every row."""
-    d = _newton(rows, v, s)
+    d = _newton(rows, v, s, careful)
     first_order = np.where(d > 0.0, s.right, s.left)
     stop = rows.laws.next_up_jump(s.at, d)
     new, level = v.copy(), np.zeros(len(v), dtype=bool)
@@ -136,11 +136,11 @@ def _step(rows: Rows, v: Array, xi: Array, s: Slopes) -> tuple[Array, NDArray[np
     return new, level
 
 
-def _newton(rows: Rows, v: Array, s: Slopes) -> Array:
+def _newton(rows: Rows, v: Array, s: Slopes, careful: bool) -> Array:
     """(R, m) Newton directions; nodes on a jump that would go uphill stay."""
     free = s.free
     stiffness = np.where(free, rows.body.c * rows.laws.slope(v, s.piece), 0.0)
-    d = directions(rows.body, free, stiffness, s.descent)
+    d = directions(rows.body, free, stiffness, s.descent, careful)
     d[s.jump & (np.where(d > 0.0, s.right, -s.left) > 0.0)] = 0.0
     return d
 

@@ -95,38 +95,37 @@ def traction_scale(body: Body, laws: RowLaws, loads: Array) -> Array:
     return np.where(scale > 0.0, scale, 1.0)
 
 
-def directions(body: Body, free: Flags, stiffness: Array, g: Array) -> Array:
+def directions(body: Body, free: Flags, stiffness: Array, g: Array, careful: bool = False) -> Array:
     """(R, m) d with (A_FF + diag k) d_F = −g_F and 0 elsewhere, k = `stiffness` = c b′ [N/m per m].
 
     Rows in which that matrix is not positive definite get the k lifted to at least 0; of small, stacked systems only
     those whose d does not descend.
+
+    careful: rows in which b falls are not stacked
     """
     loaded = free & (stiffness != 0.0)
     held = ~free | loaded
     d, size = np.zeros(free.shape), np.count_nonzero(free, axis=1)
     other = np.count_nonzero(held, axis=1)
-    stack = free.shape[1] <= STACKED
     falls = np.any(loaded & (stiffness < 0.0), axis=1)
-    compliant = np.where(falls & (not stack), _INDEFINITE_COST, 1.0) * other < size
+    stack = ~(falls & careful) & (free.shape[1] <= STACKED)
+    compliant = np.where(falls & ~stack, _INDEFINITE_COST, 1.0) * other < size
     g = np.where(free, g, 0.0)
     y = np.zeros(free.shape)
     y[compliant] = -(g[compliant] @ body.inverse)
     z, softness = np.zeros(free.shape), np.divide(1.0, stiffness, out=np.zeros(free.shape), where=loaded)
-    rows, others = np.flatnonzero(~compliant), np.flatnonzero(compliant)
-    if stack:
-        d[rows] = _stacked(body.A_tilde, free[rows], stiffness[rows], -g[rows])
-        z[others] = _stacked(body.inverse, held[others], softness[others], y[others])
-    else:
-        for i in rows:
-            d[i] = _on_free(body, np.flatnonzero(free[i]), stiffness[i], -g[i])
-        for i in others:
-            z[i] = _on_held(body, held[i], np.where(loaded[i], stiffness[i], 0.0), y[i])
-    d[others] = y[others] - z[others] @ body.inverse
+    rows, others = np.flatnonzero(stack & ~compliant), np.flatnonzero(stack & compliant)
+    d[rows] = _stacked(body.A_tilde, free[rows], stiffness[rows], -g[rows])
+    z[others] = _stacked(body.inverse, held[others], softness[others], y[others])
+    for i in np.flatnonzero(~stack & ~compliant):
+        d[i] = _on_free(body, np.flatnonzero(free[i]), stiffness[i], -g[i])
+    for i in np.flatnonzero(~stack & compliant):
+        z[i] = _on_held(body, held[i], np.where(loaded[i], stiffness[i], 0.0), y[i])
+    d[compliant] = y[compliant] - z[compliant] @ body.inverse
     d[~free] = 0.0
-    if stack:
-        uphill = np.flatnonzero(falls & ~(np.einsum("ri,ri->r", g, d) < 0.0))
-        if len(uphill):
-            d[uphill] = directions(body, free[uphill], np.maximum(stiffness[uphill], 0.0), g[uphill])
+    uphill = np.flatnonzero(stack & falls & ~(np.einsum("ri,ri->r", g, d) < 0.0))
+    if len(uphill):
+        d[uphill] = directions(body, free[uphill], np.maximum(stiffness[uphill], 0.0), g[uphill])
     return d
 
 

@@ -177,3 +177,14 @@ def test_where_double_precision_is_not_enough_the_answer_has_a_low_part() -> Non
     for p in range(3):
         expected = solve_contact(single(body, loads[p], laws[0]), tolerance=1e-10)
         assert answers.energy[p] <= expected.energy + TIE * abs(expected.energy)
+
+
+def test_many_wells_end_where_the_single_solve_ends() -> None:
+    """Saw-teeth, where most points are certified by nothing and the search decides: the same steps, the same wells."""
+    laws = [cases.sawtooth(1.0, 0.1, slope, drop) for slope in (2.0, 5.0) for drop in (0.3, 0.6)]
+    body, loads, tables, law = block(22, laws, 60, seed=3)
+    answers = solve_points(body, loads, tables, law)
+    assert np.count_nonzero(~answers.certificates.global_minimum) > 10
+    for p in range(60):
+        expected = solve_contact(single(body, loads[p], laws[law[p]]))
+        assert answers.energy[p] <= expected.energy + TIE * abs(expected.energy)

@@ -1,0 +1,279 @@
+"""Many points on one body at once against one after the other: `python -m tests.benchmarks.online [--check]`.
+
+Body:    the quickstart's at five mesh sizes, m = 11 to 352 contact nodes; loads of 10 α × 25 θ̄
+Sweeps:  softening with 10 δ, the quickstart's four laws, and 1,000 random laws of all shapes; 1,000 points each
+Before:  tcstudy.solve.contact with its certificates, λ₁ and Ã⁻¹ of the body given, on every 40th point
+Now:     tcstudy.online.solve_points, tables of the laws included; both in turns, CPU time of one thread, least of three
+`--check` compares every answer of 2,000 saw-tooth problems and of random problems with those of the single solve.
+
+Writes results/online.md, results/online.nc and results/online.png.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import scipy.linalg
+import xarray as xr
+from numpy.typing import NDArray
+
+from tcstudy.online import BlockAnswers, Body, LawTables, solve_points
+from tcstudy.report.style import INK, WIDTH, inches, save, styled
+from tcstudy.scene import law_pieces
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.solve.certificates import certify
+from tcstudy.solve.contact import solve_contact
+from tcstudy.solve.problem import ContactProblem
+from tests.solve.contact_cases import random_problem
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+SWEEPS = ("softening", "four laws", "1,000 laws")
+LEVELS = (0, 1, 2, 4, 5)
+EVERY, RUNS = 40, 3
+RESULTS = Path(__file__).parents[2] / "results"
+BARS = {"softening": {11: 0.15, 44: 0.25, 176: 0.6, 352: 1.4}}
+"""ms a point that the engine was built to stay within; twice as much for the other sweeps."""
+FLAGS = ("convex", "unique", "strict_minimum", "global_minimum")
+TIE = 1e-12
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """P points on one body: loads (P, m) [N/m], laws, and the law of every point."""
+
+    body: Body
+    loads: Array
+    laws: list[FrictionLaw]
+    law: Index
+
+    def problem(self, point: int) -> ContactProblem:
+        """One point as the single solve takes it."""
+        return ContactProblem(self.body.A_tilde, self.loads[point], self.body.c, self.laws[self.law[point]])
+
+    def now(self) -> BlockAnswers:
+        """All points at once."""
+        return solve_points(self.body, self.loads, LawTables.of(self.laws), self.law)
+
+
+def bodies(levels: Sequence[int] = LEVELS) -> Iterator[tuple[Body, Array]]:
+    """(body, loads (250, m)) of the quickstart on its meshes."""
+    import tcstudy
+    from tcstudy.study.family import Family
+    from tcstudy.study.level import Level
+
+    config = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
+    axes = "sweep={alpha: {linspace: [100, 400, 10]}, theta_bar: {linspace: [0, 20, 25]}}"
+    study = tcstudy.load(config, ["mesh.maxh=18.5 mm", f"mesh.levels={max(levels) + 1}", axes])
+    family = Family(study)
+    for i in range(max(levels) + 1):
+        mesh = family.next(i)
+        if i in levels:
+            level = Level(mesh, study.scenes[0], study.scenes)
+            problems = [level.condensed(scene).problem for scene in study.scenes]
+            yield Body.of(problems[0].A_tilde, problems[0].c), np.array([p.l_tilde for p in problems])
+
+
+def laws_of(name: str) -> list[FrictionLaw]:
+    """The laws of a sweep; tractions and slips about those of the quickstart."""
+    if name == "softening":
+        return [law_pieces.slip_weakening(40e6, 10e6, delta) for delta in np.linspace(20e-6, 60e-6, 10)]
+    if name == "saw-tooth":
+        return [law_pieces.saw_tooth(tau, 20e-6, 3, drop, 0.7) for tau in (30e6, 40e6) for drop in (0.3, 0.5)]
+    if name == "four laws":
+        return [_law(shape, 40e6, 10e6, 40e-6) for shape in range(4)]
+    rng = np.random.default_rng(0)
+    return [_law(n % 4, rng.uniform(30e6, 50e6), rng.uniform(5e6, 20e6), rng.uniform(2e-5, 6e-5)) for n in range(1000)]
+
+
+def _law(shape: int, peak: float, rest: float, slip: float) -> FrictionLaw:
+    if shape == 0:
+        return law_pieces.tresca(peak)
+    if shape == 1:
+        return law_pieces.slip_weakening(peak, rest, slip)
+    if shape == 2:
+        return law_pieces.exponential(peak, rest, 0.375 * slip)
+    return law_pieces.piecewise_linear(
+        [(0.0, peak), (0.25 * slip, peak), (0.25 * slip, rest)], odd=True, slope=None, slopes=None
+    )
+
+
+def sweep(body: Body, loads: Array, name: str, points: int = 1000) -> Sweep:
+    """The points of a sweep: loads and laws in all combinations, as many as asked for."""
+    laws = laws_of(name)
+    number = np.arange(points)
+    each = max(1, points // len(laws))
+    spread = np.arange(len(loads))[:: max(1, len(loads) // each)] if len(laws) < points else np.arange(len(loads))
+    return Sweep(body, loads[spread[number % len(spread)]], laws, (number // len(spread) % len(laws)).astype(np.intp))
+
+
+def single(points: Sweep, which: Index) -> list[tuple[float, dict[str, bool]]]:
+    """(energy, flags) of points by the single solve and its certificates."""
+    found = []
+    for p in which:
+        problem = points.problem(int(p))
+        answer = solve_contact(problem)
+        proved = certify(problem, answer.v, points.body.lambda_1, inverse=points.body.inverse)
+        found.append((answer.energy, {flag: getattr(proved, flag) for flag in FLAGS}))
+    return found
+
+
+@dataclass
+class Comparison:
+    """Answers against those of the single solve: energies equal, lower and higher, and certificates lost."""
+
+    points: int = 0
+    lower: int = 0
+    higher: int = 0
+    lost: int = 0
+
+    def add(self, answers: BlockAnswers, which: Index, expected: list[tuple[float, dict[str, bool]]]) -> None:
+        """Count the named points."""
+        for p, (energy, flags) in zip(which, expected, strict=True):
+            apart = answers.energy[p] - energy
+            self.points += 1
+            self.lower += apart < -TIE * abs(energy)
+            self.higher += apart > TIE * abs(energy)
+            self.lost += any(flags[f] and not getattr(answers.certificates, f)[p] for f in FLAGS)
+
+    def __str__(self) -> str:
+        same = self.points - self.lower - self.higher
+        ends = f"{same} energies equal, {self.lower} lower, {self.higher} higher"
+        return f"{self.points} points: {ends}; {self.lost} lost a certificate"
+
+
+def cpu(work: Callable[[], object]) -> float:
+    """CPU seconds of a piece of work."""
+    since = time.process_time()
+    work()
+    return time.process_time() - since
+
+
+def measure(progress: Callable[[str], None]) -> xr.Dataset:
+    """(sweep, m) CPU ms a point before and now, of one potrf, and how the answers compare."""
+    shape = len(SWEEPS), len(LEVELS)
+    before, now, factor = np.full(shape, np.inf), np.full(shape, np.inf), np.full(len(LEVELS), np.inf)
+    counts, sizes = Comparison(), np.zeros(len(LEVELS), dtype=np.int64)
+    for j, (body, loads) in enumerate(bodies()):
+        sizes[j] = body.m
+        for i, name in enumerate(SWEEPS):
+            points = sweep(body, loads, name)
+            which = np.arange(0, len(points.law), EVERY)
+            for _ in range(RUNS):
+                now[i, j] = min(now[i, j], 1e3 * cpu(points.now) / len(points.law))
+                before[i, j] = min(before[i, j], 1e3 * cpu(lambda p=points, w=which: single(p, w)) / len(which))
+                factor[j] = min(factor[j], 1e3 * cpu(lambda A=body.A_tilde: scipy.linalg.cholesky(A, lower=True)))
+            counts.add(points.now(), which, single(points, which))
+            progress(f"m = {body.m:3d}  {name:10s}  {before[i, j]:7.2f} → {now[i, j]:6.3f} ms a point")
+    return xr.Dataset(
+        {
+            "before": (("sweep", "m"), before, {"long_name": "single solve and certificates", "units": "ms"}),
+            "now": (("sweep", "m"), now, {"long_name": "block solve and certificates", "units": "ms"}),
+            "potrf": (("m",), factor, {"long_name": "one Cholesky factorisation of A_tilde", "units": "ms"}),
+        },
+        {"sweep": list(SWEEPS), "m": sizes},
+        {"comparison": str(counts)},
+    )
+
+
+def lines(data: xr.Dataset) -> Iterator[str]:
+    """The report."""
+    yield "Made by `python -m tests.benchmarks.online`, with `online.png` and `online.nc`."
+    yield "CPU ms a point (solve and certificates) of one thread, least of three runs in turns; the machine was shared."
+    yield "Before: one point after the other. Now: 1,000 points at once. potrf: one Cholesky factorisation of Ã."
+    yield ""
+    yield "| sweep | " + " | ".join(f"m = {m}" for m in data["m"].values) + " |"
+    yield "|---" * (data.sizes["m"] + 1) + "|"
+    for name in data["sweep"].values:
+        own = data.sel(sweep=name)
+        cells = [
+            f"{float(b):.1f} → {float(n):.2f} ({float(b / n):.0f} ×)"
+            for b, n in zip(own["before"], own["now"], strict=True)
+        ]
+        yield f"| {name} | " + " | ".join(cells) + " |"
+    yield "| potrf | " + " | ".join(f"{float(x):.3f}" for x in data["potrf"]) + " |"
+    yield ""
+    yield f"Against the single solve, {data.attrs['comparison']}."
+
+
+def draw(data: xr.Dataset, target: Path) -> None:
+    """ms a point over m, before and now, and one factorisation."""
+    with styled():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(WIDTH, 3.9))
+        axes = inches(figure, 0.62, 0.52, WIDTH - 2.45, 3.1)
+        m = data["m"].values
+        for name, colour, mark in zip(data["sweep"].values, ("#0072b2", "#d55e00", "#009e73"), "osD", strict=True):
+            own = data.sel(sweep=name)
+            axes.plot(m, own["before"], color=colour, marker=mark, markersize=4, linewidth=1.2, linestyle="--")
+            axes.plot(m, own["now"], color=colour, marker=mark, markersize=4, linewidth=1.2)
+        axes.plot(m, data["potrf"], color=INK, linewidth=1.0, linestyle=":")
+        axes.set(xscale="log", yscale="log", xlabel="contact nodes m", ylabel="CPU time a point [ms]")
+        axes.set_xticks(m, [str(x) for x in m])
+        axes.minorticks_off()
+        axes.set_title("Solve and certificates: one by one (dashed), 1,000 points at once (solid)")
+        _names(axes, data)
+        save(figure, target)
+
+
+def _names(axes: object, data: xr.Dataset) -> None:
+    """The lines' names at their right ends, moved apart."""
+    ends = [(float(data["potrf"][-1]), "one potrf", INK)]
+    for kind, word in (("before", "one by one"), ("now", "at once")):
+        for name, colour in zip(data["sweep"].values, ("#0072b2", "#d55e00", "#009e73"), strict=True):
+            ends.append((float(data[kind].sel(sweep=name)[-1]), f"{name}, {word}", colour))
+    places: list[float] = []
+    for value, _, _ in sorted(ends):
+        places.append(max(value, places[-1] * 1.45) if places else value)
+    for place, (value, text, colour) in zip(places, sorted(ends), strict=True):
+        right = float(data["m"][-1])
+        axes.annotate(  # type: ignore[attr-defined]
+            text, (right, value), (right * 1.25, place), fontsize=8, color=colour, va="center", annotation_clip=False
+        )
+
+
+def check(progress: Callable[[str], None], problems: int = 600) -> None:
+    """Every answer of 2,000 saw-tooth problems and of random problems beside the single solve's."""
+    total = Comparison()
+    for body, loads in bodies((0, 1, 2, 3)):
+        points = sweep(body, loads, "saw-tooth", 500)
+        which = np.arange(len(points.law))
+        total.add(points.now(), which, single(points, which))
+        progress(f"saw-tooth up to m = {body.m}: {total}")
+    total = Comparison()
+    for n in range(problems):
+        problem = random_problem(np.random.default_rng([n, 2010]), (20, 60, 200)[n % 3], smooth=(n // 3) % 2 == 1)
+        body = Body.of(problem.A_tilde, problem.c)
+        points = Sweep(body, problem.l_tilde[None], [problem.law], np.zeros(1, dtype=np.intp))
+        total.add(points.now(), np.arange(1), single(points, np.arange(1)))
+        if (n + 1) % 100 == 0:
+            progress(f"random problems of tests.benchmarks.reliability: {total}")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure and write, or compare."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+
+    def progress(line: str) -> None:
+        print(line, flush=True)
+
+    if "--check" in words:
+        check(progress, *(int(word) for word in words if word.isdigit()))
+        return
+    data = measure(progress)
+    data.to_netcdf(RESULTS / "online.nc")
+    text = "\n".join(lines(data)) + "\n"
+    (RESULTS / "online.md").write_text(text, encoding="utf-8")
+    draw(data, RESULTS / "online.png")
+    print(text, end="")
+
+
+if __name__ == "__main__":
+    main()
