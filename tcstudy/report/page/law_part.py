@@ -39,7 +39,8 @@ def file_order(study: Study) -> list[int]:
 def drawn(law: FrictionLaw) -> Json:
     """A law as polylines and jumps; `spec` has its parameters, None if they cannot be told."""
     reach = _reach(law)
-    ends = np.concatenate([[-reach], law.kinks, [reach]])
+    drawn_to = reach or 1.0  # a law without a length of its own is straight as far as one looks
+    ends = np.concatenate([[-drawn_to], law.kinks, [drawn_to]])
     curves = []
     for a, b in pairwise(ends):
         s = np.linspace(a, b, SAMPLES if not law.piecewise_linear else 2)

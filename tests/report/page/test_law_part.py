@@ -36,3 +36,10 @@ def test_a_law_that_is_not_odd_has_no_parameters_but_is_drawn() -> None:
     law = SHAPES["piecewise-linear"].build(points=[[-1.0, -2.0], [1.0, 5.0]], odd=False)
     assert spec(law) is None
     assert len(drawn(law)["curves"]) == len(law.kinks) + 1
+
+
+@pytest.mark.parametrize(("name", "parameters"), [("tresca", {"tau": 4e7}), ("linear", {"k": 5e9})])
+def test_a_law_without_a_length_of_its_own_is_still_drawn(name: str, parameters: dict[str, float]) -> None:
+    found = drawn(SHAPES[name].build(**parameters))
+    assert found["reach"] == 0.0
+    assert all(s[-1] > s[0] for s, _ in found["curves"])

@@ -7,9 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from tcstudy.cli import main
 from tcstudy.report.page import write_page
+from tcstudy.scene.reader import read_study_text
+from tcstudy.study.execute import execute
 from tests.report import draw_cases
 from tests.report.page.browser import Browser, missing
+from tests.report.page.conftest import STUDY
 
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(bool(missing()), reason=missing())]
 
@@ -115,3 +119,64 @@ def test_listed_points_failed_points_and_no_sweep_at_all(shown: Browser, tmp_pat
         shown.open(written.path)
         assert shown.run("return document.querySelectorAll('#point svg').length") > 0
     assert shown.complaints() == []
+
+
+SMALL = """
+title: A strip
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: free, top: {role: clamped, u_x: 0.1, u_y: 0}, right: free}
+material: {E: 1, nu: 0.3}
+friction: {law: slip-weakening, tau_s: 0.05, tau_k: 0.01, delta: 0.02}
+mesh: {maxh: 0.5, levels: 4}
+path: {parameter: boundary.top.u_x, from: 0, to: 0.2, at: [0.1]}
+"""
+
+
+def test_files_of_converge_cost_and_path_and_those_beside_a_run(shown: Browser, tmp_path: Path) -> None:
+    study = tmp_path / "strip.yaml"
+    study.write_text(SMALL, encoding="utf-8")
+    names = {"run": "strip.nc", "converge": "strip.convergence.nc", "path": "strip-path.nc", "cost": "strip.cost.nc"}
+    for command, name in names.items():
+        more = ["--runs", "1"] if command == "cost" else []
+        assert main([command, str(study), "--output", str(tmp_path / name), *more]) == 0
+    for command, name in names.items():
+        shown.open(write_page(tmp_path / name, tmp_path / f"{name}.html").path)
+        assert shown.run("return document.querySelectorAll('main svg').length") > 1
+        if command == "run":
+            assert "Orders of convergence" in text_of(shown, "#accuracy")
+            assert "Error against wall time" in text_of(shown, "#accuracy")
+    assert shown.complaints() == []
+
+
+def test_sliders_and_dragged_points_solve_again(shown: Browser, live_page: Path) -> None:
+    shown.open(live_page, "#mode=live&at=0,0")
+    assert "only solution" in text_of(shown, "main")
+    assert "residual" in text_of(shown, "main")
+    before = shown.run("return Math.max(...TC.live.shown.v)")
+    shown.run(
+        "const slider = document.querySelector('input[aria-label=\"load factor\"]'); slider.value = 400;"
+        "slider.dispatchEvent(new Event('input')); TC.live.show(TC.live.point);"
+    )
+    pulled = shown.run("return Math.max(...TC.live.shown.v)")
+    assert pulled > before
+    assert '"factor":3' in fragment(shown)["set"]
+    shown.run("document.querySelector('[aria-label=points]').click(); TC.live.show(TC.live.point);")
+    assert shown.run("return Math.max(...TC.live.shown.v)") == pytest.approx(pulled, rel=1e-9)
+    shown.run(
+        "const box = document.querySelector('[data-handle]'), at = box.getBoundingClientRect();"
+        "box.dispatchEvent(new PointerEvent('pointerdown', {clientX: at.x, clientY: at.y, bubbles: true}));"
+        "window.dispatchEvent(new PointerEvent('pointermove', {clientX: at.x, clientY: at.y + 60}));"
+        "window.dispatchEvent(new PointerEvent('pointerup', {})); TC.live.show(TC.live.point);"
+    )
+    assert shown.run("return TC.live.set.law.points[0][1]") < 4e7
+    assert shown.run("return TC.live.shown.residual") < 1e-10
+    assert "only solution" in text_of(shown, "main") or "there may be" in text_of(shown, "main")
+    assert shown.complaints() == []
+
+
+@pytest.fixture(scope="module")
+def live_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("live") / "block.nc"
+    execute(read_study_text(STUDY, "block", ["output.live=true"]), path)
+    return write_page(path, path.with_suffix(".html")).path

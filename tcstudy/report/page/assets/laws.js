@@ -65,7 +65,7 @@ TC.Law = class {
   // Curves to draw, in the form of the page's stored laws.
   drawn() {
     const K = this.kinks.length, outer = K ? Math.max(...Array.from(this.kinks, Math.abs)) : 0, decay = Math.max(0, ...Array.from(this.r, (r) => (r !== 0 ? 1 / Math.abs(r) : 0))), reach = Math.max(1.4 * outer, 6 * decay);
-    const ends = [-reach, ...this.kinks, reach], curves = [], jumps = [];
+    const far = reach || 1, ends = [-far, ...this.kinks, far], curves = [], jumps = [];
     for (let k = 0; k <= K; k++) { const n = this.a[k] ? 60 : 2, s = [...Array(n)].map((_, i) => ends[k] + ((ends[k + 1] - ends[k]) * i) / (n - 1)); curves.push([s, s.map((x) => this.value(x, k))]); }
     for (let k = 0; k < K; k++) if (this.kind[k]) jumps.push([this.kinks[k], this.left[k], this.right[k], this.kind[k]]);
     return { name: this.name, omega: this.omega, reach, curves, jumps };

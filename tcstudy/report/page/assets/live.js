@@ -156,9 +156,10 @@ TC.live = {
       const every = s.length > 2 ? Math.ceil(s.length / 12) : 1;
       s.forEach((x, i) => { if (i % every === 0 || i === s.length - 1) { const last = points[points.length - 1]; if (!last || last[0] !== x || last[1] !== b[i]) points.push([x, b[i]]); } });
     }
+    const reach = (TC.live.shown && Math.max(...TC.live.shown.v.map(Math.abs))) || 1e-3;
+    if (drawn.name === "linear") { const k = TC.live.set.law.k; points.splice(0, points.length, [0, 0], [2 * reach, 2 * reach * k]); }
     if (!points.length) return;
-    const reach = TC.live.shown ? Math.max(...TC.live.shown.v.map(Math.abs)) : 1;
-    if (!(drawn.reach > 0)) points.forEach((q, i) => { q[0] = i ? 2 * reach : 0; });
+    if (!(drawn.reach > 0) && drawn.name !== "linear") points.forEach((q, i) => { q[0] = i ? 2 * reach : 0; });
     const n = points.length, slope = n > 1 && points[n - 1][0] > points[n - 2][0] ? Math.max(0, (points[n - 1][1] - points[n - 2][1]) / (points[n - 1][0] - points[n - 2][0])) : 0;
     if (n > 2 && slope === 0 && points[n - 1][1] === points[n - 2][1]) points.pop();
     TC.live.set.law = { law: "piecewise-linear", points, slope: drawn.name === "linear" ? slope : 0 };

@@ -255,10 +255,14 @@ TC.lambda1 = function (A, c) {
     value = 1 / size;
     if (Math.abs(value - before) <= 1e-12 * value) break;
   }
+  // S − (bound + rounding of a factorisation) I has a factor, so that no eigenvalue lies below the bound
+  let trace = 0;
+  for (let i = 0; i < m; i++) trace += S[i * m + i];
+  const rounding = 4 * m * 2 ** -52 * trace;
   for (const margin of [1e-6, 1e-3, 0.1]) {
-    const M = Float64Array.from(S);
-    for (let i = 0; i < m; i++) M[i * m + i] -= value * (1 - margin);
-    if (!TC.cholesky(M, m)) return { value, proved: value * (1 - margin) };
+    const bound = value * (1 - margin) - rounding, M = Float64Array.from(S);
+    for (let i = 0; i < m; i++) M[i * m + i] -= bound + rounding;
+    if (bound > 0 && !TC.cholesky(M, m)) return { value, proved: bound };
   }
   return { value, proved: 0 };
 };
