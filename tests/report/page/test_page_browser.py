@@ -116,8 +116,11 @@ def test_listed_points_failed_points_and_no_sweep_at_all(shown: Browser, tmp_pat
     }
     for name, file in cases.items():
         written = write_page(file, tmp_path / f"{name}.html")
-        shown.open(written.path)
-        assert shown.run("return document.querySelectorAll('#point svg').length") > 0
+        for place in ("", "#at=1,1&level=1"):
+            shown.open(written.path, place)
+            assert shown.run("return document.querySelectorAll('#point svg').length") > 0
+    shown.open(tmp_path / "failed.html", "#at=1,1&level=1")
+    assert "the stiffness matrix is singular" in text_of(shown, "#point")
     assert shown.complaints() == []
 
 

@@ -88,7 +88,7 @@ TC.Plot = class {
     if (this.xlabel) text((this.left + this.right) / 2, this.bottom + 36, this.xlabel, "middle");
     if (this.ylabel) {
       const y = (this.top + this.bottom) / 2;
-      text(14, y, this.ylabel, "middle", { transform: `rotate(-90 14 ${y})` });
+      text(11, y, this.ylabel, "middle", { transform: `rotate(-90 11 ${y})` });
     }
   }
   line(xs, ys, attrs = {}) {

@@ -21,7 +21,11 @@ TC.point = {
     const left = TC.el("div", { class: "panel" }), right = TC.el("div", { class: "panel" });
     TC.fill(host, head, buttons, TC.el("div", { class: "columns wide" }, left, right));
     const vs = s.vs && TC.run.flat(s.vs) !== p ? TC.run.flat(s.vs) : null;
-    if (line) {
+    if (line && proof === "failed" && !Number.isFinite(TC.row(line.u_T, p)[0])) {
+      TC.point.left = left;
+      const frame = TC.point.frame(line, TC.width(left));
+      if (frame.shape) TC.point.bodyPanel(left, p, line, frame);
+    } else if (line) {
       const shownLevel = d.lines[String(level)] === line ? level : d.run.nlevels - 1;
       const cases = [p, vs].filter((k) => k !== null).map((k) => TC.point.contact(line, k));
       const width = TC.width(left), frame = TC.point.frame(line, width);
@@ -38,7 +42,7 @@ TC.point = {
     const u = given ? given.u : TC.row(line.u_T, p), xi = given ? given.xi : TC.row(line.xi, p), m = u.length, state = new Int8Array(m);
     const law = given ? given.law : TC.point.lawOf(p), peaks = law ? TC.point.peaks(law) : null;
     for (let i = 0; i < m; i++) {
-      const sticks = given ? given.sticks[i] : line.sticks ? line.sticks[p * m + i] === 1 : u[i] === 0;
+      const sticks = given ? given.sticks[i] : line.sticks && line.sticks[p * m + i] >= 0 ? line.sticks[p * m + i] === 1 : u[i] === 0; // older files do not say
       state[i] = sticks ? 0 : peaks && Math.abs(xi[i]) < 0.995 * peaks(u[i]) ? 2 : 1;
     }
     return { u, xi, state };
@@ -94,7 +98,7 @@ TC.point = {
   toPx(frame, x, y) { return [frame.margin.left + (x - frame.bx[0]) / frame.per, frame.top + frame.high - (y - frame.by[0]) / frame.per]; },
   body(p) {
     const { canvas, svg, frame, line, ratio } = TC.point.panel, d = TC.data, b = d.body, g = canvas.getContext("2d");
-    const factor = b ? TC.point.exaggeration() * TC.state.deform : 0, text = document.getElementById("deform-text");
+    const factor = b && TC.run.flag("status", p, b.level) === 1 ? TC.point.exaggeration() * TC.state.deform : 0, text = document.getElementById("deform-text");
     if (text) text.textContent = `× ${TC.number(factor, 2)}`;
     g.setTransform(ratio, 0, 0, ratio, 0, 0);
     g.clearRect(0, 0, canvas.width, canvas.height);
@@ -107,7 +111,9 @@ TC.point = {
   fillBody(g, p, factor, frame, over) {
     const b = TC.data.body, n = b.x.length, ux = TC.field(b.u_x, p), uy = TC.field(b.u_y, p), X = new Float64Array(n), Y = new Float64Array(n);
     for (let i = 0; i < n; i++) [X[i], Y[i]] = TC.point.toPx(frame, b.x[i] + factor * ux[i], b.y[i] + factor * uy[i]);
-    const theta = b.theta ? TC.field(b.theta, p) : null, [lo, hi] = theta ? TC.range(theta) : [0, 0], even = !theta || hi - lo < 2e-3 * Math.max(Math.abs(lo), Math.abs(hi));
+    const solved = TC.run.flag("status", p, b.level) === 1; // a failed point has no fields
+    if (!solved) over.push(TC.svgNode("text", { x: frame.margin.left, y: 16 }, "no solution, so neither temperature nor deformation"));
+    const theta = b.theta && solved ? TC.field(b.theta, p) : null, [lo, hi] = theta ? TC.range(theta) : [0, 0], even = !theta || hi - lo <= 2e-3 * Math.max(Math.abs(lo), Math.abs(hi));
     const style = getComputedStyle(document.documentElement), levels = even ? [] : TC.ticks(lo, hi, 11), colour = (t) => TC.css(TC.colour(t, TC.HEAT));
     const tri = b.triangle;
     if (even) {
