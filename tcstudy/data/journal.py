@@ -13,40 +13,41 @@ import sqlite3
 import threading
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from tcstudy.data import schema
 from tcstudy.data.files import PARTIAL, StoreError, remove_stale, sync_directory
 from tcstudy.data.journal_file import SELECT, connect, rollback_file, set_aside
-from tcstudy.data.journal_rows import Row, decode_level, decode_point, encode
+from tcstudy.data.journal_rows import Row, decode_block, decode_level, encode
 from tcstudy.data.provenance import program, study_sha256
-from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
-from tcstudy.data.store import check_point
+from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, block_of
+from tcstudy.data.store import check_block
 from tcstudy.scene.records import Study
 
 COMMIT_SECONDS = 0.25
 """Longest time that a finished record waits for its commit; one commit costs some 15 ms of disk."""
 
-FORMAT = "2"
+FORMAT = "3"
 """Of the records: a journal of another format is set aside."""
 
 _INSERT = "INSERT OR REPLACE INTO record VALUES (?, ?, ?, ?, ?, ?, ?)"
-
-Place = tuple[tuple[int, ...], int]
 
 
 class Journal:
     """The open journal of one run. Make it with `Journal.open`; safe to use from several threads.
 
-    finished: status of every point that an earlier run left, by (index, level)
+    finished: (level, number) of every block that an earlier run left
     warnings: sentences for the user, for example that an old journal was set aside
     """
 
-    def __init__(self, path: Path, connection: sqlite3.Connection, warnings: tuple[str, ...]) -> None:
-        self.path = path
+    def __init__(
+        self, path: Path, connection: sqlite3.Connection, warnings: tuple[str, ...], shape: tuple[int, ...]
+    ) -> None:
+        self.path, self._shape = path, shape
         self.warnings = warnings
-        self.finished: dict[Place, PointStatus] = {}
+        self.finished: frozenset[tuple[int, int]] = frozenset()
         self._connection = connection
         self._pending: list[Row] = []
         self._lock = threading.RLock()
@@ -81,15 +82,21 @@ class Journal:
             raise StoreError(f"cannot start the journal {path}: {why}. Choose another output")
         remove_stale(output)
         sync_directory(path.parent)
-        journal = cls(path, connection, warnings)
-        journal.finished = {(p.index, p.level): p.status for p in journal.points()}
+        journal = cls(path, connection, warnings, study.shape)
+        places = connection.execute("SELECT level, place FROM record WHERE kind = 'block'")
+        journal.finished = frozenset((int(level), int(place)) for level, place in places)
         return journal
 
-    def add(self, record: PointRecord | LevelRecord) -> None:
+    def add(self, record: BlockRecord | PointRecord | LevelRecord) -> None:
         """Keep a record; it is on the disk within COMMIT_SECONDS. A second one of the same place replaces it.
+
+        A point alone is kept as the block that has its place in the sweep for a number.
 
         Raises StoreError if an earlier record could not be brought to the disk; it is tried again.
         """
+        if isinstance(record, PointRecord):
+            alone = block_of((record,), self._shape)
+            record = replace(alone, number=int(alone.points[0]))
         row = encode(record)
         with self._lock:
             if self._closed:
@@ -126,9 +133,13 @@ class Journal:
         """All level records, coarse to fine."""
         return tuple(sorted((decode_level(row) for row in self._rows("level")), key=lambda level: level.level))
 
+    def blocks(self) -> Iterator[BlockRecord]:
+        """All blocks as they finished, read one by one: whole-body fields need not fit into memory."""
+        return (decode_block(row) for row in self._rows("block"))
+
     def points(self) -> Iterator[PointRecord]:
-        """All point records as they finished, read one by one: whole-body fields need not fit into memory."""
-        return (decode_point(row) for row in self._rows("point"))
+        """All points as they finished, one by one."""
+        return (point for block in self.blocks() for point in block.one_by_one())
 
     def close(self) -> None:
         """Flush and give up the lock; the journal stays for a later run. Closing twice does no harm."""
@@ -184,7 +195,7 @@ def _check(study: Study, row: Row) -> None:
         if lengths != {level.n_contact} or not 0 <= level.level < study.mesh.levels:
             raise ValueError(f"level {level.level} does not fit the study")
         return
-    check_point(decode_point(row), study)
+    check_block(decode_block(row), study)
 
 
 def _header(study: Study) -> dict[str, str]:

@@ -104,7 +104,7 @@ def _look_into(connection: sqlite3.Connection, header: dict[str, str], check: Ca
         return "is of another study or other overrides"
     if found != header:
         return "was made by other versions of the program"
-    for kind in ("level", "point"):
+    for kind in ("level", "block"):
         for row in connection.execute(SELECT, (kind,)):
             if checksum(row) != row[-1]:
                 raise _Damaged(f"wrong checksum of {kind} {row[1]} on level {row[2]}")

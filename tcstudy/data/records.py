@@ -1,9 +1,14 @@
-"""What a run hands to the store: one record per solved point and level, plus what a level knows of its contact line."""
+"""What a run hands to the store: blocks of solved points of a level, and what a level knows of its contact line.
+
+A block is a few arrays, because a point of a long sweep costs less to solve than a record of its own costs to keep.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,3 +78,97 @@ class PointRecord:
     xi: Array
     fields: dict[str, Array] = field(default_factory=dict)
     sticks: NDArray[np.int8] = field(default_factory=lambda: np.empty(0, dtype=np.int8))
+
+
+@dataclass(frozen=True, eq=False)
+class BlockRecord:
+    """P sweep points on one level, kept together.
+
+    number: which block of its level;  shape: extent of the sweep
+    points: (P,) places of the points in the sweep, counted in C order
+    status: (P,) PointStatus;  reasons: row → words, of those that are not OK
+    numbers: (P,) by variable name (see data.schema), (P, k) where there is one for each start or solver; NaN is missing
+    u_T, xi: (P, m) as in PointRecord, NaN in rows that failed before; None if all did
+    sticks: (P, m) likewise, −1 where it is not known
+    fields: (P, n) whole-body nodal fields by name, NaN in rows without; only if asked for
+    """
+
+    number: int
+    level: int
+    shape: tuple[int, ...]
+    points: NDArray[np.intp]
+    status: NDArray[np.int8]
+    reasons: dict[int, str]
+    numbers: dict[str, Array]
+    u_T: Array | None = None
+    xi: Array | None = None
+    sticks: NDArray[np.int8] | None = None
+    fields: dict[str, Array] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def index(self, row: int) -> tuple[int, ...]:
+        """Position of a point along each dimension of the sweep."""
+        return tuple(int(i) for i in np.unravel_index(self.points[row], self.shape)) if self.shape else ()
+
+    def one_by_one(self) -> Iterator[PointRecord]:
+        """Its points as records of their own."""
+        empty: Array = np.empty(0)
+        for row in range(len(self)):
+            known = self.u_T is not None and not np.isnan(self.u_T[row]).any()
+            numbers = {
+                name: float(values[row]) if values.ndim == 1 else tuple(values[row].tolist())
+                for name, values in self.numbers.items()
+            }
+            yield PointRecord(
+                index=self.index(row),
+                level=self.level,
+                status=PointStatus(int(self.status[row])),
+                reason=self.reasons.get(row, ""),
+                numbers=numbers,
+                u_T=self.u_T[row] if known and self.u_T is not None else empty,
+                xi=self.xi[row] if known and self.xi is not None else empty,
+                fields={n: values[row] for n, values in self.fields.items() if not np.isnan(values[row]).all()},
+                sticks=self.sticks[row] if known and self.sticks is not None else np.empty(0, dtype=np.int8),
+            )
+
+
+def block_of(points: Sequence[PointRecord], shape: tuple[int, ...], number: int = 0) -> BlockRecord:
+    """Points of one level as a block; shape: extent of the sweep. Raises ValueError for a point outside it."""
+    for p in points:
+        if len(p.index) != len(shape) or not all(0 <= i < n for i, n in zip(p.index, shape, strict=True)):
+            raise ValueError(f"point {p.index}, level {p.level} is outside the sweep {shape}")
+    m = max((len(p.u_T) for p in points), default=0)
+    names = dict.fromkeys(name for p in points for name in p.numbers)
+    fields = {name: array for p in points for name, array in p.fields.items()}
+
+    def stacked(values: Sequence[NDArray[Any]], size: int, missing: float, dtype: type = float) -> NDArray[Any]:
+        rows: NDArray[Any] = np.full((len(values), size), missing, dtype=dtype)
+        for row, value in zip(rows, values, strict=True):
+            if len(value):
+                row[:] = value
+        return rows
+
+    def column(name: str) -> Array:
+        values = [p.numbers.get(name) for p in points]
+        width = max((len(v) for v in values if isinstance(v, tuple)), default=0)
+        missing: object = (np.nan,) * width if width else np.nan
+        return np.array([missing if v is None else v for v in values], dtype=float)
+
+    return BlockRecord(
+        number=number,
+        level=points[0].level,
+        shape=shape,
+        points=np.array([np.ravel_multi_index(p.index, shape) if shape else 0 for p in points], dtype=np.intp),
+        status=np.array([int(p.status) for p in points], dtype=np.int8),
+        reasons={row: p.reason for row, p in enumerate(points) if p.reason},
+        numbers={name: column(name) for name in names},
+        u_T=stacked([p.u_T for p in points], m, np.nan) if m else None,
+        xi=stacked([p.xi for p in points], m, np.nan) if m else None,
+        sticks=stacked([p.sticks for p in points], m, -1, np.int8) if m else None,
+        fields={
+            name: stacked([p.fields.get(name, np.empty(0)) for p in points], len(array), np.nan)
+            for name, array in fields.items()
+        },
+    )

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from tcstudy.data.files import FINISHED, StoreError, new_dataset, replace_file
 from tcstudy.data.live import put_live
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
 from tcstudy.data.reading import attributes
-from tcstudy.data.records import LevelRecord, PointRecord
+from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, block_of
 from tcstudy.scene.records import Study
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import xarray
 
 Arrays = dict[str, np.ndarray[Any, Any]]
+Places = np.ndarray[Any, np.dtype[np.intp]]
 
 KEPT = "finished points are kept in the journal"
 
@@ -33,13 +34,13 @@ def write(
     path: Path,
     study: Study,
     levels: Sequence[LevelRecord],
-    points: Iterable[PointRecord],
+    records: Iterable[BlockRecord | PointRecord],
     provenance: Provenance,
 ) -> None:
     """Write all results of a run to `path`, replacing an old file in one step.
 
     Points without a record stay "not run"; of two records of one point the last one counts. Whole-body fields go
-    to the disk record by record, so `points` may be a generator.
+    to the disk record by record, so `records` may be a generator.
 
     Raises StoreError if the file cannot be written (the old one is then untouched), ValueError if a record does
     not fit the study.
@@ -47,7 +48,7 @@ def write(
     problems = schema.axis_problems(study)
     if problems:
         raise StoreError("; ".join(problems))
-    replace_file(path, lambda aside: _write_file(aside, study, levels, points, provenance), KEPT)
+    replace_file(path, lambda aside: _write_file(aside, study, levels, records, provenance), KEPT)
 
 
 def open_results(path: Path) -> xarray.DataTree:
@@ -65,7 +66,7 @@ def _write_file(
     file: Path,
     study: Study,
     levels: Sequence[LevelRecord],
-    points: Iterable[PointRecord],
+    records: Iterable[BlockRecord | PointRecord],
     provenance: Provenance,
 ) -> None:
     """One complete file; sweep arrays are allocated whole, so that every point has its place at once."""
@@ -81,13 +82,12 @@ def _write_file(
             _take_level(root, variables, level)
             groups[level.level] = _make_group(nc, study, level)
             contact[level.level] = _contact_arrays(study, level)
-        places = [schema.axis_places(axis) for axis in study.axes] if study.mode == "grid" else []
-        for point in points:
-            check_point(point, study)
-            if places:
-                point = replace(point, index=tuple(int(p[i]) for p, i in zip(places, point.index, strict=True)))
-            _take_point(root, contact.get(point.level, {}), point)
-            _put_fields(groups.get(point.level), study, point)
+        for record in records:
+            block = record if isinstance(record, BlockRecord) else block_of((record,), study.shape)
+            check_block(block, study)
+            places = _places(study, block)
+            _take_block(root, contact.get(block.level, {}), block, places, math.prod(study.shape))
+            _put_fields(groups.get(block.level), study, block, places)
         for variable in variables:
             _put(nc, variable, study, root[variable.name])
         for level in levels:
@@ -184,50 +184,70 @@ def _take_level(root: Arrays, variables: Sequence[schema.Variable], level: Level
             root[variable.name][level.level] = getattr(level, variable.name)
 
 
-def _take_point(root: Arrays, contact: Arrays, point: PointRecord) -> None:
-    """Put a record in its place."""
-    place = (*point.index, point.level)
-    root["status"][place] = int(point.status)
-    root["reason"][place] = without_paths(point.reason)
-    for name, number in point.numbers.items():
-        if isinstance(number, tuple | list):
-            root[name][place] = [_or_missing(root[name], value) for value in number]
-        elif number == number:  # NaN stands for missing, also in counts, which have no NaN
-            root[name][place] = number
-    for name, values in (("u_T", point.u_T), ("xi", point.xi), ("sticks", point.sticks)):
-        if len(values):
-            if not contact:
-                raise ValueError(f"point {point.index} has values on level {point.level}, which has no record")
-            contact[name][point.index] = values
+def _places(study: Study, block: BlockRecord) -> Places:
+    """(P,) where the points of a block stand in the file, counted in C order of its dimensions."""
+    if study.mode != "grid" or not study.shape:
+        return block.points
+    index = np.unravel_index(block.points, study.shape)
+    moved = tuple(schema.axis_places(axis)[i] for axis, i in zip(study.axes, index, strict=True))
+    return np.ravel_multi_index(moved, study.shape)
 
 
-def _or_missing(array: np.ndarray[Any, Any], value: float) -> float:
-    """A value for an array: NaN stands for missing, also in counts, which have no NaN."""
-    return value if value == value or array.dtype.kind == "f" else schema.MISSING_COUNT
+def _take_block(root: Arrays, contact: Arrays, block: BlockRecord, places: Places, count: int) -> None:
+    """Put the points of a block in their places; count: points of the sweep."""
+
+    def at_level(name: str) -> np.ndarray[Any, Any]:
+        array = root[name]
+        levels = root["status"].size // count
+        return array.reshape(count, levels, -1)[:, block.level]  # a view: the arrays are contiguous
+
+    words = np.full(len(block), "", dtype=object)
+    for row, reason in block.reasons.items():
+        words[row] = without_paths(reason)
+    at_level("status")[places, 0] = block.status
+    at_level("reason")[places, 0] = words
+    for name, values in block.numbers.items():
+        array, values = at_level(name), values.reshape(len(block), -1)
+        if array.dtype.kind != "f":
+            # NaN stands for missing: of several values of a point each for itself, a single one leaves what is there
+            none = schema.MISSING_COUNT if values.shape[1] > 1 else array[places]
+            missing = np.isnan(values)
+            values = np.where(missing, none, np.where(missing, 0.0, values))
+        array[places] = values
+    known = np.zeros(0, dtype=bool) if block.u_T is None else ~np.isnan(block.u_T).any(axis=1)
+    for name, line in (("u_T", block.u_T), ("xi", block.xi), ("sticks", block.sticks)) if known.any() else ():
+        if not contact:
+            raise ValueError(f"block {block.number} has values on level {block.level}, which has no record")
+        if line is not None:
+            contact[name].reshape(count, -1)[places[known]] = line[known]
 
 
-def _put_fields(group: netCDF4.Group | None, study: Study, point: PointRecord) -> None:
-    """Write a point's whole-body fields; a field's variable is made when its first values come."""
-    if not point.fields:
+def _put_fields(group: netCDF4.Group | None, study: Study, block: BlockRecord, places: Places) -> None:
+    """Write whole-body fields point by point; a field's variable is made when its first values come."""
+    if not block.fields:
         return
     if group is None or "mesh_node" not in group.dimensions:
-        raise ValueError(f"point {point.index} has whole-body fields, but level {point.level} has no mesh")
+        raise ValueError(f"block {block.number} has whole-body fields, but level {block.level} has no mesh")
     known = {variable.name: variable for variable in schema.FIELDS}
-    for name, values in point.fields.items():
+    for name, rows in block.fields.items():
         if name not in group.variables:
             _put(group, known[name], study, None)
-        group[name][point.index] = values
+        for row, values in enumerate(rows):
+            if not np.isnan(values).all():
+                place = np.unravel_index(places[row], study.shape) if study.shape else ()
+                group[name][tuple(int(i) for i in place)] = values
 
 
-def check_point(point: PointRecord, study: Study) -> None:
-    """Raise ValueError unless the record has a place in the file of this study."""
-    inside = len(point.index) == len(study.shape) and all(
-        0 <= i < n for i, n in zip(point.index, study.shape, strict=True)
-    )
-    if not inside or not 0 <= point.level < study.mesh.levels:
+def check_block(block: BlockRecord, study: Study) -> None:
+    """Raise ValueError unless the points have places in the file of this study, and each its values."""
+    inside = len(block) and int(block.points.min()) >= 0 and int(block.points.max()) < math.prod(study.shape)
+    if not inside or not 0 <= block.level < study.mesh.levels:
         raise ValueError(
-            f"point {point.index}, level {point.level} is outside the sweep {study.shape} × {study.mesh.levels}"
+            f"block {block.number} on level {block.level} is outside the sweep {study.shape} × {study.mesh.levels}"
         )
-    unknown = sorted(point.numbers.keys() - schema.NUMBERS) + sorted(point.fields.keys() - schema.FIELD_NAMES)
+    rows = (block.status, block.u_T, block.xi, block.sticks, *block.numbers.values(), *block.fields.values())
+    if any(len(values) != len(block) for values in rows if values is not None):
+        raise ValueError(f"block {block.number} on level {block.level} has not one row for each of its points")
+    unknown = sorted(block.numbers.keys() - schema.NUMBERS) + sorted(block.fields.keys() - schema.FIELD_NAMES)
     if unknown:
         raise ValueError(f"no variable {', '.join(unknown)} in the schema")

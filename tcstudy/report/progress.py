@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol, TextIO, cast
 
+import numpy as np
+
 from tcstudy.data.provenance import without_paths
-from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.report.failures import kind, named
 from tcstudy.report.outlet import Outlet, raw_terminal, visible
 from tcstudy.report.text import counted, prefix
@@ -43,15 +45,16 @@ class _Failures:
         """Failed points so far."""
         return sum(self._kinds.values())
 
-    def line(self, record: PointRecord) -> str:
-        """The line of a failed point; empty if one like it had its line."""
-        key = kind(record.status, record.reason)
-        self._kinds[key] = self._kinds.get(key, 0) + 1
-        if self._kinds[key] > 1:
-            return ""
-        where = f"level {record.level}"
-        where = f"{name} on {where}" if (name := self._naming(record.index)) else where
-        return f"{where}: {named(record.status)}: {without_paths(record.reason)}"
+    def lines(self, record: BlockRecord) -> Iterator[str]:
+        """Lines of the failed points of a block; none for one like it that had its line."""
+        for row in np.flatnonzero(record.status != PointStatus.OK):
+            status, reason = PointStatus(int(record.status[row])), record.reasons.get(int(row), "")
+            key = kind(status, reason)
+            self._kinds[key] = self._kinds.get(key, 0) + 1
+            if self._kinds[key] == 1:
+                where = f"level {record.level}"
+                where = f"{name} on {where}" if (name := self._naming(record.index(int(row)))) else where
+                yield f"{where}: {named(status)}: {without_paths(reason)}"
 
     def more(self) -> str:
         """How many failed without a line; empty if none did or it has been said."""
@@ -80,9 +83,9 @@ class PlainProgress:
         """A mesh is ready."""
         self._say(_level_line(record, self._length))
 
-    def point(self, record: PointRecord) -> None:
-        """A point is finished; only the first failure of a kind is worth a line."""
-        if record.status != PointStatus.OK and (line := self._failures.line(record)):
+    def block(self, record: BlockRecord) -> None:
+        """Points are finished; only the first failure of a kind is worth a line."""
+        for line in self._failures.lines(record):
             self._say(line)
 
     def close(self) -> None:
@@ -129,14 +132,13 @@ class TerminalProgress:
         """Name the level beside the bar."""
         self._progress.update(self._task, description=f"level {record.level} ({record.n_dof} dofs)")
 
-    def point(self, record: PointRecord) -> None:
+    def block(self, record: BlockRecord) -> None:
         """Move on; the first failure of a kind is printed above the bar, and all are counted in it."""
-        if record.status != PointStatus.OK and (line := self._failures.line(record)):
+        for line in self._failures.lines(record):
             self._say(line)
-        self._done += 1
-        self._progress.update(
-            self._task, advance=self._weights[record.level], points=self._points(), failed=self._failed()
-        )
+        self._done += len(record)
+        advance = len(record) * self._weights[record.level]
+        self._progress.update(self._task, advance=advance, points=self._points(), failed=self._failed())
 
     def _say(self, text: str) -> None:
         self._progress.console.print(visible(text), markup=False, highlight=False)

@@ -15,7 +15,7 @@ from tcstudy.data.records import PointRecord, PointStatus
 from tcstudy.scene.records import MeshPlan, Scene, Study
 from tcstudy.study.family import Family
 from tcstudy.study.level import Level
-from tcstudy.study.run import solve_point
+from tcstudy.study.point import solve_point
 
 Progress = Callable[[str, float | None], None]
 """(what is being done, seconds left if known)."""

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tcstudy.data.files import StoreError
 from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect
-from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.store import write
 from tcstudy.scene.records import Study
 from tcstudy.study.plan import output_of, warnings
@@ -38,7 +39,7 @@ class Quiet:
     def level(self, record: LevelRecord) -> None:
         """Nothing to show."""
 
-    def point(self, record: PointRecord) -> None:
+    def block(self, record: BlockRecord) -> None:
         """Nothing to show."""
 
 
@@ -59,8 +60,8 @@ def execute(
     # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
     with threadpool_limits(1, user_api="blas"), Journal.open(output, study) as journal:
         # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
-        known = (p for p in journal.points() if p.status != PointStatus.ERROR) if journal.finished else ()
-        finished = {(p.level, p.index): p.u_T if p.status == PointStatus.OK else p.u_T[:0] for p in known}
+        known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
+        finished = {(block.level, block.number): without_fields(block) for block in known}
         watcher.begin(_work(study, finished), [*journal.warnings, *warnings(study)])
         for record in run(study, finished):
             journal.add(record)
@@ -68,14 +69,14 @@ def execute(
                 if not record.stop:  # one that says why the level was the last follows its points
                     watcher.level(record)
             else:
-                watcher.point(record)
+                watcher.block(record)
         journal.flush()
-        statuses = [point.status for point in journal.points()]
+        statuses = np.concatenate([np.empty(0, dtype=np.int8), *(block.status for block in journal.blocks())])
         levels = journal.levels()
-        write(output, _with_levels(study, levels), levels, journal.points(), collect(study, command))
+        write(output, _with_levels(study, levels), levels, journal.blocks(), collect(study, command))
         journal.discard()
-    failed = sum(status != PointStatus.OK for status in statuses)
-    return Summary(output, len(statuses), failed, len(finished))
+    failed = int(np.count_nonzero(statuses != PointStatus.OK))
+    return Summary(output, len(statuses), failed, sum(len(block) for block in finished.values()))
 
 
 def _with_levels(study: Study, levels: Sequence[LevelRecord]) -> Study:
@@ -85,10 +86,15 @@ def _with_levels(study: Study, levels: Sequence[LevelRecord]) -> Study:
     return replace(study, mesh=replace(study.mesh, levels=levels[-1].level + 1))
 
 
-def _work(study: Study, finished: Collection[Key]) -> list[LevelWork]:
+def without_fields(block: BlockRecord) -> BlockRecord:
+    """A block as a start for others: its whole-body fields stay on the disk."""
+    return replace(block, fields={}, numbers={})
+
+
+def _work(study: Study, finished: Mapping[Key, BlockRecord]) -> list[LevelWork]:
     """Points of every level; a point costs about as much as its mesh has nodes."""
     mesh, points = study.mesh, len(study.scenes)
-    done = [sum(level == i for level, _ in finished) for i in range(mesh.levels)]
+    done = [sum(len(block) for block in finished.values() if block.level == i) for i in range(mesh.levels)]
     growth = 2.0 if mesh.family == "adaptive" else 4.0
     single = len(mesh.maxh) == 1
     finer = [growth**i if single else (mesh.maxh[0] / mesh.maxh[i]) ** 2 for i in range(mesh.levels)]

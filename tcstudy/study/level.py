@@ -212,6 +212,12 @@ class Level:
         w = body.displacement(mu, u_T, condensed.terms, self._load(body, frames))
         return frames.cartesian(w + frames.values)
 
+    def fields(self, scene: Scene, condensed: Condensed, u_T: Array) -> dict[str, Array]:
+        """Nodal fields of the whole body by name, (n,) each: u_x, u_y [m] and, where it loads the body, theta [K]."""
+        u, n = self.displacement(scene, condensed, u_T), self.mesh.n_points
+        known = {"u_x": u[:n], "u_y": u[n:]}
+        return known if scene.material.beta == 0.0 else known | {"theta": self.temperature(scene).theta}
+
     def extension(self, scene: Scene, u_T: Array) -> Array:
         """The displacement in x and y (2n,) of a body without load whose contact nodes are moved by u_T (m,)."""
         frames = self._frames_of(scene.boundary)

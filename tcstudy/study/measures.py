@@ -8,13 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import BALANCED, HEAT_BOUND, LIMITED, MET, NOT_JUDGED, UNBALANCED
+from tcstudy.online import BlockAnswers, RowLaws
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.solve.certificates import Certificate
 from tcstudy.solve.contact import Answer
 from tcstudy.solve.outcome import Status
 from tcstudy.solve.problem import ContactProblem
-from tcstudy.study.level import Condensed
+from tcstudy.study.level import Condensed, CondensedBlock
 from tcstudy.study.temperature import Temperature
 
 Array = NDArray[np.float64]
@@ -93,6 +95,66 @@ def numbers(
         "time_solve": solved[0].time,
     }
     return values | _by_solver(condensed, solved) if len(solved) > 1 else values
+
+
+def point_status(status: NDArray[np.int8]) -> NDArray[np.int8]:
+    """(P,) statuses of the data for those of a solver."""
+    table = np.full(max(Status) + 1, int(PointStatus.NOT_CONVERGED), dtype=np.int8)
+    table[Status.CONVERGED] = PointStatus.OK
+    table[Status.INCLUSION_VIOLATED] = PointStatus.INCLUSION_VIOLATED
+    table[Status.NOT_POSITIVE_DEFINITE] = PointStatus.SINGULAR
+    return table[status]
+
+
+def line_values(
+    answers: BlockAnswers, laws: RowLaws, factor: Array, vanishing: NDArray[np.bool_]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """ξ (P, m) [N/m] as `friction_forces` has it, and which nodes rest on an up-jump, of a block of points.
+
+    factor: (P,) stiffness of a point's body over that of the block's;  vanishing: (P,) whether b ≡ 0
+    """
+    nothing = vanishing & (answers.status == Status.CONVERGED)
+    xi = np.where(nothing[:, None], 0.0, answers.xi * factor[:, None])
+    return xi, laws.kind(laws.locate(answers.v)) == UP
+
+
+def block_numbers(
+    condensed: CondensedBlock, factor: Array, answers: BlockAnswers, xi: Array, sticks: NDArray[np.bool_], time: float
+) -> dict[str, Array]:
+    """Results of a block of points by variable name, units as in data.schema, (P,) each; see `numbers`.
+
+    factor: (P,) as in `line_values`, whose results are xi and sticks;  time: wall time a point [s]
+    """
+    proved = answers.certificates
+    lambda_1, omega = condensed.mu * condensed.lambda_1, proved.omega * factor
+    converged = answers.status == Status.CONVERGED
+    met = np.where(answers.limited, LIMITED, MET)
+    balance = condensed.heat_balance
+    heat = np.where(np.isnan(balance), NOT_JUDGED, np.where(balance <= HEAT_BOUND, BALANCED, UNBALANCED))
+    values: dict[str, Array] = {
+        "energy": answers.energy * factor + condensed.constant,
+        "inclusion_residual": answers.inclusion_residual,
+        "inclusion_rounding": answers.rounding,
+        "inclusion_status": np.where(converged, met, NOT_JUDGED).astype(float),
+        "iterations": answers.steps.astype(float),
+        "u_T_max": np.max(np.abs(answers.v), axis=1, initial=0.0),
+        "friction_resultant": xi.sum(axis=1),
+        "slip_length": np.where(sticks, 0.0, condensed.c).sum(axis=1),
+        "lambda_1": lambda_1,
+        "omega": omega,
+        "uniqueness_margin": lambda_1 - omega,
+        "unique": proved.unique.astype(float),
+        "strict_minimum": proved.strict_minimum.astype(float),
+        "global_minimum": proved.global_minimum.astype(float),
+        "start_used": answers.start.astype(float),
+        "start_energy": answers.start_energies * factor[:, None] + condensed.constant[:, None],
+        "theta_mean": condensed.theta_mean,
+        "heat_balance": balance,
+        "heat_status": heat.astype(float),
+        "time_condense": np.full(len(factor), condensed.time / len(factor)),
+        "time_solve": np.full(len(factor), time),
+    }
+    return values
 
 
 def _by_solver(condensed: Condensed, solved: Sequence[Timed]) -> Numbers:

@@ -19,7 +19,7 @@ from tcstudy.study.exact_line import exact_u_T
 from tcstudy.study.family import Family
 from tcstudy.study.level import Level
 from tcstudy.study.measures import sticking
-from tcstudy.study.run import solve_point
+from tcstudy.study.point import solve_point
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from tcstudy.study.level import Level
-from tcstudy.study.run import solve_point
+from tcstudy.study.point import solve_point
 from tests.benchmarks.stages import Clock, _ngsolve_matrix, finest, study_of
 
 SWEEPS = {

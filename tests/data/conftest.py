@@ -95,8 +95,19 @@ def make_point(index: tuple[int, ...], level: int, fields: bool = False) -> Poin
     )
 
 
+def long(point: PointRecord, shift: float, m: int = 20000) -> PointRecord:
+    """The point with so many contact nodes that writing it takes its time."""
+    line = np.arange(float(m)) + shift
+    return replace(point, u_T=line, xi=-line, sticks=np.ones(m, dtype=np.int8))
+
+
 def failed(index: tuple[int, ...], level: int, reason: str) -> PointRecord:
     return PointRecord(index, level, PointStatus.SINGULAR, reason, {"time_solve": 0.125}, np.empty(0), np.empty(0))
+
+
+@pytest.fixture
+def lengthened() -> Callable[..., PointRecord]:
+    return long
 
 
 @pytest.fixture

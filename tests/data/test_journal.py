@@ -65,16 +65,23 @@ def test_records_come_back_exactly(
     points = [
         new_point((1, 0, 1), 1, fields=True),
         replace(new_point((0, 2, 1), 0), numbers=odd),
-        replace(new_point((0, 0, 1), 0), status=PointStatus.ERROR, reason="ü\n'", u_T=np.empty(0), xi=np.empty(0)),
+        replace(
+            new_point((0, 0, 1), 0),
+            status=PointStatus.ERROR,
+            reason="ü\n'",
+            u_T=np.empty(0),
+            xi=np.empty(0),
+            sticks=np.empty(0, dtype=np.int8),
+        ),
     ]
     with Journal.open(output, study) as journal:
-        assert journal.finished == {}
+        assert not journal.finished
         assert journal.warnings == ()
         for record in (*reversed(levels), *points):
             journal.add(record)
     with Journal.open(output, study) as journal:
         assert journal.warnings == ()
-        assert journal.finished == {(p.index, p.level): p.status for p in points}
+        assert statuses(journal) == {(p.index, p.level): p.status for p in points}
         for record, again in zip((*levels, *points), (*journal.levels(), *journal.points()), strict=True):
             assert_same(record, again)
 
@@ -88,7 +95,7 @@ def test_a_second_record_of_a_point_replaces_the_first(
         [new_failure((0, 0, 0), 0, "crashed"), new_point((0, 0, 0), 1), new_point((0, 0, 0), 0)],
     )
     with Journal.open(output, study) as journal:
-        assert journal.finished == {((0, 0, 0), 0): PointStatus.OK, ((0, 0, 0), 1): PointStatus.OK}
+        assert statuses(journal) == {((0, 0, 0), 0): PointStatus.OK, ((0, 0, 0), 1): PointStatus.OK}
 
 
 def test_numpy_scalars_may_stand_in_a_record(output: Path, study: Study, new_point: Callable[..., PointRecord]) -> None:
@@ -120,21 +127,25 @@ def test_the_journal_feeds_the_store_and_is_then_discarded(
         assert [tree["energy"].values[(*p.index, p.level)] for p in points] == [p.numbers["energy"] for p in points]
 
 
+def statuses(journal: Journal) -> dict[tuple[tuple[int, ...], int], PointStatus]:
+    """What an earlier run left, by (index, level)."""
+    return {(p.index, p.level): p.status for p in journal.points()}
+
+
 _WRITER = """
 import sys, time
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
-from conftest import make_level, make_point, make_study
+from conftest import long, make_level, make_point, make_study
 from tcstudy.data.journal import Journal
 from tcstudy.data.journal_rows import checksum
 import numpy as np
-from dataclasses import replace
 study = make_study()
 journal = Journal.open(Path(sys.argv[1]), study)
 journal.add(make_level(0))
 mode = sys.argv[3]
 for n, index in enumerate(np.ndindex(study.shape)):
-    journal.add(replace(make_point(index, 0), u_T=np.arange(20000.0) + n))
+    journal.add(long(make_point(index, 0), n))
     if mode == "flush":
         journal.flush()
         print(n, flush=True)
@@ -146,7 +157,7 @@ if mode == "wait":
 while True:
     if mode == "flush":  # go on adding until killed
         for index in np.ndindex(study.shape):
-            journal.add(replace(make_point(index, 1), u_T=np.arange(20000.0)))
+            journal.add(long(make_point(index, 1), 0))
             journal.flush()
     else:
         time.sleep(0.1)
@@ -179,6 +190,7 @@ def test_committed_points_survive_kill_9_in_the_middle_of_adding(
     new_point: Callable[..., PointRecord],
     new_level: Callable[..., LevelRecord],
     seen: int,
+    lengthened: Callable[..., PointRecord],
 ) -> None:
     process = start("flush")
     assert process.stdout is not None
@@ -192,7 +204,7 @@ def test_committed_points_survive_kill_9_in_the_middle_of_adding(
         on_level_0 = [p for p in journal.points() if p.level == 0]
         assert len(on_level_0) >= seen
         for n, (point, index) in enumerate(zip(on_level_0, np.ndindex(study.shape), strict=False)):
-            assert_same(point, replace(new_point(index, 0), u_T=np.arange(20000.0) + n))
+            assert_same(point, lengthened(new_point(index, 0), n))
         assert_same(journal.levels()[0], new_level(0))
         journal.add(new_point((1, 2, 1), 0))
 
@@ -246,7 +258,7 @@ def test_a_journal_of_another_study_is_set_aside_never_deleted(
     for n, (old, new) in enumerate(((study, other), (other, study))):
         fill(output, old, [new_point((0, 0, n), 0)])
         with Journal.open(output, new) as journal:
-            assert journal.finished == {}
+            assert not journal.finished
             (warning,) = journal.warnings
             assert "another study" in warning
             assert ".partial.old" in warning
@@ -254,7 +266,7 @@ def test_a_journal_of_another_study_is_set_aside_never_deleted(
     assert names == ["study.nc.partial", "study.nc.partial.old", "study.nc.partial.old2"]
     for name, n in (("study.nc.partial.old", 0), ("study.nc.partial.old2", 1)):
         with sqlite3.connect(output.parent / name) as kept:
-            assert kept.execute("SELECT place FROM record").fetchall() == [(f"0,0,{n}",)]
+            assert kept.execute("SELECT place FROM record").fetchall() == [(str(n),)]
         kept.close()
 
 
@@ -264,19 +276,19 @@ def test_a_journal_of_other_versions_is_set_aside(
     fill(output, study, [new_point((0, 0, 0), 0)])
     monkeypatch.setattr(journal_module, "program", lambda: "edited")
     with Journal.open(output, study) as journal:
-        assert journal.finished == {}
+        assert not journal.finished
         assert "other versions" in journal.warnings[0]
 
 
 @pytest.mark.parametrize("size", [0, 1, 100, 4096, 9000, -5000])
 def test_a_torn_journal_is_set_aside_and_an_empty_one_used(
-    output: Path, study: Study, new_point: Callable[..., PointRecord], size: int
+    output: Path, study: Study, new_point: Callable[..., PointRecord], size: int, lengthened: Callable[..., PointRecord]
 ) -> None:
-    fill(output, study, [replace(new_point((0, 0, i), 0), u_T=np.arange(1000.0)) for i in range(2)])
+    fill(output, study, [lengthened(new_point((0, 0, i), 0), 0, 1000) for i in range(2)])
     torn = partial(output).read_bytes()[:size]
     partial(output).write_bytes(torn)
     with Journal.open(output, study) as journal:
-        assert journal.finished == {}
+        assert not journal.finished
         assert bool(journal.warnings) == (size != 0)
         journal.add(new_point((0, 0, 0), 0))
     if size:
@@ -287,10 +299,10 @@ def test_a_torn_journal_is_set_aside_and_an_empty_one_used(
 
 
 def test_no_flipped_byte_is_taken_for_a_result(
-    output: Path, study: Study, new_point: Callable[..., PointRecord]
+    output: Path, study: Study, new_point: Callable[..., PointRecord], lengthened: Callable[..., PointRecord]
 ) -> None:
     """A damaged byte is either without effect on the records, or noticed; never a wrong number, never a crash."""
-    points = [replace(new_point((0, 0, i), 0), u_T=np.arange(300.0)) for i in range(2)]
+    points = [lengthened(new_point((0, 0, i), 0), 0, 300) for i in range(2)]
     fill(output, study, points)
     data = partial(output).read_bytes()
     generator = random.Random(1)
@@ -302,7 +314,7 @@ def test_no_flipped_byte_is_taken_for_a_result(
         with Journal.open(output, study) as journal:
             if journal.warnings:
                 noticed += 1
-                assert journal.finished == {}
+                assert not journal.finished
             else:
                 for point, again in zip(points, journal.points(), strict=True):
                     assert_same(point, again)
@@ -349,7 +361,7 @@ _LIMITED = """
 import resource, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
-from conftest import make_point, make_study
+from conftest import long, make_point, make_study
 from tcstudy.data.journal import Journal
 from tcstudy.data.journal_rows import checksum
 from tcstudy.data.files import StoreError
@@ -360,7 +372,7 @@ journal.add(make_point((0, 0, 0), 0))
 journal.flush()
 soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
 resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, hard))
-journal.add(replace(make_point((0, 0, 1), 0), u_T=np.arange(10_000.0)))
+journal.add(long(make_point((0, 0, 1), 0), 0, 10_000))
 for _ in range(2):
     try:
         journal.flush()
@@ -386,12 +398,12 @@ def test_a_full_disk_is_reported_and_costs_no_committed_point(output: Path, stud
 
 
 def test_the_timers_error_comes_with_the_next_add(
-    output: Path, study: Study, new_point: Callable[..., PointRecord]
+    output: Path, study: Study, new_point: Callable[..., PointRecord], lengthened: Callable[..., PointRecord]
 ) -> None:
     journal = Journal.open(output, study)
     journal.add(new_point((0, 0, 0), 0))
     journal._connection.execute("PRAGMA max_page_count = 1")  # SQLite's own full disk
-    journal.add(replace(new_point((0, 0, 1), 0), u_T=np.arange(1e5)))
+    journal.add(lengthened(new_point((0, 0, 1), 0), 0, 100_000))
     deadline = time.monotonic() + 5
     while journal._error is None and time.monotonic() < deadline:
         time.sleep(0.01)
@@ -450,7 +462,7 @@ def test_a_record_that_is_none_sets_the_journal_aside(
                 database.execute("UPDATE record SET crc = ?", (checksum(tuple(row)),))
         database.commit()
     with Journal.open(output, study) as journal:
-        assert journal.finished == {}
+        assert not journal.finished
         assert "is damaged" in journal.warnings[0]
         assert "\n" not in journal.warnings[0]
 

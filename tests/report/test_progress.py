@@ -7,15 +7,16 @@ import io
 import numpy as np
 import pytest
 
-from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, PointStatus, block_of
 from tcstudy.report.progress import PlainProgress, TerminalProgress
 from tcstudy.study.run import LevelWork
 
 WORK = [LevelWork(2, 1, 1.0), LevelWork(2, 0, 4.0)]
 
 
-def record(level: int, status: PointStatus, reason: str = "why") -> PointRecord:
-    return PointRecord((0,), level, status, reason, {}, np.empty(0), np.empty(0))
+def record(level: int, status: PointStatus, reason: str = "why") -> BlockRecord:
+    point = PointRecord((0,), level, status, reason, {}, np.empty(0), np.empty(0))
+    return block_of((point,), (1,))
 
 
 @pytest.mark.parametrize("kind", [PlainProgress, TerminalProgress])
@@ -23,8 +24,8 @@ def test_only_failures_and_warnings_are_lines(kind: type[PlainProgress] | type[T
     stream = io.StringIO()
     progress = kind(stream, lambda index: f"alpha = {index[0]}")
     progress.begin(WORK, ["an old journal was set aside"])
-    progress.point(record(0, PointStatus.OK))
-    progress.point(record(1, PointStatus.NOT_CONVERGED))
+    progress.block(record(0, PointStatus.OK))
+    progress.block(record(1, PointStatus.NOT_CONVERGED))
     progress.close()
     text = stream.getvalue()
     assert "warning: an old journal was set aside" in text
@@ -38,8 +39,8 @@ def test_failures_that_differ_in_numbers_have_one_line(kind: type[PlainProgress]
     progress = kind(stream)
     progress.begin(WORK, [])
     for residual in ("3.1e-9", "2e-07", "4"):
-        progress.point(record(1, PointStatus.INCLUSION_VIOLATED, f"residual {residual}; coarsen"))
-    progress.point(record(1, PointStatus.NOT_CONVERGED, "no solution; /home/someone/part.step"))
+        progress.block(record(1, PointStatus.INCLUSION_VIOLATED, f"residual {residual}; coarsen"))
+    progress.block(record(1, PointStatus.NOT_CONVERGED, "no solution; /home/someone/part.step"))
     progress.close()
     progress.close()
     text = stream.getvalue()
@@ -53,9 +54,9 @@ def test_the_bar_weighs_levels() -> None:
     progress.begin(WORK, [])
     task = progress._progress.tasks[0]
     assert (task.total, task.completed, task.fields["points"]) == (10.0, 1.0, "1/4")
-    progress.point(record(1, PointStatus.OK))
+    progress.block(record(1, PointStatus.OK))
     assert (task.completed, task.fields["points"], task.fields["failed"]) == (5.0, "2/4", "")
-    progress.point(record(1, PointStatus.NOT_CONVERGED))
+    progress.block(record(1, PointStatus.NOT_CONVERGED))
     assert (task.completed, task.fields["points"], task.fields["failed"]) == (9.0, "3/4", ", 1 failed")
     progress.close()
 

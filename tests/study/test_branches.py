@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.study.run import _neighbour
+from tcstudy.data.records import BlockRecord, PointRecord, PointStatus, block_of
+from tcstudy.scene.records import Study
+from tcstudy.study.blocks import Solutions, blocks_of
 from tests.verification.patch import CASES, LENGTH, SOFTENING, patch_study
 from tests.verification.scenes import RECTANGLE, study_of
 
@@ -55,13 +57,42 @@ def test_energies_of_all_starts_are_kept(tmp_path: Path) -> None:
 
 
 def test_neighbour_is_one_step_back_along_the_last_dimension() -> None:
+    study = study_of(RECTANGLE, "sweep={friction.tau: [1, 2, 3], E: [1, 2, 3]}", "solver={branch: continued}")
+    solutions = Solutions(study, 2)
     a, b = np.ones(2), np.zeros(2)
-    solutions = {(0, (0, 1)): a, (0, (1, 0)): b, (1, (0, 0)): b}
-    assert _neighbour(solutions, 0, (1, 1)) is b
-    assert _neighbour(solutions, 0, (0, 2)) is a
-    assert _neighbour(solutions, 0, (2, 0)) is b
-    assert _neighbour(solutions, 0, (0, 0)) is None
-    assert _neighbour({(0, (0,)): np.empty(0)}, 0, (1,)) is None  # a failed point starts nobody
+    solutions.take(solved(study, {(0, 1): a, (1, 0): b}, PointStatus.OK))
+    solutions.take(solved(study, {(2, 2): a}, PointStatus.NOT_CONVERGED))  # a failed point starts nobody
+    near = solutions.beside(np.array([np.ravel_multi_index(i, (3, 3)) for i in ((1, 1), (0, 2), (2, 0), (0, 0))]))
+    assert near is not None
+    np.testing.assert_array_equal(near, [b, a, b, [np.nan, np.nan]])
+
+
+def solved(study: Study, slips: dict[tuple[int, ...], np.ndarray], status: PointStatus) -> BlockRecord:
+    points = [PointRecord(index, 0, status, "", {}, v, v) for index, v in slips.items()]
+    return block_of(points, study.shape)
+
+
+def test_blocks_depend_on_the_study_alone_and_hold_every_point_once() -> None:
+    study = study_of(RECTANGLE, "sweep={E: [1, 2], nu: [0.2, 0.3], friction.tau: {linspace: [1, 2, 700]}}")
+    blocks = blocks_of(study, 11, 100)
+    assert np.array_equal(np.sort(np.concatenate([b.points for b in blocks])), np.arange(2800))
+    assert [b.number for b in blocks] == list(range(len(blocks)))
+    assert max(len(b.points) for b in blocks) == 1024
+    for block in blocks:  # of one factor each
+        assert len({study.scenes[int(i)].material.nu for i in block.points}) == 1
+    again = blocks_of(study, 11, 100)
+    assert all(np.array_equal(a.points, b.points) for a, b in zip(blocks, again, strict=True))
+
+
+def test_continued_points_wait_for_their_neighbours() -> None:
+    study = study_of(RECTANGLE, "sweep={friction.tau: [1, 2, 3], E: [1, 2]}", "solver={branch: continued}")
+    solved_before: set[int] = set()
+    for block in blocks_of(study, 11, 100):
+        for place in block.points:
+            i, j = np.unravel_index(place, study.shape)
+            assert i == 0 or (i - 1) * 2 + j in solved_before
+            assert j == 0 or place - 1 in solved_before
+        solved_before |= {int(p) for p in block.points}
 
 
 def test_several_solvers_are_compared(tmp_path: Path) -> None:

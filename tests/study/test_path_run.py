@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tcstudy.data.path_records import PathRecord
-from tcstudy.data.records import PointRecord, PointStatus
+from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import mesh_family
 from tcstudy.scene.path_scene import path_scene
@@ -57,9 +57,8 @@ def test_stable_solutions_of_a_run_lie_on_the_path(pad: tuple[Study, PathRecord]
     ]
     study = read_study(PAD, ["solver=separable-newton", *overrides])
     energies = 0
-    for point in run(study):
-        if not isinstance(point, PointRecord) or point.level != 1:
-            continue
+    blocks = (record for record in run(study) if isinstance(record, BlockRecord) and record.level == 1)
+    for point in (point for block in blocks for point in block.one_by_one()):
         assert point.status == PointStatus.OK
         assert point.numbers["strict_minimum"] == 1
         t = VALUES[point.index[0]]

@@ -10,7 +10,7 @@ import pytest
 
 import tcstudy
 from tcstudy.data.journal import Journal
-from tcstudy.data.records import LevelRecord, PointRecord
+from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.report.summary import summary
 from tcstudy.study import survey as survey_module
 from tcstudy.study.execute import execute
@@ -105,7 +105,7 @@ def test_a_resumed_run_comes_to_the_same_meshes(tmp_path: Path, mesh: str, kept:
         count = 0
         for record in run(study):
             journal.add(record)
-            count += isinstance(record, PointRecord)
+            count += isinstance(record, BlockRecord)
             if count == kept:
                 break
     result = execute(study, output)
@@ -123,7 +123,7 @@ def test_when_no_point_is_solved_refinement_ends(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(survey_module.Survey, "look", fail)
     records = list(run(study_of(PULLED, "mesh={maxh: 0.5, levels: 4, family: adaptive}")))
-    points = [r for r in records if isinstance(r, PointRecord)]
+    points = [p for r in records if isinstance(r, BlockRecord) for p in r.one_by_one()]
     assert len(points) == 1
     assert points[0].reason == "ArithmeticError: made to fail"
     assert isinstance(records[-1], LevelRecord)

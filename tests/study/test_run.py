@@ -17,7 +17,9 @@ import tcstudy
 from tcstudy.data.journal import COMMIT_SECONDS
 from tcstudy.data.records import PointStatus
 from tcstudy.fem import heat
+from tcstudy.online import RowLaws
 from tcstudy.solve.contact import solve_contact
+from tcstudy.study import blocks
 from tcstudy.study import elastic as elastic_module
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 
@@ -92,16 +94,16 @@ def test_a_constant_temperature_loads_the_body(tmp_path: Path) -> None:
 
 
 def test_a_failing_point_is_recorded_and_the_rest_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tcstudy.study import run as run_module
+    from tcstudy.study import blocks as blocks_module
 
-    original = run_module.solve_contact
+    original = blocks_module.solve_block
 
-    def fail_once(problem: object, *options: object) -> object:
-        if problem.law.b_scale == 0.01:  # type: ignore[attr-defined]
+    def fail_once(body: object, loads: object, laws: RowLaws, *options: object) -> object:
+        if np.any(laws.tables.b_scale[laws.law] == 0.01):
             raise ArithmeticError("made to fail")
-        return original(problem, *options)  # type: ignore[arg-type]
+        return original(body, loads, laws, *options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(run_module, "solve_contact", fail_once)
+    monkeypatch.setattr(blocks_module, "solve_block", fail_once)
     data = run(tmp_path, SWEPT).to_dataset()
     assert np.all(data["status"].sel(tau=0.01) == int(PointStatus.ERROR))
     assert np.all(data["status"].drop_sel(tau=0.01) == int(PointStatus.OK))
@@ -126,9 +128,10 @@ import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent in the background hands down one that is ignored
 from pathlib import Path
 from tcstudy.scene.reader import read_study
-from tcstudy.study import run as run_module
+from tcstudy.study import blocks
 from tcstudy.study.execute import execute
-original = run_module.solve_contact
+blocks.POINTS = 1
+original = blocks.solve_block
 calls = 0
 def slow(*a, **k):
     global calls
@@ -137,7 +140,7 @@ def slow(*a, **k):
         Path(sys.argv[3]).touch()
         time.sleep(60)
     return original(*a, **k)
-run_module.solve_contact = slow
+blocks.solve_block = slow
 try:
     execute(read_study(Path(sys.argv[1])), Path(sys.argv[2]))
 except KeyboardInterrupt:
@@ -146,7 +149,7 @@ except KeyboardInterrupt:
 
 
 @pytest.mark.parametrize("kill", [signal.SIGKILL, signal.SIGINT])
-def test_finished_points_survive(tmp_path: Path, kill: signal.Signals) -> None:
+def test_finished_points_survive(tmp_path: Path, kill: signal.Signals, monkeypatch: pytest.MonkeyPatch) -> None:
     """Killed in the middle, the run leaves its points; the next one solves only the others, to the same values."""
     study_file, output = tmp_path / "study.yaml", tmp_path / "out.nc"
     study_file.write_text(SWEPT.replace("levels: 3", "levels: 2"))
@@ -170,6 +173,7 @@ def test_finished_points_survive(tmp_path: Path, kill: signal.Signals) -> None:
     from tcstudy.study.execute import execute
 
     study = tcstudy.load(study_file)
+    monkeypatch.setattr(blocks, "POINTS", 1)
     summary = execute(study, output)
     assert summary.resumed == 5
     assert summary.points == 12

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tcstudy.data.records import LevelRecord, PointRecord
+from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.fem.meshes import PlaneMesh, mesh_at, refine_marked
 from tcstudy.scene.reader import read_study_text
 from tcstudy.scene.records import FamilyName, Goal, MeshPlan, Point, Study
@@ -168,7 +168,7 @@ def table(study: Study, goal: Goal, known: float, family: FamilyName, levels: in
     plan = MeshPlan(study.mesh.maxh, levels, family, goal=replace(goal, known=known), estimate=True, max_dofs=4 * most)
     records = list(run(replace(study, mesh=plan)))
     sizes = [r.n_dof for r in records if isinstance(r, LevelRecord) and not r.stop]
-    points = [r for r in records if isinstance(r, PointRecord)]
+    points = [p for r in records if isinstance(r, BlockRecord) for p in r.one_by_one()]
     assert all(p.reason == "" for p in points), [p.reason for p in points]
     rows = []
     for n_dof, point in zip(sizes, points, strict=True):
@@ -191,7 +191,7 @@ def to_tolerance(study: Study, goal: Goal, tolerance: float) -> tuple[float, str
     """J, why refinement stopped, and the unknowns of an adaptive run to a tolerance."""
     plan = MeshPlan(study.mesh.maxh, 40, "adaptive", goal=goal, tolerance=tolerance)
     records = list(run(replace(study, mesh=plan)))
-    point = [r for r in records if isinstance(r, PointRecord)][-1]
+    point = [p for r in records if isinstance(r, BlockRecord) for p in r.one_by_one()][-1]
     last = records[-1]
     assert isinstance(last, LevelRecord)
     return float(point.numbers["goal"]), last.stop, last.n_dof  # type: ignore[arg-type]

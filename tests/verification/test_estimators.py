@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.data.records import LevelRecord, PointRecord
+from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.fem.estimators import GAUSS, contact_traction, edge_residual, strain
 from tcstudy.fem.heat_estimator import coupling, heat_estimate
 from tcstudy.fem.recovery import Triangles
@@ -228,10 +228,10 @@ def test_the_lost_order_is_regained(errors: dict[str, np.ndarray]) -> None:
 # -- goals -------------------------------------------------------------------------------------------
 
 
-def final(study: Study, plan: MeshPlan) -> tuple[LevelRecord, PointRecord, int]:
+def final(study: Study, plan: MeshPlan) -> tuple[BlockRecord, LevelRecord, int]:
     """The last level of a run, its point, and the number of levels."""
     records = list(run(replace(study, mesh=plan)))
-    points = [r for r in records if isinstance(r, PointRecord)]
+    points = [p for r in records if isinstance(r, BlockRecord) for p in r.one_by_one()]
     assert points[-1].reason == ""
     last = records[-1]
     assert isinstance(last, LevelRecord)
@@ -266,7 +266,7 @@ def test_effectivity_of_goals_on_uniform_meshes() -> None:
     study = exact.manufactured_study(1, 0.25)
     for goal in (Goal("friction_resultant", None, RESULTANT), Goal("u_T", (0.4, 0.0), SLIP)):
         plan = MeshPlan((0.25,), 5, goal=goal, estimate=True)
-        points = [r for r in run(replace(study, mesh=plan)) if isinstance(r, PointRecord)]
+        points = [p for r in run(replace(study, mesh=plan)) if isinstance(r, BlockRecord) for p in r.one_by_one()]
         ratios = [float(p.numbers["goal_effectivity"]) for p in points[1:]]
         assert all(0.8 < ratio < 2.5 for ratio in ratios), ratios
 
