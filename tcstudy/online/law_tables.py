@@ -165,11 +165,12 @@ class LawTables:
 
     def _exponential(self, apart: Array, piece: Index) -> Array:
         """a exp(−r (s − s_0)), 0 where a = 0, formed where it is not."""
-        part = np.broadcast_to(self.a.take(piece), np.broadcast_shapes(apart.shape, piece.shape)).copy()
-        bent = np.nonzero(part)
-        if len(bent[0]):
-            rate = np.broadcast_to(self.r.take(piece), part.shape)[bent]
-            part[bent] *= np.exp(-rate * np.broadcast_to(apart, part.shape)[bent])
+        apart, piece = np.broadcast_arrays(apart, piece)
+        part: Array = self.a.take(piece)
+        flat = part.reshape(-1)
+        bent = np.flatnonzero(flat)
+        if len(bent):
+            flat[bent] *= np.exp(-self.r.take(piece.reshape(-1)[bent]) * apart.reshape(-1)[bent])
         return part
 
     def piece_integral(self, piece: Index, x: Array, y: Array) -> Array:
@@ -178,12 +179,16 @@ class LawTables:
         total: Array = step * (self.b_0.take(piece) + self.q.take(piece) * (from_anchor + 0.5 * step))
         if self.linear:
             return total
-        rate = self.r.take(piece)
-        decay = rate * step  # from the end where the exponential is larger, so that expm1 cannot overflow
-        larger = from_anchor + np.where(decay >= 0.0, 0.0, step)
-        decay = np.abs(decay)
-        length = np.where(decay == 0.0, step, step * -np.expm1(-decay) / np.where(decay == 0.0, 1.0, decay))
-        return total + self._exponential(larger, piece) * length
+        total, step, from_anchor, piece = (np.array(x) for x in np.broadcast_arrays(total, step, from_anchor, piece))
+        bent = np.nonzero(self.a.take(piece))
+        if len(bent[0]):
+            step, from_anchor, piece = step[bent], from_anchor[bent], piece[bent]
+            decay = self.r.take(piece) * step  # from the end where the exponential is larger: expm1 cannot overflow
+            larger = from_anchor + np.where(decay >= 0.0, 0.0, step)
+            decay = np.abs(decay)
+            length = np.where(decay == 0.0, step, step * -np.expm1(-decay) / np.where(decay == 0.0, 1.0, decay))
+            total[bent] += self._exponential(larger, piece) * length
+        return total
 
     def integral(self, x: Array, y: Array, x_at: Place, y_at: Place) -> Array:
         """j(y) − j(x) = ∫_x^y b without cancellation; x_at, y_at: what `locate` says of x and y [Pa·m]."""
