@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.benchmarks import adaptive, peers, reliability, speed, stability, tolerances
+from tests.benchmarks import adaptive, online, peers, reliability, speed, stability, tolerances
 
 if __name__ == "__main__":
     speed.main([])  # first: the comparison of solvers limits the memory of its process
@@ -11,3 +11,4 @@ if __name__ == "__main__":
     adaptive.main()
     reliability.main([])
     tolerances.main()
+    online.main([])
