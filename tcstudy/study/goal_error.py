@@ -33,7 +33,8 @@ Why not the dual weighted residual itself: products of recovered gradients gave 
             Recovery is not superconvergent on bisected meshes, and where displacements are given beside Γ_C their
             interpolation carried most of the error of ∫ξ, weighted with the recovered stress of a dual solution that
             jumps there
-Left out:   data that oscillate within half an element escape both meshes
+Left out:   data that oscillate within half an element, and sticking zones shorter than that which `fronts` does not
+            suspect, escape both meshes
 """
 
 from __future__ import annotations
