@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import xarray
 
-    from tcstudy.scene.records import Study
+    from tcstudy.scene.study import Study
 
 __all__ = ["load", "open_results", "run"]
 
@@ -27,7 +27,7 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Study:
 
     Raises tcstudy.errors.StudyError with all faults of the file, each with its place and remedy.
     """
-    from tcstudy.scene.reader import read_study
+    from tcstudy.read.study import read_study
 
     return read_study(Path(path), overrides)
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
-    from tcstudy.data.kinds import Kind
-    from tcstudy.scene.records import Study
+    from tcstudy.data.identity import Kind
+    from tcstudy.scene.study import Study
 
 OK, SOME_FAILED, BAD_INPUT = 0, 1, 2
 MEAN_SLIP = "mean-slip"
@@ -26,7 +26,7 @@ def run(options: argparse.Namespace) -> int:
     if _is_there(options, "run", study, output):
         points, failed = _stored(output)
         return _say_run(options, output, points, failed, "found before")
-    from tcstudy.data.sweep import sweep_points
+    from tcstudy.data.store import sweep_points
     from tcstudy.fem.geometry import GeometryFailed
     from tcstudy.report.progress import progress
     from tcstudy.report.select_point import naming
@@ -96,8 +96,8 @@ def path(options: argparse.Namespace) -> int:
     from tcstudy.data.path_store import stored_shortfalls
     from tcstudy.fem.geometry import GeometryFailed
     from tcstudy.report.path_figure import draw_path
-    from tcstudy.report.path_progress import PathProgress
     from tcstudy.report.path_summary import path_summary
+    from tcstudy.report.progress import PathProgress
     from tcstudy.report.style import DrawError, check_target
     from tcstudy.study.path_affine import PathError
     from tcstudy.study.path_execute import execute_path
@@ -125,7 +125,7 @@ def path(options: argparse.Namespace) -> int:
 
 def show(options: argparse.Namespace) -> int:
     from tcstudy.data.files import StoreError
-    from tcstudy.data.kinds import kind_of
+    from tcstudy.data.identity import kind_of
     from tcstudy.data.reading import reading
     from tcstudy.report.convergence import convergence_report
     from tcstudy.report.cost import cost_report
@@ -154,7 +154,7 @@ def converge(options: argparse.Namespace) -> int:
 
     study, path = _checked(options, lambda study: default_path(output_of(study)))
     from tcstudy.data.files import StoreError
-    from tcstudy.data.sweep import sweep_points
+    from tcstudy.data.store import sweep_points
     from tcstudy.fem.geometry import GeometryFailed
     from tcstudy.report.convergence import convergence_report
     from tcstudy.report.convergence_plot import plot_convergence
@@ -194,14 +194,13 @@ def cost(options: argparse.Namespace) -> int:
 
     study, path = _checked(options, lambda study: default_path(output_of(study)))
     from tcstudy.data.files import StoreError
-    from tcstudy.data.sweep import sweep_points
+    from tcstudy.data.store import sweep_points
     from tcstudy.fem.geometry import GeometryFailed
     from tcstudy.report.cost import cost_report
     from tcstudy.report.cost_plot import plot_cost
-    from tcstudy.report.cost_progress import CostProgress
+    from tcstudy.report.progress import CostProgress
     from tcstudy.report.select_point import describe, locate
-    from tcstudy.study.cost import CostError, cost_to_file
-    from tcstudy.study.cost_errors import unmeasured
+    from tcstudy.study.cost import CostError, cost_to_file, unmeasured
 
     progress = CostProgress()
     try:
@@ -231,7 +230,7 @@ def cost(options: argparse.Namespace) -> int:
 
 def draw(options: argparse.Namespace) -> int:
     from tcstudy.data.files import StoreError
-    from tcstudy.data.kinds import kind_of
+    from tcstudy.data.identity import kind_of
     from tcstudy.data.reading import reading
     from tcstudy.report.convergence_plot import plot_convergence
     from tcstudy.report.cost_plot import plot_cost
@@ -294,9 +293,8 @@ def _checked(options: argparse.Namespace, default=None, swept: bool = True):  # 
     swept: whether the command uses the sweep
     """
     from tcstudy.errors import StudyError
-    from tcstudy.scene.reader import read_study
-    from tcstudy.study.plan import output_of
-    from tcstudy.study.preflight import faults
+    from tcstudy.read.study import read_study
+    from tcstudy.study.plan import faults, output_of
 
     try:
         study = read_study(options.study, options.overrides, swept=swept)
@@ -312,7 +310,7 @@ def _checked(options: argparse.Namespace, default=None, swept: bool = True):  # 
 def _said(options: argparse.Namespace, study, error: Exception) -> str:  # type: ignore[no-untyped-def]  # Study, lazily
     """What stopped a command, with its place in the study where it has one."""
     from tcstudy.fem.geometry import GeometryFailed
-    from tcstudy.study.preflight import geometry_fault
+    from tcstudy.study.plan import geometry_fault
 
     return geometry_fault(study, error) if isinstance(error, GeometryFailed) else f"{options.study}: {error}"
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tcstudy.scene.reader import read_study
+from tcstudy.read.study import read_study
 from tcstudy.study.plan import plan
 from tests.test_cli import CONFIGS
 

@@ -1,1 +1,4 @@
-"""How accurate a discrete solution is: nested meshes, error norms, rates, corner exponents; plain arrays only."""
+"""Error measures on plain meshes: norms, rates and the orders to expect, corner exponents, transfer between meshes.
+
+Not here: estimating an error without knowing the solution (refine).
+"""

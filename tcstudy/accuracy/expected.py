@@ -25,8 +25,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tcstudy.accuracy.corner_exponents import SMOOTH
-from tcstudy.accuracy.vertices import Vertex, corner_words, describe
+from tcstudy.accuracy.corners import SMOOTH, Vertex, corner_words, describe
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,7 @@
-"""Static condensation (method eq. (20)) by a multifrontal Cholesky factorisation; NumPy and SciPy only."""
+"""Static condensation (method eq. (20)) by a multifrontal Cholesky factorisation; NumPy and SciPy only.
+
+Not here: where the matrix comes from (fem), loads of a scene (offline).
+"""
 
 from tcstudy.condense.condensation import Condensation, ForwardLoad, condense
 from tcstudy.condense.multifrontal import NotPositiveDefinite

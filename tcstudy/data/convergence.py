@@ -21,8 +21,8 @@ from tcstudy.data import schema
 from tcstudy.data.files import FINISHED, replace_file
 from tcstudy.data.provenance import Provenance, global_attributes
 from tcstudy.data.records import PointStatus
-from tcstudy.data.sweep import ascending, sweep_points
-from tcstudy.scene.records import Study
+from tcstudy.data.store import ascending, sweep_points
+from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
     import xarray

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from tcstudy.data.convergence import ERRORS, NUMBERS, Measure, encoding
 from tcstudy.data.files import FINISHED, StoreError, replace_file
-from tcstudy.data.kinds import CONTENT
+from tcstudy.data.identity import CONTENT
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
-from tcstudy.scene.records import Study
+from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
     import xarray

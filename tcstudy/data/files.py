@@ -16,8 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tcstudy.data.reading import FINISHED, PARTIAL, is_foreign
-from tcstudy.data.seal import put_seal
+from tcstudy.data.reading import FINISHED, PARTIAL, is_foreign, put_seal
 from tcstudy.errors import StoreError, printable, shortened
 
 if TYPE_CHECKING:

@@ -1,16 +1,36 @@
-"""Which results a file holds, so that two studies do not overwrite each other and none is computed twice."""
+"""Which results a file holds, so that two studies do not overwrite each other and none is computed twice.
+
+Which command wrote a result file.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from tcstudy.data.kinds import Kind, kind_from
 from tcstudy.data.provenance import program, study_sha256
 from tcstudy.data.reading import attributes, is_foreign
 from tcstudy.errors import StoreError
-from tcstudy.scene.records import Study
+from tcstudy.scene.study import Study
+
+Kind = Literal["run", "path", "convergence", "cost"]
+CONTENT = "content"
+"""Global attribute that tells the files of other commands from that of a run."""
+
+
+def kind_of(path: Path) -> Kind:
+    """The command whose file this is. Raises StoreError if there is no file or it is not complete."""
+    return kind_from(attributes(path))
+
+
+def kind_from(found: Mapping[str, Any]) -> Kind:
+    """The command by the global attributes of its file."""
+    content = found.get(CONTENT)
+    if content in ("path", "cost"):
+        return "path" if content == "path" else "cost"
+    return "convergence" if "reference" in found else "run"
 
 
 @dataclass(frozen=True)

@@ -19,12 +19,11 @@ from pathlib import Path
 
 from tcstudy.data import schema
 from tcstudy.data.files import PARTIAL, StoreError, remove_stale, sync_directory
-from tcstudy.data.journal_file import SELECT, connect, rollback_file, set_aside
-from tcstudy.data.journal_rows import Row, decode_block, decode_level, encode
+from tcstudy.data.journal_file import SELECT, Row, connect, decode_block, decode_level, encode, rollback_file, set_aside
 from tcstudy.data.provenance import program, study_sha256
 from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, block_of
 from tcstudy.data.store import check_block
-from tcstudy.scene.records import Study
+from tcstudy.scene.study import Study
 
 COMMIT_SECONDS = 0.25
 """Longest time that a finished record waits for its commit; one commit costs some 15 ms of disk."""

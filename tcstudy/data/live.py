@@ -1,6 +1,6 @@
 """The group `live` of a level: what a browser needs to solve the contact problems of that level (output.live).
 
-Asked for by `output: {live: true}` and kept for levels with at most 250 contact nodes; `tcstudy.study.live` says what
+Asked for by `output: {live: true}` and kept for levels with at most 250 contact nodes; `tcstudy.offline.live` says what
 the arrays mean and how a point's problem is put together from them. A record hands them over as fields whose names
 begin with PREFIX.
 """
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.schema import SWEEP, Variable, axis_places
-from tcstudy.scene.records import Study
+from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
     import netCDF4

@@ -12,7 +12,7 @@ import numpy as np
 
 from tcstudy.data.path_records import ContactState
 from tcstudy.data.schema import CONTACT, Variable
-from tcstudy.scene.records import Study
+from tcstudy.scene.study import Study
 
 T, RATE = "t", "J m-1/t"
 """Stand for the units of the parameter, and of an energy per unit of the parameter."""

@@ -10,12 +10,12 @@ import numpy as np
 
 from tcstudy.data import path_schema as schema
 from tcstudy.data.files import FINISHED, StoreError, new_dataset, replace_file
-from tcstudy.data.kinds import CONTENT, kind_of
+from tcstudy.data.identity import CONTENT, kind_of
 from tcstudy.data.path_records import PathRecord
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
 from tcstudy.data.reading import attributes
 from tcstudy.data.schema import Variable, edge_attributes
-from tcstudy.scene.records import Study
+from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
     import netCDF4

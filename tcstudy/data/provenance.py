@@ -20,7 +20,7 @@ from importlib import metadata
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
-from tcstudy.scene.records import Study
+from tcstudy.scene.study import Study
 from tcstudy.solve.acceptance import Acceptance
 
 CONVENTIONS = "CF-1.11"

@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from tcstudy.data.records import LevelRecord, PointStatus
-from tcstudy.scene.records import Axis, Goal, Study
+from tcstudy.scene.study import Axis, Goal, Study
 
 Dtype = Literal["f8", "i4", "i1", "str"]
 

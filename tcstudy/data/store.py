@@ -1,6 +1,8 @@
 """The result file of a run: one netCDF-4 file, complete or not there at all (see `tcstudy.data.files`).
 
 `tcstudy.data.schema` says what stands in it.
+
+The points of a sweep as their files have them, before there is any file.
 """
 
 from __future__ import annotations
@@ -18,10 +20,12 @@ from tcstudy.data.live import put_live
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
 from tcstudy.data.reading import attributes
 from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, block_of
-from tcstudy.scene.records import Study
+from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
     import netCDF4
+    import xarray
+if TYPE_CHECKING:
     import xarray
 
 Arrays = dict[str, np.ndarray[Any, Any]]
@@ -251,3 +255,26 @@ def check_block(block: BlockRecord, study: Study) -> None:
     unknown = sorted(block.numbers.keys() - schema.NUMBERS) + sorted(block.fields.keys() - schema.FIELD_NAMES)
     if unknown:
         raise ValueError(f"no variable {', '.join(unknown)} in the schema")
+
+
+def sweep_points(study: Study) -> xarray.Dataset:
+    """A dataset with the study's axes and an empty `status`, to find a point by its labels."""
+    import xarray
+
+    data = xarray.Dataset(attrs={"sweep_mode": study.mode})
+    for axis in study.axes:
+        name = schema.axis_name(axis)
+        dim = name if study.mode == "grid" else schema.POINT
+        data = data.assign_coords({name: (dim, schema.axis_labels(axis), schema.axis_attributes(axis))})
+    data["status"] = (schema.sweep_dims(study), np.zeros(study.shape, dtype=np.int8))
+    return data
+
+
+def ascending(data: xarray.Dataset, study: Study) -> xarray.Dataset:
+    """The same data with axes of numbers that go up and down sorted: CF wants monotonic coordinates."""
+    if study.mode == "grid":
+        for axis in study.axes:
+            places = schema.axis_places(axis)
+            if np.any(places != np.arange(len(places))):
+                data = data.isel({schema.axis_name(axis): np.argsort(places)})
+    return data

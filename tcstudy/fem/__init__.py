@@ -1,0 +1,4 @@
+"""NGSolve and Netgen: geometry, meshes, weak forms, recovered stresses; no other room imports them.
+
+Not here: solving; what comes out is plain arrays.
+"""

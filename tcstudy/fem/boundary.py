@@ -12,9 +12,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from tcstudy.expressions.expression import Expression
 from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.scene.expressions import Expression
 from tcstudy.scene.records import Clamped, Contact, Role, Scalar
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from tcstudy.fem.foreign_file import file_fault
 from tcstudy.scene.records import Body, BrepFace, Edge, Loop, Point
-from tcstudy.scene.shapes import body_size, edge_distance, edge_length, edge_normal
+from tcstudy.shapes.edges import body_size, edge_distance, edge_length, edge_normal
 
 Array = NDArray[np.float64]
 INTERFACE = "_interface"

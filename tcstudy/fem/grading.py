@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import curve_normals
 from tcstudy.fem.meshes import PlaneMesh, mesh_at, refine_marked
-from tcstudy.scene.records import Clamped, Contact, MeshPlan, Role
+from tcstudy.scene.records import Clamped, Contact, Role
+from tcstudy.scene.study import MeshPlan
 
 Array = NDArray[np.float64]
 

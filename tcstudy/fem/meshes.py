@@ -17,7 +17,7 @@ from netgen.occ import OCCGeometry
 from numpy.typing import NDArray
 
 from tcstudy.fem.geometry import Geometry, GeometryFailed
-from tcstudy.scene.records import MeshPlan
+from tcstudy.scene.study import MeshPlan
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -1,8 +1,6 @@
-"""Online: many contact problems on one condensed body at once, on plain arrays.
+"""Many contact problems of one body at once: descent, search and certificates on rows of arrays.
 
-Offline makes one `Body` of a mesh and a material; `LawTables` and `RowLaws` say which law every point or node has;
-`solve_block` solves and certifies a block of points, `solve_points` any number of them in blocks and waves.
-The single solve, tcstudy.solve.contact, is the oracle: no answer here has more energy than its answer.
+Not here: meshes, scenes, files. The single problem (solve) is its oracle.
 """
 
 from tcstudy.online.answers import BlockAnswers, Certificates

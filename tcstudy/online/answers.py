@@ -46,7 +46,7 @@ class BlockAnswers:
     rounding:           (P,) what rounding of the problem allows of it, ContactProblem.xi_rounding
     limited:            (P,) accepted only because rounding allows no better (solve/acceptance.py)
     energy:             (P,) L̃(v) [J/m]
-    status:             (P,) tcstudy.solve.outcome.Status
+    status:             (P,) tcstudy.solve.loop.Status
     reasons:            why a point has no solution, empty for a solution
     start:              (P,) ZERO, FRICTIONLESS, NEIGHBOUR or ESCAPE of tcstudy.solve.contact: what led to v
     start_energies:     (P, 4) L̃ of the solutions found from these starts; NaN where none was sought or found

@@ -35,9 +35,9 @@ from tcstudy.online.row_laws import RowLaws
 from tcstudy.online.search import hull_starts, move_starts
 from tcstudy.solve.acceptance import Acceptance
 from tcstudy.solve.contact import ESCAPE, FRICTIONLESS, NEIGHBOUR, TIE, ZERO, Answer, Branch, solve_contact
-from tcstudy.solve.escape import MOVES
-from tcstudy.solve.outcome import Status
+from tcstudy.solve.loop import Status
 from tcstudy.solve.problem import ContactProblem
+from tcstudy.solve.search.escape import MOVES
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -143,7 +143,7 @@ class _Block:
         self.lowest[points] = global_minimum(rows, self.v[points], self.low[points], self.high[points])
 
     def search(self, points: Index) -> None:
-        """Look for less energy at points of which nothing is proved, as solve_contact and solve/escape.py do."""
+        """Look for less energy at points of which nothing is proved, as solve_contact and solve/search/escape.py do."""
         points = self.improve(points, descend(self.rows.take(points), self.v[points], self.aim, minima=True), ZERO)
         rows = self.rows.take(points)
         frictionless = rows.loads @ rows.body.inverse

@@ -4,7 +4,8 @@ Nothing here knows a load, a law or a mesh: the record is made once (offline), p
 problems 0 ∈ Ãv − l̃ + ∂Ψ(v) on this body. A body whose E varies is one body, too: divide the problem by E.
 
 The coarse copies are Galerkin restrictions to every second contact node with linear interpolation P, Ã_c = PᵀÃP and
-c_c = Pᵀc (solve/coarse_start.py), which give starts; another order of the nodes costs their quality, never correctness.
+c_c = Pᵀc (solve/separable/newton.py), which give starts; another order of the nodes costs their quality, never
+correctness.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.solve.coarse_start import interpolation
 from tcstudy.solve.problem import least_eigenvalue
+from tcstudy.solve.separable.newton import interpolation
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ _FEW_PARTS = 6
 
 
 def solution_boxes(rows: Rows) -> tuple[Array, Array]:
-    """(low, high), (R, m) each: every solution lies between them, as tcstudy/solve/solution_box.py has it [m].
+    """(low, high), (R, m) each: every solution lies between them, as tcstudy/solve/bounds.py has it [m].
 
     Ã⁻¹ of an interval is Ã⁻¹ of its middle and |Ã⁻¹| of its radius: two products a round. Rows that shrink no more
     drop out.

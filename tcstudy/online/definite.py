@@ -12,7 +12,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.online.body import Body
-from tcstudy.solve.newton_system import cholesky
+from tcstudy.solve.separable.system import cholesky
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

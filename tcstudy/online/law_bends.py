@@ -1,4 +1,4 @@
-"""How far j bends below its tangent, for many nodes with laws in tables: D_i of tcstudy/solve/global_bound.py.
+"""How far j bends below its tangent, for many nodes with laws in tables: D_i of tcstudy/solve/bounds.py.
 
 D_i = sup over s in [low_i, high_i] of 2 [j(v_i) + ζ_i (s − v_i) − j(s)] / (s − v_i)²,  ζ_i ∈ b̂(v_i)
 

@@ -1,4 +1,4 @@
-"""Range and least slope of b on intervals of slip, for laws in tables; as tcstudy/solve/solution_box.py, law by law.
+"""Range and least slope of b on intervals of slip, for laws in tables; as tcstudy/solve/bounds.py, law by law.
 
 A piece q (s − s_0) + b_0 + a exp(−r (s − s_0)) has a monotone slope, so that its ends within an interval, and for the
 range the one slip where b′ = 0, decide.

@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.report import style
-from tcstudy.report.path_folds import seen_folds
-from tcstudy.report.path_picture import RESPONSES, PathPicture, read_path_picture
-from tcstudy.report.path_states import draw_states
+from tcstudy.report.path_states import RESPONSES, PathPicture, draw_states, read_path_picture, seen_folds
 from tcstudy.report.style import DrawError
 from tcstudy.report.text import number
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.data.path_store import open_path
-from tcstudy.report.path_folds import folds_in_words, seen_folds
+from tcstudy.report.path_states import folds_in_words, seen_folds
 from tcstudy.report.text import number, prefix, table
 
 MOST_ROWS = 60

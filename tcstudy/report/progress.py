@@ -1,8 +1,14 @@
-"""What a run shows while it works: a bar with the time left on a terminal, one plain line per event elsewhere."""
+"""What a run shows while it works: a bar with the time left on a terminal, one plain line per event elsewhere.
+
+What `tcstudy path` shows while it works: one line that is written again and again, on a terminal only.
+
+What `tcstudy cost` shows while it works: one line with the time left on a terminal, a line per run elsewhere.
+"""
 
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol, TextIO, cast
 
@@ -12,7 +18,7 @@ from tcstudy.data.provenance import without_paths
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.report.failures import kind, named
 from tcstudy.report.outlet import Outlet, raw_terminal, visible
-from tcstudy.report.text import counted, prefix
+from tcstudy.report.text import counted, number, prefix
 
 
 class Work(Protocol):
@@ -174,3 +180,62 @@ def _level_line(record: LevelRecord, length: str) -> str:
         f"level {record.level}: h_max = {size}, {record.n_dof} dofs, {record.n_contact} contact unknowns, "
         f"meshed and assembled in {record.time_mesh + record.time_assemble:.2g} s"
     )
+
+
+class PathProgress:
+    """Pieces so far and the present value of the parameter [SI]."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = raw_terminal(stream if stream is not None else sys.stderr)
+        self._shown = self._stream.isatty()
+        self._open = False
+
+    def __call__(self, pieces: int, t: float) -> None:
+        """Called with (pieces, t) while the path is followed."""
+        if self._shown:
+            self._stream.write(f"\r\x1b[K{pieces} pieces, parameter at {number(t)}")
+            self._stream.flush()
+            self._open = True
+
+    def close(self) -> None:
+        """Remove the line."""
+        if self._open:
+            self._stream.write("\r\x1b[K")
+            self._stream.flush()
+            self._open = False
+
+
+class CostProgress:
+    """What is being measured, and how long it may still take."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = raw_terminal(stream if stream is not None else sys.stderr)
+        self._terminal = self._stream.isatty()
+        self._open = False
+        self._start = time.monotonic()
+
+    def __call__(self, text: str, left: float | None) -> None:
+        """Called with what begins now and the seconds left, if they are known."""
+        text = visible(text)
+        if left is not None:
+            text += f", about {_span(left)} left"
+        if self._terminal:
+            elapsed = _span(time.monotonic() - self._start)
+            self._stream.write(f"\r\x1b[K{text} ({elapsed} so far)")
+            self._open = True
+        else:
+            self._stream.write(f"{text}\n")
+        self._stream.flush()
+
+    def close(self) -> None:
+        """Remove the line."""
+        if self._open:
+            self._stream.write("\r\x1b[K")
+            self._stream.flush()
+            self._open = False
+
+
+def _span(seconds: float) -> str:
+    """A duration, "8 s" or "2 min 5 s"."""
+    whole = max(0, round(seconds))
+    return f"{whole} s" if whole < 90 else f"{whole // 60} min {whole % 60} s"

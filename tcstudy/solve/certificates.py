@@ -24,11 +24,10 @@ from numpy.typing import NDArray
 
 from tcstudy.scene.friction import UP
 from tcstudy.solve.acceptance import Acceptance
-from tcstudy.solve.global_bound import bend_below_tangent
-from tcstudy.solve.newton_system import cholesky, submatrix
-from tcstudy.solve.nodal_pieces import relative_residual, slopes
+from tcstudy.solve.bounds import bend_below_tangent, least_slope, solution_box
 from tcstudy.solve.problem import ContactProblem
-from tcstudy.solve.solution_box import least_slope, solution_box
+from tcstudy.solve.separable.pieces import relative_residual, slopes
+from tcstudy.solve.separable.system import cholesky, submatrix
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

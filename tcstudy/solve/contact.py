@@ -12,13 +12,11 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.solve.acceptance import Acceptance
-from tcstudy.solve.active_pieces import finish
-from tcstudy.solve.escape import escape
-from tcstudy.solve.loop import iterate
-from tcstudy.solve.outcome import Outcome, Status
+from tcstudy.solve.loop import Outcome, Status, iterate
 from tcstudy.solve.problem import ContactProblem
-from tcstudy.solve.refinement import Refined, refined
-from tcstudy.solve.separable_newton import SeparableNewton
+from tcstudy.solve.search.escape import escape
+from tcstudy.solve.separable.finish import Refined, finish, refined
+from tcstudy.solve.separable.newton import SeparableNewton
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
@@ -28,7 +26,7 @@ SOLVERS = ("separable-newton", "bundle-newton")
 """Names that a study may give under `solver`."""
 ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE = 0, 1, 2, 3
 """Starts: no displacement, the solution without friction, the solution of a neighbouring problem, and, where these may
-not have led to the least energy, the convexified problem and moves of single nodes (solve/escape.py)."""
+not have led to the least energy, the convexified problem and moves of single nodes (solve/search/escape.py)."""
 ROUNDING = 0.01
 """Share of the tolerance that the rounding of ξ may have before the residual is formed in extended precision."""
 ACCURACY = 1e-12
@@ -156,7 +154,7 @@ def _separable(
 def _bundle(
     problem: ContactProblem, x0: Array, accuracy: float, max_iterations: int | None, stay: bool, log: Log | None
 ) -> Outcome:
-    from tcstudy.solve.bundle_contact import solve_with_bundle  # needs the QP library
+    from tcstudy.solve.bundle.contact import solve_with_bundle  # needs the QP library
 
     return solve_with_bundle(problem, x0, max_iterations=max_iterations, log=log, inclusion=accuracy)
 

@@ -1,14 +1,58 @@
-"""The one loop that runs every iterative method of this package."""
+"""What a solver returns: the point, how good it is, and in words what happened and what to try.
+
+The one loop that runs every iterative method of this package.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solve.outcome import Outcome, Status
+
+class Status(IntEnum):
+    """Why a run ended. Only CONVERGED is a solution; everything else carries a reason."""
+
+    CONVERGED = 0
+    ITERATION_LIMIT = 1
+    STALLED = 2
+    NOT_FINITE = 3
+    UNBOUNDED = 4
+    NOT_POSITIVE_DEFINITE = 5
+    INCLUSION_VIOLATED = 6
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Result of one run.
+
+    x:              the last iterate, (n,)
+    f:              objective there
+    status:         why the run ended
+    reason:         one sentence for the user: what happened and, on failure, what to try
+    iterations:     steps taken
+    evaluations:    evaluations of the objective (a line-search trial counts as one)
+    factorisations: dense matrix factorisations
+    accuracy:       the stopping quantity at x, in the units that the method documents
+    """
+
+    x: NDArray[np.float64]
+    f: float
+    status: Status
+    reason: str
+    iterations: int
+    evaluations: int
+    factorisations: int = 0
+    accuracy: float = float("nan")
+
+    @property
+    def converged(self) -> bool:
+        """True if the method's own stopping test was met."""
+        return self.status == Status.CONVERGED
 
 
 class Method(Protocol):

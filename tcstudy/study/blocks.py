@@ -17,14 +17,15 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.records import BlockRecord, PointRecord, PointStatus, block_of
+from tcstudy.offline.level import CondensedBlock, Level
 from tcstudy.online import Body, LawTables, Options, RowLaws, solve_block
+from tcstudy.refine.survey import Survey
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.points import combinations
-from tcstudy.scene.records import Scene, Study
-from tcstudy.study.level import CondensedBlock, Level
+from tcstudy.scene.records import Scene
+from tcstudy.scene.study import Study
 from tcstudy.study.measures import block_numbers, line_values, point_status
 from tcstudy.study.point import solve_point
-from tcstudy.study.survey import Survey
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]

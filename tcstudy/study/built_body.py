@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from tcstudy.fem.geometry import Geometry, GeometryFailed, build
-from tcstudy.scene.checks import Piece, mesh_faults, support_fault, supports
-from tcstudy.scene.loop_faults import TOLERANCE
-from tcstudy.scene.places import Found
+from tcstudy.read.body import edge_names
+from tcstudy.read.checks import Piece, mesh_faults, support_fault, supports
+from tcstudy.read.document import Found
 from tcstudy.scene.points import distinct
-from tcstudy.scene.read_body import edge_names
-from tcstudy.scene.records import Body, Study
-from tcstudy.scene.shapes import edge_length, loop_area
+from tcstudy.scene.records import Body
+from tcstudy.scene.study import Study
+from tcstudy.shapes.edges import edge_length, loop_area
+from tcstudy.shapes.faults import TOLERANCE
 
 ACCURACY = 1e-7
 """Of points and normals of a curve from a file, relative to the body; the kernel's own tolerance."""

@@ -14,9 +14,8 @@ from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.store import write
-from tcstudy.scene.records import Study
-from tcstudy.study.plan import output_of, warnings
-from tcstudy.study.preflight import faults
+from tcstudy.scene.study import Study
+from tcstudy.study.plan import faults, output_of, warnings
 from tcstudy.study.run import Key, LevelWork, Watcher, run
 
 

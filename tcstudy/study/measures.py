@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import BALANCED, HEAT_BOUND, LIMITED, MET, NOT_JUDGED, UNBALANCED
+from tcstudy.offline.level import Condensed, CondensedBlock
+from tcstudy.offline.temperature import Temperature
 from tcstudy.online import BlockAnswers, RowLaws
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.solve.certificates import Certificate
 from tcstudy.solve.contact import Answer
-from tcstudy.solve.outcome import Status
+from tcstudy.solve.loop import Status
 from tcstudy.solve.problem import ContactProblem
-from tcstudy.study.level import Condensed, CondensedBlock
-from tcstudy.study.temperature import Temperature
 
 Array = NDArray[np.float64]
 Numbers = dict[str, float | tuple[float, ...]]

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.offline.level import Condensed, Level
 from tcstudy.scene.records import Scene
 from tcstudy.solve.path.follow import ParametricProblem
-from tcstudy.study.level import Condensed, Level
 
 Array = NDArray[np.float64]
 

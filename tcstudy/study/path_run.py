@@ -10,13 +10,16 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.path_records import ContactState, CurveRecord, LoopRecord, PathRecord, SolutionsRecord
+from tcstudy.offline.level import Level
+from tcstudy.refine.family import Family
 from tcstudy.scene.friction import DOWN, FrictionLaw
-from tcstudy.scene.path_scene import path_scene
-from tcstudy.scene.records import PathPlan, Study
+from tcstudy.scene.study import PathPlan, Study
+from tcstudy.scene.vary import path_scene
 from tcstudy.solve.acceptance import Acceptance
+from tcstudy.solve.bounds import solution_box
 from tcstudy.solve.certificates import Certificate, certify
 from tcstudy.solve.contact import TIE, solve_contact
-from tcstudy.solve.outcome import Status
+from tcstudy.solve.loop import Status
 from tcstudy.solve.path.follow import Follower, ParametricProblem, Path
 from tcstudy.solve.path.hysteresis import Hysteresis, hysteresis
 from tcstudy.solve.path.lowest import lowest
@@ -24,9 +27,6 @@ from tcstudy.solve.path.proofs import proved_minima
 from tcstudy.solve.path.query import PathSolution, folds, solutions_at, solutions_of
 from tcstudy.solve.path.smooth import piecewise_linear
 from tcstudy.solve.path.start import NoSolutionError
-from tcstudy.solve.solution_box import solution_box
-from tcstudy.study.family import Family
-from tcstudy.study.level import Level
 from tcstudy.study.path_affine import AffineLoad, PathError, affine_load
 from tcstudy.study.run import level_record
 
@@ -152,7 +152,7 @@ def _curve(setting: _Setting, path: Path) -> CurveRecord:
 
 
 def contact_states(law: FrictionLaw) -> NDArray[np.int8]:
-    """ContactState by piece code of a piecewise-linear law (tcstudy.solve.path.graph)."""
+    """ContactState by piece code of a piecewise-linear law (tcstudy.solve.path.problem)."""
     states = np.full(2 * len(law.kinks) + 1, ContactState.STICK, dtype=np.int8)
     states[0::2] = np.where(law.q < 0.0, ContactState.SOFTEN, ContactState.SLIP)
     states[1::2][law.kinds == DOWN] = ContactState.DROP

@@ -1,19 +1,27 @@
-"""What a run would do, found out without doing it: counts, sizes, what is left out and why."""
+"""What a run would do, found out without doing it: counts, sizes, what is left out and why.
+
+The checks beyond the study's text that run and plan make before any work: the output and a body from a file.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tcstudy.data import schema
-from tcstudy.scene.derived_loads import description
+from tcstudy.data.files import StoreError, check_writable
+from tcstudy.exact.loads import description
+from tcstudy.read.document import located
+from tcstudy.scene.needs import FELT, idle_notes, needs_heat_solve, why_no_heat
 from tcstudy.scene.points import count_points, distinct
-from tcstudy.scene.records import MeshPlan, Study
-from tcstudy.study.doubts import doubts
-from tcstudy.study.idle import FELT, idle_notes, needs_heat_solve, why_no_heat
-from tcstudy.study.locking import locking_note
-from tcstudy.study.predicted import LevelForecast, forecast, refined
+from tcstudy.scene.study import MeshPlan, Study
+from tcstudy.study.doubts import doubts, locking_note
+from tcstudy.study.sizes import LevelForecast, forecast, refined
+
+if TYPE_CHECKING:
+    from tcstudy.fem.geometry import GeometryFailed
 
 
 @dataclass(frozen=True)
@@ -159,3 +167,30 @@ def expected_bytes(study: Study) -> int:
 
 def _bytes(study: Study, levels: tuple[LevelForecast, ...]) -> int:
     return schema.expected_bytes(study, [(level.n_contact, level.nodes) for level in refined(levels, study.mesh)])
+
+
+def faults(study: Study, output: Path) -> list[str]:
+    """What would stop a run of this study into `output`, one line each, as the user sees it; empty if nothing would."""
+    file = str(study.source) if study.source is not None else "<text>"
+    return [*_body_faults(study), *(f"{file}: {text}" for text in _output_faults(study, output))]
+
+
+def geometry_fault(study: Study, error: GeometryFailed) -> str:
+    """A body without a mesh, as the user sees it: with the place of what decides about it."""
+    what, _, remedy = str(error).partition("; ")
+    return "\n".join(map(str, located(study, [(error.keys, what, remedy or "check the body, or try another maxh")])))
+
+
+def _body_faults(study: Study) -> list[str]:
+    if study.scenes[0].body.brep is None:
+        return []
+    from tcstudy.study.built_body import built_faults  # a file needs the geometry kernel, a polygon does not
+
+    return [str(problem) for problem in located(study, built_faults(study))]
+
+
+def _output_faults(study: Study, output: Path) -> list[str]:
+    try:
+        return check_writable(output, expected_bytes(study))
+    except StoreError as error:
+        return [str(error)]

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.records import PointRecord, PointStatus
-from tcstudy.scene.records import Scene, Study
+from tcstudy.offline.level import Level
+from tcstudy.scene.records import Scene
+from tcstudy.scene.study import Study
 from tcstudy.solve.certificates import certify
 from tcstudy.solve.contact import solve_contact
-from tcstudy.study.level import Level
 from tcstudy.study.measures import Timed, friction_forces, numbers, point_status, sticking
 
 Array = NDArray[np.float64]

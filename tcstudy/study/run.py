@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.scene.records import Study
+from tcstudy.offline.level import Level
+from tcstudy.offline.live import live_arrays
+from tcstudy.refine.family import Family
+from tcstudy.refine.survey import Survey
+from tcstudy.scene.study import Study
 from tcstudy.study.blocks import Solutions, Workshop, all_failed
-from tcstudy.study.family import Family
-from tcstudy.study.level import Level
-from tcstudy.study.live import live_arrays
-from tcstudy.study.survey import Survey
 
 Key = tuple[int, int]
 """A block: (level, number)."""

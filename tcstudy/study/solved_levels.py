@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.line_norms import Line
 from tcstudy.accuracy.norms import Triangles
 from tcstudy.data.records import PointRecord, PointStatus
+from tcstudy.exact.numbers import exact_u_T
 from tcstudy.fem.boundary import curve_normals
-from tcstudy.scene.records import Contact, Scene, Study
-from tcstudy.solve.active_pieces import finish
+from tcstudy.offline.level import Level
+from tcstudy.refine.family import Family
+from tcstudy.scene.records import Contact, Scene
+from tcstudy.scene.study import Study
 from tcstudy.solve.contact import TIE
-from tcstudy.study.exact_line import exact_u_T
-from tcstudy.study.family import Family
-from tcstudy.study.level import Level
+from tcstudy.solve.separable.finish import finish
 from tcstudy.study.measures import sticking
 from tcstudy.study.point import solve_point
 

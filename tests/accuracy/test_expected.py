@@ -2,9 +2,9 @@
 
 import pytest
 
+from tcstudy.accuracy.corners import vertices
 from tcstudy.accuracy.expected import HeldEnds, Singularity, expected_orders, smooth_up_to, smoothness
-from tcstudy.accuracy.vertices import vertices
-from tcstudy.scene.reader import read_study_text
+from tcstudy.read.study import read_study_text
 
 L_SHAPE = """
 units: none

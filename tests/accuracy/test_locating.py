@@ -14,7 +14,7 @@ from tcstudy.accuracy.nesting import prolongation
 from tcstudy.accuracy.norms import Triangles
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import mesh_family
-from tcstudy.scene.records import MeshPlan
+from tcstudy.scene.study import MeshPlan
 
 
 def _unit_square(n: int, seed: int) -> Triangles:

@@ -28,8 +28,8 @@ import numpy as np
 
 from tcstudy.cli import main
 from tcstudy.data.journal import Journal
-from tcstudy.data.journal_rows import checksum
-from tcstudy.scene.reader import read_study
+from tcstudy.data.journal_file import checksum
+from tcstudy.read.study import read_study
 from tcstudy.study.run import run
 
 STUDY = """units: none

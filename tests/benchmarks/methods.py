@@ -17,13 +17,12 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
-from tcstudy.solve.active_pieces import finish
-from tcstudy.solve.bundle_contact import solve_with_bundle
+from tcstudy.solve.bundle.contact import solve_with_bundle
 from tcstudy.solve.contact import solve_contact
-from tcstudy.solve.loop import iterate
-from tcstudy.solve.outcome import Outcome, Status
+from tcstudy.solve.loop import Outcome, Status, iterate
 from tcstudy.solve.problem import ContactProblem
-from tcstudy.solve.separable_newton import SeparableNewton
+from tcstudy.solve.separable.finish import finish
+from tcstudy.solve.separable.newton import SeparableNewton
 from tests.benchmarks.semismooth import SemismoothNewton
 
 Array = NDArray[np.float64]

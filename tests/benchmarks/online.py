@@ -66,8 +66,8 @@ class Sweep:
 def bodies(levels: Sequence[int] = LEVELS) -> Iterator[tuple[Body, Array]]:
     """(body, loads (250, m)) of the quickstart on its meshes."""
     import tcstudy
-    from tcstudy.study.family import Family
-    from tcstudy.study.level import Level
+    from tcstudy.offline.level import Level
+    from tcstudy.refine.family import Family
 
     config = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
     axes = "sweep={alpha: {linspace: [100, 400, 10]}, theta_bar: {linspace: [0, 20, 25]}}"

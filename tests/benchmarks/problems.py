@@ -107,8 +107,8 @@ def _body(loads: int, levels: int) -> list[Case]:
     # NGSolve is loaded only if the body takes part
     from tcstudy.fem.geometry import build
     from tcstudy.fem.meshes import mesh_family
-    from tcstudy.scene.reader import read_study_text
-    from tcstudy.study.level import Level
+    from tcstudy.offline.level import Level
+    from tcstudy.read.study import read_study_text
 
     level, condensed = None, []
     for load in range(loads):

@@ -18,7 +18,7 @@ import numpy as np
 
 from tcstudy.solve.contact import ESCAPE, solve_contact
 from tcstudy.solve.loop import iterate
-from tcstudy.solve.separable_newton import SeparableNewton
+from tcstudy.solve.separable.newton import SeparableNewton
 from tests.solve.contact_cases import independent_residual, random_problem, rescaled
 from tests.solve.exhaustive import compare, hit_rates, least_energy, search, small_problem
 

@@ -21,7 +21,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import UP, FrictionLaw
-from tcstudy.solve.outcome import Outcome, Status
+from tcstudy.solve.loop import Outcome, Status
 from tcstudy.solve.problem import ContactProblem
 
 Array = NDArray[np.float64]

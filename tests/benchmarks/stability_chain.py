@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tcstudy.scene.records import MeshPlan, Scene
+from tcstudy.scene.records import Scene
+from tcstudy.scene.study import MeshPlan
 from tcstudy.solve.problem import ContactProblem
 from tests.benchmarks.problems import weakening
 from tests.benchmarks.stability_maps import RATIOS, Case, waves
@@ -107,7 +108,7 @@ def _bodies(
     # NGSolve is loaded only if real bodies take part
     from tcstudy.fem.geometry import build
     from tcstudy.fem.meshes import mesh_family
-    from tcstudy.study.level import Level
+    from tcstudy.offline.level import Level
 
     level = None
     for load in range(loads):
@@ -122,7 +123,7 @@ def _bodies(
 
 def _scene(load: int, nu: float, alpha: float, aspect: float) -> tuple[Scene, MeshPlan]:
     """The scene under one random load, and its mesh plan."""
-    from tcstudy.scene.reader import read_study_text
+    from tcstudy.read.study import read_study_text
 
     mean, parts = waves(np.random.default_rng([load, 0]))
     terms = (f" + ({a:.6f})*sin({k}*pi*x/{aspect!r} + {phase:.6f})" for k, a, phase in parts)

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tcstudy.solve.nodal_pieces import energy_change
+from tcstudy.solve.separable.pieces import energy_change
 from tests.benchmarks.methods import TOLERANCE
 from tests.benchmarks.stability_maps import Case
 from tests.benchmarks.stability_trial import CONTENDERS, Contender, Trial

@@ -19,12 +19,11 @@ from numpy.typing import NDArray
 
 from tcstudy.scene.friction import UP
 from tcstudy.solve.contact import solve_contact
-from tcstudy.solve.loop import iterate
-from tcstudy.solve.newton_system import cholesky
-from tcstudy.solve.outcome import Status
+from tcstudy.solve.loop import Status, iterate
 from tcstudy.solve.path.follow import Follower, ParametricProblem, PathStatus
 from tcstudy.solve.path.query import solutions_at
 from tcstudy.solve.problem import ContactProblem
+from tcstudy.solve.separable.system import cholesky
 from tests.benchmarks.methods import ENDLESS, TOLERANCE, OutOfTimeError, watched
 from tests.benchmarks.semismooth import SemismoothNewton, solve_branches
 

@@ -19,14 +19,15 @@ import xarray as xr
 
 import tcstudy
 from tcstudy.condense import condense
+from tcstudy.fem.coefficients import GradientProducts
 from tcstudy.fem.geometry import build
-from tcstudy.fem.gradients import GradientProducts
 from tcstudy.fem.meshes import PlaneMesh, mesh_family
-from tcstudy.scene.records import Scene, Study
+from tcstudy.offline.level import Level
+from tcstudy.scene.records import Scene
+from tcstudy.scene.study import Study
 from tcstudy.solve.certificates import certify
 from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.problem import least_eigenvalue
-from tcstudy.study.level import Level
 
 QUICKSTART = Path(__file__).resolve().parents[2] / "configs" / "quickstart.yaml"
 MAXH = "13.6 mm"

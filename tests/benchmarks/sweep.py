@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from tcstudy.study.level import Level
+from tcstudy.offline.level import Level
 from tcstudy.study.point import solve_point
 from tests.benchmarks.stages import Clock, _ngsolve_matrix, finest, study_of
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tcstudy.solve.contact import solve_contact
-from tcstudy.solve.outcome import Status
+from tcstudy.solve.loop import Status
 from tests.benchmarks import stability
 from tests.benchmarks.methods import TOLERANCE
 from tests.benchmarks.stability_chain import CHAIN, SHAPE, WEAK, ChainGrid, chain

@@ -14,12 +14,13 @@ import numpy as np
 
 from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.fem.meshes import PlaneMesh, mesh_at, refine_marked
-from tcstudy.scene.records import Goal, MeshPlan, Point, Study
+from tcstudy.offline.level import Level
+from tcstudy.refine.family import Family
+from tcstudy.refine.fronts import fronts, slip_length
+from tcstudy.refine.goals import goal_value
+from tcstudy.scene.records import Point
+from tcstudy.scene.study import Goal, MeshPlan, Study
 from tcstudy.solve.contact import solve_contact
-from tcstudy.study.family import Family
-from tcstudy.study.fronts import fronts, slip_length
-from tcstudy.study.goals import goal_value
-from tcstudy.study.level import Level
 
 ADAPTIVE, MOST = 2500, 60_000
 """Unknowns of the bisected mesh at least, and of the finest one at most."""

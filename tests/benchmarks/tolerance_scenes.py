@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 from ruamel.yaml import YAML
 
-from tcstudy.scene.reader import read_study_text
-from tcstudy.scene.records import Goal, Point, Study
+from tcstudy.offline.level import Level
+from tcstudy.read.study import read_study_text
+from tcstudy.refine.family import Family
+from tcstudy.scene.records import Point
+from tcstudy.scene.study import Goal, Study
 from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.problem import ContactProblem
-from tcstudy.study.family import Family
-from tcstudy.study.level import Level
 from tcstudy.study.measures import sticking
 
 Array = NDArray[np.float64]

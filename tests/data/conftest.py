@@ -14,7 +14,7 @@ from tcstudy.data import schema
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.data.store import write
-from tcstudy.scene.records import Axis, MeshPlan, OutputPlan, SolverPlan, Study
+from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
 
 TEXT = "title: Bärenstark\nsweep:\n  alpha: [25, 100]\n"
 NODES = (3, 6)

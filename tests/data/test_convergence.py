@@ -20,7 +20,7 @@ from tcstudy.data.convergence import (
 )
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
-from tcstudy.scene.reader import read_study_text
+from tcstudy.read.study import read_study_text
 from tests.data.compliance import cf_faults
 
 STUDY = """\

@@ -19,7 +19,7 @@ from tcstudy.data.files import StoreError, check_writable
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.data.store import open_results, write
-from tcstudy.scene.records import Study
+from tcstudy.scene.study import Study
 
 pytestmark = pytest.mark.filterwarnings("error")
 

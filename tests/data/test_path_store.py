@@ -13,8 +13,8 @@ from tcstudy.data.files import StoreError
 from tcstudy.data.path_schema import CURVE, LEVEL, LINE, LOOP, SOLUTIONS
 from tcstudy.data.path_store import is_path, open_path, write_path
 from tcstudy.data.provenance import collect
-from tcstudy.scene.reader import read_study
-from tcstudy.scene.records import Study
+from tcstudy.read.study import read_study
+from tcstudy.scene.study import Study
 from tcstudy.study.path_run import PathRecord, follow_path
 from tests.data.compliance import cf_faults
 

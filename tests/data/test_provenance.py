@@ -29,7 +29,8 @@ from tcstudy.data.provenance import (
 from tcstudy.data.records import LevelRecord, PointRecord
 from tcstudy.data.store import write
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.records import Body, BrepFace, Heat, Material, Scene, Study
+from tcstudy.scene.records import Body, BrepFace, Heat, Material, Scene
+from tcstudy.scene.study import Study
 
 
 def git(directory: Path, *arguments: str) -> None:

@@ -16,10 +16,9 @@ from tcstudy.data import probe as probe_module
 from tcstudy.data.files import StoreError, check_writable
 from tcstudy.data.identity import holds, identity
 from tcstudy.data.probe import Unreadable, read_all
-from tcstudy.data.reading import attributes, is_foreign, reading
-from tcstudy.data.seal import Seal, seal_of
+from tcstudy.data.reading import Seal, attributes, is_foreign, reading, seal_of
 from tcstudy.data.store import open_results, write
-from tcstudy.scene.records import Study
+from tcstudy.scene.study import Study
 
 
 def stranger(path: Path, **more: object) -> Path:

@@ -16,7 +16,7 @@ from tcstudy.data import schema
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.data.store import write
-from tcstudy.scene.records import Axis, Study
+from tcstudy.scene.study import Axis, Study
 from tests.data.compliance import cf_faults
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tcstudy.data.sweep import ascending, sweep_points
+from tcstudy.data.store import ascending, sweep_points
 from tcstudy.report.select_point import describe, locate
 from tcstudy.report.style import DrawError
 from tests.verification.scenes import RECTANGLE, study_of

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from tcstudy.fem.boundary import Frames, constrain
-from tcstudy.fem.coefficients import csr
+from tcstudy.fem.coefficients import GradientProducts, csr
 from tcstudy.fem.geometry import build
-from tcstudy.fem.gradients import GradientProducts
 from tcstudy.fem.meshes import PlaneMesh, mesh_family
 from tests.verification.scenes import HEATED_BRACKET, study_of
 

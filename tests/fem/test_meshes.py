@@ -12,8 +12,8 @@ from netgen import occ
 
 from tcstudy.fem.geometry import GeometryFailed, build
 from tcstudy.fem.meshes import PlaneMesh, mesh_family, refine_marked
-from tcstudy.scene.reader import read_study
-from tcstudy.scene.records import MeshPlan, Study
+from tcstudy.read.study import read_study
+from tcstudy.scene.study import MeshPlan, Study
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
 

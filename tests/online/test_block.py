@@ -9,7 +9,7 @@ from tcstudy.online import BlockAnswers, Body, LawTables, Options, RowLaws, solv
 from tcstudy.online.sweep import blocks, waves
 from tcstudy.solve.certificates import certify
 from tcstudy.solve.contact import NEIGHBOUR, solve_contact
-from tcstudy.solve.outcome import Status
+from tcstudy.solve.loop import Status
 from tests.online.rows import block, single, some_laws
 from tests.solve import contact_cases as cases
 from tests.solve.exhaustive import least_energy, small_problem

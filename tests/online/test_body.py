@@ -9,9 +9,9 @@ import pytest
 
 from tcstudy.online import Body
 from tcstudy.online.body import prolonged, restricted
-from tcstudy.solve.coarse_start import interpolation
-from tcstudy.solve.coarse_start import restricted as restricted_problem
 from tcstudy.solve.problem import ContactProblem
+from tcstudy.solve.separable.newton import interpolation
+from tcstudy.solve.separable.newton import restricted as restricted_problem
 from tests.solve import contact_cases as cases
 
 

@@ -14,7 +14,7 @@ from tcstudy.data.store import write
 from tcstudy.report import style
 from tcstudy.report.draw import point_figure
 from tcstudy.report.picture import Line, Picture
-from tcstudy.scene.records import Axis, MeshPlan, OutputPlan, SolverPlan, Study
+from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

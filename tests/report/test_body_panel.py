@@ -11,8 +11,7 @@ import pytest
 pytest.importorskip("matplotlib")
 
 
-from tcstudy.report.body_panel import exaggeration
-from tcstudy.report.outline import boundary_edges, loops
+from tcstudy.report.body_panel import boundary_edges, exaggeration, loops
 from tcstudy.report.picture import read_picture
 from tests.report.draw_cases import (
     ALPHA,

@@ -10,10 +10,10 @@ from tcstudy.data.files import StoreError
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
+from tcstudy.read.study import read_study_text
 from tcstudy.report.convergence import _fixed, _uncertain, convergence_report
 from tcstudy.report.convergence_plot import plot_convergence
 from tcstudy.report.style import DrawError
-from tcstudy.scene.reader import read_study_text
 
 STUDY = read_study_text("""\
 title: Made-up errors

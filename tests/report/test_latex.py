@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tcstudy.read.study import read_study_text
 from tcstudy.report.convergence import convergence_report
 from tcstudy.report.tables import Heading, Table, latex, render
-from tcstudy.scene.reader import read_study_text
 from tcstudy.study.convergence import converge_to_file
 from tests.report.latex_check import faults
 

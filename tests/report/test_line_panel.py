@@ -15,9 +15,8 @@ from tcstudy.data import schema
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.store import open_results, write
 from tcstudy.report import style
-from tcstudy.report.body_panel import drawn
+from tcstudy.report.body_panel import boundary_edges, contact_chains, drawn, loops
 from tcstudy.report.line_panel import stick_ranges, stick_text
-from tcstudy.report.outline import boundary_edges, contact_chains, loops
 from tcstudy.report.picture import read_picture, sticking
 from tcstudy.report.summary import summary
 from tests.report.draw_cases import WIDTH, figure_of, level_record, line, point_record, result, study

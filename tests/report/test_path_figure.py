@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tcstudy.read.study import read_study, read_study_text
 from tcstudy.report import style
 from tcstudy.report.path_figure import draw_path, path_figure, symbol
-from tcstudy.report.path_picture import read_path_picture
+from tcstudy.report.path_states import read_path_picture
 from tcstudy.report.path_summary import path_summary
 from tcstudy.report.style import DrawError
-from tcstudy.scene.reader import read_study, read_study_text
 from tcstudy.study.path_execute import execute_path
 
 PAD = Path(__file__).parents[2] / "configs" / "path.yaml"

@@ -13,7 +13,7 @@ from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.data.schema import BALANCED, UNBALANCED
 from tcstudy.data.store import write
 from tcstudy.report.summary import summary
-from tcstudy.scene.records import Axis, MeshPlan, OutputPlan, SolverPlan, Study
+from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
 
 ALPHA = Axis("alpha", ("heat", "alpha"), (1, 2, 3), (1.0, 2.0, 3.0), "W m-2 K-1")
 NO_VALUES = np.empty(0)

@@ -112,6 +112,6 @@ def test_a_unit_error_survives_a_process_boundary() -> None:
 
 
 def test_reading_imports_no_mesher_and_no_units_without_need() -> None:
-    code = "import sys, tcstudy.scene.reader; print([m for m in ('ngsolve', 'xarray', 'pint') if m in sys.modules])"
+    code = "import sys, tcstudy.read.study; print([m for m in ('ngsolve', 'xarray', 'pint') if m in sys.modules])"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"

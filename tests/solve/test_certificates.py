@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.solve.active_pieces import ActivePieces, solve_on
+from tcstudy.solve.bounds import b_range, bend_below_tangent, least_slope, mirrored, solution_box
 from tcstudy.solve.certificates import certify
-from tcstudy.solve.global_bound import bend_below_tangent, mirrored
 from tcstudy.solve.loop import iterate
-from tcstudy.solve.nodal_pieces import integral
 from tcstudy.solve.problem import ContactProblem
-from tcstudy.solve.separable_newton import SeparableNewton
-from tcstudy.solve.solution_box import b_range, least_slope, solution_box
+from tcstudy.solve.separable.finish import ActivePieces, solve_on
+from tcstudy.solve.separable.newton import SeparableNewton
+from tcstudy.solve.separable.pieces import integral
 from tests.solve import contact_cases as cases
 from tests.solve import exhaustive
 

@@ -9,7 +9,7 @@ import pytest
 
 import tcstudy
 from tcstudy.data.records import BlockRecord, PointRecord, PointStatus, block_of
-from tcstudy.scene.records import Study
+from tcstudy.scene.study import Study
 from tcstudy.study.blocks import Solutions, blocks_of
 from tests.verification.patch import CASES, LENGTH, SOFTENING, patch_study
 from tests.verification.scenes import RECTANGLE, study_of

@@ -10,11 +10,10 @@ import pytest
 from netgen import occ
 
 from tcstudy.errors import StudyError
-from tcstudy.scene.reader import read_study
-from tcstudy.study.family import Family
-from tcstudy.study.level import Level
-from tcstudy.study.plan import expected_bytes, plan
-from tcstudy.study.preflight import faults
+from tcstudy.offline.level import Level
+from tcstudy.read.study import read_study
+from tcstudy.refine.family import Family
+from tcstudy.study.plan import expected_bytes, faults, plan
 
 STUDY = """body:
   file:

@@ -13,10 +13,9 @@ import tcstudy
 from tcstudy.data.cost import STAGES, Cost
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import StoreError
-from tcstudy.scene.records import Study
+from tcstudy.scene.study import Study
 from tcstudy.study.convergence import converge
-from tcstudy.study.cost import CostError, cost_to_file, measure
-from tcstudy.study.cost_errors import FINER, _same
+from tcstudy.study.cost import FINER, CostError, _same, cost_to_file, measure
 from tcstudy.study.solved_levels import solve_levels
 from tests.verification.scenes import RECTANGLE, study_of
 

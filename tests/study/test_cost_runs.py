@@ -8,10 +8,9 @@ from typing import Any
 
 import pytest
 
-from tcstudy.scene.records import MeshPlan
-from tcstudy.study import cost_runs
-from tcstudy.study.cost_curves import Curve, _too_slow
-from tcstudy.study.cost_runs import Stages, Step, walk
+from tcstudy.scene.study import MeshPlan
+from tcstudy.study import cost_curves as cost_runs
+from tcstudy.study.cost_curves import Curve, Stages, Step, _too_slow, walk
 from tests.verification.scenes import RECTANGLE, study_of
 
 GEOMETRY, MESH, ASSEMBLY, POINT, SOLVE, ESTIMATE = 1000.0, 1.0, 10.0, 100.0, 30.0, 5.0

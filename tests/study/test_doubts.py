@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from tcstudy.scene.reader import read_study_text
+from tcstudy.read.study import read_study_text
 from tcstudy.study.doubts import doubts, loaded
 from tcstudy.study.plan import plan, warnings
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tcstudy.accuracy.expected import HeldEnds, expected_orders, smooth_up_to
-from tcstudy.scene.reader import read_study_text
+from tcstudy.read.study import read_study_text
 from tcstudy.study.convergence import converge
 
 FALLING_FILM = """\

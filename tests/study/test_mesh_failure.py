@@ -10,7 +10,7 @@ import pytest
 import tcstudy
 from tcstudy.data.records import PointStatus
 from tcstudy.fem.geometry import GeometryFailed
-from tcstudy.study import family as family_module
+from tcstudy.refine import family as family_module
 from tests.verification.scenes import RECTANGLE, study_of
 
 

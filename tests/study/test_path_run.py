@@ -13,10 +13,10 @@ from tcstudy.data.path_records import PathRecord
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import mesh_family
-from tcstudy.scene.path_scene import path_scene
-from tcstudy.scene.reader import read_study, read_study_text
-from tcstudy.scene.records import Study
-from tcstudy.study.level import Level
+from tcstudy.offline.level import Level
+from tcstudy.read.study import read_study, read_study_text
+from tcstudy.scene.study import Study
+from tcstudy.scene.vary import path_scene
 from tcstudy.study.path_affine import PathError, affine_load
 from tcstudy.study.path_execute import shortfalls
 from tcstudy.study.path_run import follow_path

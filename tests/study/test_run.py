@@ -16,11 +16,11 @@ import xarray as xr
 import tcstudy
 from tcstudy.data.journal import COMMIT_SECONDS
 from tcstudy.data.records import PointStatus
-from tcstudy.fem import heat
+from tcstudy.fem import forms as heat
+from tcstudy.offline import elastic as elastic_module
 from tcstudy.online import RowLaws
 from tcstudy.solve.contact import solve_contact
 from tcstudy.study import blocks
-from tcstudy.study import elastic as elastic_module
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 
 SWEPT = (
@@ -127,7 +127,7 @@ SLOW = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent in the background hands down one that is ignored
 from pathlib import Path
-from tcstudy.scene.reader import read_study
+from tcstudy.read.study import read_study
 from tcstudy.study import blocks
 from tcstudy.study.execute import execute
 blocks.POINTS = 1

@@ -5,13 +5,12 @@ from __future__ import annotations
 import pytest
 
 from tcstudy.fem.geometry import GeometryFailed
-from tcstudy.scene.reader import read_study
-from tcstudy.scene.records import Study
+from tcstudy.offline.level import Level
+from tcstudy.read.study import read_study
+from tcstudy.refine.family import Family
+from tcstudy.scene.study import Study
 from tcstudy.study import sizes as sizes_module
-from tcstudy.study.family import Family
-from tcstudy.study.level import Level
-from tcstudy.study.predicted import forecast, refined
-from tcstudy.study.sizes import sizes
+from tcstudy.study.sizes import forecast, refined, sizes
 from tests.test_cli import CONFIGS
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import math
 
-from tcstudy.scene.reader import read_study_text
-from tcstudy.scene.records import Study
+from tcstudy.read.study import read_study_text
+from tcstudy.scene.study import Study
 
 LAM, MU = 1.5, 1.0
 KAPPA = (LAM + 3 * MU) / (LAM + MU)

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 
-from tcstudy.scene.reader import read_study_text
-from tcstudy.scene.records import Study
+from tcstudy.read.study import read_study_text
+from tcstudy.scene.study import Study
 
 TAU_S, TAU_K, DELTA = 1.0, 0.4, 1.0
 FALL = (TAU_S - TAU_K) / DELTA

@@ -22,12 +22,13 @@ import numpy as np
 
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.fem.meshes import PlaneMesh, mesh_at, refine_marked
-from tcstudy.scene.reader import read_study_text
-from tcstudy.scene.records import FamilyName, Goal, MeshPlan, Point, Study
+from tcstudy.offline.level import Level
+from tcstudy.read.study import read_study_text
+from tcstudy.refine.family import Family
+from tcstudy.refine.goals import goal_value
+from tcstudy.scene.records import Point
+from tcstudy.scene.study import FamilyName, Goal, MeshPlan, Study
 from tcstudy.solve.contact import solve_contact
-from tcstudy.study.family import Family
-from tcstudy.study.goals import goal_value
-from tcstudy.study.level import Level
 from tcstudy.study.run import run
 from tests.verification import closed_forms
 from tests.verification.scenes import HEATED_BRACKET

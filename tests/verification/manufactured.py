@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.reader import read_study_text
-from tcstudy.scene.records import Study
+from tcstudy.read.study import read_study_text
+from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
 

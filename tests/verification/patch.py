@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tcstudy.scene.reader import read_study_text
-from tcstudy.scene.records import Study
+from tcstudy.read.study import read_study_text
+from tcstudy.scene.study import Study
 
 LENGTH, HEIGHT, SHEAR = 1.3, 1.0, 1.0
 

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from tcstudy.fem.estimators import Strain, energy_norm, strain
 from tcstudy.fem.recovery import Triangles
-from tcstudy.scene.records import MeshPlan, Study
+from tcstudy.offline.level import Level
+from tcstudy.refine.family import Family
+from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.solve.contact import solve_contact
-from tcstudy.solve.outcome import Status
-from tcstudy.study.family import Family
-from tcstudy.study.level import Level
+from tcstudy.solve.loop import Status
 
 Array = NDArray[np.float64]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import mesh_family
-from tcstudy.scene.reader import read_study_text
-from tcstudy.scene.records import Study
-from tcstudy.study.level import Level
+from tcstudy.offline.level import Level
+from tcstudy.read.study import read_study_text
+from tcstudy.scene.study import Study
 
 RECTANGLE = """
 units: none

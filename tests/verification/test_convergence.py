@@ -10,11 +10,10 @@ import pytest
 
 import tcstudy
 from tcstudy.data.convergence import Convergence
-from tcstudy.scene.reader import read_study_text
-from tcstudy.scene.records import Study
-from tcstudy.study.convergence import converge
-from tcstudy.study.expectation import own_error
-from tcstudy.study.locking import MEASURED, locking_note
+from tcstudy.read.study import read_study_text
+from tcstudy.scene.study import Study
+from tcstudy.study.convergence import converge, own_error
+from tcstudy.study.doubts import MEASURED, locking_note
 from tests.verification import closed_forms
 from tests.verification import manufactured as smooth
 from tests.verification.patch import Case, patch_study

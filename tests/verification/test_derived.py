@@ -10,10 +10,10 @@ import pytest
 from tcstudy.data.convergence import Convergence
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import mesh_family
-from tcstudy.scene.reader import read_study_text
-from tcstudy.scene.records import Study
+from tcstudy.offline.level import Level
+from tcstudy.read.study import read_study_text
+from tcstudy.scene.study import Study
 from tcstudy.study.convergence import converge
-from tcstudy.study.level import Level
 from tests.verification import closed_forms, derived
 from tests.verification.test_convergence import smooth_study
 

@@ -10,12 +10,11 @@ import pytest
 
 import tcstudy
 from tcstudy.data.records import BlockRecord, LevelRecord
-from tcstudy.fem.estimators import GAUSS, contact_traction, edge_residual, strain
-from tcstudy.fem.heat_estimator import coupling, heat_estimate
+from tcstudy.fem.estimators import GAUSS, contact_traction, coupling, edge_residual, heat_estimate, strain
 from tcstudy.fem.recovery import Triangles
-from tcstudy.scene.records import Goal, MeshPlan, Study
-from tcstudy.study.goals import lumping
-from tcstudy.study.halved import Halved
+from tcstudy.refine.goals import lumping
+from tcstudy.refine.halved import Halved
+from tcstudy.scene.study import Goal, MeshPlan, Study
 from tcstudy.study.run import run
 from tests.verification import manufactured as exact
 from tests.verification.norms import l2_and_h1_errors

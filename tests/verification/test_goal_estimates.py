@@ -13,7 +13,7 @@ import math
 import numpy as np
 import pytest
 
-from tcstudy.scene.records import FamilyName, Goal, Study
+from tcstudy.scene.study import FamilyName, Goal, Study
 from tests.verification import closed_forms
 from tests.verification.goal_scenes import (
     BRACKET,

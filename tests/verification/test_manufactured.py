@@ -9,8 +9,8 @@ import pytest
 
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import mesh_family
+from tcstudy.offline.level import Level
 from tcstudy.solve.contact import solve_contact
-from tcstudy.study.level import Level
 from tests.verification import manufactured as exact
 from tests.verification.norms import l2_and_h1_errors
 

@@ -7,9 +7,9 @@ import pytest
 
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import mesh_family
-from tcstudy.solve.active_pieces import finish
+from tcstudy.offline.level import Level
 from tcstudy.solve.contact import solve_contact
-from tcstudy.study.level import Level
+from tcstudy.solve.separable.finish import finish
 from tests.verification.patch import CASES, HEIGHT, SOFTENING, Case, exact_energy, patch_study
 
 MESHES = (0.6, 0.35, 0.17)

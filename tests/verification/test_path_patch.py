@@ -13,8 +13,8 @@ import pytest
 import xarray as xr
 
 from tcstudy.data.path_store import open_path
-from tcstudy.scene.reader import read_study_text
-from tcstudy.scene.records import Study
+from tcstudy.read.study import read_study_text
+from tcstudy.scene.study import Study
 from tcstudy.study.path_execute import execute_path
 from tests.verification.patch import DROPPING, LENGTH, SOFTENING, Case, patch_study
 

@@ -13,8 +13,8 @@ from ngsolve.solvers import NewtonMinimization
 
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import mesh_family
+from tcstudy.offline.level import Level
 from tcstudy.solve.contact import solve_contact
-from tcstudy.study.level import Level
 from tests.verification.scenes import study_of
 
 A, B, DELTA = 0.08, 0.05, 0.3

@@ -10,22 +10,23 @@ from tcstudy.data.convergence import ERRORS, NUMBERS, VERDICTS
 from tcstudy.data.convergence import default_path as convergence_path
 from tcstudy.data.cost import default_path as cost_path
 from tcstudy.data.files import replace_file
-from tcstudy.data.kinds import kind_of
+from tcstudy.data.identity import kind_of
 from tcstudy.data.reading import reading
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import axis_places
 from tcstudy.data.store import open_results
 from tcstudy.errors import StoreError, StudyError
+from tcstudy.read.study import read_study_text
+from tcstudy.report.body_panel import boundary_edges
 from tcstudy.report.cost_reading import advice, measure_of, settings
-from tcstudy.report.outline import boundary_edges
 from tcstudy.report.picture import BodyFields, Line
 from tcstudy.report.select_point import axis_names
 from tcstudy.report.style import DrawError, pretty
 from tcstudy.report.text import scaled_labels
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw
 from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.reader import read_study_text
-from tcstudy.scene.records import Clamped, Study
+from tcstudy.scene.records import Clamped
+from tcstudy.scene.study import Study
 
 __all__ = [
     "DOWN", "ERRORS", "NUMBERS", "SHAPES", "UP", "VERDICTS", "BodyFields", "Clamped", "DrawError", "FrictionLaw",

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.solve.newton_system import cholesky
+from tcstudy.solve.separable.system import cholesky
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

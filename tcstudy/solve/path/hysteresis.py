@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solve.loop import iterate
-from tcstudy.solve.outcome import Outcome
+from tcstudy.solve.loop import Outcome, iterate
 from tcstudy.solve.path.follow import Follower, ParametricProblem, Path, PathStatus
-from tcstudy.solve.separable_newton import SeparableNewton
+from tcstudy.solve.separable.newton import SeparableNewton
 
 Array = NDArray[np.float64]
 

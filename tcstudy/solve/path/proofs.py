@@ -20,14 +20,12 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.solve.acceptance import Acceptance
+from tcstudy.solve.bounds import bends_by_side, solution_box
 from tcstudy.solve.certificates import MARGIN, positive_definite
-from tcstudy.solve.global_bound import bends_by_side
-from tcstudy.solve.path.graph import law_graph
 from tcstudy.solve.path.lowest import Lowest
-from tcstudy.solve.path.problem import ParametricProblem
+from tcstudy.solve.path.problem import ParametricProblem, law_graph
 from tcstudy.solve.path.record import Path
 from tcstudy.solve.problem import ContactProblem
-from tcstudy.solve.solution_box import solution_box
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

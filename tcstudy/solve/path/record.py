@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solve.path.graph import law_graph
-from tcstudy.solve.path.problem import ParametricProblem
+from tcstudy.solve.path.problem import ParametricProblem, law_graph
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -64,7 +63,7 @@ class PathEnd:
 class Events:
     """Changes of piece in the order of the path, all (e,): vertex, node, code before and code after.
 
-    Codes are those of tcstudy.solve.path.graph: 2k a segment (slip), 2k+1 the vertical side at kink k (stick).
+    Codes are those of tcstudy.solve.path.problem: 2k a segment (slip), 2k+1 the vertical side at kink k (stick).
     """
 
     vertex: Index

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from tcstudy.scene.friction import BEND
 from tcstudy.solve.path.base import SingularCellError
-from tcstudy.solve.path.graph import law_graph
-from tcstudy.solve.path.problem import ParametricProblem
+from tcstudy.solve.path.problem import ParametricProblem, law_graph
 from tcstudy.solve.path.vertex import Corner, along_perturbation, corner, move, place
 from tcstudy.solve.path.walk import Codes, Units, Walk
 

@@ -24,8 +24,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.solve.newton_system import submatrix
 from tcstudy.solve.path.base import SingularCellError, definite_inverse, indefinite_inverse, sound_pivots
+from tcstudy.solve.separable.system import submatrix
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

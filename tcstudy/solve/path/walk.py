@@ -13,8 +13,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.solve.path.graph import LawGraph, law_graph
-from tcstudy.solve.path.problem import ParametricProblem
+from tcstudy.solve.path.problem import LawGraph, ParametricProblem, law_graph
 from tcstudy.solve.path.tableau import Tableau
 
 Array = NDArray[np.float64]

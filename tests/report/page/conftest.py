@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tcstudy.scene.reader import read_study_text
+from tcstudy.read.study import read_study_text
 from tcstudy.study.execute import execute
 
 STUDY = """

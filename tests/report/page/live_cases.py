@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from tcstudy.offline.level import Level
+from tcstudy.read.study import read_study_text
+from tcstudy.refine.family import Family
 from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.reader import read_study_text
-from tcstudy.scene.records import Convection, Scene, Study, Traction
+from tcstudy.scene.records import Convection, Scene, Traction
+from tcstudy.scene.study import Study
 from tcstudy.solve.problem import ContactProblem
-from tcstudy.study.family import Family
-from tcstudy.study.level import Level
 
 PAD = """
 title: A pad pushed sideways

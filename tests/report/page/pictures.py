@@ -7,8 +7,8 @@ from pathlib import Path
 
 from PIL import Image
 
+from tcstudy.read.study import read_study
 from tcstudy.report.page import write_page
-from tcstudy.scene.reader import read_study
 from tcstudy.study.execute import execute
 from tests.report.page.browser import Browser
 

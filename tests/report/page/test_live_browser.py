@@ -11,7 +11,7 @@ import pytest
 from tcstudy.report.page import write_page
 from tcstudy.report.page.law_part import file_order
 from tcstudy.solve.loop import iterate
-from tcstudy.solve.separable_newton import SeparableNewton
+from tcstudy.solve.separable.newton import SeparableNewton
 from tcstudy.study.execute import execute
 from tests.report.page.browser import Browser, missing
 from tests.report.page.live_cases import finest, settings, studies

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tcstudy.cli import main
+from tcstudy.read.study import read_study_text
 from tcstudy.report.page import write_page
-from tcstudy.scene.reader import read_study_text
 from tcstudy.study.execute import execute
 from tests.report import draw_cases
 from tests.report.page.browser import Browser, missing

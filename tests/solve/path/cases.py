@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solve.loop import iterate
 from tcstudy.solve.path.follow import ParametricProblem
-from tcstudy.solve.separable_newton import SeparableNewton
+from tcstudy.solve.separable.newton import SeparableNewton
 from tests.solve import contact_cases as cases
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from tcstudy.solve.path.follow import Follower, ParametricProblem, PathStatus, f
 from tcstudy.solve.path.query import folds, solutions_at
 from tcstudy.solve.path.start import NoSolutionError
 from tcstudy.solve.path.tableau import Tableau
-from tcstudy.solve.separable_newton import SeparableNewton
+from tcstudy.solve.separable.newton import SeparableNewton
 from tests.solve import contact_cases as cases
 from tests.solve.path.cases import a_solution, all_solutions, one_node, random_path_problem, softening_line
 

@@ -7,10 +7,10 @@ import pytest
 
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import mesh_family
+from tcstudy.offline.level import Level
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solve.path.follow import Follower, ParametricProblem, PathStatus, follow
 from tcstudy.solve.path.query import solutions_at
-from tcstudy.study.level import Level
 from tests.solve import contact_cases as cases
 from tests.solve.path.cases import a_solution, one_node
 from tests.verification.patch import DROPPING, SOFTENING, Case, exact_energy, patch_study

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from tcstudy.solve.path.follow import Path, follow
-from tcstudy.solve.path.query import folds
+from tcstudy.solve.path.query import folds, turn_sizes
 from tcstudy.solve.path.record import Events
-from tcstudy.solve.path.turns import turn_sizes
 from tests.solve.path.cases import softening_line
 
 

@@ -1,0 +1,239 @@
+"""Whether derived loads are the loads of a scene: what no load of a scene can give must vanish, and Γ_C must obey (4).
+
+Everything is sampled at SAMPLES points of every edge, none of them an end, and on a grid in the body. Checked:
+contact:  u_N = 0, −S_T ∈ b̂(u_T), and a given ξ is −S_T
+free:     σn = 0; likewise the traction of a component that a clamped edge leaves free
+heat:     ∂θ/∂n = 0 on edges without convection
+values:   all derived fields are finite
+kinks:    at abs, min and max the gradients of u and θ have no jump. A jump of ∇u would need a load on a line inside the
+          body (u is continuous and the material is one, so σn is continuous across the line only if ∇u is).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.exact.fields import body_edges, edge_samples, kinks, sides
+from tcstudy.exact.gradient import value_and_gradient
+from tcstudy.expressions.expression import Expression
+from tcstudy.scene.records import Body, Clamped, Contact, Convection, Exact, Free, Scalar, Scene, Traction
+from tcstudy.shapes.edges import body_size
+from tcstudy.shapes.sampling import INWARD, inside
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-8
+"""Largest violation, relative to the largest value of its kind on the boundary."""
+JUMP = 1e-4
+"""Jump of a gradient across a kink, relative to its largest value, that is no rounding of the place of the kink."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What is wrong, in which key of `exact` or at which edge, and what to do."""
+
+    keys: tuple[str | int, ...]
+    what: str
+    remedy: str
+
+
+@dataclass(frozen=True)
+class Samples:
+    """The exact solution at points of one or more edges: u (2, n), ∇u (2, 2, n) with ∂_d u_c at [c, d], θ and ∇θ."""
+
+    points: Array
+    normals: Array
+    u: Array
+    slope: Array
+    theta: Array
+    theta_slope: Array
+
+    def stress(self, scene: Scene) -> Array:
+        """(2, 2, n) σ."""
+        material = scene.material
+        even = material.lam * (self.slope[0, 0] + self.slope[1, 1]) - material.beta * self.theta
+        double = material.mu * (self.slope + self.slope.transpose(1, 0, 2))
+        return np.asarray(double + even * np.eye(2)[:, :, None])
+
+    def traction(self, scene: Scene) -> Array:
+        """(2, n) σn."""
+        return np.einsum("cdn,nd->cn", self.stress(scene), self.normals)
+
+    @property
+    def tangents(self) -> Array:
+        """(n, 2) t = (−n₂, n₁)."""
+        return np.column_stack([-self.normals[:, 1], self.normals[:, 0]])
+
+    def at(self, place: int) -> str:
+        """A point in words."""
+        return f"({self.points[place, 0]:.6g}, {self.points[place, 1]:.6g})"
+
+
+class Checks:
+    """The checks of one exact solution on one body."""
+
+    def __init__(self, exact: Exact, body: Body) -> None:
+        self._exact, self._body, self._inside = exact, body, inside(body)
+        self._finite: set[tuple[Scalar, str]] = set()
+        self._checked: set[tuple[object, ...]] = set()
+        self._edges = {edge.name: self._samples((edge.name,)) for edge, _ in body_edges(body)}
+        self._all = self._samples(tuple(self._edges))
+
+    def _samples(self, names: tuple[str, ...]) -> Samples:
+        pairs = [edge_samples(*edge) for edge in body_edges(self._body, names)]
+        points, normals = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+        within = points - INWARD * body_size(self._body) * normals
+        scalars = (*self._exact.u, self._exact.theta if self._exact.theta is not None else 0.0)
+        values = [value_and_gradient(scalar, *points.T)[0] for scalar in scalars]
+        slopes = [value_and_gradient(scalar, *within.T)[1] for scalar in scalars]
+        return Samples(points, normals, np.array(values[:2]), np.array(slopes[:2]), values[2], slopes[2])
+
+    # -- the solution itself -----------------------------------------------------------------------
+
+    def kinks(self) -> Iterator[Fault]:
+        """Jumps of ∇u or ∇θ inside the body."""
+        fields: list[tuple[tuple[str | int, ...], Scalar]] = [(("u", i), u) for i, u in enumerate(self._exact.u)]
+        if self._exact.theta is not None:
+            fields.append((("theta",), self._exact.theta))
+        for keys, scalar in fields:
+            largest = np.max(np.abs(value_and_gradient(scalar, *self._inside.T)[1]), initial=0.0)
+            for bend in kinks(scalar):
+                before, after = sides(bend, self._body)
+                jump = np.abs(value_and_gradient(scalar, *before.T)[1] - value_and_gradient(scalar, *after.T)[1])
+                if np.max(jump, initial=0.0) > JUMP * largest:
+                    x, y = before[int(np.argmax(jump.max(axis=0)))]
+                    what = f"bends at ({x:.6g}, {y:.6g}), where its gradient jumps by {np.max(jump):.3g}"
+                    remedy = "no load of a scene balances that; use a smooth expression, like max(0, s)^2 for max(0, s)"
+                    yield Fault(keys, what, remedy)
+                    break
+
+    # -- one scene ---------------------------------------------------------------------------------
+
+    def scene(self, scene: Scene) -> Iterator[Fault]:
+        """What is wrong with a scene whose loads were derived; nothing new where scenes differ in heat only."""
+        yield from self._values(scene)
+        key = (scene.material, scene.boundary, scene.friction)
+        if key in self._checked:
+            return
+        self._checked.add(key)
+        stress = self._largest(self._all.stress(scene), self._stress_scale(scene))
+        for name, _ in scene.boundary:
+            every = (
+                self._contact(name, scene, stress),
+                self._unloaded(name, scene, stress),
+                self._insulated(name, scene),
+            )
+            if (fault := next(itertools.chain(*every), None)) is not None:  # others on the edge may follow from it
+                yield fault
+
+    def _stress_scale(self, scene: Scene) -> float:
+        material = scene.material
+        return float(material.beta) * self._largest(self._all.theta, 0.0)
+
+    @staticmethod
+    def _largest(values: Array, least: float) -> float:
+        finite = np.abs(values[np.isfinite(values)])
+        return max(float(np.max(finite, initial=0.0)), abs(least))
+
+    def _zero(
+        self, keys: tuple[str | int, ...], values: Array, scale: float, at: Samples, what: str, remedy: str
+    ) -> Iterator[Fault]:
+        """A fault if values that must vanish do not; `what` has a place for the worst one."""
+        size = np.nan_to_num(np.abs(values))
+        worst = int(np.argmax(size))
+        if size[worst] > TOLERANCE * scale:
+            yield Fault(keys, f"{what.format(f'{values[worst]:.3g}')}, at {at.at(worst)}", remedy)
+
+    def _contact(self, name: str, scene: Scene, stress: float) -> Iterator[Fault]:
+        """u_N = 0 and the friction law."""
+        if not isinstance(dict(scene.boundary)[name], Contact):
+            return
+        at = self._edges[name]
+        u_N = np.einsum("cn,nc->n", at.u, at.normals)
+        remedy = f"give an exact solution that slides along {name}"
+        largest = self._largest(self._all.u, 0.0)
+        yield from self._zero(("u",), u_N, largest, at, f"u_N is {{}} on the contact edge {name}, not 0", remedy)
+        u_T = np.einsum("cn,nc->n", at.u, at.tangents)
+        xi = -np.einsum("cn,nc->n", at.traction(scene), at.tangents)
+        if self._exact.xi is not None:
+            given = value_and_gradient(self._exact.xi, *at.points.T)[0]
+            remedy = "correct xi, or leave it out: it follows from u"
+            yield from self._zero(
+                ("xi",), given - xi, stress, at, f"xi differs from -S_T of u by {{}} on {name}", remedy
+            )
+            xi = given
+        low, high = scene.friction.interval(u_T, 1e-9 * largest)
+        off = np.maximum(np.maximum(low - xi, xi - high), 0.0)
+        worst = int(np.argmax(np.nan_to_num(off)))
+        # stress is sampled INWARD of the edge, which alone leaves so much where there is no friction to compare with
+        slack = max(TOLERANCE * max(scene.friction.b_scale, self._largest(xi, 0.0)), 10 * INWARD * stress)
+        if off[worst] > slack:
+            law = f"[{low[worst]:.6g}, {high[worst]:.6g}]" if low[worst] < high[worst] else f"{low[worst]:.6g}"
+            what = (
+                f"the friction law does not hold on {name}: at {at.at(worst)}, where u_T = {u_T[worst]:.6g}, "
+                f"-S_T is {xi[worst]:.6g}, but b(u_T) is {law}"
+            )
+            yield Fault(("u",), what, f"change u or friction, so that -S_T of u lies in b(u_T) everywhere on {name}")
+
+    def _insulated(self, name: str, scene: Scene) -> Iterator[Fault]:
+        """∂θ/∂n on edges without convection, where heat is solved for."""
+        convects = isinstance(dict(scene.boundary)[name], Convection)
+        if convects or not scene.edges(Convection) or self._exact.theta is None:
+            return
+        at, slope = self._edges[name], self._largest(self._all.theta_slope, 0.0)
+        flux = np.einsum("dn,nd->n", at.theta_slope, at.normals)
+        what = f"d(theta)/dn is {{}} on the edge {name}, which is insulated"
+        remedy = f"make {name} a convection edge, or give a theta without slope across it"
+        yield from self._zero(("theta",), flux, slope, at, what, remedy)
+
+    def _unloaded(self, name: str, scene: Scene, stress: float) -> Iterator[Fault]:
+        """Tractions that the role of an edge leaves no room for."""
+        at, role = self._edges[name], dict(scene.boundary)[name]
+        pull = at.traction(scene)
+        if isinstance(role, Free):
+            remedy = f"give {name} the role traction; its g is derived"
+            for c, axis in enumerate("xy"):
+                what = f"the {axis} component of sigma n is {{}} on the free edge {name}"
+                yield from self._zero(("u",), pull[c], stress, at, what, remedy)
+        if isinstance(role, Clamped) and None in role.u:
+            nt = role.frame == "nt"
+            directions = (at.normals, at.tangents) if nt else tuple(np.eye(2)[:, None] + 0.0 * at.points[None, :, :1])
+            for held, direction, symbol in zip(role.u, directions, ("N", "T") if nt else ("x", "y"), strict=True):
+                if held is None:
+                    what = f"u_{symbol} is free on {name}, but the traction in its direction is {{}}"
+                    values = np.einsum("cn,nc->n", pull, direction)
+                    remedy = f"hold it too (u_{symbol}: derived), or give a u without that traction"
+                    yield from self._zero(("u",), values, stress, at, what, remedy)
+
+    def _values(self, scene: Scene) -> Iterator[Fault]:
+        """Derived fields without a finite value somewhere."""
+        for symbol, key, fields, points in self._fields(scene):
+            for field in fields:
+                if not isinstance(field, Expression) or (field, symbol) in self._finite:
+                    continue
+                self._finite.add((field, symbol))
+                bad = np.flatnonzero(~np.isfinite(field.evaluate(*points.T)))
+                if len(bad):
+                    x, y = points[bad[0]]
+                    what = f"{symbol}, derived from it, has no finite value at ({x:.6g}, {y:.6g})"
+                    yield Fault((key,), what, "give an expression that has its derivatives there, or give the loads")
+                    return
+
+    def _fields(self, scene: Scene) -> Iterator[tuple[str, str, tuple[Scalar | None, ...], Array]]:
+        yield "f", "u", scene.f, self._inside
+        if scene.heat.theta is None:
+            yield "q", "theta", (scene.heat.q,), self._inside
+        for name, role in scene.boundary:
+            points = self._edges[name].points
+            if isinstance(role, Clamped) and role.frame == "nt":
+                ends = np.array([edge.start for edge, _ in body_edges(self._body, (name,))])
+                yield f"u_N or u_T on {name}", "u", role.u, np.concatenate([points, ends])
+            if isinstance(role, Traction | Convection):
+                yield f"g on {name}", "u", role.g, points
+            if isinstance(role, Convection) and scene.heat.theta is None:
+                yield f"theta_bar on {name}", "theta", (scene.heat.theta_bar,), points

@@ -1,0 +1,271 @@
+"""Numbers of an exact solution, by quadrature that uses no discrete field.
+
+L_θ(u) = ½a(u,u) − ∫f·u − β∫θ div u − ∫g·u + ∫_{Γ_C} j(u_T), over the exact body: the triangles of a mesh and the
+slivers between its boundary and the arcs; ∫ξ over Γ_C; the length of Γ_C that slips.
+
+u_T and ξ of an exact solution on Γ_C, as functions of place and normal.
+
+The value of a goal in the exact solution that a study gives, so that estimates can be compared with true errors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.accuracy.line_norms import Function
+from tcstudy.accuracy.norms import Triangles
+from tcstudy.exact.gradient import value_and_gradient
+from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.scene.records import Body, Contact, Convection, Edge, Exact, Point, Scalar, Scene, Traction
+from tcstudy.scene.study import Goal
+from tcstudy.shapes.edges import Arc, body_size, edge_arc, edge_distance, edge_length, edge_normal
+
+Array = NDArray[np.float64]
+
+PANELS = 200
+STICKS = 64 * np.finfo(float).eps
+"""Distance from an up-jump, relative to the largest displacement on Γ_C, that is rounding."""
+ON_ARC = 1e-6
+"""Distance of a mesh node from its arc, relative to the body."""
+_GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
+
+
+def exact_energy(exact: Exact, scene: Scene, mesh: Triangles) -> float:
+    """L_θ(u) [J/m]; NaN for a body from a file and where the study gives no θ, but it loads the body.
+
+    Where the body is not convex the mesh overlaps it: u and the loads are then also evaluated a little outside.
+    """
+    theta = exact.theta if exact.theta is not None else scene.heat.theta
+    if scene.body.outline is None or (scene.material.beta != 0.0 and theta is None):
+        return float("nan")
+
+    def density(x: Array, y: Array) -> Array:
+        (ux, gx), (uy, gy) = (value_and_gradient(component, x, y) for component in exact.u)
+        divergence = gx[0] + gy[1]
+        lam, mu, beta = scene.material.lam, scene.material.mu, scene.material.beta
+        strain = gx[0] ** 2 + gy[1] ** 2 + 0.5 * (gx[1] + gy[0]) ** 2
+        value: Array = 0.5 * lam * divergence**2 + mu * strain - _at(scene.f[0], x, y) * ux - _at(scene.f[1], x, y) * uy
+        return value - beta * _at(theta if theta is not None else 0.0, x, y) * divergence
+
+    inside = mesh.integral(density) + sliver_integral(scene.body, mesh, density)
+    return inside + sum(_on_edge(exact, scene, edge) for edge in _edges(scene.body))
+
+
+def exact_friction_resultant(scene: Scene, xi: Function) -> float:
+    """∫ξ over the exact Γ_C [N/m]; NaN for a body from a file."""
+    if scene.body.outline is None:
+        return float("nan")
+    total = 0.0
+    for edge in _edges(scene.body):
+        if edge.name in scene.edges(Contact):
+            points, weights = _samples(edge)
+            total += float(weights @ xi(points[:, 0], points[:, 1], _outward(scene.body, edge, points)))
+    return total
+
+
+def exact_slip_length(exact: Exact, scene: Scene) -> float:
+    """Length of Γ_C where u_T is not at an up-jump of b [m]; NaN for a body from a file.
+
+    Changes between stick and slip are found at 5·PANELS points of every edge and bisected until floats end; pairs of
+    changes between two points are missed. u_T counts as at the jump within its rounding, so that where slip begins
+    like r^p the change lies off by (rounding / amplitude)^(1/p).
+    """
+    if scene.body.outline is None:
+        return float("nan")
+    edges = [edge for edge in _edges(scene.body) if edge.name in scene.edges(Contact)]
+    at = [_points(edge, _places()) for edge in edges]
+    size = max((float(np.max(np.abs(_at(u, *points.T)))) for points in at for u in exact.u), default=0.0)
+
+    def slips(edge: Edge, places: Array) -> NDArray[np.bool_]:
+        points = _points(edge, places)
+        n = _outward(scene.body, edge, points)
+        u_T = _at(exact.u[1], *points.T) * n[:, 0] - _at(exact.u[0], *points.T) * n[:, 1]
+        return ~_at_up_jump(scene.friction, u_T, STICKS * size)
+
+    return sum(edge_length(edge) * _share(lambda places, edge=edge: slips(edge, places)) for edge in edges)  # type: ignore[misc]
+
+
+def _at_up_jump(law: FrictionLaw, u_T: Array, rounding: float) -> NDArray[np.bool_]:
+    """Which slips are at an up-jump, where the body sticks."""
+    jumps = law.kinks[law.kinds == UP]
+    return np.any(np.abs(u_T[:, None] - jumps) <= rounding, axis=1)
+
+
+def _share(slips: Callable[[Array], NDArray[np.bool_]]) -> float:
+    """Share of [0, 1] where a predicate holds, its changes bisected."""
+    places = np.concatenate([[0.0], _places(), [1.0]])
+    inner = slips(places[1:-1])
+    holds = np.concatenate([inner[:1], inner, inner[-1:]])  # an end may be a corner where all is held
+    change = np.flatnonzero(holds[1:] != holds[:-1])
+    low, high = places[change], places[change + 1]
+    for _ in range(64):
+        middle = 0.5 * (low + high)
+        same = slips(middle) == holds[change]
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    borders = np.concatenate([[0.0], high, [1.0]])
+    first = bool(holds[0])
+    return float(np.diff(borders)[0 if first else 1 :: 2].sum())
+
+
+def sliver_integral(body: Body, mesh: Triangles, density: Callable[[Array, Array], Array]) -> float:
+    """∫ over the exact body less ∫ over the mesh, whose boundary nodes lie on the body's arcs.
+
+    Between a chord and its arc points are (1 − t) chord(s) + t arc(s), by 5 × 5 Gauss points; slivers that the mesh has
+    too much count negative.
+    """
+    assert body.outline is not None
+    edges, size = _edges(body), body_size(body)
+    if all(edge.through is None for edge in edges):
+        return 0.0
+    ends = mesh.points[_boundary(mesh)]
+    middles = ends.mean(axis=1)
+    off = np.array([np.where(_on(edge, ends, size), edge_distance(edge, middles), np.inf) for edge in edges])
+    own = np.argmin(off, axis=0)
+    total = 0.0
+    for i, edge in enumerate(edges):
+        arc = edge_arc(edge)
+        if arc is not None:
+            total += _slivers(arc, ends[own == i], density)
+    return total
+
+
+def _boundary(mesh: Triangles) -> NDArray[np.intp]:
+    """(b, 2) sides that belong to one triangle only, the body on their left."""
+    sides = mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    n = len(mesh.points)
+    key, reverse = sides[:, 0] * n + sides[:, 1], sides[:, 1] * n + sides[:, 0]
+    return sides[~np.isin(key, reverse)]
+
+
+def _on(edge: Edge, ends: Array, size: float) -> NDArray[np.bool_]:
+    """Which sides have both ends on the edge."""
+    return np.asarray((edge_distance(edge, ends.reshape(-1, 2)).reshape(-1, 2) <= ON_ARC * size).all(axis=1))
+
+
+def _slivers(arc: Arc, ends: Array, density: Callable[[Array, Array], Array]) -> float:
+    """∫ between chords (b, 2, 2) and their arc; positive where the arc is on the right of the chord, outside."""
+    s, weight = 0.5 * (1 + _GAUSS), 0.5 * _WEIGHTS
+    a, b = ends[:, 0] - arc.center, ends[:, 1] - arc.center
+    start = np.arctan2(a[:, 1], a[:, 0])
+    turn = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1))
+    angle = start[:, None] + turn[:, None] * s
+    radial = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    on_arc = arc.radius * radial
+    along_arc = arc.radius * turn[:, None, None] * np.stack([-radial[..., 1], radial[..., 0]], axis=-1)
+    chord = a[:, None] + s[:, None] * (b - a)[:, None]
+    step = on_arc - chord
+    total = 0.0
+    for t, t_weight in zip(s, weight, strict=True):
+        along = (1 - t) * (b - a)[:, None] + t * along_arc
+        area = step[..., 0] * along[..., 1] - step[..., 1] * along[..., 0]  # > 0: from the chord outwards
+        x, y = np.moveaxis(np.array(arc.center) + chord + t * step, -1, 0)
+        total += t_weight * float((weight * area * density(x, y)).sum())
+    return total
+
+
+def _outward(body: Body, edge: Edge, points: Array) -> Array:
+    """Outward unit normals; a hole's edges have the body on their right."""
+    n = edge_normal(edge, points)
+    return -n if any(edge is e for hole in body.holes for e in hole.edges) else n
+
+
+def _at(scalar: Scalar, x: Array, y: Array) -> Array:
+    return value_and_gradient(scalar, x, y)[0]
+
+
+def _edges(body: Body) -> list[Edge]:
+    assert body.outline is not None
+    return [edge for loop in (body.outline, *body.holes) for edge in loop.edges]
+
+
+def _on_edge(exact: Exact, scene: Scene, edge: Edge) -> float:
+    """What an edge adds: −∫g·u + ∫p u_N, or ∫j(u_T) on Γ_C."""
+    role = dict(scene.boundary)[edge.name]
+    if not isinstance(role, Contact | Traction | Convection):
+        return 0.0
+    points, weights = _samples(edge)
+    x, y = points.T
+    n = _outward(scene.body, edge, points)
+    ux, uy = (_at(component, x, y) for component in exact.u)
+    if isinstance(role, Contact):
+        return float(weights @ scene.friction.j(uy * n[:, 0] - ux * n[:, 1]))
+    work = _at(role.g[0], x, y) * ux + _at(role.g[1], x, y) * uy
+    work -= _at(role.pressure, x, y) * (ux * n[:, 0] + uy * n[:, 1])
+    return -float(weights @ work)
+
+
+def _places() -> Array:
+    """Gauss points of PANELS equal parts of [0, 1]."""
+    return np.asarray(((np.arange(PANELS)[:, None] + 0.5 * (1 + _GAUSS)) / PANELS).ravel())
+
+
+def _samples(edge: Edge) -> tuple[Array, Array]:
+    """Gauss points (q, 2) and weights (q,) on a line or an arc, in PANELS equal parts."""
+    weights = np.tile(0.5 * _WEIGHTS / PANELS, PANELS) * edge_length(edge)
+    return _points(edge, _places()), weights
+
+
+def _points(edge: Edge, t: Array) -> Array:
+    """Points (q, 2) at the shares t of the length of a line or an arc."""
+    arc = edge_arc(edge)
+    if arc is None:
+        start, end = np.array(edge.start), np.array(edge.end)
+        return np.asarray(start + t[:, None] * (end - start))
+    angle = arc.start + t * arc.sweep
+    return np.asarray(np.array(arc.center) + arc.radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+
+
+def exact_u_T(exact: Exact) -> Function:
+    """u·t with t = (−n₂, n₁) [m]."""
+
+    def slip(x: Array, y: Array, n: Array) -> Array:
+        ux, uy = (value_and_gradient(component, x, y)[0] for component in exact.u)
+        return np.asarray(uy * n[..., 0] - ux * n[..., 1])
+
+    return slip
+
+
+def exact_xi(exact: Exact, scene: Scene) -> Function:
+    """−S_T [Pa]: as given, or −t·2με(u)n; λ and the temperature only act normally."""
+    given, mu = exact.xi, scene.material.mu
+    if given is not None:
+        return lambda x, y, n: value_and_gradient(given, x, y)[0]
+
+    def traction(x: Array, y: Array, n: Array) -> Array:
+        gx, gy = (value_and_gradient(component, x, y)[1] for component in exact.u)
+        shear = 0.5 * (gx[1] + gy[0])
+        n1, n2 = n[..., 0], n[..., 1]
+        tangential: Array = -n2 * (gx[0] * n1 + shear * n2) + n1 * (shear * n1 + gy[1] * n2)
+        return -2 * mu * tangential
+
+    return traction
+
+
+def known_goal(goal: Goal, exact: Exact, scene: Scene) -> float | None:
+    """J(u), by quadrature on the exact Γ_C; None for the energy norm and where the body comes from a file."""
+    if scene.body.outline is None or goal.quantity == "energy":
+        return None
+    if goal.quantity == "u_T":
+        assert goal.at is not None
+        value = _exact_slip(exact, scene, goal.at)
+    elif goal.quantity == "friction_resultant":
+        value = exact_friction_resultant(scene, exact_xi(exact, scene))
+    else:
+        value = exact_slip_length(exact, scene)
+    return value if math.isfinite(value) else None
+
+
+def _exact_slip(exact: Exact, scene: Scene, at: Point) -> float:
+    """u·t at a point of Γ_C, t = (−n₂, n₁) of the nearest contact edge."""
+    assert scene.body.outline is not None
+    point = np.array([at])
+    names = scene.edges(Contact)
+    loops = [(scene.body.outline, 1.0), *((hole, -1.0) for hole in scene.body.holes)]  # a hole has the body outside
+    edges = [(edge, side) for loop, side in loops for edge in loop.edges if edge.name in names]
+    edge, side = min(edges, key=lambda item: float(edge_distance(item[0], point)[0]))
+    n = side * edge_normal(edge, point)[0]
+    return float(exact_u_T(exact)(point[:, 0], point[:, 1], n[None])[0])

@@ -1,0 +1,224 @@
+"""The body with one elastic ratio λ/μ, condensed: basis loads eliminated in batches, products for the energy.
+
+A(λ, μ) = μ A(λ/μ, 1), so that one factorisation serves all materials of the same ratio: Ã scales with μ, l̃ does not
+depend on it, A⁻¹l scales with 1/μ.
+
+A scene's load as a sum of basis loads, so that a sweep condenses each basis load once (method §4).
+
+l_θ is affine in f, g, p, q, θ̄ and β: every number of the scene becomes a coefficient, and only what changes the
+shape of a load (an expression, α, k, a region) becomes a new basis load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tcstudy.condense import Condensation, ForwardLoad, condense
+from tcstudy.condense.symbolic import EliminationPlan
+from tcstudy.expressions.expression import Expression
+from tcstudy.fem.boundary import Frames
+from tcstudy.fem.contact_line import ContactLine
+from tcstudy.fem.forms import ElasticForms, loads_something
+from tcstudy.offline.cache import Recent
+from tcstudy.scene.records import Convection, Role, Scalar, Traction
+from tcstudy.solve.problem import least_eigenvalue
+
+Array = NDArray[np.float64]
+
+PRESCRIBED = ("prescribed",)
+"""First entry of the key of the load that prescribed displacements make; it scales with μ."""
+
+
+@dataclass(frozen=True)
+class _Basis:
+    """One basis load: (m,) its condensed form, (N,) L⁻¹F in elimination order, F at the rows that are held."""
+
+    l_tilde: Array
+    rows: Array = field(repr=False)
+    held: Array = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Span:
+    """The basis loads of one scene, ready for any coefficients.
+
+    l_tilde: (m, t);  gram: (t, t) ⟨l_a, A₂₂⁻¹ l_b⟩ for μ = 1;  held: (t, h) loads at the rows that are held
+    """
+
+    l_tilde: Array
+    gram: Array
+    held: Array
+
+
+class Elastic:
+    """Everything that depends on λ/μ, for μ = 1."""
+
+    def __init__(
+        self,
+        forms: ElasticForms,
+        frames: Frames,
+        line: ContactLine,
+        ratio: float,
+        memory: float,
+        plan: EliminationPlan | None = None,
+    ) -> None:
+        """frames: which rows are held (their values do not matter here);  plan: that of another ratio on the mesh.
+
+        Raises NotPositiveDefinite if the body is not held.
+        """
+        stiffness = forms.stiffness(ratio, 1.0, frames)
+        eliminate = ~frames.fixed
+        eliminate[line.nodes] = False
+        points = forms.mesh.points
+        self._condensation: Condensation = condense(stiffness, points, line.nodes, eliminate, components=2, plan=plan)
+        self._condensation.require_definite()
+        self.lambda_1 = least_eigenvalue(self._condensation.A_tilde, line.c)
+        self._held = np.flatnonzero(frames.fixed)
+        self._reactions = stiffness[self._held]  # all that is needed of the matrix from here on
+        self._basis: Recent[_Basis] = Recent(memory, lambda b: b.rows.nbytes)
+        self._spans: Recent[Span] = Recent(memory, lambda s: s.l_tilde.nbytes)
+        self._products: dict[tuple[Hashable, Hashable], float] = {}
+        self._scaled: Recent[Array] = Recent(1, lambda _: 1)
+        self._inverses: Recent[Array] = Recent(1, lambda _: 1)
+
+    @property
+    def plan(self) -> EliminationPlan:
+        """The order of elimination."""
+        return self._condensation.plan
+
+    def A_tilde(self, mu: float) -> Array:
+        """Ã for a shear modulus μ [Pa]; the same array for the same μ."""
+        return self._scaled.get(mu, lambda: mu * self._condensation.A_tilde)
+
+    def A_inverse(self, mu: float) -> Array:
+        """Ã⁻¹ for a shear modulus μ; the same array for the same μ."""
+        return self._inverses.get(mu, lambda: np.asarray(scipy.linalg.inv(self.A_tilde(mu))))
+
+    def reaction(self, values: Array) -> Array:
+        """A w_D (2n,) for prescribed local displacements w_D (2n,)."""
+        return self._reactions.T @ values[self._held]
+
+    def span(self, keys: tuple[Hashable, ...], load: Load) -> Span:
+        """The basis loads `keys`; those that are missing are eliminated together."""
+        return self._spans.get(keys, lambda: self._new_span(keys, load))
+
+    def _new_span(self, keys: tuple[Hashable, ...], load: Load) -> Span:
+        bases = self._bases(keys, load)
+        t = len(keys)
+        gram = np.empty((t, t))
+        for i in range(t):
+            for j in range(i + 1):
+                gram[i, j] = gram[j, i] = self._product((keys[i], bases[i]), (keys[j], bases[j]))
+        l_tilde = np.column_stack([b.l_tilde for b in bases]) if t else np.zeros((self._condensation.m, 0))
+        return Span(l_tilde, gram, np.array([b.held for b in bases]).reshape(t, len(self._held)))
+
+    def _product(self, a: tuple[Hashable, _Basis], b: tuple[Hashable, _Basis]) -> float:
+        """⟨l_a, A₂₂⁻¹ l_b⟩: the kept unknowns come last in the elimination, the rows before them are L⁻¹l₂."""
+        key = (a[0], b[0])
+        if key not in self._products:
+            inner = len(a[1].rows) - self._condensation.m
+            self._products[key] = self._products[key[::-1]] = float(a[1].rows[:inner] @ b[1].rows[:inner])
+        return self._products[key]
+
+    def _bases(self, keys: Sequence[Hashable], load: Load) -> list[_Basis]:
+        """Basis loads by key, from the cache or made with their companions.
+
+        A load always goes with the same companions, so that its digits do not depend on what was asked for before.
+        """
+        found: dict[Hashable, _Basis] = {}
+        for key in keys:
+            known = self._basis.find(key)
+            if known is not None:
+                found[key] = known
+            elif key not in found:
+                found |= self._eliminate(load.together(key), load)
+        return [found[key] for key in keys]
+
+    def _eliminate(self, keys: Sequence[Hashable], load: Load) -> dict[Hashable, _Basis]:
+        """Eliminate some basis loads at once and keep them."""
+        F = np.column_stack([load.local(key) for key in keys])
+        forward = self._condensation.forward(F)
+        made = {}
+        for i, key in enumerate(keys):
+            known = self._basis.find(key)
+            if known is None:
+                known = _Basis(forward.l_tilde[:, i].copy(), forward.rows[:, i].copy(), F[self._held, i])
+                self._basis.put(key, known)
+            made[key] = known
+        return made
+
+    def displacement(self, mu: float, u_T: Array, terms: Sequence[Term], load: Load) -> Array:
+        """Local displacements (2n,), eq. (20), without the prescribed ones."""
+        bases = self._bases([term.key for term in terms], load)
+        rows = np.zeros((len(self._condensation.plan.permutation), 1))
+        for term, basis in zip(terms, bases, strict=True):
+            rows[:, 0] += term.coefficient / mu * basis.rows
+        return self._condensation.expand(u_T, ForwardLoad(np.zeros(self._condensation.m), rows))
+
+    def extension(self, u_T: Array) -> Array:
+        """Local displacements (2n,) of the body without load whose contact nodes are moved by u_T (m,)."""
+        return self._condensation.expand(u_T)
+
+    def energy_constant(self, mu: float, span: Span, coefficients: Array, loads: int, values: Array) -> float:
+        """L_θ(u) − L̃(u₁) = −½⟨l₂, A₂₂⁻¹l₂⟩ + ½⟨w_D, A w_D⟩ − ⟨l, w_D⟩ with w_D the prescribed part `values` (2n,).
+
+        loads: how many of the terms are loads l; behind them stands the reaction to w_D
+        """
+        value = -0.5 / mu * float(coefficients @ span.gram @ coefficients)
+        w_D = values[self._held]
+        if np.any(w_D):
+            value += 0.5 * mu * float(values @ self.reaction(values))
+            value -= float(coefficients[:loads] @ (span.held[:loads] @ w_D))
+        return value
+
+
+@dataclass(frozen=True)
+class Load:
+    """How basis loads are made: local rows (2n,) of a key, and the keys that are made together with one."""
+
+    local: Callable[[Hashable], Array]
+    together: Callable[[Hashable], Sequence[Hashable]]
+
+
+@dataclass(frozen=True)
+class Term:
+    """coefficient × the basis load named by key."""
+
+    key: Hashable
+    coefficient: float
+
+
+def split(scalar: Scalar) -> tuple[Scalar, float]:
+    """A scalar as (shape, factor): numbers become factors of the unit shape 1."""
+    if isinstance(scalar, Expression):
+        return scalar, 1.0
+    return 1.0, float(scalar)
+
+
+def mechanical_terms(f: tuple[Scalar, Scalar], boundary: tuple[tuple[str, Role], ...]) -> Iterator[Term]:
+    """Terms of ∫f·v and of the tractions and pressures on all edges."""
+    for axis, component in enumerate(f):
+        shape, factor = split(component)
+        if factor != 0.0:
+            yield Term(("f", axis, shape), factor)
+    for name, role in boundary:
+        if not loads_something(role):
+            continue
+        assert isinstance(role, Traction | Convection)
+        for part, scalar in (("gx", role.g[0]), ("gy", role.g[1]), ("p", role.pressure)):
+            shape, factor = split(scalar)
+            if factor != 0.0:
+                yield Term((part, name, shape), factor)
+
+
+def traction_of(part: str, shape: Scalar) -> Traction:
+    """The traction record of one basis load of an edge."""
+    unit = Traction()
+    if part == "p":
+        return replace(unit, pressure=shape)
+    return replace(unit, g=(shape, 0.0) if part == "gx" else (0.0, shape))

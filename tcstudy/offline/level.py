@@ -1,0 +1,269 @@
+"""One mesh level of a study: matrices once, a factorisation per λ/μ, a condensed problem per sweep point."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.condense.symbolic import EliminationPlan
+from tcstudy.fem.boundary import Frames, constrain
+from tcstudy.fem.coefficients import GradientProducts
+from tcstudy.fem.contact_line import contact_line
+from tcstudy.fem.forms import ElasticForms, HeatForms
+from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.offline.cache import Recent
+from tcstudy.offline.elastic import PRESCRIBED, Elastic, Load, Term, mechanical_terms, traction_of
+from tcstudy.offline.temperature import UNIFORM, Temperature, Temperatures
+from tcstudy.offline.thermal import BATCH, Column
+from tcstudy.scene.points import distinct
+from tcstudy.scene.records import Clamped, Contact, Convection, Material, Role, Scene
+from tcstudy.solve.problem import ContactProblem
+
+Array = NDArray[np.float64]
+MEMORY = 512e6
+"""Bytes of basis loads, and again of temperatures, that a level keeps for reuse."""
+
+
+@dataclass(frozen=True)
+class Condensed:
+    """One scene on one level, ready to solve.
+
+    problem:  Ã, l̃, c, law
+    constant: what the total potential energy L_θ(u) has beside L̃(u₁) [J/m]
+    terms:    the load's basis terms, for the way back
+    time:     wall time spent on factorisation and loads for this scene [s]
+    """
+
+    problem: ContactProblem
+    constant: float
+    terms: tuple[Term, ...]
+    time: float
+
+
+@dataclass(frozen=True)
+class CondensedBlock:
+    """P scenes on one level whose bodies differ in μ only: plain arrays, nothing of the mesh.
+
+    A_tilde:  (m, m) for μ = 1; the scenes have mu·A_tilde [1]
+    c:        (m,) [m];  lambda_1: of A_tilde [1/m]
+    mu:       (P,) shear moduli [Pa];  l_tilde: (P, m) condensed loads [N/m]
+    constant: (P,) what the total potential energies have beside L̃(u₁) [J/m]
+    theta_mean, heat_balance: (P,) as in `Temperature`; NaN where temperature does not load the body
+    time:     wall time spent on factorisation and loads [s]
+    """
+
+    A_tilde: Array
+    c: Array
+    lambda_1: float
+    mu: Array
+    l_tilde: Array
+    constant: Array
+    theta_mean: Array
+    heat_balance: Array
+    time: float
+
+
+def _held(boundary: tuple[tuple[str, Role], ...]) -> tuple[tuple[str, Role], ...]:
+    """The part of the boundary that constrains displacements, as a key."""
+    return tuple(item for item in boundary if isinstance(item[1], Clamped | Contact))
+
+
+def _ratio_and_scale(material: Material) -> tuple[float, float]:
+    """(λ/μ, μ); the ratio to 15 digits, so that E varies without a new factorisation whatever the rounding."""
+    return float(f"{material.lam / material.mu:.14e}"), material.mu
+
+
+def _groups(scenes: Sequence[Scene]) -> dict[Hashable, list[Hashable]]:
+    """Key of a load that needs no temperature → the keys of all that go through the factor with it."""
+    keys: dict[Hashable, None] = {}
+    for scene in distinct(scenes, "f", "boundary"):
+        keys |= dict.fromkeys(term.key for term in mechanical_terms(scene.f, scene.boundary))
+    if any(scene.material.beta != 0.0 for scene in distinct(scenes, "material")):
+        keys[UNIFORM] = None
+    listed = list(keys)
+    batches = [listed[first : first + BATCH] for first in range(0, len(listed), BATCH)]
+    return {key: batch for batch in batches for key in batch}
+
+
+class Level:
+    """All scenes of a study on one mesh. Caches are keyed by value: equal inputs are computed once."""
+
+    def __init__(self, mesh: PlaneMesh, scene: Scene, scenes: Sequence[Scene] = ()) -> None:
+        """mesh: one level;  scene: any scene of the study (body and roles are the same in all of them).
+
+        scenes: all scenes to come, if known: many values of α then cost a few temperatures, not one each
+        """
+        start = time.perf_counter()
+        self.mesh = mesh
+        gradients = GradientProducts(mesh)
+        self.elastic = ElasticForms(gradients)
+        self.heat = HeatForms(gradients, scene.edges(Convection))
+        self.temperatures = Temperatures(self.heat, mesh.points, scenes, MEMORY)
+        self._groups = _groups(scenes)
+        self._frames: dict[Hashable, Frames] = {}
+        self._plan: EliminationPlan | None = None
+        self._bodies: Recent[Elastic] = Recent(1, lambda _: 1)  # one factor at a time: they are large
+        self.frames = self._frames_of(scene.boundary)
+        self.line = contact_line(mesh, self.frames, scene.edges(Contact))
+        gradients.assemble()
+        self.time_assemble = time.perf_counter() - start
+
+    # -- displacement constraints ------------------------------------------------------------------
+
+    def _frames_of(self, boundary: tuple[tuple[str, Role], ...]) -> Frames:
+        key = _held(boundary)
+        if key not in self._frames:
+            self._frames[key] = constrain(self.mesh, key)
+        return self._frames[key]
+
+    # -- the condensed problem ---------------------------------------------------------------------
+
+    def temperature(self, scene: Scene) -> Temperature:
+        """θ of a scene with its mean and heat balance; zero where the scene has no heat."""
+        return self.temperatures.of(scene)
+
+    def condensed(self, scene: Scene) -> Condensed:
+        """Ã, l̃ and c of a scene, eq. (20); factors and basis loads are reused by value.
+
+        Raises NotPositiveDefinite if the body is not held or the material is not elastic.
+        """
+        start = time.perf_counter()
+        l_tilde, constant, terms = self._condensed_load(scene)
+        body, mu = self._body(scene, self._frames_of(scene.boundary))
+        problem = ContactProblem(body.A_tilde(mu), l_tilde, self.line.c, scene.friction)
+        return Condensed(problem, constant, terms, time.perf_counter() - start)
+
+    def _condensed_load(self, scene: Scene) -> tuple[Array, float, tuple[Term, ...]]:
+        """l̃ (m,) [N/m], what the energy has beside L̃ [J/m], and the basis terms of the load."""
+        frames = self._frames_of(scene.boundary)
+        # heat first: its factor may go before the elastic one comes
+        terms = (*mechanical_terms(scene.f, scene.boundary), *self.temperatures.terms(scene))
+        body, mu = self._body(scene, frames)
+        loads = len(terms)
+        if np.any(frames.values):
+            terms = (*terms, Term((*PRESCRIBED, _held(scene.boundary)), mu))
+        span = body.span(tuple(term.key for term in terms), self._load(body, frames))
+        coefficients = np.array([term.coefficient for term in terms])
+        constant = body.energy_constant(mu, span, coefficients, loads, frames.values)
+        return span.l_tilde @ coefficients, constant, terms
+
+    def block(self, scenes: Sequence[Scene]) -> CondensedBlock:
+        """The condensed problems of scenes that share λ/μ (see `ratio`), each distinct load once.
+
+        A scene's numbers do not depend on the other scenes of its block, to the bit.
+        Raises as `condensed`; ValueError for scenes of different ratios.
+        """
+        start = time.perf_counter()
+        if len({self.ratio(scene) for scene in scenes}) > 1:
+            raise ValueError("the scenes of a block differ in λ/μ")
+        which: dict[Hashable, int] = {}
+        of = [which.setdefault((s.f, s.boundary, s.heat, s.material), len(which)) for s in scenes]
+        first = np.unique(of, return_index=True)[1]
+        loads = [self._loads(scenes[i]) for i in first]
+        body, _ = self._body(scenes[0], self._frames_of(scenes[0].boundary))
+        l_tilde, constant, mean, balance = (np.array(column) for column in zip(*loads, strict=True))
+        mu = np.array([scene.material.mu for scene in scenes])
+        return CondensedBlock(
+            A_tilde=body.A_tilde(1.0),
+            c=self.line.c,
+            lambda_1=body.lambda_1,
+            mu=mu,
+            l_tilde=l_tilde[of],
+            constant=constant[of],
+            theta_mean=mean[of],
+            heat_balance=balance[of],
+            time=time.perf_counter() - start,
+        )
+
+    def _loads(self, scene: Scene) -> tuple[Array, float, float, float]:
+        """l̃, the energy's constant, mean of θ and heat balance of a scene."""
+        l_tilde, constant, _ = self._condensed_load(scene)
+        if scene.material.beta == 0.0:
+            return l_tilde, constant, float("nan"), float("nan")
+        theta = self.temperature(scene)
+        return l_tilde, constant, theta.mean, theta.heat_balance
+
+    @staticmethod
+    def ratio(scene: Scene) -> float:
+        """λ/μ to 15 digits: scenes that share it share a factor."""
+        return _ratio_and_scale(scene.material)[0]
+
+    def lambda_1(self, scene: Scene) -> float:
+        """λ₁ of the body on this mesh (method §5) [Pa/m], once per λ/μ."""
+        body, mu = self._body(scene, self._frames_of(scene.boundary))
+        return mu * body.lambda_1
+
+    def A_inverse(self, scene: Scene) -> Array:
+        """Ã⁻¹ of a scene's body [1/Pa], once per E, for the certificates."""
+        body, mu = self._body(scene, self._frames_of(scene.boundary))
+        return body.A_inverse(mu)
+
+    def displacement(self, scene: Scene, condensed: Condensed, u_T: Array) -> Array:
+        """The whole displacement in x and y (2n,) from the contact solution, eq. (20)."""
+        frames = self._frames_of(scene.boundary)
+        body, mu = self._body(scene, frames)
+        w = body.displacement(mu, u_T, condensed.terms, self._load(body, frames))
+        return frames.cartesian(w + frames.values)
+
+    def fields(self, scene: Scene, condensed: Condensed, u_T: Array) -> dict[str, Array]:
+        """Nodal fields of the whole body by name, (n,) each: u_x, u_y [m] and, where it loads the body, theta [K]."""
+        u, n = self.displacement(scene, condensed, u_T), self.mesh.n_points
+        known = {"u_x": u[:n], "u_y": u[n:]}
+        return known if scene.material.beta == 0.0 else known | {"theta": self.temperature(scene).theta}
+
+    def extension(self, scene: Scene, u_T: Array) -> Array:
+        """The displacement in x and y (2n,) of a body without load whose contact nodes are moved by u_T (m,)."""
+        frames = self._frames_of(scene.boundary)
+        return frames.cartesian(self._body(scene, frames)[0].extension(u_T))
+
+    def load(self, scene: Scene) -> Array:
+        """l_θ in x and y (2n,) [N/m]: mechanical and thermal loads, without prescribed displacements."""
+        total = np.zeros(2 * self.mesh.n_points)
+        for term in (*mechanical_terms(scene.f, scene.boundary), *self.temperatures.terms(scene)):
+            total += term.coefficient * self._basis_load(term.key)
+        return total
+
+    def _body(self, scene: Scene, frames: Frames) -> tuple[Elastic, float]:
+        """The body of this λ/μ, factorised, and μ."""
+        ratio, mu = _ratio_and_scale(scene.material)
+        body = self._bodies.find(ratio)
+        if body is None:
+            self._bodies.clear()
+            body = Elastic(self.elastic, frames, self.line, ratio, MEMORY, self._plan)
+            self._plan = body.plan
+            self._bodies.put(ratio, body)
+        return body, mu
+
+    def _load(self, body: Elastic, frames: Frames) -> Load:
+        """How the basis loads of a body are made."""
+
+        def local(key: Hashable) -> Array:
+            assert isinstance(key, tuple)
+            if key[:1] == PRESCRIBED:
+                return -body.reaction(frames.values)
+            return frames.local(self._basis_load(key))
+
+        def together(key: Hashable) -> list[Hashable]:
+            assert isinstance(key, tuple)
+            if key[0] == "theta" and isinstance(key[1], Column):
+                return [("theta", column) for column in self.temperatures.conduction.together(key[1])]
+            group = self._groups.get(key)
+            return group if group is not None else [key]
+
+        return Load(local, together)
+
+    def _basis_load(self, key: Hashable) -> Array:
+        """The load vector in x and y (2n,) that a key names."""
+        assert isinstance(key, tuple)
+        kind = key[0]
+        if kind == "f":
+            return self.elastic.body_force((key[2], 0.0) if key[1] == 0 else (0.0, key[2]))
+        if key == UNIFORM:
+            return self.elastic.thermal_load(np.ones(self.mesh.n_points))
+        if kind == "theta":
+            return self.elastic.thermal_load(self.temperatures.field(key[1]))
+        return self.elastic.traction(key[1], traction_of(kind, key[2]))

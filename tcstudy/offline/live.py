@@ -1,0 +1,261 @@
+"""What a browser needs to solve a level's contact problems by itself: Ã, c and loads as functions of a few numbers.
+
+For every point whose elastic ratio and load shapes are those of the first point,
+
+    Ã = μ/μ₀ Ã₀,   l̃ = φ l̃_mech + l̃_held + β (q/α s(α/k) + θ̄ t(α/k)),
+
+with φ a factor of all mechanical loads, s and t the condensed loads of the temperatures of a unit source (times α) and
+of unit surroundings. In a = α/k both are rational with real negative poles (tcstudy.offline.thermal); they are kept in
+barycentric form, Σ_j w_j f_j/(a − a_j) / Σ_j w_j/(a − a_j), with the fewest nodes a_j that reproduce samples over the
+range of the sweep, widened by RANGE, to ACCURACY. Every point is put to the test: `valid` says for which of them the
+formula gives the problem of `Level.condensed` to AGREEMENT.
+Literature: Nakatsukasa, Sète & Trefethen, SIAM J. Sci. Comput. 40 (2018) A1494–A1522 (the AAA algorithm, here for
+vectors). Left out: more than one λ/μ, more than one shape of q or θ̄, α = 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from types import UnionType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.offline.elastic import split
+from tcstudy.offline.level import Level
+from tcstudy.scene.records import Clamped, Convection, Heat, Role, Scalar, Scene, Traction
+from tcstudy.scene.study import Study
+from tcstudy.solve.problem import ContactProblem
+
+Array = NDArray[np.float64]
+
+MOST_NODES = 250
+"""Contact nodes up to which a level is kept: Ã of more would make a page of several megabytes."""
+MOST_LOADS = 64
+"""Different mechanical or prescribed loads that are kept; points with further ones are not valid."""
+RANGE = 4.0
+"""How far the range of α/k goes beyond that of the sweep, as a factor at either end."""
+SAMPLES = 33
+ACCURACY = 1e-13
+AGREEMENT = 1e-11
+
+
+@dataclass(frozen=True)
+class Rational:
+    """A vector-valued rational function in barycentric form: nodes (J,), weights (J,), values (J, m)."""
+
+    nodes: Array
+    weights: Array
+    values: Array
+
+    def __call__(self, a: float) -> Array:
+        """Its value at a (m,)."""
+        at = np.flatnonzero(self.nodes == a)
+        if len(at):
+            return np.asarray(self.values[at[0]])
+        share = self.weights / (a - self.nodes)
+        return np.asarray(share @ self.values / share.sum())
+
+
+def live_arrays(study: Study, level: Level) -> dict[str, NDArray[np.generic]]:
+    """The arrays of data.live for one level, by name with "live_" before it; empty for a level with too many nodes.
+
+    Raises NotPositiveDefinite as `Level.condensed`.
+    """
+    if not 0 < level.line.m <= MOST_NODES:
+        return {}
+    first = study.scenes[0]
+    base = level.condensed(first).problem
+    source, surroundings = _heat(study, level)
+    mechanical, held = _Distinct(), _Distinct()
+    columns: dict[str, list[float]] = {name: [] for name in _POINTWISE}
+    for scene in study.scenes:
+        loads = (mechanical.number(_mechanical(scene, first), level), held.number(_prescribed(scene, first), level))
+        found = _coefficients(scene, first, loads)
+        problem = level.condensed(scene).problem
+        valid = _agrees(problem, found, base.A_tilde, mechanical, held, source, surroundings)
+        columns["valid"].append(float(valid))
+        for name, value in found.items():
+            columns[name].append(value)
+    arrays: dict[str, NDArray[np.generic]] = {
+        "A_tilde": base.A_tilde,
+        "mechanical_load": mechanical.rows(level.line.m),
+        "held_load": held.rows(level.line.m),
+        **_named("source", source),
+        **_named("surroundings", surroundings),
+        **{name: np.array(values).reshape(study.shape) for name, values in columns.items()},
+    }
+    return {f"live_{name}": values for name, values in arrays.items()}
+
+
+_POINTWISE = ("stiffness", "mechanical", "held", "beta", "alpha", "k", "q", "theta_bar", "valid")
+
+
+class _Distinct:
+    """The different loads of a sweep, condensed once each."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[Scene, int] = {}
+        self.loads: list[Array] = []
+
+    def number(self, scene: Scene | None, level: Level) -> int:
+        """Which load it is; −1 for none, −2 for one too many."""
+        if scene is None:
+            return -1
+        if scene not in self._numbers:
+            if len(self.loads) == MOST_LOADS:
+                return -2
+            self._numbers[scene] = len(self.loads)
+            self.loads.append(level.condensed(scene).problem.l_tilde)
+        return self._numbers[scene]
+
+    def rows(self, m: int) -> Array:
+        """(loads, m) all of them."""
+        return np.array(self.loads).reshape(-1, m)
+
+
+def _bare(scene: Scene, first: Scene) -> Scene:
+    """The scene without any load, heat or given displacement, and with the material and the law of the first one."""
+    boundary = tuple((name, _unloaded(role)) for name, role in scene.boundary)
+    material = replace(first.material, beta=0.0)
+    return Scene(scene.body, boundary, material, (0.0, 0.0), Heat(), first.friction)
+
+
+def _unloaded(role: Role) -> Role:
+    if isinstance(role, Clamped):
+        x, y = (None if one is None else 0.0 for one in role.u)
+        return replace(role, u=(x, y))
+    return replace(role, g=(0.0, 0.0), pressure=0.0) if isinstance(role, Traction | Convection) else role
+
+
+def _with_roles(bare: Scene, scene: Scene, kinds: type | UnionType) -> Scene:
+    """The bare scene with the scene's own roles of these kinds."""
+    own = dict(scene.boundary)
+    return replace(bare, boundary=tuple((n, own[n] if isinstance(own[n], kinds) else r) for n, r in bare.boundary))
+
+
+def _mechanical(scene: Scene, first: Scene) -> Scene | None:
+    """The scene with f, g and pressure only; None without."""
+    bare = _bare(scene, first)
+    loaded = replace(_with_roles(bare, scene, Traction | Convection), f=scene.f)
+    return None if loaded == bare else loaded
+
+
+def _prescribed(scene: Scene, first: Scene) -> Scene | None:
+    """The scene with given displacements only, whose load goes with the stiffness; None without."""
+    bare = _bare(scene, first)
+    loaded = replace(_with_roles(bare, scene, Clamped), material=replace(scene.material, beta=0.0))
+    return None if loaded.boundary == bare.boundary else loaded
+
+
+def _coefficients(scene: Scene, first: Scene, loads: tuple[int, int]) -> dict[str, float]:
+    """The numbers that make up a point's problem."""
+    known = scene.heat.theta is not None
+    theta_bar = split(scene.heat.theta if scene.heat.theta is not None else scene.heat.theta_bar)[1]
+    return {
+        "stiffness": scene.material.mu / first.material.mu,
+        "mechanical": float(loads[0]),
+        "held": float(loads[1]),
+        "beta": scene.material.beta,
+        "alpha": scene.heat.alpha if not known else float("nan"),
+        "k": float("nan") if known or scene.material.k is None else scene.material.k,
+        "q": 0.0 if known else split(scene.heat.q)[1],
+        "theta_bar": theta_bar,
+    }
+
+
+def _heat(study: Study, level: Level) -> tuple[Rational | None, Rational | None]:
+    """α × load of a unit source, and load of unit surroundings (or of the known temperature), over α/k."""
+    scenes = [scene for scene in study.scenes if scene.material.beta != 0.0]
+    if not scenes:
+        return None, None
+    scene = next((s for s in scenes if split(s.heat.q)[1] != 0.0), scenes[0])
+    unit = _bare(scene, study.scenes[0])
+    unit = replace(unit, material=replace(unit.material, beta=1.0, k=scene.material.k))
+    if scene.heat.theta is not None:
+        load = level.condensed(replace(unit, heat=replace(scene.heat, theta=split(scene.heat.theta)[0])))
+        return None, _constant(load.problem.l_tilde)
+    ratios = [s.heat.alpha / s.material.k for s in scenes if s.material.k and s.heat.alpha > 0.0]
+    if not ratios:
+        return None, None
+    k, bounds = float(scene.material.k or 1.0), (min(ratios) / RANGE, max(ratios) * RANGE)
+
+    def at(a: float, q: Scalar, theta_bar: Scalar) -> Array:
+        heat = replace(scene.heat, alpha=a * k, q=q, theta_bar=theta_bar)
+        return level.condensed(replace(unit, heat=heat)).problem.l_tilde
+
+    q, theta_bar = split(scene.heat.q), split(scene.heat.theta_bar)
+    source = fit(lambda a: a * k * at(a, q[0], 0.0), bounds) if q[1] != 0.0 else None
+    if theta_bar[0] == 1.0:
+        return source, _constant(at(ratios[0], 0.0, 1.0))
+    return source, fit(lambda a: at(a, 0.0, theta_bar[0]), bounds)
+
+
+def _constant(load: Array) -> Rational:
+    return Rational(np.zeros(1), np.ones(1), load[None])
+
+
+def fit(function: Callable[[float], Array], bounds: tuple[float, float]) -> Rational:
+    """A rational function through samples of `function` over bounds, by the AAA algorithm.
+
+    Of SAMPLES points, geometrically spaced, those at which the function so far is farthest off become nodes, until it
+    is nowhere off by more than ACCURACY of the largest value at that point, or half of them are nodes.
+    """
+    points = np.geomspace(*bounds, SAMPLES)
+    values = np.array([function(float(a)) for a in points])
+    size = np.maximum(np.max(np.abs(values), axis=1), np.finfo(float).tiny)
+    chosen = [0]
+    while True:
+        weights = _weights(points, values, size, chosen)
+        rational = Rational(points[chosen], weights, values[chosen])
+        found = np.array([rational(float(a)) for a in points])
+        error = np.max(np.abs(found - values), axis=1) / size
+        worst = int(np.argmax(error))  # at nodes it is zero
+        if error[worst] <= ACCURACY or len(chosen) > SAMPLES // 2:
+            return rational
+        chosen.append(worst)
+
+
+def _weights(points: Array, values: Array, size: Array, chosen: list[int]) -> Array:
+    """Barycentric weights that fit the samples beside the nodes best: least singular vector of Loewner's matrix."""
+    rest = [i for i in range(len(points)) if i not in chosen]
+    gaps = (values[rest][:, None, :] - values[chosen][None, :, :]) / (points[rest][:, None] - points[chosen])[
+        :, :, None
+    ]
+    loewner = (gaps / size[rest][:, None, None]).transpose(0, 2, 1).reshape(-1, len(chosen))
+    return np.asarray(np.linalg.svd(loewner, full_matrices=False)[2][-1])
+
+
+def _agrees(
+    problem: ContactProblem,
+    found: dict[str, float],
+    A_tilde: Array,
+    mechanical: _Distinct,
+    held: _Distinct,
+    source: Rational | None,
+    surroundings: Rational | None,
+) -> bool:
+    """Whether the formula gives the point's problem; its numbers decide, so that no shape of a load is trusted."""
+    if found["mechanical"] == -2 or found["held"] == -2:
+        return False
+    total = np.zeros(problem.m)
+    for distinct, number in ((mechanical, found["mechanical"]), (held, found["held"])):
+        if number >= 0:
+            total = total + distinct.loads[int(number)]
+    if found["beta"] != 0.0:
+        a = found["alpha"] / found["k"] if found["alpha"] > 0.0 else 0.0
+        if source is not None and found["q"] != 0.0:
+            total = total + found["beta"] * found["q"] / found["alpha"] * source(a)
+        if surroundings is not None:
+            total = total + found["beta"] * found["theta_bar"] * surroundings(a)
+    size = float(np.max(np.abs(problem.l_tilde), initial=0.0))
+    same = bool(np.max(np.abs(total - problem.l_tilde), initial=0.0) <= AGREEMENT * size)
+    stiffness = np.max(np.abs(found["stiffness"] * A_tilde - problem.A_tilde))
+    return same and bool(stiffness <= AGREEMENT * np.max(np.abs(problem.A_tilde)))
+
+
+def _named(name: str, function: Rational | None) -> dict[str, NDArray[np.generic]]:
+    if function is None:
+        return {}
+    return {f"{name}_node": function.nodes, f"{name}_weight": function.weights, f"{name}_load": function.values}

@@ -1,0 +1,252 @@
+"""Reads the section `body`: outline, rectangle or file; holes and named regions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from tcstudy.read import walker
+from tcstudy.read.fields import Fields
+from tcstudy.read.node import Node, deepest, split_path
+from tcstudy.read.walker import Context
+from tcstudy.scene.records import Body, BrepFace, Edge, Loop, Point, Region
+from tcstudy.scene.units import LENGTH, UnitError, to_si
+from tcstudy.shapes import edges as shapes
+from tcstudy.shapes import faults as body_faults
+
+SIDES = ("bottom", "right", "top", "left")
+FORMATS = {".step": "mm", ".stp": "mm", ".brep": "m"}
+"""Formats of geometry files and the length unit that is usual in each."""
+REGION_SHAPES = ("circle", "rectangle", "polygon")
+
+
+@dataclass(frozen=True)
+class BodyReading:
+    """The body as far as it could be read.
+
+    body:  None after a fault
+    names: all edge names; None if they are not known after a fault
+    """
+
+    body: Body | None
+    names: tuple[str, ...] | None
+
+
+def read_body(ctx: Context, node: Node) -> BodyReading:
+    """The body with everything that can be read of it; its shape is not checked yet (see check_shape)."""
+    before = len(ctx.errors)
+    fields = Fields(ctx, node, (), ("outline", "rectangle", "file", "holes", "regions"))
+    given = [key for key in ("outline", "rectangle", "file") if fields[key]]
+    if len(given) != 1 and len(ctx.errors) == before:
+        what = f"is given by {' and '.join(given)}" if given else "has no shape"
+        ctx.errors.at(node, what, "give exactly one of outline, rectangle, file")
+    outline, brep = None, None
+    if value := fields["outline"]:
+        outline = _outline(ctx, value)
+    if value := fields["rectangle"]:
+        outline = _rectangle_body(ctx, value)
+    if value := fields["file"]:
+        brep = _file(ctx, value)
+    holes = _holes(ctx, fields["holes"])
+    if fields["file"] and (value := fields["holes"]):
+        ctx.errors.at(value, "holes are cut out of an outline, not of a file's face", "cut them in the CAD file")
+    regions = read_regions(ctx, fields["regions"])
+    body = Body(outline, holes, regions, brep)
+    names = edge_names(body)
+    known = len(given) == 1 and "" not in names
+    return BodyReading(body if len(ctx.errors) == before else None, names if known else None)
+
+
+def edge_names(body: Body) -> tuple[str, ...]:
+    """Names of all edges, each once, in the order of the study."""
+    loops = [body.outline, *body.holes] if body.outline else list(body.holes)
+    names = [edge.name for loop in loops for edge in loop.edges]
+    if body.brep:
+        names = [*(name for name, _ in body.brep.edges), *([body.brep.other] if body.brep.other else []), *names]
+    return tuple(dict.fromkeys(names))
+
+
+def check_shape(ctx: Context, body: Body, root: Node) -> bool:
+    """Record what is wrong with the shape of the body where the study gives it; True if it is sound."""
+    faults = _oversized(body) or body_faults.check_body(body)
+    for fault in faults:
+        where = fault.where
+        inline = deepest(root, ("heat", "omega"))
+        if where.startswith("body.regions.omega") and isinstance(inline.value, Mapping):
+            where = inline.path
+        ctx.errors.at(deepest(root, split_path(where) or ("body",)), fault.what, fault.remedy, key=where)
+    return not faults
+
+
+def _oversized(body: Body) -> list[body_faults.Fault]:
+    """Holes and regions many times larger than the body, found before anything is computed with them."""
+    if body.outline is None:
+        return []
+    places = [(f"body.holes[{i}]", hole) for i, hole in enumerate(body.holes)]
+    places += [(f"body.regions.{region.name}", region.loop) for region in body.regions]
+    size = _reach(body.outline)
+    remedy = "check its numbers and their units"
+    return [
+        body_faults.Fault(place, f"it is {_reach(loop) / size:.3g} times as large as the body", remedy)
+        for place, loop in places
+        if _reach(loop) > 10.0 * size > 0.0
+    ]
+
+
+def _reach(loop: Loop) -> float:
+    """Longer side of the box around the points of a loop."""
+    points = [p for edge in loop.edges for p in (edge.start, edge.end, edge.through or edge.start)]
+    return max(max(p[axis] for p in points) - min(p[axis] for p in points) for axis in (0, 1)) if points else 0.0
+
+
+def _outline(ctx: Context, node: Node) -> Loop:
+    """A chain of straight edges and arcs."""
+    starts: list[Point] = []
+    names: list[str] = []
+    middles: list[Point | None] = []
+    for item in walker.items(ctx, node, "a list of edges", least=2):
+        fields = Fields(ctx, item, ("from", "edge"), ("through",))
+        starts.append(fields.point("from"))
+        names.append(walker.name(ctx, fields["edge"], "an edge name") if fields["edge"] else "")
+        middles.append(fields.point("through") if fields["through"] else None)
+    if len(starts) == 2 and middles == [None, None]:
+        ctx.errors.at(node, "two straight edges enclose nothing", "give a third edge, or an arc by `through: [x, y]`")
+    ends = [*starts[1:], *starts[:1]]
+    return Loop(tuple(Edge(a, b, n, c) for a, b, n, c in zip(starts, ends, names, middles, strict=True)))
+
+
+def _rectangle_body(ctx: Context, node: Node) -> Loop:
+    fields = Fields(ctx, node, ("width", "height"), ("corner", "edges"))
+    names = dict(zip(SIDES, SIDES, strict=True))
+    if edges := fields["edges"]:
+        given = Fields(ctx, edges, (), SIDES)
+        names |= {side: walker.name(ctx, value, "an edge name") for side in SIDES if (value := given[side])}
+    bottom, right, top, left = names.values()
+    return _rectangle(fields, (bottom, right, top, left), fields.point("corner", (0.0, 0.0)))
+
+
+def _rectangle(fields: Fields, names: tuple[str, str, str, str], corner: Point) -> Loop:
+    width, height = (fields.quantity(key, LENGTH, "positive") for key in ("width", "height"))
+    if width > 0.0 and height > 0.0:
+        return shapes.rectangle_loop(corner, width, height, names)
+    return _unknown(*names)
+
+
+def _unknown(*names: str) -> Loop:
+    """Stands for a loop that could not be read, of which only the names of the edges are known."""
+    nowhere = (math.nan, math.nan)
+    return Loop(tuple(Edge(nowhere, nowhere, name) for name in names))
+
+
+def _one_shape(ctx: Context, node: Node, kinds: tuple[str, ...]) -> tuple[str, Node] | None:
+    """The only key of a shape and its value; None after a fault."""
+    before = len(ctx.errors)
+    fields = Fields(ctx, node, (), kinds)
+    given = [key for key in kinds if fields[key]]
+    if len(given) == 1:
+        return given[0], fields.values[given[0]]
+    if len(ctx.errors) == before:
+        ctx.errors.at(node, f"needs one shape, not {len(given)}", f"give one of {', '.join(kinds)}")
+    return None
+
+
+def _holes(ctx: Context, node: Node | None) -> tuple[Loop, ...]:
+    holes: list[Loop] = []
+    for item in walker.items(ctx, node, "a list of holes") if node else ():
+        shape = _one_shape(ctx, item, ("circle", "rectangle", "outline"))
+        if shape is None:
+            holes.append(_unknown(""))
+        elif shape[0] == "outline":
+            holes.append(_outline(ctx, shape[1]))
+        else:
+            holes.append(_simple_shape(ctx, *shape, edge=None))
+    return tuple(holes)
+
+
+def _simple_shape(ctx: Context, kind: str, node: Node, edge: str | None) -> Loop:
+    """A circle or a rectangle; with edge None it has to name its edge itself."""
+    named = ("edge",) if edge is None else ()
+    if kind == "circle":
+        fields = Fields(ctx, node, ("center", "radius", *named))
+    else:
+        fields = Fields(ctx, node, ("corner", "width", "height", *named))
+    if edge is None:
+        edge = walker.name(ctx, value, "an edge name") if (value := fields["edge"]) else ""
+    if kind == "circle":
+        radius = fields.quantity("radius", LENGTH, "positive")
+        return shapes.circle_loop(fields.point("center"), radius, edge) if radius > 0.0 else _unknown(edge)
+    return _rectangle(fields, (edge, edge, edge, edge), fields.point("corner"))
+
+
+def read_region(ctx: Context, node: Node, name: str) -> Region:
+    """A region given as {circle: ...}, {rectangle: ...} or {polygon: ...}."""
+    shape = _one_shape(ctx, node, REGION_SHAPES)
+    if shape is None:
+        return Region(name, Loop(()))
+    if shape[0] != "polygon":
+        return Region(name, _simple_shape(ctx, *shape, edge=name))
+    points = tuple(walker.point(ctx, item) for item in walker.items(ctx, shape[1], "a list of points", least=3))
+    return Region(name, shapes.polygon_loop(points, name))
+
+
+def read_regions(ctx: Context, node: Node | None) -> tuple[Region, ...]:
+    """The named regions of the body."""
+    if node is None:
+        return ()
+    if not isinstance(node.value, Mapping):
+        remedy = "write {NAME: {circle: {center: [x, y], radius: r}}}"
+        ctx.errors.at(node, f"must be a mapping of names to shapes, but is {node.kind()}", remedy)
+        return ()
+    for name, item in node.value.items():
+        check_name(ctx, name, item)
+    return tuple(read_region(ctx, item, name) for name, item in node.value.items())
+
+
+def check_name(ctx: Context, name: str, item: Node) -> None:
+    """Record a fault at the key unless it is a valid name."""
+    if not name.isascii() or not name.replace("_", "a").isalnum():
+        ctx.errors.at(item, f"{name!r} is not a name", "use letters, digits and _", on_key=True)
+
+
+def _file(ctx: Context, node: Node) -> BrepFace | None:
+    fields = Fields(ctx, node, ("path", "edges"), ("face", "unit", "other"))
+    path = walker.text(ctx, value, "a path") if (value := fields["path"]) else ""
+    target, suffix = ctx.folder / path, ("." + path.rpartition(".")[2].lower())
+    if path and value and suffix not in FORMATS:
+        ctx.errors.at(value, f"{path!r} is not a geometry file", f"give a file ending in {', '.join(FORMATS)}")
+    elif path and value and ("\0" in path or not target.is_file()):
+        ctx.errors.at(value, f"there is no file {path!r}", "give its path relative to the folder of the study")
+    face = walker.integer(ctx, value, 0) if (value := fields["face"]) else 0
+    other = walker.name(ctx, value, "an edge name") if (value := fields["other"]) else None
+    edges = _named_points(ctx, fields["edges"])
+    return BrepFace(target, face, _scale(ctx, fields["unit"], FORMATS.get(suffix, "m")), edges, other)
+
+
+def _scale(ctx: Context, node: Node | None, usual: str) -> float:
+    """Length of the file's unit; 1 in a dimensionless study that names none."""
+    unit = walker.text(ctx, node, "a unit of length") if node else ""
+    if ctx.units == "none" and not unit:
+        return 1.0
+    try:
+        return to_si("1", unit or usual, LENGTH)
+    except UnitError as error:
+        if node:
+            ctx.errors.at(node, str(error), 'write for example "mm"')
+        return math.nan
+
+
+def _named_points(ctx: Context, node: Node | None) -> tuple[tuple[str, tuple[Point, ...]], ...]:
+    """NAME: [[x, y], ...] of a geometry file."""
+    if node is None:
+        return ()
+    if not isinstance(node.value, Mapping):
+        remedy = "write {NAME: [[x, y], ...]}: the edge nearest to each point gets the name"
+        ctx.errors.at(node, f"must be a mapping of names to points, but is {node.kind()}", remedy)
+        return ()
+    named = []
+    for name, item in node.value.items():
+        check_name(ctx, name, item)
+        points = walker.items(ctx, item, "a list of points", least=1)
+        named.append((name, tuple(walker.point(ctx, entry) for entry in points)))
+    return tuple(named)

@@ -1,0 +1,289 @@
+"""Checks across sections: heat against boundary and material, free rigid motions, predicted mesh size.
+
+Corners where two edges prescribe displacements: they must agree there, or the problem has no solution.
+
+Expressions must have a finite value where they are used: found at sample points before any work starts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.expressions.expression import Expression
+from tcstudy.read.boundary import Boundary
+from tcstudy.read.node import Node, deepest
+from tcstudy.read.walker import Context
+from tcstudy.scene.records import Body, Clamped, Contact, Convection, Edge, Heat, Material, Point, Role, Scalar
+from tcstudy.scene.study import Goal, MeshPlan
+from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_normal, edge_points, loop_size
+from tcstudy.shapes.faults import loop_polygon
+
+MAX_TRIANGLES = 2e7
+"""More triangles than this are taken for a typing error of maxh or levels."""
+ARC_PIECES = 32
+
+
+def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, material: Material) -> None:
+    """Heat needs a conductivity, and exchange with the surroundings an edge on which it happens."""
+    convection = [edge for edge, role in boundary if isinstance(role, Convection)]
+    section = root.child("heat")
+    if section is None or heat.theta is not None:
+        for edge in convection:
+            node = deepest(root, ("boundary", edge))
+            why = "the study has no section heat" if section is None else "the temperature theta is given"
+            remedy = "add heat: {alpha: ..., theta_bar: ...}, or make the edge free or traction"
+            ctx.errors.once(node, f"a convection edge has no meaning, because {why}", remedy)
+        return
+    if material.k is None:
+        node = deepest(root, ("material",))
+        ctx.errors.once(node, "is missing, but heat needs it", "add k: 45 W/(m*K)", key=f"{node.path}.k")
+    if heat.alpha > 0.0 and not convection:
+        node = deepest(root, ("heat", "alpha"))
+        remedy = "give the role convection to the edges that exchange heat, or give a known temperature theta"
+        ctx.errors.once(node, "no edge has the role convection, so alpha acts nowhere", remedy)
+
+
+def supports(boundary: Boundary) -> tuple[object, ...]:
+    """What of the boundary decides about rigid motions: which components are held on which edges."""
+    clamped = [(e, r.frame, r.u[0] is None, r.u[1] is None) for e, r in boundary if isinstance(r, Clamped)]
+    return (*clamped, *(e for e, r in boundary if isinstance(r, Contact)))
+
+
+class Piece(NamedTuple):
+    """Some points (n, 2) of a boundary curve with its unit normals (n, 2) there, and the name of the edge."""
+
+    name: str
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+
+
+def check_support(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:
+    """The supports must exclude rigid motions (a body from a file is judged when the file is read)."""
+    if body.outline is None:
+        return
+    edges = [edge for loop in (body.outline, *body.holes) for edge in loop.edges]
+    points = [edge_points(edge, 1 if edge.through is None else ARC_PIECES) for edge in edges]
+    pieces = [Piece(edge.name, at, edge_normal(edge, at)) for edge, at in zip(edges, points, strict=True)]
+    fault = support_fault(pieces, boundary, body.outline.edges[0].start, body_size(body))
+    if fault is not None:
+        ctx.errors.at(node, *fault)
+
+
+def support_fault(
+    pieces: Sequence[Piece], boundary: Boundary, centre: Point, size: float, accuracy: float = 1e-9
+) -> tuple[str, str] | None:
+    """What is wrong and what to do if u given on Γ_D and u_N = 0 on Γ_C leave a plane rigid motion; else None.
+
+    centre: any point of the body;  size: its diagonal;  accuracy: of the normals, as far as they are known
+    """
+    roles = dict(boundary)
+    if not any(isinstance(role, Clamped | Contact) for role in roles.values()):
+        return None
+    rows = [row for piece in pieces for row in _constraints(piece, roles.get(piece.name), centre, size)]
+    _, singular, motions = np.linalg.svd(np.array(rows).reshape(-1, 3), full_matrices=True)
+    rank = int(np.sum(singular > accuracy * singular[0])) if len(singular) else 0
+    if rank == 3:
+        return None
+    clamped = any(isinstance(role, Clamped) for role in roles.values())
+    what = "the supports do not hold the body" if clamped else "no edge is clamped and contact does not hold the body"
+    remedy = "give an edge the role clamped, or prescribe the missing component"
+    return f"{what}: it can still {_motion(motions[rank:], centre, size)}", remedy
+
+
+def _constraints(piece: Piece, role: object, centre: Point, size: float) -> Iterator[list[float]]:
+    """Rows d·r(p) = 0 of a curve for the rigid motions r = (a − cη, b + cξ), (ξ, η) = (p − centre)/size."""
+    if isinstance(role, Contact):
+        fixed, frame = (True, False), "nt"
+    elif isinstance(role, Clamped):
+        fixed, frame = (role.u[0] is not None, role.u[1] is not None), role.frame
+    else:
+        return
+    for (x, y), n in zip(piece.points, piece.normals, strict=True):
+        xi, eta = (x - centre[0]) / size, (y - centre[1]) / size
+        directions = ((1.0, 0.0), (0.0, 1.0)) if frame == "xy" else ((n[0], n[1]), (-n[1], n[0]))
+        for held, d in zip(fixed, directions, strict=True):
+            if held:
+                yield [d[0], d[1], d[1] * xi - d[0] * eta]
+
+
+def _motion(motions: NDArray[np.float64], centre: Point, size: float) -> str:
+    """One or more free rigid motions in words."""
+    if len(motions) > 1:
+        return f"move in {len(motions)} ways"
+    a, b, c = motions[0]
+    if abs(c) < 1e-6:
+        return (
+            "slide along x"
+            if abs(b) < 1e-6
+            else "slide along y"
+            if abs(a) < 1e-6
+            else f"slide along ({a:.3g}, {b:.3g})"
+        )
+    at = (centre[0] - size * b / c, centre[1] + size * a / c)
+    x, y = (0.0 if abs(v) <= 1e-9 * size else v for v in at)  # rounding is no coordinate
+    return f"turn about ({x:.3g}, {y:.3g})"
+
+
+def check_goal(ctx: Context, node: Node, goal: Goal, body: Body, boundary: Boundary) -> None:
+    """The point of u_T must lie on a contact edge (a body from a file is checked on its mesh)."""
+    if goal.at is None or body.outline is None:
+        return
+    contact = [name for name, role in boundary if isinstance(role, Contact)]
+    edges = [edge for loop in (body.outline, *body.holes) for edge in loop.edges if edge.name in contact]
+    away = min(float(edge_distance(edge, np.array([goal.at]))[0]) for edge in edges) if edges else math.inf
+    if away > 1e-6 * body_size(body):
+        x, y = goal.at
+        remedy = f"give a point on {' or '.join(contact)}" if contact else "give an edge the role contact"
+        what = f"the point ({x:g}, {y:g}) is not on a contact edge" + (f", but {away:g} away" if edges else "")
+        ctx.errors.at(node.child("u_T") or node, what, remedy)
+
+
+def check_mesh(ctx: Context, maxh: Node, plan: MeshPlan, body: Body) -> None:
+    """Refuse element sizes that do not fit the body (one from a file is judged when the file is read)."""
+    if body.outline is None:
+        return
+    for i, what, remedy in mesh_faults(plan, body_area(body), body_size(body)):
+        ctx.errors.at(maxh.value[i] if isinstance(maxh.value, tuple) else maxh, what, remedy)
+
+
+def mesh_faults(plan: MeshPlan, area: float, size: float) -> Iterator[tuple[int, str, str]]:
+    """(number of the size, what, remedy) of all that give no sensible number of triangles, area/(√3/4 h²)·4^(levels−1).
+
+    area, size: of the body, [m²] and the diagonal [m]
+    """
+    # graded meshes have about as many elements as uniform ones; those with a tolerance stop at max_dofs
+    doubling = len(plan.maxh) == 1 and plan.family != "adaptive" and plan.tolerance is None
+    refinements = plan.levels - 1 if doubling else 0
+    for i, h in enumerate(plan.maxh):
+        if h > size:
+            remedy = f"choose maxh well below it, for example {size / 10:.2g}"
+            yield i, f"an element of {h:g} is larger than the body ({size:g})", remedy
+        exponent = math.log10(area / (math.sqrt(3.0) / 4.0)) - 2.0 * math.log10(h)
+        exponent += refinements * math.log10(4.0)
+        if exponent > math.log10(MAX_TRIANGLES):
+            least = 10.0 ** (math.log10(h) + (exponent - math.log10(MAX_TRIANGLES)) / 2.0)
+            remedy = f"choose maxh above {least:.2g}" + (" or fewer levels" if refinements else "")
+            if least > size:
+                fewer = math.ceil((exponent - math.log10(MAX_TRIANGLES)) / (2.0 * math.log10(2.0)))
+                remedy = f"give at most {max(1, plan.levels - fewer)} levels"
+            yield i, f"about 10^{exponent:.1f} triangles are more than a study can use", remedy
+
+
+Array = NDArray[np.float64]
+
+
+def check_corners(ctx: Context, node: Node, body: Body, boundary: tuple[tuple[str, Role], ...]) -> None:
+    """Record every corner of a polygon body at which the constraints d·u = value have no common solution u."""
+    if body.outline is None:
+        return
+    roles = dict(boundary)
+    for loop in (body.outline, *body.holes):
+        for edge, following in zip(loop.edges, (*loop.edges[1:], loop.edges[0]), strict=True):
+            rows = [*_held_lines(edge, roles, edge.end), *_held_lines(following, roles, edge.end)]
+            if len(rows) > 1 and not _solvable(np.array(rows)):
+                x, y = edge.end
+                others = f"{edge.name} and {following.name}"
+                what = f"{others} prescribe different displacements at their common corner ({x:g}, {y:g})"
+                clamped = following if isinstance(roles.get(following.name), Clamped) else edge
+                ctx.errors.at(deepest(node, (clamped.name,)), what, "make them agree there, or free a component")
+
+
+def _held_lines(edge: Edge, roles: Mapping[str, Role], at: Point) -> Iterator[tuple[float, float, float]]:
+    """(d₁, d₂, value) of every component that an edge holds at a point."""
+    role = roles.get(edge.name)
+    n = edge_normal(edge, np.array([at]))[0]
+    normal, tangent = (float(n[0]), float(n[1])), (-float(n[1]), float(n[0]))
+    if isinstance(role, Contact):
+        yield (*normal, 0.0)
+    elif isinstance(role, Clamped):
+        directions = ((1.0, 0.0), (0.0, 1.0)) if role.frame == "xy" else (normal, tangent)
+        for direction, component in zip(directions, role.u, strict=True):
+            if component is not None:
+                yield (*direction, _value(component, at))
+
+
+def _value(scalar: Scalar, at: Point) -> float:
+    return float(scalar.evaluate(at[0], at[1])) if isinstance(scalar, Expression) else float(scalar)
+
+
+def _solvable(rows: Array) -> bool:
+    """Whether d·u = value has a solution; near-parallel directions (a smooth junction) count as parallel."""
+    directions, values = rows[:, :2], rows[:, 2]
+    if not np.all(np.isfinite(values)):
+        return True  # refused elsewhere, as an expression without a finite value
+    u = np.linalg.lstsq(directions, values, rcond=1e-6)[0]
+    return bool(np.max(np.abs(directions @ u - values)) <= 1e-9 * np.max(np.abs(values), initial=0.0))
+
+
+EDGE_POINTS, GRID = 64, 40
+
+
+def check_finite(ctx: Context, root: Node, section: str, value: object, body: Body) -> None:
+    """Record every expression of a section with a value that is not finite at a sample point of its edges or the body.
+
+    Samples cannot see every singularity between them; a load that is not finite after all is a failed point.
+    """
+    if body.outline is None:
+        return
+    for keys, edge, expression in _expressions(section, value):
+        points = _on_edges(body, edge) if edge else _inside(body)
+        result = np.broadcast_to(expression.evaluate(points[:, 0], points[:, 1]), len(points))
+        bad = np.flatnonzero(~np.isfinite(result))
+        if len(bad):
+            x, y = points[bad[0]]
+            what = f"the expression {str(expression)!r} has no finite value at ({x:g}, {y:g})"
+            ctx.errors.once(deepest(root, keys), what, "change it so that it is finite wherever it is used")
+
+
+def _expressions(section: str, value: object) -> Iterator[tuple[tuple[str, ...], str | None, Expression]]:
+    """(key path, edge or None for the body, expression) of a section's record."""
+    if section == "boundary":
+        assert isinstance(value, tuple)
+        for name, role in value:
+            yield from (((section, name), name, e) for e in _in(role))
+    elif section == "loads":
+        yield from (((section, "f"), None, e) for e in _in(value))
+    elif is_dataclass(value):
+        for field in fields(value):
+            yield from (((section, field.name), None, e) for e in _in(getattr(value, field.name)))
+
+
+def _in(value: Any) -> Iterator[Expression]:
+    """All expressions inside a scalar, a tuple or a record."""
+    if isinstance(value, Expression):
+        yield value
+    elif isinstance(value, tuple):
+        for item in value:
+            yield from _in(item)
+    elif is_dataclass(value):
+        for field in fields(value):
+            yield from _in(getattr(value, field.name))
+
+
+def _edges(body: Body) -> Iterator[Edge]:
+    assert body.outline is not None
+    for loop in (body.outline, *body.holes):
+        yield from loop.edges
+
+
+def _on_edges(body: Body, name: str) -> Array:
+    return np.concatenate([edge_points(e, EDGE_POINTS) for e in _edges(body) if e.name == name])
+
+
+def _inside(body: Body) -> Array:
+    """A grid over the body, and points on its edges."""
+    import shapely
+
+    assert body.outline is not None
+    polygon = loop_polygon(body.outline, loop_size(body.outline))
+    x0, y0, x1, y1 = polygon.bounds
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(x0, x1, GRID), np.linspace(y0, y1, GRID)))
+    inside = shapely.contains_xy(polygon, x, y)
+    edges = [edge_points(edge, EDGE_POINTS) for edge in _edges(body)]
+    return np.concatenate([np.column_stack([x, y])[inside], *edges])

@@ -1,0 +1,246 @@
+"""From a YAML 1.2 text to a tree of marked nodes, and `--set` options put into it.
+
+Anchors and aliases work; tags, merge keys and keys that are not plain words are refused with a remedy.
+
+Where in a study's text something stands, for faults that are found after the study was read.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer
+from ruamel.yaml.error import MarkedYAMLError, YAMLError, YAMLWarning
+from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
+from ruamel.yaml.nodes import Node as YamlNode
+
+from tcstudy.errors import Problem, StudyError
+from tcstudy.read.node import Collector, Keys, Mark, Node, Scalar, deepest, holds, put, split_path
+from tcstudy.scene.parameters import SHORT
+from tcstudy.scene.study import Study
+
+MAX_NODES = 500_000
+MAX_DEPTH = 40
+TAG = "tag:yaml.org,2002:"
+TEXT_TAGS = {TAG + "str", TAG + "timestamp", TAG + "merge", TAG + "value"}
+SCALAR_TAGS = {TAG + "null", TAG + "bool", TAG + "int", TAG + "float"} | TEXT_TAGS
+
+
+class _TooDeep(MarkedYAMLError):
+    """A node below MAX_DEPTH others."""
+
+
+class _Composer(Composer):
+    """The library's composer, which recurses once a level: stopped before time or stack run out."""
+
+    levels = 0
+
+    def compose_node(self, parent: YamlNode | None, index: object) -> YamlNode:
+        """The next node."""
+        if self.levels > MAX_DEPTH:
+            raise _TooDeep(problem_mark=self.parser.peek_event().start_mark)
+        self.levels += 1
+        node: YamlNode = super().compose_node(parent, index)
+        self.levels -= 1
+        return node
+
+
+def load_text(path: Path) -> str:
+    """The text of a study file; raises StudyError if it cannot be had."""
+    file = str(path)
+    try:
+        return path.read_bytes().decode("utf-8")
+    except FileNotFoundError:
+        raise _refusal(file, "there is no such file", "check the path; see configs/ for examples") from None
+    except IsADirectoryError:
+        raise _refusal(file, "this is a folder", "name the study file in it") from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, UnicodeDecodeError):
+            before = error.object[: error.start]
+            line, column = before.count(b"\n") + 1, len(before) - before.rfind(b"\n")
+            raise _refusal(file, "the file is not UTF-8 text", "save it as UTF-8", line, column) from None
+        reason = getattr(error, "strerror", None) or str(error)
+        raise _refusal(file, f"the file cannot be read ({reason})", "check its path and its permissions") from None
+
+
+def compose(text: str, file: str, errors: Collector, path: str = "", *, option: bool = False) -> Node:
+    """The tree of a YAML text; raises StudyError if the text is no YAML, collects what else is wrong.
+
+    path:   key path of the text's root
+    option: the text is the value of a `--set` option, so that marks have no line
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", YAMLWarning)  # an anchor may be used again, says YAML 1.2
+            library = YAML(typ="safe", pure=True)
+            library.Composer = _Composer
+            root = library.compose(text)
+        if root is None:
+            raise _refusal(file, "the file is empty", "start from configs/quickstart.yaml")
+        return _Builder(file, errors, option).node(root, path, None)
+    except _TooDeep as error:
+        mark, remedy = error.problem_mark, "a study needs fewer than ten levels"
+        line, column = (0, 0) if option else (mark.line + 1, mark.column + 1)
+        raise _refusal(file, "the YAML is nested too deeply", remedy, line, column, path) from None
+    except YAMLError as error:
+        raise _syntax_error(error, text, file, option) from None
+    except (ValueError, IndexError, AttributeError, TypeError, AssertionError) as error:
+        # Malformed escapes, directives and tags make the YAML library fail in its own code.
+        raise _refusal(file, f"the YAML cannot be read ({error})", "look for odd directives, tags or escapes") from None
+
+
+def _refusal(file: str, what: str, remedy: str, line: int = 0, column: int = 0, key: str = "") -> StudyError:
+    return StudyError([Problem(file, line, column, key, what, remedy)])
+
+
+def _syntax_error(error: YAMLError, text: str, file: str, option: bool) -> StudyError:
+    """The library's message in our form."""
+    line, column, what = 1, 1, "this is not valid YAML"
+    position = getattr(error, "position", None)
+    if isinstance(error, MarkedYAMLError):
+        mark = error.problem_mark or error.context_mark
+        line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+        what = ", ".join(str(part) for part in (error.context, error.problem) if part)
+        start = error.context_mark
+        if start is not None and start.line + 1 != line:
+            what += f" (begun in line {start.line + 1})"
+    elif isinstance(position, int):
+        line, column = text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)
+        what = f"the character {text[position : position + 1]!r} is not allowed in YAML"
+    remedy = "correct the YAML here or in the lines above: quotes, brackets, a colon, indentation by blanks"
+    return _refusal(file, f"YAML syntax: {what}", remedy, *((0, 0) if option else (line, column)))
+
+
+class _Builder:
+    """Turns the library's nodes into ours."""
+
+    def __init__(self, file: str, errors: Collector, option: bool) -> None:
+        self.file, self.errors, self.option = file, errors, option
+        self.count = 0
+        self.open: list[YamlNode] = []
+
+    def mark(self, node: YamlNode) -> Mark:
+        if self.option:
+            return Mark(self.file, 0, 0)
+        return Mark(self.file, node.start_mark.line + 1, node.start_mark.column + 1)
+
+    def node(self, node: YamlNode, path: str, key: Mark | None) -> Node:
+        """Our node for one of the library's; key is the place of the key it stands under."""
+        mark = self.mark(node)
+        if key and isinstance(node, ScalarNode) and node.value == "" and node.style is None:
+            mark = key  # the library puts an empty value where the next key begins
+        self.count += 1
+        if any(node is outer for outer in self.open):
+            raise _refusal(self.file, "an alias contains itself", "write the value out", mark.line, mark.column, path)
+        if self.count > MAX_NODES or len(self.open) > MAX_DEPTH:
+            what, remedy = "the study is too large or nested too deeply", "write long sweeps as {linspace: [a, b, n]}"
+            raise _refusal(self.file, what, remedy, mark.line, mark.column, path)
+        self.open.append(node)
+        value = self.value(node, path, mark)
+        self.open.pop()
+        return Node(value, path, mark, key or mark)
+
+    def value(self, node: YamlNode, path: str, mark: Mark) -> Scalar | Mapping[str, Node] | tuple[Node, ...]:
+        tag = str(node.tag)
+        if isinstance(node, SequenceNode) and tag == TAG + "seq":
+            return tuple(self.node(item, f"{path}[{i}]", None) for i, item in enumerate(node.value))
+        if isinstance(node, MappingNode) and tag == TAG + "map":
+            return self.mapping(node, path)
+        if isinstance(node, ScalarNode) and tag in SCALAR_TAGS:
+            try:
+                return _scalar(tag, str(node.value))
+            except ValueError:
+                what = f"{str(node.value)[:40]!r} is not a number"
+                self.errors.unreadable(mark, path, what, "write a decimal number")
+                return None
+        what = f"the YAML tag {tag.replace(TAG, '!!')} is not supported"
+        self.errors.unreadable(mark, path, what, "remove the tag")
+        return None
+
+    def mapping(self, node: MappingNode, path: str) -> dict[str, Node]:
+        children: dict[str, Node] = {}
+        for key, item in node.value:
+            mark = self.mark(key)
+            if not isinstance(key, ScalarNode):
+                self.errors.at_mark(mark, path, "a key must be one word", "write `key: value`")
+                continue
+            name = str(key.value)
+            inner = f"{path}.{name}" if path else name
+            if str(key.tag) == TAG + "merge":
+                self.errors.at_mark(mark, inner, "merge keys are not supported", "write the keys out")
+            elif name in children:
+                first = children[name].key_mark.line
+                where = f" (first in line {first})" if first else ""
+                self.errors.at_mark(mark, inner, f"the key is given twice{where}", "keep one of the two")
+            else:
+                children[name] = self.node(item, inner, mark)
+        return children
+
+
+def _scalar(tag: str, text: str) -> Scalar:
+    """The value of a scalar by its YAML 1.2 tag; raises ValueError."""
+    if tag in TEXT_TAGS:
+        return text
+    if tag == TAG + "null":
+        return None
+    if tag == TAG + "bool":
+        return text.lower() in ("true", "yes", "on")
+    number = text.replace("_", "").lower()
+    if tag == TAG + "float":
+        return float(number.replace(".inf", "inf").replace(".nan", "nan"))
+    prefix = re.match(r"[+-]?0[xob]", number)
+    return int(number, 0) if prefix else int(number)
+
+
+def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, str], errors: Collector) -> Node:
+    """The tree with the values of `--set key=value` options put in, one after the other.
+
+    short: short names of keys, such as alpha for heat.alpha. The value null removes a key.
+    An option that a later one replaces is a fault: it would be lost without a word.
+    """
+    given: list[tuple[Keys, str]] = []
+    for option in overrides:
+        file = f"--set {option}"
+        key, equals, text = (part.strip() for part in option.partition("="))
+        key = short.get(key, key)
+        keys: Keys | None = split_path(key) if equals else None
+        if keys is None or not text:
+            remedy = "write --set key.path=value, for example --set heat.alpha=25"
+            errors.at_mark(Mark(file, 0, 0), "", "this option is not key=value", remedy)
+            continue
+        lost = [text for keys_before, text in given if keys_before[: len(keys)] == keys]
+        given.append((keys, option))
+        if lost:
+            what = f"--set {lost[-1]} would not be used, as this option replaces it"
+            errors.at_mark(Mark(file, 0, 0), key, what, "give every key once, a section before its keys")
+            continue
+        try:
+            new = compose(text, file, errors, key, option=True)
+            root = put(root, keys, None if new.value is None else new)
+        except StudyError as error:
+            errors.problems.extend(error.problems)
+        except KeyError as error:
+            errors.at_mark(Mark(file, 0, 0), key, str(error.args[0]), "set a key that the study can have there")
+    return root
+
+
+Found = tuple[Keys, str, str]
+"""A fault: key path ("body", "regions", "heater"), what is wrong, what to do."""
+
+
+def located(study: Study, faults: Sequence[Found]) -> list[Problem]:
+    """The faults with file, line and column of their keys, or of the deepest key on the way that the study has."""
+    if not faults:
+        return []
+    errors = Collector()
+    file = str(study.source) if study.source is not None else "<text>"
+    root = apply_overrides(compose(study.text, file, errors), study.overrides, SHORT, errors)
+    for keys, what, remedy in faults:
+        if keys[:2] == ("mesh", "maxh") and holds(root, ("sweep", "h")):
+            keys = ("sweep", "h", *keys[2:])  # where the sizes may stand as well
+        errors.at(deepest(root, keys), what, remedy)
+    return sorted(errors.problems, key=lambda problem: (problem.line, problem.column))

@@ -1,0 +1,211 @@
+"""`exact.loads: derived`: loads that follow from the exact solution are left out of the study, and put into its scenes.
+
+The study is read with 0 in their places. What is given although it would be derived, in the study or in its sweep, is a
+fault. The word `derived` may stand in the place of a load; where an edge is held in one component only it must:
+{role: clamped, u_x: derived}.
+
+Reads the section `exact`: the solution that errors are measured against, and from which loads may be derived.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from tcstudy.exact.checks import Checks, Fault
+from tcstudy.exact.loads import Derivation
+from tcstudy.read import walker
+from tcstudy.read.checks import check_finite
+from tcstudy.read.fields import Fields
+from tcstudy.read.node import COMPONENTS, Node, deepest
+from tcstudy.read.sweep import Sweep
+from tcstudy.read.walker import Context
+from tcstudy.scene.points import Scenes
+from tcstudy.scene.records import Body, Convection, Exact, Scene
+from tcstudy.scene.units import LENGTH, NONE, TEMPERATURE, TRACTION
+
+DERIVED = "derived"
+TRACTIONS = ("g", "pressure")
+HEAT = ("theta", "theta_bar", "q", "omega")
+REMEDY = "leave it out, or remove exact.loads to give all loads yourself"
+
+
+def wants_derived(root: Node) -> bool:
+    """Whether a study asks for derived loads; a misspelt word counts, so that it is the only fault."""
+    section = root.child("exact")
+    word = section.child("loads") if section else None
+    return word is not None and word.value != "given"
+
+
+def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
+    """The study with 0 for all loads that will be derived; those that are given are recorded as faults."""
+    if not wants_derived(root) or not isinstance(root.value, Mapping):
+        return root
+    _refuse(ctx, root, sweep)
+    sections = {key: node for key, node in root.value.items() if key != "path"}
+    if loads := root.child("loads"):
+        sections["loads"] = _with(_stripped(ctx, loads, ("f",)), "f", (_zero(loads), _zero(loads)))
+    if heat := root.child("heat"):
+        sections["heat"] = _with(_stripped(ctx, heat, HEAT), "theta_bar", 0)
+        if heat.child("theta") and not heat.child("alpha"):  # that theta is given is the fault, not that alpha is not
+            sections["heat"] = _with(sections["heat"], "alpha", 1)
+    boundary = root.child("boundary")
+    if boundary and isinstance(boundary.value, Mapping):
+        edges = {name: _edge(ctx, edge) for name, edge in boundary.value.items()}
+        sections["boundary"] = replace(boundary, value=edges)
+    return replace(root, value=sections)
+
+
+def _refuse(ctx: Context, root: Node, sweep: Sweep) -> None:
+    """Studies in which nothing can be derived, and swept loads."""
+    here = deepest(root, ("exact", "loads"))
+    if deepest(root, ("body", "file")).path == "body.file":
+        what = "the body comes from a file, whose normals are no expressions, so loads cannot be derived"
+        ctx.errors.at(here, what, "give the loads, or describe the body by its outline")
+    if path := root.child("path"):
+        what = "a path changes a load, but loads: derived leaves none to change"
+        ctx.errors.at(path, what, "remove path, or give the loads", on_key=True)
+    for axis in sweep.axes:
+        section, last = axis.parameter.path[0], axis.parameter.path[-1]
+        if section in ("boundary", "loads") or (section == "heat" and last in HEAT):
+            what = f"{axis.key} is swept, but exact.loads: derived makes it follow from the exact solution"
+            ctx.errors.at(axis.node, what, "remove it from the sweep, or give the loads", on_key=True)
+
+
+def _given(ctx: Context, node: Node) -> None:
+    what = "is given, but exact.loads: derived makes it follow from the exact solution"
+    ctx.errors.at(node, what, REMEDY, on_key=not node.path.endswith("]"))
+
+
+def _stripped(ctx: Context, node: Node, keys: tuple[str, ...]) -> Node:
+    """A mapping without the keys; a value that is not the word `derived` is a fault."""
+    if not isinstance(node.value, Mapping):
+        return node
+    for key in keys:
+        if (given := node.child(key)) and given.value != DERIVED:
+            _given(ctx, given)
+    return replace(node, value={key: child for key, child in node.value.items() if key not in keys})
+
+
+def _with(node: Node, key: str, value: int | tuple[Node, ...]) -> Node:
+    """A mapping with one more key, at the place of the mapping."""
+    if not isinstance(node.value, Mapping):
+        return node
+    return replace(node, value={**node.value, key: replace(node, value=value)})
+
+
+def _zero(node: Node) -> Node:
+    return replace(node, value=0)
+
+
+def _edge(ctx: Context, node: Node) -> Node:
+    """The role of an edge with 0 for what is derived."""
+    if not isinstance(node.value, Mapping):
+        word = node.value
+        return _loaded(replace(node, value={"role": node})) if word == "traction" else node
+    role = node.child("role")
+    if role is not None and role.value == "clamped":
+        return replace(node, value=dict(_components(ctx, node)))
+    stripped = _stripped(ctx, node, TRACTIONS)
+    return _loaded(stripped) if role is not None and role.value == "traction" else stripped
+
+
+def _loaded(node: Node) -> Node:
+    return _with(node, "pressure", 0)
+
+
+def _components(ctx: Context, node: Node) -> Iterator[tuple[str, Node]]:
+    """The keys of a clamped edge, 0 for every displacement that is not free."""
+    assert isinstance(node.value, Mapping)
+    for key, child in node.value.items():
+        if key not in COMPONENTS:
+            yield key, child
+        elif key == "u" and child.value == DERIVED:
+            yield key, replace(child, value=(_zero(child), _zero(child)))
+        elif key == "u" and isinstance(child.value, tuple):
+            yield key, replace(child, value=tuple(_component(ctx, item) for item in child.value))
+        else:
+            yield key, _component(ctx, child)
+
+
+def _component(ctx: Context, node: Node) -> Node:
+    if node.value == "free":
+        return node
+    if node.value != DERIVED:
+        _given(ctx, node)
+    return _zero(node)
+
+
+def derived_scenes(
+    ctx: Context, root: Node, sweep: Sweep, exact: Exact, body: Body, scenes: Sequence[Scene]
+) -> Sequence[Scene]:
+    """The scenes with their loads; what forbids it is recorded, once for each place."""
+    checks, derivation = Checks(exact, body), Derivation(exact, body)
+    before = len(ctx.errors)
+    for fault in (*_missing(exact, scenes), *checks.kinks()):
+        _record(ctx, root, fault)
+    if len(ctx.errors) > before:
+        return scenes
+    made = []
+    for scene, point in zip(scenes, _points(sweep), strict=True):
+        ctx.errors.point = point
+        made.append(derivation.scene(scene))
+        for fault in checks.scene(made[-1]):
+            _record(ctx, root, fault)
+        if len(ctx.errors) > before:
+            break
+    ctx.errors.point = ""
+    return Scenes.of(made) if len(made) == len(scenes) else scenes
+
+
+def _record(ctx: Context, root: Node, fault: Fault) -> None:
+    ctx.errors.at(deepest(root, ("exact", *fault.keys)), fault.what, fault.remedy)
+
+
+def _missing(exact: Exact, scenes: Sequence[Scene]) -> Iterator[Fault]:
+    """A temperature that the loads need and the study does not give; α = 0."""
+    if exact.theta is None:
+        beta = any(scene.material.beta != 0.0 for scene in scenes)
+        if beta or scenes[0].edges(Convection):
+            why = "beta makes it load the body" if beta else "there are convection edges"
+            yield Fault((), f"theta is missing: {why}", 'add theta: "...", or theta: 0')
+    elif scenes[0].edges(Convection) and any(scene.heat.alpha == 0.0 for scene in scenes):
+        what = "with alpha = 0 no theta_bar can be derived: no heat passes convection edges"
+        yield Fault(("theta",), what, "give alpha > 0, or make the edges free or traction")
+
+
+def _points(sweep: Sweep) -> Iterator[str]:
+    """The swept values of every point in words."""
+    if not sweep.axes:
+        yield ""
+        return
+    words = [[f"{axis.key} = {_word(label)}" for label in axis.labels] for axis in sweep.axes]
+    points = itertools.product(*words) if sweep.mode == "grid" else zip(*words, strict=True)
+    for point in points:
+        yield ", ".join(point)
+
+
+def _word(label: float | str) -> str:
+    return label if isinstance(label, str) else f"{label:g}"
+
+
+LOADS = ("given", "derived")
+
+
+def read_exact(ctx: Context, node: Node | None, root: Node, body: Body | None) -> Exact | None:
+    """The exact solution; None without the section and after a fault."""
+    if node is None:
+        return None
+    before = len(ctx.errors)
+    fields = Fields(ctx, node, ("u",), ("theta", "xi", "exponent", "loads"))
+    exact = Exact(
+        fields.vector("u", LENGTH),
+        fields.field("theta", TEMPERATURE) if fields["theta"] else None,
+        fields.field("xi", TRACTION) if fields["xi"] else None,
+        fields.quantity("exponent", NONE, "positive") if fields["exponent"] else None,
+        (word := fields["loads"]) is not None and walker.choice(ctx, word, LOADS) == "derived",
+    )
+    if body is not None and len(ctx.errors) == before:
+        check_finite(ctx, root, "exact", exact, body)
+    return exact if len(ctx.errors) == before else None

@@ -1,0 +1,189 @@
+"""Reads the section `path`: along which parameter all solutions are followed, from where to where."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+from tcstudy.expressions.expression import Expression
+from tcstudy.read import walker
+from tcstudy.read.checks import check_corners
+from tcstudy.read.fields import Fields
+from tcstudy.read.node import Collector, Node
+from tcstudy.read.walker import Context
+from tcstudy.scene.parameters import SHORT, sweepable
+from tcstudy.scene.records import Clamped, Convection, Scalar, Scene, Traction
+from tcstudy.scene.study import Direction, MeshPlan, PathPlan, Start
+from tcstudy.scene.units import BODY_FORCE, HEAT_SOURCE, LENGTH, NONE, TEMPERATURE, TRACTION, Dimension
+from tcstudy.scene.vary import path_scene
+
+REQUIRED = ("parameter", "from", "to")
+OPTIONAL = ("at", "within", "start", "direction", "max_pieces", "hysteresis", "level", "law_error")
+STARTS: tuple[Start, ...] = ("zero", "lowest")
+DIRECTIONS: tuple[Direction, ...] = ("both", "forward", "backward")
+SHORTER = SHORT | {"f_x": "loads.f_x", "f_y": "loads.f_y"}
+
+
+@dataclass(frozen=True)
+class _Affine:
+    """A parameter that enters the load affinely: its dimension, its value in the scene, why it would do nothing."""
+
+    dimension: Dimension
+    value: Scalar
+    idle: str = ""
+
+
+def read_path(ctx: Context, node: Node | None, scene: Scene | None, mesh: MeshPlan | None) -> PathPlan | None:
+    """The path; None without the section or after a fault.
+
+    scene: the scene without the sweep, mesh: the meshes; None if they have faults of their own
+    """
+    if node is None:
+        return None
+    before = len(ctx.errors)
+    fields = Fields(ctx, node, REQUIRED, OPTIONAL)
+    if len(ctx.errors) > before or scene is None:
+        return None
+    keys = _parameter(ctx, fields.values["parameter"], scene)
+    if keys is None:
+        return None
+    dimension = dict(_affine(scene))[keys].dimension
+    begin, end = fields.quantity("from", dimension), fields.quantity("to", dimension)
+    if begin == end:
+        ctx.errors.at(fields.values["to"], "is the same value as from", "give a range, from: A, to: B")
+        return None
+    within = _within(ctx, fields, dimension, begin, end)
+    plan = PathPlan(keys, dimension.cf if ctx.units == "SI" else "1", begin, end, within, scene)
+    plan = replace(plan, at=_at(ctx, fields, dimension, plan), **_options(ctx, fields, mesh))
+    if len(ctx.errors) > before:
+        return None
+    _check_corners(ctx, fields, plan)
+    return plan if len(ctx.errors) == before else None
+
+
+def _affine(scene: Scene) -> Iterator[tuple[tuple[str, ...], _Affine]]:
+    """All parameters of the scene that a path may run along, by key path."""
+    heat = scene.heat
+    idle = "" if scene.material.beta else "beta is 0, so temperature does not load the body"
+    if heat.theta is not None:
+        yield ("heat", "theta"), _Affine(TEMPERATURE, heat.theta, idle)
+    elif scene.edges(Convection):
+        yield ("heat", "theta_bar"), _Affine(TEMPERATURE, heat.theta_bar, idle)
+        if heat.alpha > 0.0:
+            yield ("heat", "q"), _Affine(HEAT_SOURCE, heat.q, idle)
+    yield ("loads", "f_x"), _Affine(BODY_FORCE, scene.f[0])
+    yield ("loads", "f_y"), _Affine(BODY_FORCE, scene.f[1])
+    loads: list[Scalar] = [*scene.f]
+    for edge, role in scene.boundary:
+        if isinstance(role, Clamped):
+            names = ("u_x", "u_y") if role.frame == "xy" else ("u_N", "u_T")
+            for name, value in zip(names, role.u, strict=True):
+                if value is not None:
+                    yield ("boundary", edge, name), _Affine(LENGTH, value)
+        elif isinstance(role, Traction | Convection):
+            loads += [*role.g, role.pressure]
+            for name, value in (("g_x", role.g[0]), ("g_y", role.g[1]), ("pressure", role.pressure)):
+                yield ("boundary", edge, name), _Affine(TRACTION, value)
+    no_load = "" if any(isinstance(x, Expression) or x != 0.0 for x in loads) else "the study has no f, g or pressure"
+    yield ("load",), _Affine(NONE, 1.0, no_load)
+
+
+def _parameter(ctx: Context, node: Node, scene: Scene) -> tuple[str, ...] | None:
+    """Key path of the parameter; None after a fault."""
+    word = walker.text(ctx, node, "the name of a parameter")
+    if not word:
+        return None
+    name = SHORTER.get(word, word)
+    known = dict(_affine(scene))
+    keys = tuple(name.split("."))
+    if keys not in known:
+        usable = (path for path, p in known.items() if not p.idle and not isinstance(p.value, Expression))
+        names = [".".join(path) for path in usable]
+        if keys in sweepable({}, None) and keys[0] in ("heat", "material", "friction"):
+            what = f"the load is not affine in {name} in this study, so no path can be followed along it"
+            ctx.errors.at(node, what, f"use a sweep over it; a path runs along {', '.join(names)}")
+        else:
+            shorter = {short: full for short, full in SHORTER.items() if full in names}
+            same = [name for name in names if name.split(".")[-1] == word]
+            near = same[0] if same else walker.nearest(word, [*names, *shorter])
+            remedy = f"did you mean {near!r}?" if near else f"a path runs along {', '.join(names)}"
+            ctx.errors.at(node, f"the scene has no parameter {word!r} for a path", remedy)
+        return None
+    if known[keys].idle:
+        ctx.errors.at(node, f"{known[keys].idle}, so the solution does not depend on {name}", "choose another")
+        return None
+    if isinstance(known[keys].value, Expression):
+        what = f"{name} varies in space ({known[keys].value}), but along a path it is one number"
+        ctx.errors.at(node, what, f"give {name} a number, or use parameter: load for a factor of all mechanical loads")
+        return None
+    return keys
+
+
+def _within(ctx: Context, fields: Fields, dimension: Dimension, begin: float, end: float) -> tuple[float, float]:
+    """Where the path may go: by default as far again on both sides, since folds may lie outside the range."""
+    node = fields["within"]
+    low, high = min(begin, end), max(begin, end)
+    if node is None:
+        return low - (high - low), high + (high - low)
+    both = walker.pair(ctx, node, "a pair [low, high]", "[-10 K, 60 K]" if dimension == TEMPERATURE else "[-1, 2]")
+    if both is None:
+        return low, high
+    first, last = (walker.quantity(ctx, item, dimension) for item in both)
+    if first > low or last < high:
+        ctx.errors.at(node, "does not contain the range from … to", "widen it, or leave it out")
+    return first, last
+
+
+def _at(ctx: Context, fields: Fields, dimension: Dimension, plan: PathPlan) -> tuple[float, ...]:
+    """The values at which solutions are wanted, each once and where the path may go."""
+    node = fields["at"]
+    if node is None:
+        return ()
+    nodes = node.value if isinstance(node.value, tuple) else (node,)
+    found: list[float] = []
+    for item in nodes:
+        value = walker.quantity(ctx, item, dimension)
+        low, high = plan.within
+        if not math.isnan(value) and not low <= value <= high:
+            remedy = f"choose a value from {low:g} to {high:g}, or widen from, to or within"
+            ctx.errors.at(item, f"{item.brief()} is outside the range of the path", remedy)
+        if value in found:
+            ctx.errors.at(item, f"the value {item.brief()} is repeated", "give every value once")
+        found.append(value)
+    return tuple(found)
+
+
+def _options(ctx: Context, fields: Fields, mesh: MeshPlan | None) -> dict[str, Any]:
+    """The other keys that are given."""
+    found: dict[str, Any] = {}
+    if node := fields["start"]:
+        found["start"] = walker.choice(ctx, node, STARTS)
+    if node := fields["direction"]:
+        found["direction"] = walker.choice(ctx, node, DIRECTIONS)
+    if node := fields["max_pieces"]:
+        found["max_pieces"] = walker.integer(ctx, node, 1)
+    if node := fields["hysteresis"]:
+        found["hysteresis"] = walker.flag(ctx, node)
+    if fields["law_error"]:
+        found["law_error"] = fields.quantity("law_error", NONE, "positive")
+    if mesh and mesh.family == "adaptive":
+        remedy = "use family: uniform or graded for a path, for example --set mesh.family=graded"
+        ctx.errors.at(fields.node, "adaptive meshes follow from the solutions of a run", remedy, on_key=True)
+    elif node := fields["level"]:
+        found["level"] = walker.integer(ctx, node, 0, mesh.levels - 1 if mesh else 2**31 - 1)
+    return found
+
+
+def _check_corners(ctx: Context, fields: Fields, plan: PathPlan) -> None:
+    """A prescribed displacement must agree with its neighbours at common corners all along the path."""
+    if plan.parameter[0] != "boundary":
+        return
+    for key, t in (("from", plan.begin), ("to", plan.end)):
+        probe = Context(Collector(), ctx.units)
+        check_corners(probe, fields.node, plan.scene.body, path_scene(plan.scene, plan.parameter, t).boundary)
+        if probe.errors.problems:
+            what = f"with {plan.name} = {t:g} {probe.errors.problems[0].what}"
+            ctx.errors.at(fields.values[key], what, "free a component of one of the two edges")
+            return

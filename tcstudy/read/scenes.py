@@ -1,0 +1,188 @@
+"""The scenes of a study: the base study and every sweep point, read by the same code.
+
+A sweep point is the study with swept values put at their paths. A section is read once for each combination of the
+values that touch it, so 10^4 points cost little more than their distinct values.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.read.body import BodyReading, check_shape, read_body
+from tcstudy.read.boundary import read_boundary
+from tcstudy.read.checks import check_corners, check_finite, check_heat, check_support, supports
+from tcstudy.read.friction import read_friction
+from tcstudy.read.node import Node, put
+from tcstudy.read.physics import read_heat, read_inline_region, read_loads, read_material
+from tcstudy.read.sweep import Sweep, SweptAxis
+from tcstudy.read.walker import Context
+from tcstudy.scene.points import Scenes
+from tcstudy.scene.records import Body, Scene
+
+SECTIONS = ("boundary", "material", "loads", "heat", "friction")
+"""What makes up a scene beside the body, which cannot be swept."""
+THERMAL = ("boundary", "material", "heat")
+"""Sections that check_heat compares."""
+
+Indices = tuple[int, ...]
+_FIELD = {"loads": "f"}
+"""Field of a scene for a section, where it has another name."""
+
+
+class _Keys(NamedTuple):
+    """Combinations of values of some axes, and (P,) which of them each point has."""
+
+    distinct: list[Indices]
+    of: NDArray[np.int32]
+
+
+class SceneReader:
+    """Reads the base study and the sweep points of one study."""
+
+    def __init__(self, ctx: Context, root: Node, sweep: Sweep) -> None:
+        self.ctx, self.root, self.sweep = ctx, root, sweep
+        self.body = self._body(read_body(ctx, node) if (node := root.child("body")) else BodyReading(None, None))
+        self.order = sorted(range(len(sweep.axes)), key=lambda i: len(sweep.axes[i].parameter.path))
+        self.touching = {s: [i for i in self.order if sweep.axes[i].parameter.path[0] == s] for s in SECTIONS}
+        self.nodes: dict[tuple[str, Indices], Node | None] = {}
+        self.values: dict[tuple[str, Indices], Any] = {}
+        self.supports: set[tuple[object, ...]] = set()
+        self.base: Scene | None = None
+
+    def _body(self, reading: BodyReading) -> Body | None:
+        """The body with all its regions; None after a fault."""
+        self.names, body = reading.names, reading.body
+        self.regions: tuple[str, ...] | None = None
+        if body is None:
+            return None
+        before = len(self.ctx.errors)
+        body = read_inline_region(self.ctx, self.root.child("heat"), body)
+        self.regions = tuple(region.name for region in body.regions)
+        if len(self.ctx.errors) > before or not check_shape(self.ctx, body, self.root):
+            return None
+        return body
+
+    def read(self) -> Sequence[Scene]:
+        """One scene for each point, in C order of the axes; after a fault the base study's, if it has none."""
+        base = {s: self._read(s, self.root.child(s)) for s in SECTIONS}
+        self._compare(self.root, base)
+        for section in SECTIONS:
+            if not self.touching[section]:
+                self.nodes[section, ()], self.values[section, ()] = self.root.child(section), base[section]
+        self.base = self._made(base)
+        if not self.sweep.axes:
+            return (self.base,) if self.base else ()
+        keys = {s: self._keys(s) for s in SECTIONS}
+        for section in SECTIONS:
+            for key in keys[section].distinct:
+                self._read_point(section, key)
+        self._compare_points(keys)
+        records = {s: [self.values[s, key] for key in keys[s].distinct] for s in SECTIONS}
+        if self.body is None or any(record is None for known in records.values() for record in known):
+            return (self.base,) if self.base else ()
+        named = {_FIELD.get(s, s): s for s in SECTIONS}
+        return Scenes(self.body, {n: records[s] for n, s in named.items()}, {n: keys[s].of for n, s in named.items()})
+
+    def _keys(self, section: str) -> _Keys:
+        """The values of the axes that touch a section: all combinations, and which one each point has."""
+        axes, sizes = self.touching[section], [len(axis.values) for axis in self.sweep.axes]
+        if self.sweep.mode == "grid":
+            distinct = list(itertools.product(*(range(sizes[i]) for i in axes)))
+            one = np.zeros([1] * len(sizes), dtype=np.int32)
+            for i in axes:
+                steps = np.arange(sizes[i], dtype=np.int32).reshape([-1 if d == i else 1 for d in range(len(sizes))])
+                one = one * np.int32(sizes[i]) + steps
+            return _Keys(distinct, np.broadcast_to(one, sizes).ravel())
+        found: dict[Indices, int] = {}
+        of = [found.setdefault((i,) * len(axes), len(found)) for i in range(sizes[0])]
+        return _Keys(list(found), np.array(of, dtype=np.int32))
+
+    def _read_point(self, section: str, key: Indices) -> None:
+        """The record of a section for the values at `key` of the axes that touch it."""
+        if (section, key) not in self.values:
+            axes = self.touching[section]
+            self.ctx.errors.point = self._text(key, axes)
+            node = self.nodes[section, key] = self._put(section, key)
+            self.values[section, key] = self._read(section, node)
+
+    def _compare_points(self, keys: Mapping[str, _Keys]) -> None:
+        """Checks across the sections, once for every combination of those that are compared."""
+        count = 1
+        code = np.zeros(len(keys["heat"].of), dtype=np.int64)
+        for s in THERMAL:
+            code, count = code * len(keys[s].distinct) + keys[s].of, count * len(keys[s].distinct)
+        for i in np.sort(np.unique(code, return_index=True)[1]) if count > 1 else ():
+            at = {s: keys[s].distinct[keys[s].of[i]] for s in SECTIONS}
+            values = {s: self.values[s, at[s]] for s in SECTIONS}
+            swept = {axis: index for s in THERMAL for axis, index in zip(self.touching[s], at[s], strict=True)}
+            self.ctx.errors.point = self._text(tuple(swept[axis] for axis in sorted(swept)), sorted(swept))
+            self._compare(self._point_root(at), values)
+
+    def _made(self, values: Mapping[str, Any]) -> Scene | None:
+        if self.body is None or any(value is None for value in values.values()):
+            return None
+        return Scene(self.body, **{_FIELD.get(s, s): value for s, value in values.items()})
+
+    def _text(self, key: Indices, axes: list[int]) -> str:
+        """Values of some axes in words."""
+        named = zip(axes, key, strict=True)
+        return ", ".join(f"{self.sweep.axes[i].key} = {_shown(self.sweep.axes[i], at)}" for i, at in named)
+
+    def _put(self, section: str, key: Indices) -> Node | None:
+        """The section with swept values put in."""
+        root = Node({s: n for s in (section,) if (n := self.root.child(s))}, "", self.root.mark, self.root.mark)
+        try:
+            for i, at in zip(self.touching[section], key, strict=True):
+                root = put(root, self.sweep.axes[i].parameter.path, self.sweep.axes[i].values[at])
+        except KeyError:  # the base study has something else there, which is recorded already
+            return None
+        return root.child(section)
+
+    def _point_root(self, keys: Mapping[str, Indices]) -> Node:
+        """The study with the sections of a point."""
+        sections = {s: node for s, key in keys.items() if (node := self.nodes[s, key])}
+        assert isinstance(self.root.value, Mapping)
+        return replace(self.root, value={**self.root.value, **sections})
+
+    def _read(self, section: str, node: Node | None) -> Any:
+        """The record of a section; None after a fault."""
+        optional: dict[str, Callable[[], Any]] = {
+            "loads": lambda: read_loads(self.ctx, node),
+            "heat": lambda: read_heat(self.ctx, node, self.regions),
+        }
+        if section in optional:
+            return optional[section]()
+        if node is None:
+            return None
+        if section == "material":
+            return read_material(self.ctx, node)
+        if section == "friction":
+            return read_friction(self.ctx, node)
+        boundary = read_boundary(self.ctx, node, self.names)
+        if boundary and self.body:
+            held = supports(boundary)
+            if held not in self.supports:
+                self.supports.add(held)
+                check_support(self.ctx, node, self.body, boundary)
+            check_corners(self.ctx, node, self.body, boundary)
+        return boundary
+
+    def _compare(self, root: Node, values: Mapping[str, Any]) -> None:
+        """Checks across the sections of one scene."""
+        if self.body:
+            for section in ("boundary", "loads", "heat"):
+                if values[section] is not None:
+                    check_finite(self.ctx, root, section, values[section], self.body)
+        if all(values[s] is not None for s in THERMAL):
+            check_heat(self.ctx, root, values["heat"], values["boundary"], values["material"])
+
+
+def _shown(axis: SweptAxis, index: int) -> str:
+    """A value of an axis: its text, or its label where that is a name."""
+    return str(axis.labels[index]) if axis.parameter.kind == "law" else axis.values[index].brief()

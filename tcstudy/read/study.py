@@ -1,0 +1,203 @@
+"""A study file to a Study: every number of every sweep point checked, all faults reported at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from tcstudy.errors import StudyError
+from tcstudy.read import walker
+from tcstudy.read.boundary import ALL_KEYS, keys_of
+from tcstudy.read.checks import check_goal, check_mesh
+from tcstudy.read.document import apply_overrides, compose, load_text
+from tcstudy.read.exact import derived_scenes, read_exact, without_loads
+from tcstudy.read.fields import Fields
+from tcstudy.read.node import Collector, Mark, Node, deepest, holds, put, split_path
+from tcstudy.read.path import read_path
+from tcstudy.read.physics import read_heat, read_material
+from tcstudy.read.plans import read_mesh, read_output, read_solver
+from tcstudy.read.scenes import SECTIONS, SceneReader
+from tcstudy.read.sweep import Sweep, read_sweep, records
+from tcstudy.read.walker import Context
+from tcstudy.scene.parameters import SHORT, sweepable
+from tcstudy.scene.records import Exact, Scene
+from tcstudy.scene.study import MeshPlan, OutputPlan, PathPlan, SolverPlan, Study
+
+REQUIRED = ("body", "boundary", "material", "friction", "mesh")
+OPTIONAL = ("title", "institution", "units", "loads", "heat", "solver", "sweep", "output", "exact", "path")
+
+
+def read_study(path: str | Path, overrides: Sequence[str] = (), *, swept: bool = True) -> Study:
+    """The study in a file, with `--set` options key=value put in; raises StudyError with all its problems.
+
+    swept: whether the sweep is used, so that an option for a swept key would be lost; a path is of the scene outside it
+    """
+    path = Path(path)
+    return _read(load_text(path), str(path), path, tuple(overrides), swept)
+
+
+def read_study_text(text: str, name: str = "<text>", overrides: Sequence[str] = ()) -> Study:
+    """The study in a text, called `name` in messages; raises StudyError with all its problems."""
+    return _read(text, name, None, tuple(overrides))
+
+
+@dataclass(frozen=True)
+class _Header:
+    title: str
+    institution: str
+
+
+@dataclass(frozen=True)
+class _Plans:
+    mesh: MeshPlan | None
+    solver: SolverPlan | None
+    output: OutputPlan | None
+    exact: Exact | None
+    path: PathPlan | None
+
+
+def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...], swept: bool = True) -> Study:
+    ctx = Context(Collector(), folder=source.parent if source else Path())
+    root = apply_overrides(compose(text, file, ctx.errors), overrides, SHORT, ctx.errors)
+    if not isinstance(root.value, Mapping):
+        ctx.errors.at(root, f"a study is a mapping, but this is {root.kind()}", "see configs/quickstart.yaml")
+        raise StudyError(ctx.errors.problems)
+    header = _read_header(ctx, root, source.stem if source else file)
+    sweep = _read_sweep(ctx, root, overrides if swept else ())
+    base = _with_swept_keys(without_loads(ctx, root, sweep), sweep)
+    _check_keys(ctx, base, sweep)
+    reader = SceneReader(ctx, base, sweep)
+    scenes = reader.read()
+    ctx.errors.point = ""
+    plans = _read_run(ctx, base, sweep, reader, scenes)
+    if plans.exact and plans.exact.derived and reader.body and not ctx.errors.problems:
+        scenes = derived_scenes(ctx, base, sweep, plans.exact, reader.body, scenes)
+    if ctx.errors.problems:
+        raise StudyError(ctx.errors.problems)
+    assert plans.mesh
+    assert plans.solver
+    assert plans.output
+    return Study(
+        title=header.title,
+        text=text,
+        source=source,
+        units=ctx.units,
+        mode=sweep.mode,
+        axes=records(sweep, ctx.units),
+        scenes=scenes,
+        mesh=plans.mesh,
+        solver=plans.solver,
+        output=plans.output,
+        institution=header.institution,
+        overrides=overrides,
+        exact=plans.exact,
+        path=plans.path,
+    )
+
+
+def _read_header(ctx: Context, root: Node, default: str) -> _Header:
+    """Title and institution; sets the system of units, on which every number depends."""
+    if units := root.child("units"):
+        ctx.units = walker.choice(ctx, units, ("SI", "none"))
+    title = walker.text(ctx, node) if (node := root.child("title")) else default
+    return _Header(title, walker.text(ctx, node) if (node := root.child("institution")) else "")
+
+
+def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
+    """The sweep; none after a fault in its form, so that the base study is still checked."""
+    boundary, friction = root.child("boundary"), root.child("friction")
+    roles = boundary.value if boundary and isinstance(boundary.value, Mapping) else {}
+    law = word.value if friction and (word := friction.child("law")) else None
+    edges = {edge: keys_of(node) for edge, node in roles.items()} if boundary else _swept_edges(root.child("sweep"))
+    known = sweepable(edges, law if isinstance(law, str) else None)
+    sweep = _of_sections(ctx, root, read_sweep(ctx, root.child("sweep"), known, friction) or Sweep())
+    for option in (text for text in overrides if "=" in text):
+        key = SHORT.get(option.partition("=")[0].strip(), option.partition("=")[0].strip())
+        keys = split_path(key) or ()
+        for axis in sweep.axes:
+            path = axis.parameter.path
+            if keys[: len(path)] == path:
+                what = f"{axis.key} is swept, so this value would not be used"
+                remedy = f"set sweep.{axis.key} instead, or remove the sweep by --set sweep=null"
+                ctx.errors.at_mark(Mark(f"--set {option}", 0, 0), key, what, remedy)
+    return sweep
+
+
+def _swept_edges(sweep: Node | None) -> dict[str, tuple[str, ...]]:
+    """The edges that a sweep names, with all keys: of a study without the section `boundary`."""
+    points = sweep.child("points") if sweep else None
+    rows = points.value if points and isinstance(points.value, tuple) else ()
+    maps = [node.value for node in (sweep, *rows) if node and isinstance(node.value, Mapping)]
+    names = [key.split(".") for keys in maps for key in keys]
+    return {words[1]: ALL_KEYS for words in names if len(words) == 3 and words[0] == "boundary"}
+
+
+def _of_sections(ctx: Context, root: Node, sweep: Sweep) -> Sweep:
+    """The sweep without parameters of a section that is not there and that they do not make by themselves.
+
+    What is missing then is the section, not one of its keys in the sweep. The optional section `heat` is recorded here.
+    """
+    lost = {section for section in SECTIONS if root.child(section) is None and not _made_by(ctx, section, sweep)}
+    for section in sorted(lost & set(OPTIONAL)):
+        swept = next(axis.key for axis in sweep.axes if axis.parameter.path[0] == section)
+        remedy = "add heat: {alpha: ..., theta_bar: ...}, or remove it from the sweep"
+        ctx.errors.at(root, f"is missing, but {swept} is swept", remedy, key=section)
+    return replace(sweep, axes=tuple(axis for axis in sweep.axes if axis.parameter.path[0] not in lost))
+
+
+def _made_by(ctx: Context, section: str, sweep: Sweep) -> bool:
+    """Whether the swept keys of a section are all that it needs; true if none is swept."""
+    axes = [axis for axis in sweep.axes if axis.parameter.path[0] == section and axis.values]
+    if not axes or any(axis.parameter.path == (section,) for axis in axes):
+        return True
+    probe, node = Context(Collector(), ctx.units), axes[0].node
+    root = _with_swept_keys(replace(node, value={}), replace(sweep, axes=tuple(axes)))
+    made = root.child(section)
+    if made is None or section in ("boundary", "friction"):
+        return False
+    read: dict[str, Callable[[], object]] = {
+        "material": lambda: read_material(probe, made),
+        "heat": lambda: read_heat(probe, made, None),
+        "loads": lambda: True,
+    }
+    read[section]()
+    return not any(problem.what == "is missing" for problem in probe.errors.problems)
+
+
+def _with_swept_keys(root: Node, sweep: Sweep) -> Node:
+    """The base study: swept keys that it does not give have the first of their values."""
+    whole = {axis.parameter.path for axis in sweep.axes if holds(root, axis.parameter.path)}
+    for axis in sorted(sweep.axes, key=lambda axis: len(axis.parameter.path)):
+        # A parameter of a law that is itself swept may be foreign to the base law.
+        if not holds(root, axis.parameter.path) and axis.parameter.path[:1] not in whole:
+            try:
+                root = put(root, axis.parameter.path, axis.values[0])
+            except KeyError:  # something else stands there, which the section's reader records
+                continue
+    return root
+
+
+def _check_keys(ctx: Context, root: Node, sweep: Sweep) -> None:
+    """Unknown and missing sections."""
+    required = [key for key in REQUIRED if key != "mesh" or sweep.h is None or isinstance(sweep.h.value, Mapping)]
+    Fields(ctx, root, required, (*OPTIONAL, "mesh"))
+
+
+def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scenes: Sequence[Scene]) -> _Plans:
+    """Meshes, solver, output and the exact solution."""
+    before, body = len(ctx.errors), reader.body
+    if sweep.h and not isinstance(sweep.h.value, tuple | Mapping):
+        remedy = "write [20 mm, 10 mm] or {tolerance: 1e-3, of: friction_resultant}"
+        ctx.errors.at(sweep.h, f"must be a list of sizes or a tolerance, but is {sweep.h.kind()}", remedy)
+    mesh = read_mesh(ctx, root.child("mesh"), sweep.h) if len(ctx.errors) == before else None
+    if mesh and body:
+        listed = sweep.h if sweep.h and isinstance(sweep.h.value, tuple) else None
+        check_mesh(ctx, listed or deepest(root, ("mesh", "maxh")), mesh, body)
+        given = sweep.h.child("of") if sweep.h and not listed else None
+        words = (node for key in ("of", "goal") if (section := root.child("mesh")) and (node := section.child(key)))
+        if scenes and (goal := given or next(words, None)):
+            check_goal(ctx, goal, mesh.goal, body, scenes[0].boundary)
+    solver, output = read_solver(ctx, root.child("solver")), read_output(ctx, root.child("output"))
+    path = read_path(ctx, root.child("path"), reader.base, mesh)
+    return _Plans(mesh, solver, output, read_exact(ctx, root.child("exact"), root, body), path)

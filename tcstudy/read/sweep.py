@@ -1,0 +1,296 @@
+"""Reads the section `sweep`: which parameters take which values, and how they are combined.
+
+The values stay nodes of the study: a sweep point is the study with these nodes put at their paths.
+
+The values of one swept parameter, and the labels that stand for them in the data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from tcstudy.read import walker
+from tcstudy.read.fields import Fields
+from tcstudy.read.node import Node
+from tcstudy.read.walker import Context
+from tcstudy.scene.laws import SHAPES
+from tcstudy.scene.parameters import FIXED, SHORT, Keys, Parameter
+from tcstudy.scene.study import Axis
+from tcstudy.scene.units import Dimension
+
+MODES = ("grid", "zip", "list")
+
+
+@dataclass(frozen=True)
+class SweptAxis:
+    """One parameter, its values as nodes, and what stands for them in the data."""
+
+    key: str
+    node: Node
+    parameter: Parameter
+    values: tuple[Node, ...]
+    labels: tuple[float | str, ...]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The sweep of a study.
+
+    mode: "grid" for the product of the axes, "list" for axes that are read together
+    h:    the list of element sizes, if the sweep has one
+    """
+
+    mode: Literal["grid", "list"] = "grid"
+    axes: tuple[SweptAxis, ...] = ()
+    h: Node | None = None
+
+
+def read_sweep(ctx: Context, node: Node | None, known: Mapping[Keys, Parameter], law: Node | None) -> Sweep | None:
+    """The sweep; None after a fault.
+
+    known: the parameters that can be swept
+    law:   the friction section of the base study
+    """
+    if node is None:
+        return Sweep()
+    before = len(ctx.errors)
+    if not isinstance(node.value, Mapping):
+        remedy = "write one PARAMETER: [values] per line, for example alpha: [25, 100]"
+        ctx.errors.at(node, f"must be a mapping of parameters to values, but is {node.kind()}", remedy)
+        return None
+    mode = walker.choice(ctx, item, MODES) if (item := node.child("mode")) else "grid"
+    given = {key: item for key, item in node.value.items() if key not in ("mode", "h")}
+    axes = _point_list(ctx, node, given, known) if mode == "list" else _axes(ctx, given, known)
+    _check_axes(ctx, node, axes, mode)
+    _check_law_parameters(ctx, axes, law)
+    if len(ctx.errors) > before:
+        return None
+    return Sweep("grid" if mode == "grid" else "list", tuple(axes), node.child("h"))
+
+
+def _axes(ctx: Context, given: Mapping[str, Node], known: Mapping[Keys, Parameter]) -> list[SweptAxis]:
+    axes = []
+    for key, item in given.items():
+        parameter = _parameter(ctx, key, item, known)
+        if parameter is None:
+            continue
+        values, names = axis_values(ctx, item, parameter)
+        axes.append(SweptAxis(key, item, parameter, values, names or axis_labels(ctx, values, parameter)))
+    return axes
+
+
+def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Parameter]) -> Parameter | None:
+    """What a key of the sweep stands for; None after a fault."""
+    path = tuple(SHORT.get(key, key).split("."))
+    if path in known:
+        return known[path]
+    names = [".".join(path) for path in known]
+    if path[0] in FIXED:
+        what, remedy = f"{path[0]} cannot be swept", FIXED[path[0]]
+    elif key == "points":
+        what, remedy = "points are for mode: list", "add mode: list"
+    else:
+        same = [".".join(keys) for keys, p in known.items() if keys[-1] == path[-1] and not p.idle]
+        if path[1:] and same:
+            same = [walker.nearest(key, same) or same[0]]
+        remedy = f"did you mean {' or '.join(map(repr, same))}?" if same else ""
+        if not same:
+            near = walker.nearest(key, [*SHORT, *names, "mode"])
+            remedy = f"did you mean {near!r}?" if near else "use a key path such as heat.alpha or friction.delta"
+        what = f"the study has no parameter {key!r} to sweep"
+    ctx.errors.at(item, what, remedy, on_key=True)
+    return None
+
+
+def _point_list(
+    ctx: Context, node: Node, given: Mapping[str, Node], known: Mapping[Keys, Parameter]
+) -> list[SweptAxis]:
+    """mode: list, whose points all name the same parameters."""
+    points = given.get("points")
+    stray = [key for key in given if key != "points"]
+    if stray:
+        remedy = "put it into points: [{PARAMETER: value, ...}, ...], or use mode: grid"
+        what = f"with mode: list the parameter {stray[0]!r} belongs into points"
+        ctx.errors.at(given[stray[0]], what, remedy, on_key=True)
+    elif points is None:
+        ctx.errors.at(node, "is missing", "add points: [{alpha: 25}, {alpha: 100}]", key=f"{node.path}.points")
+    if points is None:
+        return []
+    rows = walker.items(ctx, points, "a list of points {PARAMETER: value, ...}", least=1)
+    first = rows[0].value if rows else {}
+    for row in rows:
+        if not isinstance(row.value, Mapping) or not row.value:
+            what = f"must be a mapping of parameters to values, but is {row.kind()}"
+            ctx.errors.at(row, what, "write {PARAMETER: value, ...}")
+            return []
+        if isinstance(first, Mapping) and set(row.value) != set(first):
+            remedy = "name the same parameters in every point"
+            ctx.errors.at(row, f"names {', '.join(row.value)}, but the first point {', '.join(first)}", remedy)
+            return []
+    axes = []
+    for key, item in first.items() if isinstance(first, Mapping) else ():
+        parameter = _parameter(ctx, key, item, known)
+        if parameter is not None:
+            values = tuple(row.value[key] for row in rows if isinstance(row.value, Mapping))
+            names = tuple(_law_name(value) for value in values) if parameter.kind == "law" else ()
+            values = tuple(_law_node(value) for value in values) if parameter.kind == "law" else values
+            axes.append(SweptAxis(key, points, parameter, values, names or axis_labels(ctx, values, parameter)))
+    return axes
+
+
+def _law_name(node: Node) -> str:
+    """Name of a law in a point: its key in {NAME: law}, else the name of its shape."""
+    if isinstance(node.value, Mapping) and len(node.value) == 1 and "law" not in node.value:
+        return next(iter(node.value))
+    return str(word.value) if (word := node.child("law")) else node.text()
+
+
+def _law_node(node: Node) -> Node:
+    if isinstance(node.value, Mapping) and len(node.value) == 1 and "law" not in node.value:
+        return next(iter(node.value.values()))
+    return node
+
+
+def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> None:
+    """No parameter twice, equal lengths where read together, no value or point repeated, a bounded number."""
+    paths: dict[Keys, str] = {}
+    for axis in axes:
+        if axis.parameter.path in paths:
+            what = f"sweeps the same parameter as {paths[axis.parameter.path]!r}"
+            ctx.errors.at(axis.node, what, "keep one of the two", on_key=True)
+        paths[axis.parameter.path] = axis.key
+    lengths = [len(axis.values) for axis in axes if axis.values]
+    if mode == "grid":
+        for axis in axes:
+            _check_repeated(ctx, axis.values, [_identity(axis, i) for i in range(len(axis.values))])
+        if math.prod(lengths) > MAX_POINTS:
+            ctx.errors.at(node, f"the sweep has {math.prod(lengths)} points", f"at most {MAX_POINTS}: use fewer values")
+        return
+    for axis in axes:
+        if axis.values and len(axis.values) != lengths[0]:
+            remedy = "with mode: zip give all lists the same length, or use mode: grid"
+            what = f"has {len(axis.values)} values, but {axes[0].key} has {lengths[0]}"
+            ctx.errors.at(axis.node, what, remedy)
+            return
+    if axes and len(lengths) == len(axes):
+        points = [tuple(_identity(axis, i) for axis in axes) for i in range(lengths[0])]
+        _check_repeated(ctx, axes[0].values, points)
+
+
+def _check_law_parameters(ctx: Context, axes: list[SweptAxis], law: Node | None) -> None:
+    """A swept parameter of the law must belong to every law of the study."""
+    laws = [value for axis in axes if axis.parameter.kind == "law" for value in axis.values] or ([law] if law else [])
+    words = [str(word.value) for node in laws if (word := node.child("law"))]
+    for axis in axes:
+        for law_name in words if axis.parameter.path[0] == "friction" and axis.parameter.kind != "law" else ():
+            names = [p.name for p in SHAPES[law_name].parameters] if law_name in SHAPES else None
+            if names is not None and axis.parameter.path[-1] not in names:
+                remedy = f"it has {', '.join(names)}; sweep the whole law by friction: {{NAME: {{law: ...}}, ...}}"
+                what = f"the law {law_name} has no parameter {axis.parameter.path[-1]!r}"
+                ctx.errors.at(axis.node, what, remedy, on_key=True)
+                break
+
+
+def _identity(axis: SweptAxis, i: int) -> object:
+    """What makes two values the same: the number in SI, else the text."""
+    label = axis.labels[i]
+    return label if isinstance(label, float) else axis.values[i].text()
+
+
+def _check_repeated(ctx: Context, nodes: tuple[Node, ...], identities: Sequence[object]) -> None:
+    seen: set[object] = set()
+    for node, identity in zip(nodes, identities, strict=True):
+        if identity in seen:
+            ctx.errors.at(node, f"the value {node.brief()} is repeated", "give every value once")
+        if identity == identity:  # a value that could not be read is NaN
+            seen.add(identity)
+
+
+def records(sweep: Sweep, units: str) -> tuple[Axis, ...]:
+    """The axes as the rest of the package sees them."""
+    last = [axis.parameter.path[-1] for axis in sweep.axes]
+    axes = []
+    for axis in sweep.axes:
+        path = axis.parameter.path
+        name = path[-1] if last.count(path[-1]) == 1 else "_".join(path)
+        numbers = all(isinstance(label, float) for label in axis.labels)
+        cf = axis.parameter.dimension.cf if numbers and units == "SI" else "1"
+        values = tuple(value.plain() for value in axis.values)
+        axes.append(Axis(name, path, values, axis.labels, cf))
+    return tuple(axes)
+
+
+MAX_POINTS = 1_000_000
+
+
+def axis_values(ctx: Context, node: Node, parameter: Parameter) -> tuple[tuple[Node, ...], tuple[str, ...]]:
+    """The values of an axis, and their names if they are laws."""
+    if parameter.kind == "law":
+        if isinstance(node.value, Mapping) and "law" not in node.value and node.value:
+            return tuple(node.value.values()), tuple(node.value)
+        remedy = ctx.example("write {NAME: {law: tresca, tau: 20 MPa}, NAME: ...}")
+        what = f"must be a mapping of names to laws, but is {node.kind()}"
+        ctx.errors.at(node, "is a single law, not a mapping of names to laws" if node.child("law") else what, remedy)
+        return (), ()
+    if isinstance(node.value, tuple) and node.value:
+        return node.value, ()
+    if isinstance(node.value, Mapping) and parameter.kind != "text":
+        return _spaced(ctx, node, parameter.dimension), ()
+    example = ctx.example(parameter.dimension.example) if parameter.kind != "text" else "..."
+    remedy = f"write a list such as [{example}, ...]" + (
+        "" if parameter.kind == "text" else " or {linspace: [a, b, n]}"
+    )
+    what = "has no values" if node.value in (None, (), {}) else f"must be a list of values, but is {node.kind()}"
+    ctx.errors.at(node, what, remedy)
+    return (), ()
+
+
+def _spaced(ctx: Context, node: Node, dimension: Dimension) -> tuple[Node, ...]:
+    """{linspace: [a, b, n]} or {geomspace: [a, b, n]}: n values from a to b, both included."""
+    before = len(ctx.errors)
+    fields = Fields(ctx, node, (), ("linspace", "geomspace"))
+    if len(fields.values) != 1 or len(ctx.errors) > before:
+        if len(ctx.errors) == before:
+            ctx.errors.at(node, "needs one of linspace and geomspace", "write {linspace: [a, b, n]}")
+        return ()
+    kind, item = next(iter(fields.values.items()))
+    if not isinstance(item.value, tuple) or len(item.value) != 3:
+        ctx.errors.at(item, f"must be [a, b, n], but is {item.kind()}", f"write {{{kind}: [a, b, n]}}")
+        return ()
+    a, b = (walker.quantity(ctx, end, dimension) for end in item.value[:2])
+    n = walker.integer(ctx, item.value[2], 2, MAX_POINTS)
+    if kind == "geomspace" and a * b <= 0.0:
+        remedy = "give two positive numbers, or use linspace"
+        ctx.errors.at(item, f"geomspace needs two ends of one sign, not {a:g} and {b:g}", remedy)
+    if a == b:
+        ctx.errors.at(item, "both ends are equal, so the values are repeated", "give two different ends")
+    if len(ctx.errors) > before:
+        return ()
+    numbers = [_between(kind, a, b, i / (n - 1)) for i in range(n)]
+    return tuple(Node(value, item.path, item.mark, item.key_mark) for value in numbers)
+
+
+def _between(kind: str, a: float, b: float, t: float) -> float:
+    """The point at t of [a, b], the ends exact; geometric spacing rounded to what logarithms give."""
+    if t in (0.0, 1.0):
+        return b if t else a
+    if kind == "linspace":
+        return float(f"{a + (b - a) * t:.15g}")
+    return float(f"{math.copysign(math.exp((1 - t) * math.log(abs(a)) + t * math.log(abs(b))), a):.15g}")
+
+
+def axis_labels(ctx: Context, values: tuple[Node, ...], parameter: Parameter) -> tuple[float | str, ...]:
+    """Numbers in SI, or texts if any value is none."""
+    if parameter.kind == "text":
+        return tuple(value.text() for value in values)
+    free = parameter.path[0] == "boundary" and parameter.path[-1].startswith("u_")
+    if free and any(value.value == "free" for value in values):
+        return tuple(value.text() for value in values)
+    varies = parameter.kind == "field"
+    labels = [walker.scalar(ctx, value, parameter.dimension, varies=varies) for value in values]
+    if all(isinstance(label, float) for label in labels):
+        return tuple(label for label in labels if isinstance(label, float))
+    return tuple(value.text() for value in values)

@@ -1,0 +1,100 @@
+"""The meshes of a study, one after the other: each may depend on what was found on the one before."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.accuracy.locating import located
+from tcstudy.accuracy.norms import Triangles
+from tcstudy.fem.geometry import build
+from tcstudy.fem.grading import WEAK, graded_mesh, singular_points
+from tcstudy.fem.meshes import PlaneMesh, doubled_areas, mesh_at, refine_marked
+from tcstudy.offline.level import Level
+from tcstudy.refine.survey import Survey, marked
+from tcstudy.scene.records import Point
+from tcstudy.scene.study import Study
+
+Array = NDArray[np.float64]
+
+
+def graded_points(study: Study) -> list[tuple[Point, float]]:
+    """Places that the meshes of a graded study are graded towards, each with its μ. Raises GeometryFailed."""
+    if study.mesh.family != "graded":
+        return []
+    scene = study.scenes[0]
+    found = singular_points(mesh_at(build(scene.body), study.mesh, 0, None), scene.boundary)
+    mus = np.where(found.weak, max(WEAK, study.mesh.grading), study.mesh.grading)
+    return [((float(x), float(y)), float(mu)) for (x, y), mu in zip(found.points, mus, strict=True)]
+
+
+ROUNDS = 12
+"""Bisections of one place from level to level at most."""
+
+
+def bisected(mesh: PlaneMesh, shares: Array, aim: float, marking: float) -> PlaneMesh:
+    """The mesh, one level on, bisected where the shares (t,) are large until their sum should be `aim` times as much.
+
+    Each round marks triangles for the fraction `marking` of the sum, or for as much as is still needed. A part gets
+    what smooth solutions leave it, share·(area ratio)², so that few triangles with much of the error, at a held end of
+    Γ_C or at a front, are cut several times on the way to one level.
+    """
+    total, level, elapsed = float(shares.sum()), mesh.level + 1, 0.0
+    for _ in range(ROUNDS):
+        own = float(shares.sum())
+        fraction = min(marking, 2.0 * (1.0 - aim * total / own)) if own > 0.0 else 0.0
+        finer = refine_marked(mesh, marked(shares, fraction))
+        elapsed += finer.time_mesh
+        parts = finer.points[finer.triangles]
+        of, _ = located(Triangles(mesh.points, mesh.triangles), parts.mean(axis=1))
+        ratio = doubled_areas(parts) / doubled_areas(mesh.points[mesh.triangles])[of]
+        mesh, shares = finer, shares[of] * ratio**2
+        if float(shares.sum()) <= ENOUGH * aim * total:
+            break
+    return replace(mesh, level=level, time_mesh=elapsed)
+
+
+ENOUGH = 1.05
+"""The sum that ends the rounds, over the sum aimed at: no round for a rest of nothing."""
+
+
+class Family:
+    """The meshes of one run.
+
+    An adaptive mesh follows from the solutions on the mesh before and from nothing else, so that a run that is resumed
+    comes to the same meshes.
+    """
+
+    def __init__(self, study: Study) -> None:
+        """Raises GeometryFailed if the body cannot be made."""
+        self._scene, self._plan = study.scenes[0], study.mesh
+        self._scenes, self._exact = study.scenes, study.exact
+        self._geometry = build(self._scene.body)
+        self._first: PlaneMesh | None = None
+        self._mesh: PlaneMesh | None = None
+        self._survey: Survey | None = None
+
+    def next(self, level: int) -> PlaneMesh:
+        """The mesh of a level, after those of all levels before. Raises GeometryFailed if the mesher fails."""
+        plan = self._plan
+        if plan.family == "adaptive" and level > 0:
+            assert self._mesh is not None
+            assert self._survey is not None
+            self._mesh = bisected(self._mesh, self._survey.shares(), self._survey.aim(), plan.marking)
+        elif plan.family == "graded":
+            if self._first is None:
+                self._first = mesh_at(self._geometry, plan, 0, None)
+            self._mesh = graded_mesh(self._first, plan, level, self._mesh, self._scene.boundary)
+        else:
+            self._mesh = mesh_at(self._geometry, plan, level, self._mesh)
+        return self._mesh
+
+    def survey(self, level: Level) -> Survey | None:
+        """A new survey of a level, for its solutions; None if the study estimates no errors."""
+        if not self._plan.estimates:
+            return None
+        before = self._survey.estimates if self._survey is not None else {}
+        self._survey = Survey(level, self._plan, dict(before), self._scenes, self._exact)
+        return self._survey

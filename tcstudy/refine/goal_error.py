@@ -1,0 +1,316 @@
+"""What a number J of a solution lacks, from the same problem on the mesh with every triangle cut into four.
+
+Numbers:    J(u) − J(u_h) falls by 2^p when h is halved, so that it is (J(u_{h/2}) − J(u_h))/(1 − 2^{−p}). p = 2 where
+            solution and dual solution are smooth (factor 4/3), 2λ in a corner where they are like r^λ. So the change
+            is taken apart by nodes (contributions.py), and every part has the factor of its place (corner_factors.py);
+            what the parts do not sum to, because the problem is not linear, has 4/3.
+            All that distinguishes u_h from u is in it (given displacements between nodes, lumped friction,
+            oscillating data, temperature, arcs), signs included
+Regions:    the mean of p = 2 and p = 1 says how far the limit may be off: a third of a region's part. Regions are the
+            singular corners, and the rest of the body by the nearest corner, front or point asked for; each falls by
+            an order of its own, so that their thirds add like independent errors, in squares. Parts of either sign in
+            two regions sum to little on some mesh, to more on the next, and the change of their sum says nothing: on
+            an L whose clamped corner and body move a front to opposite sides, it was 1/50 of the error
+Held ends:  ξ_i of a sticking node beside a held one is what its hat function sees, and ∫ξ lacks half a cell of
+            traction (goals.lost). The dual solution jumps from 1 to 0 there, p = 1. On closed forms that is up to 86 %
+            of the error of an adaptive mesh, as the rest cancels; so it is taken by itself, and what is left has p = 2.
+            The finer mesh lacks half of it; what it lacks less or more, as where a node there changes sides, is added
+Tears:      where b falls at a slip, neighbours may lie on either side of it, and the front rests on a node: ∫ξ is known
+            to a cell times the jump (goals.torn). Half of that of the finer mesh is added to the error
+Slip length: the sum of slipping cells, quantised to a cell, against the positions of the fronts within their cells
+            (fronts.py), L_h and L_{h/2}: limit L as above, error |J(u_h) − L| + the doubt of fronts that could not be
+            located
+Hidden:     a sticking zone that both meshes are too coarse for (fronts.py) has ξ anywhere in b̂: half of the jump times
+            its length is added to the error of ∫ξ
+Crossing:   where contributions of different order cancel, J(u) − J(u_h) changes its sign between two levels and is
+            small by accident. The parts see what cancels, and the error of the extrapolation remains: `survey` adds
+            half of what the limit has changed by since the level before, or what the orders differ by if that is
+            more, and takes at least a third of what that level's error has become at the rate 1/N. So the estimate
+            does not follow the error down to zero; its ratio to the error is then large and means nothing
+Shares:     ‖u_{h/2} − u_h‖_K ‖z − I_h z‖_K + |a_K(lift of u_D − u_h, z)| + lumping + heat, with the dual solution z on
+            the finer mesh (goals.py), and for ∫ξ held ends and tears: unsigned, for marking only
+Why not the dual weighted residual itself: products of recovered gradients gave 0.05 to 26 times the true error.
+            Recovery is not superconvergent on bisected meshes, and where displacements are given beside Γ_C their
+            interpolation carried most of the error of ∫ξ, weighted with the recovered stress of a dual solution that
+            jumps there
+Left out:   data that oscillate within half an element, and sticking zones shorter than that which `fronts` does not
+            suspect, escape both meshes
+
+By how much the change from h to h/2 is smaller than the error, corner by corner.
+
+In a corner where u ~ r^λ the error of a number falls by 2^{2λ} at halving (λ from the solution, λ from the dual
+solution), so that it is the change times 1/(1 − 2^{−2λ}): 2 in a crack's tip, 13 where two slipping edges meet at 170°
+(λ = 1/17). Refinement towards a corner makes its part of the change small, not its factor.
+Left out: corners of a body from a file, which nothing looks at
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tcstudy.accuracy.corners import Vertex, vertices
+from tcstudy.expressions.expression import Expression
+from tcstudy.fem.contact_line import ContactLine
+from tcstudy.fem.estimators import own_strain
+from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.recovery import Triangles
+from tcstudy.offline.level import Condensed, Level
+from tcstudy.refine.contributions import contributions
+from tcstudy.refine.fronts import fronts, slip_length
+from tcstudy.refine.goals import dual, goal_value, lost, lumping, torn
+from tcstudy.refine.halved import Halved
+from tcstudy.scene.needs import needs_heat_solve
+from tcstudy.scene.records import Body, Material, Point, Role, Scene
+from tcstudy.scene.study import Goal
+from tcstudy.solve.contact import solve_contact
+from tcstudy.solve.loop import Status
+from tcstudy.solve.problem import ContactProblem
+from tcstudy.study.measures import sticking
+
+Array = NDArray[np.float64]
+
+ACCEPTED = 1e-6
+"""Inclusion residual up to which the finer solution is good enough for an estimate."""
+
+
+@dataclass(frozen=True)
+class GoalError:
+    """What is estimated of one solution.
+
+    limit:  estimated J(u);  error: what |J(u) − J(u_h)| is by that limit, in the unit of J, infinite where the finer
+            problem failed
+    spread: by how much the limit changes with the order it is extrapolated with
+    change: what the finer mesh changes of J(u_h); slip lengths on it have their fronts located
+    shares: (t,) what each triangle may contribute to the error
+    """
+
+    limit: float
+    error: float
+    spread: float
+    change: float
+    shares: Array
+
+
+def goal_error(
+    goal: Goal, halved: Halved, triangles: Triangles, scene: Scene, condensed: Condensed, v: Array, u: Array
+) -> GoalError:
+    """Error of the goal of a solution v (m,) with the displacement u (2n,); triangles are those of its level.
+
+    The finer problem starts from v and stays in its basin, so that another solution of the same load is not compared.
+    """
+    fine, line = halved.level, halved.coarse.line
+    finer = fine.condensed(scene)
+    answer = solve_contact(finer.problem, tolerance=ACCEPTED, branch="continued", neighbour=halved.start(v))
+    value = goal_value(goal, condensed.problem, line, v)
+    if answer.status != Status.CONVERGED:
+        return GoalError(value, np.inf, 0.0, 0.0, np.zeros(len(triangles.area)))
+    shares, parts = _parts(goal, halved, triangles, scene, (condensed, finer), (v, answer.v), u)
+    parted = regions(halved, scene, sticking(condensed.problem.law, v), _places(goal, halved.coarse, condensed, v))
+    if goal.quantity == "slip_length":
+        own, _ = slip_length(line, condensed.problem, v)
+        better, doubt = slip_length(fine.line, finer.problem, answer.v)
+        rest, spread = _extrapolated(better - own, parts, parted)
+        error, shares = abs(value - own - rest) + doubt, shares + _cells(halved, triangles, condensed, v)
+        return GoalError(own + rest, error, spread, better - value, shares)
+    change = goal_value(goal, finer.problem, fine.line, answer.v) - value
+    if goal.quantity != "friction_resultant":
+        rest, spread = _extrapolated(change, parts, parted)
+        return GoalError(value + rest, abs(rest), spread, change, shares)
+    missing, cells = lost(line, condensed.problem, v), torn(line, condensed.problem, v)
+    still = lost(fine.line, finer.problem, answer.v)
+    found = missing - halved.on_segments(still)
+    first = float(missing.sum())
+    parts[halved.middles] -= found
+    rest, spread = _extrapolated(change - float(found.sum()), parts, parted)
+    spread += float(np.abs(2.0 * found - missing).sum())
+    doubt = _unseen(fine.line, finer.problem, answer.v) + float(torn(fine.line, finer.problem, answer.v).sum())
+    shares += _at_segments(halved.coarse, np.abs(missing) + cells)
+    return GoalError(value + first + rest, abs(first + rest) + doubt, spread, change, shares)
+
+
+def _places(goal: Goal, level: Level, condensed: Condensed, v: Array) -> Array:
+    """(k, 2) fronts, and the point that u_T is asked for at [m]."""
+    at = [level.line.ends[front.segment].mean(axis=0) for front in fronts(level.line, condensed.problem, v)]
+    return np.array(at + ([np.array(goal.at)] if goal.at is not None else [])).reshape(-1, 2)
+
+
+def _extrapolated(change: float, parts: Array, parted: Regions) -> tuple[float, float]:
+    """From the change, its parts (n,) and the regions: J(u) − J(u_h), and by how much other orders alter that."""
+    nonlinear = change - float(parts.sum())
+    spread = DIFFERENCE * math.hypot(*parted.sums(parts).tolist(), nonlinear)
+    return float(parted.factors @ parts) + SMOOTH * nonlinear, spread
+
+
+def _at_segments(level: Level, values: Array) -> Array:
+    """(t,) values on segments of Γ_C (s,) at the triangle of each."""
+    shares = np.zeros(len(level.mesh.triangles))
+    for i in np.flatnonzero(values):
+        shares[np.isin(level.mesh.triangles, level.line.segments[i]).sum(axis=1) == 2] += values[i]
+    return shares
+
+
+def _unseen(line: ContactLine, problem: ContactProblem, v: Array) -> float:
+    """How much ∫ξ may differ because of sticking zones that hide beside held nodes [N/m]."""
+    total = 0.0
+    for front in fronts(line, problem, v):
+        if front.hidden:
+            kink = problem.law.nearest_kink(v[front.nodes[0]])
+            total += 0.5 * front.doubt * float(problem.law.b_right[kink] - problem.law.b_left[kink])
+    return total
+
+
+def _parts(
+    goal: Goal,
+    halved: Halved,
+    triangles: Triangles,
+    scene: Scene,
+    condensed: tuple[Condensed, Condensed],
+    v: tuple[Array, Array],
+    u: Array,
+) -> tuple[Array, Array]:
+    """(t,) shares by triangles of the level, (n,) parts of the change by nodes.
+
+    Zero if the dual problem is singular (a turning point).
+    """
+    fine, line, material = halved.level, halved.coarse.line, scene.material
+    try:
+        z_T = dual(goal, condensed[1].problem, fine.line, v[1])
+    except scipy.linalg.LinAlgError:
+        return np.zeros(len(triangles.area)), np.zeros(halved.level.mesh.n_points)
+    z, both = fine.extension(scene, z_T), (halved.carry(u), fine.displacement(scene, condensed[1], v[1]))
+    parts = contributions(goal, halved, material, (condensed[0].problem, condensed[1].problem), v, both, z)
+    e = both[1] - both[0]
+    rest = own_strain(halved.triangles, z - halved.interpolated(z))
+    shares = np.sqrt(_energy(halved, own_strain(halved.triangles, e), material) * _energy(halved, rest, material))
+    frames = fine.frames
+    lift = own_strain(halved.triangles, frames.cartesian(np.where(frames.fixed, frames.local(e), 0.0)))
+    shares += np.abs(halved.gathered(_work(halved.triangles, lift, own_strain(halved.triangles, z), material)))
+    xi = condensed[0].problem.xi(v[0]) / line.c
+    shares += triangles.from_segments(np.abs(lumping(triangles, line, xi, halved.at_coarse(z_T))))
+    if material.beta != 0.0:
+        shares += _heat_shares(halved, scene, z)
+    return shares, parts
+
+
+def _work(triangles: Triangles, a: Array, b: Array, material: Material) -> Array:
+    """(t,) ∫_K a:c b of strains that are constant on K (t, 3) [J/m]."""
+    density = material.lam * (a[:, 0] + a[:, 1]) * (b[:, 0] + b[:, 1])
+    return triangles.area * (density + 2.0 * material.mu * ((a * b) @ np.array([1.0, 1.0, 2.0])))
+
+
+def _energy(halved: Halved, a: Array, material: Material) -> Array:
+    """(t,) ∫_K a:c a on the triangles of the level."""
+    return halved.gathered(_work(halved.triangles, a, a, material))
+
+
+def _heat_shares(halved: Halved, scene: Scene, z: Array) -> Array:
+    """(t,) k‖∇(θ_{h/2} − θ_h)‖_K ‖∇(ζ − I_h ζ)‖_K, or |β∫_K(θ_{h/2} − θ_h) div z| of a known θ."""
+    fine, triangles, material = halved.level, halved.triangles, scene.material
+    known = scene.heat.theta
+    if known is not None and not isinstance(known, Expression):
+        return np.zeros(len(halved.coarse.mesh.triangles))
+    e = fine.temperature(scene).theta - halved.carry(halved.coarse.temperature(scene).theta)
+    if not needs_heat_solve(scene):
+        slope = triangles.gradient(z.reshape(2, -1).T)
+        mean = e[halved.level.mesh.triangles].mean(axis=1)
+        work = material.beta * triangles.area * mean * (slope[:, 0, 0] + slope[:, 1, 1])
+        return np.abs(halved.gathered(work))
+    zeta = halved.dual_temperature(scene, z)
+    squares = [
+        halved.gathered(triangles.area * np.sum(triangles.gradient(w) ** 2, axis=1))
+        for w in (e, zeta - halved.interpolated(zeta))
+    ]
+    assert material.k is not None
+    return material.k * np.sqrt(squares[0] * squares[1])
+
+
+def _cells(halved: Halved, triangles: Triangles, condensed: Condensed, v: Array) -> Array:
+    """(t,) half of the cell of every front, shared by the triangles at its two nodes: what the nodes leave open."""
+    mesh, line = halved.coarse.mesh, halved.coarse.line
+    shares = np.zeros(len(triangles.area))
+    for front in fronts(line, condensed.problem, v):
+        around = np.flatnonzero(np.any(np.isin(mesh.triangles, line.segments[front.segment]), axis=1))
+        shares[around] += 0.5 * front.width / len(around)
+    return shares
+
+
+SMOOTH, DIFFERENCE = 4.0 / 3.0, 1.0 / 3.0
+"""1/(1 − 2^{−p}) for p = 2, and by how much its mean with p = 1 differs from it."""
+
+
+@dataclass(frozen=True)
+class Regions:
+    """What the nodes of the finer mesh belong to.
+
+    factors: (n_f,) from what a node contributes to a change to its part of J(u) − J(u_h)
+    region:  (n_f,) the part of the body, from 0 on, whose contributions go by one order
+    """
+
+    factors: Array
+    region: NDArray[np.intp]
+
+    def sums(self, parts: Array) -> Array:
+        """Contributions (n_f,) summed over each region."""
+        return np.asarray(np.bincount(self.region, parts))
+
+
+def regions(halved: Halved, scene: Scene, sticks: NDArray[np.bool_], more: Array) -> Regions:
+    """Every singular corner with the triangles that touch it, and the nodes that are nearest to one end of a curve.
+
+    sticks: (m,) whether the contact nodes stick;  more: (k, 2) other places with nodes of their own, beside curve ends
+    """
+    coarse, fine, line = halved.coarse.mesh, halved.level.mesh, halved.coarse.line
+    ends = [end for name in line.edge_names for end in _ends(scene.body, name)]
+    stuck = frozenset((name, at) for name, at in ends if _sticks_near(line, sticks, name, at))
+    factors = np.full(fine.n_points, SMOOTH)
+    places = np.concatenate([fine.points[curve_ends(fine)], more])
+    region = np.argmin(np.linalg.norm(fine.points[:, None] - places[None], axis=2), axis=1)
+    for vertex in _vertices(scene.body, scene.boundary, scene.material, stuck):
+        if vertex.exponent < 1.0:
+            node = int(np.argmin(np.linalg.norm(coarse.points - np.array(vertex.at), axis=1)))
+            around = fine.triangles[np.any(coarse.triangles == node, axis=1)[halved.parent]]
+            factors[around] = np.maximum(factors[around], 1.0 / (1.0 - 2.0 ** (-2.0 * vertex.exponent)))
+            region[around] = region.max() + 1
+    return Regions(factors, region)
+
+
+def curve_ends(mesh: PlaneMesh) -> NDArray[np.intp]:
+    """Nodes at which one curve of the boundary ends and another begins."""
+    own = np.full(mesh.n_points, -1)
+    own[mesh.segments[:, 0]] = mesh.segment_curve
+    return mesh.segments[own[mesh.segments[:, 1]] != mesh.segment_curve, 1]
+
+
+@lru_cache(maxsize=256)
+def _vertices(
+    body: Body, boundary: tuple[tuple[str, Role], ...], material: Material, stuck: frozenset[tuple[str, Point]]
+) -> tuple[Vertex, ...]:
+    """The corners, given which (edge, end) stick; their exponents are roots that take longer than a small solution."""
+    return tuple(vertices(body, boundary, material, lambda edge, at: (edge, at) in stuck))
+
+
+def _ends(body: Body, name: str) -> list[tuple[str, Point]]:
+    """(name, point) of both ends of the edges with this name; none for a body from a file."""
+    if body.outline is None:
+        return []
+    found = []
+    for loop in (body.outline, *body.holes):
+        after = (*loop.edges[1:], loop.edges[0])
+        found += [
+            (name, at) for a, b in zip(loop.edges, after, strict=True) if a.name == name for at in (a.start, b.start)
+        ]
+    return found
+
+
+def _sticks_near(line: ContactLine, sticks: NDArray[np.bool_], edge: str, at: Point) -> bool:
+    """Whether the node of an edge that is nearest to a point sticks."""
+    own = np.flatnonzero(line.edge == line.edge_names.index(edge))
+    if not len(own):
+        return False
+    return bool(sticks[own[np.argmin(np.linalg.norm(line.xy[own] - np.array(at), axis=1))]])

@@ -1,0 +1,132 @@
+"""Numbers that a study is after, and how errors of the solution carry over to them.
+
+A goal J is linear in (ξ, u_T) near a solution. With the sticking nodes S held and the slipping ones F on their piece of
+b, a change δl̃ of the condensed load changes J = aᵀξ + wᵀu_T by zᵀδl̃:
+
+    z_S = a_S,   (Ã_FF + C b′) z_F = w_F + C b′ a_F − Ã_FS a_S,
+
+one more solve with the tangent of the solution. z is extended into the body without load; then
+
+    J(u) − J(u_h) = a(u − u_h, z − z_h) to first order                                       (dual weighted residual)
+
+for homogeneous data. It says where to refine; how large the error is, see goal_error.py.
+Literature: Becker & Rannacher, Acta Numerica 10 (2001) 1–102; Suttmeier, Numerical Solution of Variational
+            Inequalities by Adaptive Finite Elements (2008) for contact
+Slip length: as the sum of slipping cells it is no differentiable function of the solution. Its dual problem is that of
+            the fronts' positions within their cells (fronts.py), which are
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tcstudy.fem.contact_line import ContactLine
+from tcstudy.fem.recovery import Triangles
+from tcstudy.refine.fronts import slopes
+from tcstudy.scene.friction import DOWN
+from tcstudy.scene.records import Point
+from tcstudy.scene.study import Goal
+from tcstudy.solve.problem import ContactProblem
+from tcstudy.study.measures import sticking
+
+Array = NDArray[np.float64]
+
+
+def goal_value(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> float:
+    """J of a contact solution v (m,); NaN for the energy norm, which is no number to compare."""
+    if goal.quantity == "friction_resultant":
+        return float(problem.xi(v).sum())
+    if goal.quantity == "slip_length":
+        return float(problem.c[~sticking(problem.law, v)].sum())
+    if goal.quantity == "u_T":
+        assert goal.at is not None
+        return float(point_weights(line, goal.at) @ v)
+    return float("nan")
+
+
+def point_weights(line: ContactLine, at: Point) -> Array:
+    """w (m,) with u_T(at) = wᵀv for the point of Γ_C nearest to `at`; held nodes have no weight."""
+    unknown = {int(node): i for i, node in enumerate(line.nodes)}
+    ends = line.ends
+    along = ends[:, 1] - ends[:, 0]
+    offset = np.asarray(at) - ends[:, 0]
+    t = np.clip(np.einsum("sd,sd->s", offset, along) / np.einsum("sd,sd->s", along, along), 0.0, 1.0)
+    distance = np.linalg.norm(offset - t[:, None] * along, axis=1)
+    nearest = int(np.argmin(distance))
+    w = np.zeros(line.m)
+    for node, share in zip(line.segments[nearest].tolist(), (1.0 - t[nearest], t[nearest]), strict=True):
+        if node in unknown:
+            w[unknown[node]] = share
+    return w
+
+
+def lost(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
+    """(s,) friction that ∫ξ misses on the segments of Γ_C between a held node and a sticking one [N/m].
+
+    ξ_i of a sticking node is what its hat function sees, ½ t·width less than the traction t carries there. A slipping
+    node's cell c_i reaches up to the held node.
+    """
+    stick, xi = sticking(problem.law, v), problem.xi(v)
+    unknown = np.full(int(line.segments.max()) + 1, -1, dtype=np.intp)
+    unknown[line.nodes] = np.arange(line.m)
+    own = unknown[line.segments]
+    node, width = own.max(axis=1), np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1)
+    at_held = (own.min(axis=1) < 0) & stick[node]
+    hat = line.c.copy()
+    np.add.at(hat, node[at_held], -0.5 * width[at_held])
+    return np.where(at_held, 0.5 * width * xi[node] / hat[node], 0.0)
+
+
+def torn(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
+    """(s,) half of what ∫ξ changes by where b falls at a slip between those of two neighbours, and one follows [N/m].
+
+    Such a front rests on a node wherever the load would have it, so that ∫ξ is known to a cell there.
+    """
+    law = problem.law
+    falls = np.flatnonzero(law.kinds == DOWN)
+    unknown = np.full(int(line.segments.max()) + 1, -1, dtype=np.intp)
+    unknown[line.nodes] = np.arange(line.m)
+    own = unknown[line.segments]
+    width, total = np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1), np.zeros(len(own))
+    for k in falls:
+        beyond = (v > law.kinks[k])[own]
+        apart = (beyond[:, 0] != beyond[:, 1]) & np.all(own >= 0, axis=1)
+        total += np.where(apart, 0.5 * width * abs(law.b_right[k] - law.b_left[k]), 0.0)
+    return total
+
+
+def dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Array:
+    """z (m,), the change of J with the condensed load. Raises LinAlgError at a turning point of the solution."""
+    a, w = np.zeros(line.m), np.zeros(line.m)
+    if goal.quantity == "friction_resultant":
+        a[:] = 1.0
+    elif goal.quantity == "u_T":
+        assert goal.at is not None
+        w = point_weights(line, goal.at)
+    elif goal.quantity == "slip_length":
+        w = slopes(line, problem, v)
+    else:
+        raise ValueError(f"the {goal.quantity} has no dual problem")
+    stick = sticking(problem.law, v)
+    slip = ~stick
+    tangent = problem.c * problem.law.slope(v, problem.law.piece(v))
+    z = np.where(stick, a, 0.0)
+    if np.any(slip):
+        matrix = problem.A_tilde[np.ix_(slip, slip)] + np.diag(tangent[slip])
+        load = w[slip] + tangent[slip] * a[slip] - problem.A_tilde[np.ix_(slip, stick)] @ a[stick]
+        z[slip] = scipy.linalg.solve(matrix, load, assume_a="sym")
+    return z
+
+
+def lumping(triangles: Triangles, line: ContactLine, xi: Array, z: Array) -> Array:
+    """(s,) Σ c_i ξ_i z_i − ∫ ξ_h z_h on the boundary segments, h/6 Δξ Δz between two free contact nodes [J/m]."""
+    mesh = triangles.mesh
+    nodal = np.full((mesh.n_points, 2), np.nan)
+    nodal[line.nodes] = np.column_stack([xi, z])
+    steps = nodal[mesh.segments[:, 1]] - nodal[mesh.segments[:, 0]]
+    length = np.linalg.norm(mesh.points[mesh.segments[:, 1]] - mesh.points[mesh.segments[:, 0]], axis=1)
+    names = [curve.name in line.edge_names for curve in mesh.geometry.curves]
+    on = np.array(names)[mesh.segment_curve]
+    return np.where(on, np.nan_to_num(length / 6.0 * steps[:, 0] * steps[:, 1]), 0.0)

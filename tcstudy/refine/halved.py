@@ -1,0 +1,126 @@
+"""A level with every triangle cut into four, on which solutions say what those of the level still lack.
+
+Literature: Ferraz-Leite & Praetorius, Computing 83 (2008) 135–162, on the h–h/2 error estimate, and references there
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg
+from numpy.typing import NDArray
+
+from tcstudy.accuracy.nesting import prolongation
+from tcstudy.fem.meshes import PlaneMesh, mesh_at
+from tcstudy.fem.recovery import Triangles
+from tcstudy.offline.level import Level
+from tcstudy.scene.records import Scene
+from tcstudy.scene.study import MeshPlan
+
+Array = NDArray[np.float64]
+
+
+class Halved:
+    """The finer level of `coarse`, and what carries functions over.
+
+    level:  the same body on the uniformly refined mesh;  triangles: its triangles
+    parent: (t_f,) the coarse triangle that each fine one is part of
+    """
+
+    def __init__(self, coarse: Level, scene: Scene, scenes: Sequence[Scene] = ()) -> None:
+        """scene, scenes: as for Level. Raises GeometryFailed if the refined mesh is not the body."""
+        mesh = coarse.mesh
+        plan = MeshPlan((mesh.h_max,), mesh.level + 2)
+        self.coarse, self.level = coarse, Level(mesh_at(mesh.geometry, plan, mesh.level + 1, mesh), scene, scenes)
+        fine = self.level.mesh
+        self.triangles = Triangles(fine)
+        self._prolong = prolongation(mesh.points, fine.points, fine.triangles)
+        self.parent = _parents(mesh, fine, self._prolong.matrix)
+        self._heat: dict[tuple[float, float], scipy.sparse.linalg.SuperLU] = {}
+
+    @cached_property
+    def _coarse_nodes(self) -> int:
+        return self.coarse.mesh.n_points
+
+    def carry(self, values: Array) -> Array:
+        """Nodal values (n,) or displacements (2n,) of the level as those of the finer one."""
+        return self._prolong(values.reshape(-1, self._coarse_nodes)).ravel()
+
+    def interpolated(self, values: Array) -> Array:
+        """The level's interpolant of (n_f,) or (2n_f,) nodal values of the finer one, on the finer one."""
+        by_component = values.reshape(-1, self.level.mesh.n_points)
+        return self._prolong(by_component[:, : self._coarse_nodes]).ravel()
+
+    def start(self, v: Array) -> Array:
+        """A contact solution (m,) of the level as a start on the finer one (m_f,)."""
+        nodal = np.zeros(self._coarse_nodes)
+        nodal[self.coarse.line.nodes] = v
+        return self._prolong(nodal)[self.level.line.nodes]
+
+    def at_coarse(self, z_T: Array) -> Array:
+        """(m,) values at the contact nodes of the level of (m_f,) values on the finer one."""
+        nodal = np.zeros(self.level.mesh.n_points)
+        nodal[self.level.line.nodes] = z_T
+        return nodal[self.coarse.line.nodes]
+
+    def restricted(self, forces: Array) -> Array:
+        """(n,) forces at the contact nodes of the finer level (m_f,) as those at the nodes of the level."""
+        nodal = np.zeros(self.level.mesh.n_points)
+        nodal[self.level.line.nodes] = forces
+        return np.asarray(self._prolong.matrix.T @ nodal)
+
+    def gathered(self, values: Array) -> Array:
+        """(t,) sums of (t_f,) values over the parts of each triangle of the level."""
+        return np.asarray(np.bincount(self.parent, values, minlength=len(self.coarse.mesh.triangles)), dtype=float)
+
+    @cached_property
+    def middles(self) -> NDArray[np.intp]:
+        """(s,) the new node in the middle of each segment of Γ_C of the level."""
+        n = self._coarse_nodes
+        ends = _sorted_pairs(self._prolong.matrix[n:].indices.reshape(-1, 2), n)
+        order = np.argsort(ends)
+        return n + order[np.searchsorted(ends[order], _sorted_pairs(self.coarse.line.segments, n))]
+
+    def on_segments(self, values: Array) -> Array:
+        """(s,) sums of (s_f,) values on the segments of Γ_C over the two parts of each of the level."""
+        at_new = np.bincount(self.level.line.segments.max(axis=1), values, minlength=self.level.mesh.n_points)
+        return np.asarray(at_new[self.middles])
+
+    def dual_temperature(self, scene: Scene, z: Array) -> Array:
+        """ζ (n_f,) with c(ζ, φ) = β∫φ div z for all φ: the change of a goal with the heat that goes in."""
+        heat, alpha, k = self.level.heat, scene.heat.alpha, scene.material.k
+        assert k is not None
+        if (alpha, k) not in self._heat:
+            nodes, robin = heat.robin_nodes, sp.coo_array(heat.robin_mass)
+            at = (nodes[robin.row], nodes[robin.col])
+            on_boundary = sp.coo_array((robin.data, at), shape=heat.conduction.shape)
+            matrix = sp.csc_array(k * heat.conduction + alpha * on_boundary)
+            self._heat = {(alpha, k): scipy.sparse.linalg.splu(matrix)}  # one factor at a time: they are large
+        own = self.triangles.gradient(z.reshape(2, -1).T)
+        dilation = (own[:, 0, 0] + own[:, 1, 1]) * self.triangles.area / 3.0
+        return self._heat[alpha, k].solve(scene.material.beta * (self.triangles.incidence @ dilation))
+
+
+def _parents(coarse: PlaneMesh, fine: PlaneMesh, prolong: sp.csr_array) -> NDArray[np.intp]:
+    """The parent of every fine triangle: the triangle of all coarse nodes that its corners lie between."""
+    n = coarse.n_points
+    between = np.repeat(np.arange(fine.n_points), 2).reshape(-1, 2)
+    between[n:] = prolong[n:].indices.reshape(-1, 2)
+    found = np.sort(between[fine.triangles].reshape(-1, 6), axis=1)
+    middle = found[np.arange(len(found)), np.argmax(found > found[:, :1], axis=1)]
+    keys = _keys(np.column_stack([found[:, 0], middle, found[:, -1]]), n)
+    own = _keys(np.sort(coarse.triangles, axis=1), n)
+    order = np.argsort(own)
+    return order[np.searchsorted(own[order], keys)]
+
+
+def _keys(corners: NDArray[np.intp], n: int) -> NDArray[np.intp]:
+    return (corners[:, 0] * n + corners[:, 1]) * n + corners[:, 2]
+
+
+def _sorted_pairs(pairs: NDArray[np.intp], n: int) -> NDArray[np.intp]:
+    """One number for each unordered pair of nodes."""
+    return pairs.min(axis=1) * n + pairs.max(axis=1)

@@ -1,0 +1,230 @@
+"""Estimated errors of all points of one level: what to refine, and whether to go on.
+
+All points of a sweep share their mesh. A triangle is as important as it is to the point that needs it most: its share
+of that point's relative error. A tolerance holds when it holds for every point that was solved.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.accuracy.rates import ROUNDING
+from tcstudy.exact.numbers import known_goal
+from tcstudy.fem.estimators import (
+    contact_traction,
+    coupling,
+    dirichlet_gap,
+    dirichlet_residual,
+    edge_residual,
+    element_residual,
+    energy_norm,
+    product,
+    strain,
+)
+from tcstudy.fem.recovery import Triangles
+from tcstudy.offline.level import Condensed, Level
+from tcstudy.refine.goal_error import goal_error
+from tcstudy.refine.goals import goal_value
+from tcstudy.refine.halved import Halved
+from tcstudy.scene.needs import needs_heat_solve
+from tcstudy.scene.records import Exact, Scene
+from tcstudy.scene.study import MeshPlan
+
+Array = NDArray[np.float64]
+Index = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Estimated errors of one solution.
+
+    n_dof:      displacement unknowns of the level
+    energy:     relative error √(Σ η_K²)/‖u_h‖ in the energy norm
+    value:      J(u_h) of the goal, NaN without one;  limit: estimated J(u);  change: J(u_{h/2}) − J(u_h)
+    goal:       estimated |J(u) − J(u_h)|, in the unit of J
+    error:      what the tolerance is compared with: relative error of the goal, or in the energy norm without one
+    indicators: (t,) shares of the triangles in error² (energy) or error (goal)
+    """
+
+    n_dof: int
+    energy: float
+    value: float
+    limit: float
+    change: float
+    goal: float
+    error: float
+    indicators: Array
+
+
+@dataclass
+class Survey:
+    """The estimates of one level, point by point.
+
+    level:  the solved level;  plan: how the study refines
+    before: the estimates of the level before
+    scenes: all scenes to come, if known: what they share is then computed once on the finer mesh of goals, too
+    exact:  the exact solution, if the study gives one: goals are compared with its values
+    """
+
+    level: Level
+    plan: MeshPlan
+    before: dict[Index, Estimate] = field(default_factory=dict)
+    scenes: Sequence[Scene] = ()
+    exact: Exact | None = None
+    estimates: dict[Index, Estimate] = field(default_factory=dict)
+    _halved: Halved | None = None
+
+    def __post_init__(self) -> None:
+        self.triangles = Triangles(self.level.mesh)
+
+    def look(self, index: Index, scene: Scene, condensed: Condensed, v: Array) -> dict[str, float]:
+        """Estimate the error of a solution v (m,); what is stored of it, by variable name."""
+        goal = self.plan.goal
+        estimate = self._estimate(index, scene, condensed, v)
+        self.estimates[index] = estimate
+        stored = {"error_estimate": estimate.energy}
+        if goal.quantity != "energy":
+            stored |= {"goal": estimate.value, "goal_estimate": estimate.goal}
+        known = goal.known if self.exact is None or goal.known is not None else known_goal(goal, self.exact, scene)
+        if known is not None:
+            stored["goal_error"] = abs(estimate.value - known)
+            if stored["goal_error"] > 0.0:
+                stored["goal_effectivity"] = estimate.goal / stored["goal_error"]
+        return stored
+
+    # -- one solution ------------------------------------------------------------------------------
+
+    def _estimate(self, index: Index, scene: Scene, condensed: Condensed, v: Array) -> Estimate:
+        goal, n_dof, nan = self.plan.goal, self.level.frames.n_dof, math.nan
+        u = self.level.displacement(scene, condensed, v)
+        squares, norm = self._squares(scene, condensed, v, u)
+        energy = _ratio(math.sqrt(float(squares.sum())), norm)
+        if goal.quantity == "energy":
+            return Estimate(n_dof, energy, nan, nan, nan, nan, energy, squares)
+        if self._halved is None:
+            self._halved = Halved(self.level, scene, self.scenes)
+        found = goal_error(goal, self._halved, self.triangles, scene, condensed, v, u)
+        value, old = goal_value(goal, condensed.problem, self.level.line, v), self.before.get(index)
+        # What extrapolation has changed by: its error falls by about three from level to level, which leaves one half.
+        # The spread over the orders says the same of one level alone, so that the larger of both is enough.
+        drift = 0.5 * abs(found.limit - old.limit) if old else 0.0
+        error = max(found.error + max(found.spread, drift), self._least(old))
+        # A goal may not feel the solution, for example u_T where the body sticks.
+        shares = found.shares if np.any(found.shares) else squares
+        return Estimate(n_dof, energy, value, found.limit, found.change, error, _ratio(error, abs(value)), shares)
+
+    def _least(self, old: Estimate | None) -> float:
+        """A third of what the error of the level before becomes at J(u) − J(u_h) ~ 1/N: no change of sign hides more.
+
+        The slip length jumps by cells, so that its error on one level says nothing of the next.
+        """
+        if old is None or self.plan.goal.quantity == "slip_length":
+            return 0.0
+        return LEAST_ERROR * abs(old.limit - old.value) * old.n_dof / self.level.frames.n_dof
+
+    def _squares(self, scene: Scene, condensed: Condensed, v: Array, u: Array) -> tuple[Array, float]:
+        """(t,) η_K² of the energy norm and ‖u_h‖."""
+        level, triangles, material = self.level, self.triangles, scene.material
+        theta = level.temperature(scene).theta if material.beta != 0.0 else np.zeros(level.mesh.n_points)
+        own = strain(triangles, u)
+        xi = condensed.problem.xi(v) / level.line.c
+        friction = contact_traction(triangles, level.line, scene.friction, v, xi, u)
+        squares = product(triangles, own.excess, own.excess, material.lam, material.mu)
+        squares += element_residual(triangles, own, theta, scene)
+        squares += edge_residual(triangles, own, theta, scene, friction)
+        squares += dirichlet_residual(triangles, dirichlet_gap(triangles, u, scene), scene)
+        if material.beta != 0.0:
+            squares += coupling(triangles, theta, scene, needs_heat_solve(scene))
+        return squares, energy_norm(triangles, own, material.lam, material.mu)
+
+    # -- all solutions -----------------------------------------------------------------------------
+
+    @property
+    def error(self) -> float:
+        """The largest error of all points; NaN if no point was solved."""
+        return max((e.error for e in self.estimates.values()), default=math.nan)
+
+    def stop(self, last: bool) -> str:
+        """Why refinement ends on this level, in words; empty if it goes on. last: there may be no further level."""
+        plan, error = self.plan, self.error
+        if math.isnan(error):
+            return "no point was solved, so nothing says what to refine"
+        reached = f"estimated relative error {error:.2g} of {plan.goal.quantity}"
+        compared = plan.goal.quantity == "energy" or (bool(self.before) and self.level.mesh.level >= COMPARED)
+        if plan.tolerance is not None and error <= plan.tolerance and (compared or last):
+            return f"tolerance {plan.tolerance:g} met: {reached}"
+        refines = plan.family == "adaptive" or plan.tolerance is not None
+        # without load, say: shares of rounding would refine one place for ever
+        if refines and max(e.energy for e in self.estimates.values()) <= ROUNDING:
+            return f"nothing to refine: {reached} is rounding"
+        missed = "" if plan.tolerance is None else f"tolerance {plan.tolerance:g} not met: "
+        if last:
+            return f"{missed}{reached} on the last level" + (", raise max_levels" if missed else "")
+        n_dof = self.level.frames.n_dof
+        most = self._halved.level.frames.n_dof if self._halved else n_dof
+        if (plan.family == "adaptive" or missed) and most > plan.max_dofs:
+            where = f"{n_dof} dofs" + (f" ({most} where its error was estimated)" if most > n_dof else "")
+            return f"{missed}{reached} at {where}, more than max_dofs"
+        return ""
+
+    def shares(self) -> Array:
+        """(t,) what each triangle contributes to the relative error of the point that it is most important to.
+
+        With a tolerance, points that meet it do not count.
+        """
+        found = list(self.estimates.values())
+        missing = [e for e in found if e.error > (self.plan.tolerance or 0.0)] or found
+        return np.asarray(np.max([_shares(e) for e in missing], axis=0))
+
+    def aim(self) -> float:
+        """What the next mesh is to leave of the sum of all shares, if each falls by half where its triangle is cut.
+
+        One step with the study's marking. With the tolerance of a goal, whose estimate is several times as dear as a
+        solution, several (STEPS), but with any tolerance no less than it needs (in the energy norm shares are squares).
+        """
+        asked, one = self.plan.tolerance, 1.0 - 0.5 * self.plan.marking
+        if asked is None or not asked < self.error < math.inf:
+            return one
+        if self.plan.goal.quantity == "energy":
+            return max(one, min(1.0 - 0.5 * LEAST_MARKING, (asked / self.error) ** 2))
+        return max(one ** STEPS[self.plan.goal.quantity], min(1.0 - 0.5 * LEAST_MARKING, asked / self.error))
+
+
+def marked(shares: Array, fraction: float) -> NDArray[np.bool_]:
+    """(t,) the fewest triangles that carry this fraction of all shares (t,) (Dörfler)."""
+    order = np.argsort(-shares, kind="stable")
+    carried = np.cumsum(shares[order])
+    count = int(np.searchsorted(carried, fraction * carried[-1])) + 1
+    found = np.zeros(len(shares), dtype=bool)
+    found[order[:count]] = True
+    return found
+
+
+STEPS = {"friction_resultant": 5, "u_T": 3, "slip_length": 3}
+"""Steps of the study's marking that one estimate of a goal is made to last for, a compromise of few levels and small
+meshes: with five, u_T and slip lengths end on meshes a half to twice as large again (tests.benchmarks.tolerances)."""
+COMPARED = 2
+"""First level on which the tolerance of a goal may be met: on coarser meshes two solutions may miss the same fronts."""
+LEAST_MARKING = 0.1
+"""Smallest share of the error that a step refines for: steps cost a solution each, however few triangles they add."""
+LEAST_ERROR = 1.0 / 3.0
+"""Smallest error that is believed, over what the level before lets expect."""
+
+
+def _shares(estimate: Estimate) -> Array:
+    """Indicators that sum to the point's relative error, so that points compare."""
+    total = float(estimate.indicators.sum())
+    scale = estimate.error if math.isfinite(estimate.error) and estimate.error > 0.0 else 1.0
+    return estimate.indicators * (scale / total) if total > 0.0 else estimate.indicators
+
+
+def _ratio(error: float, value: float) -> float:
+    """error/value; 0 for no error at all, even of nothing."""
+    if error == 0.0:
+        return 0.0
+    return error / value if value > 0.0 else math.inf

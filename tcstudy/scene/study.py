@@ -1,0 +1,198 @@
+"""What a study asks for beside its scenes: meshes, solver, sweep, path and output."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from tcstudy.scene.records import Exact, Point, Scene
+
+Quantity = Literal["energy", "friction_resultant", "u_T", "slip_length"]
+
+
+FamilyName = Literal["uniform", "graded", "adaptive"]
+
+
+@dataclass(frozen=True)
+class Goal:
+    """The number that meshes are refined for and whose error is estimated.
+
+    quantity: "energy": the displacement in the energy norm √a(u, u); "friction_resultant": ∫_{Γ_C} ξ [N/m];
+              "u_T": tangential displacement at the point `at` of Γ_C [m]; "slip_length": length that does not stick [m]
+    known:    the exact value, if the study knows it; then the true error is stored beside the estimated one
+    """
+
+    quantity: Quantity = "energy"
+    at: Point | None = None
+    known: float | None = None
+
+
+@dataclass(frozen=True)
+class MeshPlan:
+    """The meshes of a study, coarse to fine.
+
+    maxh:      element sizes; one per mesh
+    levels:    number of levels; the most that there may be if there is a tolerance
+    family:    with one maxh, what level i is: "uniform": the i-th uniform refinement; "graded": elements of size
+               maxh/2^i, smaller towards singular points; "adaptive": level i−1 refined where its error is large
+    grading:   exponent μ of graded meshes: h(r) ~ h (r/R)^(1−μ) at distance r from a singular point
+    marking:   share of the estimated error (squared) that the triangles refined in one adaptive step carry
+    goal:      what adaptive meshes are refined for, and what the tolerance is of
+    tolerance: relative error at which refinement stops, None for all levels
+    max_dofs:  displacement unknowns beyond which an adaptive family or one with a tolerance is not refined
+    estimate:  whether errors are estimated on meshes that do not need it
+    """
+
+    maxh: tuple[float, ...]
+    levels: int
+    family: FamilyName = "uniform"
+    grading: float = 0.3
+    marking: float = 0.5
+    goal: Goal = Goal()
+    tolerance: float | None = None
+    max_dofs: int = 400_000
+    estimate: bool = False
+
+    @property
+    def nested(self) -> bool:
+        """True if the levels are uniform refinements of one coarse mesh."""
+        return len(self.maxh) == 1 and self.family == "uniform"
+
+    @property
+    def estimates(self) -> bool:
+        """True if every solution gets an error estimate."""
+        return self.estimate or self.family == "adaptive" or self.tolerance is not None
+
+
+Start = Literal["zero", "lowest"]
+
+
+Direction = Literal["both", "forward", "backward"]
+
+
+@dataclass(frozen=True)
+class PathPlan:
+    """The path of solutions along one parameter t in which the load is affine, l̃(t) = l̃₀ + t l̃₁ (`tcstudy path`).
+
+    parameter:  key path of t, e.g. ("heat", "theta_bar"), ("boundary", "top", "u_x"), ("loads", "f_x"); ("load",) is a
+                factor of all mechanical loads f, g and pressure
+    units:      units of t in CF form, "1" without
+    begin, end: range of interest; the path starts at begin
+    within:     (low, high): how far the path is followed; it may leave the range of interest and come back
+    at:         values at which all solutions are wanted
+    scene:      the scene without a sweep; its own value of the parameter is not used
+    start:      which solution of t = begin the path goes through: the one found from zero or the lowest one found
+    direction:  ways followed from the start; "forward" is towards end
+    max_pieces: most pieces on either side of the start
+    hysteresis: whether the loop between begin and end is computed
+    level:      mesh level, None for the finest
+    law_error:  relative error of the piecewise-linear stand-in for a law with exponential pieces
+    """
+
+    parameter: tuple[str, ...]
+    units: str
+    begin: float
+    end: float
+    within: tuple[float, float]
+    scene: Scene
+    at: tuple[float, ...] = ()
+    start: Start = "zero"
+    direction: Direction = "both"
+    max_pieces: int = 20_000
+    hysteresis: bool = True
+    level: int | None = None
+    law_error: float = 1e-3
+
+    @property
+    def name(self) -> str:
+        """Dotted name of the parameter."""
+        return ".".join(self.parameter)
+
+
+Branch = Literal["lowest", "continued", "from-zero"]
+
+
+@dataclass(frozen=True)
+class SolverPlan:
+    """How the contact problem is solved.
+
+    names:          solvers; the first one's solution is stored, the others are compared with it
+    tolerance:      largest inclusion residual of an accepted solution, strict; None for 1e-10 or what rounding allows
+                    (solve/acceptance.py)
+    max_iterations: iteration limit of the method, None for its own
+    branch:         which solution is stored where several are found: the one of lowest energy ("lowest": starts at
+                    zero, at the frictionless solution and at the neighbouring sweep point), the one that continues
+                    the neighbour's ("continued"), or the one from zero ("from-zero")
+    """
+
+    names: tuple[str, ...] = ("separable-newton",)
+    tolerance: float | None = None
+    max_iterations: int | None = None
+    branch: Branch = "lowest"
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One swept parameter.
+
+    name:   dimension and coordinate name in the data, e.g. "alpha", "friction"
+    path:   key path in the study, e.g. ("heat", "alpha")
+    values: what is put at the path, point by point (plain YAML values)
+    labels: numbers (SI) or texts that stand in the data's coordinate
+    units:  units of the labels, "1" for texts
+    """
+
+    name: str
+    path: tuple[str, ...]
+    values: tuple[object, ...]
+    labels: tuple[float | str, ...]
+    units: str
+
+
+@dataclass(frozen=True)
+class OutputPlan:
+    """Where the data go and what beside the mandatory variables is kept.
+
+    fields: θ and u of the whole body at every point
+    live:   what a page needs to solve the contact problem by itself (offline.live); off unless asked for, because it
+            costs a run some thirty temperatures and up to half a megabyte a level
+    """
+
+    path: Path | None = None
+    fields: bool = False
+    live: bool = False
+
+
+@dataclass(frozen=True)
+class Study:
+    """A whole study: the sweep and one validated Scene for each of its points.
+
+    mode:   "grid": points are the product of the axes; "list": axes are read together (zip and list)
+    scenes: one per point, in C order of the axes; each is complete (scene.points.Scenes for a sweep)
+    text:   the exact YAML text;  source: its file, if any
+    units:  "SI" or "none" (dimensionless)
+    """
+
+    title: str
+    text: str
+    source: Path | None
+    units: Literal["SI", "none"]
+    mode: Literal["grid", "list"]
+    axes: tuple[Axis, ...]
+    scenes: Sequence[Scene]
+    mesh: MeshPlan
+    solver: SolverPlan
+    output: OutputPlan
+    institution: str = ""
+    overrides: tuple[str, ...] = field(default=())
+    exact: Exact | None = None
+    path: PathPlan | None = None
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Extent of the sweep along each data dimension (without the level)."""
+        if self.mode == "grid":
+            return tuple(len(axis.values) for axis in self.axes)
+        return (len(self.axes[0].values),) if self.axes else ()

@@ -1,0 +1,315 @@
+"""What is wrong with one closed chain of edges by itself: open, crossed, clockwise, with slits or without area.
+
+What is wrong with a body, found before the mesher sees it.
+
+The mesher hangs, crashes or silently meshes something else when the outline is open, crossed, clockwise or has
+slivers; so a body is judged here first, and every fault is named with its place and its remedy.
+Left out: faces read from STEP or BREP files, whose shape only their reader knows (see tcstudy.study.built_body).
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
+
+from tcstudy.scene.records import Body, Edge, Loop, Region
+from tcstudy.shapes.edges import edge_arc, edge_normal, edge_points, loop_area
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-6
+"""Shortest edge and smallest gap, relative to the size of the body."""
+
+FLATNESS = 1e-7
+"""Largest distance of an arc from its polygon in the checks, relative to the size of the body."""
+
+MAX_SEGMENTS = 20_000
+"""Most straight pieces of one arc in the checks."""
+
+MAX_FAULTS = 20
+"""Most faults of one kind that are named for one loop."""
+
+LARGEST, SMALLEST = (bound**0.25 for bound in (sys.float_info.max, sys.float_info.min))
+"""Lengths whose fourth powers, as shapes need them, are still floating-point numbers."""
+
+SHARPEST = 1e-4
+"""Smallest angle of a corner [rad]."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What is wrong with a body: where ("body.outline[2]"), what, and what to do about it."""
+
+    where: str
+    what: str
+    remedy: str
+
+
+def coordinate_faults(loop: Loop, place: str) -> list[Fault]:
+    """Coordinates that are not finite or whose products are not; to be looked for before anything else."""
+    faults = []
+    for i, edge in enumerate(loop.edges):
+        points = (edge.start, edge.end) if edge.through is None else (edge.start, edge.end, edge.through)
+        if not np.all(np.isfinite(points)):
+            faults.append(Fault(_place(place, i), "a coordinate is not finite", "give finite numbers"))
+        elif not faults and (largest := float(np.max(np.abs(points)))) > LARGEST:
+            what = f"the coordinate {largest:.3g} is too large to compute with"
+            faults.append(Fault(_place(place, i), what, "check the number and its unit"))
+    if not faults and loop.edges and 0.0 < (size := rough_size(loop)) < SMALLEST:
+        what = f"the size {size:.3g} is too small to compute with"
+        faults.append(Fault(place, what, "check the numbers and their unit"))
+    return faults
+
+
+def _place(place: str, i: int) -> str:
+    """Where edge i of a loop is in the study: only an outline's edges have entries of their own there."""
+    return f"{place}[{i}]" if place == "body.outline" else place
+
+
+def _label(loop: Loop, i: int) -> str:
+    return f"edge {i + 1} ({loop.edges[i].name})"
+
+
+def spot(point: ArrayLike) -> str:
+    """A point in words."""
+    x, y = np.asarray(point, dtype=float)
+    return f"({x:.6g}, {y:.6g})"
+
+
+def rough_size(loop: Loop) -> float:
+    """Size of a loop that may be faulty: bounding box of the points that are given."""
+    points = [point for e in loop.edges for point in (e.start, e.end, e.through or e.start)]
+    return math.hypot(*(np.max(points, axis=0) - np.min(points, axis=0)))
+
+
+def loop_faults(loop: Loop, place: str, size: float) -> list[Fault]:
+    """Faults of one loop by itself; finer ones are looked for only when the coarser are absent."""
+    return (
+        _chain_faults(loop, place)
+        or _edge_faults(loop, place, size)
+        or _vertex_faults(loop, place, size)
+        or _crossing_faults(loop, place, size)
+        or _corner_faults(loop, place)
+        or _turn_faults(loop, place)
+    )
+
+
+def _chain_faults(loop: Loop, place: str) -> list[Fault]:
+    edges = loop.edges
+    least = 2 if any(edge.through for edge in edges) else 3
+    if len(edges) < least:
+        return [Fault(place, f"{len(edges)} edges do not enclose an area", f"give at least {least} edges")]
+    faults = []
+    for i, edge in enumerate(edges):
+        following = (i + 1) % len(edges)
+        if edge.end != edges[following].start:
+            what = f"{_label(loop, i)} ends at {spot(edge.end)}, but the next begins at {spot(edges[following].start)}"
+            faults.append(Fault(_place(place, i), what, "let every edge begin where the one before ends"))
+    return faults
+
+
+def _edge_faults(loop: Loop, place: str, size: float) -> list[Fault]:
+    """Edges of no length, and arcs whose three points do not make a circle."""
+    faults = []
+    for i, edge in enumerate(loop.edges):
+        chord = math.dist(edge.start, edge.end)
+        if chord <= TOLERANCE * size:
+            what = f"{_label(loop, i)} has length {chord:.3g}" if chord else f"{_label(loop, i)} has no length"
+            remedy = f"its ends must be more than {TOLERANCE * size:.3g} apart; remove a point, or split a full circle"
+            faults.append(Fault(_place(place, i), f"{what}: it ends where it begins, at {spot(edge.start)}", remedy))
+        elif edge.through is not None:
+            (ax, ay), (cx, cy) = np.subtract(edge.through, edge.start), np.subtract(edge.end, edge.start)
+            if abs(ax * cy - ay * cx) <= TOLERANCE * chord * chord:
+                what = f"the through-point {spot(edge.through)} of {_label(loop, i)} lies on the line of its ends"
+                faults.append(Fault(_place(place, i), what, "leave out through for a straight edge"))
+    return faults
+
+
+def _vertex_faults(loop: Loop, place: str, size: float) -> list[Fault]:
+    """Vertices that the loop passes twice."""
+    vertices = shapely.points([edge.start for edge in loop.edges])
+    pairs = shapely.STRtree(vertices).query(vertices, predicate="dwithin", distance=TOLERANCE * size)
+    faults = []
+    for i, j in _sorted_pairs(pairs)[:MAX_FAULTS]:
+        what = f"the vertex {spot(loop.edges[j].start)} begins both {_label(loop, i)} and {_label(loop, j)}"
+        faults.append(Fault(_place(place, j), what, "the boundary must not touch itself: move one of the two"))
+    return faults
+
+
+def _sorted_pairs(pairs: NDArray[np.intp]) -> list[tuple[int, int]]:
+    """The pairs (i, j) with i < j, in order."""
+    return sorted((int(i), int(j)) for i, j in pairs.T if i < j)
+
+
+def _line(edge: Edge, size: float) -> BaseGeometry:
+    """The edge as a fine polygonal line: no farther than FLATNESS · size from an arc."""
+    arc = edge_arc(edge)
+    count = 1
+    if arc is not None:
+        count = 8 + math.ceil(abs(arc.sweep) * math.sqrt(arc.radius / (8.0 * FLATNESS * size)))
+        count = min(count, MAX_SEGMENTS)
+    return shapely.linestrings(edge_points(edge, count))
+
+
+def loop_polygon(loop: Loop, size: float) -> BaseGeometry:
+    """The loop as a polygon; arcs deviate by at most FLATNESS·size."""
+    lines = [shapely.get_coordinates(_line(edge, size))[:-1] for edge in loop.edges]
+    polygon = shapely.polygons(np.vstack(lines))
+    shapely.prepare(polygon)
+    return polygon
+
+
+def _crossing_faults(loop: Loop, place: str, size: float) -> list[Fault]:
+    """Pairs of edges that cross, touch or come closer than the tolerance away from a common vertex."""
+    gap = TOLERANCE * size
+    lines = [_line(edge, size) for edge in loop.edges]
+    pairs = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap)
+    faults: list[Fault] = []
+    for i, j in _sorted_pairs(pairs):
+        point = _meeting(loop, lines, i, j, gap)
+        if point is not None and len(faults) < MAX_FAULTS:
+            what = f"{_label(loop, i)} and {_label(loop, j)} cross or touch at {spot(point)}"
+            faults.append(Fault(_place(place, i), what, "the boundary must not meet itself: check the order of points"))
+    return faults
+
+
+def _meeting(loop: Loop, lines: list[BaseGeometry], i: int, j: int, gap: float) -> Array | None:
+    """A point at which edges i < j meet, other than a vertex they share; None if there is none."""
+    shared = [loop.edges[j].start] if j == i + 1 else []
+    if (j + 1) % len(lines) == i:
+        shared.append(loop.edges[i].start)
+    meeting = shapely.shortest_line(lines[i], lines[j])
+    if shared:
+        common = shapely.intersection(lines[i], lines[j])
+        meeting = shapely.difference(common, shapely.multipoints(shared).buffer(10.0 * gap))
+    points: Array = shapely.get_coordinates(meeting)
+    return points[0] if len(points) else None
+
+
+def _corner_faults(loop: Loop, place: str) -> list[Fault]:
+    """Corners without an angle, where an edge runs back along the one before."""
+    faults = []
+    for i, (edge, following) in enumerate(pairwise((*loop.edges, loop.edges[0]))):
+        arriving, leaving = edge_normal(edge, [edge.end])[0], edge_normal(following, [following.start])[0]
+        turn = math.atan2(arriving[0] * leaving[1] - arriving[1] * leaving[0], float(arriving @ leaving))
+        if abs(turn) > math.pi - SHARPEST:
+            j = (i + 1) % len(loop.edges)
+            what = f"{_label(loop, j)} runs back along {_label(loop, i)} from {spot(edge.end)}"
+            faults.append(Fault(_place(place, j), what, "give the corner an angle"))
+    return faults
+
+
+def _turn_faults(loop: Loop, place: str) -> list[Fault]:
+    if loop_area(loop) > 0.0:
+        return []
+    return [Fault(place, "the points run clockwise", "reverse the order of the points: counter-clockwise is expected")]
+
+
+def check_body(body: Body) -> list[Fault]:
+    """Everything that is wrong with a body and its regions; empty if it can be meshed.
+
+    Lengths are compared with the size of the body. Holes and regions are compared with one another and with the
+    outline only where each is sound by itself.
+    """
+    if body.outline is None:
+        return _regions_alone(body.regions)
+    faults = coordinate_faults(body.outline, "body.outline")
+    if faults or not body.outline.edges:
+        return faults or [Fault("body.outline", "the outline has no edge", "give at least three edges")]
+    size = rough_size(body.outline)
+    faults = loop_faults(body.outline, "body.outline", size)
+    places = [f"body.holes[{i}]" for i in range(len(body.holes))]
+    places += [f"body.regions.{region.name}" for region in body.regions]
+    shapes: list[BaseGeometry | None] = []
+    for loop, place in zip((*body.holes, *(region.loop for region in body.regions)), places, strict=True):
+        own = coordinate_faults(loop, place) or loop_faults(loop, place, size)
+        faults += own
+        shapes.append(None if own else loop_polygon(loop, size))
+    if any(fault.where.startswith("body.outline") for fault in faults):
+        return faults
+    outline, count = loop_polygon(body.outline, size), len(body.holes)
+    gap = TOLERANCE * size
+    holes = [(place, shape) for place, shape in zip(places[:count], shapes[:count], strict=True) if shape]
+    regions = [(place, shape) for place, shape in zip(places[count:], shapes[count:], strict=True) if shape]
+    return faults + _hole_faults(outline, holes, gap) + _region_faults(outline, holes, regions, gap)
+
+
+def _regions_alone(regions: tuple[Region, ...]) -> list[Fault]:
+    """What is wrong with regions, each by itself and among one another, where the body is not known yet."""
+    named = [(f"body.regions.{region.name}", region.loop) for region in regions]
+    faults = [fault for place, loop in named for fault in coordinate_faults(loop, place)]
+    if faults or not named:
+        return faults
+    size = max(rough_size(loop) for _, loop in named)
+    sound: list[_Named] = []
+    for place, loop in named:
+        own = loop_faults(loop, place, size)
+        faults += own
+        if not own:
+            sound.append((place, loop_polygon(loop, size)))
+    return faults + _overlap_faults(sound, TOLERANCE * size)
+
+
+_Named = tuple[str, BaseGeometry]
+
+
+def _hole_faults(outline: BaseGeometry, holes: list[_Named], gap: float) -> list[Fault]:
+    """Holes outside the body, across or at its outline, or at one another."""
+    faults = []
+    for place, hole in holes:
+        point = spot(shapely.get_coordinates(shapely.shortest_line(hole.exterior, outline.exterior))[0])
+        if shapely.dwithin(hole.exterior, outline.exterior, gap):
+            faults.append(Fault(place, f"the hole touches or crosses the outline at {point}",
+                                "keep holes inside, or draw the outline around the notch"))  # fmt: skip
+        elif not shapely.contains(outline, hole):
+            what = (
+                "the hole surrounds the body" if shapely.contains(hole, outline) else "the hole lies outside the body"
+            )
+            faults.append(Fault(place, what, "move it inside the outline"))
+    for (first, a), (second, b) in combinations(holes, 2):
+        if shapely.dwithin(a, b, gap):
+            point = spot(shapely.get_coordinates(shapely.shortest_line(b, a))[0])
+            faults.append(Fault(second, f"the hole overlaps or touches {first} at {point}",
+                                "move them apart, or draw them as one hole"))  # fmt: skip
+    return faults
+
+
+def _region_faults(outline: BaseGeometry, holes: list[_Named], regions: list[_Named], gap: float) -> list[Fault]:
+    """Regions that leave the body, overlap a hole or one another; they may share boundary with all of these."""
+    faults = []
+    for place, region in regions:
+        slack = min(gap * region.length, 0.1 * region.area)
+        outside = shapely.difference(region, outline)
+        if shapely.intersection(region, outline).area <= slack:
+            faults.append(Fault(place, "the region lies outside the body", "move it inside the outline"))
+        elif outside.area > slack:
+            faults.append(Fault(place, f"the region leaves the body near {_inside(outside)}",
+                                "keep it within the outline; it may end on it"))  # fmt: skip
+        for hole, shape in holes:
+            common = shapely.intersection(region, shape)
+            if common.area > slack:
+                faults.append(Fault(place, f"the region overlaps {hole} near {_inside(common)}",
+                                    "keep it clear of holes; it may end at their edges"))  # fmt: skip
+    return faults + _overlap_faults(regions, gap)
+
+
+def _overlap_faults(regions: list[_Named], gap: float) -> list[Fault]:
+    """Regions that overlap one another; they may share boundary."""
+    faults = []
+    for (first, a), (second, b) in combinations(regions, 2):
+        common = shapely.intersection(a, b)
+        if common.area > min(gap * a.length, gap * b.length, 0.1 * a.area, 0.1 * b.area):
+            faults.append(Fault(second, f"the region overlaps {first} near {_inside(common)}",
+                                "regions must not overlap; they may share an edge"))  # fmt: skip
+    return faults
+
+
+def _inside(shape: BaseGeometry) -> str:
+    return spot(shapely.get_coordinates(shapely.point_on_surface(shape))[0])

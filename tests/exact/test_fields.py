@@ -1,0 +1,87 @@
+"""Normals as expressions: of one curve, of several, of holes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tcstudy.exact.fields import body_edges, edge_samples, normal_field
+from tcstudy.expressions.derivative import Algebra
+from tcstudy.expressions.tree import Node
+from tcstudy.read.study import read_study_text
+from tcstudy.scene.records import Body
+
+TEXT = """
+units: none
+body:
+  outline:
+    - {from: [0, 0], edge: base}
+    - {from: [3, 0], edge: right}
+    - {from: [3, 1], edge: dome, through: [1.5, 2]}
+    - {from: [0, 1], edge: left}
+  holes: [{circle: {center: [1.5, 0.9], radius: 0.3, edge: bore}}]
+boundary: {base: contact, right: free, dome: free, left: clamped, bore: free}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: 1}
+mesh: {maxh: 0.5}
+"""
+
+
+def body() -> Body:
+    return read_study_text(TEXT).scenes[0].body
+
+
+def at(algebra: Algebra, node: Node, points: np.ndarray) -> np.ndarray:
+    value = algebra.scalar(node)
+    return np.full(len(points), value) if isinstance(value, float) else value.evaluate(*points.T)
+
+
+@pytest.mark.parametrize(
+    "names", [("base",), ("dome",), ("bore",), ("right", "left"), ("base", "right", "dome", "left", "bore")]
+)
+def test_the_field_is_the_normal_on_every_curve(names: tuple[str, ...]) -> None:
+    algebra, edges = Algebra(), body_edges(body(), names)
+    field = normal_field(algebra, body(), edges)
+    for edge, hole in edges:
+        points, normals = edge_samples(edge, hole)
+        found = np.column_stack([at(algebra, component, points) for component in field])
+        np.testing.assert_allclose(found, normals, rtol=0, atol=1e-13)
+
+
+def test_normals_point_out_of_the_body() -> None:
+    algebra = Algebra()
+    for name, point, normal in (("base", (1, 0), (0, -1)), ("bore", (1.8, 0.9), (-1, 0)), ("dome", (1.5, 2), (0, 1))):
+        field = normal_field(algebra, body(), body_edges(body(), (name,)))
+        found = [float(at(algebra, component, np.array([point]))[0]) for component in field]
+        np.testing.assert_allclose(found, normal, atol=1e-12)
+
+
+def test_one_normal_costs_nothing() -> None:
+    algebra = Algebra()
+    assert len(algebra.scalar(normal_field(algebra, body(), body_edges(body(), ("bore",)))[0]).order) <= 6
+
+
+L_SHAPE = (
+    TEXT[: TEXT.index("body")]
+    + """
+body:
+  outline:
+    - {from: [0, 0], edge: base}
+    - {from: [2, 0], edge: rest}
+    - {from: [2, 1], edge: rest}
+    - {from: [1, 1], edge: rest}
+    - {from: [1, 2], edge: rest}
+    - {from: [0, 2], edge: wall}
+boundary: {base: contact, rest: free, wall: clamped}
+"""
+    + TEXT[TEXT.index("material") :]
+)
+
+
+@pytest.mark.parametrize(("point", "normal"), [((1.0, 0.0), (0.0, -1.0)), ((0.0, 1.0), (-1.0, 0.0))])
+def test_an_edge_ends_where_its_line_goes_on(point: tuple[float, float], normal: tuple[float, float]) -> None:
+    """The lines of the re-entrant corner's edges meet base and wall, one before its start, one behind its end."""
+    algebra, own = Algebra(), read_study_text(L_SHAPE).scenes[0].body
+    field = normal_field(algebra, own, body_edges(own))
+    found = [float(at(algebra, component, np.array([point]))[0]) for component in field]
+    np.testing.assert_allclose(found, normal, atol=1e-13)

@@ -1,0 +1,110 @@
+"""Exact numbers on curved bodies against closed forms, and where stick turns into slip."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tcstudy.accuracy.norms import Triangles
+from tcstudy.exact.numbers import exact_energy, exact_slip_length, sliver_integral
+from tcstudy.fem.geometry import build
+from tcstudy.fem.meshes import mesh_family
+from tcstudy.read.study import read_study, read_study_text
+from tcstudy.scene.study import Study
+from tests.test_cli import CONFIGS
+from tests.verification import closed_forms
+
+MU, A, B = closed_forms.MU, closed_forms.A, closed_forms.B
+
+ANNULUS = f"""
+units: none
+body:
+  outline:
+    - {{from: [1, 0], edge: rim, through: [0, 1]}}
+    - {{from: [-1, 0], edge: rim, through: [0, -1]}}
+  holes: [{{circle: {{center: [0, 0], radius: 0.5, edge: bore}}}}]
+boundary: {{rim: contact, bore: clamped}}
+material: {{lambda: {closed_forms.LAM}, mu: {MU}}}
+friction: {{law: tresca, tau: {2 * MU * B}}}
+mesh: {{maxh: 0.25, levels: 3}}
+exact: {{u: ["-({A} + {B}/(x^2 + y^2))*y", "({A} + {B}/(x^2 + y^2))*x"], loads: derived}}
+"""
+
+
+def meshes(study: Study) -> list[Triangles]:
+    found = mesh_family(build(study.scenes[0].body), study.mesh)
+    return [Triangles(mesh.points, mesh.triangles) for mesh in found]
+
+
+@pytest.mark.parametrize(
+    ("study", "angle"), [(closed_forms.ring(3), math.radians(70)), (read_study_text(ANNULUS), 2 * math.pi)]
+)
+def test_energy_of_turning_rings(study: Study, angle: float) -> None:
+    """½a(u, u) = ∫2μB²/r⁴ = 3μB² per radian, ∫j = 2μB (A + B) per radian; quadrature of degree 5 on the triangles."""
+    assert study.exact is not None
+    expected = (3 * MU * B**2 + 2 * MU * B * (A + B)) * angle
+    off = [abs(exact_energy(study.exact, study.scenes[0], mesh) / expected - 1) for mesh in meshes(study)]
+    assert off[-1] < 2e-8
+    assert off[0] / off[-1] > 16**2  # two refinements at order four at least: no error of the geometry is left
+
+
+def test_slivers_make_up_the_area_and_moments_of_the_exact_body() -> None:
+    study = read_study_text(ANNULUS)
+    body, coarse = study.scenes[0].body, meshes(study)[0]
+    for density, expected in (
+        (lambda x, y: 1.0 + 0 * x, math.pi * 0.75),
+        (lambda x, y: x**2 + 0 * y, math.pi / 4 * (1 - 0.5**4)),
+        (lambda x, y: x * y + y, 0.0),
+    ):
+        polygon, sliver = coarse.integral(density), sliver_integral(body, coarse, density)
+        assert polygon + sliver == pytest.approx(expected, rel=1e-9, abs=1e-12)
+        assert expected == 0.0 or abs(sliver) > 1e-3 * expected
+    straight = read_study(CONFIGS / "manufactured.yaml")
+    assert sliver_integral(straight.scenes[0].body, meshes(straight)[0], lambda x, y: x) == 0.0
+
+
+def test_slip_length_of_stick_and_slip() -> None:
+    """The change at x = 1/3 in closed form: u_T = 0.36 r^1.5 leaves its rounding 1e-14 at r = 1e-9."""
+    for study in (
+        read_study(CONFIGS / "convergence.yaml"),
+        closed_forms.stick_slip(2),
+        closed_forms.stick_slip(2, 45.0),
+    ):
+        assert study.exact is not None
+        assert exact_slip_length(study.exact, study.scenes[0]) == pytest.approx(2 / 3, abs=5e-9)
+
+
+@pytest.mark.parametrize(
+    ("u_x", "law", "expected"),
+    [
+        ("max(0, x - 0.3)", "{law: tresca, tau: 1}", 0.7),
+        ("max(0, 0.2 - x) - max(0, x - 0.3)", "{law: tresca, tau: 1}", 0.9),
+        ("x - 0.25", "{law: tresca, tau: 1}", 1.0),  # passes 0 at one point
+        ("0*x", "{law: tresca, tau: 1}", 0.0),
+        ("0*x", "{law: linear, k: 1}", 1.0),  # a law without a jump never sticks
+        ("0.1 + max(0, x - 0.5)", "{law: piecewise-linear, points: [[0, 1], [0.1, 1], [0.1, 2]], odd: true}", 0.5),
+        ("0.1 + max(0, x - 0.5)", "{law: piecewise-linear, points: [[0, 2], [0.1, 2], [0.1, 1]], odd: true}", 1.0),
+    ],
+)
+def test_slip_length_by_hand(u_x: str, law: str, expected: float) -> None:
+    """Sticking is resting on an up-jump of b, at 0 or elsewhere; a down-jump does not hold."""
+    study = read_study_text(
+        "units: none\nbody: {rectangle: {width: 1, height: 1}}\n"
+        "boundary: {bottom: contact, right: free, top: clamped, left: free}\nmaterial: {E: 1, nu: 0.3}\n"
+        f'friction: {law}\nmesh: {{maxh: 0.5}}\nexact: {{u: ["{u_x}", 0]}}\n'
+    )
+    assert study.exact is not None
+    assert exact_slip_length(study.exact, study.scenes[0]) == pytest.approx(expected, abs=1e-12)
+
+
+def test_the_exact_energy_does_not_need_a_fine_mesh() -> None:
+    study = closed_forms.ring(1)
+    assert study.exact is not None
+    (mesh,) = meshes(study)
+    plain = mesh.integral(lambda x, y: np.ones_like(x))
+    assert plain == pytest.approx(3 / 8 * math.radians(70), rel=0.02)
+    assert plain != pytest.approx(3 / 8 * math.radians(70), rel=1e-4)
+    whole = plain + sliver_integral(study.scenes[0].body, mesh, lambda x, y: np.ones_like(x))
+    assert whole == pytest.approx(3 / 8 * math.radians(70), rel=1e-8)

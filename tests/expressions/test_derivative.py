@@ -1,0 +1,128 @@
+"""Derivatives as expressions: against forward mode, by hand, twice, and what stays small."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+from tcstudy.exact.fields import kinks
+from tcstudy.exact.gradient import value_and_gradient
+from tcstudy.expressions.derivative import Calculus
+from tcstudy.expressions.expression import MAX_LENGTH, Expression, of_tree, parse
+
+X, Y = np.array([0.3, 0.8, 1.7]), np.array([0.6, 0.25, 1.1])
+
+
+def slope(text: str, variables: str) -> Expression:
+    """One derivative after the other."""
+    algebra = Calculus()
+    node = algebra.tree(parse(text))
+    for variable in variables:
+        node = algebra.derivative(node, variable)
+    return of_tree(node)
+
+
+TEXTS = (
+    *("3*x - y/2 + 7", "x^3*y^2", "sin(2*x)*exp(-y)", "1/(x^2+y^2)", "atan2(y, x)", "2^x + x^y", "tan(x*y)"),
+    *("asin(x/3)", "acos(y/3)", "atan(x - y)", "log(x + y)", "sqrt(x*y)", "sinh(x)*cosh(y)", "tanh(x*y)"),
+    *("abs(x - y)^3", "-(x - 2)^-3", "5 - x", "3/x - (-y)", "atan2(1, x) + atan2(y, 2)", "x^0 + x^0.75", "-x*-y"),
+    *("max(0, x - 1)^2 + min(y, 1)", "max(x, y, 1)*min(x*y, 2, x)", "abs(x - 1)*abs(y)", "cos(x)^2/(1 + y)"),
+)
+
+
+@pytest.mark.parametrize("text", TEXTS)
+def test_gradients_agree_with_forward_mode(text: str) -> None:
+    expected = value_and_gradient(parse(text), X, Y)[1]
+    found = [slope(text, variable).evaluate(X, Y) for variable in "xy"]
+    np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-14)
+
+
+@pytest.mark.parametrize("text", TEXTS)
+def test_second_derivatives_agree_and_commute(text: str) -> None:
+    for first in "xy":
+        once = slope(text, first)
+        expected = value_and_gradient(once, X, Y)[1]
+        for second, own in zip("xy", expected, strict=True):
+            finite = np.isfinite(own)  # forward mode has 0/0 in a step
+            found = slope(text, first + second).evaluate(X, Y)
+            np.testing.assert_allclose(found[finite], own[finite], rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(
+        slope(text, "xy").evaluate(X, Y), slope(text, "yx").evaluate(X, Y), rtol=1e-11, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "variables", "expected"),
+    [
+        ("x^3*y", "xx", "3.0*(2.0*x)*y"),
+        ("7*x + y", "x", "7.0"),
+        ("exp(2*x)", "x", "2.0*exp(2.0*x)"),
+        ("sin(y)", "x", "0.0"),
+        ("2*(3*x*y)", "y", "6.0*x"),
+        ("-cos(x)", "x", "sin(x)"),
+        ("(x + 0*y)/1", "x", "1.0"),
+    ],
+)
+def test_simplified(text: str, variables: str, expected: str) -> None:
+    found = slope(text, variables)
+    np.testing.assert_allclose(found.evaluate(X, Y), parse(expected).evaluate(X, Y), rtol=1e-14)
+    assert len(found.text) <= len(expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "at", "side"),
+    [
+        *(("abs(x)", 0.0, 1.0), ("abs(x)", -0.0, 1.0), ("abs(x)", -1e-300, -1.0)),
+        *(("max(x, 2*x)", 0.0, 1.0), ("min(x, -x)", 0.0, 1.0)),
+    ],
+)
+def test_at_a_kink_one_side_is_taken(text: str, at: float, side: float) -> None:
+    found = float(slope(text, "x").evaluate(at, 0.0))
+    assert found == side
+
+
+def test_kinks_are_where_slopes_jump() -> None:
+    assert kinks(parse("sin(x)*y")) == kinks(2.0) == ()
+    found = kinks(parse("abs(x - 1) + max(0, y, x) + min(y, 3)"))
+    values = sorted(float(bend.evaluate(4.0, 1.0)) for bend in found)
+    assert values == sorted([3.0, -1.0, -4.0, -3.0, -2.0])
+
+
+def test_the_text_reads_back_as_the_same_function() -> None:
+    for text in TEXTS:
+        for variables in ("x", "y", "xy"):
+            derived = slope(text, variables)
+            if "operations" not in derived.text:
+                again = parse(derived.text)
+                np.testing.assert_array_equal(again.evaluate(X, Y), derived.evaluate(X, Y))
+
+
+def test_a_derivative_shares_its_parts() -> None:
+    """A long singular field: its second derivatives have a text of a megabyte and a few hundred different nodes."""
+    text = "((x-1)^2+y^2)^0.75 * " + " * ".join(f"(cos({i}*atan2(y, x-1)) + sin(x*y + {i}))" for i in range(1, 11))
+    twice = slope(text, "xy")
+    assert len(twice.order) < 1500
+    assert len(twice.text) <= MAX_LENGTH
+    assert "operations" in twice.text
+    h = 1e-5
+    once = slope(text, "x")
+    expected = (once.evaluate(X, Y + h) - once.evaluate(X, Y - h)) / (2 * h)
+    np.testing.assert_allclose(twice.evaluate(X, Y), expected, rtol=1e-7, atol=1e-7 * np.max(np.abs(expected)))
+
+
+def test_long_expressions_are_told_apart_and_can_be_pickled() -> None:
+    text = " * ".join(f"sin({i}*x + y)" for i in range(1, 60))
+    one, other = slope(text, "xx"), slope(text.replace("59", "58"), "xx")
+    assert one.text != other.text
+    assert one == slope(text, "xx")
+    again = pickle.loads(pickle.dumps(one))
+    assert again == one
+    np.testing.assert_array_equal(again.evaluate(X, Y), one.evaluate(X, Y))
+
+
+def test_depth_is_no_limit() -> None:
+    deep = slope("sin(" * 100 + "x" + ")" * 100, "xx")
+    assert np.isfinite(deep.evaluate(X, Y)).all()
+    assert pickle.loads(pickle.dumps(deep)) == deep

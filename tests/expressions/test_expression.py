@@ -1,0 +1,309 @@
+"""Expressions against NumPy and the standard library; hostile and mistaken texts."""
+
+from __future__ import annotations
+
+import copy
+import math
+import operator
+import pickle
+import time
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tcstudy.expressions.expression import MAX_LENGTH, Expression, ExpressionError, parse
+
+NUMPY = {
+    "0.3*sin(pi*x)": lambda x, y: 0.3 * np.sin(np.pi * x),
+    "cos(x)*tan(y) - e": lambda x, y: np.cos(x) * np.tan(y) - np.e,
+    "asin(x/9) + acos(y/9) - atan(x)": lambda x, y: np.arcsin(x / 9) + np.arccos(y / 9) - np.arctan(x),
+    "atan2(y, x)": lambda x, y: np.arctan2(y, x),
+    "exp(-x^2 - y**2)": lambda x, y: np.exp(-(x**2) - y**2),
+    "log(1 + x^2) / sqrt(2 + abs(y))": lambda x, y: np.log(1 + x**2) / np.sqrt(2 + abs(y)),
+    "sinh(x) - cosh(y) + tanh(x*y)": lambda x, y: np.sinh(x) - np.cosh(y) + np.tanh(x * y),
+    "min(x, y, 0.5) + 10*max(1, 2, x)": lambda x, y: np.minimum(np.minimum(x, y), 0.5) + 10 * np.maximum(x, 2),
+    "-x^2": lambda x, y: -(x**2),
+    "2^-x": lambda x, y: 2.0**-x,
+    "2^3^0.5": lambda x, y: 2.0 ** (3**0.5) + 0 * x,
+    "x - y - 1 - 2": lambda x, y: x - y - 1 - 2,
+    "x / 2 / 4": lambda x, y: x / 8,
+    "+x - -y": lambda x, y: x + y,
+    " ( x\n+ .5e1 ) * 010 ": lambda x, y: (x + 5) * 10,
+    "abs(x)^1.5": lambda x, y: abs(x) ** 1.5,
+}
+
+
+@pytest.mark.parametrize("text", NUMPY)
+def test_values_are_those_of_numpy(text: str) -> None:
+    x, y = np.random.default_rng(0).uniform(-3, 3, (2, 200))
+    np.testing.assert_allclose(parse(text).evaluate(x, y), NUMPY[text](x, y), rtol=2e-15, atol=1e-15)
+
+
+def test_points_broadcast_and_results_own_their_memory() -> None:
+    values = parse("2").evaluate(np.zeros((3, 1)), np.zeros(4))
+    assert values.shape == (3, 4)
+    values[0, 0] = 5.0
+    assert values.sum() == 5 + 2 * 11
+    assert parse("x+y").evaluate(1, 2).shape == ()
+    x = np.arange(3.0)
+    parse("x").evaluate(x, 0)[:] = 9
+    assert x.tolist() == [0, 1, 2]
+
+
+def test_integer_points_are_real_numbers() -> None:
+    assert parse("x^-1").evaluate(np.array([2, 4]), 0).tolist() == [0.5, 0.25]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1/0", math.inf),
+        ("log(0)", -math.inf),
+        ("sqrt(-1)", math.nan),
+        ("9**9**9", math.inf),
+        ("exp(1e6)", math.inf),
+    ],
+)
+def test_results_that_are_not_finite_are_returned_as_they_are(text: str, value: float) -> None:
+    np.testing.assert_equal(parse(text).constant, value)
+    np.testing.assert_equal(parse(f"{text} + 0*x").evaluate([0.0, 1.0], 0.0), [value, value])
+
+
+def test_variables_and_constant() -> None:
+    assert parse("x*sin(y)").variables == {"x", "y"}
+    assert parse("0*y").variables == {"y"}
+    assert parse("0*y").constant is None
+    assert parse("2*(3+4)^2").constant == 98.0
+    assert parse("pi").constant == math.pi
+    assert type(parse("e").constant) is float
+    assert parse("max(1, 3, 2)").constant == 3.0
+
+
+def test_equal_and_hashed_by_text() -> None:
+    assert parse("x + y") == parse(" x + y ")
+    assert hash(parse("x+y")) == hash(parse("x+y"))
+    assert parse("x+y") != parse("y+x")
+    assert str(parse(" x^2 ")) == "x^2"
+    with pytest.raises(AttributeError):
+        parse("x").text = "y"  # type: ignore[misc]
+
+
+def test_pickle_and_copy() -> None:
+    expression = parse("x" + "+x" * 110)
+    for twin in (pickle.loads(pickle.dumps(expression)), copy.deepcopy(expression)):
+        assert twin == expression
+        assert twin.evaluate(2.0, 0.0) == 222.0
+    error = pickle.loads(pickle.dumps(ExpressionError("wrong", 7)))
+    assert (str(error), error.offset) == ("wrong", 7)
+
+
+def test_fold_in_another_arithmetic() -> None:
+    x, y = Fraction(1, 3), Fraction(2, 7)
+    assert parse("x^3 - y/2 + 4").fold({"x": x, "y": y}, {}) == pytest.approx(float(x**3 - y / 2 + 4), rel=1e-15)
+    assert parse("-x**2 * y").fold({"x": x, "y": y}, {}) == -(x**2) * y
+
+
+class Trace:
+    """Arithmetic that writes down what is asked of it."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def __pow__(self, other: object) -> Trace:
+        return Trace(f"pow({self.text},{other!r})")
+
+    def __mul__(self, other: Any) -> Trace:
+        return Trace(f"mul({self.text},{getattr(other, 'text', repr(other))})")
+
+    def __rmul__(self, other: float) -> Trace:
+        return Trace(f"mul({other!r},{self.text})")
+
+
+def test_fold_passes_constants_as_floats_and_whole_powers_as_ints() -> None:
+    def call(name: str) -> Any:
+        return lambda *a: Trace(f"{name}({','.join(getattr(v, 'text', repr(v)) for v in a)})")
+
+    functions = {name: call(name) for name in ("sin", "max", "atan2")}
+    variables = {"x": Trace("x"), "y": Trace("y")}
+
+    def trace(text: str) -> str:
+        folded = parse(text).fold(variables, functions)
+        assert isinstance(folded, Trace)
+        return folded.text
+
+    assert trace("x^2") == "pow(x,2)"
+    assert trace("x^-(1+1)") == "pow(x,-2)"
+    assert trace("x^0.5") == "pow(x,0.5)"
+    assert trace("x^1e9") == "pow(x,1000000000.0)"
+    assert trace("(1+2)*sin(y)") == "mul(3.0,sin(y))"
+    assert trace("max(1, x, 2, y)") == "max(max(max(x,y),1.0),2.0)"
+    assert trace("atan2(1, x)") == "atan2(1.0,x)"
+    assert parse("sin(pi/2)").fold(variables, functions) == 1.0
+
+
+HOSTILE = [
+    "__import__('os')",
+    "x.__class__",
+    "().__class__",
+    "lambda: 1",
+    "lambda x: x",
+    "[x for x in (1,)]",
+    "x if y else 1",
+    "x < y",
+    "x == y",
+    "x and y",
+    "not x",
+    "x := 1",
+    "x, y",
+    "sin(x=1)",
+    "sin(*x)",
+    "sin(**x)",
+    "sin",
+    "sin(x)(y)",
+    "x(y)",
+    "2(x)",
+    "print(x)",
+    "'x'",
+    "f'{x}'",
+    "True",
+    "None",
+    "...",
+    "1j",
+    "0x10",
+    "1_000",
+    "x // y",
+    "x % y",
+    "x @ y",
+    "~x",
+    "x & y",
+    "x ** * y",
+    "x * * y",
+    "x)+(y",
+    "(x",
+    "x +",
+    "* x",
+    "()",
+    "",
+    "   ",
+    "x;y",
+    "x#y",
+    "x\x00",
+    "ｘ",
+    "𝓍 + 1",
+    "x\u200b",
+    "²",
+    "1e400",
+    "9" * 1999,
+    "(" * 1000 + "x" + ")" * 999,
+    "(" * 900,
+    "-" * 1999 + "x",
+    "x" + "^x" * 990,
+    "x" + "+x" * 990,
+    "sin(" * 300 + "x" + ")" * 300,
+    "max(" * 200 + "x" + ",1)" * 200,
+    "x" * (MAX_LENGTH + 1),
+    "(x)" * (10**6),
+    "atan2(x)",
+    "sin()",
+    "sin(x, y)",
+    "min(x)",
+    "max()",
+]
+
+
+@pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
+def test_hostile_text_is_refused_at_once(text: str) -> None:
+    start = time.monotonic()
+    with pytest.raises(ExpressionError) as caught:
+        parse(text)
+    assert time.monotonic() - start < 2.0
+    assert 0 <= caught.value.offset <= len(text)
+    assert 10 < len(str(caught.value)) < 600
+
+
+def test_towers_of_powers_end_at_once() -> None:
+    expression = parse("9**9**9 + (2^1e9)*x")
+    assert np.isnan(expression.evaluate(0.0, 0.0))
+    assert expression.fold({"x": 1.0, "y": 1.0}, {}) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("text", "offset", "words"),
+    [
+        ("2 + sim(x)", 4, ["'sim'", "did you mean 'sin'"]),
+        ("Sin(x)", 0, ["did you mean 'sin'"]),
+        ("1 + z", 4, ["unknown name 'z'", "x, y"]),
+        ("3 * arctan(x)", 4, ["'arctan'", "did you mean 'atan'"]),
+        ("2x", 1, ["2*x"]),
+        ("(1+x) y", 6, [")*y"]),
+        ("sin x", 4, ["sin needs parentheses"]),
+        ("3*cos", 2, ["cos is a function"]),
+        ("x^^2", 2, ["character 3"]),
+        ("π*x", 0, ["write pi"]),
+        ("x − 1", 2, ["write - instead"]),
+        ("x < 1", 2, ["'<'"]),
+        ("x*", 2, ["ends with *"]),
+        ("(x", 2, ["not closed"]),
+        ("x)", 1, ["without its ("]),
+        ("y + atan2(x)", 4, ["atan2(y, x)", "not 1"]),
+        ("x^2 + sin(x, y)", 6, ["one argument", "not 2"]),
+    ],
+)
+def test_mistakes_are_named_and_placed(text: str, offset: int, words: list[str]) -> None:
+    with pytest.raises(ExpressionError) as caught:
+        parse(text)
+    assert caught.value.offset == offset, str(caught.value)
+    for word in words:
+        assert word in str(caught.value)
+
+
+LEAVES = st.one_of(
+    st.sampled_from([("x", "x"), ("y", "y")]),
+    st.floats(0, 100).map(lambda v: (repr(v), repr(v))),
+)
+
+
+def _joined(children: st.SearchStrategy[tuple[str, str]]) -> st.SearchStrategy[tuple[str, str]]:
+    pair = st.tuples(children, st.sampled_from("+-*/"), children)
+    return st.one_of(
+        pair.map(lambda t: (f"({t[0][0]}{t[1]}{t[2][0]})", f"({t[0][1]}{t[1]}{t[2][1]})")),
+        children.map(lambda c: (f"-{c[0]}^2", f"-{c[1]}**2")),
+        children.map(lambda c: (f"sin({c[0]})", f"np.sin({c[1]})")),
+    )
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.recursive(LEAVES, _joined, max_leaves=8))
+def test_random_expressions_agree_with_python(pair: tuple[str, str]) -> None:
+    ours, python = pair
+    x, y = np.linspace(0.1, 2, 5), np.linspace(3, 4, 5)
+    names = {"np": np, "x": x, "y": y}
+    with np.errstate(all="ignore"):
+        try:
+            expected = eval(python, names) + 0 * x
+        except (ZeroDivisionError, OverflowError):
+            return
+    np.testing.assert_allclose(parse(ours).evaluate(x, y), expected, rtol=1e-9, atol=1e-9)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.text(alphabet="xyepi0123456789.+-*/^(), sincoatbmrqhlgE_<'\"", max_size=60) | st.text(max_size=40))
+def test_any_text_gives_an_expression_or_an_error(text: str) -> None:
+    try:
+        expression = parse(text)
+    except ExpressionError:
+        return
+    assert isinstance(expression, Expression)
+    assert expression.evaluate(np.array([0.5, 1.0]), 2.0).shape == (2,)
+
+
+def test_function_names_are_complete() -> None:
+    names = ["sin", "cos", "tan", "asin", "acos", "atan", "exp", "log", "sqrt", "abs", "sinh", "cosh", "tanh"]
+    for name in names:
+        reference = abs if name == "abs" else getattr(math, name)
+        assert parse(f"{name}(x)").evaluate(0.4, 0.0) == pytest.approx(reference(0.4), rel=1e-15)
+    assert operator.eq(parse("atan2(x, y)").evaluate(1.0, -2.0), math.atan2(1.0, -2.0))

@@ -1,0 +1,269 @@
+"""Bad studies: each gives one error, at its place, that says what is wrong."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tcstudy.errors import StudyError
+from tcstudy.read.study import read_study, read_study_text
+
+BASE = """\
+body:
+  outline:
+    - {from: [0, 0], edge: bottom}
+    - {from: [2, 0], edge: right}
+    - {from: [2, 1], edge: top}
+    - {from: [0, 1], edge: left}
+  regions:
+    hot: {circle: {center: [1, 0.5], radius: 0.2}}
+boundary:
+  bottom: contact
+  right: convection
+  top: {role: traction, g: [0, -1 MPa]}
+  left: clamped
+material: {E: 210 GPa, nu: 0.3, k: 45 W/(m*K), alpha_T: 12e-6 1/K}
+heat: {alpha: 100 W/(m^2*K), theta_bar: 20 K, q: 5e6, omega: hot}
+friction: {law: slip-weakening, tau_s: 20 MPa, tau_k: 5 MPa, delta: 40 um}
+mesh: {maxh: 0.2, levels: 2}
+sweep:
+  alpha: [25, 100]
+  delta: [20 um, 40 um]
+"""
+FAULTS = Path(__file__).with_name("bad_studies.txt")
+
+
+def cases() -> list[tuple[str, str, str, str]]:
+    """The cases of the table: old text, new text, place and key, part of the message."""
+    lines = [line.replace("\\n", "\n") for line in FAULTS.read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
+    found = []
+    for change, message in zip(lines[::2], lines[1::2], strict=True):
+        old, _, new = change.partition(" => ")
+        match = re.fullmatch(r"    ([0-9]+:[0-9]+:(?: [^ ]+:)?) (.+)", message)
+        assert match, message
+        found.append((old, new.replace("(nothing)", ""), match[1], match[2]))
+    return found
+
+
+def problems(text: str, *overrides: str) -> list[str]:
+    """The lines a user sees."""
+    with pytest.raises(StudyError) as info:
+        read_study_text(text, "study.yaml", overrides)
+    return str(info.value).split("\n")
+
+
+def changed(old: str, new: str) -> str:
+    assert old in BASE
+    return BASE.replace(old, new, 1)
+
+
+def test_the_base_of_these_tests_is_sound() -> None:
+    assert read_study_text(BASE).shape == (2, 2)
+
+
+def test_the_table_is_there() -> None:
+    assert len(cases()) > 130
+
+
+@pytest.mark.parametrize(("old", "new", "place", "part"), cases())
+def test_one_fault_gives_one_error_at_its_place(old: str, new: str, place: str, part: str) -> None:
+    lines = problems(changed(old, new))
+    assert len(lines) == 1
+    assert lines[0].startswith(f"study.yaml:{place} ")
+    assert part in lines[0]
+    assert "; " in lines[0]  # the remedy
+
+
+def test_five_faults_are_reported_at_once_sorted_by_line() -> None:
+    text = BASE
+    for old, new in (
+        ("radius: 0.2", "radius: 0.2 kg"),
+        ("left: clamped", "left: clampd"),
+        ("nu: 0.3", "nu: 0.7"),
+        ("tau_k: 5 MPa, ", ""),
+        ("[25, 100]", "[25, 25]"),
+    ):
+        text = text.replace(old, new)
+    lines = problems(text)
+    assert [line.split(": ")[:2] for line in lines] == [
+        ["study.yaml:8:46", "body.regions.hot.circle.radius"],
+        ["study.yaml:13:9", "boundary.left"],
+        ["study.yaml:14:28", "material.nu"],
+        ["study.yaml:16:11", "friction.tau_k"],
+        ["study.yaml:19:15", "sweep.alpha[1]"],
+    ]
+
+
+def test_a_fault_between_sections_is_reported_once_for_a_whole_sweep() -> None:
+    assert len(problems(changed("right: convection", "right: free"))) == 1
+    text = changed("tau_s: 20 MPa, tau_k: 5 MPa", "tau_s: -1, tau_k: 5 MPa")
+    assert len(problems(text)) == 1
+
+
+def test_a_fault_of_some_sweep_points_names_the_first_of_them() -> None:
+    text = changed("q: 5e6, ", "").replace("  alpha: [25, 100]", "  q: [0, 5]\n  heat.alpha: [100, 0]")
+    [line] = problems(text)
+    assert line.startswith("study.yaml:20:21: sweep.heat.alpha[1]: with alpha = 0")
+    text = changed("delta: [20 um, 40 um]", "nu: [0.3, 0.5]")
+    [line] = problems(text)
+    assert line.startswith("study.yaml:20:13: sweep.nu[1]: must lie between -1 and 0.5")
+
+
+def test_a_swept_value_that_spoils_another_key_names_the_point() -> None:
+    text = changed("E: 210 GPa, nu: 0.3", "lambda: -0.5 GPa, mu: 1 GPa")
+    assert len(read_study_text(text.replace("delta: [20 um, 40 um]", "mu: [1 GPa, 2 GPa]")).scenes) == 4
+    [line] = problems(text.replace("delta: [20 um, 40 um]", "mu: [1 GPa, 0.5 GPa]"))
+    assert line.startswith("study.yaml:14:20: material.lambda: ")
+    assert "(at the sweep point mu = 0.5 GPa); 3 lambda + 2 mu must be positive" in line
+
+
+def test_a_swept_key_may_not_contradict_a_given_one() -> None:
+    [line] = problems(changed("delta: [20 um, 40 um]", "beta: [1, 2]"))
+    assert line.startswith("study.yaml:20:10: sweep.beta[0]: both alpha_T and beta are given")
+
+
+def test_a_text_with_a_unit_is_refused_in_a_dimensionless_study() -> None:
+    lines = problems("units: none\n" + BASE)
+    assert len(lines) == 11
+    assert all("has a unit, but the study says units: none" in line for line in lines)
+
+
+def test_convection_without_heat() -> None:
+    text = BASE[: BASE.index("heat:")] + BASE[BASE.index("friction:") : BASE.index("  alpha")] + "  tau_s: [1, 2]\n"
+    [line] = problems(text)
+    assert line.startswith("study.yaml:11:10: boundary.right: a convection edge has no meaning")
+
+
+@pytest.mark.parametrize(
+    ("roles", "motion"),
+    [
+        ("bottom: contact\n  right: free\n  top: free\n  left: free", "slide along x"),
+        ("bottom: contact\n  right: contact\n  top: free\n  left: free", None),
+        ("bottom: contact\n  right: free\n  top: {role: clamped, u_y: 0}\n  left: free", "slide along x"),
+        ("bottom: contact\n  right: {role: clamped, u_N: 0}\n  top: free\n  left: free", None),
+        ("bottom: contact\n  right: {role: clamped, u_T: 0}\n  top: free\n  left: free", "slide along x"),
+    ],
+)
+def test_rollers_must_hold_the_body(roles: str, motion: str | None) -> None:
+    start, end = BASE.index("  bottom: contact"), BASE.index("material:")
+    text = BASE[:start] + "  " + roles + "\n" + BASE[end:]
+    text = text.replace("heat: {alpha: 100 W/(m^2*K), theta_bar: 20 K, q: 5e6, omega: hot}\n", "")
+    text = text.replace("  alpha: [25, 100]\n", "")
+    if motion is None:
+        assert len(read_study_text(text).scenes) == 2
+    else:
+        [line] = problems(text)
+        assert f"it can still {motion}" in line
+
+
+def test_contact_on_a_full_circle_leaves_the_rotation_free() -> None:
+    text = """\
+body:
+  outline:
+    - {from: [0 mm, 0 mm], edge: rim, through: [1, -1]}
+    - {from: [2, 0], edge: rim, through: [1, 1]}
+boundary: {rim: contact}
+material: {E: 1, nu: 0}
+friction: {law: tresca, tau: 1}
+mesh: {maxh: 0.1}
+"""
+    [line] = problems(text)
+    assert line.startswith("study.yaml:5:11: boundary: no edge is clamped")
+    assert "turn about (1, " in line
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match="there is no such file; check the path"):
+        read_study(tmp_path / "none.yaml")
+    with pytest.raises(StudyError, match="this is a folder"):
+        read_study(tmp_path)
+    latin = tmp_path / "latin.yaml"
+    latin.write_bytes("title: ok\n# Öl".encode("latin-1"))
+    with pytest.raises(StudyError, match=r"latin\.yaml:2:3: the file is not UTF-8 text"):
+        read_study(latin)
+    with pytest.raises(StudyError, match="the file is empty"):
+        read_study_text("# nothing\n")
+    with pytest.raises(StudyError, match=r"<text>:1:1: a study is a mapping, but this is a list of 1"):
+        read_study_text("- a\n")
+
+
+def test_a_geometry_file_must_exist(tmp_path: Path) -> None:
+    start, end = BASE.index("  outline:"), BASE.index("  regions:")
+    part = "  file: {path: part.step, edges: {bottom: [[0, 0]], left: [[0, 1]]}, other: right}\n"
+    text = (BASE[:start] + part + BASE[end:]).replace("  top: {role: traction, g: [0, -1 MPa]}\n", "")
+    study = tmp_path / "study.yaml"
+    study.write_text(text)
+    with pytest.raises(StudyError, match=r"study\.yaml:2:16: body\.file\.path: there is no file 'part\.step'"):
+        read_study(study)
+    (tmp_path / "part.step").touch()
+    brep = read_study(study).scenes[0].body.brep
+    assert brep is not None
+    assert (brep.path, brep.face, brep.scale, brep.other) == (tmp_path / "part.step", 0, 1e-3, "right")
+    assert brep.edges == (("bottom", ((0.0, 0.0),)), ("left", ((0.0, 1.0),)))
+
+
+@pytest.mark.parametrize(
+    ("option", "line"),
+    [
+        ("material.nu=0.7", "--set material.nu=0.7: material.nu: must lie between -1 and 0.5, but is 0.7"),
+        ("nu=0.7", "--set nu=0.7: material.nu: must lie"),
+        ("material.mu2=0.7", "--set material.mu2=0.7: material.mu2: unknown key; did you mean 'mu'?"),
+        ("matrial.nu=0.3", "--set matrial.nu=0.3: matrial: unknown key"),
+        ("alpha=5", "--set alpha=5: heat.alpha: alpha is swept, so this value would not be used"),
+        ("nonsense", "--set nonsense: this option is not key=value"),
+        ("alpha", "--set alpha: this option is not key=value"),
+        ("nu=", "--set nu=: this option is not key=value"),
+        ("nu=[1", "--set nu=[1: YAML syntax"),
+        ("mesh.maxh.x=1", "--set mesh.maxh.x=1: mesh.maxh.x: mesh.maxh is the number 0.2, not a mapping"),
+        ("body.outline[9].edge=a", "--set body.outline[9].edge=a: body.outline[9].edge: body.outline has no entry [9]"),
+        ("sweep.alpha=[1, 1]", "--set sweep.alpha=[1, 1]: sweep.alpha[1]: the value 1 is repeated"),
+    ],
+)
+def test_faults_of_options_are_reported_at_the_option(option: str, line: str) -> None:
+    [problem] = problems(BASE, option)
+    assert problem.startswith(line)
+
+
+@pytest.mark.parametrize("parameter", ["tau: [1 MPa, 2 MPa]", "friction.tau: [1 MPa]", "friction.delta: [1 um]"])
+def test_a_swept_parameter_of_no_law_misses_the_section(parameter: str) -> None:
+    text = re.sub(r"friction: .*\n", "", BASE[: BASE.index("sweep:")])
+    [problem] = problems(f"{text}sweep: {{{parameter}}}\n")
+    assert ": friction: is missing; add friction: {law: tresca, tau: 20 MPa}" in problem
+
+
+@pytest.mark.parametrize(
+    ("lost", "sweep", "missing"),
+    [
+        ("material", "nu: [0.3, 0.4]", "1:1: material: is missing"),
+        ("boundary", "boundary.top.pressure: [1, 2]", "1:1: boundary: is missing"),
+        ("friction", "delta: [20 um, 40 um]", "1:1: friction: is missing"),
+        ("heat", "alpha: [25, 100]", "1:1: heat: is missing, but alpha is swept"),
+    ],
+)
+def test_a_missing_section_is_not_looked_for_in_the_sweep(lost: str, sweep: str, missing: str) -> None:
+    text = BASE[: BASE.index("sweep:")] + f"sweep: {{{sweep}}}\n"
+    lines = [line for line in problems(text, f"{lost}=null") if "convection" not in line and "heat needs" not in line]
+    assert len(lines) == 1
+    assert lines[0].startswith(f"study.yaml:{missing}")
+
+
+def test_a_sweep_may_make_a_section_by_itself() -> None:
+    text = changed("  alpha: [25, 100]\n  delta: [20 um, 40 um]", "  E: [1 GPa, 2 GPa]\n  nu: [0.1, 0.2]")
+    text = text.replace("heat: {alpha: 100 W/(m^2*K), theta_bar: 20 K, q: 5e6, omega: hot}", "")
+    text = text.replace("convection", "free")
+    assert read_study_text(text, "study.yaml", ["material=null"]).shape == (2, 2)
+
+
+@pytest.mark.parametrize("size", ["1e200", "1e308", "1e-200"])
+def test_a_body_whose_size_no_number_can_be_computed_with(size: str) -> None:
+    text = BASE[: BASE.index("  regions:")].replace("[2, 0]", f"[{size}, 0]").replace("[2, 1]", f"[{size}, {size}]")
+    text = text.replace("[0, 1]", f"[0, {size}]") + BASE[BASE.index("boundary:") :].replace(", omega: hot", "")
+    lines = problems(text, "mesh={maxh: 0.2}")
+    assert lines[0].startswith("study.yaml:3:")
+    assert "to compute with; check the number" in lines[0]
+
+
+def test_control_characters_are_shown_as_escapes() -> None:
+    lines = problems(changed("left: clamped", '"\\x1b[31mleft": clamped'))
+    assert any("boundary.\\x1b[31mleft: " in line for line in lines)
+    assert all(line.isprintable() for line in lines)

@@ -1,0 +1,312 @@
+"""`exact.loads: derived`: what the scenes get, and every study that it cannot be right for, with its place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tcstudy.errors import StudyError
+from tcstudy.exact.fields import body_edges, edge_samples
+from tcstudy.exact.gradient import value_and_gradient
+from tcstudy.exact.loads import Derivation
+from tcstudy.expressions.expression import Expression, parse
+from tcstudy.read.study import read_study_text
+from tcstudy.scene.records import Clamped, Convection, Exact, Traction
+
+TEXT = """\
+units: none
+body: {rectangle: {width: 1, height: 1}}
+boundary: {bottom: contact, right: convection, top: clamped, left: convection}
+material: {lambda: 1.5, mu: 1, beta: 0.5, k: 2}
+heat: {alpha: 3}
+friction: {law: slip-weakening, tau_s: 1, tau_k: 0.4, delta: 1}
+mesh: {maxh: 0.25}
+exact:
+  u: ["y + (1 - 0.6*y)*(0.3 + 0.2*sin(pi*x))", "0.1*y*cos(pi*x)"]
+  theta: "1 + x*(1 + 0.5*cos(pi*y))"
+  loads: derived
+"""
+U = '"y + (1 - 0.6*y)*(0.3 + 0.2*sin(pi*x))", "0.1*y*cos(pi*x)"'
+THETA = '"1 + x*(1 + 0.5*cos(pi*y))"'
+X, Y = np.array([0.2, 0.7]), np.array([0.35, 0.6])
+
+MATERIAL = read_study_text(TEXT.replace("beta: 0.5", "beta: 0")).scenes[0].material
+
+
+def changed(*changes: tuple[str, str]) -> str:
+    """The study with parts of its text replaced."""
+    text = TEXT
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+def at(scalar: float | Expression, x: object, y: object) -> np.ndarray:
+    if isinstance(scalar, Expression):
+        return scalar.evaluate(x, y)
+    return np.broadcast_to(float(scalar), np.broadcast_shapes(np.shape(x), np.shape(y)))
+
+
+def test_loads_by_hand() -> None:
+    scene = read_study_text(TEXT).scenes[0]
+    lam, mu, beta, k, alpha = 1.5, 1.0, 0.5, 2.0, 3.0
+    s, c, p = np.sin(np.pi * X), np.cos(np.pi * X), np.pi
+    # u_x = y + (1 − 0.6 y)(0.3 + 0.2 s), u_y = 0.1 y c
+    u_xx, u_xy, u_yx, u_yy = (1 - 0.6 * Y) * 0.2 * p * c, 1 - 0.6 * (0.3 + 0.2 * s), -0.1 * p * Y * s, 0.1 * c
+    d_div_x, d_div_y = -(1 - 0.6 * Y) * 0.2 * p**2 * s - 0.1 * p * s, -0.6 * 0.2 * p * c
+    laplace_u_x, laplace_u_y = -(1 - 0.6 * Y) * 0.2 * p**2 * s, -0.1 * p**2 * Y * c
+    theta = 1 + X * (1 + 0.5 * np.cos(p * Y))
+    theta_x, theta_y = 1 + 0.5 * np.cos(p * Y), -0.5 * p * X * np.sin(p * Y)
+    f = (
+        -(lam + mu) * d_div_x - mu * laplace_u_x + beta * theta_x,
+        -(lam + mu) * d_div_y - mu * laplace_u_y + beta * theta_y,
+    )
+    np.testing.assert_allclose([at(part, X, Y) for part in scene.f], f, rtol=1e-12)
+    np.testing.assert_allclose(at(scene.heat.q, X, Y), k * 0.5 * p**2 * X * np.cos(p * Y), rtol=1e-12)
+    roles = dict(scene.boundary)
+    s_xx, s_xy = lam * (u_xx + u_yy) + 2 * mu * u_xx - beta * theta, mu * (u_xy + u_yx)
+    for name, sign in (("right", 1.0), ("left", -1.0)):
+        role = roles[name]
+        assert isinstance(role, Convection)
+        np.testing.assert_allclose([at(part, X, Y) for part in role.g], [sign * s_xx, sign * s_xy], rtol=1e-12)
+    for x, sign in ((1.0, 1.0), (0.0, -1.0)):
+        flux = 1 + 0.5 * np.cos(p * Y)
+        expected = 1 + x * flux + k / alpha * sign * flux
+        np.testing.assert_allclose(at(scene.heat.theta_bar, x, Y), expected, rtol=1e-12)
+    top = roles["top"]
+    assert isinstance(top, Clamped)
+    np.testing.assert_allclose(at(top.u[1], X, 1.0), 0.1 * c, rtol=1e-13)
+
+
+def test_every_sweep_point_has_its_own() -> None:
+    swept = read_study_text(TEXT + "sweep: {alpha: [1, 10], beta: [0, 0.5], lambda: [1, 2]}\n")
+    assert len(swept.scenes) == 8
+    assert len({scene.heat.theta_bar for scene in swept.scenes}) == 2
+    assert len({scene.f for scene in swept.scenes}) == 4
+
+
+def test_what_vanishes_is_the_number_zero() -> None:
+    """Uniform shear, and what is uniform though it does not look so; the slip is beyond δ."""
+    text = changed(
+        (U, '"0.3 + 0.22*y + sin(x)^2 + cos(x)^2", 0'),
+        (THETA, "1"),
+        ("beta: 0.5", "beta: 0"),
+        ("tau_k: 0.4", "tau_k: 0.22"),
+    )
+    scene = read_study_text(text).scenes[0]
+    assert scene.f == (0.0, 0.0)
+    assert (scene.heat.q, scene.heat.theta_bar) == (0.0, 1.0)
+    role = dict(scene.boundary)["right"]
+    assert isinstance(role, Convection)
+    assert role.g[0] == 0.0
+    np.testing.assert_allclose(at(role.g[1], 1.0, Y), 0.22, rtol=1e-13)
+
+
+def test_components_and_the_word_derived() -> None:
+    """Uniform shear: frames of edges, and the word where a number would stand."""
+    text = changed(
+        (U, '"0.4 + 0.76*y", 0'),
+        (f"  theta: {THETA}\n", ""),
+        ("beta: 0.5", "beta: 0"),
+        ("heat: {alpha: 3}\n", ""),
+        ("right: convection", "right: {role: traction, g: derived}"),
+        ("top: clamped", "top: {role: clamped, u_N: derived, u_T: derived}"),
+        ("left: convection", "left: {role: clamped, u: derived}"),
+    )
+    found = dict(read_study_text(text).scenes[0].boundary)
+    left, right, top = found["left"], found["right"], found["top"]
+    assert isinstance(left, Clamped)
+    assert isinstance(right, Traction)
+    assert isinstance(top, Clamped)
+    assert (left.frame, top.frame) == ("xy", "nt")
+    np.testing.assert_allclose(at(left.u[0], 0.0, Y), 0.4 + 0.76 * Y, rtol=1e-14)
+    assert left.u[1] == 0.0
+    assert top.u[0] == 0.0
+    np.testing.assert_allclose(at(top.u[1], X, 1.0), -1.16, rtol=1e-14)  # n = (0, 1), t = (−1, 0)
+    np.testing.assert_allclose([at(g, 1.0, Y) for g in right.g], [0 * Y, 0.76 + 0 * Y], rtol=1e-13)
+
+
+def test_a_component_that_is_left_free_stays_free() -> None:
+    """A block drawn along its contact: on the top only u_x is held, and nothing pulls along y."""
+    text = changed(
+        (U, '"1.5 + 0.2*x + 0.4*y", "-0.2*1.5/3.5*y"'),
+        (f"  theta: {THETA}\n", ""),
+        ("beta: 0.5", "beta: 0"),
+        ("heat: {alpha: 3}\n", ""),
+        ("convection", "traction"),
+        ("top: clamped", "top: {role: clamped, u_x: derived}"),
+    )
+    top = dict(read_study_text(text).scenes[0].boundary)["top"]
+    assert isinstance(top, Clamped)
+    assert top.u[1] is None
+    np.testing.assert_allclose(at(top.u[0], X, 1.0), 1.9 + 0.2 * X, rtol=1e-14)
+
+
+def test_without_convection_theta_is_known() -> None:
+    scene = read_study_text(changed(("convection", "traction"), ("heat: {alpha: 3}\n", ""))).scenes[0]
+    assert str(scene.heat.theta) == "1 + x*(1 + 0.5*cos(pi*y))"
+
+
+FAULTS = [
+    ("loads: derived", "loads: derivd", "11:10: exact.loads", "must be one of given, derived"),
+    ("heat: {alpha: 3}", "heat: {alpha: 3}\nloads: {f: [0, 1]}", "6:9: loads.f", "is given, but"),
+    ("heat: {alpha: 3}", "heat: {alpha: 3, theta_bar: 1}", "5:18: heat.theta_bar", "is given, but"),
+    ("heat: {alpha: 3}", "heat: {alpha: 3, q: 0}", "5:18: heat.q", "is given, but"),
+    ("heat: {alpha: 3}", "heat: {theta: 3}", "5:8: heat.theta", "is given, but"),
+    ("top: clamped", "top: {role: clamped, u: [0, free]}", "3:73: boundary.top.u[0]", "is given, but"),
+    ("top: clamped", "top: {role: clamped, u_x: 1}", "3:69: boundary.top.u_x", "is given, but"),
+    ("right: convection", "right: {role: convection, g: [1, 2]}", "3:55: boundary.right.g", "is given, but"),
+    ("mesh:", "sweep: {theta_bar: [1, 2]}\nmesh:", "7:9: sweep.theta_bar", "is swept, but"),
+    ("mesh:", "sweep: {boundary.top.u_x: [1, 2]}\nmesh:", "7:9: sweep.boundary.top.u_x", "is swept, but"),
+    ("mesh:", "path: {parameter: load, from: 0, to: 1}\nmesh:", "7:1: path", "a path changes a load"),
+    ("left: convection", "left: free", "9:6: exact.u", "component of sigma n is"),
+    ("left: convection", "left: traction", "10:10: exact.theta", "on the edge left, which is insulated"),
+    ("top: clamped", "top: {role: clamped, u_x: derived}", "9:6: exact.u", "u_y is free on top, but the traction"),
+    ("0.1*y*cos(pi*x)", "0.1*(y+0.001)*cos(pi*x)", "9:6: exact.u", "u_N is -0.0001 on the contact edge bottom"),
+    ("tau_s: 1,", "tau_s: 1.01,", "9:6: exact.u", "the friction law does not hold on bottom"),
+    ("loads: derived", "loads: derived\n  xi: 1", "12:7: exact.xi", "xi differs from -S_T of u by 0."),
+    ("0.1*y*cos(pi*x)", "0.1*y*cos(pi*x) + 0.1*max(0, y-0.5)", "9:48: exact.u[1]", "its gradient jumps by 0.1"),
+    ('"1 + x*(1 + 0.5*cos(pi*y))"', '"1 + x*(1 + 0.5*cos(pi*y)) + abs(x-0.3)"', "10:10: exact.theta", "jumps by 2"),
+    ("0.1*y*cos(pi*x)", "0.1*y*cos(pi*x) + sqrt(max(0, y-0.5)^3)", "9:6: exact.u", "f, derived from it, has no finite"),
+    ('  theta: "1 + x*(1 + 0.5*cos(pi*y))"\n', "", "9:3: exact", "theta is missing"),
+    ("alpha: 3", "alpha: 0", "10:10: exact.theta", "with alpha = 0"),
+    ("{rectangle: {width: 1, height: 1}}", "{file: {path: a.brep, other: top}}", "11:10: exact.loads", "from a file"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "where", "what"), FAULTS)
+def test_faults(old: str, new: str, where: str, what: str) -> None:
+    assert old in TEXT
+    with pytest.raises(StudyError) as caught:
+        read_study_text(TEXT.replace(old, new), "a.yaml")
+    told = [str(problem) for problem in caught.value.problems]
+    if "file" not in new:
+        assert len(told) == 1, told
+    assert any(f"a.yaml:{where}: " in line and what in line and "; " in line for line in told), told
+
+
+def test_a_law_that_fails_at_one_point_names_the_point() -> None:
+    with pytest.raises(StudyError) as caught:
+        read_study_text(TEXT + "sweep: {tau_k: [0.4, 0.5]}\n")
+    assert len(caught.value.problems) == 1
+    assert "at the sweep point tau_k = 0.5" in str(caught.value)
+
+
+def test_smooth_kinks_are_allowed() -> None:
+    """max(0, s)³ has a continuous second derivative."""
+    study = read_study_text(TEXT.replace("0.1*y*cos(pi*x)", "0.1*y*cos(pi*x) + max(0, y - 0.5)^3"))
+    f_y = study.scenes[0].f[1]
+    plain = read_study_text(TEXT).scenes[0].f[1]
+    y = np.array([0.2, 0.7])
+    np.testing.assert_allclose(at(f_y, 0.3, y) - at(plain, 0.3, y), [0.0, -3.5 * 6 * 0.2], rtol=1e-12, atol=1e-13)
+
+
+HOLES = """
+units: none
+body:
+  outline:
+    - {from: [0, 0], edge: base}
+    - {from: [3, 0], edge: right}
+    - {from: [3, 1], edge: dome, through: [1.5, 2]}
+    - {from: [0, 1], edge: left}
+  holes:
+    - {circle: {center: [1, 0.9], radius: 0.3, edge: bore}}
+    - {rectangle: {corner: [2, 0.5], width: 0.4, height: 0.3, edge: slot}}
+boundary: {base: contact, right: traction, dome: traction, left: clamped, bore: traction, slot: traction}
+material: {lambda: 1.5, mu: 1}
+friction: {law: linear, k: 0.5}
+mesh: {maxh: 0.5}
+exact: {u: ["(1 + x^2)*(1 + 0.5*y)", "y^2*sin(x) - x*y^2/3 - x*y^4"], loads: derived}
+"""
+
+
+@pytest.mark.parametrize("name", ["right", "dome", "bore", "slot"])
+def test_tractions_around_holes_on_arcs_and_on_four_sides_of_one_name(name: str) -> None:
+    """Against σn from forward mode and the geometry's own normals; u_x,y = k u_x on the base."""
+    scene = read_study_text(HOLES).scenes[0]
+    role = dict(scene.boundary)[name]
+    assert isinstance(role, Traction)
+    for edge, hole in body_edges(scene.body, (name,)):
+        points, n = edge_samples(edge, hole)
+        (u_xx, u_xy), (u_yx, u_yy) = (value_and_gradient(parse(u), *points.T)[1] for u in HOLES.split('"')[1:4:2])
+        s_xx, s_yy, s_xy = 3.5 * u_xx + 1.5 * u_yy, 1.5 * u_xx + 3.5 * u_yy, u_xy + u_yx
+        expected = [s_xx * n[:, 0] + s_xy * n[:, 1], s_xy * n[:, 0] + s_yy * n[:, 1]]
+        found = [at(component, *points.T) for component in role.g]
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * np.max(np.abs(expected)))
+
+
+SI = """\
+body: {rectangle: {width: 100 mm, height: 100 mm}}
+boundary: {bottom: contact, right: traction, top: clamped, left: traction}
+material: {lambda: 120 GPa, mu: 80 GPa}
+friction: {law: slip-weakening, tau_s: 20 MPa, tau_k: 8 MPa, delta: 40 um}
+mesh: {maxh: 20 mm}
+exact:
+  u: ["1e-5*(1 + sin(20*x)) + y*(20e6 - 3e11*1e-5*(1 + sin(20*x)))/80e9", 0]
+  loads: derived
+"""
+
+
+def test_si_units_are_judged_like_any_other() -> None:
+    role = dict(read_study_text(SI).scenes[0].boundary)["right"]
+    assert isinstance(role, Traction)
+    shear = 20e6 - 3e6 * (1 + np.sin(2))
+    np.testing.assert_allclose(at(role.g[1], 0.1, 0.05), shear, rtol=1e-12)
+    for wrong in (SI.replace("delta: 40 um", "delta: 40.001 um"), SI.replace(", 0]", ", 1e-12]")):
+        with pytest.raises(StudyError, match=r"the friction law does not hold on bottom|u_N is -1e-12 on the contact"):
+            read_study_text(wrong)
+
+
+@pytest.mark.parametrize(("u_y", "accepted"), [("x*(x^2+y^2-1)^2 + x", True), ("x*(x^2+y^2-1)^2 + 1.00001*x", False)])
+def test_a_film_without_friction_on_an_arc(u_y: str, accepted: bool) -> None:
+    """u = ((r² − 1)² + 1) r e_φ has no shear at r = 1, but for the rounding of points; there b sets no scale."""
+    text = """\
+units: none
+body:
+  outline:
+    - {from: [1, 0], edge: foot}
+    - {from: [2, 0], edge: outer, through: [1.4142135623730951, 1.4142135623730951]}
+    - {from: [0, 2], edge: side}
+    - {from: [0, 1], edge: inner, through: [0.7071067811865476, 0.7071067811865476]}
+boundary: {foot: clamped, outer: traction, side: clamped, inner: contact}
+material: {lambda: 1.5, mu: 1}
+friction: {law: tresca, tau: 0}
+mesh: {maxh: 0.5}
+exact: {u: ["-y*(x^2+y^2-1)^2 - y", "U_Y"], loads: derived}
+""".replace("U_Y", u_y)
+    if accepted:
+        assert read_study_text(text).exact is not None
+        return
+    with pytest.raises(StudyError, match=r"exact\.u: "):
+        read_study_text(text)
+
+
+def derivation(*u: str) -> Derivation:
+    """Of a displacement on the unit square, λ = 1.5 and μ = 1."""
+    exact = Exact((parse(u[0]), parse(u[1])), None, None, None)
+    return Derivation(exact, read_study_text(TEXT).scenes[0].body)
+
+
+def test_a_small_load_that_terms_leave_is_no_rounding() -> None:
+    """f_x = −(λ + 2μ) 6x + 21 (1 + 1e-6) x: a millionth of its terms."""
+    f = derivation(f"x^3 - {10.5 * (1 + 1e-6)!r}*x*y^2", "0").load((), MATERIAL)
+    np.testing.assert_allclose(at(f[0], X, Y), 2.1e-5 * X, rtol=1e-8)
+
+
+def test_a_load_that_no_sample_sees_is_kept() -> None:
+    """In a strip of a ten thousandth of the body."""
+    f = derivation("max(0, x - 0.9999)^3", "0").load((), MATERIAL)
+    np.testing.assert_allclose(at(f[0], 0.99995, 0.5), -3.5 * 6 * 5e-5, rtol=1e-9)
+
+
+def test_whole_laws_may_be_swept() -> None:
+    laws = "sweep: {friction: {a: {law: tresca, tau: 1}, b: {law: tresca, tau: 2}}}\n"
+    exact = 'exact: {u: ["y", "0"], loads: derived}\n'
+    text = TEXT[: TEXT.index("exact:")].replace(", beta: 0.5", "").replace("heat: {alpha: 3}\n", "")
+    text = text.replace("convection", "traction").replace(
+        "slip-weakening, tau_s: 1, tau_k: 0.4, delta: 1", "tresca, tau: 1"
+    )
+    study = read_study_text(text + exact + laws)
+    assert len(study.scenes) == 2
+    assert dict(study.scenes[0].boundary) == dict(study.scenes[1].boundary)

@@ -1,0 +1,213 @@
+"""YAML text to marked nodes, values put at paths, and `--set` options."""
+
+import pytest
+
+from tcstudy.errors import Problem, StudyError
+from tcstudy.read.document import apply_overrides, compose
+from tcstudy.read.node import Collector, Mark, Node, deepest, holds, put, split_path
+
+
+def tree(text: str) -> Node:
+    """The tree of a text without faults."""
+    errors = Collector()
+    root = compose(text, "a.yaml", errors)
+    assert not errors.problems
+    return root
+
+
+def first_problem(text: str) -> Problem:
+    errors = Collector()
+    try:
+        compose(text, "a.yaml", errors)
+    except StudyError as error:
+        return error.problems[0]
+    return errors.problems[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e-3", 1e-3),
+        ("1E+3", 1e3),
+        (".5", 0.5),
+        ("5.", 5.0),
+        ("12", 12),
+        ("012", 12),
+        ("0x1F", 31),
+        ("1_000", 1000),
+        ("-.inf", float("-inf")),
+        ("true", True),
+        ("no", "no"),
+        ("yes", "yes"),
+        ("~", None),
+        ("'1e-3'", "1e-3"),
+        ("210 GPa", "210 GPa"),
+        ("2001-01-01", "2001-01-01"),
+        ("12:30", "12:30"),
+        ("!!float '5'", 5.0),
+        ("!!str 5", "5"),
+    ],
+)
+def test_scalars_are_those_of_yaml_1_2(text: str, value: object) -> None:
+    found = tree(f"a: {text}").plain()
+    assert found == {"a": value}
+    assert isinstance(found, dict)
+    assert type(found["a"]) is type(value)
+
+
+def test_every_node_knows_its_path_and_its_place() -> None:
+    root = tree("a:\n  b: [1, {c: 2}]\nd:\n")
+    node = deepest(root, ("a", "b", 1, "c"))
+    assert (node.value, node.path, node.mark, node.key_mark) == (
+        2,
+        "a.b[1].c",
+        Mark("a.yaml", 2, 14),
+        Mark("a.yaml", 2, 11),
+    )
+    assert deepest(root, ("d",)).mark == Mark("a.yaml", 3, 1)  # an empty value is where its key is
+
+
+def test_aliases_get_paths_of_their_own() -> None:
+    root = tree("a: &law {tau: 5}\nb: *law\n")
+    assert deepest(root, ("b", "tau")).path == "b.tau"
+    assert root.plain() == {"a": {"tau": 5}, "b": {"tau": 5}}
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "column", "part"),
+    [
+        ("a: [1", 1, 6, "YAML syntax"),
+        ("a: b: c", 1, 5, "YAML syntax"),
+        ("a:\n\t- b", 2, 1, "YAML syntax"),
+        ("a: 1\n---\nb: 2", 2, 1, "YAML syntax"),
+        ("a: *x", 1, 4, "undefined alias"),
+        ("x: 1\na: \x07", 2, 4, "not allowed in YAML"),
+        ("a: 1\nb: 2\na: 3", 3, 1, "given twice (first in line 1)"),
+        ("a: !foo 3", 1, 4, "!foo is not supported"),
+        ("a: !!binary abc", 1, 4, "!!binary is not supported"),
+        ("a: !!int x", 1, 4, "'x' is not a number"),
+        ("? [a]\n: b", 1, 3, "a key must be one word"),
+        ("<<: {a: 1}", 1, 1, "merge keys are not supported"),
+        ("a: &a [*a]", 1, 4, "an alias contains itself"),
+        ("[" * 700, 1, 42, "nested too deeply"),
+        ("a: 1\nb:\n  " + "[" * 3000 + "]" * 3000, 3, 43, "nested too deeply"),
+        ("".join(" " * i + "-\n" for i in range(700)), 42, 42, "nested too deeply"),
+        ("a: " + "[" * 60 + "]" * 60, 1, 44, "nested too deeply"),
+        ("", 0, 0, "the file is empty"),
+        ("a: " + "9" * 5000, 1, 4, "is not a number"),
+    ],
+)
+def test_faults_of_the_text(text: str, line: int, column: int, part: str) -> None:
+    problem = first_problem(text)
+    assert (problem.line, problem.column) == (line, column)
+    assert part in problem.what
+    assert problem.remedy
+
+
+def test_aliases_cannot_explode(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tcstudy.read.document.MAX_NODES", 5000)
+    lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
+    lines += [f"a{i + 1}: &a{i + 1} [{', '.join([f'*a{i}'] * 10)}]" for i in range(8)]
+    assert "too large" in first_problem("\n".join(lines)).what
+
+
+@pytest.mark.parametrize(
+    ("path", "keys"),
+    [
+        ("heat.alpha", ("heat", "alpha")),
+        ("body.outline[2].edge", ("body", "outline", 2, "edge")),
+        ("sweep.alpha[0]", ("sweep", "alpha", 0)),
+        ("a", ("a",)),
+        ("", None),
+        ("a..b", None),
+        ("[1]", None),
+        ("a[b]", None),
+        ("a b", None),
+    ],
+)
+def test_split_path(path: str, keys: object) -> None:
+    assert split_path(path) == keys
+
+
+def test_put_copies_only_what_it_touches() -> None:
+    root = tree("a: {b: [1, 2]}\nc: {d: 3}\n")
+    new = tree("9")
+    changed = put(root, ("a", "b", 1), new)
+    assert changed.plain() == {"a": {"b": [1, 9]}, "c": {"d": 3}}
+    assert root.plain() == {"a": {"b": [1, 2]}, "c": {"d": 3}}
+    assert changed.child("c") is root.child("c")
+    assert put(root, ("x", "y"), new).plain() == {"a": {"b": [1, 2]}, "c": {"d": 3}, "x": {"y": 9}}
+    assert put(root, ("c", "d"), None).plain() == {"a": {"b": [1, 2]}, "c": {}}
+    assert holds(root, ("c", "d"))
+    assert not holds(root, ("c", "e"))
+
+
+def test_put_writes_words_out_that_stand_for_mappings() -> None:
+    root = tree("boundary: {top: convection, left: clamped, right: {role: clamped, u_x: 1}}\nsolver: bundle-newton\n")
+    new = tree("5")
+    assert put(root, ("solver", "tolerance"), new).child("solver") is not None
+    assert deepest(put(root, ("solver", "tolerance"), new), ("solver",)).plain() == {
+        "name": "bundle-newton",
+        "tolerance": 5,
+    }
+    assert deepest(put(root, ("boundary", "top", "pressure"), new), ("boundary", "top")).plain() == {
+        "role": "convection",
+        "pressure": 5,
+    }
+    # clamped means u = 0: one prescribed component must not set the other one free
+    assert deepest(put(root, ("boundary", "left", "u_y"), new), ("boundary", "left")).plain() == {
+        "role": "clamped",
+        "u_x": 0,
+        "u_y": 5,
+    }
+    assert deepest(put(root, ("boundary", "right", "u_y"), new), ("boundary", "right")).plain() == {
+        "role": "clamped",
+        "u_x": 1,
+        "u_y": 5,
+    }
+
+
+def test_overrides() -> None:
+    errors = Collector()
+    root = tree("a: {b: 1}\nc: {d: 3}\n")
+    root = apply_overrides(root, ["a.b=[1, 2 mm]", "s=1e-3", "c=null", "e.f.g = text"], {"s": "a.s"}, errors)
+    assert not errors.problems
+    assert root.plain() == {"a": {"b": [1, "2 mm"], "s": 1e-3}, "e": {"f": {"g": "text"}}}
+    node = deepest(root, ("a", "b", 1))
+    assert (node.path, node.mark) == ("a.b[1]", Mark("--set a.b=[1, 2 mm]", 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("options", "lost"),
+    [
+        (["a.b=1", "a.b=2"], "a.b=1"),
+        (["s=1", "a.s=2"], "s=1"),
+        (["a.b=1", "c.d=4", "a={b: 2}"], "a.b=1"),
+        (["c=null", "c=null"], "c=null"),
+    ],
+)
+def test_an_option_that_a_later_one_replaces_is_refused(options: list[str], lost: str) -> None:
+    errors = Collector()
+    apply_overrides(tree("a: {b: 1}\nc: {d: 3}\n"), options, {"s": "a.s"}, errors)
+    (problem,) = errors.problems
+    assert str(problem).startswith(f"--set {options[-1]}: ")
+    assert f"--set {lost} would not be used" in str(problem)
+
+
+def test_a_section_may_be_set_before_its_keys() -> None:
+    errors = Collector()
+    root = apply_overrides(tree("a: {b: 1}\n"), ["a={b: 2, e: 3}", "a.b=4"], {}, errors)
+    assert not errors.problems
+    assert root.plain() == {"a": {"b": 4, "e": 3}}
+
+
+def test_a_problem_without_a_line_names_the_option_only() -> None:
+    assert str(Problem("--set a=1", 0, 0, "a", "what", "remedy")) == "--set a=1: a: what; remedy"
+    assert str(Problem("s.yaml", 3, 4, "a", "what", "remedy")) == "s.yaml:3:4: a: what; remedy"
+
+
+def test_an_error_sorts_its_problems_and_drops_duplicates() -> None:
+    late, early = Problem("s", 3, 1, "b", "w", "r"), Problem("s", 2, 9, "a", "w", "r")
+    error = StudyError([late, early, late])
+    assert error.problems == (early, late)
+    assert str(error) == "s:2:9: a: w; r\ns:3:1: b: w; r"

@@ -1,0 +1,331 @@
+"""Sound studies: the quickstart in SI, the forms of every section, sweeps, options; and texts gone wrong at random."""
+
+import dataclasses
+import math
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tcstudy.errors import Problem, StudyError
+from tcstudy.expressions.expression import Expression
+from tcstudy.read.study import read_study, read_study_text
+from tcstudy.scene.records import Clamped, Contact, Convection, Free, Heat, Traction
+from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
+
+QUICKSTART = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
+TEXT = QUICKSTART.read_text(encoding="utf-8")
+
+PLAIN = """\
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, right: convection, top: free, left: clamped}
+material: {E: 100, nu: 0.25, k: 2, alpha_T: 0.01}
+heat: {alpha: 3, theta_bar: 4}
+friction: {law: slip-weakening, tau_s: 5, tau_k: 1, delta: 0.1}
+mesh: {maxh: 0.5}
+"""
+
+
+def plain(*changes: tuple[str, str], more: str = "", overrides: tuple[str, ...] = ()) -> Study:
+    """The plain study with parts of its text replaced and sections added."""
+    text = PLAIN
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return read_study_text(text + more, overrides=overrides)
+
+
+def test_quickstart_in_si() -> None:
+    study = read_study(QUICKSTART)
+    assert study.title == "Heated bracket on a softening adhesive film"
+    assert (study.text, study.source, study.units, study.mode) == (TEXT, QUICKSTART, "SI", "grid")
+    assert study.shape == (3, 3, 4)
+    assert len(study.scenes) == 36
+    assert study.mesh == MeshPlan((0.016,), 4)
+    assert study.solver == SolverPlan()
+    assert study.output == OutputPlan()
+    alpha, theta_bar, friction = study.axes
+    assert (alpha.name, alpha.path, alpha.labels, alpha.units) == (
+        "alpha",
+        ("heat", "alpha"),
+        (100.0, 200.0, 400.0),
+        "W m-2 K-1",
+    )
+    assert alpha.values == ("100 W/(m^2*K)", "200 W/(m^2*K)", "400 W/(m^2*K)")
+    assert (theta_bar.name, theta_bar.labels, theta_bar.units) == ("theta_bar", (0.0, 10.0, 20.0), "K")
+    assert (friction.name, friction.units) == ("friction", "1")
+    assert friction.labels == ("tresca", "softening", "decay", "brittle")
+    assert friction.values[0] == {"law": "tresca", "tau": "40 MPa"}
+
+
+def test_quickstart_scene_in_si() -> None:
+    scene = read_study(QUICKSTART).scenes[4 + 1]  # alpha 100, theta_bar 10, softening
+    assert scene.heat == Heat(None, 100.0, 10.0, 5e5, ("heater",))
+    assert scene.boundary == (
+        ("film", Contact()),
+        ("bolted", Clamped()),
+        ("top", Convection()),
+        ("end", Convection((2e6, 0.0), 0.0)),
+        ("bore", Free()),
+    )
+    assert scene.edges(Convection) == ("top", "end")
+    assert scene.f == (0.0, 0.0)
+    m = scene.material
+    assert (m.E, m.nu, m.k, m.plane) == (210e9, 0.3, 45.0, "strain")
+    assert m.lam == pytest.approx(121.153846153846e9, rel=1e-14)
+    assert m.mu == pytest.approx(80.7692307692308e9, rel=1e-14)
+    assert m.beta == pytest.approx(6.3e6, rel=1e-14)  # (3 lam + 2 mu) alpha_T = E alpha_T/(1 − 2 nu)
+    outline = scene.body.outline
+    assert outline is not None
+    assert [edge.start for edge in outline.edges] == [(0.0, 0.0), (0.2, 0.0), (0.2, 0.06), (0.14, 0.1), (0.0, 0.1)]
+    assert [edge.name for edge in outline.edges] == ["film", "end", "top", "top", "bolted"]
+    assert outline.edges[-1].end == (0.0, 0.0)
+    assert scene.body.holes[0].edges[0].start == (0.075, 0.07)
+    assert scene.body.regions[0].name == "heater"
+    assert scene.friction.name == "slip-weakening"
+    assert scene.friction.kinks.tolist() == [-40e-6, 0.0, 40e-6]
+    assert scene.friction.b(1.0) == 10e6
+    assert [float(end) for end in scene.friction.interval(0.0)] == [-40e6, 40e6]
+
+
+def test_scenes_are_in_c_order_of_the_axes_and_share_what_they_have_in_common() -> None:
+    study = read_study(QUICKSTART)
+    order = [(s.heat.alpha, s.heat.theta_bar, s.friction.name) for s in study.scenes]
+    laws = ("tresca", "slip-weakening", "exponential", "piecewise-linear")
+    assert order == [(a, t, law) for a in (100.0, 200.0, 400.0) for t in (0.0, 10.0, 20.0) for law in laws]
+    assert len({id(s.body) for s in study.scenes}) == 1
+    assert len({id(s.friction) for s in study.scenes}) == 4
+    assert len({id(s.heat) for s in study.scenes}) == 9
+
+
+def test_a_study_without_sweep_has_one_scene() -> None:
+    study = plain()
+    assert (study.axes, study.shape, len(study.scenes), study.title) == ((), (), 1, "<text>")
+    assert study.scenes[0].heat == Heat(None, 3.0, 4.0, 0.0, ())
+
+
+def test_plane_stress_and_lame_moduli() -> None:
+    m = plain(("nu: 0.25", "nu: 0.25, plane: stress")).scenes[0].material
+    assert m.mu == pytest.approx(40.0)
+    assert m.lam == pytest.approx(100 * 0.25 / (1 - 0.25**2))  # lam of plane stress: E nu/(1 − nu²)
+    assert m.beta == pytest.approx(100 * 0.01 / 0.75)
+    m = plain(("E: 100, nu: 0.25", "lambda: 40, mu: 40")).scenes[0].material
+    assert (m.E, m.nu) == pytest.approx((100.0, 0.25))
+    assert (m.lam, m.mu) == (40.0, 40.0)
+    m = plain(("alpha_T: 0.01", "plane: stress, beta: 7")).scenes[0].material
+    assert m.beta == 7.0
+
+
+def test_roles() -> None:
+    def role(text: str) -> object:
+        return dict(plain(("left: clamped", f"left: {text}")).scenes[0].boundary)["left"]
+
+    assert role("{role: clamped, u: [1 mm, free]}") == Clamped((1e-3, None))
+    assert role("{role: clamped, u_y: '1e-3*y', u_x: 2}").u[0] == 2.0
+    assert role("{role: clamped, u_x: 0}") == Clamped((0.0, None))
+    assert role("{role: clamped, u_N: 1 um}") == Clamped((1e-6, None), "nt")
+    sine = role("{role: clamped, u_x: '0.3*sin(pi*y)'}")
+    assert isinstance(sine, Clamped)
+    assert isinstance(sine.u[0], Expression)
+    assert sine.u[0].evaluate(0.0, 0.5) == pytest.approx(0.3)
+    right = dict(plain(("right: convection", "right: {role: convection, pressure: 2 MPa}")).scenes[0].boundary)["right"]
+    assert right == Convection((0.0, 0.0), 2e6)
+    top = dict(plain(("top: free", "top: {role: traction, g: [0, '2*3']}")).scenes[0].boundary)["top"]
+    assert top == Traction((0.0, 6.0), 0.0)  # a constant expression is a number
+
+
+def test_heat_loads_and_plans() -> None:
+    study = plain(
+        ("heat: {alpha: 3, theta_bar: 4}", "heat: {theta: '20*x'}"),
+        ("right: convection", "right: free"),
+        more="loads: {f: [0, -77 kN/m^3]}\nsolver: bundle-newton\noutput: out.nc\ninstitution: here\ntitle: T\n",
+    )
+    assert str(study.scenes[0].heat.theta) == "20*x"
+    assert study.scenes[0].f == (0.0, -77e3)
+    assert (study.solver, study.output) == (SolverPlan(("bundle-newton",)), OutputPlan(Path("out.nc")))
+    assert (study.title, study.institution) == ("T", "here")
+    study = plain(more="solver: {tolerance: 1e-8, max_iterations: 7}\noutput: {fields: true}\n")
+    assert study.solver == SolverPlan(tolerance=1e-8, max_iterations=7)
+    assert study.output == OutputPlan(None, True)
+
+
+def test_a_region_in_place_is_called_omega() -> None:
+    study = plain(("theta_bar: 4", "theta_bar: 4, q: 1, omega: {polygon: [[1, 0.2], [1.5, 0.2], [1, 0.7]]}"))
+    scene = study.scenes[0]
+    assert scene.heat.omega == ("omega",)
+    assert [region.name for region in scene.body.regions] == ["omega"]
+    assert scene.body.regions[0].loop.edges[1].start == (1.5, 0.2)
+
+
+def test_a_body_with_arcs_and_holes() -> None:
+    body = """\
+body:
+  outline:
+    - {from: [0, 0], edge: bottom}
+    - {from: [2, 0], edge: right, through: [3, 1]}
+    - {from: [2, 2], edge: top}
+    - {from: [0, 2], edge: left}
+  holes:
+    - rectangle: {corner: [0.2, 0.2], width: 0.1, height: 0.1, edge: a}
+    - outline: [{from: [1, 1], edge: b}, {from: [1.2, 1], edge: b}, {from: [1, 1.2], edge: c}]
+"""
+    study = plain(
+        ("body: {rectangle: {width: 2, height: 1}}\n", body),
+        ("top: free,", "top: free, a: free, b: free, c: free,"),
+    )
+    loops = study.scenes[0].body
+    assert loops.outline is not None
+    assert loops.outline.edges[1].through == (3.0, 1.0)
+    assert [len(hole.edges) for hole in loops.holes] == [4, 3]
+
+
+def test_names_of_the_sides_of_a_rectangle() -> None:
+    study = plain(
+        ("height: 1}", "height: 1, corner: [1, 1], edges: {bottom: film}}"), ("bottom: contact", "film: contact")
+    )
+    outline = study.scenes[0].body.outline
+    assert outline is not None
+    assert [edge.name for edge in outline.edges] == ["film", "right", "top", "left"]
+    assert outline.edges[0].start == (1.0, 1.0)
+
+
+def test_dimensionless_study() -> None:
+    study = plain(more="units: none\nsweep: {alpha: [1, 2]}\n")
+    assert (study.units, study.axes[0].units) == ("none", "1")
+
+
+def test_numbers_in_all_their_spellings() -> None:
+    study = plain(more="sweep: {alpha: [1e-3, '2e-3', 3, 4.5 W/(m^2*K), '2*3', 0.1 kW/(m^2*K)]}\n")
+    assert study.axes[0].labels == (1e-3, 2e-3, 3.0, 4.5, 6.0, 100.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "labels"),
+    [
+        ("{linspace: [0, 1, 5]}", (0.0, 0.25, 0.5, 0.75, 1.0)),
+        ("{linspace: [1 kW/(m^2*K), 2000, 3]}", (1000.0, 1500.0, 2000.0)),
+        ("{geomspace: [1, 10000, 5]}", (1.0, 10.0, 100.0, 1000.0, 10000.0)),
+        ("{linspace: [0.1, 0.3, 3]}", (0.1, 0.2, 0.3)),
+    ],
+)
+def test_spaced_values(values: str, labels: tuple[float, ...]) -> None:
+    study = plain(more=f"sweep: {{alpha: {values}}}\n")
+    assert study.axes[0].labels == labels
+    assert tuple(scene.heat.alpha for scene in study.scenes) == labels
+
+
+def test_zip_and_list() -> None:
+    zipped = plain(more="sweep: {mode: zip, alpha: [1, 2, 2], delta: [1, 1, 3 mm]}\n")
+    assert (zipped.mode, zipped.shape, len(zipped.scenes)) == ("list", (3,), 3)
+    assert [s.heat.alpha for s in zipped.scenes] == [1.0, 2.0, 2.0]
+    assert [s.friction.kinks[-1] for s in zipped.scenes] == [1.0, 1.0, 3e-3]
+    points = "[{q: 1, alpha: 1}, {alpha: 2, q: 1}, {q: 2, alpha: 2}]"
+    listed = plain(more=f"sweep: {{mode: list, points: {points}}}\n")
+    assert (listed.mode, listed.shape) == ("list", (3,))
+    assert [(s.heat.q, s.heat.alpha) for s in listed.scenes] == [(1.0, 1.0), (1.0, 2.0), (2.0, 2.0)]
+    assert [axis.name for axis in listed.axes] == ["q", "alpha"]
+    laws = "[{friction: {law: linear, k: 1}}, {friction: {soft: {law: tresca, tau: 1}}}]"
+    study = plain(more=f"sweep: {{mode: list, points: {laws}}}\n")
+    assert study.axes[0].labels == ("linear", "soft")
+    assert [s.friction.name for s in study.scenes] == ["linear", "tresca"]
+
+
+def test_axes_of_texts_edges_and_equal_names() -> None:
+    study = plain(
+        ("right: convection", "right: {role: convection, pressure: 1}"),
+        more="sweep: {theta_bar: [1, '20*x'], boundary.right.pressure: [1 MPa, 2], boundary.left.u_x: [0, 1 mm],"
+        " loads.f: [[0, 1], [0, 2 kN/m^3]], E: [1, 2], boundary.right.g: [[0, 0]]}\n",
+    )
+    axes = {axis.name: axis for axis in study.axes}
+    assert list(axes) == ["theta_bar", "pressure", "u_x", "f", "E", "g"]
+    assert (axes["theta_bar"].labels, axes["theta_bar"].units) == (("1", "20*x"), "1")
+    assert (axes["pressure"].labels, axes["pressure"].units) == ((1e6, 2.0), "Pa")
+    assert axes["f"].labels == ("[0, 1]", "[0, 2 kN/m^3]")
+    assert axes["f"].values == ([0, 1], [0, "2 kN/m^3"])
+    last = study.scenes[-1]
+    assert (last.f, last.material.E, dict(last.boundary)["right"]) == ((0.0, 2e3), 2.0, Convection((0.0, 0.0), 2.0))
+    assert dict(last.boundary)["left"] == Clamped((1e-3, 0.0))  # u_y stays prescribed
+    study = plain(
+        ("top: free", "top: {role: traction, pressure: 1}"),
+        more="sweep: {boundary.right.pressure: [1, 2], boundary.top.pressure: [1, 2]}\n",
+    )
+    assert [axis.name for axis in study.axes] == ["boundary_right_pressure", "boundary_top_pressure"]
+
+
+def test_swept_keys_need_not_be_given_twice() -> None:
+    study = plain(
+        ("friction: {law: slip-weakening, tau_s: 5, tau_k: 1, delta: 0.1}\n", ""),
+        ("E: 100, ", ""),
+        more="sweep: {friction: {a: {law: tresca, tau: 1}, b: {law: linear, k: 1}}, E: [1, 2]}\n",
+    )
+    assert [(s.friction.name, s.material.E) for s in study.scenes] == [
+        ("tresca", 1.0),
+        ("tresca", 2.0),
+        ("linear", 1.0),
+        ("linear", 2.0),
+    ]
+
+
+def test_a_parameter_of_a_swept_law() -> None:
+    laws = "{a: {law: tresca, tau: 1}, b: {law: saw-tooth, tau: 1, delta: 1, teeth: 2, drop: 0.5}}"
+    study = plain(more=f"sweep: {{tau: [1, 2], friction: {laws}}}\n")
+    assert [s.friction.b_scale for s in study.scenes] == [1.0, 1.0, 2.0, 2.0]
+
+
+def test_h_is_no_axis_but_the_meshes() -> None:
+    study = plain(("mesh: {maxh: 0.5}\n", ""), more="sweep: {h: [0.5, 0.2, 100 mm]}\n")
+    assert (study.axes, study.mesh, study.mesh.nested) == ((), MeshPlan((0.5, 0.2, 0.1), 3), False)
+    assert plain(("maxh: 0.5", "maxh: [0.5, 0.25]")).mesh == MeshPlan((0.5, 0.25), 2)
+
+
+def test_overrides() -> None:
+    study = plain(overrides=("alpha=7", "boundary.right.pressure=2 MPa", "mesh={maxh: 0.25, levels: 2}"))
+    assert study.scenes[0].heat.alpha == 7.0
+    assert dict(study.scenes[0].boundary)["right"] == Convection((0.0, 0.0), 2e6)
+    assert study.mesh == MeshPlan((0.25,), 2)
+    assert study.overrides == ("alpha=7", "boundary.right.pressure=2 MPa", "mesh={maxh: 0.25, levels: 2}")
+    swept = read_study(QUICKSTART, ["sweep=null", "friction.delta=10 um", "body.holes[0].circle.radius=10 mm"])
+    assert len(swept.scenes) == 1
+    assert swept.scenes[0].friction.kinks.tolist() == [-10e-6, 0.0, 10e-6]
+    assert read_study(QUICKSTART, ["sweep.alpha=[1, 2]"]).shape == (2, 3, 4)
+
+
+def test_a_sweep_of_many_points_reads_every_section_once_for_each_of_its_values() -> None:
+    study = plain(more="sweep: {alpha: {linspace: [1, 2, 100]}, tau_s: {linspace: [5, 6, 100]}}\n")
+    assert len(study.scenes) == 10_000
+    assert len({id(scene.friction) for scene in study.scenes}) == 100
+    assert len({id(scene.heat) for scene in study.scenes}) == 100
+    assert (study.scenes[-1].heat.alpha, float(study.scenes[-1].friction.b(0.0))) == (2.0, 6.0)
+
+
+def test_records_are_frozen() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        plain().title = "x"  # type: ignore[misc]
+    assert Axis("a", ("heat", "alpha"), (1,), (1.0,), "1").name == "a"
+
+
+SCRAPS = [*"{}[]:,-#&*!|>'\"%@`\n\t \x00é", ".nan", ".inf", "1e999", "-1", "0", "null", "true", "5 mm", "x**9", "free"]
+TOKENS = [match.span() for match in re.finditer(r"[A-Za-z_]+|[-0-9.]+|[^\sA-Za-z0-9]", TEXT)]
+EDIT = st.tuples(st.integers(0, len(TOKENS) - 1), st.integers(0, 3), st.sampled_from(SCRAPS))
+
+
+@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
+@given(st.lists(EDIT, min_size=1, max_size=4))
+def test_no_text_makes_the_reader_fail_in_any_other_way(edits: list[tuple[int, int, str]]) -> None:
+    text = TEXT
+    for index, action, scrap in sorted(edits, reverse=True):
+        start, end = TOKENS[index]
+        other = slice(*TOKENS[(index * 7 + 3) % len(TOKENS)])
+        text = text[:start] + (scrap, "", TEXT[other], text[start:end] + scrap)[action] + text[end:]
+    study: Study | None = None
+    problems: tuple[Problem, ...] = ()
+    try:
+        study = read_study_text(text)
+    except StudyError as error:
+        problems = error.problems
+    assert (study is None) == bool(problems)
+    assert study is None or len(study.scenes) == math.prod(study.shape)
+    assert all(problem.what and problem.remedy for problem in problems)
+    assert all(0 <= problem.line <= text.count("\n") + 2 for problem in problems)

@@ -1,0 +1,37 @@
+"""Meshes of adaptive families: what one level is refined to."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tcstudy.fem.meshes import doubled_areas
+from tcstudy.refine.family import Family, bisected
+from tests.verification.goal_scenes import front_study
+
+
+def test_parts_with_much_of_the_error_are_cut_several_times_on_the_way_to_one_level() -> None:
+    mesh = Family(front_study(0.4, 0.1)).next(0)
+    shares = np.full(len(mesh.triangles), 1e-6)
+    shares[7] = 1.0
+    at, own = mesh.points[mesh.triangles[7]].mean(axis=0), doubled_areas(mesh.points[mesh.triangles])[7]
+    finer = bisected(mesh, shares, 0.1, 0.5)
+    parts = finer.points[finer.triangles]
+    inside = np.linalg.norm(parts.mean(axis=1) - at, axis=1) < 0.2 * np.sqrt(own)
+    assert finer.level == 1
+    assert np.all(doubled_areas(parts)[inside] < own / 6.0)  # four halvings of its share, so of the area at least three
+    assert len(finer.triangles) < 1.5 * len(mesh.triangles)
+
+
+def test_equal_shares_are_cut_for_no_more_than_is_aimed_at() -> None:
+    mesh = Family(front_study(0.4, 0.1)).next(0)
+    shares = np.ones(len(mesh.triangles))
+    growth = [len(bisected(mesh, shares, aim, 0.5).triangles) / len(mesh.triangles) for aim in (0.9, 0.5, 0.25)]
+    assert 1.1 < growth[0] < growth[1] < growth[2]
+    assert growth[1] < 3.0
+    assert growth[2] < 6.0
+
+
+def test_no_shares_at_all_still_make_a_mesh() -> None:
+    mesh = Family(front_study(0.4, 0.2)).next(0)
+    finer = bisected(mesh, np.zeros(len(mesh.triangles)), 0.75, 0.5)
+    assert len(finer.triangles) > len(mesh.triangles)

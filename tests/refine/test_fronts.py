@@ -1,0 +1,129 @@
+"""Fronts between stick and slip within their cells: against closed forms, by differences, hidden and lonely ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tcstudy.fem.contact_line import ContactLine
+from tcstudy.offline.level import Level
+from tcstudy.refine.family import Family
+from tcstudy.refine.fronts import fronts, slip_length, slopes
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.study import MeshPlan
+from tcstudy.solve.contact import solve_contact
+from tcstudy.solve.problem import ContactProblem
+from tests.verification.goal_scenes import front_study
+
+Array = NDArray[np.float64]
+
+
+ZERO = np.zeros(2)
+TRESCA = FrictionLaw("tresca", np.zeros(1), ZERO, np.array([-1.0, 1.0]), ZERO, ZERO, ZERO)
+
+
+def line_of(m: int, held: tuple[int, ...] = ()) -> ContactLine:
+    """m + 1 nodes at distance 1 on a line, those of `held` without an unknown."""
+    s = np.arange(m + 1.0)
+    at = np.column_stack([s, 0 * s])
+    free = np.array([i for i in range(m + 1) if i not in held])
+    segments = np.column_stack([np.arange(m), np.arange(1, m + 1)])
+    ends, c = np.stack([at[:-1], at[1:]], axis=1), np.zeros(m + 1)
+    for a, b in segments:
+        whole = [i for i in (a, b) if i not in held]
+        c[whole] += 1.0 / len(whole)
+    return ContactLine(free, s[free], at[free], c[free], np.zeros(len(free), np.int8), ("base",), segments, ends)
+
+
+def problem_of(line: ContactLine) -> ContactProblem:
+    return ContactProblem(np.eye(line.m), np.zeros(line.m), line.c, TRESCA)
+
+
+def test_two_fronts_of_either_sign_are_found_exactly() -> None:
+    """Slip of 3/2 power on both sides of a sticking zone from 3.3 to 6.4, to the right backwards."""
+    line = line_of(10)
+    s = line.arclength
+    v = np.maximum(0.0, 3.3 - s) ** 1.5 - 2.0 * np.maximum(0.0, s - 6.4) ** 1.5
+    found = fronts(line, problem_of(line), v)
+    assert [front.segment for front in found] == [3, 6]
+    length, doubt = slip_length(line, problem_of(line), v)
+    assert length == pytest.approx(3.3 + 3.6, rel=1e-12)
+    assert doubt == 0.0
+
+
+def test_slopes_against_differences() -> None:
+    line = line_of(10)
+    problem = problem_of(line)
+    v = np.maximum(0.0, 4.3 - line.arclength) ** 1.4 - 2.0 * np.maximum(0.0, line.arclength - 6.4) ** 1.7
+    w = slopes(line, problem, v)
+    assert np.count_nonzero(w) == 4
+    for i in np.flatnonzero(w):
+        step = np.zeros(line.m)
+        step[i] = 1e-6 * abs(v[i])
+        plus, minus = (slip_length(line, problem, v + sign * step)[0] for sign in (1.0, -1.0))
+        assert (plus - minus) / (2 * step[i]) == pytest.approx(w[i], rel=1e-6)
+
+
+def test_a_single_slipping_node_leaves_its_front_in_doubt() -> None:
+    line = line_of(6)
+    v = np.zeros(line.m)
+    v[3] = 0.1
+    length, doubt = slip_length(line, problem_of(line), v)
+    assert length == pytest.approx(1.0)
+    assert doubt == pytest.approx(1.0)
+    assert np.isfinite(slopes(line, problem_of(line), v)).all()
+
+
+def test_a_zone_that_hides_beside_a_held_node() -> None:
+    """No node sticks, but the slip points to a front 0.7 of a cell away from the held one."""
+    line = line_of(8, held=(0,))
+    problem = problem_of(line)
+    v = (line.arclength - 0.7) ** 1.5
+    (front,) = fronts(line, problem, v)
+    assert front.hidden
+    assert front.doubt == pytest.approx(0.7)
+    assert slip_length(line, problem, v)[0] == pytest.approx(8.0 - 0.7)
+    assert fronts(line, problem, line.arclength**0.7) == []  # slip up to the held node hides nothing
+
+
+def test_all_stick_or_all_slip_has_no_front() -> None:
+    line = line_of(5)
+    problem = problem_of(line)
+    assert fronts(line, problem, np.zeros(line.m)) == []
+    assert fronts(line, problem, np.ones(line.m)) == []
+    spring = FrictionLaw("linear", np.empty(0), np.zeros(1), np.zeros(1), np.ones(1), np.zeros(1), np.zeros(1))
+    assert fronts(line, replace(problem, law=spring), np.ones(line.m)) == []
+
+
+@pytest.mark.parametrize("change", [0.283, 0.41, 0.55, 0.637])
+def test_fronts_of_the_closed_form(change: float) -> None:
+    """Within a sixth of a cell wherever the front lies in it, as the module says; cells alone know it to a half."""
+    study = front_study(change)
+    study = replace(study, mesh=MeshPlan((0.2,), 4))
+    scene, family = study.scenes[0], Family(study)
+    level = [Level(family.next(i), scene) for i in range(4)][-1]
+    condensed = level.condensed(scene)
+    v = solve_contact(condensed.problem).v
+    length, doubt = slip_length(level.line, condensed.problem, v)
+    assert doubt == 0.0
+    assert abs(length - (1.0 - change)) < np.median(level.line.c) / 6.0
+
+
+def test_a_front_is_not_sought_far_from_its_cell() -> None:
+    """|v|^{2/3} = 1, 1.1, 1.2 points nine cells into the sticking side; half a cell is as far as it goes."""
+    line = line_of(6)
+    v = np.zeros(line.m)
+    v[-3:] = np.array([1.0, 1.1, 1.2]) ** 1.5
+    (front,) = fronts(line, problem_of(line), v)
+    assert front.more == pytest.approx(1.0)
+
+
+def test_nodes_that_slip_the_other_way_belong_to_another_front() -> None:
+    line = line_of(6)
+    v = np.zeros(line.m)
+    v[-3:] = 0.1, -1.0, -2.0
+    (front,) = fronts(line, problem_of(line), v)
+    assert (front.more, front.doubt) == (0.0, 0.5)

@@ -1,0 +1,210 @@
+"""The finer level that goals are compared on, what is estimated when it fails, and goals of exact solutions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from tcstudy.data.records import LevelRecord
+from tcstudy.exact.numbers import known_goal
+from tcstudy.fem.meshes import doubled_areas
+from tcstudy.fem.recovery import Triangles
+from tcstudy.offline.level import Level
+from tcstudy.refine import goal_error as goal_error_module
+from tcstudy.refine.family import Family
+from tcstudy.refine.goal_error import SMOOTH, regions
+from tcstudy.refine.goals import goal_value, lost, torn
+from tcstudy.refine.halved import Halved
+from tcstudy.refine.survey import Survey
+from tcstudy.scene.study import Goal, MeshPlan
+from tcstudy.solve.contact import Answer, solve_contact
+from tcstudy.solve.loop import Status
+from tcstudy.study.run import run
+from tests.verification.closed_forms import CHANGE, A, B, ring, stick_slip
+from tests.verification.goal_scenes import RESULTANT, SLIP_LENGTH, front_resultant, front_slip, front_study
+from tests.verification.scenes import HEATED_BRACKET, study_of
+
+PULLED = """
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: clamped, top: {role: traction, g: ["0.03*x", -0.01]}, right: free}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: 0.01}
+mesh: {maxh: 0.5, levels: 3, family: adaptive, goal: friction_resultant}
+"""
+
+
+def bracket() -> tuple[Level, Halved]:
+    """A body with arcs, a hole and a region, after a step of bisection."""
+    study = study_of(HEATED_BRACKET, "mesh={maxh: 0.4, levels: 3, family: adaptive}")
+    family, scene = Family(study), study.scenes[0]
+    for i in range(2):
+        level = Level(family.next(i), scene)
+        survey = family.survey(level)
+        assert survey is not None
+        condensed = level.condensed(scene)
+        survey.look((), scene, condensed, solve_contact(condensed.problem).v)
+    return level, Halved(level, scene)
+
+
+def test_every_triangle_has_four_parts_in_itself() -> None:
+    level, halved = bracket()
+    fine, coarse = halved.level.mesh, level.mesh
+    assert np.all(np.bincount(halved.parent) == 4)
+    inside = fine.points[fine.triangles].mean(axis=1) - coarse.points[coarse.triangles].mean(axis=1)[halved.parent]
+    assert np.all(np.linalg.norm(inside, axis=1) < coarse.h_max)
+    areas = halved.gathered(halved.triangles.area)
+    own = 0.5 * doubled_areas(coarse.points[coarse.triangles])
+    changed = np.flatnonzero(np.abs(areas - own) > 1e-12 * own)
+    arcs = [i for i, curve in enumerate(coarse.geometry.curves) if not curve.straight]
+    at_arcs = Triangles(coarse).owner[np.isin(coarse.segment_curve, arcs)]
+    assert set(changed) == set(at_arcs)  # new nodes leave the chord there, and nowhere else
+
+
+def test_functions_are_carried_over() -> None:
+    level, halved = bracket()
+    x, y = level.mesh.points.T
+    u = np.concatenate([2 * x + y, 3 * y - x])
+    fine = halved.carry(u)
+    assert halved.interpolated(fine) == pytest.approx(fine, rel=1e-14)
+    assert fine[: level.mesh.n_points] == pytest.approx(u[: level.mesh.n_points], rel=1e-15)
+    v = level.line.arclength
+    assert halved.at_coarse(halved.start(v)) == pytest.approx(v, rel=1e-14)
+
+
+def look(goal: Goal = RESULTANT, levels: int = 2) -> dict[str, float]:
+    study = study_of(PULLED)
+    study = replace(study, mesh=replace(study.mesh, goal=goal))
+    family, scene = Family(study), study.scenes[0]
+    for i in range(levels):
+        level = Level(family.next(i), scene)
+        survey = family.survey(level)
+        assert survey is not None
+        condensed = level.condensed(scene)
+        stored = survey.look((), scene, condensed, solve_contact(condensed.problem).v)
+    assert np.any(survey.shares() > 0.0)
+    return stored
+
+
+def test_a_finer_problem_that_fails_makes_the_error_infinite(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Never a silent number; refinement then follows the energy norm."""
+
+    def fail(*args: object, **more: object) -> Answer:
+        return replace(solve_contact(*args, **more), status=Status.INCLUSION_VIOLATED)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(goal_error_module, "solve_contact", fail)
+    stored = look()
+    assert stored["goal_estimate"] == math.inf
+    assert np.isfinite(stored["error_estimate"])
+
+
+def test_a_turning_point_leaves_the_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a dual solution the shares are those of the energy norm, and the number is estimated all the same."""
+
+    def singular(*_: object) -> None:
+        raise scipy.linalg.LinAlgError("made singular")
+
+    whole = look(levels=1)
+    monkeypatch.setattr(goal_error_module, "dual", singular)
+    without = look(levels=1)
+    assert without["goal_estimate"] == pytest.approx(whole["goal_estimate"], rel=0.5)
+    assert 0.0 < look()["goal_estimate"] < math.inf
+
+
+def test_no_error_at_all_on_the_first_mesh_is_not_believed() -> None:
+    """A front that both meshes of the estimate miss leaves no error; three meshes are looked at all the same."""
+    plan = "mesh={maxh: 0.5, tolerance: 0.01, of: slip_length}"
+    study = study_of(PULLED.replace("tau: 0.01", "tau: 10"), plan)  # everything sticks: the slip length is 0
+    levels = [record for record in run(study) if isinstance(record, LevelRecord)]
+    assert [record.level for record in levels] == [0, 1, 2, 2]
+    assert levels[-1].stop.startswith("tolerance 0.01 met: estimated relative error 0 ")
+    assert levels[1].n_dof > 1.2 * levels[0].n_dof
+
+
+def test_factors_are_those_of_smooth_solutions_and_of_corners() -> None:
+    study, nowhere = stick_slip(1), np.empty((0, 2))
+    level = Level(Family(study).next(0), study.scenes[0])
+    smooth = regions(Halved(level, study.scenes[0]), study.scenes[0], np.zeros(level.line.m, dtype=bool), nowhere)
+    assert np.all(smooth.factors == SMOOTH)
+    assert len(smooth.sums(smooth.factors)) == 4  # as many as the body has corners
+    level, halved = bracket()
+    scene = study_of(HEATED_BRACKET).scenes[0]
+    found = regions(halved, scene, np.zeros(level.line.m, dtype=bool), nowhere)
+    node = int(np.argmin(np.linalg.norm(level.mesh.points - [1.0, -0.3], axis=1)))
+    touching = np.any(level.mesh.triangles == node, axis=1)
+    around = np.unique(halved.level.mesh.triangles[touching[halved.parent]])
+    lam = 180.0 / 174.21486877 - 1.0  # π/ω − 1 between slipping edges
+    assert found.factors[around] == pytest.approx(1.0 / (1.0 - 2.0 ** (-2.0 * lam)), rel=1e-6)
+    assert set(np.flatnonzero(found.region == found.region[node])) == set(around)
+
+
+def test_goals_of_exact_solutions() -> None:
+    study, change = front_study(0.4), 0.4
+    scene, exact = study.scenes[0], study.exact
+    assert exact is not None
+    assert known_goal(RESULTANT, exact, scene) == pytest.approx(front_resultant(change), rel=1e-5)
+    assert known_goal(Goal("u_T", (0.8, 0.0)), exact, scene) == pytest.approx(front_slip(change, 0.8), rel=1e-12)
+    assert known_goal(SLIP_LENGTH, exact, scene) == pytest.approx(1.0 - change, rel=1e-4)
+    assert known_goal(Goal(), exact, scene) is None
+
+
+@pytest.mark.parametrize(
+    ("study", "at", "value"),
+    [
+        (ring(1), (math.cos(0.7), math.sin(0.7)), A + B),
+        (stick_slip(1, 37.0), (0.8 * math.cos(math.radians(37)), 0.8 * math.sin(math.radians(37))), None),
+    ],
+    ids=["ring", "turned"],
+)
+def test_the_exact_slip_is_along_the_edge(study, at, value: float | None) -> None:  # type: ignore[no-untyped-def]
+    known = known_goal(Goal("u_T", at), study.exact, study.scenes[0])
+    assert known == pytest.approx(front_slip(CHANGE, 0.8) if value is None else value, rel=1e-4)
+
+
+@pytest.mark.parametrize("pick", [lambda p: p, lambda p: replace(p, goal=replace(p.goal, known=0.5))])
+def test_a_survey_compares_with_the_exact_solution(pick: Callable[[MeshPlan], MeshPlan]) -> None:
+    """What the study says is known goes first."""
+    study = front_study(0.4)
+    plan = pick(MeshPlan((0.2,), 1, goal=RESULTANT, estimate=True))
+    scene = study.scenes[0]
+    level = Level(Family(study).next(0), scene)
+    condensed = level.condensed(scene)
+    v = solve_contact(condensed.problem).v
+    stored = Survey(level, plan, exact=study.exact).look((), scene, condensed, v)
+    known = front_resultant(0.4) if plan.goal.known is None else plan.goal.known
+    error = abs(goal_value(RESULTANT, condensed.problem, level.line, v) - known)
+    assert stored["goal_error"] == pytest.approx(error, rel=1e-2)
+    assert stored["goal_effectivity"] == pytest.approx(stored["goal_estimate"] / stored["goal_error"])
+
+
+@pytest.mark.parametrize("change", [0.6, 0.839])
+def test_what_the_resultant_lacks_at_a_held_end_is_half_a_cell_of_traction(change: float) -> None:
+    """The traction of the closed form at x = 0, where stick meets the given displacement of the left side."""
+    study = front_study(change, 0.05)
+    level = Level(Family(study).next(0), study.scenes[0])
+    problem = level.condensed(study.scenes[0]).problem
+    found = lost(level.line, problem, solve_contact(problem).v)
+    assert np.flatnonzero(found).tolist() == [0]  # at x = 1 it slips
+    width = level.line.xy[0, 0]  # the hat function of the node at its end sees the traction there
+    traction = 0.5 - 0.84 * math.sqrt(change - width)
+    assert found[0] == pytest.approx(0.5 * width * traction, rel=0.1)
+
+
+def test_a_tear_leaves_half_a_cell_times_the_fall_open() -> None:
+    law = "friction: {law: piecewise-linear, points: [[0, 0.012], [0.05, 0.012], [0.05, 0.005]]}"
+    study = study_of(PULLED.replace("friction: {law: tresca, tau: 0.01}", law))
+    level = Level(Family(study).next(0), study.scenes[0])
+    problem = level.condensed(study.scenes[0]).problem
+    x = level.line.xy[:, 0]
+    v = np.where(x > x[1], 0.06, 0.04)
+    widths = np.linalg.norm(level.line.ends[:, 1] - level.line.ends[:, 0], axis=1)
+    found = torn(level.line, problem, v)
+    assert np.count_nonzero(found) == 1
+    assert found.max() == pytest.approx(0.5 * widths[np.argmax(found)] * 0.007)
+    assert not torn(level.line, problem, 0.0 * v).any()
+    assert not torn(level.line, problem, np.where(x > x[1], 0.06, 0.07)).any()

@@ -1,0 +1,162 @@
+"""Adaptive families and tolerances through a whole run: what is stored, when it ends, and resuming."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tcstudy
+from tcstudy.data.journal import Journal
+from tcstudy.data.records import BlockRecord, LevelRecord
+from tcstudy.refine import survey as survey_module
+from tcstudy.report.summary import summary
+from tcstudy.study.execute import execute
+from tcstudy.study.plan import plan
+from tcstudy.study.run import run
+from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
+
+PULLED = RECTANGLE.replace("left: clamped, top: free", 'left: clamped, top: {role: traction, g: ["0.03*x", -0.01]}')
+SWEPT = PULLED + "\nsweep: {tau: [0.005, 0.01, 0.02]}\n"
+
+
+def test_an_adaptive_run_stores_its_estimates(tmp_path: Path) -> None:
+    tree = tcstudy.run(study_of(SWEPT, "mesh={maxh: 0.5, levels: 5, family: adaptive}"), tmp_path / "out.nc")
+    assert np.all(tree["status"] == 1)
+    estimate = tree["error_estimate"]
+    assert estimate.dims == ("tau", "level")
+    assert np.all(estimate.values > 0)
+    assert np.all(np.diff(estimate.max("tau").values) < 0)
+    assert tree["stop"].values.tolist()[:-1] == [""] * 4
+    assert str(tree["stop"].values[-1]).startswith("estimated relative error")
+    assert "goal" not in tree
+    text = summary(tmp_path / "out.nc")
+    assert "est. rel. error" in text
+    assert "stopped: estimated relative error" in text
+
+
+def test_a_body_without_load_is_not_refined(tmp_path: Path) -> None:
+    idle = study_of(RECTANGLE, "mesh={maxh: 0.5, levels: 20, family: adaptive}")
+    tree = tcstudy.run(idle, tmp_path / "out.nc")
+    assert np.count_nonzero(tree["status"] == 1) == 1
+    assert str(tree["stop"].values[0]).startswith("nothing to refine")
+
+
+def test_uniform_meshes_are_the_same_with_estimates(tmp_path: Path) -> None:
+    with_them = tcstudy.run(study_of(PULLED, "mesh={maxh: 0.5, levels: 3, estimate: true}"), tmp_path / "a.nc")
+    without = tcstudy.run(study_of(PULLED, "mesh={maxh: 0.5, levels: 3}"), tmp_path / "b.nc")
+    assert np.array_equal(with_them["energy"], without["energy"])
+    assert "error_estimate" not in without
+    assert "stop" not in without
+
+
+def test_a_tolerance_holds_at_every_point_and_levels_not_needed_are_not_there(tmp_path: Path) -> None:
+    study = study_of(SWEPT, "mesh={maxh: 0.5, tolerance: 0.01, of: friction_resultant}")
+    tree = tcstudy.run(study, tmp_path / "out.nc")
+    relative = np.abs(tree["goal_estimate"] / tree["goal"]).max("tau").values
+    assert relative[-1] <= 0.01
+    assert np.all(relative[1:-1] > 0.01)
+    assert tree.sizes["level"] == len(relative) < study.mesh.levels
+    assert f"level_{len(relative)}" not in tree.children
+    assert str(tree["stop"].values[-1]).startswith("tolerance 0.01 met: estimated relative error")
+    assert tree["goal"].attrs["units"] == tree["friction_resultant"].attrs["units"]
+    assert tree["goal"].values == pytest.approx(tree["friction_resultant"].values, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "why"),
+    [
+        ("{maxh: 0.5, tolerance: 1e-6, max_levels: 3}", "tolerance 1e-06 not met: .* on the last level"),
+        ("{maxh: 0.5, tolerance: 1e-6, max_dofs: 200}", "tolerance 1e-06 not met: .* more than max_dofs"),
+        ("{maxh: 0.5, levels: 30, family: adaptive, max_dofs: 200}", "^estimated .* more than max_dofs"),
+        ("{maxh: 0.5, tolerance: 0.3, family: uniform}", "tolerance 0.3 met"),
+        ("{maxh: 0.5, tolerance: 0.15, family: graded}", "tolerance 0.15 met"),
+    ],
+)
+def test_why_refinement_ended(mesh: str, why: str) -> None:
+    levels = [r for r in run(study_of(PULLED, f"mesh={mesh}")) if isinstance(r, LevelRecord)]
+    assert re.search(why, levels[-1].stop), levels[-1].stop
+    assert all(level.stop == "" for level in levels[:-1])
+    assert levels[-1].level == levels[-2].level  # the last record says again what the level is, and why it is the last
+
+
+def test_the_worst_point_decides_the_mesh() -> None:
+    """A point that meets the tolerance has no say; alone, each point gets a mesh of its own."""
+    plans = "mesh={maxh: 0.5, levels: 6, family: adaptive}"
+    sizes = {}
+    for tau in ("[0.005]", "[0.02]", "[0.005, 0.02]"):
+        records = list(run(study_of(PULLED + f"\nsweep: {{tau: {tau}}}\n", plans)))
+        sizes[tau] = next(r for r in reversed(records) if isinstance(r, LevelRecord)).n_dof
+    assert sizes["[0.005, 0.02]"] not in (sizes["[0.005]"], sizes["[0.02]"])
+
+
+@pytest.mark.parametrize("kept", [1, 4, 7, 12])
+@pytest.mark.parametrize(
+    "mesh", ["levels: 4, family: adaptive, goal: friction_resultant", "tolerance: 1e-3, of: friction_resultant"]
+)
+def test_a_resumed_run_comes_to_the_same_meshes(tmp_path: Path, mesh: str, kept: int) -> None:
+    """Also where it stopped within a level: what was solved before is estimated again, not solved."""
+    study = study_of(SWEPT, f"mesh={{maxh: 0.5, {mesh}}}")
+    whole = tcstudy.run(study, tmp_path / "whole.nc")
+    output = tmp_path / "out.nc"
+    with Journal.open(output, study) as journal:
+        count = 0
+        for record in run(study):
+            journal.add(record)
+            count += isinstance(record, BlockRecord)
+            if count == kept:
+                break
+    result = execute(study, output)
+    assert result.resumed == kept
+    with tcstudy.open_results(output) as tree:
+        for name in ("n_dof", "energy", "goal", "error_estimate"):
+            assert np.array_equal(tree[name].values, whole[name].values), name
+        assert np.array_equal(tree["goal_estimate"].values, whole["goal_estimate"].values)
+        assert tree["stop"].values.tolist() == whole["stop"].values.tolist()
+
+
+def test_when_no_point_is_solved_refinement_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise ArithmeticError("made to fail")
+
+    monkeypatch.setattr(survey_module.Survey, "look", fail)
+    records = list(run(study_of(PULLED, "mesh={maxh: 0.5, levels: 4, family: adaptive}")))
+    points = [p for r in records if isinstance(r, BlockRecord) for p in r.one_by_one()]
+    assert len(points) == 1
+    assert points[0].reason == "ArithmeticError: made to fail"
+    assert isinstance(records[-1], LevelRecord)
+    assert records[-1].stop == "no point was solved, so nothing says what to refine"
+
+
+def test_the_known_value_gives_error_and_effectivity(tmp_path: Path) -> None:
+    mesh = "mesh={maxh: 0.5, levels: 3, family: adaptive, goal: {u_T: [1.3, 0]}, known: 0.01}"
+    tree = tcstudy.run(study_of(PULLED, mesh), tmp_path / "out.nc")
+    error = np.abs(tree["goal"].values - 0.01)
+    assert tree["goal_error"].values == pytest.approx(error)
+    assert tree["goal_effectivity"].values == pytest.approx(tree["goal_estimate"].values / error)
+    x, u_T = tree["level_2"]["x"].values, tree["level_2"]["u_T"].values
+    assert tree["goal"].values[-1] == pytest.approx(np.interp(1.3, x, u_T), rel=1e-12)
+
+
+def test_the_plan_says_what_a_tolerance_does() -> None:
+    found = plan(study_of(PULLED, "mesh={maxh: 0.5, tolerance: 0.001, of: slip_length, max_levels: 12}"))
+    assert len(found.levels) == 1
+    left_out = "\n".join(found.left_out)
+    assert "meshes finer than needed: refined where the error is large from maxh = 0.5 until the estimated" in left_out
+    assert "slip_length is at most 0.001 at every point, 400000 dofs are passed or there are 12 levels" in left_out
+    assert "error estimates" not in left_out
+    assert any(note.startswith("adaptive: levels after the first") for note in found.notes)
+    uniform = plan(study_of(PULLED))
+    assert any(text.startswith("error estimates: not asked for (mesh.estimate: true") for text in uniform.left_out)
+    assert any("h ~ r^0.7" in note for note in plan(study_of(PULLED, "mesh={maxh: 0.5, family: graded}")).notes)
+
+
+def test_fields_and_several_levels_of_a_heated_body(tmp_path: Path) -> None:
+    """The heat problem, arcs, regions and prescribed displacements on bisected meshes."""
+    mesh = "mesh={maxh: 0.3, levels: 4, family: adaptive, goal: friction_resultant}"
+    tree = tcstudy.run(study_of(HEATED_BRACKET, mesh, "output={fields: true}"), tmp_path / "out.nc")
+    assert np.all(tree["status"] == 1), tree["reason"].values
+    assert float(tree["heat_balance"].max()) < 1e-12
+    assert len(tree["level_3"]["node_x"]) > len(tree["level_0"]["node_x"])

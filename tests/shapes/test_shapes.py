@@ -1,0 +1,445 @@
+"""Exact measures and normals of loops, and every kind of faulty body."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tcstudy.scene.records import Body, BrepFace, Edge, Loop, Point, Region
+from tcstudy.shapes.edges import (
+    body_area,
+    body_size,
+    boundary_lengths,
+    circle_loop,
+    edge_arc,
+    edge_distance,
+    edge_length,
+    edge_normal,
+    edge_points,
+    loop_area,
+    loop_size,
+    polygon_loop,
+    rectangle_loop,
+)
+from tcstudy.shapes.faults import Fault, check_body
+
+SQUARE = rectangle_loop((0.0, 0.0), 1.0, 1.0)
+CENTERS = st.tuples(st.floats(-10, 10), st.floats(-10, 10))
+
+
+@given(CENTERS, st.floats(1e-3, 1e3))
+def test_circles_are_exact(center: Point, radius: float) -> None:
+    loop = circle_loop(center, radius, "bore")
+    rounding = 1e-14 * (1 + math.hypot(*center) / radius)
+    assert loop_area(loop) == pytest.approx(math.pi * radius**2, rel=rounding)
+    assert sum(map(edge_length, loop.edges)) == pytest.approx(2 * math.pi * radius, rel=rounding)
+    assert loop_size(loop) == pytest.approx(2 * math.sqrt(2) * radius, rel=rounding)
+    assert {edge.name for edge in loop.edges} == {"bore"}
+
+
+@settings(deadline=None)
+@given(CENTERS, st.floats(0.1, 10), st.floats(-3, 3), st.floats(0.05, 6.2), st.booleans(), st.floats(0.1, 0.9))
+def test_arc_through_three_points(
+    center: Point, radius: float, start: float, sweep: float, reverse: bool, part: float
+) -> None:
+    sweep = -sweep if reverse else sweep
+    first, third, last = (
+        (center[0] + radius * math.cos(a), center[1] + radius * math.sin(a))
+        for a in (start, start + part * sweep, start + sweep)
+    )
+    edge = Edge(first, last, "arc", through=third)
+    arc = edge_arc(edge)
+    assert arc is not None
+    tight = 1e-9 * (1 + math.hypot(*center) / radius)
+    assert arc.center == pytest.approx(center, abs=tight * 1e3 * radius)
+    assert arc.sweep == pytest.approx(sweep, abs=1e3 * tight)
+    assert edge_length(edge) == pytest.approx(radius * abs(sweep), rel=1e3 * tight)
+    points = edge_points(edge, 7)
+    assert points[0].tolist() == list(first)
+    assert points[-1].tolist() == list(last)
+    np.testing.assert_allclose(np.hypot(*(points - arc.center).T), arc.radius, rtol=1e-9)
+    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    np.testing.assert_allclose(chords, 2 * radius * math.sin(abs(sweep) / 14), rtol=1e3 * tight)
+
+
+def test_area_and_length_of_mixed_loops() -> None:
+    half_disc = Loop((Edge((-1, 0), (1, 0), "flat"), Edge((1, 0), (-1, 0), "round", through=(0, 1))))
+    assert loop_area(half_disc) == pytest.approx(math.pi / 2, rel=1e-15)
+    bitten = Loop((*SQUARE.edges[:2], Edge((1, 1), (0, 1), "bite", through=(0.5, 0.5)), SQUARE.edges[3]))
+    assert loop_area(bitten) == pytest.approx(1 - math.pi / 8, rel=1e-15)
+    assert edge_length(bitten.edges[2]) == pytest.approx(math.pi / 2, rel=1e-15)
+    backwards = polygon_loop([(0, 0), (0, 1), (1, 0)], "edge")
+    assert loop_area(backwards) == -0.5
+    far = polygon_loop([(1e8, 1e8), (1e8 + 1, 1e8), (1e8 + 1, 1e8 + 1)], "edge")
+    assert loop_area(far) == 0.5
+
+
+def test_area_agrees_with_a_fine_polygon() -> None:
+    loop = Loop(
+        (
+            Edge((0, 0), (3, 0), "a", through=(1.5, -0.4)),
+            Edge((3, 0), (2.5, 2), "b", through=(2.4, 1.2)),
+            Edge((2.5, 2), (0, 0), "c", through=(-0.5, 2.5)),
+        )
+    )
+    points = np.vstack([edge_points(edge, 20000)[:-1] for edge in loop.edges])
+    x, y = points.T
+    assert loop_area(loop) == pytest.approx(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)), rel=1e-7)
+    assert loop_size(loop) == pytest.approx(math.hypot(*np.ptp(points, axis=0)), rel=1e-7)
+    for edge in loop.edges:
+        steps = np.diff(edge_points(edge, 20000), axis=0)
+        assert edge_length(edge) == pytest.approx(np.linalg.norm(steps, axis=1).sum(), rel=1e-7)
+
+
+def test_body_measures() -> None:
+    hole = circle_loop((0.5, 0.5), 0.25, "top")
+    body = Body(SQUARE, (hole,))
+    assert body_area(body) == pytest.approx(1 - math.pi / 16, rel=1e-15)
+    assert body_size(body) == math.sqrt(2)
+    lengths = boundary_lengths(body)
+    assert list(lengths) == ["bottom", "right", "top", "left"]
+    assert lengths["top"] == pytest.approx(1 + math.pi / 2, rel=1e-15)
+    file = Body(None, brep=BrepFace(Path("part.step"), 0, 1e-3, (), None))
+    assert check_body(file) == []
+    with pytest.raises(ValueError, match="file"):
+        body_area(file)
+
+
+@pytest.mark.parametrize("through", [None, (1.6, 1.4), (0.9, 0.2), (-3.0, 2.0)])
+def test_normals_are_orthogonal_to_the_edge_and_point_to_its_right(through: Point | None) -> None:
+    edge = Edge((0, 0), (2, 1), "edge", through=through)
+    h = 1e-6
+    points = edge_points(edge, 1000)[1:-1]
+    normals = edge_normal(edge, points)
+    fine = edge_points(edge, 1_000_000)[[k + step for k in range(1000, 1_000_000, 1000) for step in (-1, 1)]]
+    tangents = fine[1::2] - fine[::2]
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    np.testing.assert_allclose(normals, np.stack([tangents[:, 1], -tangents[:, 0]], axis=1), atol=10 * h)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, rtol=1e-15)
+
+
+def test_normals_of_a_circle_are_radial() -> None:
+    loop = circle_loop((1.0, 2.0), 0.5, "c")
+    for edge in loop.edges:
+        points = edge_points(edge, 9)
+        np.testing.assert_allclose(edge_normal(edge, points), (points - [1.0, 2.0]) / 0.5, atol=1e-14)
+    np.testing.assert_array_equal(edge_normal(SQUARE.edges[0], [[0.3, 0.0], [0.5, 0.0]]), [[0, -1], [0, -1]])
+
+
+@pytest.mark.parametrize("through", [None, (1.6, 1.4), (0.9, 0.2), (-3.0, 2.0)])
+def test_distance_is_that_to_the_nearest_of_many_points(through: Point | None) -> None:
+    edge = Edge((0, 0), (2, 1), "edge", through=through)
+    points = np.random.default_rng(5).uniform(-4, 4, (200, 2))
+    sampled = np.linalg.norm(points[:, None] - edge_points(edge, 5000)[None], axis=2).min(axis=1)
+    np.testing.assert_allclose(edge_distance(edge, points), sampled, atol=2e-3)
+    assert np.all(edge_distance(edge, points) <= sampled + 1e-12)
+    np.testing.assert_allclose(edge_distance(edge, edge_points(edge, 50)), 0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("size", [0.0, -1.0, math.nan, math.inf])
+def test_shapes_without_extent_are_refused(size: float) -> None:
+    with pytest.raises(ValueError, match="radius must be positive"):
+        circle_loop((0, 0), size, "c")
+    with pytest.raises(ValueError, match="width must be positive"):
+        rectangle_loop((0, 0), size, 1.0)
+    with pytest.raises(ValueError, match="height must be positive"):
+        rectangle_loop((0, 0), 1.0, size)
+
+
+HOLE = circle_loop((0.5, 0.5), 0.2, "bore")
+SOUND = {
+    "square": Body(SQUARE),
+    "disc": Body(circle_loop((3, 4), 2.0, "rim")),
+    "half disc": Body(Loop((Edge((-1, 0), (1, 0), "flat"), Edge((1, 0), (-1, 0), "round", through=(0, 1))))),
+    "bitten": Body(Loop((*SQUARE.edges[:2], Edge((1, 1), (0, 1), "bite", through=(0.5, 0.7)), SQUARE.edges[3]))),
+    "stadium": Body(
+        Loop(
+            (
+                Edge((0, 0), (2, 0), "a"),
+                Edge((2, 0), (2, 1), "b", through=(2.5, 0.5)),
+                Edge((2, 1), (0, 1), "c"),
+                Edge((0, 1), (0, 0), "d", through=(-0.5, 0.5)),
+            )
+        )
+    ),
+    "straight corner": Body(polygon_loop([(0, 0), (1, 0), (2, 0), (2, 1), (0, 1)], "edge")),
+    "thin": Body(rectangle_loop((0, 0), 1.0, 1e-5)),
+    "holes": Body(SQUARE, (HOLE, rectangle_loop((0.1, 0.1), 0.1, 0.1, ("a",) * 4))),
+    "region at the edge": Body(SQUARE, (), (Region("heater", rectangle_loop((0.0, 0.0), 0.5, 0.5)),)),
+    "region to rounding": Body(SQUARE, (), (Region("heater", rectangle_loop((0.7, 0.1), 0.3 + 1e-16, 0.5)),)),
+    "region is the body": Body(SQUARE, (), (Region("heater", SQUARE),)),
+    "disc in disc": Body(circle_loop((0, 0), 1, "rim"), (), (Region("all", circle_loop((0, 0), 1, "")),)),
+    "thin region": Body(SQUARE, (), (Region("film", rectangle_loop((0, 0.3), 1.0, 1.1 * math.sqrt(2) * 1e-6)),)),
+    "region at the hole": Body(
+        SQUARE,
+        (rectangle_loop((0.4, 0.4), 0.2, 0.2),),
+        (Region("heater", rectangle_loop((0.2, 0.4), 0.2, 0.2)),),
+    ),
+    "regions side by side": Body(
+        SQUARE,
+        (),
+        (Region("a", rectangle_loop((0, 0), 0.5, 1)), Region("b", rectangle_loop((0.5, 0), 0.5, 1))),
+    ),
+}
+
+
+def scaled(body: Body, factor: float, shift: float) -> Body:
+    def move(p: Point) -> Point:
+        return (p[0] + shift) * factor, (p[1] - 2 * shift) * factor
+
+    def loop(one: Loop) -> Loop:
+        return Loop(
+            tuple(Edge(move(e.start), move(e.end), e.name, move(e.through) if e.through else None) for e in one.edges)
+        )
+
+    assert body.outline is not None
+    regions = tuple(Region(r.name, loop(r.loop)) for r in body.regions)
+    return Body(loop(body.outline), tuple(map(loop, body.holes)), regions)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1e-6, 1e6])
+@pytest.mark.parametrize("body", SOUND.values(), ids=SOUND.keys())
+def test_sound_bodies_have_no_faults(body: Body, factor: float) -> None:
+    assert check_body(scaled(body, factor, 0.0)) == []
+    assert check_body(scaled(body, factor, 3.3)) == []
+
+
+def with_hole(*holes: Loop) -> Body:
+    return Body(SQUARE, holes)
+
+
+def with_region(loop: Loop, *holes: Loop) -> Body:
+    return Body(SQUARE, holes, (Region("heater", loop),))
+
+
+def outline(*points: Point) -> Body:
+    return Body(polygon_loop(points, [f"e{i}" for i in range(len(points))]))
+
+
+FAULTY: dict[str, tuple[Body, str, list[str]]] = {
+    "no edge": (Body(Loop(())), "body.outline", ["no edge"]),
+    "not finite": (outline((0, 0), (1, math.nan), (1, 1)), "body.outline[0]", ["not finite"]),
+    "infinite": (outline((0, 0), (1, 0), (math.inf, 1)), "body.outline[1]", ["not finite"]),
+    "two lines": (outline((0, 0), (1, 0)), "body.outline", ["2 edges", "at least 3"]),
+    "one arc": (Body(Loop((Edge((0, 0), (0, 0), "a", (1, 0)),))), "body.outline", ["at least 2"]),
+    "open": (
+        Body(Loop((*SQUARE.edges[:3], Edge((0, 1), (0, 0.1), "left")))),
+        "body.outline[3]",
+        ["edge 4 (left) ends at (0, 0.1)", "begins at (0, 0)"],
+    ),
+    "gap": (
+        Body(Loop((Edge((0, 0), (1, 0), "a"), Edge((1, 1e-9), (1, 1), "b"), Edge((1, 1), (0, 0), "c")))),
+        "body.outline[0]",
+        ["edge 1 (a) ends"],
+    ),
+    "closed twice": (outline((0, 0), (1, 0), (1, 1), (0, 0)), "body.outline[3]", ["edge 4 (e3) has no length"]),
+    "sliver": (outline((0, 0), (1, 0), (1, 1), (1 - 1e-7, 1), (0, 1)), "body.outline[2]", ["has length 1e-07"]),
+    "full circle": (
+        Body(Loop((Edge((0, 0), (0, 0), "a", (1, 1)), *SQUARE.edges))),
+        "body.outline[0]",
+        ["no length", "split a full circle"],
+    ),
+    "collinear": (
+        Body(Loop((Edge((0, 0), (1, 0), "a", (0.5, 0)), Edge((1, 0), (1, 1), "b"), Edge((1, 1), (0, 0), "c")))),
+        "body.outline[0]",
+        ["through-point (0.5, 0)", "leave out through"],
+    ),
+    "repeated vertex": (
+        outline((0, 0), (1, 0), (0.5, 0.5), (1, 1), (0, 1), (0.5, 0.5)),
+        "body.outline[5]",
+        ["(0.5, 0.5)", "edge 3 (e2)", "edge 6 (e5)"],
+    ),
+    "clockwise": (outline((0, 0), (0, 1), (1, 1), (1, 0)), "body.outline", ["clockwise", "reverse the order"]),
+    "bow-tie": (
+        outline((0, 0), (1, 1), (1, 0), (0, 1)),
+        "body.outline[0]",
+        ["edge 1 (e0) and edge 3 (e2)", "(0.5, 0.5)"],
+    ),
+    "vertex on an edge": (
+        outline((0, 0), (2, 0), (2, 1), (1, 0), (0, 1)),
+        "body.outline[0]",
+        ["edge 1 (e0) and edge 3 (e2)", "(1, 0)"],
+    ),
+    "almost touching": (
+        outline((0, 0), (2, 0), (2, 1), (1, 1e-7), (0, 1)),
+        "body.outline[0]",
+        ["edge 1 (e0) and edge 3 (e2)"],
+    ),
+    "fold back": (outline((0, 0), (2, 0), (1, 0), (1, 1)), "body.outline[0]", ["edge 1 (e0) and edge 2 (e1)"]),
+    "spike": (
+        outline((0, 0), (2, 0), (0.5, 1e-5), (0, 1)),
+        "body.outline[1]",
+        ["edge 2 (e1) runs back along edge 1 (e0) from (2, 0)"],
+    ),
+    "arc across a line": (
+        Body(Loop((*SQUARE.edges[:2], Edge((1, 1), (0, 1), "bite", through=(0.5, -0.2)), SQUARE.edges[3]))),
+        "body.outline[0]",
+        ["edge 1 (bottom) and edge 3 (bite)"],
+    ),
+    "arc across its neighbour": (
+        Body(Loop((Edge((0, 0), (2, 0), "a"), Edge((2, 0), (1.5, 1), "b", (1.6, -0.3)), Edge((1.5, 1), (0, 0), "c")))),
+        "body.outline[0]",
+        ["edge 1 (a) and edge 2 (b)"],
+    ),
+    "cusp": (
+        Body(Loop((*SQUARE.edges[:2], Edge((1, 1), (0, 1), "bite", through=(0.5, 0.5)), SQUARE.edges[3]))),
+        "body.outline[2]",
+        ["edge 3 (bite) runs back along edge 2 (right) from (1, 1)", "angle"],
+    ),
+    "clockwise disc": (
+        Body(Loop((Edge((1, 0), (-1, 0), "a", (0, -1)), Edge((-1, 0), (1, 0), "b", (0, 1))))),
+        "body.outline",
+        ["clockwise"],
+    ),
+    "hole of no size": (with_hole(circle_loop((0.5, 0.5), 1e-8, "c")), "body.holes[0]", ["has length"]),
+    "hole clockwise": (
+        with_hole(polygon_loop([(0.2, 0.2), (0.2, 0.4), (0.4, 0.4)], "h")),
+        "body.holes[0]",
+        ["clockwise"],
+    ),
+    "hole crossed": (
+        with_hole(polygon_loop([(0.2, 0.2), (0.4, 0.4), (0.4, 0.2), (0.2, 0.4)], "h")),
+        "body.holes[0]",
+        ["edge 1 (h) and edge 3 (h)"],
+    ),
+    "hole outside": (with_hole(circle_loop((3, 3), 0.2, "c")), "body.holes[0]", ["outside"]),
+    "hole around": (with_hole(circle_loop((0.5, 0.5), 3, "c")), "body.holes[0]", ["surrounds"]),
+    "huge hole": (with_hole(circle_loop((0.5, 0.5), 1e9, "c")), "body.holes[0]", ["surrounds"]),
+    "hole across": (with_hole(circle_loop((1.0, 0.5), 0.2, "c")), "body.holes[0]", ["touches or crosses the outline"]),
+    "hole touches": (with_hole(circle_loop((0.8, 0.5), 0.2, "c")), "body.holes[0]", ["outline at (1, 0.5)"]),
+    "holes overlap": (
+        with_hole(HOLE, circle_loop((0.65, 0.5), 0.1, "d")),
+        "body.holes[1]",
+        ["overlaps or touches body.holes[0]"],
+    ),
+    "holes touch": (with_hole(HOLE, circle_loop((0.8, 0.5), 0.1, "d")), "body.holes[1]", ["body.holes[0] at (0.7"]),
+    "hole in hole": (with_hole(HOLE, circle_loop((0.5, 0.5), 0.1, "d")), "body.holes[1]", ["body.holes[0]"]),
+    "region outside": (with_region(circle_loop((3, 3), 0.2, "")), "body.regions.heater", ["lies outside"]),
+    "region beside": (with_region(rectangle_loop((1, 0), 1, 1)), "body.regions.heater", ["lies outside"]),
+    "region leaves": (
+        with_region(rectangle_loop((0.5, 0.5), 1, 0.2)),
+        "body.regions.heater",
+        ["leaves the body near (1"],
+    ),
+    "region around": (with_region(circle_loop((0.5, 0.5), 2, "")), "body.regions.heater", ["leaves the body"]),
+    "region open": (
+        with_region(Loop((Edge((0, 0), (1, 0), ""), Edge((1, 0), (1, 1), ""), Edge((1, 1), (0, 1), "")))),
+        "body.regions.heater",
+        ["edge 3 () ends"],
+    ),
+    "region across hole": (
+        with_region(rectangle_loop((0.5, 0.5), 0.4, 0.1), HOLE),
+        "body.regions.heater",
+        ["body.holes[0]"],
+    ),
+    "region over hole": (with_region(rectangle_loop((0.1, 0.1), 0.8, 0.8), HOLE), "body.regions.heater", ["overlaps"]),
+    "region in hole": (with_region(circle_loop((0.5, 0.5), 0.1, ""), HOLE), "body.regions.heater", ["body.holes[0]"]),
+    "regions overlap": (
+        Body(SQUARE, (), (Region("a", HOLE), Region("b", circle_loop((0.6, 0.5), 0.2, "")))),
+        "body.regions.b",
+        ["overlaps body.regions.a"],
+    ),
+    "regions nested": (
+        Body(SQUARE, (), (Region("a", HOLE), Region("b", circle_loop((0.5, 0.5), 0.1, "")))),
+        "body.regions.b",
+        ["overlaps body.regions.a"],
+    ),
+}
+
+
+@pytest.mark.parametrize(("body", "where", "words"), FAULTY.values(), ids=FAULTY.keys())
+def test_faults_are_named_with_place_and_remedy(body: Body, where: str, words: list[str]) -> None:
+    start = time.monotonic()
+    faults = check_body(body)
+    assert time.monotonic() - start < 5.0
+    found = [fault for fault in faults if fault.where == where]
+    assert found, faults
+    text = " ".join(f"{fault.what}; {fault.remedy}" for fault in found)
+    for word in words:
+        assert word in text, text
+    assert all(fault.what and fault.remedy for fault in faults)
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e6])
+@pytest.mark.parametrize("name", [name for name in FAULTY if name not in ("no edge", "not finite", "infinite")])
+def test_faults_do_not_depend_on_the_unit_of_length(name: str, factor: float) -> None:
+    body, where, _ = FAULTY[name]
+    assert where in [fault.where for fault in check_body(scaled(body, factor, 0.0))]
+
+
+def test_all_faults_at_once() -> None:
+    body = Body(
+        SQUARE,
+        (circle_loop((3, 3), 0.1, "c"), polygon_loop([(0.2, 0.2), (0.2, 0.4), (0.4, 0.4)], "h")),
+        (Region("r", circle_loop((0.5, 0.5), 2.0, "")), Region("s", circle_loop((5, 5), 1.0, ""))),
+    )
+    places = {fault.where for fault in check_body(body)}
+    assert places == {"body.holes[0]", "body.holes[1]", "body.regions.r", "body.regions.s"}
+
+
+def test_long_outlines_are_checked_soon_and_wholly() -> None:
+    angles = np.linspace(0, 2 * math.pi, 3000, endpoint=False)
+    radii = 1 + 0.05 * np.cos(40 * angles)
+    points = [(float(r * math.cos(a)), float(r * math.sin(a))) for r, a in zip(radii, angles, strict=True)]
+    start = time.monotonic()
+    assert check_body(Body(polygon_loop(points, "edge"))) == []
+    points[2500], points[2505] = points[2505], points[2500]
+    faults = check_body(Body(polygon_loop(points, "edge")))
+    assert time.monotonic() - start < 10.0
+    assert faults
+    assert isinstance(faults[0], Fault)
+
+
+def test_wild_outlines_give_few_faults() -> None:
+    points = [(float(x), float(y)) for x, y in np.random.default_rng(6).uniform(0, 1, (300, 2))]
+    assert 1 <= len(check_body(Body(polygon_loop(points, "edge")))) <= 20
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), min_size=3, max_size=7))
+def test_random_polygons_are_judged_like_brute_force(points: list[tuple[int, int]]) -> None:
+    loop = polygon_loop([(float(x), float(y)) for x, y in points], "edge")
+    faulty = bool(check_body(Body(loop)))
+    assert faulty == (not simple(points) or loop_area(loop) <= 0)
+
+
+def simple(points: list[tuple[int, int]]) -> bool:
+    """Whether a lattice polygon does not touch itself, in integer arithmetic."""
+
+    def side(a: tuple[int, int], b: tuple[int, int], c: tuple[int, int]) -> int:
+        cross = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        return (cross > 0) - (cross < 0)
+
+    def on(a: tuple[int, int], b: tuple[int, int], c: tuple[int, int]) -> bool:
+        box = all(min(a[k], b[k]) <= c[k] <= max(a[k], b[k]) for k in (0, 1))
+        return side(a, b, c) == 0 and box
+
+    n = len(points)
+    if len(set(points)) < n:
+        return False
+    segments = [(points[i], points[(i + 1) % n]) for i in range(n)]
+    for i in range(n):
+        a, b = segments[i]
+        c = segments[(i + 1) % n][1]
+        if on(a, b, c) or on(b, c, a):
+            return False
+        for j in range(i + 2, n):
+            if (j + 1) % n == i:
+                continue
+            c, d = segments[j]
+            proper = side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0
+            if proper or on(a, b, c) or on(a, b, d) or on(c, d, a) or on(c, d, b):
+                return False
+    return True
+
+
+def test_size_of_a_clockwise_circle() -> None:
+    loop = Loop((Edge((1, 0), (-1, 0), "a", (0, -1)), Edge((-1, 0), (1, 0), "b", (0, 1))))
+    assert loop_size(loop) == pytest.approx(2 * math.sqrt(2), rel=1e-15)
+    assert loop_area(loop) == pytest.approx(-math.pi, rel=1e-15)

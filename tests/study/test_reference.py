@@ -1,0 +1,102 @@
+"""Errors against a fine mesh: equal to nested ones where it is a refinement, near the true ones elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import tcstudy
+from tcstudy.scene.study import MeshPlan, Study
+from tcstudy.study.cost_curves import walk
+from tcstudy.study.reference import ExactReference, FineReference, NestedReference
+from tcstudy.study.solved_levels import SolvedLevel, empty_level, solution_of, solve_levels
+from tests.verification.scenes import RECTANGLE, study_of
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+WARM = RECTANGLE + "heat: {theta: '0.3*x*x + 0.1*y'}\n"
+WARM = WARM.replace("nu: 0.3}", "nu: 0.3, alpha_T: 0.05, k: 1}")
+
+
+def _say(text: str) -> None:
+    """Nothing."""
+
+
+@pytest.mark.parametrize("text", [RECTANGLE, WARM])
+def test_nested_meshes_give_the_errors_of_exact_prolongation(text: str) -> None:
+    study = study_of(text, "mesh={maxh: 0.3, levels: 4}", "boundary.top={role: traction, g: [0.02, -0.01]}")
+    levels = solve_levels(study, _say)
+    nested, fine = NestedReference(levels), FineReference(levels[-1], levels)
+    scene = study.scenes[0]
+    for level in (0, 1, 2):
+        one, other = nested.errors(level, (), scene), fine.errors(level, (), scene)
+        assert set(other) <= set(one)
+        assert ("theta_H1" in other) == (text is WARM)
+        for name, (error, size) in other.items():
+            assert size == pytest.approx(one[name][1], rel=1e-10), name
+            if name != "u_T_max":  # here the largest along the whole line, there at the coarse nodes
+                assert error == pytest.approx(one[name][0], rel=1e-6, abs=1e-12 * size), name
+
+
+def test_a_solution_has_no_error_against_itself() -> None:
+    levels = solve_levels(study_of(WARM, "mesh={maxh: 0.3, levels: 2}"), _say)
+    scene = study_of(WARM).scenes[0]
+    for name, (error, size) in FineReference(levels[1], levels).errors(1, (), scene).items():
+        assert error <= 1e-12 * size, name
+
+
+SLOT = """
+units: none
+body:
+  outline:
+    - {from: [0, 0], edge: base}
+    - {from: [0.995, 0], edge: slot}
+    - {from: [0.995, 0.6], edge: tip}
+    - {from: [1.005, 0.6], edge: slot}
+    - {from: [1.005, 0], edge: base}
+    - {from: [2, 0], edge: wall}
+    - {from: [2, 1], edge: top}
+    - {from: [0, 1], edge: wall}
+boundary: {base: clamped, slot: contact, tip: free, wall: clamped, top: {role: traction, g: [0.05, -0.1]}}
+material: {E: 1, nu: 0.3}
+friction: {law: slip-weakening, tau_s: 0.02, tau_k: 0.01, delta: 0.5}
+mesh: {maxh: 0.3, levels: 4}
+"""
+
+
+def test_friction_is_looked_up_on_its_own_side_of_a_slot() -> None:
+    """Both sides are one edge, a thirtieth of a cell apart, and friction has opposite signs there."""
+    study = study_of(SLOT)
+    levels = solve_levels(study, _say)
+    nested, fine = NestedReference(levels), FineReference(levels[-1], levels)
+    for level in (0, 1):
+        error, size = nested.errors(level, (), study.scenes[0])["xi_L2"]
+        assert fine.errors(level, (), study.scenes[0])["xi_L2"][0] == pytest.approx(error, rel=1e-9)
+        assert error < 0.12 * size
+
+
+def _solved(study: Study, plan: MeshPlan, levels: int) -> list[SolvedLevel]:
+    scene, found = study.scenes[0], []
+    for step in walk(study, plan, scene, lambda name, level: False):
+        record = step.records["separable-newton"]
+        empty = empty_level(study, step.level)
+        found.append(replace(empty, solutions={(): solution_of(study, step.level, scene, record)}))
+        if len(found) == levels:
+            break
+    return found
+
+
+def test_an_adaptive_reference_measures_the_true_error_of_uniform_meshes() -> None:
+    study = tcstudy.load(CONFIGS / "convergence.yaml")
+    scene = study.scenes[0]
+    assert study.exact is not None
+    uniform = _solved(study, MeshPlan((0.25,), 2), 2)
+    fine = _solved(study, MeshPlan((0.25,), 40, "adaptive", marking=0.7), 9)[-1]
+    assert fine.n_dof > 10 * uniform[-1].n_dof
+    exact, reference = ExactReference(study.exact, uniform), FineReference(fine, uniform)
+    for level in range(2):
+        true, measured = exact.errors(level, (), scene), reference.errors(level, (), scene)
+        for name, (error, _) in measured.items():
+            # ξ is a step function on both meshes, and the reference's own error is not small beside it
+            assert error == pytest.approx(true[name][0], rel=0.2 if name.startswith("xi") else 0.05), (level, name)

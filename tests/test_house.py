@@ -1,0 +1,118 @@
+"""The order of the house: which room may use which, as data; who may speak to NGSolve, to the terminal, to files."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "tcstudy"
+
+ARROWS: dict[str, set[str]] = {
+    "errors": set(),
+    "expressions": set(),
+    "condense": set(),
+    "scene": {"expressions"},
+    "shapes": {"scene"},
+    "accuracy": {"scene", "shapes"},
+    "solve": {"scene"},
+    "online": {"scene", "solve"},
+    "exact": {"accuracy", "expressions", "scene", "shapes"},
+    "read": {"errors", "exact", "expressions", "scene", "shapes"},
+    "fem": {"expressions", "scene", "shapes"},
+    "offline": {"condense", "expressions", "fem", "scene", "solve"},
+    "refine": {"accuracy", "exact", "expressions", "fem", "offline", "scene", "solve"},
+    "data": {"errors", "scene"},
+    "report": {"accuracy", "data", "errors", "scene"},
+}
+"""What each room may import beside itself. `study` may use every room below it; the rest of the package, all."""
+
+BELOW_STUDY = {*ARROWS} - {"report"}
+NUMERICS = ("accuracy", "condense", "exact", "expressions", "offline", "online", "refine", "shapes", "solve")
+"""Rooms that never print, parse or touch files."""
+SPEAKING = {"print", "input", "open", "eval", "exec"}
+PRINTING = ("report", "commands", "cli.py")
+
+
+def modules() -> Iterator[tuple[str, Path]]:
+    """(room, file) of the whole package; a file at the top is a room of its own."""
+    for path in sorted(PACKAGE.rglob("*.py")):
+        yield path.relative_to(PACKAGE).parts[0].removesuffix(".py"), path
+
+
+def imported(path: Path) -> Iterator[tuple[str, int]]:
+    """Modules that a file imports, wherever in it, with their lines."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, node.lineno) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module, node.lineno
+            if node.module == "tcstudy":
+                yield from ((f"tcstudy.{alias.name}", node.lineno) for alias in node.names)
+
+
+def test_every_arrow_is_allowed() -> None:
+    wrong = []
+    for room, path in modules():
+        allowed = ARROWS.get(room, BELOW_STUDY if room == "study" else None)
+        for name, line in imported(path) if allowed is not None else ():
+            parts = name.split(".")
+            if parts[0] == "tcstudy" and len(parts) > 1 and parts[1] not in {*(allowed or ()), room}:
+                wrong.append(f"{path.relative_to(PACKAGE)}:{line}: {room} must not use {parts[1]}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_every_room_is_known() -> None:
+    rooms = {room for room, path in modules() if path.parent != PACKAGE}
+    assert rooms - {"study", "commands"} == {*ARROWS} - {"errors"}
+
+
+def test_only_fem_imports_ngsolve() -> None:
+    wrong = [
+        f"{path.relative_to(PACKAGE)}:{line}"
+        for room, path in modules()
+        for name, line in imported(path)
+        if name.split(".")[0] in ("ngsolve", "netgen") and room != "fem"
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def calls(path: Path) -> Iterator[tuple[str, int]]:
+    """Built-in functions that a file calls by name."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            yield node.func.id, node.lineno
+
+
+def test_numerics_never_print_parse_or_touch_files() -> None:
+    wrong = [
+        f"{path.relative_to(PACKAGE)}:{line}: {name}"
+        for room, path in modules()
+        for name, line in calls(path)
+        if room in NUMERICS and name in SPEAKING
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_only_reports_and_commands_print() -> None:
+    wrong = [
+        f"{path.relative_to(PACKAGE)}:{line}"
+        for _, path in modules()
+        for name, line in calls(path)
+        if name == "print" and path.relative_to(PACKAGE).parts[0] not in PRINTING
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("room", sorted(room for room in ARROWS if room != "errors"))
+def test_a_room_says_what_belongs_in_it(room: str) -> None:
+    text = ast.get_docstring(ast.parse((PACKAGE / room / "__init__.py").read_text(encoding="utf-8"))) or ""
+    assert "Not here:" in text
+
+
+def test_files_tell_one_story() -> None:
+    """80 to 350 lines; the few longer ones would be corridors."""
+    long = {str(p.relative_to(PACKAGE)): len(p.read_text(encoding="utf-8").splitlines()) for _, p in modules()}
+    assert not {name: lines for name, lines in long.items() if lines > 350}
