@@ -25,7 +25,7 @@ ARROWS: dict[str, set[str]] = {
     "offline": {"condense", "expressions", "fem", "scene", "solve"},
     "refine": {"accuracy", "exact", "expressions", "fem", "offline", "scene", "solve"},
     "data": {"errors", "scene"},
-    "report": {"accuracy", "data", "errors", "scene"},
+    "report": {"accuracy", "data", "errors", "read", "scene"},
 }
 """What each room may import beside itself. `study` may use every room below it; the rest of the package, all."""
 

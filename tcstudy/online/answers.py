@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tcstudy.online.newton import traction_scale
 from tcstudy.online.problems import Rows
-from tcstudy.solve.acceptance import Acceptance
+from tcstudy.scene.acceptance import Acceptance
 from tcstudy.solve.extended import extended_residual
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ class BlockAnswers:
     xi:                 (P, m) nodal friction forces l̃ − Ã(v + v_low) [N/m]
     inclusion_residual: (P,) max_i dist(ξ_i/c_i, b̂(v_i)) / (scale of b)
     rounding:           (P,) what rounding of the problem allows of it, ContactProblem.xi_rounding
-    limited:            (P,) accepted only because rounding allows no better (solve/acceptance.py)
+    limited:            (P,) accepted only because rounding allows no better (scene/acceptance.py)
     energy:             (P,) L̃(v) [J/m]
     status:             (P,) tcstudy.solve.loop.Status
     reasons:            why a point has no solution, empty for a solution
@@ -102,7 +102,7 @@ class Judged:
 
 
 def judge(rows: Rows, v: Array, acceptance: Acceptance) -> Judged:
-    """The inclusion test of rows, as ContactProblem.inclusion_residual and tcstudy/solve/acceptance.py have it.
+    """The inclusion test of rows, as ContactProblem.inclusion_residual and tcstudy/scene/acceptance.py have it.
 
     Where rounding of ξ leaves that open ξ is formed in extended precision.
     """

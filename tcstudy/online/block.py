@@ -33,7 +33,7 @@ from tcstudy.online.descent import TOLERANCE, Descended, descend, descend_nested
 from tcstudy.online.problems import Rows
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.online.search import hull_starts, move_starts
-from tcstudy.solve.acceptance import Acceptance
+from tcstudy.scene.acceptance import Acceptance
 from tcstudy.solve.contact import ESCAPE, FRICTIONLESS, NEIGHBOUR, TIE, ZERO, Answer, Branch, solve_contact
 from tcstudy.solve.loop import Status
 from tcstudy.solve.problem import ContactProblem
@@ -50,7 +50,7 @@ class Options:
 
     branch:    as in tcstudy.solve.contact.solve_contact
     tolerance: largest inclusion residual of a solution as a study writes it; None for the default of
-               tcstudy/solve/acceptance.py
+               tcstudy/scene/acceptance.py
     """
 
     branch: Branch = "lowest"

@@ -86,7 +86,7 @@ def move_starts(rows: Rows, v: Array) -> tuple[Array, Index, Index]:
 
 
 def _relaxed_stiffness(A: Array, free: Index, resting: Index, factor: Array, added: Array) -> Array:
-    """(m,) k_i of solve/search/moves.py: a node's stiffness while the free ones follow (factor of A_FF + diag added)."""
+    """(m,) k_i of solve/search/moves.py: a node, stiff as the free ones follow (factor of A_FF + diag added)."""
     stiffness = np.diagonal(A).copy()
     if len(free):
         inverse = np.tril(scipy.linalg.lapack.dtrtri(factor, lower=1)[0])

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from tcstudy.fem.estimators import own_strain
 from tcstudy.fem.recovery import Triangles
 from tcstudy.refine.halved import Halved
+from tcstudy.scene.friction import sticking
 from tcstudy.scene.records import Material
 from tcstudy.scene.study import Goal
 from tcstudy.solve.problem import ContactProblem
-from tcstudy.study.measures import sticking
 
 Array = NDArray[np.float64]
 

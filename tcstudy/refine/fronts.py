@@ -24,9 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.fem.contact_line import ContactLine
-from tcstudy.scene.friction import UP
+from tcstudy.scene.friction import UP, sticking
 from tcstudy.solve.problem import ContactProblem
-from tcstudy.study.measures import sticking
 
 Array = NDArray[np.float64]
 

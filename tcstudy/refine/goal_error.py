@@ -65,13 +65,13 @@ from tcstudy.refine.contributions import contributions
 from tcstudy.refine.fronts import fronts, slip_length
 from tcstudy.refine.goals import dual, goal_value, lost, lumping, torn
 from tcstudy.refine.halved import Halved
+from tcstudy.scene.friction import sticking
 from tcstudy.scene.needs import needs_heat_solve
 from tcstudy.scene.records import Body, Material, Point, Role, Scene
 from tcstudy.scene.study import Goal
 from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.loop import Status
 from tcstudy.solve.problem import ContactProblem
-from tcstudy.study.measures import sticking
 
 Array = NDArray[np.float64]
 

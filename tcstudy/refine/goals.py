@@ -25,11 +25,10 @@ from numpy.typing import NDArray
 from tcstudy.fem.contact_line import ContactLine
 from tcstudy.fem.recovery import Triangles
 from tcstudy.refine.fronts import slopes
-from tcstudy.scene.friction import DOWN
+from tcstudy.scene.friction import DOWN, sticking
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal
 from tcstudy.solve.problem import ContactProblem
-from tcstudy.study.measures import sticking
 
 Array = NDArray[np.float64]
 

@@ -275,3 +275,11 @@ class FrictionLaw:
                     f"b ends with the wrong sign as {side} (last slope {q:g}, last value {sign * b_0:g}), "
                     "so eq. (15) fails: friction must not push the slip on for large |s|"
                 )
+
+
+def sticking(law: FrictionLaw, v: Array) -> NDArray[np.bool_]:
+    """(m,) nodes that rest on an up-jump of b."""
+    if not len(law.kinks):
+        return np.zeros(len(v), dtype=bool)
+    near = law.nearest_kink(v)
+    return (law.kinks[near] == v) & (law.kinds[near] == UP)

@@ -13,7 +13,7 @@ from tcstudy.data.schema import BALANCED, HEAT_BOUND, LIMITED, MET, NOT_JUDGED, 
 from tcstudy.offline.level import Condensed, CondensedBlock
 from tcstudy.offline.temperature import Temperature
 from tcstudy.online import BlockAnswers, RowLaws
-from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.scene.friction import UP, sticking
 from tcstudy.solve.certificates import Certificate
 from tcstudy.solve.contact import Answer
 from tcstudy.solve.loop import Status
@@ -29,14 +29,6 @@ class Timed:
 
     answer: Answer
     time: float
-
-
-def sticking(law: FrictionLaw, v: Array) -> NDArray[np.bool_]:
-    """(m,) nodes that rest on an up-jump of b."""
-    if not len(law.kinks):
-        return np.zeros(len(v), dtype=bool)
-    near = law.nearest_kink(v)
-    return (law.kinks[near] == v) & (law.kinds[near] == UP)
 
 
 def friction_forces(problem: ContactProblem, answer: Answer) -> Array:

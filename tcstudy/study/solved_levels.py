@@ -15,11 +15,11 @@ from tcstudy.exact.numbers import exact_u_T
 from tcstudy.fem.boundary import curve_normals
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
+from tcstudy.scene.friction import sticking
 from tcstudy.scene.records import Contact, Scene
 from tcstudy.scene.study import Study
 from tcstudy.solve.contact import TIE
 from tcstudy.solve.separable.finish import finish
-from tcstudy.study.measures import sticking
 from tcstudy.study.point import solve_point
 
 Array = NDArray[np.float64]

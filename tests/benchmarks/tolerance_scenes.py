@@ -20,11 +20,11 @@ from ruamel.yaml import YAML
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import Family
+from tcstudy.scene.friction import sticking
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal, Study
 from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.problem import ContactProblem
-from tcstudy.study.measures import sticking
 
 Array = NDArray[np.float64]
 Draw = np.random.Generator
