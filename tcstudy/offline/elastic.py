@@ -2,17 +2,12 @@
 
 A(λ, μ) = μ A(λ/μ, 1), so that one factorisation serves all materials of the same ratio: Ã scales with μ, l̃ does not
 depend on it, A⁻¹l scales with 1/μ.
-
-A scene's load as a sum of basis loads, so that a sweep condenses each basis load once (method §4).
-
-l_θ is affine in f, g, p, q, θ̄ and β: every number of the scene becomes a coefficient, and only what changes the
-shape of a load (an expression, α, k, a region) becomes a new basis load.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.linalg
@@ -20,18 +15,14 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, ForwardLoad, condense
 from tcstudy.condense.symbolic import EliminationPlan
-from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import Frames
 from tcstudy.fem.contact_line import ContactLine
-from tcstudy.fem.forms import ElasticForms, loads_something
+from tcstudy.fem.forms import ElasticForms
 from tcstudy.offline.cache import Recent
-from tcstudy.scene.records import Convection, Role, Scalar, Traction
+from tcstudy.offline.loads import BasisLoad, LoadTerm
 from tcstudy.solve.problem import least_eigenvalue
 
 Array = NDArray[np.float64]
-
-PRESCRIBED = ("prescribed",)
-"""First entry of the key of the load that prescribed displacements make; it scales with μ."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +73,7 @@ class Elastic:
         self._reactions = stiffness[self._held]  # all that is needed of the matrix from here on
         self._basis: Recent[_Basis] = Recent(memory, lambda b: b.rows.nbytes)
         self._spans: Recent[Span] = Recent(memory, lambda s: s.l_tilde.nbytes)
-        self._products: dict[tuple[Hashable, Hashable], float] = {}
+        self._products: dict[tuple[BasisLoad, BasisLoad], float] = {}
         self._scaled: Recent[Array] = Recent(1, lambda _: 1)
         self._inverses: Recent[Array] = Recent(1, lambda _: 1)
 
@@ -103,21 +94,21 @@ class Elastic:
         """A w_D (2n,) for prescribed local displacements w_D (2n,)."""
         return self._reactions.T @ values[self._held]
 
-    def span(self, keys: tuple[Hashable, ...], load: Load) -> Span:
-        """The basis loads `keys`; those that are missing are eliminated together."""
-        return self._spans.get(keys, lambda: self._new_span(keys, load))
+    def span(self, loads: tuple[BasisLoad, ...], make: LoadMaker) -> Span:
+        """The basis loads of a scene; those that are missing are eliminated together."""
+        return self._spans.get(loads, lambda: self._new_span(loads, make))
 
-    def _new_span(self, keys: tuple[Hashable, ...], load: Load) -> Span:
-        bases = self._bases(keys, load)
-        t = len(keys)
+    def _new_span(self, loads: tuple[BasisLoad, ...], make: LoadMaker) -> Span:
+        bases = self._bases(loads, make)
+        t = len(loads)
         gram = np.empty((t, t))
         for i in range(t):
             for j in range(i + 1):
-                gram[i, j] = gram[j, i] = self._product((keys[i], bases[i]), (keys[j], bases[j]))
+                gram[i, j] = gram[j, i] = self._product((loads[i], bases[i]), (loads[j], bases[j]))
         l_tilde = np.column_stack([b.l_tilde for b in bases]) if t else np.zeros((self._condensation.m, 0))
         return Span(l_tilde, gram, np.array([b.held for b in bases]).reshape(t, len(self._held)))
 
-    def _product(self, a: tuple[Hashable, _Basis], b: tuple[Hashable, _Basis]) -> float:
+    def _product(self, a: tuple[BasisLoad, _Basis], b: tuple[BasisLoad, _Basis]) -> float:
         """⟨l_a, A₂₂⁻¹ l_b⟩: the kept unknowns come last in the elimination, the rows before them are L⁻¹l₂."""
         key = (a[0], b[0])
         if key not in self._products:
@@ -125,36 +116,36 @@ class Elastic:
             self._products[key] = self._products[key[::-1]] = float(a[1].rows[:inner] @ b[1].rows[:inner])
         return self._products[key]
 
-    def _bases(self, keys: Sequence[Hashable], load: Load) -> list[_Basis]:
-        """Basis loads by key, from the cache or made with their companions.
+    def _bases(self, loads: Sequence[BasisLoad], make: LoadMaker) -> list[_Basis]:
+        """Basis loads condensed, from the cache or made with their companions.
 
         A load always goes with the same companions, so that its digits do not depend on what was asked for before.
         """
-        found: dict[Hashable, _Basis] = {}
-        for key in keys:
-            known = self._basis.find(key)
+        found: dict[BasisLoad, _Basis] = {}
+        for load in loads:
+            known = self._basis.find(load)
             if known is not None:
-                found[key] = known
-            elif key not in found:
-                found |= self._eliminate(load.together(key), load)
-        return [found[key] for key in keys]
+                found[load] = known
+            elif load not in found:
+                found |= self._eliminate(make.together(load), make)
+        return [found[load] for load in loads]
 
-    def _eliminate(self, keys: Sequence[Hashable], load: Load) -> dict[Hashable, _Basis]:
+    def _eliminate(self, loads: Sequence[BasisLoad], make: LoadMaker) -> dict[BasisLoad, _Basis]:
         """Eliminate some basis loads at once and keep them."""
-        F = np.column_stack([load.local(key) for key in keys])
+        F = np.column_stack([make.local(load) for load in loads])
         forward = self._condensation.forward(F)
         made = {}
-        for i, key in enumerate(keys):
-            known = self._basis.find(key)
+        for i, load in enumerate(loads):
+            known = self._basis.find(load)
             if known is None:
                 known = _Basis(forward.l_tilde[:, i].copy(), forward.rows[:, i].copy(), F[self._held, i])
-                self._basis.put(key, known)
-            made[key] = known
+                self._basis.put(load, known)
+            made[load] = known
         return made
 
-    def displacement(self, mu: float, u_T: Array, terms: Sequence[Term], load: Load) -> Array:
+    def displacement(self, mu: float, u_T: Array, terms: Sequence[LoadTerm], make: LoadMaker) -> Array:
         """Local displacements (2n,), eq. (20), without the prescribed ones."""
-        bases = self._bases([term.key for term in terms], load)
+        bases = self._bases([term.load for term in terms], make)
         rows = np.zeros((len(self._condensation.plan.permutation), 1))
         for term, basis in zip(terms, bases, strict=True):
             rows[:, 0] += term.coefficient / mu * basis.rows
@@ -178,47 +169,8 @@ class Elastic:
 
 
 @dataclass(frozen=True)
-class Load:
-    """How basis loads are made: local rows (2n,) of a key, and the keys that are made together with one."""
+class LoadMaker:
+    """How basis loads are made: local rows (2n,) of a load, and the loads that are made together with one."""
 
-    local: Callable[[Hashable], Array]
-    together: Callable[[Hashable], Sequence[Hashable]]
-
-
-@dataclass(frozen=True)
-class Term:
-    """coefficient × the basis load named by key."""
-
-    key: Hashable
-    coefficient: float
-
-
-def split(scalar: Scalar) -> tuple[Scalar, float]:
-    """A scalar as (shape, factor): numbers become factors of the unit shape 1."""
-    if isinstance(scalar, Expression):
-        return scalar, 1.0
-    return 1.0, float(scalar)
-
-
-def mechanical_terms(f: tuple[Scalar, Scalar], boundary: tuple[tuple[str, Role], ...]) -> Iterator[Term]:
-    """Terms of ∫f·v and of the tractions and pressures on all edges."""
-    for axis, component in enumerate(f):
-        shape, factor = split(component)
-        if factor != 0.0:
-            yield Term(("f", axis, shape), factor)
-    for name, role in boundary:
-        if not loads_something(role):
-            continue
-        assert isinstance(role, Traction | Convection)
-        for part, scalar in (("gx", role.g[0]), ("gy", role.g[1]), ("p", role.pressure)):
-            shape, factor = split(scalar)
-            if factor != 0.0:
-                yield Term((part, name, shape), factor)
-
-
-def traction_of(part: str, shape: Scalar) -> Traction:
-    """The traction record of one basis load of an edge."""
-    unit = Traction()
-    if part == "p":
-        return replace(unit, pressure=shape)
-    return replace(unit, g=(shape, 0.0) if part == "gx" else (0.0, shape))
+    local: Callable[[BasisLoad], Array]
+    together: Callable[[BasisLoad], Sequence[BasisLoad]]

@@ -16,11 +16,23 @@ from tcstudy.fem.contact_line import contact_line
 from tcstudy.fem.forms import ElasticForms, HeatForms
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.cache import Recent
-from tcstudy.offline.elastic import PRESCRIBED, Elastic, Load, Term, mechanical_terms, traction_of
-from tcstudy.offline.temperature import UNIFORM, Temperature, Temperatures
+from tcstudy.offline.elastic import Elastic, LoadMaker
+from tcstudy.offline.loads import (
+    BasisLoad,
+    BodyForce,
+    EdgePressure,
+    EdgeTraction,
+    LoadTerm,
+    Prescribed,
+    Roles,
+    TemperatureField,
+    UniformTemperature,
+    mechanical_terms,
+)
+from tcstudy.offline.temperature import Temperature, Temperatures
 from tcstudy.offline.thermal import BATCH, Column
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Clamped, Contact, Convection, Material, Role, Scene
+from tcstudy.scene.records import Clamped, Contact, Convection, Material, Scene
 from tcstudy.solve.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -40,7 +52,7 @@ class Condensed:
 
     problem: ContactProblem
     constant: float
-    terms: tuple[Term, ...]
+    terms: tuple[LoadTerm, ...]
     time: float
 
 
@@ -67,7 +79,7 @@ class CondensedBlock:
     time: float
 
 
-def _held(boundary: tuple[tuple[str, Role], ...]) -> tuple[tuple[str, Role], ...]:
+def _held(boundary: Roles) -> Roles:
     """The part of the boundary that constrains displacements, as a key."""
     return tuple(item for item in boundary if isinstance(item[1], Clamped | Contact))
 
@@ -77,16 +89,16 @@ def _ratio_and_scale(material: Material) -> tuple[float, float]:
     return float(f"{material.lam / material.mu:.14e}"), material.mu
 
 
-def _groups(scenes: Sequence[Scene]) -> dict[Hashable, list[Hashable]]:
-    """Key of a load that needs no temperature → the keys of all that go through the factor with it."""
-    keys: dict[Hashable, None] = {}
+def _groups(scenes: Sequence[Scene]) -> dict[BasisLoad, list[BasisLoad]]:
+    """Load that needs no temperature → all that go through the factor with it."""
+    loads: dict[BasisLoad, None] = {}
     for scene in distinct(scenes, "f", "boundary"):
-        keys |= dict.fromkeys(term.key for term in mechanical_terms(scene.f, scene.boundary))
+        loads |= dict.fromkeys(term.load for term in mechanical_terms(scene.f, scene.boundary))
     if any(scene.material.beta != 0.0 for scene in distinct(scenes, "material")):
-        keys[UNIFORM] = None
-    listed = list(keys)
+        loads[UniformTemperature()] = None
+    listed = list(loads)
     batches = [listed[first : first + BATCH] for first in range(0, len(listed), BATCH)]
-    return {key: batch for batch in batches for key in batch}
+    return {load: batch for batch in batches for load in batch}
 
 
 class Level:
@@ -114,7 +126,7 @@ class Level:
 
     # -- displacement constraints ------------------------------------------------------------------
 
-    def _frames_of(self, boundary: tuple[tuple[str, Role], ...]) -> Frames:
+    def _frames_of(self, boundary: Roles) -> Frames:
         key = _held(boundary)
         if key not in self._frames:
             self._frames[key] = constrain(self.mesh, key)
@@ -137,7 +149,7 @@ class Level:
         problem = ContactProblem(body.A_tilde(mu), l_tilde, self.line.c, scene.friction)
         return Condensed(problem, constant, terms, time.perf_counter() - start)
 
-    def _condensed_load(self, scene: Scene) -> tuple[Array, float, tuple[Term, ...]]:
+    def _condensed_load(self, scene: Scene) -> tuple[Array, float, tuple[LoadTerm, ...]]:
         """l̃ (m,) [N/m], what the energy has beside L̃ [J/m], and the basis terms of the load."""
         frames = self._frames_of(scene.boundary)
         # heat first: its factor may go before the elastic one comes
@@ -145,8 +157,8 @@ class Level:
         body, mu = self._body(scene, frames)
         loads = len(terms)
         if np.any(frames.values):
-            terms = (*terms, Term((*PRESCRIBED, _held(scene.boundary)), mu))
-        span = body.span(tuple(term.key for term in terms), self._load(body, frames))
+            terms = (*terms, LoadTerm(Prescribed(_held(scene.boundary)), mu))
+        span = body.span(tuple(term.load for term in terms), self._maker(body, frames))
         coefficients = np.array([term.coefficient for term in terms])
         constant = body.energy_constant(mu, span, coefficients, loads, frames.values)
         return span.l_tilde @ coefficients, constant, terms
@@ -206,7 +218,7 @@ class Level:
         """The whole displacement in x and y (2n,) from the contact solution, eq. (20)."""
         frames = self._frames_of(scene.boundary)
         body, mu = self._body(scene, frames)
-        w = body.displacement(mu, u_T, condensed.terms, self._load(body, frames))
+        w = body.displacement(mu, u_T, condensed.terms, self._maker(body, frames))
         return frames.cartesian(w + frames.values)
 
     def fields(self, scene: Scene, condensed: Condensed, u_T: Array) -> dict[str, Array]:
@@ -224,7 +236,7 @@ class Level:
         """l_θ in x and y (2n,) [N/m]: mechanical and thermal loads, without prescribed displacements."""
         total = np.zeros(2 * self.mesh.n_points)
         for term in (*mechanical_terms(scene.f, scene.boundary), *self.temperatures.terms(scene)):
-            total += term.coefficient * self._basis_load(term.key)
+            total += term.coefficient * self._vector(term.load)
         return total
 
     def _body(self, scene: Scene, frames: Frames) -> tuple[Elastic, float]:
@@ -238,32 +250,29 @@ class Level:
             self._bodies.put(ratio, body)
         return body, mu
 
-    def _load(self, body: Elastic, frames: Frames) -> Load:
+    def _maker(self, body: Elastic, frames: Frames) -> LoadMaker:
         """How the basis loads of a body are made."""
 
-        def local(key: Hashable) -> Array:
-            assert isinstance(key, tuple)
-            if key[:1] == PRESCRIBED:
+        def local(load: BasisLoad) -> Array:
+            if isinstance(load, Prescribed):
                 return -body.reaction(frames.values)
-            return frames.local(self._basis_load(key))
+            return frames.local(self._vector(load))
 
-        def together(key: Hashable) -> list[Hashable]:
-            assert isinstance(key, tuple)
-            if key[0] == "theta" and isinstance(key[1], Column):
-                return [("theta", column) for column in self.temperatures.conduction.together(key[1])]
-            group = self._groups.get(key)
-            return group if group is not None else [key]
+        def together(load: BasisLoad) -> list[BasisLoad]:
+            if isinstance(load, TemperatureField) and isinstance(load.field, Column):
+                return [TemperatureField(column) for column in self.temperatures.conduction.together(load.field)]
+            return self._groups.get(load, [load])
 
-        return Load(local, together)
+        return LoadMaker(local, together)
 
-    def _basis_load(self, key: Hashable) -> Array:
-        """The load vector in x and y (2n,) that a key names."""
-        assert isinstance(key, tuple)
-        kind = key[0]
-        if kind == "f":
-            return self.elastic.body_force((key[2], 0.0) if key[1] == 0 else (0.0, key[2]))
-        if key == UNIFORM:
-            return self.elastic.thermal_load(np.ones(self.mesh.n_points))
-        if kind == "theta":
-            return self.elastic.thermal_load(self.temperatures.field(key[1]))
-        return self.elastic.traction(key[1], traction_of(kind, key[2]))
+    def _vector(self, load: BasisLoad) -> Array:
+        """A basis load in x and y (2n,)."""
+        match load:
+            case BodyForce():
+                return self.elastic.body_force(load.f)
+            case UniformTemperature():
+                return self.elastic.thermal_load(np.ones(self.mesh.n_points))
+            case TemperatureField():
+                return self.elastic.thermal_load(self.temperatures.field(load.field))
+        assert isinstance(load, EdgeTraction | EdgePressure)  # what is prescribed belongs to a factorised body
+        return self.elastic.traction(load.edge, load.role)

@@ -22,8 +22,8 @@ from types import UnionType
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.offline.elastic import split
 from tcstudy.offline.level import Level
+from tcstudy.offline.loads import split
 from tcstudy.scene.records import Clamped, Convection, Heat, Role, Scalar, Scene, Traction
 from tcstudy.scene.study import Study
 from tcstudy.solve.problem import ContactProblem

@@ -17,18 +17,13 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.forms import HeatForms
 from tcstudy.offline.cache import Recent
-from tcstudy.offline.elastic import Term, split
+from tcstudy.offline.loads import Field, LoadTerm, TemperatureField, UniformTemperature, split
 from tcstudy.offline.thermal import Column, Conduction, Part
 from tcstudy.scene.needs import FELT
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Convection, Scene
 
 Array = NDArray[np.float64]
-Field = Expression | Column
-"""A temperature field on the body: given, or a column of a heat problem."""
-
-UNIFORM = ("uniform",)
-"""Key of the load that a uniform temperature makes."""
 
 
 @dataclass(frozen=True)
@@ -86,17 +81,17 @@ class Temperatures:
             balance = abs(defect) / through if through else 0.0
         return Temperature(mean, balance, nodal)
 
-    def terms(self, scene: Scene) -> list[Term]:
+    def terms(self, scene: Scene) -> list[LoadTerm]:
         """β∫θ tr ε(v): the uniform part through one vector, the rest through one for each temperature field."""
         beta = scene.material.beta
         if beta == 0.0:
             return []
         self.conduction.prepare()
         parts = self._parts(scene)
-        terms = [Term(("theta", name), beta * factor) for part in parts for name, factor in part.fields]
+        terms = [LoadTerm(TemperatureField(name), beta * factor) for part in parts for name, factor in part.fields]
         uniform = sum(part.constant for part in parts)
         if uniform != 0.0:
-            terms.append(Term(UNIFORM, beta * uniform))
+            terms.append(LoadTerm(UniformTemperature(), beta * uniform))
         return terms
 
     def field(self, name: Field) -> Array:

@@ -1,0 +1,115 @@
+"""A scene's load as a sum of basis loads, so that a sweep condenses each basis load once (method §4).
+
+l_θ is affine in f, g, p, q, θ̄ and β: every number of the scene becomes a coefficient, and only what changes the
+shape of a load (an expression, α, k, a region) becomes a new basis load. Basis loads are values: equal ones are one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from tcstudy.expressions.expression import Expression
+from tcstudy.fem.forms import loads_something
+from tcstudy.offline.thermal import Column
+from tcstudy.scene.records import Convection, Role, Scalar, Traction
+
+Roles = tuple[tuple[str, Role], ...]
+Field = Expression | Column
+"""A temperature field on the body: given, or a column of a heat problem."""
+
+
+@dataclass(frozen=True)
+class BodyForce:
+    """∫ shape v_axis over the body; axis 0 is x, 1 is y."""
+
+    axis: int
+    shape: Scalar
+
+    @property
+    def f(self) -> tuple[Scalar, Scalar]:
+        """The force density."""
+        return (self.shape, 0.0) if self.axis == 0 else (0.0, self.shape)
+
+
+@dataclass(frozen=True)
+class EdgeTraction:
+    """∫ shape v_axis over the study edge of this name; axis 0 is x, 1 is y."""
+
+    edge: str
+    axis: int
+    shape: Scalar
+
+    @property
+    def role(self) -> Traction:
+        """The edge's part in a scene that has this load only."""
+        return Traction(g=(self.shape, 0.0) if self.axis == 0 else (0.0, self.shape))
+
+
+@dataclass(frozen=True)
+class EdgePressure:
+    """−∫ shape v·n over the study edge of this name."""
+
+    edge: str
+    shape: Scalar
+
+    @property
+    def role(self) -> Traction:
+        """The edge's part in a scene that has this load only."""
+        return replace(Traction(), pressure=self.shape)
+
+
+@dataclass(frozen=True)
+class UniformTemperature:
+    """∫ tr ε(v): what a temperature of 1 everywhere makes for β = 1."""
+
+
+@dataclass(frozen=True)
+class TemperatureField:
+    """∫ θ tr ε(v) of a temperature field θ."""
+
+    field: Field
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """−a(w_D, v) for μ = 1 with w_D the displacements that these roles prescribe; it scales with μ."""
+
+    held: Roles
+
+
+BasisLoad = BodyForce | EdgeTraction | EdgePressure | UniformTemperature | TemperatureField | Prescribed
+
+
+@dataclass(frozen=True)
+class LoadTerm:
+    """coefficient × basis load."""
+
+    load: BasisLoad
+    coefficient: float
+
+
+def split(scalar: Scalar) -> tuple[Scalar, float]:
+    """A scalar as (shape, factor): numbers become factors of the unit shape 1."""
+    if isinstance(scalar, Expression):
+        return scalar, 1.0
+    return 1.0, float(scalar)
+
+
+def mechanical_terms(f: tuple[Scalar, Scalar], boundary: Roles) -> Iterator[LoadTerm]:
+    """Terms of ∫f·v and of the tractions and pressures on all edges."""
+    for axis, component in enumerate(f):
+        shape, factor = split(component)
+        if factor != 0.0:
+            yield LoadTerm(BodyForce(axis, shape), factor)
+    for name, role in boundary:
+        if not loads_something(role):
+            continue
+        assert isinstance(role, Traction | Convection)
+        for axis, component in enumerate(role.g):
+            shape, factor = split(component)
+            if factor != 0.0:
+                yield LoadTerm(EdgeTraction(name, axis, shape), factor)
+        shape, factor = split(role.pressure)
+        if factor != 0.0:
+            yield LoadTerm(EdgePressure(name, shape), factor)
