@@ -20,8 +20,7 @@ from importlib import metadata
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
-from tcstudy.scene.acceptance import Acceptance
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import Acceptance, Study
 
 CONVENTIONS = "CF-1.11"
 REFERENCES = "Sestak & Jovanovic, Appl. Math. Mech. 31 (2010), doi:10.3879/j.issn.1000-0887.2010.01.008"

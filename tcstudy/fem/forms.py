@@ -1,19 +1,25 @@
-"""P1 elasticity with thermal stress.
+"""P1 forms: elasticity with thermal stress, heat conduction, and the products of gradients that both are made of.
 
+Elasticity
 Domain:         Ω, held on Γ_D and (normally) on Γ_C
 PDE:            div σ + f = 0,  σ = λ tr ε(u) I + 2μ ε(u) − βθI, eqs. (1), (3)
 Weak form:      a(u,v) = ∫cε(u):ε(v),  l_θ(v) = ∫f·v + β∫θ tr ε(v) + ∫_{Γ_N} g·v, eqs. (10), (11)
 Discretisation: P1 for each component, numbering component-blocked (x of all nodes, then y); products of gradients
-                are assembled once (gradients.py), so that a material costs one linear combination
+                are assembled once, so that a material costs one linear combination
 Literature:     Šestak & Jovanović, Appl. Math. Mech. 31 (2010)
 
-P1 heat conduction.
-
+Heat conduction
 Domain:         Ω with convection on Γ_θ, insulated elsewhere
 PDE:            kΔθ + qχ_ω = 0 in Ω,  −k∂θ/∂n = α(θ − θ̄) on Γ_θ, eqs. (2), (5)
 Weak form:      k∫∇θ·∇φ + α∫_{Γ_θ}θφ = ∫_ω qφ + α∫_{Γ_θ}θ̄φ, eq. (8)
 Discretisation: continuous P1; only k and α enter the matrix, so its two parts are assembled once
 Literature:     Šestak & Jovanović, Appl. Math. Mech. 31 (2010)
+
+Products of gradients on one mesh
+Definition: G_cd[i, j] = ∫∂_cφ_i ∂_dφ_j,   D_c[T, j] = ∫_T ∂_cφ_j
+Use:        ∫∇θ·∇φ has the entries G_xx + G_yy; ∫div u div v has the blocks G_cd; ∫2ε(u):ε(v) has G_xy and G_yx
+            exchanged off the diagonal. So one assembly (div·div on vector-valued P1) serves all materials and the
+            heat problem, and D every thermal load.
 """
 
 from __future__ import annotations
@@ -27,12 +33,169 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import Frames
-from tcstudy.fem.coefficients import GradientProducts, bonus, coefficient, csr, is_zero, vector
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.scene.records import Convection, Role, Scalar, Traction
 
 Array = NDArray[np.float64]
+
+BONUS_ORDER = 4
+"""Extra quadrature order for data given as expressions; products of numbers and P1 functions are exact without it."""
+
+_FUNCTIONS: dict[str, Any] = {
+    name: getattr(ngs, name)
+    for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sqrt", "sinh", "cosh")
+}
+_FUNCTIONS |= {
+    "abs": lambda a: ngs.IfPos(a, a, -a),
+    "tanh": lambda a: 1 - 2 / (ngs.exp(2 * a) + 1),
+    "min": lambda a, b: ngs.IfPos(a - b, b, a),
+    "max": lambda a, b: ngs.IfPos(a - b, a, b),
+}
+
+
+def coefficient(scalar: Scalar) -> Any:
+    """A number or an expression in x and y as an NGSolve CoefficientFunction."""
+    if isinstance(scalar, Expression):
+        made = ngs.CF(scalar.fold({"x": ngs.x, "y": ngs.y}, _FUNCTIONS))
+        # NGSolve drops products with its own zero, test function and all, and cannot assemble what is left
+        # and it evaluates shared parts of a tree as often as they are named, unless the tree is compiled to a list
+        return ngs.CF(ngs.Parameter(0.0)) if str(made) == "ZeroCoefficientFunction" else made.Compile()
+    return ngs.CF(float(scalar))
+
+
+def is_zero(scalar: Scalar) -> bool:
+    """True for the number 0 (an expression that happens to vanish counts as given)."""
+    return not isinstance(scalar, Expression) and float(scalar) == 0.0
+
+
+def bonus(*scalars: Scalar) -> int:
+    """Extra quadrature order that the given data need."""
+    return BONUS_ORDER if any(isinstance(s, Expression) for s in scalars) else 0
+
+
+def csr(form: Any) -> sp.csr_array:
+    """Copy the matrix of an assembled form (views into NGSolve dangle when the form dies)."""
+    values, columns, starts = form.mat.CSR()
+    shape = (form.mat.height, form.mat.width)
+    return sp.csr_array(
+        (
+            np.array(values),
+            np.array(columns, dtype=np.int32),
+            np.array(np.asarray(starts).view(np.int64), dtype=np.int32),
+        ),
+        shape=shape,
+    )
+
+
+def vector(form: Any) -> Array:
+    """Copy the vector of an assembled linear form."""
+    return np.array(form.vec.FV().NumPy())
+
+
+Indices = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class NodeGraph:
+    """CSR pattern, columns ascending; of G: which nodes share a triangle."""
+
+    starts: Indices
+    columns: Indices
+
+    @cached_property
+    def rows(self) -> Indices:
+        """Row of every entry."""
+        return np.repeat(np.arange(len(self.starts) - 1, dtype=np.int32), np.diff(self.starts))
+
+
+@dataclass(frozen=True)
+class GradientProducts:
+    """G and D of one mesh."""
+
+    mesh: PlaneMesh
+
+    @cached_property
+    def _assembled(self) -> tuple[NodeGraph, Array]:
+        """The node graph and G as (2, 2, nnz): [c, d, entry]."""
+        space = ngs.H1(self.mesh.mesh, order=1, dim=2)
+        u, v = space.TnT()
+        divergences = ngs.Trace(ngs.grad(u)) * ngs.Trace(ngs.grad(v))
+        form = ngs.BilinearForm(divergences * ngs.dx).Assemble()
+        values, columns, starts = form.mat.CSR()  # views: they die with the form, what leaves here are copies
+        graph = NodeGraph(
+            np.array(np.asarray(starts).view(np.int64), dtype=np.int32), np.array(columns, dtype=np.int32)
+        )
+        blocks = np.asarray(values).reshape(-1, 2, 2)
+        return graph, np.array(blocks.transpose(1, 2, 0), order="C")
+
+    def assemble(self) -> None:
+        """Assemble G now, not when it is first needed."""
+        _ = self._assembled
+
+    def conduction(self) -> sp.csr_array:
+        """∫∇φ_i·∇φ_j, (n, n), dimensionless."""
+        graph, G = self._assembled
+        n = self.mesh.n_points
+        return sp.csr_array((G[0, 0] + G[1, 1], graph.columns, graph.starts), shape=(n, n))
+
+    def stiffness(self, lam: float, mu: float, frames: Frames | None = None) -> sp.csr_array:
+        """∫λ div φ_i div φ_j + 2μ ε(φ_i):ε(φ_j), (2n, 2n) [Pa], in x and y, or in local rows RᵀAR of `frames`."""
+        graph, G = self._assembled
+        A = np.empty_like(G)
+        for c, d in ((0, 1), (1, 0)):
+            A[c, c] = (lam + 2.0 * mu) * G[c, c] + mu * G[d, d]
+            A[c, d] = lam * G[c, d] + mu * G[d, c]
+        if frames is not None:
+            _turn(A, graph, frames)
+        return _component_blocked(A, graph)
+
+    @cached_property
+    def element_gradients(self) -> tuple[sp.csr_array, sp.csr_array]:
+        """(D_x, D_y), (t, n) each [m]."""
+        theta = ngs.H1(self.mesh.mesh, order=1).TrialFunction()
+        # L2(dim=2) would be cheaper, but of a form between two spaces NGSolve keeps no blocks, without a word
+        tau = ngs.VectorL2(self.mesh.mesh, order=0).TestFunction()
+        form = ngs.BilinearForm(trialspace=theta.space, testspace=tau.space)
+        form += ngs.grad(theta) * tau * ngs.dx
+        both = csr(form.Assemble())
+        t = len(self.mesh.triangles)
+        return both[:t], both[t:]
+
+    def expansion(self, theta: Array) -> Array:
+        """∫θ div φ_i for nodal values θ (n,) or (n, r): (2n,) or (2n, r) [K m]; exact, θ has its mean in a triangle."""
+        mean = theta[self.mesh.triangles].mean(axis=1)
+        return np.concatenate([D.T @ mean for D in self.element_gradients])
+
+
+def _turn(A: Array, graph: NodeGraph, frames: Frames) -> None:
+    """A_ij ← R_iᵀ A_ij R_j, in place, on the entries that a turned node has part in."""
+    turned = np.zeros(len(graph.starts) - 1, dtype=bool)
+    turned[frames.turned] = True
+    entries = np.flatnonzero(turned[graph.rows] | turned[graph.columns])
+    if not len(entries):
+        return
+    axes = np.tile(np.eye(2), (len(turned), 1, 1))
+    axes[frames.turned] = frames.axes
+    left, right = axes[graph.rows[entries]], axes[graph.columns[entries]]
+    A[:, :, entries] = np.einsum("eac,abe,ebd->cde", left, A[:, :, entries], right)
+
+
+def _component_blocked(A: Array, graph: NodeGraph) -> sp.csr_array:
+    """The matrix of blocks A (2, 2, nnz) in the numbering x of all nodes, then y; every row has x, then y columns."""
+    n, nnz = len(graph.starts) - 1, len(graph.columns)
+    degree = np.diff(graph.starts)
+    at_x = np.arange(nnz, dtype=np.int32) + np.repeat(graph.starts[:-1], degree)
+    at_y = at_x + np.repeat(degree, degree)
+    data = np.empty((2, 2 * nnz))
+    for c in (0, 1):
+        data[c, at_x], data[c, at_y] = A[c]
+    columns = np.empty(4 * nnz, dtype=np.int32)
+    columns[at_x], columns[at_y] = graph.columns, graph.columns + np.int32(n)
+    columns[2 * nnz :] = columns[: 2 * nnz]
+    starts = np.concatenate([2 * graph.starts, 2 * nnz + 2 * graph.starts[1:]])
+    return sp.csr_array((data.ravel(), columns, starts), shape=(2 * n, 2 * n))
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from tcstudy.condense.symbolic import EliminationPlan
 from tcstudy.fem.boundary import Frames, constrain
-from tcstudy.fem.coefficients import GradientProducts
 from tcstudy.fem.contact_line import contact_line
-from tcstudy.fem.forms import ElasticForms, HeatForms
+from tcstudy.fem.forms import ElasticForms, GradientProducts, HeatForms
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.cache import Recent
 from tcstudy.offline.elastic import Elastic, LoadMaker

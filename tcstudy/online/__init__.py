@@ -3,10 +3,10 @@
 Not here: meshes, scenes, files. The single problem (solve) is its oracle.
 """
 
-from tcstudy.online.answers import BlockAnswers, Certificates
 from tcstudy.online.block import Options, solve_block
 from tcstudy.online.body import Body
 from tcstudy.online.law_tables import LawTables
+from tcstudy.online.problems import BlockAnswers, Certificates
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.online.sweep import solve_points
 

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online.answers import BlockAnswers, Certificates, Judged, judge
 from tcstudy.online.body import Body
 from tcstudy.online.certify import (
     MARGIN,
@@ -30,10 +29,10 @@ from tcstudy.online.certify import (
     unique,
 )
 from tcstudy.online.descent import TOLERANCE, Descended, descend, descend_nested
-from tcstudy.online.problems import Rows
+from tcstudy.online.problems import BlockAnswers, Certificates, Judged, Rows, judge
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.online.search import hull_starts, move_starts
-from tcstudy.scene.acceptance import Acceptance
+from tcstudy.scene.study import Acceptance
 from tcstudy.solve.contact import ESCAPE, FRICTIONLESS, NEIGHBOUR, TIE, ZERO, Answer, Branch, solve_contact
 from tcstudy.solve.loop import Status
 from tcstudy.solve.problem import ContactProblem
@@ -50,7 +49,7 @@ class Options:
 
     branch:    as in tcstudy.solve.contact.solve_contact
     tolerance: largest inclusion residual of a solution as a study writes it; None for the default of
-               tcstudy/scene/acceptance.py
+               tcstudy/scene/study.py
     """
 
     branch: Branch = "lowest"

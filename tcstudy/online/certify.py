@@ -3,21 +3,73 @@
 Before any solution: convex (ω < λ₁) or convex on the box that holds all solutions → unique.
 At a solution v:     global minimum, if Ã − C diag D is positive definite with D of law_bends; that proves a strict one,
                      too. Else a strict minimum by the second-order test on the free nodes.
+
+Which of many matrices Ã + C diag(s_r − μ) are positive definite, with as few factorisations as may be.
+
+If the matrix with the pointwise least diagonal of a group is positive definite, all of the group are. If its Cholesky
+factorisation breaks down, the direction d of negative curvature refutes every row with dᵀ(Ã + C diag(s_r − μ))d ≤ 0 at
+the price of a product; what is left is halved.
 """
 
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.online.definite import definite
-from tcstudy.online.law_bends import PARTS
+from tcstudy.online.body import Body
+from tcstudy.online.law_bounds import PARTS
 from tcstudy.online.newton import factor_free, slopes, traction_scale
 from tcstudy.online.problems import Rows
 from tcstudy.scene.friction import UP
+from tcstudy.solve.separable.system import cholesky
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
+
+
+def definite(body: Body, slope: Array, margin: float) -> Flags:
+    """(R,) whether Ã + C diag(slope − μ) ≻ 0 is proved, for rows of slopes (R, m) [Pa/m]."""
+    proved = np.zeros(len(slope), dtype=bool)
+    if body.m == 0:
+        return ~proved
+    diagonal = np.diagonal(body.A_tilde)
+    lowered = diagonal + body.c * (slope - body.shift(margin))
+    open_ = np.flatnonzero(np.all(lowered > 0.0, axis=1))
+    groups = [open_[np.argsort(lowered[open_].sum(axis=1), kind="stable")]]
+    while groups:
+        group = groups.pop()
+        if not len(group):
+            continue
+        direction = _refutation(body.A_tilde, lowered[group].min(axis=0))
+        if direction is None:
+            proved[group] = True
+            continue
+        squares = direction**2
+        fixed = float(direction @ (body.A_tilde @ direction) - diagonal @ squares)
+        groups = [own[fixed + lowered[own] @ squares > 0.0] for own in groups]
+        if len(group) > 1:
+            group = group[fixed + lowered[group] @ squares > 0.0]
+            half = (len(group) + 1) // 2
+            groups += [group[:half], group[half:]]
+    return proved
+
+
+def _refutation(A: Array, diagonal: Array) -> Array | None:
+    """None if A with that diagonal has a Cholesky factor, else the direction of its failing pivot (m,)."""
+    matrix = A.copy()
+    matrix.reshape(-1)[:: len(A) + 1] = diagonal
+    factor, info = cholesky(matrix)
+    if info == 0:
+        return None
+    k = info - 1
+    direction = np.zeros(len(A))
+    direction[k] = 1.0
+    if k:
+        direction[:k] = -scipy.linalg.lapack.dpotrs(np.asfortranarray(factor[:k, :k]), A[k, :k], lower=1)[0]
+    return direction
+
 
 MARGIN = 1e-6
 """μ/λ₁, by how much a matrix must be positive definite."""

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 TOLERANCE = 1e-12
-"""Residual that descent aims at; what is accepted as a solution is up to tcstudy/scene/acceptance.py."""
+"""Residual that descent aims at; what is accepted as a solution is up to tcstudy/scene/study.py."""
 _COARSE_TOLERANCE = 1e-6
 _STEPS, _SADDLES, _HALVINGS, _ARMIJO = 80, 20, 4, 1e-4
 """Steps at most, saddles that are left at most, step lengths 1, ½, ¼ … tried, and the share of the first-order decrease

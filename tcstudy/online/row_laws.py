@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online.law_bends import bend_below_tangent
-from tcstudy.online.law_bounds import far, largest_push, least_slope, value_range
+from tcstudy.online.law_bounds import bend_below_tangent, far, largest_push, least_slope, value_range
 from tcstudy.online.law_tables import LawTables, Place
 from tcstudy.online.node_places import best_places
 from tcstudy.scene.friction import BEND, FrictionLaw

@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online.answers import BlockAnswers, joined
 from tcstudy.online.block import Options, solve_block
 from tcstudy.online.body import Body
 from tcstudy.online.law_tables import LawTables
+from tcstudy.online.problems import BlockAnswers, joined
 from tcstudy.online.row_laws import RowLaws
 
 Array = NDArray[np.float64]

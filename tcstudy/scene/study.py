@@ -1,4 +1,12 @@
-"""What a study asks for beside its scenes: meshes, solver, sweep, path and output."""
+"""What a study asks for beside its scenes: meshes, solver, sweep, path and output.
+
+Which inclusion residual makes a solution: the one rule for every solver, path, certificate and comparison.
+
+A tolerance that a study writes is strict. The default is TOLERANCE or what rounding of the problem allows, whichever is
+larger: √m ε max_i (|l̃| + |Ã||v|)_i/c_i over the scale of b (`ContactProblem.xi_rounding`), which is what rounding v to
+doubles, Ã and l̃ being doubles too, does to ξ. Where that exceeds LOST there is no friction left to solve for, and the
+default goes no further.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +16,44 @@ from pathlib import Path
 from typing import Literal
 
 from tcstudy.scene.records import Exact, Point, Scene
+
+TOLERANCE = 1e-10
+"""Largest inclusion residual by default, as long as rounding allows it."""
+LOST = 1e-3
+"""Rounding of ξ over the scale of b beyond which fewer than three digits of the friction are known."""
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """The test of an inclusion residual.
+
+    tolerance: as a study writes it, then strict; None for the default
+    """
+
+    tolerance: float | None = None
+
+    @property
+    def aim(self) -> float:
+        """What is worked for: the tolerance as if there were no rounding."""
+        return TOLERANCE if self.tolerance is None else self.tolerance
+
+    def limit(self, rounding: float) -> float:
+        """Largest residual of a solution.
+
+        rounding: what rounding of the problem allows, `problem.xi_rounding(v)`
+        """
+        if self.tolerance is not None:
+            return self.tolerance
+        return max(TOLERANCE, min(rounding, LOST))
+
+    def accepts(self, residual: float, rounding: float) -> bool:
+        """Whether a point with this residual is a solution (nan is none)."""
+        return residual <= self.limit(rounding)
+
+    def limited(self, residual: float, rounding: float) -> bool:
+        """Whether a point is a solution only because rounding of the problem allows no better."""
+        return self.aim < residual <= self.limit(rounding)
+
 
 Quantity = Literal["energy", "friction_resultant", "u_T", "slip_length"]
 
@@ -120,7 +166,7 @@ class SolverPlan:
 
     names:          solvers; the first one's solution is stored, the others are compared with it
     tolerance:      largest inclusion residual of an accepted solution, strict; None for 1e-10 or what rounding allows
-                    (scene/acceptance.py)
+                    (scene/study.py)
     max_iterations: iteration limit of the method, None for its own
     branch:         which solution is stored where several are found: the one of lowest energy ("lowest": starts at
                     zero, at the frictionless solution and at the neighbouring sweep point), the one that continues

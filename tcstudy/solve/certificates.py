@@ -22,8 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.acceptance import Acceptance
 from tcstudy.scene.friction import UP
+from tcstudy.scene.study import Acceptance
 from tcstudy.solve.bounds import bend_below_tangent, least_slope, solution_box
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.solve.separable.pieces import relative_residual, slopes
@@ -80,7 +80,7 @@ def certify(
     """Certificate of the solution v (m,).
 
     lambda_1:  λ₁ if known (it depends on the body only), else it is computed
-    tolerance: largest inclusion residual that counts as a solution, None for the default of scene/acceptance.py
+    tolerance: largest inclusion residual that counts as a solution, None for the default of scene/study.py
     residual:  inclusion residual if known better than from v in double precision, else it is computed
     inverse:   Ã⁻¹ if known (it depends on the body only), else it is computed
     margin:    μ/λ₁, by how much a matrix must be positive definite

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.acceptance import Acceptance
+from tcstudy.scene.study import Acceptance
 from tcstudy.solve.loop import Outcome, Status, iterate
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.solve.search.escape import escape
@@ -46,7 +46,7 @@ class Answer:
     xi:                 (m,) nodal friction forces l̃ − Ã(v + v_low) [N/m]
     inclusion_residual: max_i dist(ξ_i/c_i, b̂(v_i)) / (scale of b)
     rounding:           what rounding of the problem allows of it, `ContactProblem.xi_rounding`
-    limited:            accepted only because rounding allows no better (scene/acceptance.py)
+    limited:            accepted only because rounding allows no better (scene/study.py)
     energy:             L̃(v) [J/m]
     status, reason:     CONVERGED, or why not; reason is empty for a solution
     iterations, evaluations: of all attempts together
@@ -80,7 +80,7 @@ def solve_contact(
 ) -> Answer:
     """Find v with 0 ∈ Ãv − l̃ + ∂Ψ(v) and an inclusion residual that is accepted.
 
-    tolerance: largest inclusion residual, strict; None for 1e-10 or what rounding allows (scene/acceptance.py)
+    tolerance: largest inclusion residual, strict; None for 1e-10 or what rounding allows (scene/study.py)
     branch:    "lowest": of the solutions found from zero, from the frictionless solution, from the neighbour and,
                unless the best of them seems global or the solver is bundle-newton, by the escape phase the one with
                least energy; "continued": from the neighbour, without leaving its basin on purpose, and not moved at

@@ -66,7 +66,7 @@ class ContactProblem:
         return extended_residual(self.l_tilde, self.A_tilde, v, v_low)
 
     def xi_rounding(self, v: Array) -> float:
-        """What rounding v to doubles does to the inclusion residual, about: the bound of scene/acceptance.py.
+        """What rounding v to doubles does to the inclusion residual, about: the bound of scene/study.py.
 
         √m ε max_i ((|l̃| + |Ã||v|)_i/c_i + |b′(v_i) v_i|) / (scale of b), the slope of b only off its kinks.
         """

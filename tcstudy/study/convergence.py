@@ -34,10 +34,9 @@ from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
 from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_slip_length
 from tcstudy.refine.family import graded_points
-from tcstudy.scene.acceptance import Acceptance
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Point, Scene
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import Acceptance, Study
 from tcstudy.study.doubts import locking_note
 from tcstudy.study.reference import Errors, ExactReference, FineReference, NestedReference, Reference, with_meaning
 from tcstudy.study.solved_levels import Say, Solution, SolvedLevel, solve_levels

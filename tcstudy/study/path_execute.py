@@ -10,8 +10,7 @@ from threadpoolctl import threadpool_limits
 from tcstudy.data.path_records import PathRecord
 from tcstudy.data.path_store import write_path
 from tcstudy.data.provenance import collect
-from tcstudy.scene.acceptance import Acceptance
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import Acceptance, Study
 from tcstudy.study.path_run import Progress, follow_path
 
 GOOD_ENDS = ("range_end", "unbounded", "closed_loop", "start")

@@ -12,9 +12,8 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.path_records import ContactState, CurveRecord, LoopRecord, PathRecord, SolutionsRecord
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
-from tcstudy.scene.acceptance import Acceptance
 from tcstudy.scene.friction import DOWN, FrictionLaw
-from tcstudy.scene.study import PathPlan, Study
+from tcstudy.scene.study import Acceptance, PathPlan, Study
 from tcstudy.scene.vary import path_scene
 from tcstudy.solve.bounds import solution_box
 from tcstudy.solve.certificates import Certificate, certify

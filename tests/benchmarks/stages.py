@@ -19,7 +19,7 @@ import xarray as xr
 
 import tcstudy
 from tcstudy.condense import condense
-from tcstudy.fem.coefficients import GradientProducts
+from tcstudy.fem.forms import GradientProducts
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import PlaneMesh, mesh_family
 from tcstudy.offline.level import Level

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tcstudy.fem.boundary import Frames, constrain
-from tcstudy.fem.coefficients import GradientProducts, csr
+from tcstudy.fem.forms import GradientProducts, csr
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import PlaneMesh, mesh_family
 from tests.verification.scenes import HEATED_BRACKET, study_of

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tcstudy.online import LawTables, RowLaws
-from tcstudy.online.law_bends import bend_below_tangent as bends
+from tcstudy.online.law_bounds import bend_below_tangent as bends
 from tcstudy.online.law_bounds import largest_push, least_slope, value_range
 from tcstudy.online.law_hulls import proximal_hulls
 from tcstudy.solve import bounds as global_bound

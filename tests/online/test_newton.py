@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tcstudy.online import Body
-from tcstudy.online.definite import definite
+from tcstudy.online.certify import definite
 from tcstudy.online.newton import directions
 from tests.solve import contact_cases as cases
 

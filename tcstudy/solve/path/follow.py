@@ -24,7 +24,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.acceptance import Acceptance
+from tcstudy.scene.study import Acceptance
 from tcstudy.solve.path.base import SingularCellError
 from tcstudy.solve.path.problem import ParametricProblem
 from tcstudy.solve.path.record import Path, PathEnd, PathStatus, Recorder, joined
@@ -45,7 +45,7 @@ class Follower:
     t_min, t_max: the path ends where t leaves this range
     max_pieces:   pieces on either side of the start
     tolerance:    largest residual |l̃ − Ãu − ξ|/c relative to the scale of b accepted at any vertex, then strict; None
-                  for the default of scene/acceptance.py
+                  for the default of scene/study.py
     stable_only:  end where the branch stops being stable
     check_every:  vertices whose residuals are checked together
     """

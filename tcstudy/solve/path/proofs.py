@@ -19,7 +19,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.acceptance import Acceptance
+from tcstudy.scene.study import Acceptance
 from tcstudy.solve.bounds import bends_by_side, solution_box
 from tcstudy.solve.certificates import MARGIN, positive_definite
 from tcstudy.solve.path.lowest import Lowest

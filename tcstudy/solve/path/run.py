@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.acceptance import Acceptance
+from tcstudy.scene.study import Acceptance
 from tcstudy.solve.path.base import SingularCellError
 from tcstudy.solve.path.problem import ParametricProblem
 from tcstudy.solve.path.record import PathEnd, PathStatus, Recorder

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.scene.acceptance import Acceptance
+from tcstudy.scene.study import Acceptance
 from tcstudy.solve.certificates import certify
 from tcstudy.solve.path import proofs
 from tcstudy.solve.path.follow import Path, follow

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.scene.acceptance import TOLERANCE, Acceptance
 from tcstudy.scene.law_pieces import slip_weakening, tresca
+from tcstudy.scene.study import TOLERANCE, Acceptance
 from tcstudy.solve.certificates import certify
 from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.loop import Status

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.scene.acceptance import LOST, TOLERANCE, Acceptance
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.law_pieces import linear, piecewise_linear, tresca
+from tcstudy.scene.study import LOST, TOLERANCE, Acceptance
 from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.loop import Status
 from tcstudy.solve.problem import ContactProblem
