@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from tcstudy.data.records import LevelRecord, PointStatus
+from tcstudy.scene.methods import START_NAMES
 from tcstudy.scene.study import Axis, Goal, Study
 
 Dtype = Literal["f8", "i4", "i1", "str"]
@@ -73,8 +74,6 @@ _JUDGED = (("ancillary_variables", "status"),)
 _DIFFERENCE = (("units_metadata", "temperature: difference"),)
 _LEVEL = ("level",)
 _CERTIFIED = (("flag_values", np.array([0, 1], dtype=np.int8)), ("flag_meanings", "not_certified certified"), *_JUDGED)
-START_NAMES = ("zero", "frictionless", "neighbour", "escape")
-"""Where a solver starts; the coordinate of the dimension `start`."""
 _STARTS = (
     ("flag_values", np.arange(len(START_NAMES), dtype=np.int8)),
     ("flag_meanings", " ".join(START_NAMES)),

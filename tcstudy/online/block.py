@@ -32,8 +32,9 @@ from tcstudy.online.descent import TOLERANCE, Descended, descend, descend_nested
 from tcstudy.online.problems import BlockAnswers, Certificates, Judged, Rows, judge
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.online.search import hull_starts, move_starts
+from tcstudy.scene.methods import ESCAPE, FRICTIONLESS, NEIGHBOUR, ZERO, Branch
 from tcstudy.scene.study import Acceptance
-from tcstudy.solve.contact import ESCAPE, FRICTIONLESS, NEIGHBOUR, TIE, ZERO, Answer, Branch, solve_contact
+from tcstudy.solve.contact import TIE, Answer, solve_contact
 from tcstudy.solve.loop import Status
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.solve.search.escape import MOVES

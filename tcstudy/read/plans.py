@@ -15,7 +15,8 @@ from tcstudy.read import walker
 from tcstudy.read.fields import Fields
 from tcstudy.read.node import Node
 from tcstudy.read.walker import Context
-from tcstudy.scene.study import Branch, FamilyName, Goal, MeshPlan, OutputPlan, Quantity, SolverPlan
+from tcstudy.scene.methods import BRANCHES, SOLVERS
+from tcstudy.scene.study import FamilyName, Goal, MeshPlan, OutputPlan, Quantity, SolverPlan
 from tcstudy.scene.units import LENGTH, LINE_FORCE, NONE
 
 MAX_LEVELS = 15
@@ -175,10 +176,6 @@ def _sizes(ctx: Context, node: Node) -> tuple[float, ...]:
             remedy = "order the sizes from coarse to fine, each once"
             ctx.errors.at(node.value[i], f"{sizes[i]:g} does not decrease after {sizes[i - 1]:g}", remedy)
     return tuple(sizes)
-
-
-SOLVERS = ("separable-newton", "bundle-newton")
-BRANCHES: tuple[Branch, ...] = ("lowest", "continued", "from-zero")
 
 
 def read_solver(ctx: Context, node: Node | None) -> SolverPlan | None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from tcstudy.report.text import counted, number, prefix, scaled_labels, table
+from tcstudy.report.tables import plain_table
+from tcstudy.report.text import counted, number, prefix, scaled_labels
 
 
 class _Level(Protocol):
@@ -52,7 +53,7 @@ def forecast_text(
     divisor, unit = prefix([v.h for v in levels], length)
     rows = [[str(i), number(v.h / divisor), _count(v.n_dof, v), _count(v.n_contact, v)] for i, v in enumerate(levels)]
     size_of = "maxh" if unit == "1" else f"maxh [{unit}]"
-    lines += [table(["level", size_of, "dofs", "contact unknowns"], rows), ""]
+    lines += [plain_table(["level", size_of, "dofs", "contact unknowns"], rows), ""]
     lines += [f"  left out: {text}" for text in left_out]
     lines += [f"  note: {text}" for text in notes]
     lines.append(f"  output: {output} ({'up to ' if at_most else ''}about {size / 1e6:.2g} MB)")

@@ -9,7 +9,8 @@ import numpy as np
 
 from tcstudy.data.path_store import open_path
 from tcstudy.report.path_states import folds_in_words, seen_folds
-from tcstudy.report.text import number, prefix, table
+from tcstudy.report.tables import plain_table
+from tcstudy.report.text import number, prefix
 
 MOST_ROWS = 60
 """Solutions that are listed; the file has them all."""
@@ -76,7 +77,7 @@ def _solutions(data: Any) -> str:
         rows.append(row)
     counts = zip(data["at"].values, data["solution_count"].values, strict=True)
     missing = [number(value / scales[0][0]) for value, count in counts if not count]
-    text = table(header, rows)
+    text = plain_table(header, rows)
     if len(t) > MOST_ROWS:
         text += f"\n  … {len(t) - MOST_ROWS} more solutions in the file"
     return text + (f"\n  no solution on the path at {', '.join(missing)}" if missing else "")
@@ -101,8 +102,8 @@ def _loop(data: Any) -> str:
     if not data.sizes.get("jump", 0):
         return text + ", the body never falls to another branch"
     t_units = data["parameter"].attrs["units"]
-    columns = (data[name].values for name in ("jump_parameter", "jump_rising", "jump_drop"))
-    for t, rising, drop in zip(*columns, strict=True):
+    falls = (data[name].values for name in ("jump_parameter", "jump_rising", "jump_drop"))
+    for t, rising, drop in zip(*falls, strict=True):
         way = "rising" if rising else "falling"
         text += f"\n    falls at {_quantity(t, t_units)} ({way}), {_quantity(drop, units)} lost"
     return text if int(data["loop_closed"]) else text + "\n    the loop does not close"

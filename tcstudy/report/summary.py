@@ -15,7 +15,8 @@ from tcstudy.data.schema import LIMITED, UNBALANCED
 from tcstudy.data.store import open_results
 from tcstudy.report.failures import Failure, failure_lines
 from tcstudy.report.select_point import describe
-from tcstudy.report.text import number, prefix, scaled_labels, table
+from tcstudy.report.tables import plain_table
+from tcstudy.report.text import number, prefix, scaled_labels
 
 MOST_ROWS = 48
 """Points shown; the file has them all."""
@@ -68,7 +69,7 @@ def _levels(data: Any) -> str:
         )
     header = ["level", _bracketed("h_max", unit), "dofs", "contact", "ok", "worst residual"]
     header += [_bracketed("λ₁", stiffness_unit), "mesh+assembly [s]", "condense [s]", "solve [s]"]
-    shown = table(header + [_bracketed(title, unit) for _, title, _, unit in estimated], rows)
+    shown = plain_table(header + [_bracketed(title, unit) for _, title, _, unit in estimated], rows)
     return f"{shown}\n\n  {SIZES}"
 
 
@@ -134,7 +135,7 @@ def _points(data: Any) -> str:
     legend = "  certified: what is proved of the solution (unique, global or local minimum of the energy)"
     if failed:
         legend += "\n  failed: no solution; the numbers in (parentheses) are those of the last step"
-    return title + "\n\n" + table(header, rows) + "\n\n" + legend
+    return title + "\n\n" + plain_table(header, rows) + "\n\n" + legend
 
 
 def _certified(at: Any) -> str:
@@ -232,7 +233,7 @@ def solver_table(data: Any) -> str:
                      f"{least}/{int(known.sum())}", largest])  # fmt: skip
     header = ["solver", "worst residual", "steps", "solve [s]", "least energy", "largest difference of u_T"]
     legend = f"  Solvers compared on all points and levels; the solutions stored are those of {names[0]}:"
-    return legend + "\n\n" + table(header, rows)
+    return legend + "\n\n" + plain_table(header, rows)
 
 
 def _by_solver(data: Any, name: str) -> Any:

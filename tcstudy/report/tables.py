@@ -48,16 +48,20 @@ def _text(part: Part) -> str:
         return part.text if part.level == 1 else f"{part.text}\n{'─' * len(part.text)}"
     if isinstance(part, str):
         return textwrap.fill(part, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
-    columns = list(zip(part.header, *part.rows, strict=True))
-    widths = [max(len(cell) for cell in column) for column in columns]
-    right = [_numeric(column[1:]) for column in columns]
+    notes = [f"  {note}" for note in part.notes]
+    return "\n".join([f"  {part.caption}", "", plain_table(part.header, part.rows), *notes])
+
+
+def plain_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Plain text: columns aligned right where every cell looks like a number, left otherwise."""
+    cells = list(zip(header, *rows, strict=True))
+    widths = [max(len(cell) for cell in column) for column in cells]
+    right = [_numeric(column[1:]) for column in cells]
     lines = [
         "  " + "  ".join(c.rjust(w) if r else c.ljust(w) for c, w, r in zip(row, widths, right, strict=True)).rstrip()
-        for row in (part.header, *part.rows)
+        for row in (header, *rows)
     ]
-    rule = "  " + "─" * (sum(widths) + 2 * (len(widths) - 1))
-    notes = [f"  {note}" for note in part.notes]
-    return "\n".join([f"  {part.caption}", "", lines[0], rule, *lines[1:], *notes])
+    return "\n".join([lines[0], "  " + "─" * (sum(widths) + 2 * (len(widths) - 1)), *lines[1:]])
 
 
 def _numeric(column: Sequence[str]) -> bool:
@@ -86,8 +90,8 @@ def _latex(part: Part) -> str:
         return f"\\{'section' if part.level == 1 else 'subsection'}*{{{latex(part.text)}}}"
     if isinstance(part, str):
         return latex(part)
-    columns = list(zip(*part.rows, strict=True)) or [()] * len(part.header)
-    spec = "".join("r" if _numeric(column) else "l" for column in columns)
+    cells = list(zip(*part.rows, strict=True)) or [()] * len(part.header)
+    spec = "".join("r" if _numeric(column) else "l" for column in cells)
     notes = " ".join(part.notes)
     caption = latex(f"{part.caption}. {notes}".strip() if notes else part.caption)
     lines = ["\\begin{table}[ht]", "\\centering", f"\\caption{{{caption}}}"]

@@ -1,4 +1,4 @@
-"""Aligned plain-text tables."""
+"""Numbers and their units for people: few digits, SI prefixes."""
 
 from __future__ import annotations
 
@@ -80,23 +80,3 @@ def scaled_labels(values: Sequence[float | str], units: str, digits: int = 4) ->
     divisor, unit = prefix(numbers, units)
     scaled = labels([value / divisor for value in numbers], digits)
     return (shown, units) if any("e" in one for one in scaled) else (scaled, unit)
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[str]], indent: str = "  ") -> str:
-    """Columns aligned right where every cell looks like a number, left otherwise."""
-    columns = list(zip(header, *rows, strict=True))
-    widths = [max(len(cell) for cell in column) for column in columns]
-    right = [all(_numeric(cell) for cell in column[1:]) for column in columns]
-    lines = []
-    for row in (header, *rows):
-        cells = [
-            cell.rjust(width) if aligned else cell.ljust(width)
-            for cell, width, aligned in zip(row, widths, right, strict=True)
-        ]
-        lines.append((indent + "  ".join(cells)).rstrip())
-    rule = indent + "─" * (sum(widths) + 2 * (len(widths) - 1))
-    return "\n".join([lines[0], rule, *lines[1:]])
-
-
-def _numeric(cell: str) -> bool:
-    return bool(cell) and (cell[0].isdigit() or cell[0] in "-+–∞−(")

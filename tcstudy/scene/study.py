@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from tcstudy.scene.methods import SEPARABLE, Branch
 from tcstudy.scene.records import Exact, Point, Scene
 
 TOLERANCE = 1e-10
@@ -157,9 +158,6 @@ class PathPlan:
         return ".".join(self.parameter)
 
 
-Branch = Literal["lowest", "continued", "from-zero"]
-
-
 @dataclass(frozen=True)
 class SolverPlan:
     """How the contact problem is solved.
@@ -173,7 +171,7 @@ class SolverPlan:
                     the neighbour's ("continued"), or the one from zero ("from-zero")
     """
 
-    names: tuple[str, ...] = ("separable-newton",)
+    names: tuple[str, ...] = (SEPARABLE,)
     tolerance: float | None = None
     max_iterations: int | None = None
     branch: Branch = "lowest"

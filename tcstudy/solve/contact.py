@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.scene.methods import ESCAPE, FRICTIONLESS, NEIGHBOUR, SEPARABLE, SOLVERS, START_NAMES, ZERO, Branch
 from tcstudy.scene.study import Acceptance
 from tcstudy.solve.loop import Outcome, Status, iterate
 from tcstudy.solve.problem import ContactProblem
@@ -20,13 +20,7 @@ from tcstudy.solve.separable.newton import SeparableNewton
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
-Branch = Literal["lowest", "continued", "from-zero"]
 
-SOLVERS = ("separable-newton", "bundle-newton")
-"""Names that a study may give under `solver`."""
-ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE = 0, 1, 2, 3
-"""Starts: no displacement, the solution without friction, the solution of a neighbouring problem, and, where these may
-not have led to the least energy, the convexified problem and moves of single nodes (solve/search/escape.py)."""
 ROUNDING = 0.01
 """Share of the tolerance that the rounding of ξ may have before the residual is formed in extended precision."""
 ACCURACY = 1e-12
@@ -62,7 +56,7 @@ class Answer:
     iterations: int
     evaluations: int
     start: int = ZERO
-    energies: tuple[float, ...] = (float("nan"),) * 4
+    energies: tuple[float, ...] = (float("nan"),) * len(START_NAMES)
     v_low: Array = field(default_factory=lambda: np.zeros(0))
     xi: Array = field(default_factory=lambda: np.zeros(0))
     rounding: float = 0.0
@@ -71,7 +65,7 @@ class Answer:
 
 def solve_contact(
     problem: ContactProblem,
-    solver: str = "separable-newton",
+    solver: str = SEPARABLE,
     tolerance: float | None = None,
     max_iterations: int | None = None,
     branch: Branch = "lowest",
@@ -92,7 +86,7 @@ def solve_contact(
     """
     if solver not in SOLVERS:
         raise ValueError(f"unknown solver {solver!r}; use one of {', '.join(SOLVERS)}")
-    run = _separable if solver == "separable-newton" else _bundle
+    run = _separable if solver == SEPARABLE else _bundle
     acceptance = Acceptance(tolerance)
     accuracy = min(ACCURACY, acceptance.aim)
     answers: list[Answer] = []
@@ -105,7 +99,7 @@ def solve_contact(
         answers.append(replace(_judge(problem, outcome, acceptance), start=start))
         if branch != "lowest" and answers[-1].status == Status.CONVERGED:
             break
-    if branch == "lowest" and solver == "separable-newton":
+    if branch == "lowest" and solver == SEPARABLE:
         answers += _escape(problem, _together(answers), acceptance, max_iterations, log)
     return _together(answers)
 

@@ -21,6 +21,7 @@ from tcstudy.offline.level import CondensedBlock, Level
 from tcstudy.online import Body, LawTables, Options, RowLaws, solve_block
 from tcstudy.refine.survey import Survey
 from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.methods import SEPARABLE
 from tcstudy.scene.points import combinations
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
@@ -47,7 +48,7 @@ class Block:
 def in_blocks(study: Study) -> bool:
     """Whether points are solved together."""
     solver = study.solver
-    return solver.names == ("separable-newton",) and solver.max_iterations is None
+    return solver.names == (SEPARABLE,) and solver.max_iterations is None
 
 
 def blocks_of(study: Study, m: int, n_points: int) -> list[Block]:

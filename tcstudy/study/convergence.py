@@ -1,10 +1,8 @@
-"""The convergence of a study over its levels: errors, rates with their expected orders, extrapolated numbers.
+"""The convergence of a study over its levels: errors, rates beside the orders to expect, extrapolated numbers.
 
 Reference: the exact solution if the study gives one; else the finest of at least MIN_LEVELS levels, compared with
 levels at least 2^GAP times coarser (what its own error adds is then below 4^-GAP of a smooth error's square), itself
 not part of any fit; else none, and only numbers are extrapolated.
-
-The orders of convergence to expect of a computed solution, and what measured ones say beside them.
 """
 
 from __future__ import annotations
@@ -23,6 +21,7 @@ from tcstudy.accuracy.nesting import NotNested
 from tcstudy.accuracy.rates import ROUNDING, Fit, fit, richardson
 from tcstudy.data.convergence import (
     ERRORS,
+    NUMBERS,
     Convergence,
     ErrorSeries,
     NumberSeries,
@@ -40,6 +39,9 @@ from tcstudy.scene.study import Acceptance, Study
 from tcstudy.study.doubts import locking_note
 from tcstudy.study.reference import Errors, ExactReference, FineReference, NestedReference, Reference, with_meaning
 from tcstudy.study.solved_levels import Say, Solution, SolvedLevel, solve_levels
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 GAP = 2
 """Uniform refinements between a reference and the finest level that is compared with it."""
@@ -105,9 +107,6 @@ def verdict(fitted: Fit, expected: float, nested: bool) -> str:
         return "as_expected"
     return "faster" if fitted.slope > expected else "slower"
 
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 MIN_LEVELS = GAP + 2
 NO_REFERENCE = (
@@ -190,10 +189,8 @@ def _reference(study: Study, levels: list[SolvedLevel]) -> tuple[Reference | Non
         none = np.zeros(n, dtype=bool)
         return None, "none", none, [f"No errors are measured: {NO_REFERENCE}; numbers are extrapolated."]
     last = int(np.flatnonzero(compared)[-1])
-    between = [str(i) for i in range(last + 1, n - 1)]
-    skipped = (
-        f"level{'s' if len(between) > 1 else ''} {', '.join(between)} {'are' if len(between) > 1 else 'is'} not used"
-    )
+    between = ", ".join(str(i) for i in range(last + 1, n - 1))
+    skipped = f"levels {between} are not used" if "," in between else f"level {between} is not used"
     words = f"level {n - 1}, the finest (levels compared are at least {2**GAP} times coarser; {skipped})"
     reference, notes = _fine_reference(levels)
     return reference, words, compared, notes
@@ -283,7 +280,7 @@ def _error_series(
 
 def _numbers(h: Array, solutions: list[Solution], ok: Mask, exact: dict[str, float]) -> dict[str, NumberSeries]:
     series: dict[str, NumberSeries] = {}
-    for name in ("energy", "friction_resultant", "slip_length", "heat_balance"):
+    for name in (measure.name for measure in NUMBERS):
         values = np.array([s.numbers.get(name, np.nan) for s in solutions])
         if not np.isfinite(values).any():
             continue

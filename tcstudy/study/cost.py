@@ -26,6 +26,7 @@ from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
 from tcstudy.exact.numbers import exact_friction_resultant
 from tcstudy.fem.geometry import GeometryFailed
+from tcstudy.scene.methods import SOLVERS
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Goal, Study
@@ -37,8 +38,6 @@ from tcstudy.study.solved_levels import SolvedLevel, empty_level, solution_of
 __all__ = ["CostError", "cost_to_file", "measure"]
 
 Array = NDArray[np.float64]
-SOLVERS = ("separable-newton", "bundle-newton")
-"""Compared beside those that the study names."""
 
 
 def cost_to_file(

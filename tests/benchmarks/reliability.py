@@ -16,7 +16,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tcstudy.solve.contact import ESCAPE, solve_contact
+from tcstudy.scene.methods import ESCAPE
+from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.loop import iterate
 from tcstudy.solve.separable.newton import SeparableNewton
 from tests.solve.contact_cases import independent_residual, random_problem, rescaled

@@ -7,8 +7,9 @@ import pytest
 
 from tcstudy.online import BlockAnswers, Body, LawTables, Options, RowLaws, solve_block, solve_points
 from tcstudy.online.sweep import blocks, waves
+from tcstudy.scene.methods import NEIGHBOUR
 from tcstudy.solve.certificates import certify
-from tcstudy.solve.contact import NEIGHBOUR, solve_contact
+from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.loop import Status
 from tests.online.rows import block, single, some_laws
 from tests.solve import contact_cases as cases

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.methods import ESCAPE
 from tcstudy.solve.certificates import Certificate, certify
-from tcstudy.solve.contact import ESCAPE, solve_contact
+from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.problem import ContactProblem
 from tests.benchmarks.stability_maps import down_jumps, up_jumps
 from tests.solve import contact_cases as cases

@@ -5,7 +5,8 @@ import pytest
 
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.laws import SHAPES
-from tcstudy.solve.contact import ESCAPE, Answer, Branch, solve_contact
+from tcstudy.scene.methods import ESCAPE, Branch
+from tcstudy.solve.contact import Answer, solve_contact
 from tcstudy.solve.loop import Outcome, Status, iterate
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.solve.search import escape as escape_module
