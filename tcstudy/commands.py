@@ -78,7 +78,7 @@ def plan(options: argparse.Namespace) -> int:
             forecast.notes,
             str(output),
             forecast.bytes,
-            study.mesh.family == "adaptive" or study.mesh.tolerance is not None,
+            study.mesh.open_ended,
             _length(study),
         )
     )

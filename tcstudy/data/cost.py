@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+OWN = "study"
+"""Name of the study's own meshes where they belong to none of the families."""
 STAGES = ("mesh", "assemble", "condense", "solve", "steps")
 """Parts of the wall time, in the order they are spent."""
 _STAGE_NAMES = {

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import curve_normals
-from tcstudy.fem.meshes import PlaneMesh, mesh_at, refine_marked
+from tcstudy.fem.meshes import PlaneMesh, refine_marked, refine_uniformly
 from tcstudy.scene.records import Clamped, Contact, Role
 from tcstudy.scene.study import MeshPlan
 
@@ -99,7 +99,7 @@ def graded_mesh(
     Raises GeometryFailed if the mesher fails.
     """
     start = time.perf_counter()
-    mesh = first if coarser is None else mesh_at(first.geometry, replace(plan, family="uniform"), level, coarser)
+    mesh = first if coarser is None else refine_uniformly(coarser)
     singular = singular_points(first, boundary)
     mu = np.where(singular.weak, max(WEAK, plan.grading), plan.grading)
     h, reach = first.h_max / 2**level, REACH * first.geometry.size

@@ -74,14 +74,21 @@ def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh |
 
     Raises GeometryFailed if the mesher fails or its mesh is not the body.
     """
+    if coarser is not None and plan.nested:
+        return refine_uniformly(coarser)
     start = time.perf_counter()
-    if coarser is None or not plan.nested:
-        mesh, unit = _generate(geometry, plan.maxh[level]), geometry.unit
-    else:
-        finer = coarser.kernel.ngmesh.Copy()  # the coarse mesh stays usable
-        finer.Refine()  # netgen's uniform refinement: four congruent children, nodes put on arcs
-        mesh, unit = ngs.Mesh(finer), coarser.unit
-    return _extract(mesh, geometry, level, start, unit)
+    return _extract(_generate(geometry, plan.maxh[level]), geometry, level, start, geometry.unit)
+
+
+def refine_uniformly(coarser: PlaneMesh) -> PlaneMesh:
+    """The next level: four congruent children of every triangle, new nodes put on arcs.
+
+    Raises GeometryFailed if it is not the body.
+    """
+    start = time.perf_counter()
+    finer = coarser.kernel.ngmesh.Copy()  # the coarse mesh stays usable
+    finer.Refine()
+    return _extract(ngs.Mesh(finer), coarser.geometry, coarser.level + 1, start, coarser.unit)
 
 
 def refine_marked(coarser: PlaneMesh, marked: NDArray[np.bool_]) -> PlaneMesh:

@@ -158,7 +158,7 @@ def mesh_faults(plan: MeshPlan, area: float, size: float) -> Iterator[tuple[int,
     area, size: of the body, [m²] and the diagonal [m]
     """
     # graded meshes have about as many elements as uniform ones; those with a tolerance stop at max_dofs
-    doubling = len(plan.maxh) == 1 and plan.family != "adaptive" and plan.tolerance is None
+    doubling = not plan.listed and not plan.open_ended
     refinements = plan.levels - 1 if doubling else 0
     for i, h in enumerate(plan.maxh):
         if h > size:

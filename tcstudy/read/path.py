@@ -168,7 +168,7 @@ def _options(ctx: Context, fields: Fields, mesh: MeshPlan | None) -> dict[str, A
         found["hysteresis"] = walker.flag(ctx, node)
     if fields["law_error"]:
         found["law_error"] = fields.quantity("law_error", NONE, "positive")
-    if mesh and mesh.family == "adaptive":
+    if mesh and mesh.strategy.adapts:
         remedy = "use family: uniform or graded for a path, for example --set mesh.family=graded"
         ctx.errors.at(fields.node, "adaptive meshes follow from the solutions of a run", remedy, on_key=True)
     elif node := fields["level"]:

@@ -15,15 +15,12 @@ from tcstudy.read import walker
 from tcstudy.read.fields import Fields
 from tcstudy.read.node import Node
 from tcstudy.read.walker import Context
+from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.methods import BRANCHES, SOLVERS
-from tcstudy.scene.study import FamilyName, Goal, MeshPlan, OutputPlan, Quantity, SolverPlan
+from tcstudy.scene.study import Goal, MeshPlan, OutputPlan, Quantity, SolverPlan
 from tcstudy.scene.units import LENGTH, LINE_FORCE, NONE
 
-MAX_LEVELS = 15
-MAX_ADAPTIVE_LEVELS = 60
-"""An adaptive step multiplies the unknowns by about two at most, a uniform one by four."""
 LEVELS_TO_TOLERANCE = 30
-FAMILIES: tuple[FamilyName, ...] = ("uniform", "graded", "adaptive")
 QUANTITIES: tuple[Quantity, ...] = ("energy", "friction_resultant", "slip_length", "u_T")
 LEAST = {"grading": 0.1, "marking": 0.05}
 """Smaller values give elements, or shares of them, that are of no use."""
@@ -78,10 +75,10 @@ def read_mesh(ctx: Context, node: Node | None, h: Node | None) -> MeshPlan | Non
 def _plan(options: _Options, sizes: tuple[float, ...], single: bool) -> MeshPlan:
     ctx = options.ctx
     tolerance = _fraction(options, "tolerance", 0.0) or None
-    default: FamilyName = "uniform" if tolerance is None else "adaptive"
-    family = walker.choice(ctx, node, FAMILIES) if (node := options["family"]) else default
+    default = PLAIN if tolerance is None else TO_TOLERANCE
+    family = walker.choice(ctx, node, tuple(FAMILIES)) if (node := options["family"]) else default
     _check_keys(options, family, sizes, single)
-    most = MAX_ADAPTIVE_LEVELS if family == "adaptive" else MAX_LEVELS
+    most = FAMILIES[family].max_levels
     key = "levels" if tolerance is None else "max_levels"
     usual = 1 if tolerance is None else min(LEVELS_TO_TOLERANCE, most)
     levels = walker.integer(ctx, node, 1, most) if (node := options[key]) else usual
@@ -113,14 +110,16 @@ def _check_keys(options: _Options, family: FamilyName, sizes: tuple[float, ...],
                 options.fault(key, what, remedy)
         return
     wrong = {
-        "grading": (family != "graded", "is for graded meshes", "add family: graded, or remove it"),
-        "marking": (family != "adaptive", "is for adaptive meshes", "add family: adaptive, or remove it"),
+        one.option: (one is not FAMILIES[family], f"is for {name} meshes", f"add family: {name}, or remove it")
+        for name, one in FAMILIES.items()
+        if one.option
+    } | {
         "levels": (to_tolerance, "the tolerance decides how many levels there are", "use max_levels for the most"),
         "max_levels": (not to_tolerance, "is for a tolerance", "use levels, or add tolerance: 1e-3"),
         "of": (not to_tolerance, "says what the tolerance is of, but there is none", "use goal, or add tolerance"),
     }
     if "goal" in options.values:
-        estimated = family == "adaptive" or to_tolerance or "estimate" in options.values
+        estimated = FAMILIES[family].adapts or to_tolerance or "estimate" in options.values
         wrong["goal"] = (
             ("of" in options.values, "of names the goal already", "keep one of the two")
             if "of" in options.values

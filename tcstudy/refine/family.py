@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.locating import located
 from tcstudy.accuracy.norms import Triangles
+from tcstudy.fem.families import maker
 from tcstudy.fem.geometry import build
-from tcstudy.fem.grading import WEAK, graded_mesh, singular_points
+from tcstudy.fem.grading import WEAK, singular_points
 from tcstudy.fem.meshes import PlaneMesh, doubled_areas, mesh_at, refine_marked
 from tcstudy.offline.level import Level
 from tcstudy.refine.survey import Survey, marked
+from tcstudy.scene.families import GRADED
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Study
 
@@ -22,7 +24,7 @@ Array = NDArray[np.float64]
 
 def graded_points(study: Study) -> list[tuple[Point, float]]:
     """Places that the meshes of a graded study are graded towards, each with its μ. Raises GeometryFailed."""
-    if study.mesh.family != "graded":
+    if study.mesh.strategy is not GRADED:
         return []
     scene = study.scenes[0]
     found = singular_points(mesh_at(build(scene.body), study.mesh, 0, None), scene.boundary)
@@ -71,24 +73,18 @@ class Family:
         """Raises GeometryFailed if the body cannot be made."""
         self._scene, self._plan = study.scenes[0], study.mesh
         self._scenes, self._exact = study.scenes, study.exact
-        self._geometry = build(self._scene.body)
-        self._first: PlaneMesh | None = None
+        self._make = maker(build(self._scene.body), study.mesh, self._scene.boundary)
         self._mesh: PlaneMesh | None = None
         self._survey: Survey | None = None
 
     def next(self, level: int) -> PlaneMesh:
         """The mesh of a level, after those of all levels before. Raises GeometryFailed if the mesher fails."""
-        plan = self._plan
-        if plan.family == "adaptive" and level > 0:
+        if self._plan.strategy.adapts and level > 0:
             assert self._mesh is not None
             assert self._survey is not None
-            self._mesh = bisected(self._mesh, self._survey.shares(), self._survey.aim(), plan.marking)
-        elif plan.family == "graded":
-            if self._first is None:
-                self._first = mesh_at(self._geometry, plan, 0, None)
-            self._mesh = graded_mesh(self._first, plan, level, self._mesh, self._scene.boundary)
+            self._mesh = bisected(self._mesh, self._survey.shares(), self._survey.aim(), self._plan.marking)
         else:
-            self._mesh = mesh_at(self._geometry, plan, level, self._mesh)
+            self._mesh = self._make(level, self._mesh)
         return self._mesh
 
     def survey(self, level: Level) -> Survey | None:

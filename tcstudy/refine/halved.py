@@ -14,11 +14,10 @@ import scipy.sparse.linalg
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.nesting import prolongation
-from tcstudy.fem.meshes import PlaneMesh, mesh_at
+from tcstudy.fem.meshes import PlaneMesh, refine_uniformly
 from tcstudy.fem.recovery import Triangles
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import MeshPlan
 
 Array = NDArray[np.float64]
 
@@ -33,8 +32,7 @@ class Halved:
     def __init__(self, coarse: Level, scene: Scene, scenes: Sequence[Scene] = ()) -> None:
         """scene, scenes: as for Level. Raises GeometryFailed if the refined mesh is not the body."""
         mesh = coarse.mesh
-        plan = MeshPlan((mesh.h_max,), mesh.level + 2)
-        self.coarse, self.level = coarse, Level(mesh_at(mesh.geometry, plan, mesh.level + 1, mesh), scene, scenes)
+        self.coarse, self.level = coarse, Level(refine_uniformly(mesh), scene, scenes)
         fine = self.level.mesh
         self.triangles = Triangles(fine)
         self._prolong = prolongation(mesh.points, fine.points, fine.triangles)

@@ -158,16 +158,15 @@ class Survey:
         compared = plan.goal.quantity == "energy" or (bool(self.before) and self.level.mesh.level >= COMPARED)
         if plan.tolerance is not None and error <= plan.tolerance and (compared or last):
             return f"tolerance {plan.tolerance:g} met: {reached}"
-        refines = plan.family == "adaptive" or plan.tolerance is not None
         # without load, say: shares of rounding would refine one place for ever
-        if refines and max(e.energy for e in self.estimates.values()) <= ROUNDING:
+        if plan.open_ended and max(e.energy for e in self.estimates.values()) <= ROUNDING:
             return f"nothing to refine: {reached} is rounding"
         missed = "" if plan.tolerance is None else f"tolerance {plan.tolerance:g} not met: "
         if last:
             return f"{missed}{reached} on the last level" + (", raise max_levels" if missed else "")
         n_dof = self.level.frames.n_dof
         most = self._halved.level.frames.n_dof if self._halved else n_dof
-        if (plan.family == "adaptive" or missed) and most > plan.max_dofs:
+        if plan.open_ended and most > plan.max_dofs:
             where = f"{n_dof} dofs" + (f" ({most} where its error was estimated)" if most > n_dof else "")
             return f"{missed}{reached} at {where}, more than max_dofs"
         return ""

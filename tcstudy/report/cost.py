@@ -8,16 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from tcstudy.data.cost import STAGES, open_cost
+from tcstudy.data.cost import OWN, STAGES, open_cost
 from tcstudy.report.cost_reading import SYMBOLS, Setting, advice, front, measure_of, settings
 from tcstudy.report.tables import Heading, Part, Table, render
+from tcstudy.scene.families import FAMILIES
 
-TITLES = {
-    "uniform": "Uniform meshes",
-    "graded": "Graded meshes",
-    "adaptive": "Adaptive meshes (time includes all levels before)",
-    "study": "The study's own meshes",
-}
+TITLES = {name: family.title for name, family in FAMILIES.items()} | {OWN: "The study's own meshes"}
 
 
 def cost_report(path: Path, form: str = "text", measure: str | None = None) -> str:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tcstudy.data.cost import open_cost
+from tcstudy.data.cost import OWN, open_cost
 from tcstudy.report import style
 from tcstudy.report.convergence_plot import math_symbol
 from tcstudy.report.cost_reading import EXACT, SYMBOLS, Setting, advice, best, curves_on_front, measure_of, settings
+from tcstudy.scene.families import FAMILIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 GREEN, GOLD, GREY = "#009e73", "#f0c000", "#bdbdbd"
-COLOURS = {"uniform": style.INK, "graded": style.VERMILLION, "adaptive": style.BLUE, "study": GREEN}
-MARKS = {"uniform": "s", "graded": "D", "adaptive": "o", "study": "^"}
+COLOURS = dict(zip((*FAMILIES, OWN), (style.INK, style.VERMILLION, style.BLUE, GREEN), strict=True))
+MARKS = dict(zip((*FAMILIES, OWN), "sDo^", strict=True))
 LINES: tuple[Any, ...] = ("-", (0, (1.2, 1.6)), (0, (4, 2)), (0, (4, 2, 1, 2)))
 """Line styles of the first, second … solver."""
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from tcstudy.scene.families import FAMILIES, LISTED, PLAIN, FamilyName, MeshFamily
 from tcstudy.scene.methods import SEPARABLE, Branch
 from tcstudy.scene.records import Exact, Point, Scene
 
@@ -59,9 +60,6 @@ class Acceptance:
 Quantity = Literal["energy", "friction_resultant", "u_T", "slip_length"]
 
 
-FamilyName = Literal["uniform", "graded", "adaptive"]
-
-
 @dataclass(frozen=True)
 class Goal:
     """The number that meshes are refined for and whose error is estimated.
@@ -94,7 +92,7 @@ class MeshPlan:
 
     maxh: tuple[float, ...]
     levels: int
-    family: FamilyName = "uniform"
+    family: FamilyName = PLAIN
     grading: float = 0.3
     marking: float = 0.5
     goal: Goal = Goal()
@@ -103,14 +101,29 @@ class MeshPlan:
     estimate: bool = False
 
     @property
+    def listed(self) -> bool:
+        """True if there is one mesh for each of several sizes."""
+        return len(self.maxh) > 1
+
+    @property
+    def strategy(self) -> MeshFamily:
+        """What is known of the study's family of meshes."""
+        return LISTED if self.listed else FAMILIES[self.family]
+
+    @property
     def nested(self) -> bool:
         """True if the levels are uniform refinements of one coarse mesh."""
-        return len(self.maxh) == 1 and self.family == "uniform"
+        return self.strategy.nested
+
+    @property
+    def open_ended(self) -> bool:
+        """True if a mesh, or the decision to stop at it, follows from the solutions on those before."""
+        return self.strategy.adapts or self.tolerance is not None
 
     @property
     def estimates(self) -> bool:
         """True if every solution gets an error estimate."""
-        return self.estimate or self.family == "adaptive" or self.tolerance is not None
+        return self.estimate or self.open_ended
 
 
 Start = Literal["zero", "lowest"]

@@ -86,6 +86,6 @@ def _support_faults(study: Study, geometry: Geometry) -> Iterator[Found]:
 
 def _mesh_faults(study: Study, geometry: Geometry) -> Iterator[Found]:
     """Element sizes that do not fit the face."""
-    several = len(study.mesh.maxh) > 1
+    several = study.mesh.listed
     for i, what, remedy in mesh_faults(study.mesh, geometry.area, geometry.size):
         yield ("mesh", "maxh", *([i] if several else [])), what, remedy

@@ -132,7 +132,7 @@ def converge_to_file(study: Study, path: Path, say: Say, command: Sequence[str] 
     """
     if study.mesh.levels < 2:
         raise ConvergenceError("one level has no convergence; give mesh.levels: 4 or more, or --set mesh.levels=4")
-    if study.mesh.family == "adaptive":
+    if study.mesh.strategy.adapts:
         what = "adaptive meshes have no common h to show rates over, and they come with their own error estimates"
         raise ConvergenceError(f"{what}; use tcstudy run or tcstudy cost, or --set mesh.family=uniform")
     problems = check_writable(path, 1_000_000)
@@ -145,7 +145,7 @@ def converge_to_file(study: Study, path: Path, say: Say, command: Sequence[str] 
 
 def without_errors(study: Study) -> str:
     """Why no errors will be measured, as far as that is known before the meshes are made; empty if they may be."""
-    if study.exact is not None or study.mesh.levels < 2 or study.mesh.family == "adaptive":  # the latter have own words
+    if study.exact is not None or study.mesh.levels < 2 or study.mesh.strategy.adapts:  # the latter have own words
         return ""
     listed = np.array(study.mesh.maxh)
     far = np.count_nonzero(listed >= COARSER**4 * 2**GAP * listed[-1]) >= 2 or len(listed) == 1

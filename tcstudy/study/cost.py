@@ -26,6 +26,7 @@ from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
 from tcstudy.exact.numbers import exact_friction_resultant
 from tcstudy.fem.geometry import GeometryFailed
+from tcstudy.scene.families import TO_TOLERANCE
 from tcstudy.scene.methods import SOLVERS
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Scene
@@ -235,7 +236,7 @@ def _reference(study: Study, scene: Scene, least: float, progress: Progress) -> 
 
     Raises CostError if it is not solved, GeometryFailed if there is no mesh that is fine enough.
     """
-    plan = replace(family_plan(study.mesh, "adaptive"), goal=Goal(), marking=max(study.mesh.marking, 0.7))
+    plan = replace(family_plan(study.mesh, TO_TOLERANCE), goal=Goal(), marking=max(study.mesh.marking, 0.7))
     step = None
     try:
         for step in walk(study, plan, scene, lambda name, level: False):

@@ -13,18 +13,16 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
+from tcstudy.data.cost import OWN
 from tcstudy.data.records import PointRecord, PointStatus
 from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
+from tcstudy.scene.families import FAMILIES, FamilyName
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import FamilyName, MeshPlan, Study
+from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.study.point import solve_point
 from tcstudy.study.solved_levels import SolvedLevel, empty_level, solution_of
-
-FAMILIES: tuple[FamilyName, ...] = ("uniform", "graded", "adaptive")
-OWN = "study"
-"""Name of the study's own meshes where they belong to none of the families."""
 
 BEYOND = 4.2
 """How far beyond the study's own unknowns the curves go: one uniform refinement."""
@@ -63,7 +61,7 @@ def first_run(study: Study, scene: Scene, progress: Progress) -> tuple[list[Curv
     name = study.mesh.family if listed else OWN
     own = Curve(name, family_plan(study.mesh, study.mesh.family) if listed else study.mesh)
     for step in _steps(study, scene, own, progress, notes):
-        full = study.mesh.family == "adaptive" and step.n_dof > study.mesh.max_dofs
+        full = study.mesh.strategy.adapts and step.n_dof > study.mesh.max_dofs
         if own.own is None and (len(own.steps) == study.mesh.levels or full):
             own.own = len(own.steps) - 1
         if own.own is not None and _next(own) > _limit(own.steps[own.own][1]):
@@ -99,7 +97,7 @@ def _limit(own: int) -> float:
 
 def on_a_curve(plan: MeshPlan) -> bool:
     """Whether the study's own meshes are those of a family, so that their finest is a point of its curve."""
-    return plan.tolerance is None and len(plan.maxh) == 1 and not plan.estimate
+    return plan.tolerance is None and not plan.listed and not plan.estimate
 
 
 def family_plan(plan: MeshPlan, family: FamilyName) -> MeshPlan:
@@ -132,8 +130,7 @@ def _steps(study: Study, scene: Scene, curve: Curve, progress: Progress, notes: 
 def _next(curve: Curve) -> float:
     """Unknowns to expect of the next level: a uniform one has four times as many, an adaptive step may add few."""
     sizes = [n_dof for _, n_dof, _ in curve.steps]
-    first = 1.0 if curve.plan.family == "adaptive" else 4.0
-    return sizes[-1] * (sizes[-1] / sizes[-2] if len(sizes) > 1 else first)
+    return sizes[-1] * (sizes[-1] / sizes[-2] if len(sizes) > 1 else curve.plan.strategy.least_growth)
 
 
 def _keep(study: Study, scene: Scene, curve: Curve, step: Step) -> None:
@@ -220,11 +217,6 @@ class Step:
         return self.level.frames.n_dof
 
 
-def depends_on_solutions(plan: MeshPlan) -> bool:
-    """Whether a mesh, or the decision to stop at it, follows from the solutions on those before."""
-    return plan.family == "adaptive" or plan.tolerance is not None
-
-
 def walk(study: Study, plan: MeshPlan, scene: Scene, wanted: Wanted) -> Iterator[Step]:
     """Solve a scene level by level with the study's solvers; the first of them decides about meshes.
 
@@ -240,7 +232,7 @@ def walk(study: Study, plan: MeshPlan, scene: Scene, wanted: Wanted) -> Iterator
         clock = time.perf_counter()
         mesh = family.next(i)
         own = time.perf_counter() - clock
-        meshing = meshing + own if len(plan.maxh) == 1 else own
+        meshing = own if plan.listed else meshing + own
         clock = time.perf_counter()
         level = Level(mesh, scene, (scene,))
         assembly = time.perf_counter() - clock
@@ -248,7 +240,7 @@ def walk(study: Study, plan: MeshPlan, scene: Scene, wanted: Wanted) -> Iterator
         solved |= {name: _timed(alone, level, scene, name) for name in others if wanted(name, i)}
         shared = solved[first].total - solved[first].solve
         estimation, estimate, stop = _estimate(alone, family, level, scene, solved[first].record, i)
-        stages, chained = {}, depends_on_solutions(plan)
+        stages, chained = {}, plan.open_ended
         for name, timed in solved.items():
             solve = timed.solve
             made = geometry + (own if chained else meshing)

@@ -80,7 +80,7 @@ def execute(
 
 def _with_levels(study: Study, levels: Sequence[LevelRecord]) -> Study:
     """The study without the levels that its tolerance did not need."""
-    if not study.mesh.estimates or len(study.mesh.maxh) > 1 or not levels:
+    if not study.mesh.estimates or study.mesh.listed or not levels:
         return study
     return replace(study, mesh=replace(study.mesh, levels=levels[-1].level + 1))
 
@@ -94,8 +94,6 @@ def _work(study: Study, finished: Mapping[Key, BlockRecord]) -> list[LevelWork]:
     """Points of every level; a point costs about as much as its mesh has nodes."""
     mesh, points = study.mesh, len(study.scenes)
     done = [sum(len(block) for block in finished.values() if block.level == i) for i in range(mesh.levels)]
-    growth = 2.0 if mesh.family == "adaptive" else 4.0
-    single = len(mesh.maxh) == 1
-    finer = [growth**i if single else (mesh.maxh[0] / mesh.maxh[i]) ** 2 for i in range(mesh.levels)]
-    sure = mesh.family != "adaptive" and mesh.tolerance is None
-    return [LevelWork(points, done[i], finer[i], sure) for i in range(mesh.levels)]
+    growth = mesh.strategy.growth
+    finer = [(mesh.maxh[0] / mesh.maxh[i]) ** 2 if mesh.listed else growth**i for i in range(mesh.levels)]
+    return [LevelWork(points, done[i], finer[i], not mesh.open_ended) for i in range(mesh.levels)]

@@ -78,7 +78,7 @@ def follow_path(study: Study, progress: Progress | None = None) -> PathRecord:
 
 def _level(study: Study, plan: PathPlan) -> Level:
     """The mesh level of the path; coarser ones are only stations on the way."""
-    if study.mesh.family == "adaptive":
+    if study.mesh.strategy.adapts:
         raise PathError("adaptive meshes follow from the solutions of a run; use mesh.family uniform or graded")
     family = Family(study)
     mesh = family.next(0)

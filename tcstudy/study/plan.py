@@ -100,11 +100,10 @@ def _left_out(study: Study, heat_solved: bool) -> list[str]:
 
 
 def _levels_not_needed(mesh: MeshPlan, unit: str) -> str:
-    how = {"adaptive": "refined where the error is large", "graded": "graded", "uniform": "refined uniformly"}
     return (
-        f"meshes finer than needed: {how[mesh.family]} from maxh = {mesh.maxh[0]:g}{unit} until the estimated relative "
-        f"error of {mesh.goal.quantity} is at most {mesh.tolerance:g} at every point, {mesh.max_dofs} dofs are passed "
-        f"or there are {mesh.levels} levels"
+        f"meshes finer than needed: {mesh.strategy.how} from maxh = {mesh.maxh[0]:g}{unit} until the estimated "
+        f"relative error of {mesh.goal.quantity} is at most {mesh.tolerance:g} at every point, {mesh.max_dofs} dofs "
+        f"are passed or there are {mesh.levels} levels"
     )
 
 
@@ -145,12 +144,8 @@ def _other_commands(study: Study) -> list[str]:
 
 def _mesh_notes(mesh: MeshPlan) -> list[str]:
     """What the table of levels does not say."""
-    if mesh.family == "adaptive":
-        driver = "the worst point of the sweep decides"
-        return [f"adaptive: levels after the first follow from the estimated error of {mesh.goal.quantity}; {driver}"]
-    if mesh.family == "graded":
-        return [f"graded: at singular points the elements are smaller than maxh, h ~ r^{1 - mesh.grading:g}"]
-    return []
+    note = mesh.strategy.note.format(goal=mesh.goal.quantity, power=1 - mesh.grading)
+    return [note] if note else []
 
 
 def expected_bytes(study: Study) -> int:

@@ -92,7 +92,7 @@ def stages(study: Study, finished: Mapping[Key, BlockRecord] | None = None) -> I
                 continue
             level = Level(mesh, study.scenes[0], study.scenes)
         except GeometryFailed as error:
-            if i == 0 or len(study.mesh.maxh) == 1:
+            if i == 0 or not study.mesh.listed:
                 raise
             failed = all_failed(study, i, PointStatus.MESH_FAILED, str(error))
             yield Stage(None, None, iter(() if 0 in known else (failed,)), str)
@@ -104,7 +104,7 @@ def stages(study: Study, finished: Mapping[Key, BlockRecord] | None = None) -> I
             return survey.stop(last) if survey is not None else ""
 
         yield Stage(level, level_record(study, mesh, level), workshop.work(known), stop)
-        if stop() and (study.mesh.family == "adaptive" or study.mesh.tolerance is not None):
+        if stop() and study.mesh.open_ended:
             return
 
 

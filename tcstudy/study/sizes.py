@@ -11,23 +11,20 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tcstudy.fem.boundary import constrain
 from tcstudy.fem.contact_line import contact_line
+from tcstudy.fem.families import Maker, maker
 from tcstudy.fem.geometry import Geometry, GeometryFailed, build
-from tcstudy.fem.grading import graded_mesh
-from tcstudy.fem.meshes import PlaneMesh, mesh_at
+from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.scene.records import Clamped, Contact, Scene
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.shapes.edges import body_area, boundary_lengths
 
 MOST_NODES = 5_000
 """Nodes up to which a mesh is made only to be counted; with its first refinement half a second."""
-
-Making = Callable[[int, PlaneMesh | None], PlaneMesh]
-"""(level, the mesh made before) → mesh."""
 
 
 def sizes(study: Study) -> tuple[LevelForecast, ...]:
@@ -38,11 +35,10 @@ def sizes(study: Study) -> tuple[LevelForecast, ...]:
     scene, plan = study.scenes[0], study.mesh
     geometry = build(scene.body)
     rough = _rough(study, geometry)
-    if rough[0].nodes > MOST_NODES and len(plan.maxh) == 1:
+    if rough[0].nodes > MOST_NODES and not plan.listed:
         return tuple(rough)
-    if plan.nested:
-        return tuple(_nested(geometry, plan, scene, rough))
-    return tuple(_one_by_one(_making(geometry, plan, scene), plan, scene, rough))
+    make = maker(geometry, plan, scene.boundary)
+    return tuple(_nested(make, scene, rough) if plan.nested else _one_by_one(make, plan, scene, rough))
 
 
 def measured(study: Study) -> tuple[LevelForecast, ...]:
@@ -57,13 +53,13 @@ def _rough(study: Study, geometry: Geometry) -> list[LevelForecast]:
     return [predicted(study.scenes[0], geometry.area, lengths, h) for h in known_levels(study.mesh)]
 
 
-def _nested(geometry: Geometry, plan: MeshPlan, scene: Scene, rough: list[LevelForecast]) -> list[LevelForecast]:
+def _nested(make: Maker, scene: Scene, rough: list[LevelForecast]) -> list[LevelForecast]:
     """Uniform refinements of one mesh, exactly."""
-    coarse = mesh_at(geometry, plan, 0, None)
+    coarse = make(0, None)
     first = _counted(coarse, scene, rough[0].h)
     if len(rough) == 1:
         return [first]
-    second = _counted(mesh_at(geometry, plan, 1, coarse), scene, rough[1].h)
+    second = _counted(make(1, coarse), scene, rough[1].h)
     nodes, triangles = first.nodes, len(coarse.triangles)
     euler = first.nodes - (second.nodes - first.nodes) + triangles  # a new node for every edge
     fixed = [2 * one.nodes - one.n_dof for one in (first, second)]
@@ -76,28 +72,20 @@ def _nested(geometry: Geometry, plan: MeshPlan, scene: Scene, rough: list[LevelF
     return found
 
 
-def _making(geometry: Geometry, plan: MeshPlan, scene: Scene) -> Making:
-    """How the meshes of graded and adaptive families and of lists of maxh are made."""
-    if plan.family != "graded":
-        return lambda level, _: mesh_at(geometry, plan, level, None)
-    first = mesh_at(geometry, plan, 0, None)
-    return lambda level, before: graded_mesh(first, plan, level, before, scene.boundary)
-
-
-def _one_by_one(make: Making, plan: MeshPlan, scene: Scene, rough: list[LevelForecast]) -> list[LevelForecast]:
+def _one_by_one(make: Maker, plan: MeshPlan, scene: Scene, rough: list[LevelForecast]) -> list[LevelForecast]:
     """Counted as long as the meshes are small; a mesh of a list that cannot be made is a status of its points."""
     found: list[LevelForecast] = []
     mesh: PlaneMesh | None = None
     for level, guess in enumerate(rough):
         size = guess
         if found:
-            size = _finer(found[-1], guess.h) if len(plan.maxh) == 1 else _other(found[-1], rough[level - 1], guess)
+            size = _other(found[-1], rough[level - 1], guess) if plan.listed else _finer(found[-1], guess.h)
         if size.nodes <= MOST_NODES:
             try:
                 mesh = make(level, mesh)
                 size = _counted(mesh, scene, guess.h)
             except GeometryFailed:
-                if level == 0 or len(plan.maxh) == 1:
+                if level == 0 or not plan.listed:
                     raise
         found.append(size)
     return found
@@ -143,8 +131,8 @@ class LevelForecast:
 
 def known_levels(mesh: MeshPlan) -> list[float]:
     """Element sizes of the levels whose number is known beforehand."""
-    known = 1 if mesh.family == "adaptive" or mesh.tolerance is not None else mesh.levels
-    return [mesh.maxh[0] / 2**i if len(mesh.maxh) == 1 else mesh.maxh[i] for i in range(known)]
+    known = 1 if mesh.open_ended else mesh.levels
+    return [mesh.maxh[i] if mesh.listed else mesh.maxh[0] / 2**i for i in range(known)]
 
 
 def forecast(study: Study) -> tuple[LevelForecast, ...]:
@@ -178,9 +166,9 @@ def refined(levels: tuple[LevelForecast, ...], mesh: MeshPlan) -> tuple[LevelFor
     Adaptive meshes grow about twofold from level to level, others fourfold. The contact line grows like N^(3/4),
     between the N^(1/2) of the body's other boundary and the N of meshes that are refined at the contact line only.
     """
-    if not levels or (mesh.family != "adaptive" and mesh.tolerance is None):
+    if not levels or not mesh.open_ended:
         return levels
-    growth, last = 2.0 if mesh.family == "adaptive" else 4.0, levels[-1]
+    growth, last = mesh.strategy.growth, levels[-1]
     most = max(1.0, mesh.max_dofs / last.n_dof)
     ratios = [1.0, *itertools.takewhile(lambda ratio: ratio < most, (growth**i for i in range(1, mesh.levels)))]
     if len(ratios) < mesh.levels:

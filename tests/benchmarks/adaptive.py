@@ -23,7 +23,8 @@ import xarray as xr
 
 import tcstudy
 from tcstudy.report.style import BLUE, INK, PALE, SHADE, VERMILLION, WIDTH, inches, save, styled
-from tcstudy.scene.study import FamilyName, Goal, MeshPlan, Study
+from tcstudy.scene.families import FamilyName
+from tcstudy.scene.study import Goal, MeshPlan, Study
 from tests.verification import manufactured
 from tests.verification.goal_scenes import (
     BRACKET,

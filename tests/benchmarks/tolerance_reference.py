@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tcstudy.fem.geometry import GeometryFailed
-from tcstudy.fem.meshes import PlaneMesh, mesh_at, refine_marked
+from tcstudy.fem.meshes import PlaneMesh, refine_marked, refine_uniformly
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.refine.fronts import fronts, slip_length
@@ -57,7 +57,7 @@ def reference(study: Study, goal: Goal) -> Reference:
         n_dof = level.frames.n_dof
         if len(values) > 1 and 4 * n_dof > MOST:
             break
-        mesh = mesh_at(mesh.geometry, MeshPlan((mesh.h_max,), mesh.level + 2), mesh.level + 1, mesh)
+        mesh = refine_uniformly(mesh)
     change = values[-1] - values[-2]
     value = values[-1] + REST * change
     return Reference(value, REST * abs(change / value), n_dof)

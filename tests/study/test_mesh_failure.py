@@ -9,8 +9,8 @@ import pytest
 
 import tcstudy
 from tcstudy.data.records import PointStatus
+from tcstudy.fem import families as family_module
 from tcstudy.fem.geometry import GeometryFailed
-from tcstudy.refine import family as family_module
 from tests.verification.scenes import RECTANGLE, study_of
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tcstudy.fem import families as families_module
 from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study
@@ -82,7 +83,7 @@ def test_large_meshes_are_predicted_from_the_last_small_one(monkeypatch: pytest.
 
 
 def test_no_mesh_that_is_large_already_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sizes_module, "mesh_at", None)
+    monkeypatch.setattr(families_module, "mesh_at", None)
     study = study_of(RECTANGLE, "mesh={maxh: 0.005, levels: 2}")
     assert sizes(study) == forecast(study)
     assert not any(v.exact for v in sizes(study))
@@ -90,14 +91,14 @@ def test_no_mesh_that_is_large_already_is_made(monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.mark.parametrize("bad", [0, 1])
 def test_a_mesh_that_cannot_be_made(monkeypatch: pytest.MonkeyPatch, bad: int) -> None:
-    original = sizes_module.mesh_at
+    original = families_module.mesh_at
 
     def mesh_at(geometry: object, plan: object, level: int, coarser: object) -> object:
         if level == bad:
             raise GeometryFailed("the mesher gave up")
         return original(geometry, plan, level, coarser)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(sizes_module, "mesh_at", mesh_at)
+    monkeypatch.setattr(families_module, "mesh_at", mesh_at)
     with pytest.raises(GeometryFailed, match="gave up"):
         sizes(study_of(RECTANGLE))
     listed = study_of(RECTANGLE, "mesh={maxh: [0.5, 0.3, 0.2]}")

@@ -21,13 +21,14 @@ from pathlib import Path
 import numpy as np
 
 from tcstudy.data.records import BlockRecord, LevelRecord
-from tcstudy.fem.meshes import PlaneMesh, mesh_at, refine_marked
+from tcstudy.fem.meshes import PlaneMesh, refine_marked, refine_uniformly
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import Family
 from tcstudy.refine.goals import goal_value
+from tcstudy.scene.families import FamilyName
 from tcstudy.scene.records import Point
-from tcstudy.scene.study import FamilyName, Goal, MeshPlan, Study
+from tcstudy.scene.study import Goal, MeshPlan, Study
 from tcstudy.solve.contact import solve_contact
 from tcstudy.study.run import run
 from tests.verification import closed_forms
@@ -140,7 +141,7 @@ def fine_value(study: Study, goal: Goal, most: int = 1500) -> float:
     """J(u_h) itself, nothing extrapolated, where every triangle of a mesh of `most` unknowns is cut into sixteen."""
     mesh = [level for _, level, _ in solved_meshes(study, goal, most)][-1].mesh
     for _ in range(2):
-        mesh = mesh_at(mesh.geometry, MeshPlan((mesh.h_max,), mesh.level + 2), mesh.level + 1, mesh)
+        mesh = refine_uniformly(mesh)
     return _value(study, goal, mesh)
 
 

@@ -13,7 +13,8 @@ import math
 import numpy as np
 import pytest
 
-from tcstudy.scene.study import FamilyName, Goal, Study
+from tcstudy.scene.families import FamilyName
+from tcstudy.scene.study import Goal, Study
 from tests.verification import closed_forms
 from tests.verification.goal_scenes import (
     BRACKET,
