@@ -76,7 +76,7 @@ def residual_of(case: Case, trial: Trial) -> float:
         return float("nan")
     if trial.snap:
         return case.problem.inclusion_residual(trial.v, trial.snap * case.problem.law.s_scale)
-    return independent_residual(case.problem, trial.v)
+    return independent_residual(case.problem, trial.v, trial.v_low)
 
 
 def judged(residual: float, trial: Trial) -> str:

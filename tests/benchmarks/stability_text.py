@@ -33,8 +33,8 @@ UNBALANCED = "slip left unbalanced"
 
 EXPLAINED = {
     (DEFAULT, CANCELLATION): "ξ = l̃ − Ãv is the difference of terms that are larger than friction by five powers of "
-    "ten and more, so rounding alone exceeds the tolerance; the point is reported as failed (`inclusion_violated`) "
-    "with its residual and the advice to allow a larger tolerance or a coarser contact mesh.",
+    "ten and more, so rounding alone exceeds the tolerance; the point is flagged as limited by rounding or, "
+    "with a tolerance of its own, reported as failed (`inclusion_violated`) with its residual and advice.",
     (DEFAULT, CRAWL): "Newton steps are cut by kinks until only steps node by node lower the energy, and those crawl "
     "because a thin layer couples neighbours stiffly; the limit of 300 iterations is reported (its "
     "advice to allow more of them is wrong here: rounding keeps the residual above the tolerance as well).",

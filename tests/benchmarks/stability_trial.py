@@ -54,7 +54,10 @@ TIME: most steps were serious;  OTHER: of a scipy method, the nodes that miss th
 
 @dataclass(frozen=True)
 class Trial:
-    """An answer: v (m,) or None, whether the method reports success, iterations, why not, what the log shows."""
+    """An answer: v (m,) or None, whether the method reports success, iterations, why not, what the log shows.
+
+    v_low: (m,) low part of an answer that is a sum of two doubles
+    """
 
     v: Array | None
     claims: bool
@@ -63,6 +66,7 @@ class Trial:
     mechanism: str = ""
     slow: bool = False
     snap: float = 0.0
+    v_low: Array | None = None
 
 
 Run = Callable[[ContactProblem, float], Trial]
@@ -102,10 +106,10 @@ def separable(problem: ContactProblem, deadline: float) -> Trial:
     """The default solver as a study calls it, the lowest energy it finds; not stopped at the deadline."""
     log = Log()
     answer = solve_contact(problem, log=log)
-    good = answer.status == Status.CONVERGED
-    rounding = answer.status == Status.INCLUSION_VIOLATED
+    good = answer.status == Status.CONVERGED and not answer.limited  # what is limited by rounding is said to be
+    rounding = answer.limited or answer.status == Status.INCLUSION_VIOLATED
     mechanism = "" if good else CANCELLATION if rounding else CRAWL if log.share("nodes") > 0.5 else OTHER
-    return Trial(answer.v, good, answer.iterations, answer.reason, mechanism)
+    return Trial(answer.v, good, answer.iterations, answer.reason, mechanism, v_low=answer.v_low)
 
 
 def bundle(problem: ContactProblem, deadline: float) -> Trial:
@@ -115,8 +119,9 @@ def bundle(problem: ContactProblem, deadline: float) -> Trial:
         answer = solve_contact(watch, "bundle-newton", branch="from-zero", log=log)
     except OutOfTimeError:
         return Trial(watch.best.v, False, len(log.kinds), OUT_OF_TIME, _bundle_mechanism(log), slow=True)
-    good = answer.status == Status.CONVERGED
-    return Trial(answer.v, good, answer.iterations, answer.reason, "" if good else _bundle_mechanism(log))
+    good = answer.status == Status.CONVERGED and not answer.limited
+    mechanism = "" if good else CANCELLATION if answer.limited else _bundle_mechanism(log)
+    return Trial(answer.v, good, answer.iterations, answer.reason, mechanism, v_low=answer.v_low)
 
 
 def _bundle_mechanism(log: Log) -> str:

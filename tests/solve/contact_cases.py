@@ -6,6 +6,8 @@ symmetric positive definite matrices; every length and stress below is in arbitr
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -145,24 +147,45 @@ def rescaled(problem: ContactProblem, s_unit: float, b_unit: float, x_unit: floa
     )
 
 
-def independent_residual(problem: ContactProblem, v: Array) -> float:
-    """Inclusion residual in extended precision and by plain loops, sharing no code with the package."""
-    A, l_tilde, c = (np.asarray(x, dtype=np.longdouble) for x in (problem.A_tilde, problem.l_tilde, problem.c))
-    law = problem.law
-    traction = (l_tilde - A @ v.astype(np.longdouble)) / c
+def independent_residual(problem: ContactProblem, v: Array, v_low: Array | None = None) -> float:
+    """Inclusion residual in extended precision and by plain loops, sharing no code with the package.
+
+    v_low: (m,) low part of displacements that are a sum of two doubles; then ξ is summed without error
+    """
+    law, low = problem.law, np.zeros(problem.m) if v_low is None or not len(v_low) else v_low
+    traction = _longdouble_xi(problem, v) if not np.any(low) else _exact_xi(problem, v, low)
+    traction = traction / problem.c
     worst, largest = 0.0, 0.0
 
-    def piece_value(k: int, s: float) -> float:
-        apart = s - law.s_0[k]
+    def piece_value(k: int, s: float, s_low: float = 0.0) -> float:
+        apart = (s - law.s_0[k]) + s_low
         return float(law.b_0[k] + law.q[k] * apart + law.a[k] * np.exp(-law.r[k] * apart))
 
-    for node, s in enumerate(v):
-        below = sum(1 for kink in law.kinks if kink < s)
-        values = [piece_value(k, s) for k in {below, below + sum(1 for kink in law.kinks if kink == s)}]
+    for node, s in enumerate(zip(v, low, strict=True)):
+        below = sum(1 for kink in law.kinks if (kink, 0.0) < s)
+        values = [piece_value(k, *s) for k in {below, below + sum(1 for kink in law.kinks if (kink, 0.0) == s)}]
         gap = max(min(values) - float(traction[node]), float(traction[node]) - max(values), 0.0)
         worst = gap if not gap <= worst else worst
     for k, kink in enumerate(law.kinks):
         largest = max(largest, abs(piece_value(k, kink)), abs(piece_value(k + 1, kink)))
     for k in (0, len(law.q) - 1):
         largest = max(largest, abs(float(law.b_0[k])) if law.q[k] == 0.0 else 0.0)
-    return worst / (largest or float(np.max(np.abs(l_tilde / c))))
+    return worst / (largest or float(np.max(np.abs(problem.l_tilde / problem.c))))
+
+
+def _longdouble_xi(problem: ContactProblem, v: Array) -> NDArray[np.longdouble]:
+    A, l_tilde = (np.asarray(x, dtype=np.longdouble) for x in (problem.A_tilde, problem.l_tilde))
+    return np.asarray(l_tilde - A @ v.astype(np.longdouble))
+
+
+def _exact_xi(problem: ContactProblem, v: Array, v_low: Array) -> Array:
+    """l̃ − Ã(v + v_low), rounded once: products of halves of doubles are doubles, and fsum adds without error."""
+
+    def halves(x: Array) -> tuple[Array, Array]:
+        high = 134217729.0 * x
+        high = high - (high - x)
+        return high, x - high
+
+    A, parts = halves(problem.A_tilde), (*halves(v), v_low)
+    rows = np.concatenate([problem.l_tilde[:, None], *(-half * part for half in A for part in parts)], axis=1)
+    return np.array([math.fsum(row) for row in rows.tolist()])

@@ -18,6 +18,7 @@ from tcstudy.report.page.stored import (
     Stored,
     advice,
     measure_of,
+    seen_folds,
     settings,
 )
 
@@ -158,7 +159,7 @@ def path_part(stored: Stored, box: Container) -> Json:
         columns = ("jump_parameter", "jump_rising", "jump_drop")
         falls = np.column_stack([data[name].values for name in columns]).tolist()
     low, high = (float(v) for v in data.attrs["parameter_range"])
-    folds = data["fold_vertex"].values if data.sizes.get("fold", 0) else np.zeros(0, dtype=int)
+    folds, turns = seen_folds(data)
     return {
         "parameter": str(data.attrs["parameter"]),
         "units": {
@@ -178,6 +179,7 @@ def path_part(stored: Stored, box: Container) -> Json:
         "states": str(data["state"].attrs["flag_meanings"]).replace("_", " ").split(),
         "stable": box.array(data["stable"].values, "i1"),
         "folds": folds.tolist(),
+        "turns": turns,
         "lowest": [data[name].values.tolist() for name in ("lowest_begin", "lowest_end", "lowest_certified")]
         if data.sizes.get("interval", 0)
         else [[], [], []],
@@ -190,15 +192,17 @@ def path_part(stored: Stored, box: Container) -> Json:
             if name in data
         },
         "ends": [str(data.attrs.get("begin_reason", "")), str(data.attrs.get("end_reason", ""))],
-        "verdict": _path_verdict(data, low, high, folds),
+        "verdict": _path_verdict(data, low, high, folds, turns),
     }
 
 
-def _path_verdict(data: Any, low: float, high: float, folds: Any) -> Json:
+def _path_verdict(data: Any, low: float, high: float, folds: Any, turns: int) -> Json:
     t = data["parameter"].values
     inside = int(np.count_nonzero((t[folds] >= min(low, high)) & (t[folds] <= max(low, high)))) if len(folds) else 0
     pieces, stable = int(data.sizes["piece"]), int(data["stable"].sum())
-    parts = [f"One path of {pieces} pieces, {stable} of them stable, with {inside} folds in the range asked for"]
+    folded = f"{inside} {'fold' if inside == 1 else 'folds'} in the range asked for"
+    parts = [f"One path of {pieces} pieces, {stable} of them stable, with {folded}"]
+    parts += [f"{turns} smaller turns of the parameter, as nodes let go one by one"] if turns else []
     if data.sizes.get("at", 0):
         most = int(data["solution_count"].max())
         parts.append(f"up to {most} solution{'s' if most != 1 else ''} at the values asked for")
