@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.exact.fields import body_edges, edge_samples, kinks, sides
-from tcstudy.exact.gradient import value_and_gradient
+from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.expressions.expression import Expression
 from tcstudy.scene.records import Body, Clamped, Contact, Convection, Exact, Free, Scalar, Scene, Traction
 from tcstudy.shapes.edges import body_size

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.line_norms import Function
 from tcstudy.accuracy.norms import Triangles
-from tcstudy.exact.gradient import value_and_gradient
+from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.scene.records import Body, Contact, Convection, Edge, Exact, Point, Scalar, Scene, Traction
 from tcstudy.scene.study import Goal

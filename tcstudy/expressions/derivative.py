@@ -16,10 +16,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.expressions.expression import FUNCTIONS, Expression, of_tree
 from tcstudy.expressions.tree import Binary, Call, Negative, Node, Number, Variable, children, constant, ordered
 
+Array = NDArray[np.float64]
 Scalar = float | Expression
 
 
@@ -270,3 +275,19 @@ class Calculus(Algebra):
             slope = self.plus(other_slope, self.times(first, self.less(slope, other_slope)))
             best = self.call(node.function, best, other)
         return slope
+
+
+def value_and_gradient(scalar: Scalar, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    """Values (…) and gradient (2, …) of a number or an expression at points; not finite where it has none."""
+    x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+    if not isinstance(scalar, Expression):
+        return np.full(x.shape, float(scalar)), np.zeros((2, *x.shape))
+    slopes = (d.evaluate(x, y) if isinstance(d, Expression) else np.full(x.shape, d) for d in _gradient(scalar))
+    return scalar.evaluate(x, y), np.array(list(slopes))
+
+
+@lru_cache(maxsize=64)
+def _gradient(expression: Expression) -> tuple[Scalar, Scalar]:
+    algebra = Calculus()
+    by_x, by_y = algebra.gradient(algebra.tree(expression))
+    return algebra.scalar(by_x), algebra.scalar(by_y)

@@ -25,8 +25,8 @@ from tcstudy.accuracy.line_norms import check_halved, refined_ends, refined_halv
 from tcstudy.accuracy.locating import interpolation, located
 from tcstudy.accuracy.nesting import Prolongation, prolongation
 from tcstudy.accuracy.norms import Function, Triangles
-from tcstudy.exact.gradient import value_and_gradient
 from tcstudy.exact.numbers import exact_u_T, exact_xi
+from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.scene.records import Exact, Scalar, Scene
 from tcstudy.study.solved_levels import Solution, SolvedLevel
 

@@ -1,4 +1,4 @@
-"""Exact derivatives of expressions, by carrying (value, ∂/∂x, ∂/∂y) through every operation.
+"""An independent engine to check derivatives against: (value, ∂/∂x, ∂/∂y) carried through every operation.
 
 No difference quotient and no symbolic growth: the derivative of a node is computed from those of its children by the
 rules of calculus, to rounding. At a kink (abs, min, max) it is that of one side.
@@ -18,7 +18,7 @@ from tcstudy.expressions.expression import Expression
 Array = NDArray[np.float64]
 
 
-def value_and_gradient(scalar: float | Expression, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+def forward_mode(scalar: float | Expression, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     """Values (…) and gradient (2, …) of a number or an expression at points; not finite where it has none."""
     x, y = (np.array(a, dtype=float) for a in np.broadcast_arrays(x, y))
     if not isinstance(scalar, Expression):
