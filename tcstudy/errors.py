@@ -1,4 +1,6 @@
-"""Errors of the user: where in which file, what is wrong, what to do. Only these are shown without a traceback."""
+"""Faults that the user can mend: what is wrong, where, what to do. All are a UserFault, which the command line catches
+once: its text is printed without a traceback, the exit code is 2.
+"""
 
 from __future__ import annotations
 
@@ -50,13 +52,62 @@ class Problem:
         return printable(f"{place}: {key}{what}; {remedy}")
 
 
-class StoreError(Exception):
-    """Results cannot be kept or read; the text says why and what to do."""
+class UserFault(Exception):
+    """What the user can mend; the text is one line (or one line for each fault) that says why and what to do.
+
+    placed: whether the text says where already; else the command line puts the name of the study before it
+    keys:   key path of the value in the study that decides about it, where there is one
+    """
+
+    placed = False
+    keys: tuple[str, ...] | None = None
 
 
-class StudyError(Exception):
+class UsageError(UserFault):
+    """Options of a command that do not go together, or a study that cannot be used for it."""
+
+    placed = True
+
+
+class StoreError(UserFault):
+    """Results cannot be kept or read."""
+
+
+class ConvergenceError(UserFault):
+    """The convergence of a study cannot be measured."""
+
+
+class CostError(UserFault):
+    """Accuracy against cost cannot be measured."""
+
+
+class PathError(UserFault):
+    """A path cannot be followed."""
+
+
+class DrawError(UserFault):
+    """A picture cannot be made."""
+
+
+class PageError(UserFault):
+    """There can be no page."""
+
+
+class GeometryFailed(UserFault):
+    """The geometry kernel or the mesher could not do what the study asks; the text says what and what to try.
+
+    keys: key path of the value in the study that decides about it
+    """
+
+    def __init__(self, text: str, keys: tuple[str, ...] = ("mesh", "maxh")) -> None:
+        super().__init__(text)
+        self.keys = keys
+
+
+class StudyError(UserFault):
     """A study that cannot be run, with all its problems, sorted by line and without duplicates."""
 
+    placed = True
     problems: tuple[Problem, ...]
 
     def __init__(self, problems: Iterable[Problem]) -> None:

@@ -21,7 +21,7 @@ ARROWS: dict[str, set[str]] = {
     "online": {"scene", "solve"},
     "exact": {"accuracy", "expressions", "scene", "shapes"},
     "read": {"errors", "exact", "expressions", "scene", "shapes"},
-    "fem": {"expressions", "scene", "shapes"},
+    "fem": {"errors", "expressions", "scene", "shapes"},
     "offline": {"condense", "expressions", "fem", "scene", "solve"},
     "refine": {"accuracy", "exact", "expressions", "fem", "offline", "scene", "solve"},
     "data": {"errors", "scene"},
@@ -33,7 +33,7 @@ BELOW_STUDY = {*ARROWS} - {"report"}
 NUMERICS = ("accuracy", "condense", "exact", "expressions", "offline", "online", "refine", "shapes", "solve")
 """Rooms that never print, parse or touch files."""
 SPEAKING = {"print", "input", "open", "eval", "exec"}
-PRINTING = ("report", "commands", "commands.py", "cli.py")
+PRINTING = ("report", "commands", "cli.py")
 TO_PARENT = ("data/probe.py",)
 """Child processes, which answer their parent on standard output."""
 

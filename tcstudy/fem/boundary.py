@@ -12,8 +12,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from tcstudy.errors import GeometryFailed
 from tcstudy.expressions.expression import Expression
-from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.scene.records import Clamped, Contact, Role, Scalar
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.errors import GeometryFailed
 from tcstudy.fem.boundary import Frames
-from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.fem.meshes import PlaneMesh
 
 Array = NDArray[np.float64]

@@ -19,6 +19,7 @@ import numpy as np
 from netgen import occ
 from numpy.typing import NDArray
 
+from tcstudy.errors import GeometryFailed
 from tcstudy.fem.foreign_file import file_fault
 from tcstudy.scene.records import Body, BrepFace, Edge, Loop, Point
 from tcstudy.shapes.edges import body_size, edge_distance, edge_length, edge_normal
@@ -34,17 +35,6 @@ SHORTEST = 1e-3
 """Length of the shortest edge, in the kernel's unit, from which on the body is given to it with a size of about 1."""
 HARMLESS = 0.1, 10.0
 """Units [m] in place of which 1 serves as well: against such a body the tolerances are small, too."""
-
-
-class GeometryFailed(RuntimeError):
-    """The geometry kernel or the mesher could not do what the study asks; the text says what and what to try.
-
-    keys: key path of the value in the study that decides about it
-    """
-
-    def __init__(self, text: str, keys: tuple[str, ...] = ("mesh", "maxh")) -> None:
-        super().__init__(text)
-        self.keys = keys
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ import numpy as np
 from netgen.occ import OCCGeometry
 from numpy.typing import NDArray
 
-from tcstudy.fem.geometry import Geometry, GeometryFailed
+from tcstudy.errors import GeometryFailed
+from tcstudy.fem.geometry import Geometry
 from tcstudy.scene.study import MeshPlan
 
 Array = NDArray[np.float64]

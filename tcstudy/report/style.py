@@ -14,6 +14,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tcstudy.errors import DrawError
 from tcstudy.report.text import POWER_FIRST, prefix
 
 if TYPE_CHECKING:
@@ -62,10 +63,6 @@ _STYLE: dict[Any, Any] = {
     "axes.unicode_minus": True,
     "svg.hashsalt": "tcstudy",
 }
-
-
-class DrawError(Exception):
-    """A picture cannot be made; the text says why and what to do."""
 
 
 def styled() -> AbstractContextManager[None]:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from tcstudy.fem.geometry import Geometry, GeometryFailed, build
+from tcstudy.errors import GeometryFailed
+from tcstudy.fem.geometry import Geometry, build
 from tcstudy.read.body import edge_names
 from tcstudy.read.checks import Piece, mesh_faults, support_fault, supports
 from tcstudy.read.document import Found

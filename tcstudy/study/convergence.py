@@ -28,9 +28,10 @@ from tcstudy.data.convergence import (
     PointConvergence,
     write_convergence,
 )
-from tcstudy.data.files import StoreError, check_writable
+from tcstudy.data.files import check_writable
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
+from tcstudy.errors import ConvergenceError, StoreError
 from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_slip_length
 from tcstudy.refine.family import graded_points
 from tcstudy.scene.points import distinct
@@ -112,10 +113,6 @@ MIN_LEVELS = GAP + 2
 NO_REFERENCE = (
     f"two levels must be {2**GAP} times coarser than the finest, as they are with mesh.levels of {MIN_LEVELS}"
 )
-
-
-class ConvergenceError(Exception):
-    """The convergence of a study cannot be measured; the text says why and what to do."""
 
 
 COARSER = 0.9

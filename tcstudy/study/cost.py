@@ -21,11 +21,11 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.accuracy.front import dominated
 from tcstudy.data.cost import MEASURES, STAGES, Cost, write_cost
-from tcstudy.data.files import StoreError, check_writable
+from tcstudy.data.files import check_writable
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
+from tcstudy.errors import CostError, GeometryFailed, StoreError
 from tcstudy.exact.numbers import exact_friction_resultant
-from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.scene.families import TO_TOLERANCE
 from tcstudy.scene.methods import SOLVERS
 from tcstudy.scene.points import distinct
@@ -152,10 +152,6 @@ LEAST = 2
 """Unknowns of the reference over those of the finest mesh compared with it: FINER, but less for the sake of LARGEST."""
 SAME = 1e-8
 """Relative difference of two solvers' u_T that makes no difference to an error."""
-
-
-class CostError(Exception):
-    """Accuracy against cost cannot be measured; the text says why and what to do."""
 
 
 def unmeasured(study: Study, name: str) -> str:

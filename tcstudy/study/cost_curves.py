@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 from tcstudy.data.cost import OWN
 from tcstudy.data.records import PointRecord, PointStatus
-from tcstudy.fem.geometry import GeometryFailed
+from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.scene.families import FAMILIES, FamilyName

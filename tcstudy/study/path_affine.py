@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.errors import PathError
 from tcstudy.offline.level import Condensed, Level
 from tcstudy.scene.records import Scene
 from tcstudy.solve.path.follow import ParametricProblem
@@ -17,10 +18,6 @@ Array = NDArray[np.float64]
 
 AFFINE = 1e-9
 """Largest relative deviation from a straight line that counts as rounding."""
-
-
-class PathError(Exception):
-    """A path cannot be followed; the text says why and what to do."""
 
 
 @dataclass(frozen=True)

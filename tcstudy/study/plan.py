@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tcstudy.data import schema
-from tcstudy.data.files import StoreError, check_writable
+from tcstudy.data.files import check_writable
+from tcstudy.errors import GeometryFailed, StoreError, UserFault
 from tcstudy.exact.loads import description
 from tcstudy.read.document import located
 from tcstudy.scene.needs import FELT, idle_notes, needs_heat_solve, why_no_heat
@@ -19,9 +19,6 @@ from tcstudy.scene.points import count_points, distinct
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.study.doubts import doubts, locking_note
 from tcstudy.study.sizes import LevelForecast, forecast, refined
-
-if TYPE_CHECKING:
-    from tcstudy.fem.geometry import GeometryFailed
 
 
 @dataclass(frozen=True)
@@ -152,7 +149,7 @@ def expected_bytes(study: Study) -> int:
     """Rough size of the result file, for the check of free space."""
     if study.scenes[0].body.brep is None:
         return _bytes(study, forecast(study))
-    from tcstudy.study.sizes import GeometryFailed, measured
+    from tcstudy.study.sizes import measured
 
     try:
         return _bytes(study, measured(study))
@@ -170,10 +167,14 @@ def faults(study: Study, output: Path) -> list[str]:
     return [*_body_faults(study), *(f"{file}: {text}" for text in _output_faults(study, output))]
 
 
-def geometry_fault(study: Study, error: GeometryFailed) -> str:
-    """A body without a mesh, as the user sees it: with the place of what decides about it."""
-    what, _, remedy = str(error).partition("; ")
-    return "\n".join(map(str, located(study, [(error.keys, what, remedy or "check the body, or try another maxh")])))
+def fault_in(study: Study, fault: UserFault, name: str) -> str:
+    """What stopped a command, as the user sees it: with its place in the study, or the study's name."""
+    if fault.placed:
+        return str(fault)
+    if fault.keys is None:
+        return f"{name}: {fault}"
+    what, _, remedy = str(fault).partition("; ")
+    return "\n".join(map(str, located(study, [(fault.keys, what, remedy or "check the body, or try another maxh")])))
 
 
 def _body_faults(study: Study) -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
-from tcstudy.fem.geometry import GeometryFailed
+from tcstudy.errors import GeometryFailed
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.level import Level
 from tcstudy.offline.live import live_arrays

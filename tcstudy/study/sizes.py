@@ -14,10 +14,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from tcstudy.errors import GeometryFailed
 from tcstudy.fem.boundary import constrain
 from tcstudy.fem.contact_line import contact_line
 from tcstudy.fem.families import Maker, maker
-from tcstudy.fem.geometry import Geometry, GeometryFailed, build
+from tcstudy.fem.geometry import Geometry, build
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.scene.records import Clamped, Contact, Scene
 from tcstudy.scene.study import MeshPlan, Study

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
+from tcstudy.errors import PageError
 from tcstudy.report.page.body_part import body_part, drawn_level, outline, sources
 from tcstudy.report.page.container import Container, Json, size_of
 from tcstudy.report.page.law_part import law_part
@@ -27,10 +28,6 @@ MOST = 10_000_000
 LEAVE_OUT = ("levels", "live", "body", "lines")
 """What may be left out, in the order in which it goes where a page is too large: contact lines of the coarser levels,
 the data of the live mode, the body's fields, all contact lines."""
-
-
-class PageError(Exception):
-    """There can be no page; the text says why and what to do."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,49 @@
+"""tcstudy draw: a picture of a file of any kind."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from tcstudy.commands.shared import MEAN_SLIP, OK, at_argument, error_argument, fail, point_of, response_argument
+
+HELP = "draw a result file: a point, a path, errors, costs"
+DRAWN_BY = {"run": ("at", "level"), "path": ("response",), "convergence": ("at",), "cost": ("error",)}
+"""Options that a picture of each kind of file depends on."""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, metavar="FILE.nc")
+    parser.add_argument("picture", type=Path, metavar="PICTURE", help="a .png, .svg or .pdf file")
+    at_argument(parser, "which point (may be repeated)")
+    parser.add_argument("--level", type=int, metavar="N", help="mesh level (default: the finest)")
+    response_argument(parser)
+    error_argument(parser)
+
+
+def command(options: argparse.Namespace) -> int:
+    from tcstudy.data.identity import kind_of
+    from tcstudy.data.reading import reading
+    from tcstudy.report.convergence_plot import plot_convergence
+    from tcstudy.report.cost_plot import plot_cost
+    from tcstudy.report.draw import draw
+    from tcstudy.report.path_figure import draw_path
+
+    point = point_of(options)
+    kind = kind_of(options.file)
+    if point and kind in ("path", "cost"):
+        fail(f"--at: the file of tcstudy {kind} has one scene and no sweep points; leave it out")
+    for name in ("level", "response", "error"):
+        if getattr(options, name) is not None and name not in DRAWN_BY[kind]:
+            fail(f"--{name}: the picture of a {kind} file does not depend on it; leave it out")
+    with reading(options.file):
+        if kind == "path":
+            text = draw_path(options.file, options.picture, options.response or MEAN_SLIP)
+        elif kind == "cost":
+            text = plot_cost(options.file, options.picture, options.error)
+        elif kind == "convergence":
+            text = plot_convergence(options.file, options.picture, point)
+        else:
+            text = draw(options.file, options.picture, point, -1 if options.level is None else options.level)
+    print(text)
+    return OK

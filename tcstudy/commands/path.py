@@ -1,0 +1,61 @@
+"""tcstudy path: all solutions along one parameter, through folds."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from contextlib import closing
+
+from tcstudy.commands.shared import (
+    MEAN_SLIP,
+    OK,
+    SOME_FAILED,
+    checked,
+    fail,
+    force_argument,
+    is_there,
+    output_argument,
+    plot_argument,
+    response_argument,
+    study_arguments,
+)
+
+HELP = "follow all solutions along one parameter"
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    study_arguments(parser)
+    output_argument(parser, "result file (default: results/<study>-path.nc)")
+    plot_argument(parser, "also draw it")
+    response_argument(parser)
+    force_argument(parser)
+
+
+def command(options: argparse.Namespace) -> int:
+    from tcstudy.study.plan import path_output
+
+    study, output = checked(options, path_output, swept=False)
+    if study.path is None:
+        remedy = "add path: {parameter: theta_bar, from: 0 K, to: 40 K}"
+        fail(f"{options.study}: path: the study has no section path; {remedy}")
+    from tcstudy.data.path_store import stored_shortfalls
+    from tcstudy.report.path_figure import draw_path
+    from tcstudy.report.path_summary import path_summary
+    from tcstudy.report.progress import PathProgress
+    from tcstudy.report.style import check_target
+    from tcstudy.study.path_execute import execute_path
+
+    there = is_there(options, "path", study, output)
+    with closing(PathProgress()) as progress:
+        if options.plot is not None:
+            check_target(options.plot)
+        if study.axes:
+            names = ", ".join(axis.name for axis in study.axes)
+            note = f"note: a path is of one scene, that outside the sweep; the values of {names} are not used"
+            print(note, file=sys.stderr)
+        problems = stored_shortfalls(output) if there else execute_path(study, output, progress, options.words)
+    print(path_summary(output))
+    if options.plot is not None:
+        print(f"\n  {draw_path(output, options.plot, options.response or MEAN_SLIP)}")
+    print("".join(f"\n  {problem}" for problem in problems) + f"\n  data in {output}")
+    return SOME_FAILED if problems else OK

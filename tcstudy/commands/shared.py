@@ -1,0 +1,136 @@
+"""What commands have in common: options, the study and output they work on, and whether its results are there."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+from tcstudy.errors import UsageError
+
+if TYPE_CHECKING:
+    from tcstudy.data.identity import Kind
+    from tcstudy.scene.study import Study
+
+OK, SOME_FAILED, BAD_INPUT = 0, 1, 2
+"""Exit codes of commands."""
+MEAN_SLIP = "mean-slip"
+
+
+def fail(text: str) -> NoReturn:
+    """End the command for a fault of its options; the text says what to do."""
+    raise UsageError(text)
+
+
+def study_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("study", type=Path, metavar="STUDY.yaml")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="overrides",
+        help="replace a value of the study, e.g. --set heat.alpha=50 (may be repeated)",
+    )
+
+
+def output_argument(parser: argparse.ArgumentParser, what: str) -> None:
+    parser.add_argument("--output", type=file_name, metavar="FILE", help=what)
+
+
+def plot_argument(parser: argparse.ArgumentParser, what: str) -> None:
+    parser.add_argument("--plot", type=file_name, metavar="PICTURE", help=f"{what}: a .png, .svg or .pdf file")
+
+
+def at_argument(parser: argparse.ArgumentParser, what: str) -> None:
+    parser.add_argument("--at", action="append", default=[], metavar="NAME=VALUE", help=what)
+
+
+def format_argument(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--format", choices=("text", "markdown", "latex"), default="text", help="form of the tables")
+
+
+def response_argument(parser: argparse.ArgumentParser) -> None:
+    what = "what a path is drawn over: the mean (default) or largest slip, or the friction resultant"
+    parser.add_argument("--response", choices=("mean-slip", "max-slip", "friction"), help=what)
+
+
+def force_argument(parser: argparse.ArgumentParser) -> None:
+    what = "compute again what the result file holds already, and replace results of another study"
+    parser.add_argument("--force", action="store_true", help=what)
+
+
+def error_argument(parser: argparse.ArgumentParser) -> None:
+    what = "error that accuracy against cost is of, e.g. u_L2, xi_L2, friction_resultant (default: u_energy)"
+    parser.add_argument("--error", metavar="NAME", help=what)
+
+
+def file_name(text: str) -> Path:
+    """The name of a file to write; a Path would forget that the text named a folder."""
+    if text.endswith(("/", os.sep)):
+        raise argparse.ArgumentTypeError(f"{text} is a folder; give the name of a file in it")
+    return Path(text)
+
+
+def point_of(options: argparse.Namespace) -> dict[str, str]:
+    """The sweep point that --at names; raises UsageError if it cannot be read."""
+    words = [text.partition("=") for text in options.at]
+    if not all(mark for _, mark, _ in words):
+        fail("--at: write NAME=VALUE, for example --at alpha=100")
+    names = [name for name, _, _ in words]
+    if twice := [name for name in names if names.count(name) > 1]:
+        fail(f"--at: {twice[0]} is given twice; keep one, as a picture or a chart is of one point")
+    return {name: value for name, _, value in words}
+
+
+def checked(
+    options: argparse.Namespace, default: Callable[[Study], Path] | None = None, swept: bool = True
+) -> tuple[Study, Path]:
+    """The study and its output (`default` of the study if none is given), both found usable; raises UserFault.
+
+    The study is kept in the options, where cli finds the place of a later fault.
+    swept: whether the command uses the sweep
+    """
+    from tcstudy.read.study import read_study
+    from tcstudy.study.plan import faults, output_of
+
+    study = options.read = read_study(options.study, options.overrides, swept=swept)
+    output = options.output or (default or output_of)(study)
+    problems = faults(study, output)
+    if problems:
+        fail("\n".join(problems))
+    return study, output
+
+
+def is_there(options: argparse.Namespace, kind: Kind, study: Study, output: Path, **asked: object) -> bool:
+    """Whether the output holds what the command would compute, which is then said; raises StoreError if it holds
+    something else. With --force neither is asked."""
+    if options.force:
+        return False
+    from tcstudy.data.identity import holds, identity
+
+    there = holds(output, identity(kind, study, **asked))
+    if there:
+        print(f"{output} holds these results already; --force computes them again", file=sys.stderr)
+    return there
+
+
+def stored(output: Path) -> tuple[int, int]:
+    """How many solutions a file has, and how many of them failed."""
+    import netCDF4
+
+    from tcstudy.data.records import PointStatus
+
+    with netCDF4.Dataset(output) as nc:
+        status = nc["status"][...]
+        charted = nc["status"].dimensions == ("family", "solver", "level")
+    asked = status[status != PointStatus.NOT_RUN] if charted else status  # a chart has no mesh everywhere
+    return int(asked.size), int((asked != PointStatus.OK).sum())
+
+
+def length_unit(study: Study) -> str:
+    """The unit of lengths."""
+    return "1" if study.units == "none" else "m"
