@@ -37,10 +37,7 @@ def command(options: argparse.Namespace) -> int:
     point = point_of(options)
     if point and options.plot is None:
         fail("--at: names the point of the picture, but there is none; add --plot PICTURE")
-    from tcstudy.data.convergence import default_path
-    from tcstudy.study.plan import output_of
-
-    study, path = checked(options, lambda study: default_path(output_of(study)))
+    study, path = checked(options, "convergence")
     from tcstudy.data.store import sweep_points
     from tcstudy.report.convergence import convergence_report
     from tcstudy.report.convergence_plot import plot_convergence

@@ -38,8 +38,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def command(options: argparse.Namespace) -> int:
-    from tcstudy.data.cost import MEASURES, default_path
-    from tcstudy.study.plan import output_of
+    from tcstudy.data.cost import MEASURES
 
     names = [measure.name for measure in MEASURES]
     if options.error is not None and options.error not in names:
@@ -47,7 +46,7 @@ def command(options: argparse.Namespace) -> int:
     if options.runs < 1:
         fail(f"--runs: {options.runs} runs measure nothing; give 1 or more")
     point = point_of(options)
-    study, path = checked(options, lambda study: default_path(output_of(study)))
+    study, path = checked(options, "cost")
     from tcstudy.data.store import sweep_points
     from tcstudy.report.cost import cost_report
     from tcstudy.report.cost_plot import plot_cost

@@ -32,9 +32,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def command(options: argparse.Namespace) -> int:
-    from tcstudy.study.plan import path_output
-
-    study, output = checked(options, path_output, swept=False)
+    study, output = checked(options, "path", swept=False)
     if study.path is None:
         remedy = "add path: {parameter: theta_bar, from: 0 K, to: 40 K}"
         fail(f"{options.study}: path: the study has no section path; {remedy}")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -86,23 +85,32 @@ def point_of(options: argparse.Namespace) -> dict[str, str]:
     return {name: value for name, _, value in words}
 
 
-def checked(
-    options: argparse.Namespace, default: Callable[[Study], Path] | None = None, swept: bool = True
-) -> tuple[Study, Path]:
-    """The study and its output (`default` of the study if none is given), both found usable; raises UserFault.
+def checked(options: argparse.Namespace, kind: Kind = "run", swept: bool = True) -> tuple[Study, Path]:
+    """The study and the file that is asked for or usual for this kind, both found usable; raises UserFault.
 
     The study is kept in the options, where cli finds the place of a later fault.
     swept: whether the command uses the sweep
     """
     from tcstudy.read.study import read_study
-    from tcstudy.study.plan import faults, output_of
 
     study = options.read = read_study(options.study, options.overrides, swept=swept)
-    output = options.output or (default or output_of)(study)
+    from tcstudy.study.plan import faults  # needs the mesher, a fault in the text does not
+
+    output = options.output or usual_output(kind, study)
     problems = faults(study, output)
     if problems:
         fail("\n".join(problems))
     return study, output
+
+
+def usual_output(kind: Kind, study: Study) -> Path:
+    """Where a file of this kind is written unless another place is asked for."""
+    from tcstudy.data import convergence, cost
+    from tcstudy.study.plan import output_of, path_output
+
+    usual = {"path": path_output, "convergence": lambda s: convergence.default_path(output_of(s)),
+             "cost": lambda s: cost.default_path(output_of(s))}  # fmt: skip
+    return usual.get(kind, output_of)(study)
 
 
 def is_there(options: argparse.Namespace, kind: Kind, study: Study, output: Path, **asked: object) -> bool:
