@@ -10,15 +10,16 @@ from tcstudy.read import walker
 from tcstudy.read.fields import Fields
 from tcstudy.read.node import Node, deepest, split_path
 from tcstudy.read.walker import Context
+from tcstudy.scene.keys import rows
 from tcstudy.scene.records import Body, BrepFace, Edge, Loop, Point, Region
 from tcstudy.scene.units import LENGTH, UnitError, to_si
 from tcstudy.shapes import edges as shapes
 from tcstudy.shapes import faults as body_faults
 
-SIDES = ("bottom", "right", "top", "left")
+SIDES = tuple(rows("sides"))
 FORMATS = {".step": "mm", ".stp": "mm", ".brep": "m"}
 """Formats of geometry files and the length unit that is usual in each."""
-REGION_SHAPES = ("circle", "rectangle", "polygon")
+REGION_SHAPES = tuple(rows("region"))
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class BodyReading:
 def read_body(ctx: Context, node: Node) -> BodyReading:
     """The body with everything that can be read of it; its shape is not checked yet (see check_shape)."""
     before = len(ctx.errors)
-    fields = Fields(ctx, node, (), ("outline", "rectangle", "file", "holes", "regions"))
+    fields = Fields(ctx, node, "body")
     given = [key for key in ("outline", "rectangle", "file") if fields[key]]
     if len(given) != 1 and len(ctx.errors) == before:
         what = f"is given by {' and '.join(given)}" if given else "has no shape"
@@ -106,7 +107,7 @@ def _outline(ctx: Context, node: Node) -> Loop:
     names: list[str] = []
     middles: list[Point | None] = []
     for item in walker.items(ctx, node, "a list of edges", least=2):
-        fields = Fields(ctx, item, ("from", "edge"), ("through",))
+        fields = Fields(ctx, item, "outline")
         starts.append(fields.point("from"))
         names.append(walker.name(ctx, fields["edge"], "an edge name") if fields["edge"] else "")
         middles.append(fields.point("through") if fields["through"] else None)
@@ -117,17 +118,17 @@ def _outline(ctx: Context, node: Node) -> Loop:
 
 
 def _rectangle_body(ctx: Context, node: Node) -> Loop:
-    fields = Fields(ctx, node, ("width", "height"), ("corner", "edges"))
+    fields = Fields(ctx, node, "block")
     names = dict(zip(SIDES, SIDES, strict=True))
     if edges := fields["edges"]:
-        given = Fields(ctx, edges, (), SIDES)
+        given = Fields(ctx, edges, "sides")
         names |= {side: walker.name(ctx, value, "an edge name") for side in SIDES if (value := given[side])}
     bottom, right, top, left = names.values()
     return _rectangle(fields, (bottom, right, top, left), fields.point("corner", (0.0, 0.0)))
 
 
 def _rectangle(fields: Fields, names: tuple[str, str, str, str], corner: Point) -> Loop:
-    width, height = (fields.quantity(key, LENGTH, "positive") for key in ("width", "height"))
+    width, height = (fields.quantity(key) for key in ("width", "height"))
     if width > 0.0 and height > 0.0:
         return shapes.rectangle_loop(corner, width, height, names)
     return _unknown(*names)
@@ -139,10 +140,10 @@ def _unknown(*names: str) -> Loop:
     return Loop(tuple(Edge(nowhere, nowhere, name) for name in names))
 
 
-def _one_shape(ctx: Context, node: Node, kinds: tuple[str, ...]) -> tuple[str, Node] | None:
+def _one_shape(ctx: Context, node: Node, section: str) -> tuple[str, Node] | None:
     """The only key of a shape and its value; None after a fault."""
     before = len(ctx.errors)
-    fields = Fields(ctx, node, (), kinds)
+    fields, kinds = Fields(ctx, node, section), tuple(rows(section))
     given = [key for key in kinds if fields[key]]
     if len(given) == 1:
         return given[0], fields.values[given[0]]
@@ -154,7 +155,7 @@ def _one_shape(ctx: Context, node: Node, kinds: tuple[str, ...]) -> tuple[str, N
 def _holes(ctx: Context, node: Node | None) -> tuple[Loop, ...]:
     holes: list[Loop] = []
     for item in walker.items(ctx, node, "a list of holes") if node else ():
-        shape = _one_shape(ctx, item, ("circle", "rectangle", "outline"))
+        shape = _one_shape(ctx, item, "hole")
         if shape is None:
             holes.append(_unknown(""))
         elif shape[0] == "outline":
@@ -166,22 +167,19 @@ def _holes(ctx: Context, node: Node | None) -> tuple[Loop, ...]:
 
 def _simple_shape(ctx: Context, kind: str, node: Node, edge: str | None) -> Loop:
     """A circle or a rectangle; with edge None it has to name its edge itself."""
-    named = ("edge",) if edge is None else ()
-    if kind == "circle":
-        fields = Fields(ctx, node, ("center", "radius", *named))
-    else:
-        fields = Fields(ctx, node, ("corner", "width", "height", *named))
+    names = [name for name in rows(kind) if edge is None or name != "edge"]
+    fields = Fields(ctx, node, kind, names, ())
     if edge is None:
         edge = walker.name(ctx, value, "an edge name") if (value := fields["edge"]) else ""
     if kind == "circle":
-        radius = fields.quantity("radius", LENGTH, "positive")
+        radius = fields.quantity("radius")
         return shapes.circle_loop(fields.point("center"), radius, edge) if radius > 0.0 else _unknown(edge)
     return _rectangle(fields, (edge, edge, edge, edge), fields.point("corner"))
 
 
 def read_region(ctx: Context, node: Node, name: str) -> Region:
     """A region given as {circle: ...}, {rectangle: ...} or {polygon: ...}."""
-    shape = _one_shape(ctx, node, REGION_SHAPES)
+    shape = _one_shape(ctx, node, "region")
     if shape is None:
         return Region(name, Loop(()))
     if shape[0] != "polygon":
@@ -210,14 +208,14 @@ def check_name(ctx: Context, name: str, item: Node) -> None:
 
 
 def _file(ctx: Context, node: Node) -> BrepFace | None:
-    fields = Fields(ctx, node, ("path", "edges"), ("face", "unit", "other"))
-    path = walker.text(ctx, value, "a path") if (value := fields["path"]) else ""
+    fields = Fields(ctx, node, "file")
+    value, path = fields["path"], fields.text("path", "a path") or ""
     target, suffix = ctx.folder / path, ("." + path.rpartition(".")[2].lower())
     if path and value and suffix not in FORMATS:
         ctx.errors.at(value, f"{path!r} is not a geometry file", f"give a file ending in {', '.join(FORMATS)}")
     elif path and value and ("\0" in path or not target.is_file()):
         ctx.errors.at(value, f"there is no file {path!r}", "give its path relative to the folder of the study")
-    face = walker.integer(ctx, value, 0) if (value := fields["face"]) else 0
+    face = fields.integer("face", 0)
     other = walker.name(ctx, value, "an edge name") if (value := fields["other"]) else None
     edges = _named_points(ctx, fields["edges"])
     return BrepFace(target, face, _scale(ctx, fields["unit"], FORMATS.get(suffix, "m")), edges, other)

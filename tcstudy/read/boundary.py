@@ -8,18 +8,13 @@ from tcstudy.read import walker
 from tcstudy.read.fields import Fields
 from tcstudy.read.node import COMPONENTS, Node
 from tcstudy.read.walker import Context
+from tcstudy.scene.keys import of_role, row, rows
 from tcstudy.scene.records import Clamped, Contact, Convection, Free, Role, Scalar, Traction
-from tcstudy.scene.units import LENGTH, TRACTION
+from tcstudy.scene.units import LENGTH
 
-ROLES = ("clamped", "traction", "contact", "convection", "free")
-KEYS: dict[str, tuple[str, ...]] = {
-    "clamped": COMPONENTS,
-    "traction": ("g", "pressure"),
-    "contact": (),
-    "convection": ("g", "pressure"),
-    "free": (),
-}
-ALL_KEYS = (*COMPONENTS, "g", "pressure")
+ROLES = row("boundary", "role").words
+KEYS = {role: of_role(role) for role in ROLES}
+ALL_KEYS = tuple(name for name in rows("boundary") if name != "role")
 FRAMES: tuple[tuple[str, str, str], ...] = (("xy", "u_x", "u_y"), ("nt", "u_N", "u_T"))
 
 Boundary = tuple[tuple[str, Role], ...]
@@ -72,7 +67,7 @@ def _role(ctx: Context, node: Node) -> Role:
         return _build(ctx, node, walker.choice(ctx, node, ROLES), None)
     word = node.child("role")
     if word is None:
-        Fields(ctx, node, ("role",), ALL_KEYS)
+        Fields(ctx, node, "boundary")
         return Free()
     before = len(ctx.errors)
     kind = walker.choice(ctx, word, ROLES)
@@ -81,7 +76,7 @@ def _role(ctx: Context, node: Node) -> Role:
     foreign = [key for key in ALL_KEYS if key in node.value and key not in KEYS[kind]]
     for key in foreign:
         ctx.errors.at(node.value[key], f"the role {kind} takes no {key}", _home(key), on_key=True)
-    return _build(ctx, node, kind, Fields(ctx, node, ("role",), (*KEYS[kind], *foreign)))
+    return _build(ctx, node, kind, Fields(ctx, node, "boundary", ("role",), (*KEYS[kind], *foreign)))
 
 
 def _home(key: str) -> str:
@@ -107,7 +102,7 @@ def _build(ctx: Context, node: Node, kind: str, fields: Fields | None) -> Role:
     record = Traction if kind == "traction" else Convection
     if fields is None:
         return record()
-    return record(fields.vector("g", TRACTION), fields.field("pressure", TRACTION))
+    return record(fields.vector("g"), fields.field("pressure"))
 
 
 def _clamped(ctx: Context, node: Node, fields: Fields) -> Clamped:

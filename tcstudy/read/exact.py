@@ -15,19 +15,18 @@ from dataclasses import replace
 
 from tcstudy.exact.checks import Checks, Fault
 from tcstudy.exact.loads import Derivation
-from tcstudy.read import walker
 from tcstudy.read.checks import check_finite
 from tcstudy.read.fields import Fields
 from tcstudy.read.node import COMPONENTS, Node, deepest
 from tcstudy.read.sweep import Sweep
 from tcstudy.read.walker import Context
+from tcstudy.scene.keys import of_role, rows
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Body, Convection, Exact, Scene
-from tcstudy.scene.units import LENGTH, NONE, TEMPERATURE, TRACTION
 
 DERIVED = "derived"
-TRACTIONS = ("g", "pressure")
-HEAT = ("theta", "theta_bar", "q", "omega")
+TRACTIONS = of_role("traction")
+HEAT = (*(row.name for row in rows("heat").values() if row.affine), "omega")
 REMEDY = "leave it out, or remove exact.loads to give all loads yourself"
 
 
@@ -190,21 +189,18 @@ def _word(label: float | str) -> str:
     return label if isinstance(label, str) else f"{label:g}"
 
 
-LOADS = ("given", "derived")
-
-
 def read_exact(ctx: Context, node: Node | None, root: Node, body: Body | None) -> Exact | None:
     """The exact solution; None without the section and after a fault."""
     if node is None:
         return None
     before = len(ctx.errors)
-    fields = Fields(ctx, node, ("u",), ("theta", "xi", "exponent", "loads"))
+    fields = Fields(ctx, node, "exact")
     exact = Exact(
-        fields.vector("u", LENGTH),
-        fields.field("theta", TEMPERATURE) if fields["theta"] else None,
-        fields.field("xi", TRACTION) if fields["xi"] else None,
-        fields.quantity("exponent", NONE, "positive") if fields["exponent"] else None,
-        (word := fields["loads"]) is not None and walker.choice(ctx, word, LOADS) == "derived",
+        fields.vector("u"),
+        fields.field("theta") if fields["theta"] else None,
+        fields.field("xi") if fields["xi"] else None,
+        fields.quantity("exponent") if fields["exponent"] else None,
+        fields.choice("loads") == DERIVED,
     )
     if body is not None and len(ctx.errors) == before:
         check_finite(ctx, root, "exact", exact, body)

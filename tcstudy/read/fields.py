@@ -5,55 +5,36 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from tcstudy.read import walker
 from tcstudy.read.node import Node
 from tcstudy.read.walker import Context
+from tcstudy.scene import keys
 from tcstudy.scene.records import Point, Scalar
 from tcstudy.scene.units import Dimension
 
-EXAMPLES = {
-    "body": "{rectangle: {width: 200 mm, height: 100 mm}}",
-    "boundary": "{bottom: contact, left: clamped, top: free, right: free}",
-    "material": "{E: 210 GPa, nu: 0.3}",
-    "friction": "{law: tresca, tau: 20 MPa}",
-    "mesh": "{maxh: 10 mm}",
-    "maxh": "10 mm",
-    "E": "210 GPa",
-    "nu": "0.3",
-    "lambda": "121 GPa",
-    "mu": "81 GPa",
-    "from": "[0 mm, 0 mm]",
-    "edge": "NAME",
-    "center": "[0 mm, 0 mm]",
-    "corner": "[0 mm, 0 mm]",
-    "radius": "10 mm",
-    "width": "50 mm",
-    "height": "20 mm",
-    "alpha": "100 W/(m^2*K)",
-    "theta_bar": "20 K",
-    "f": "[0, -77 kN/m^3]",
-    "path": "part.step",
-    "edges": "{NAME: [[0, 0]]}",
-    "law": "tresca",
-    "role": "clamped",
-    "name": "separable-newton",
-    "points": "[...]",
-    "u": '["0.1*sin(pi*x)", "0"]',
-}
-"""What a missing key might look like."""
-
 
 class Fields:
-    """The values of a mapping whose keys are known; unknown and missing keys are recorded on the way in."""
+    """The values of a section whose keys stand in the table; unknown and missing keys are recorded on the way in."""
 
-    def __init__(self, ctx: Context, node: Node, required: Iterable[str] = (), optional: Iterable[str] = ()) -> None:
-        self.ctx, self.node = ctx, node
-        required, known = list(required), [*required, *optional]
+    def __init__(
+        self,
+        ctx: Context,
+        node: Node,
+        section: str,
+        required: Iterable[str] | None = None,
+        optional: Iterable[str] | None = None,
+    ) -> None:
+        """required, optional: keys, where they depend on others; else those of the table."""
+        self.ctx, self.node, self.rows = ctx, node, keys.rows(section)
+        required = [row.name for row in self.rows.values() if row.required] if required is None else list(required)
+        rest = (name for name in self.rows if name not in required) if optional is None else optional
+        known = [*required, *rest]
         self.values: Mapping[str, Node] = {}
         if not isinstance(node.value, Mapping):
             example = (
-                f"for example {{{required[0]}: {ctx.example(EXAMPLES.get(required[0], '...'))}}}"
+                f"for example {{{required[0]}: {ctx.example(self.rows[required[0]].suggestion)}}}"
                 if required
                 else "key: value"
             )
@@ -80,32 +61,55 @@ class Fields:
     def missing(self, key: str) -> None:
         """Record that a key is missing."""
         where = f"{self.node.path}.{key}" if self.node.path else key
-        self.ctx.errors.at(
-            self.node, "is missing", f"add {key}: {self.ctx.example(EXAMPLES.get(key, '...'))}", key=where
-        )
+        remedy = f"add {key}: {self.ctx.example(self.rows[key].suggestion)}"
+        self.ctx.errors.at(self.node, "is missing", remedy, key=where)
 
     def __getitem__(self, key: str) -> Node | None:
         return self.values.get(key)
 
-    def quantity(self, key: str, dimension: Dimension, sign: walker.Sign = "any", default: float = math.nan) -> float:
-        """A number with the dimension, the same everywhere in the body."""
-        node = self[key]
-        return walker.quantity(self.ctx, node, dimension, sign) if node else default
+    def quantity(self, key: str, default: float = math.nan, dimension: Dimension | None = None) -> float:
+        """A number, the same everywhere in the body.
 
-    def field(self, key: str, dimension: Dimension, default: Scalar = 0.0) -> Scalar:
+        dimension: where another key decides about it
+        """
+        node, row = self[key], self.rows[key]
+        return walker.quantity(self.ctx, node, dimension or row.dimension, row.sign) if node else default
+
+    def field(self, key: str, default: Scalar = 0.0) -> Scalar:
         """A number or an expression in x and y."""
         node = self[key]
-        return walker.scalar(self.ctx, node, dimension, varies=True) if node else default
+        return walker.scalar(self.ctx, node, self.rows[key].dimension, varies=True) if node else default
 
-    def vector(self, key: str, dimension: Dimension) -> tuple[Scalar, Scalar]:
+    def vector(self, key: str) -> tuple[Scalar, Scalar]:
         """Two components, each a number or an expression; zero if the key is not given."""
         node = self[key]
-        return walker.vector(self.ctx, node, dimension) if node else (0.0, 0.0)
+        return walker.vector(self.ctx, node, self.rows[key].dimension) if node else (0.0, 0.0)
 
     def point(self, key: str, default: Point = (math.nan, math.nan)) -> Point:
         """A point [x, y]."""
         node = self[key]
         return walker.point(self.ctx, node) if node else default
+
+    def choice(self, key: str, default: Any = None) -> Any:
+        """One of the words of the key, by default its own default."""
+        node, row = self[key], self.rows[key]
+        return walker.choice(self.ctx, node, row.words) if node else (row.default if default is None else default)
+
+    def integer(self, key: str, default: int | None = None, most: int | None = None) -> Any:
+        """A whole number within its bounds, of which the upper one may depend on others."""
+        node, row = self[key], self.rows[key]
+        bounds = int(row.least or 0), int(row.most or walker.MOST) if most is None else most
+        return walker.integer(self.ctx, node, *bounds) if node else default
+
+    def flag(self, key: str) -> bool:
+        """true or false, by default its own default."""
+        node = self[key]
+        return walker.flag(self.ctx, node) if node else bool(self.rows[key].default)
+
+    def text(self, key: str, content: str = "a text") -> str | None:
+        """A text, None if the key is not given."""
+        node = self[key]
+        return walker.text(self.ctx, node, content) if node else None
 
 
 def _meant(key: str, free: list[str], known: list[str]) -> str | None:

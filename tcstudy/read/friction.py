@@ -37,13 +37,13 @@ def read_friction(ctx: Context, node: Node) -> FrictionLaw | None:
         return None
     word = node.child("law")
     if word is None:
-        Fields(ctx, node, ("law",), dict.fromkeys(p.name for shape in SHAPES.values() for p in shape.parameters))
+        Fields(ctx, node, "friction")
         return None
     name = walker.choice(ctx, word, tuple(SHAPES))
     if len(ctx.errors) > before:
         return None
     parameters = SHAPES[name].parameters
-    fields = Fields(ctx, node, ("law",), (p.name for p in parameters))
+    fields = Fields(ctx, node, "friction", ("law",), (p.name for p in parameters))
     for p in parameters:
         misspelt = any(walker.nearest(key, (p.name,)) for key in fields.values if key not in _known(parameters))
         if p.required and fields[p.name] is None and not misspelt:

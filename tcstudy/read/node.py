@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from tcstudy.errors import Problem
+from tcstudy.scene.keys import of_role
 
 Scalar: TypeAlias = "bool | int | float | str | None"
 Keys: TypeAlias = "tuple[str | int, ...]"
@@ -16,7 +17,7 @@ WORDS = {("boundary", "*"): "role", ("solver",): "name", ("output",): "path"}
 """Places where a single word is short for a mapping, and the key the word stands for."""
 
 
-COMPONENTS = ("u", "u_x", "u_y", "u_N", "u_T")
+COMPONENTS = of_role("clamped")
 """Keys that give the displacement of a clamped edge."""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,17 +13,14 @@ from tcstudy.read.checks import check_corners
 from tcstudy.read.fields import Fields
 from tcstudy.read.node import Collector, Node
 from tcstudy.read.walker import Context
+from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT, sweepable
 from tcstudy.scene.records import Clamped, Convection, Scalar, Scene, Traction
-from tcstudy.scene.study import Direction, MeshPlan, PathPlan, Start
-from tcstudy.scene.units import BODY_FORCE, HEAT_SOURCE, LENGTH, NONE, TEMPERATURE, TRACTION, Dimension
-from tcstudy.scene.vary import path_scene
+from tcstudy.scene.study import MeshPlan, PathPlan
+from tcstudy.scene.units import NONE, TEMPERATURE, Dimension
+from tcstudy.scene.vary import affine_numbers, path_scene
 
-REQUIRED = ("parameter", "from", "to")
-OPTIONAL = ("at", "within", "start", "direction", "max_pieces", "hysteresis", "level", "law_error")
-STARTS: tuple[Start, ...] = ("zero", "lowest")
-DIRECTIONS: tuple[Direction, ...] = ("both", "forward", "backward")
-SHORTER = SHORT | {"f_x": "loads.f_x", "f_y": "loads.f_y"}
+SHORTER = SHORT | {name: f"loads.{name}" for one in rows("loads").values() for name in one.numbers}
 
 
 @dataclass(frozen=True)
@@ -43,14 +40,14 @@ def read_path(ctx: Context, node: Node | None, scene: Scene | None, mesh: MeshPl
     if node is None:
         return None
     before = len(ctx.errors)
-    fields = Fields(ctx, node, REQUIRED, OPTIONAL)
+    fields = Fields(ctx, node, "path")
     if len(ctx.errors) > before or scene is None:
         return None
     keys = _parameter(ctx, fields.values["parameter"], scene)
     if keys is None:
         return None
     dimension = dict(_affine(scene))[keys].dimension
-    begin, end = fields.quantity("from", dimension), fields.quantity("to", dimension)
+    begin, end = (fields.quantity(key, dimension=dimension) for key in ("from", "to"))
     if begin == end:
         ctx.errors.at(fields.values["to"], "is the same value as from", "give a range, from: A, to: B")
         return None
@@ -67,25 +64,25 @@ def _affine(scene: Scene) -> Iterator[tuple[tuple[str, ...], _Affine]]:
     """All parameters of the scene that a path may run along, by key path."""
     heat = scene.heat
     idle = "" if scene.material.beta else "beta is 0, so temperature does not load the body"
-    if heat.theta is not None:
-        yield ("heat", "theta"), _Affine(TEMPERATURE, heat.theta, idle)
-    elif scene.edges(Convection):
-        yield ("heat", "theta_bar"), _Affine(TEMPERATURE, heat.theta_bar, idle)
-        if heat.alpha > 0.0:
-            yield ("heat", "q"), _Affine(HEAT_SOURCE, heat.q, idle)
-    yield ("loads", "f_x"), _Affine(BODY_FORCE, scene.f[0])
-    yield ("loads", "f_y"), _Affine(BODY_FORCE, scene.f[1])
+    acts = {"theta"} if heat.theta is not None else {"theta_bar"} if scene.edges(Convection) else set()
+    if "theta_bar" in acts and heat.alpha > 0.0:
+        acts.add("q")
+    for row, name, value in affine_numbers(heat, "heat"):
+        if name in acts:
+            yield ("heat", name), _Affine(row.dimension, value, idle)
+    for row, name, value in affine_numbers(scene, "loads"):
+        yield ("loads", name), _Affine(row.dimension, value)
     loads: list[Scalar] = [*scene.f]
     for edge, role in scene.boundary:
         if isinstance(role, Clamped):
             names = ("u_x", "u_y") if role.frame == "xy" else ("u_N", "u_T")
-            for name, value in zip(names, role.u, strict=True):
-                if value is not None:
-                    yield ("boundary", edge, name), _Affine(LENGTH, value)
+            for name, held in zip(names, role.u, strict=True):
+                if held is not None:
+                    yield ("boundary", edge, name), _Affine(rows("boundary")[name].dimension, held)
         elif isinstance(role, Traction | Convection):
             loads += [*role.g, role.pressure]
-            for name, value in (("g_x", role.g[0]), ("g_y", role.g[1]), ("pressure", role.pressure)):
-                yield ("boundary", edge, name), _Affine(TRACTION, value)
+            for row, name, value in affine_numbers(role, "boundary"):
+                yield ("boundary", edge, name), _Affine(row.dimension, value)
     no_load = "" if any(isinstance(x, Expression) or x != 0.0 for x in loads) else "the study has no f, g or pressure"
     yield ("load",), _Affine(NONE, 1.0, no_load)
 
@@ -157,22 +154,17 @@ def _at(ctx: Context, fields: Fields, dimension: Dimension, plan: PathPlan) -> t
 
 def _options(ctx: Context, fields: Fields, mesh: MeshPlan | None) -> dict[str, Any]:
     """The other keys that are given."""
-    found: dict[str, Any] = {}
-    if node := fields["start"]:
-        found["start"] = walker.choice(ctx, node, STARTS)
-    if node := fields["direction"]:
-        found["direction"] = walker.choice(ctx, node, DIRECTIONS)
-    if node := fields["max_pieces"]:
-        found["max_pieces"] = walker.integer(ctx, node, 1)
-    if node := fields["hysteresis"]:
-        found["hysteresis"] = walker.flag(ctx, node)
-    if fields["law_error"]:
-        found["law_error"] = fields.quantity("law_error", NONE, "positive")
+    read: dict[str, Callable[[str], Any]] = {
+        **{"choice": fields.choice, "integer": fields.integer},
+        **{"flag": fields.flag, "number": fields.quantity},
+    }
+    given = (row for row in fields.rows.values() if fields[row.name] and row.kind in read and row.name != "level")
+    found: dict[str, Any] = {row.name: read[row.kind](row.name) for row in given}
     if mesh and mesh.strategy.adapts:
         remedy = "use family: uniform or graded for a path, for example --set mesh.family=graded"
         ctx.errors.at(fields.node, "adaptive meshes follow from the solutions of a run", remedy, on_key=True)
     elif node := fields["level"]:
-        found["level"] = walker.integer(ctx, node, 0, mesh.levels - 1 if mesh else 2**31 - 1)
+        found["level"] = walker.integer(ctx, node, 0, mesh.levels - 1 if mesh else walker.MOST)
     return found
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Literal
 
 from tcstudy.read import walker
 from tcstudy.read.body import REGION_SHAPES, read_region
@@ -18,35 +17,19 @@ from tcstudy.read.fields import Fields
 from tcstudy.read.node import Node
 from tcstudy.read.walker import Context
 from tcstudy.scene.records import Body, Heat, Material, Scalar
-from tcstudy.scene.units import (
-    BODY_FORCE,
-    CONDUCTIVITY,
-    EXPANSION,
-    HEAT_SOURCE,
-    HEAT_TRANSFER,
-    NONE,
-    TEMPERATURE,
-    THERMAL_STRESS,
-    TRACTION,
-)
-
-KEYS = ("E", "nu", "lambda", "mu", "plane", "k", "alpha_T", "beta")
-PLANES: tuple[Literal["strain", "stress"], ...] = ("strain", "stress")
 
 
 def read_material(ctx: Context, node: Node) -> Material | None:
     """The material of the plane problem; None after a fault."""
     before = len(ctx.errors)
-    fields = Fields(ctx, node, (), KEYS)
+    fields = Fields(ctx, node, "material")
     E, nu, lam, mu = _elastic(ctx, fields)
-    plane: Literal["strain", "stress"] = "strain"
-    if value := fields["plane"]:
-        plane = walker.choice(ctx, value, PLANES)
-    k = fields.quantity("k", CONDUCTIVITY, "positive") if fields["k"] else None
+    plane = fields.choice("plane")
+    k = fields.quantity("k") if fields["k"] else None
     if fields["alpha_T"] and fields["beta"]:
         ctx.errors.once(fields.values["beta"], "both alpha_T and beta are given", "give one of the two")
-    alpha_T = fields.quantity("alpha_T", EXPANSION, default=0.0)
-    beta = fields.quantity("beta", THERMAL_STRESS, default=math.nan)
+    alpha_T = fields.quantity("alpha_T", 0.0)
+    beta = fields.quantity("beta")
     if len(ctx.errors) > before:
         return None
     if not fields["beta"]:
@@ -66,7 +49,7 @@ def _elastic(ctx: Context, fields: Fields) -> tuple[float, float, float, float]:
     if not fields.is_mapping:
         return (math.nan,) * 4
     first, second = ("lambda", "mu") if lame else ("E", "nu")
-    misspelt = {walker.nearest(key, KEYS) for key in fields.values if key not in KEYS}
+    misspelt = {walker.nearest(key, fields.rows) for key in fields.values if key not in fields.rows}
     for key in (first, second):
         if fields[key] is None and key not in misspelt:
             fields.missing(key)
@@ -74,7 +57,7 @@ def _elastic(ctx: Context, fields: Fields) -> tuple[float, float, float, float]:
 
 
 def _from_engineering(ctx: Context, fields: Fields) -> tuple[float, float, float, float]:
-    E, nu = fields.quantity("E", TRACTION, "positive"), fields.quantity("nu", NONE)
+    E, nu = fields.quantity("E"), fields.quantity("nu")
     if nu >= 0.5 or nu <= -1.0:
         remedy = "write for example 0.3; for a nearly incompressible body stay below 0.5, e.g. 0.49"
         ctx.errors.at(fields.values["nu"], f"must lie between -1 and 0.5, but is {nu:g}", remedy)
@@ -83,7 +66,7 @@ def _from_engineering(ctx: Context, fields: Fields) -> tuple[float, float, float
 
 
 def _from_lame(ctx: Context, fields: Fields) -> tuple[float, float, float, float]:
-    lam, mu = fields.quantity("lambda", TRACTION), fields.quantity("mu", TRACTION, "positive")
+    lam, mu = fields.quantity("lambda"), fields.quantity("mu")
     if 3 * lam + 2 * mu <= 0.0:
         remedy = f"3 lambda + 2 mu must be positive: lambda greater than {-2 * mu / 3:g}"
         ctx.errors.at(fields.values["lambda"], f"{lam:g} makes the bulk modulus zero or negative", remedy)
@@ -96,7 +79,7 @@ def read_loads(ctx: Context, node: Node | None) -> tuple[Scalar, Scalar] | None:
     if node is None:
         return 0.0, 0.0
     before = len(ctx.errors)
-    f = Fields(ctx, node, ("f",)).vector("f", BODY_FORCE)
+    f = Fields(ctx, node, "loads").vector("f")
     return f if len(ctx.errors) == before else None
 
 
@@ -125,16 +108,16 @@ def read_heat(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) 
         return Heat()
     before = len(ctx.errors)
     if node.child("theta"):
-        fields = Fields(ctx, node, ("theta",), ("alpha", "theta_bar", "q", "omega"))
-        others = [key for key in fields.values if key in ("alpha", "theta_bar", "q", "omega")]
+        fields = Fields(ctx, node, "heat", ("theta",))
+        others = [key for key in fields.values if key in fields.rows and key != "theta"]
         if others:
             what = f"theta is the known temperature, so {', '.join(others)} would not be used"
             ctx.errors.once(fields.values["theta"], what, "keep theta alone, or remove it to compute the temperature")
-        heat = Heat(theta=fields.field("theta", TEMPERATURE))
+        heat = Heat(theta=fields.field("theta"))
     else:
-        fields = Fields(ctx, node, ("alpha", "theta_bar"), ("q", "omega", "theta"))
-        alpha = fields.quantity("alpha", HEAT_TRANSFER, "not negative")
-        theta_bar, q = fields.field("theta_bar", TEMPERATURE), fields.field("q", HEAT_SOURCE)
+        fields = Fields(ctx, node, "heat", ("alpha", "theta_bar"))
+        alpha = fields.quantity("alpha")
+        theta_bar, q = fields.field("theta_bar"), fields.field("q")
         heat = Heat(None, alpha, theta_bar, q, _omega(ctx, fields["omega"], regions))
         if alpha == 0.0 and q != 0.0 and len(ctx.errors) == before:
             remedy = "give alpha > 0, or q: 0"

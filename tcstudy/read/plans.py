@@ -10,25 +10,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any, get_args
 
 from tcstudy.read import walker
 from tcstudy.read.fields import Fields
 from tcstudy.read.node import Node
 from tcstudy.read.walker import Context
 from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
-from tcstudy.scene.methods import BRANCHES, SOLVERS
+from tcstudy.scene.keys import rows
+from tcstudy.scene.methods import SOLVERS
 from tcstudy.scene.study import Goal, MeshPlan, OutputPlan, Quantity, SolverPlan
-from tcstudy.scene.units import LENGTH, LINE_FORCE, NONE
+from tcstudy.scene.units import LENGTH, LINE_FORCE
 
+ROWS = rows("mesh")
 LEVELS_TO_TOLERANCE = 30
-QUANTITIES: tuple[Quantity, ...] = ("energy", "friction_resultant", "slip_length", "u_T")
-LEAST = {"grading": 0.1, "marking": 0.05}
-"""Smaller values give elements, or shares of them, that are of no use."""
-USUAL = {"grading": 0.3, "marking": 0.5, "tolerance": 1e-3}
-OPTIONS = (
-    *("levels", "family", "grading", "marking", "goal"),
-    *("tolerance", "of", "max_levels", "max_dofs", "known", "estimate"),
-)
+QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
+OPTIONS = tuple(name for name in ROWS if name != "maxh")
 IN_SWEEP = ("tolerance", "of", "max_levels", "known")
 """Keys that h: {tolerance: …} of a sweep may hold."""
 
@@ -42,6 +39,10 @@ class _Options:
 
     def __getitem__(self, key: str) -> Node | None:
         return self.values.get(key)
+
+    def choice(self, key: str) -> Any:
+        """The word of a key that is given."""
+        return walker.choice(self.ctx, self.values[key], ROWS[key].words)
 
     def fault(self, key: str, what: str, remedy: str) -> None:
         self.ctx.errors.at(self.values[key], what, remedy, on_key=True)
@@ -57,11 +58,11 @@ def read_mesh(ctx: Context, node: Node | None, h: Node | None) -> MeshPlan | Non
     required, optional = ((), ("maxh", *OPTIONS)) if listed else (("maxh",), OPTIONS)
     if node is None and not listed:  # the missing section is recorded already
         return None
-    fields = Fields(ctx, node, required, optional) if node else None
+    fields = Fields(ctx, node, "mesh", required, optional) if node else None
     given = listed or (fields["maxh"] if fields else None)
     values = dict(fields.values) if fields else {}
     if h and not listed:
-        swept = Fields(ctx, h, ("tolerance",), IN_SWEEP[1:])
+        swept = Fields(ctx, h, "mesh", ("tolerance",), IN_SWEEP[1:])
         for key in sorted(swept.values.keys() & values.keys()):
             ctx.errors.at(swept.values[key], f"mesh.{key} is given, too", "give it once", on_key=True)
         values |= swept.values
@@ -76,7 +77,7 @@ def _plan(options: _Options, sizes: tuple[float, ...], single: bool) -> MeshPlan
     ctx = options.ctx
     tolerance = _fraction(options, "tolerance", 0.0) or None
     default = PLAIN if tolerance is None else TO_TOLERANCE
-    family = walker.choice(ctx, node, tuple(FAMILIES)) if (node := options["family"]) else default
+    family: FamilyName = options.choice("family") if options["family"] else default
     _check_keys(options, family, sizes, single)
     most = FAMILIES[family].max_levels
     key = "levels" if tolerance is None else "max_levels"
@@ -135,10 +136,11 @@ def _fraction(options: _Options, key: str, default: float) -> float:
     node = options[key]
     if node is None:
         return default
-    value, least = walker.quantity(options.ctx, node, NONE, "positive"), LEAST.get(key, 0.0)
+    known = ROWS[key]
+    value, least = walker.quantity(options.ctx, node, known.dimension, known.sign), known.least or 0.0
     if value >= 1.0 or value < least:
         bound = "less than 1" if value >= 1.0 else f"{least:g} or more"
-        options.ctx.errors.at(node, f"must be {bound}, but is {value:g}", f"write for example {USUAL[key]:g}")
+        options.ctx.errors.at(node, f"must be {bound}, but is {value:g}", f"write for example {known.example}")
     return value
 
 
@@ -148,7 +150,7 @@ def _goal(options: _Options) -> Goal:
     node = options["of"] or options["goal"]
     goal = Goal()
     if node and isinstance(node.value, Mapping):
-        fields = Fields(ctx, node, ("u_T",))
+        fields = Fields(ctx, node, "goal")
         goal = Goal("u_T", fields.point("u_T"))
     elif node:
         goal = Goal(walker.choice(ctx, node, QUANTITIES))
@@ -186,14 +188,13 @@ def read_solver(ctx: Context, node: Node | None) -> SolverPlan | None:
     if not isinstance(node.value, Mapping):
         names = _solvers(ctx, node)
         return SolverPlan(names) if len(ctx.errors) == before else None
-    fields = Fields(ctx, node, (), ("name", "tolerance", "max_iterations", "branch"))
+    fields = Fields(ctx, node, "solver")
     names = _solvers(ctx, value) if (value := fields["name"]) else default.names
-    tolerance = fields.quantity("tolerance", NONE, "positive", 0.0) or default.tolerance
+    tolerance = fields.quantity("tolerance", 0.0) or default.tolerance
     if tolerance is not None and tolerance >= 1.0:
         remedy = "write for example 1e-10"
         ctx.errors.at(fields.values["tolerance"], f"must be less than 1, but is {tolerance:g}", remedy)
-    limit = walker.integer(ctx, value, 1) if (value := fields["max_iterations"]) else None
-    branch = walker.choice(ctx, value, BRANCHES) if (value := fields["branch"]) else default.branch
+    limit, branch = fields.integer("max_iterations"), fields.choice("branch")
     return SolverPlan(names, tolerance, limit, branch) if len(ctx.errors) == before else None
 
 
@@ -213,11 +214,9 @@ def read_output(ctx: Context, node: Node | None) -> OutputPlan | None:
         return OutputPlan()
     before = len(ctx.errors)
     if not isinstance(node.value, Mapping):
-        path: Path | None = Path(walker.text(ctx, node, "a path"))
-        fields = None
+        plan = OutputPlan(Path(walker.text(ctx, node, "a path")))
     else:
-        fields = Fields(ctx, node, (), ("path", "fields", "live"))
-        path = Path(walker.text(ctx, value, "a path")) if (value := fields["path"]) else None
-    kept = walker.flag(ctx, value) if fields and (value := fields["fields"]) else False
-    live = walker.flag(ctx, value) if fields and (value := fields["live"]) else False
-    return OutputPlan(path, kept, live) if len(ctx.errors) == before else None
+        fields = Fields(ctx, node, "output")
+        path = fields.text("path", "a path")
+        plan = OutputPlan(None if path is None else Path(path), fields.flag("fields"), fields.flag("live"))
+    return plan if len(ctx.errors) == before else None

@@ -20,12 +20,13 @@ from tcstudy.read.plans import read_mesh, read_output, read_solver
 from tcstudy.read.scenes import SECTIONS, SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, records
 from tcstudy.read.walker import Context
+from tcstudy.scene.keys import row, rows
 from tcstudy.scene.parameters import SHORT, sweepable
 from tcstudy.scene.records import Exact, Scene
 from tcstudy.scene.study import MeshPlan, OutputPlan, PathPlan, SolverPlan, Study
 
-REQUIRED = ("body", "boundary", "material", "friction", "mesh")
-OPTIONAL = ("title", "institution", "units", "loads", "heat", "solver", "sweep", "output", "exact", "path")
+REQUIRED = tuple(row.name for row in rows("").values() if row.required)
+OPTIONAL = tuple(name for name in rows("") if name not in REQUIRED)
 
 
 def read_study(path: str | Path, overrides: Sequence[str] = (), *, swept: bool = True) -> Study:
@@ -99,7 +100,7 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
 def _read_header(ctx: Context, root: Node, default: str) -> _Header:
     """Title and institution; sets the system of units, on which every number depends."""
     if units := root.child("units"):
-        ctx.units = walker.choice(ctx, units, ("SI", "none"))
+        ctx.units = "none" if walker.choice(ctx, units, row("", "units").words) == "none" else "SI"
     title = walker.text(ctx, node) if (node := root.child("title")) else default
     return _Header(title, walker.text(ctx, node) if (node := root.child("institution")) else "")
 
@@ -181,7 +182,7 @@ def _with_swept_keys(root: Node, sweep: Sweep) -> Node:
 def _check_keys(ctx: Context, root: Node, sweep: Sweep) -> None:
     """Unknown and missing sections."""
     required = [key for key in REQUIRED if key != "mesh" or sweep.h is None or isinstance(sweep.h.value, Mapping)]
-    Fields(ctx, root, required, (*OPTIONAL, "mesh"))
+    Fields(ctx, root, "", required, (*OPTIONAL, "mesh"))
 
 
 def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scenes: Sequence[Scene]) -> _Plans:

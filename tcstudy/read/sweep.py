@@ -16,12 +16,13 @@ from tcstudy.read import walker
 from tcstudy.read.fields import Fields
 from tcstudy.read.node import Node
 from tcstudy.read.walker import Context
+from tcstudy.scene import keys as table
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.parameters import FIXED, SHORT, Keys, Parameter
 from tcstudy.scene.study import Axis
 from tcstudy.scene.units import Dimension
 
-MODES = ("grid", "zip", "list")
+MODES = table.row("sweep", "mode").words
 
 
 @dataclass(frozen=True)
@@ -251,7 +252,7 @@ def axis_values(ctx: Context, node: Node, parameter: Parameter) -> tuple[tuple[N
 def _spaced(ctx: Context, node: Node, dimension: Dimension) -> tuple[Node, ...]:
     """{linspace: [a, b, n]} or {geomspace: [a, b, n]}: n values from a to b, both included."""
     before = len(ctx.errors)
-    fields = Fields(ctx, node, (), ("linspace", "geomspace"))
+    fields = Fields(ctx, node, "values")
     if len(fields.values) != 1 or len(ctx.errors) > before:
         if len(ctx.errors) == before:
             ctx.errors.at(node, "needs one of linspace and geomspace", "write {linspace: [a, b, n]}")
@@ -286,8 +287,7 @@ def axis_labels(ctx: Context, values: tuple[Node, ...], parameter: Parameter) ->
     """Numbers in SI, or texts if any value is none."""
     if parameter.kind == "text":
         return tuple(value.text() for value in values)
-    free = parameter.path[0] == "boundary" and parameter.path[-1].startswith("u_")
-    if free and any(value.value == "free" for value in values):
+    if parameter.free and any(value.value == "free" for value in values):
         return tuple(value.text() for value in values)
     varies = parameter.kind == "field"
     labels = [walker.scalar(ctx, value, parameter.dimension, varies=varies) for value in values]

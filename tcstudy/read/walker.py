@@ -169,7 +169,11 @@ def point(ctx: Context, node: Node) -> Point:
     return quantity(ctx, both[0], LENGTH), quantity(ctx, both[1], LENGTH)
 
 
-def integer(ctx: Context, node: Node, least: int, most: int = 2**31 - 1) -> int:
+MOST = 2**31 - 1
+"""Largest whole number that any key takes."""
+
+
+def integer(ctx: Context, node: Node, least: int, most: int = MOST) -> int:
     """A whole number within limits; the lower limit after a fault."""
     value = node.value
     if isinstance(value, float) and value.is_integer():
@@ -178,7 +182,7 @@ def integer(ctx: Context, node: Node, least: int, most: int = 2**31 - 1) -> int:
         ctx.errors.at(node, f"must be a whole number, but is {node.kind()}", f"write for example {least}")
         return least
     if not least <= value <= most:
-        limits = f"from {least} to {most}" if most < 2**31 - 1 else f"{least} or more"
+        limits = f"from {least} to {most}" if most < MOST else f"{least} or more"
         ctx.errors.at(node, f"must be {limits}, but is {node.brief()}", f"write for example {least}")
         return least
     return value

@@ -1,26 +1,15 @@
-"""What a sweep may vary: key paths with their kind and dimension, and the short names."""
+"""What a sweep may vary, out of the table of keys: key paths with their kind and dimension, and the short names."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
+from tcstudy.scene import keys
+from tcstudy.scene.key import Key
 from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.units import (
-    BODY_FORCE,
-    CONDUCTIVITY,
-    EXPANSION,
-    HEAT_SOURCE,
-    HEAT_TRANSFER,
-    LAW_DIMENSIONS,
-    LENGTH,
-    NONE,
-    TEMPERATURE,
-    THERMAL_STRESS,
-    TRACTION,
-    Dimension,
-)
+from tcstudy.scene.units import NONE, Dimension
 
 Keys = tuple[str, ...]
 
@@ -30,58 +19,40 @@ class Parameter:
     """A key that can be swept.
 
     kind: "number" or "field" have numbers as labels where they are numbers, "text" and "law" have texts
+    free: whether the word `free` may stand for a value
     idle: whether the role of its edge has no use for it, so that it is none to propose
     """
 
     path: Keys
     kind: Literal["number", "field", "text", "law"]
     dimension: Dimension = NONE
+    free: bool = False
     idle: bool = False
 
 
-PLAIN = {
-    p.path: p
-    for p in (
-        Parameter(("heat", "alpha"), "number", HEAT_TRANSFER),
-        Parameter(("heat", "theta_bar"), "field", TEMPERATURE),
-        Parameter(("heat", "q"), "field", HEAT_SOURCE),
-        Parameter(("heat", "theta"), "field", TEMPERATURE),
-        Parameter(("heat", "omega"), "text"),
-        Parameter(("material", "E"), "number", TRACTION),
-        Parameter(("material", "nu"), "number", NONE),
-        Parameter(("material", "lambda"), "number", TRACTION),
-        Parameter(("material", "mu"), "number", TRACTION),
-        Parameter(("material", "k"), "number", CONDUCTIVITY),
-        Parameter(("material", "alpha_T"), "number", EXPANSION),
-        Parameter(("material", "beta"), "number", THERMAL_STRESS),
-        Parameter(("material", "plane"), "text"),
-        Parameter(("loads", "f"), "text", BODY_FORCE),
-        Parameter(("friction",), "law"),
-    )
+_KINDS: dict[str, Literal["number", "field", "text", "law"]] = {
+    **{"number": "number", "integer": "number"},
+    **{"field": "field", "component": "field", "law": "law"},
 }
-"""Parameters of every study but those of the law and of the edges."""
+"""Kinds of keys whose values are more than texts."""
 
-EDGE = {
-    "g": ("text", TRACTION),
-    "pressure": ("field", TRACTION),
-    "u": ("text", LENGTH),
-    "u_x": ("field", LENGTH),
-    "u_y": ("field", LENGTH),
-    "u_N": ("field", LENGTH),
-    "u_T": ("field", LENGTH),
-}
+
+def _parameter(path: Keys, row: Key) -> Parameter:
+    return Parameter(path, _KINDS.get(row.kind, "text"), row.dimension, row.kind == "component")
+
+
+def _plain() -> dict[Keys, Parameter]:
+    """Parameters of every study but those of the law and of the edges."""
+    places = ((row.section, row.name) if row.section else (row.name,) for row in keys.ROWS if row.swept)
+    rows = (row for row in keys.ROWS if row.swept)
+    return {path: _parameter(path, row) for path, row in zip(places, rows, strict=True) if path[0] != "boundary"}
+
+
+PLAIN = _plain()
+EDGE = {row.name: row for row in keys.rows("boundary").values() if row.swept}
 """Parameters of one edge."""
 
-FIXED = {
-    "body": "the mesh belongs to one body; write one study for each body",
-    "mesh": "element sizes are the level dimension: write h: [20 mm, 10 mm, 5 mm] in the sweep, or mesh.maxh",
-    "solver": "write one study for each solver, or use --set",
-    "output": "the data of a study go to one place",
-    "units": "a study has one system of units",
-    "title": "a study has one title",
-    "institution": "a study has one institution",
-    "exact": "the exact solution belongs to one scene; write one study for each",
-}
+FIXED = {row.name: row.fixed for row in keys.rows("").values() if row.fixed}
 """Sections that cannot be swept, and what to do instead."""
 
 
@@ -92,21 +63,19 @@ def sweepable(edges: Mapping[str, Sequence[str]], law: str | None) -> dict[Keys,
     law:   the base law, which decides where laws differ in a parameter's dimension
     """
     found = dict(PLAIN)
-    shapes = [SHAPES[law]] if law in SHAPES else []
-    for shape in (*shapes, *SHAPES.values()):
-        for p in shape.parameters:
-            kind: Literal["number", "text"] = "number" if p.kind in ("number", "integer") else "text"
-            path = ("friction", p.name)
-            found.setdefault(path, Parameter(path, kind, LAW_DIMENSIONS[p.dimension]))
+    for name in (*([law] if law in SHAPES else []), *SHAPES):
+        for row in keys.law_rows(str(name)):
+            path = ("friction", row.name)
+            found.setdefault(path, _parameter(path, row))
     for edge, taken in edges.items():
-        for key, (edge_kind, dimension) in EDGE.items():
-            own: Keys = ("boundary", edge, key)
-            found[own] = Parameter(own, "field" if edge_kind == "field" else "text", dimension, key not in taken)
+        for name, row in EDGE.items():
+            own: Keys = ("boundary", edge, name)
+            found[own] = replace(_parameter(own, row), idle=name not in taken)
     return found
 
 
 def _short_names() -> dict[str, str]:
-    names = {path[-1]: ".".join(path) for path in PLAIN if path != ("friction",)}
+    names = {path[-1]: ".".join(path) for path in PLAIN if len(path) == 2}
     for path, parameter in sweepable({}, None).items():
         if path[0] == "friction" and len(path) == 2 and parameter.kind == "number":
             names.setdefault(path[-1], ".".join(path))

@@ -57,7 +57,7 @@ class Acceptance:
         return self.aim < residual <= self.limit(rounding)
 
 
-Quantity = Literal["energy", "friction_resultant", "u_T", "slip_length"]
+Quantity = Literal["energy", "friction_resultant", "slip_length", "u_T"]
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 from tcstudy.expressions.expression import Expression, parse
+from tcstudy.scene.key import Key
+from tcstudy.scene.keys import rows
 from tcstudy.scene.records import Clamped, Convection, Role, Scalar, Scene, Traction
 
 
@@ -19,16 +22,37 @@ def path_scene(scene: Scene, parameter: tuple[str, ...], t: float) -> Scene:
     if parameter == ("load",):
         boundary = tuple((name, _scaled_role(role, t)) for name, role in scene.boundary)
         return replace(scene, f=(_scaled(scene.f[0], t), _scaled(scene.f[1], t)), boundary=boundary)
-    if section == "heat" and key in ("theta", "theta_bar", "q"):
-        values: dict[str, Any] = {key: t}
-        return replace(scene, heat=replace(scene.heat, **values))
-    if section == "loads" and key in ("f_x", "f_y"):
-        return replace(scene, f=(t, scene.f[1]) if key == "f_x" else (scene.f[0], t))
+    if section == "heat":
+        return replace(scene, heat=_put(scene.heat, section, key, t))
+    if section == "loads":
+        return replace(scene, f=_put(scene, section, key, t).f)
     if section == "boundary" and len(parameter) == 3:
         edge = parameter[1]
         boundary = tuple((name, _role(role, key, t) if name == edge else role) for name, role in scene.boundary)
         return replace(scene, boundary=boundary)
     raise KeyError(".".join(parameter))
+
+
+def affine_numbers(record: object, section: str) -> Iterator[tuple[Key, str, Scalar]]:
+    """(key, name, value) of every number of a record in which the load is affine; u of a clamped edge is not among
+    them, as its names depend on the frame."""
+    for row in rows(section).values():
+        if row.affine and hasattr(record, row.name):
+            value = getattr(record, row.name)
+            for name, part in zip(row.numbers, value if row.kind == "vector" else (value,), strict=True):
+                yield row, name, part
+
+
+def _put(record: Any, section: str, key: str, t: float) -> Any:
+    """The record with one number put in."""
+    found = {row.name: (row, name) for row, name, _ in affine_numbers(record, section) if name == key}
+    if not found:
+        raise KeyError(key)
+    [(row, name)] = found.values()
+    if row.kind != "vector":
+        return replace(record, **{row.name: t})
+    parts = zip(row.numbers, getattr(record, row.name), strict=True)
+    return replace(record, **{row.name: tuple(t if part == name else value for part, value in parts)})
 
 
 def _role(role: Role, key: str, t: float) -> Role:
@@ -37,11 +61,8 @@ def _role(role: Role, key: str, t: float) -> Role:
         return replace(role, u=(t, role.u[1]))
     if isinstance(role, Clamped) and key in ("u_y", "u_T"):
         return replace(role, u=(role.u[0], t))
-    if isinstance(role, Traction | Convection) and key in ("g_x", "g_y"):
-        return replace(role, g=(t, role.g[1]) if key == "g_x" else (role.g[0], t))
-    if isinstance(role, Traction | Convection) and key == "pressure":
-        return replace(role, pressure=t)
-    raise KeyError(key)
+    found: Role = _put(role, "boundary", key, t)
+    return found
 
 
 def _scaled_role(role: Role, factor: float) -> Role:

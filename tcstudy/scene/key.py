@@ -1,0 +1,93 @@
+"""A row of the table of keys: what is said of one key of a study file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from tcstudy.scene.units import NONE, Dimension
+
+Kind = Literal[
+    "number",
+    "integer",
+    "flag",
+    "text",
+    "name",
+    "choice",
+    "quantity",
+    "quantities",
+    "span",
+    "field",
+    "component",
+    "vector",
+    "displacement",
+    "point",
+    "points",
+    "section",
+    "sections",
+    "names",
+    "one or more",
+    "sizes",
+    "goal",
+    "law",
+    "law points",
+    "numbers",
+]
+"""number: one for the whole body; quantity, quantities, span: one, some, two of a dimension that another key decides;
+field: a number or an expression in x and y; component: that or `free`; vector: two fields; displacement: two
+components; section: a mapping of its own; sections: a list of them or a mapping of names to them; names: of regions, or
+a shape; one or more: of the words; sizes: one or more numbers; law: a friction law."""
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key of a section.
+
+    section:   the mapping that it belongs to, "" for the study; "boundary" is the mapping of one edge
+    dimension: of its numbers
+    meaning:   in a line, without the dimension
+    example:   a value as it is suggested; by default that of the dimension
+    required:  the section cannot be without it; where it depends, the reader decides
+    default:   what stands for it if it is not given
+    words:     what a choice is between
+    least, above, most, below: bounds of a number, with and without themselves
+    swept:     whether a sweep may vary it
+    fixed:     of a section: why nothing in it can be swept, and what to do instead
+    affine:    whether the load is affine in it, so that a path may run along it
+    roles:     roles of an edge that take it
+    of:        the section, or sections, that its value is
+    """
+
+    name: str
+    kind: Kind
+    meaning: str
+    dimension: Dimension = NONE
+    example: str = ""
+    section: str = ""
+    required: bool = False
+    default: object = None
+    words: tuple[str, ...] = ()
+    least: float | None = None
+    above: float | None = None
+    most: float | None = None
+    below: float | None = None
+    swept: bool = False
+    fixed: str = ""
+    affine: bool = False
+    roles: tuple[str, ...] = ()
+    of: tuple[str, ...] = ()
+
+    @property
+    def sign(self) -> Literal["any", "positive", "not negative"]:
+        """What the bounds say about the sign."""
+        return "positive" if self.above == 0.0 else "not negative" if self.least == 0.0 else "any"
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Names of its single numbers, along which a path may run: f_x and f_y of f."""
+        return (f"{self.name}_x", f"{self.name}_y") if self.kind == "vector" else (self.name,)
+
+    @property
+    def suggestion(self) -> str:
+        """A value that it might have."""
+        return self.example or (self.dimension.example if self.dimension != NONE else "...")

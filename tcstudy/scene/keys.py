@@ -1,0 +1,340 @@
+"""The table of keys: every key that a study file may hold, as plain data. What else is said of a key is derived.
+
+One row makes a key known: to the reader of its section, which then also suggests it for a misspelt one and reads it in
+its dimension and within its bounds (`read.fields`); to `--set`; to the README's table and to the JSON Schema
+(`read.schema`). With `swept=True` a sweep may vary it, by its path and by its last word (`scene.parameters`), and data
+carry its units; with `affine=True` a path may run along it (`scene.vary`). What a row cannot say is where the key acts:
+the record of its section gets a field, the reader of its section fills it, and something uses it.
+
+Parameters of friction laws are not here but with their laws (`scene.laws.SHAPES`), which make rows of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import cache
+from typing import get_args
+
+from tcstudy.scene import units as u
+from tcstudy.scene.families import FAMILIES
+from tcstudy.scene.key import Key
+from tcstudy.scene.laws import SHAPES
+from tcstudy.scene.methods import BRANCHES, SOLVERS
+from tcstudy.scene.study import Direction, MeshPlan, PathPlan, SolverPlan, Start
+
+
+def _in(section: str, *found: Key) -> Iterable[Key]:
+    return (replace(one, section=section) for one in found)
+
+
+def _component(name: str, meaning: str) -> Key:
+    return Key(name, "component", meaning, u.LENGTH, swept=True, affine=True, roles=("clamped",))
+
+
+_MOST_LEVELS = max(family.max_levels for family in FAMILIES.values())
+_MESH, _SOLVER, _ROLES = MeshPlan((), 1), SolverPlan(), ("clamped", "traction", "contact", "convection", "free")
+_PATH = {name: field.default for name, field in PathPlan.__dataclass_fields__.items()}
+_LOADED = ("traction", "convection")
+_HOLE, _REGION = ("circle", "rectangle", "outline"), ("circle", "rectangle", "polygon")
+
+ROWS: tuple[Key, ...] = (
+    *_in(
+        "",
+        Key("title", "text", "of the study", fixed="a study has one title"),
+        Key("institution", "text", "who made the data", fixed="a study has one institution"),
+        Key(
+            *("units", "choice", "`none`: everything is dimensionless"),
+            words=("SI", "none"),
+            default="SI",
+            fixed="a study has one system of units",
+        ),
+        Key(
+            *("body", "section", "the body Ω and the names of its edges: one of `outline`, `rectangle`, `file`"),
+            example="{rectangle: {width: 200 mm, height: 100 mm}}",
+            required=True,
+            fixed="the mesh belongs to one body; write one study for each body",
+            of=("body",),
+        ),
+        Key(
+            *("boundary", "sections", "one role for every edge, as a word or with its keys"),
+            example="{bottom: contact, left: clamped, top: free, right: free}",
+            required=True,
+            of=("boundary",),
+        ),
+        Key(
+            *("material", "section", "isotropic: `E`, `nu` or `lambda`, `mu`"),
+            example="{E: 210 GPa, nu: 0.3}",
+            required=True,
+            of=("material",),
+        ),
+        Key("loads", "section", "forces in the body", of=("loads",)),
+        Key(
+            "heat",
+            "section",
+            "`alpha` and `theta_bar`, or a known `theta`; without the section the temperature is 0. Temperatures count "
+            "from the stress-free state, so 293 K is no room temperature. θ cannot be prescribed on an edge: an edge "
+            "conducts only by `convection`, every other one, a clamped one too, is insulated (a very large `alpha` "
+            "comes near to a prescribed θ)",
+            of=("heat",),
+        ),
+        Key(
+            *("friction", "law", "one of the laws below"),
+            example="{law: tresca, tau: 20 MPa}",
+            required=True,
+            swept=True,
+            of=("friction",),
+        ),
+        Key(
+            *("mesh", "section", "element sizes; [which meshes there are](#meshes-that-follow-the-error)"),
+            example="{maxh: 10 mm}",
+            required=True,
+            fixed="element sizes are the level dimension: write h: [20 mm, 10 mm, 5 mm] in the sweep, or mesh.maxh",
+            of=("mesh",),
+        ),
+        Key(
+            *("solver", "section", "a name, a list of names, which the summary compares, or its keys"),
+            fixed="write one study for each solver, or use --set",
+            of=("solver",),
+        ),
+        Key(
+            "sweep",
+            "section",
+            "any number of parameters of `material`, `loads`, `heat`, `friction` or of an edge's role by path or short "
+            "name (not of `body`, which the mesh belongs to, nor of `solver` and `exact`): `alpha: [1, 10]`, "
+            "`friction.delta: {linspace: [10 um, 50 um, 9]}`, `E: {geomspace: [1 GPa, 100 GPa, 5]}`, "
+            "`boundary.top.pressure: [0, 1 MPa]`; whole laws by name under `friction`",
+            of=("sweep",),
+        ),
+        Key(
+            *("exact", "section", "the exact solution, if you know it"),
+            fixed="the exact solution belongs to one scene; write one study for each",
+            of=("exact",),
+        ),
+        Key("path", "section", "[all solutions along one parameter](#all-solutions-along-a-parameter)", of=("path",)),
+        Key("output", "section", "a path, or its keys", fixed="the data of a study go to one place", of=("output",)),
+    ),
+    *_in(
+        "body",
+        Key("outline", "sections", "its edges, a list, counter-clockwise", of=("outline",)),
+        Key("rectangle", "section", "with the edges bottom, right, top, left", of=("block",)),
+        Key("file", "section", "a plane face of a STEP or BREP file", of=("file",)),
+        Key("holes", "sections", "a list of shapes, each with the name of its edge", of=("hole",)),
+        Key("regions", "sections", "shapes by name, for heat sources", of=("region",)),
+    ),
+    *_in(
+        "outline",
+        Key(
+            "from",
+            "point",
+            "where the edge begins; it ends where the next one begins",
+            u.LENGTH,
+            "[0 mm, 0 mm]",
+            required=True,
+        ),
+        Key("edge", "name", "its name; several edges may share one", example="NAME", required=True),
+        Key("through", "point", "makes it a circular arc", u.LENGTH, "[0 mm, 20 mm]"),
+    ),
+    *_in(
+        "block",
+        Key("width", "number", "in x", u.LENGTH, "50 mm", required=True, above=0.0),
+        Key("height", "number", "in y", u.LENGTH, "20 mm", required=True, above=0.0),
+        Key("corner", "point", "lower left", u.LENGTH, "[0 mm, 0 mm]", default=[0, 0]),
+        Key("edges", "section", "other names of its edges", example="{bottom: NAME}", of=("sides",)),
+    ),
+    *_in("sides", *(Key(side, "name", f"name of the {side} edge") for side in ("bottom", "right", "top", "left"))),
+    *_in(
+        "file",
+        Key("path", "text", "relative to the study, .step, .stp or .brep", example="part.step", required=True),
+        Key("edges", "points", "a point on every named edge", u.LENGTH, "{NAME: [[0, 0]]}", required=True),
+        Key("face", "integer", "which face of it", default=0, least=0),
+        Key("unit", "text", "its unit of length (default: mm, m for .brep)", example="mm"),
+        Key("other", "name", "name of all other edges", example="NAME"),
+    ),
+    *_in("hole", *(Key(shape, "sections" if shape == "outline" else "section", "", of=(shape,)) for shape in _HOLE)),
+    *_in("region", *(Key(shape, "points" if shape == "polygon" else "section", "", of=(shape,)) for shape in _REGION)),
+    *_in(
+        "circle",
+        Key("center", "point", "", u.LENGTH, "[0 mm, 0 mm]", required=True),
+        Key("radius", "number", "", u.LENGTH, "10 mm", required=True, above=0.0),
+        Key("edge", "name", "name of a hole's edge", example="NAME"),
+    ),
+    *_in(
+        "rectangle",
+        Key("corner", "point", "lower left", u.LENGTH, "[0 mm, 0 mm]", required=True),
+        Key("width", "number", "in x", u.LENGTH, "50 mm", required=True, above=0.0),
+        Key("height", "number", "in y", u.LENGTH, "20 mm", required=True, above=0.0),
+        Key("edge", "name", "name of a hole's edges", example="NAME"),
+    ),
+    *_in(
+        "boundary",
+        Key("role", "choice", "what the edge is", example="clamped", required=True, words=_ROLES),
+        Key(
+            "u",
+            "displacement",
+            "both components (default: 0; `free` frees one)",
+            u.LENGTH,
+            swept=True,
+            roles=("clamped",),
+        ),
+        _component("u_x", "displacement in x; a component left out is free"),
+        _component("u_y", "displacement in y"),
+        _component("u_N", "displacement along the outward normal"),
+        _component("u_T", "displacement along the edge"),
+        Key("g", "vector", "traction", u.TRACTION, swept=True, affine=True, roles=_LOADED),
+        Key(
+            "pressure",
+            "field",
+            "on the edge, positive when it pushes",
+            u.TRACTION,
+            swept=True,
+            affine=True,
+            roles=_LOADED,
+        ),
+    ),
+    *_in(
+        "material",
+        Key("E", "number", "Young's modulus", u.TRACTION, "210 GPa", above=0.0, swept=True),
+        Key("nu", "number", "Poisson's ratio", u.NONE, "0.3", above=-1.0, below=0.5, swept=True),
+        Key("lambda", "number", "first Lamé modulus", u.TRACTION, "121 GPa", swept=True),
+        Key("mu", "number", "shear modulus", u.TRACTION, "81 GPa", above=0.0, swept=True),
+        Key("plane", "choice", "plane assumption", words=("strain", "stress"), default="strain", swept=True),
+        Key("k", "number", "conductivity", u.CONDUCTIVITY, above=0.0, swept=True),
+        Key("alpha_T", "number", "thermal expansion", u.EXPANSION, default=0.0, swept=True),
+        Key("beta", "number", "stress–temperature modulus β in its place", u.THERMAL_STRESS, swept=True),
+    ),
+    *_in(
+        "loads",
+        Key("f", "vector", "body force", u.BODY_FORCE, "[0, -77 kN/m^3]", required=True, swept=True, affine=True),
+    ),
+    *_in(
+        "heat",
+        Key("alpha", "number", "heat transfer coefficient", u.HEAT_TRANSFER, least=0.0, swept=True),
+        Key("theta_bar", "field", "temperature of the surroundings", u.TEMPERATURE, swept=True, affine=True),
+        Key("q", "field", "source", u.HEAT_SOURCE, default=0.0, swept=True, affine=True),
+        Key("omega", "names", "where the source is: a region, several, or a shape (default: everywhere)", swept=True),
+        Key("theta", "field", "known temperature of the whole body", u.TEMPERATURE, swept=True, affine=True),
+    ),
+    *_in("friction", Key("law", "choice", "", example="tresca", required=True, words=tuple(SHAPES))),
+    *_in(
+        "mesh",
+        Key("maxh", "sizes", "element size, or a list of them", u.LENGTH, "10 mm", required=True, above=0.0),
+        Key("levels", "integer", "number of meshes", default=1, least=1, most=_MOST_LEVELS),
+        Key("family", "choice", "how they are refined", words=tuple(FAMILIES), default=_MESH.family),
+        Key(
+            "grading",
+            "number",
+            "exponent of graded meshes",
+            example="0.3",
+            default=_MESH.grading,
+            least=0.1,
+            above=0.0,
+            below=1.0,
+        ),
+        Key(
+            "marking",
+            "number",
+            "share of the error refined",
+            example="0.5",
+            default=_MESH.marking,
+            least=0.05,
+            above=0.0,
+            below=1.0,
+        ),
+        Key("goal", "goal", "what errors are estimated of", default=_MESH.goal.quantity),
+        Key("tolerance", "number", "relative error to reach", example="0.001", above=0.0, below=1.0),
+        Key("of", "goal", "what the tolerance is of"),
+        Key("max_levels", "integer", "most meshes for a tolerance", default=30, least=1, most=_MOST_LEVELS),
+        Key("max_dofs", "integer", "unknowns at which refinement ends", default=_MESH.max_dofs, least=1),
+        Key("known", "quantity", "the goal's exact value"),
+        Key("estimate", "flag", "estimate errors on uniform and graded meshes too", default=_MESH.estimate),
+    ),
+    *_in("goal", Key("u_T", "point", "slip at a point of a contact edge", u.LENGTH, "[20 mm, 0 mm]", required=True)),
+    *_in(
+        "solver",
+        Key("name", "one or more", "of the solver", words=SOLVERS, example=SOLVERS[0], default=_SOLVER.names[0]),
+        Key("tolerance", "number", "largest inclusion residual, strict", example="1e-10", above=0.0, below=1.0),
+        Key("max_iterations", "integer", "of one solve", least=1),
+        Key("branch", "choice", "which solution is stored", words=BRANCHES, default=_SOLVER.branch),
+    ),
+    *_in(
+        "sweep",
+        Key("mode", "choice", "`zip` reads lists together", words=("grid", "zip", "list"), default="grid"),
+        Key("points", "sections", "of `mode: list`: `[{alpha: 1, E: 2 GPa}, …]`", example="[...]", of=("point",)),
+        Key("h", "sizes", "element sizes, or `{tolerance, of, max_levels, known}`", u.LENGTH, above=0.0),
+    ),
+    *_in(
+        "values",
+        Key("linspace", "quantities", "`[a, b, n]`: n values from a to b, equally spaced", example="[a, b, n]"),
+        Key("geomspace", "quantities", "the same with equal ratios", example="[a, b, n]"),
+    ),
+    *_in(
+        "exact",
+        Key("u", "vector", "displacement", u.LENGTH, '["0.1*sin(pi*x)", "0"]', required=True),
+        Key("theta", "field", "temperature", u.TEMPERATURE),
+        Key("xi", "field", "traction −S_T on Γ_C (default: from u)", u.TRACTION),
+        Key("exponent", "number", "of its singularity", above=0.0),
+        Key("loads", "choice", "`derived`: it also makes the loads", words=("given", "derived"), default="given"),
+    ),
+    *_in(
+        "path",
+        Key("parameter", "text", "what varies, or `load`", example="theta_bar", required=True),
+        Key("from", "quantity", "where the path starts", example="0 K", required=True),
+        Key("to", "quantity", "the other end of the range", example="40 K", required=True),
+        Key("at", "quantities", "values at which all solutions are listed"),
+        Key("within", "span", "how far it may leave the range"),
+        Key("start", "choice", "solution that it starts from", words=get_args(Start), default=_PATH["start"]),
+        Key("direction", "choice", "way from the start", words=get_args(Direction), default=_PATH["direction"]),
+        Key("max_pieces", "integer", "most pieces on either side", least=1, default=_PATH["max_pieces"]),
+        Key("hysteresis", "flag", "compute the loop", default=_PATH["hysteresis"]),
+        Key("level", "integer", "mesh level (default: finest)", least=0),
+        Key("law_error", "number", "relative, of a smooth law's polygon", above=0.0, default=_PATH["law_error"]),
+    ),
+    *_in(
+        "output",
+        Key("path", "text", "of the file (default: results/<study>.nc)", example="results/study.nc"),
+        Key("fields", "flag", "keep θ and u of the whole body", default=False),
+        Key("live", "flag", "keep what a page needs to solve by itself, up to half a megabyte a level", default=False),
+    ),
+)
+"""All keys but the parameters of laws, in the order in which they are shown."""
+
+
+@cache
+def _by_section() -> dict[str, dict[str, Key]]:
+    found: dict[str, dict[str, Key]] = {}
+    for one in (*ROWS, *(own for law in SHAPES for own in law_rows(law))):
+        found.setdefault(one.section, {}).setdefault(one.name, one)
+    return found
+
+
+def law_rows(law: str) -> tuple[Key, ...]:
+    """The rows of a law's parameters."""
+    return tuple(
+        Key(
+            p.name,
+            "law points" if p.kind == "points" else p.kind,
+            f"parameter of {law}",
+            u.LAW_DIMENSIONS[p.dimension],
+            section="friction",
+            default=p.default,
+            least=1 if p.kind == "integer" else None,
+            swept=True,
+        )
+        for p in SHAPES[law].parameters
+    )
+
+
+def rows(section: str) -> dict[str, Key]:
+    """The rows of a section by name."""
+    return _by_section()[section]
+
+
+def row(section: str, name: str) -> Key:
+    """One row; raises KeyError."""
+    return _by_section()[section][name]
+
+
+def of_role(role: str) -> tuple[str, ...]:
+    """The keys that a role of an edge takes beside `role`."""
+    return tuple(one.name for one in rows("boundary").values() if role in one.roles)
