@@ -19,6 +19,7 @@ ARROWS: dict[str, set[str]] = {
     "accuracy": {"scene", "shapes"},
     "solve": {"scene"},
     "online": {"scene", "solve"},
+    "executors": {"errors", "online"},
     "exact": {"accuracy", "expressions", "scene", "shapes"},
     "read": {"errors", "exact", "expressions", "scene", "shapes"},
     "fem": {"errors", "expressions", "scene", "shapes"},
@@ -30,7 +31,18 @@ ARROWS: dict[str, set[str]] = {
 """What each room may import beside itself. `study` may use every room below it; the rest of the package, all."""
 
 BELOW_STUDY = {*ARROWS} - {"report"}
-NUMERICS = ("accuracy", "condense", "exact", "expressions", "offline", "online", "refine", "shapes", "solve")
+NUMERICS = (
+    "accuracy",
+    "condense",
+    "exact",
+    "executors",
+    "expressions",
+    "offline",
+    "online",
+    "refine",
+    "shapes",
+    "solve",
+)
 """Rooms that never print, parse or touch files."""
 SPEAKING = {"print", "input", "open", "eval", "exec"}
 PRINTING = ("report", "commands", "cli.py")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from tcstudy.commands.shared import OK, checked, length_unit, output_argument, study_arguments
+from tcstudy.commands.shared import OK, checked, jobs_argument, length_unit, output_argument, study_arguments
 
 HELP = "check a study and say what a run would do"
 
@@ -12,11 +12,13 @@ HELP = "check a study and say what a run would do"
 def arguments(parser: argparse.ArgumentParser) -> None:
     study_arguments(parser)
     output_argument(parser, "result file that a run would write")
+    jobs_argument(parser)
 
 
 def command(options: argparse.Namespace) -> int:
     study, output = checked(options)
     from tcstudy.report.forecast import forecast_text
+    from tcstudy.study.jobs import work_words
     from tcstudy.study.plan import plan
 
     forecast = plan(study)
@@ -36,6 +38,7 @@ def command(options: argparse.Namespace) -> int:
             forecast.bytes,
             study.mesh.open_ended,
             length_unit(study),
+            work_words(study, forecast.levels, options.jobs),
         )
     )
     return OK

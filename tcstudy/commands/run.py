@@ -13,6 +13,7 @@ from tcstudy.commands.shared import (
     checked,
     force_argument,
     is_there,
+    jobs_argument,
     length_unit,
     output_argument,
     stored,
@@ -28,6 +29,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     study_arguments(parser)
     output_argument(parser, "result file (default: results/<study>.nc)")
     force_argument(parser)
+    jobs_argument(parser)
     parser.set_defaults(kept=KEPT)
 
 
@@ -42,7 +44,7 @@ def command(options: argparse.Namespace) -> int:
     from tcstudy.study.execute import execute
 
     with closing(progress(naming=naming(sweep_points(study)), length=length_unit(study))) as watcher:
-        result = execute(study, output, watcher, options.words)
+        result = execute(study, output, watcher, options.words, options.jobs)
     return _say(options, result.output, result.points, result.failed, "found")
 
 

@@ -62,6 +62,18 @@ def force_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--force", action="store_true", help=what)
 
 
+def jobs_argument(parser: argparse.ArgumentParser) -> None:
+    what = "worker processes that solve contact problems, 1 for none (default: as many as pay); the results are the same"
+    parser.add_argument("--jobs", type=count, metavar="N", help=what)
+
+
+def count(text: str) -> int:
+    """A number of things, 1 or more."""
+    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 4096:
+        raise argparse.ArgumentTypeError(f"{text} is no number of processes; give 1 or more")
+    return int(text)
+
+
 def error_argument(parser: argparse.ArgumentParser) -> None:
     what = "error that accuracy against cost is of, e.g. u_L2, xi_L2, friction_resultant (default: u_energy)"
     parser.add_argument("--error", metavar="NAME", help=what)

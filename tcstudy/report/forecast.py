@@ -34,8 +34,12 @@ def forecast_text(
     size: int,
     at_most: bool = False,
     length: str = "1",
+    work: str = "",
 ) -> str:
-    """Counts, sizes, what is left out and why; axes are (name, values, units), `length` is the unit of h."""
+    """Counts, sizes, what is left out and why.
+
+    axes: (name, values, units);  length: the unit of h;  work: who solves the contact problems, in words
+    """
     lines = [title, ""]
     for name, values, units in axes:
         words, units = scaled_labels([v if isinstance(v, str) else float(str(v)) for v in values], units)
@@ -49,6 +53,7 @@ def forecast_text(
     )
     fields = counted(heat_solves, "temperature field") if heat_solves else "no temperature field"
     lines.append(f"  per level: {counted(factorisations, 'stiffness factorisation')}, {fields}")
+    lines += [f"  {work}"] * bool(work)
     lines.append("")
     divisor, unit = prefix([v.h for v in levels], length)
     rows = [[str(i), number(v.h / divisor), _count(v.n_dof, v), _count(v.n_contact, v)] for i, v in enumerate(levels)]

@@ -15,6 +15,7 @@ from tcstudy.data.provenance import collect
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.store import write
 from tcstudy.scene.study import Study
+from tcstudy.study.jobs import choosing
 from tcstudy.study.plan import faults, output_of, warnings
 from tcstudy.study.run import Key, LevelWork, Watcher, run
 
@@ -43,13 +44,19 @@ class Quiet:
 
 
 def execute(
-    study: Study, output: Path | None = None, watcher: Watcher | None = None, command: Sequence[str] = ("tcstudy",)
+    study: Study,
+    output: Path | None = None,
+    watcher: Watcher | None = None,
+    command: Sequence[str] = ("tcstudy",),
+    jobs: int | None = None,
 ) -> Summary:
     """Run all points of a study and write the result file.
 
+    jobs: worker processes, None for as many as pay; only this process writes, and the numbers are the same to the bit
     A run that was killed or interrupted leaves its finished points beside the output; the same study then goes on
     where it stopped. Raises StoreError if the results cannot be kept, GeometryFailed if the body has no mesh;
-    KeyboardInterrupt passes through after the finished points are on the disk.
+    WorkersFailed if there are no worker processes; KeyboardInterrupt passes through after the
+    finished points are on the disk.
     """
     output = output if output is not None else output_of(study)
     watcher = watcher if watcher is not None else Quiet()
@@ -57,12 +64,16 @@ def execute(
     if problems:
         raise StoreError("\n".join(problems))
     # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
-    with threadpool_limits(1, user_api="blas"), Journal.open(output, study) as journal:
+    with (
+        threadpool_limits(1, user_api="blas"),
+        Journal.open(output, study) as journal,
+        choosing(jobs) as executor,
+    ):
         # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
         known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
         finished = {(block.level, block.number): without_fields(block) for block in known}
         watcher.begin(_work(study, finished), [*journal.warnings, *warnings(study)])
-        for record in run(study, finished):
+        for record in run(study, finished, executor):
             journal.add(record)
             if isinstance(record, LevelRecord):
                 if not record.stop:  # one that says why the level was the last follows its points

@@ -11,16 +11,20 @@ from numpy.typing import NDArray
 
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.errors import GeometryFailed
+from tcstudy.executors import Executor, Here
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.level import Level
 from tcstudy.offline.live import live_arrays
 from tcstudy.refine.family import Family
 from tcstudy.refine.survey import Survey
 from tcstudy.scene.study import Study
-from tcstudy.study.blocks import Solutions, Workshop, all_failed
+from tcstudy.study.blocks import Solutions
+from tcstudy.study.workshop import Workshop, all_failed
 
 Key = tuple[int, int]
 """A block: (level, number)."""
+Choice = Callable[[Study, int], Executor]
+"""(study, contact unknowns of a level) → who solves its blocks."""
 
 
 @dataclass(frozen=True)
@@ -60,16 +64,19 @@ class Stage:
     stop: Callable[[], str]
 
 
-def run(study: Study, finished: Mapping[Key, BlockRecord] | None = None) -> Iterator[LevelRecord | BlockRecord]:
+def run(
+    study: Study, finished: Mapping[Key, BlockRecord] | None = None, executor: Choice | None = None
+) -> Iterator[LevelRecord | BlockRecord]:
     """Yield each level's record, then its points, block by block.
 
     finished: blocks to leave out; their solutions start their neighbours as if they had been found in this run
+    executor: who solves the blocks of a level; None for this process
 
     A point that fails is recorded with its status and reason, and the rest goes on. Points come in an order that
     reuses factors and loads, not in the order of the sweep.
-    Raises GeometryFailed if the body cannot be meshed.
+    Raises GeometryFailed if the body cannot be meshed, WorkersFailed if the executor has no workers.
     """
-    for stage in stages(study, finished):
+    for stage in stages(study, finished, executor):
         if stage.record is not None:
             yield stage.record
         yield from stage.blocks
@@ -77,7 +84,9 @@ def run(study: Study, finished: Mapping[Key, BlockRecord] | None = None) -> Iter
             yield replace(stage.record, stop=stop)
 
 
-def stages(study: Study, finished: Mapping[Key, BlockRecord] | None = None) -> Iterator[Stage]:
+def stages(
+    study: Study, finished: Mapping[Key, BlockRecord] | None = None, executor: Choice | None = None
+) -> Iterator[Stage]:
     """The levels of a study one after the other; take all blocks of one before the next is asked for.
 
     Raises GeometryFailed if the body cannot be meshed.
@@ -98,7 +107,8 @@ def stages(study: Study, finished: Mapping[Key, BlockRecord] | None = None) -> I
             yield Stage(None, None, iter(() if 0 in known else (failed,)), str)
             continue
         survey = family.survey(level)
-        workshop = Workshop(study, level, Solutions(study, level.line.m), survey)
+        who = executor(study, level.line.m) if executor is not None else Here()
+        workshop = Workshop(study, level, Solutions(study, level.line.m), survey, who)
 
         def stop(survey: Survey | None = survey, last: bool = i + 1 == study.mesh.levels) -> str:
             return survey.stop(last) if survey is not None else ""

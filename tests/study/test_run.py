@@ -16,6 +16,7 @@ import xarray as xr
 import tcstudy
 from tcstudy.data.journal import COMMIT_SECONDS
 from tcstudy.data.records import PointStatus
+from tcstudy.executors import protocol
 from tcstudy.fem import forms as heat
 from tcstudy.offline import elastic as elastic_module
 from tcstudy.online import RowLaws
@@ -94,16 +95,14 @@ def test_a_constant_temperature_loads_the_body(tmp_path: Path) -> None:
 
 
 def test_a_failing_point_is_recorded_and_the_rest_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tcstudy.study import blocks as blocks_module
-
-    original = blocks_module.solve_block
+    original = protocol.solve_block
 
     def fail_once(body: object, loads: object, laws: RowLaws, *options: object) -> object:
         if np.any(laws.tables.b_scale[laws.law] == 0.01):
             raise ArithmeticError("made to fail")
         return original(body, loads, laws, *options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(blocks_module, "solve_block", fail_once)
+    monkeypatch.setattr(protocol, "solve_block", fail_once)
     data = run(tmp_path, SWEPT).to_dataset()
     assert np.all(data["status"].sel(tau=0.01) == int(PointStatus.ERROR))
     assert np.all(data["status"].drop_sel(tau=0.01) == int(PointStatus.OK))
@@ -128,10 +127,11 @@ import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent in the background hands down one that is ignored
 from pathlib import Path
 from tcstudy.read.study import read_study
+from tcstudy.executors import protocol
 from tcstudy.study import blocks
 from tcstudy.study.execute import execute
 blocks.POINTS = 1
-original = blocks.solve_block
+original = protocol.solve_block
 calls = 0
 def slow(*a, **k):
     global calls
@@ -140,7 +140,7 @@ def slow(*a, **k):
         Path(sys.argv[3]).touch()
         time.sleep(60)
     return original(*a, **k)
-blocks.solve_block = slow
+protocol.solve_block = slow
 try:
     execute(read_study(Path(sys.argv[1])), Path(sys.argv[2]))
 except KeyboardInterrupt:

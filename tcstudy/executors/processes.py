@@ -1,0 +1,214 @@
+"""Tasks solved by processes on this machine, which may die without taking anything along.
+
+Each worker is a fresh Python process (no fork: NGSolve's threads would not survive it, and no multiprocessing spawn: it
+would run the user's script again), reached through a socket by a thread of its own. What dies with a worker is the one
+task it has; the thread starts another worker and tries again as often as the task allows. concurrent.futures loses
+everything when one worker dies.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import queue
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from tcstudy.executors.protocol import Solved, Task, WorkerDied, WorkersFailed
+from tcstudy.online import Body
+
+PATIENCE = 600.0
+"""Seconds that a block may take at least before its worker counts as hanging."""
+FACTORISATIONS, FLOPS = 2000.0, 1e9
+"""A block may take the time of so many factorisations of Ã a point on a slow processor."""
+START = 120.0
+"""Seconds that a worker may take to start."""
+STARTS = 3
+"""Workers in a row that end before they are ready, after which none is started any more."""
+ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+PACKAGE = Path(__file__).parents[2]
+WORKER = ("-m", "tcstudy.executors.worker")
+
+
+def available() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def patience(task: Task) -> float:
+    """Seconds after which the worker of a task counts as hanging."""
+    points, m = task.loads.shape
+    return max(PATIENCE, FACTORISATIONS / FLOPS * points * m**3 / 3.0)
+
+
+@dataclass
+class _Worker:
+    """A process, the line to it, and the body that it has."""
+
+    process: subprocess.Popen[bytes]
+    line: Connection
+    body: Body | None = None
+
+    def end(self) -> int:
+        """Kill it; the exit code, negative for a signal."""
+        self.process.kill()
+        self.line.close()
+        return self.process.wait()
+
+
+@dataclass
+class _Job:
+    """A task on its way, and whom it has killed."""
+
+    task: Task
+    tries: int
+    future: Future[Solved] = field(default_factory=Future)
+
+
+class Processes:
+    """Worker processes; they start with the first tasks, as many as there are tasks for."""
+
+    def __init__(
+        self, jobs: int, limit: float | None = None, memory: int = 0, worker: tuple[str, ...] = WORKER
+    ) -> None:
+        """jobs: workers at most;  limit: seconds a block may take, None for `patience`
+
+        memory: bytes that a worker may use, 0 for no limit;  worker: what Python runs
+        """
+        self.jobs, self.ahead = jobs, 2 * jobs
+        self.limit, self.memory, self.worker = limit, memory, worker
+        self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
+        self._threads: list[threading.Thread] = []
+        self._workers: dict[threading.Thread, _Worker] = {}
+        self._lock = threading.Lock()
+        self._closed = False
+        self._failed_starts = 0
+
+    def grow(self, jobs: int) -> Processes:
+        """Let there be at least so many workers."""
+        self.jobs = max(self.jobs, jobs)
+        self.ahead = 2 * self.jobs
+        return self
+
+    def submit(self, task: Task, tries: int = 1) -> Future[Solved]:
+        """Give the task to the next worker that is free."""
+        job = _Job(task, tries)
+        self._jobs.put(job)
+        if len(self._threads) < self.jobs:
+            self._threads.append(threading.Thread(target=self._attend, daemon=True))
+            self._threads[-1].start()
+        return job.future
+
+    def close(self) -> None:
+        """End all workers at once; tasks under way are lost."""
+        with self._lock:
+            self._closed = True
+            workers = list(self._workers.values())
+        for worker in workers:
+            worker.process.kill()
+        for _ in self._threads:
+            self._jobs.put(None)
+        for thread in self._threads:
+            thread.join()
+
+    # -- one thread for each worker ----------------------------------------------------------------
+
+    def _attend(self) -> None:
+        """Hand tasks to one worker after the other until the executor is closed."""
+        try:
+            while (job := self._jobs.get()) is not None:
+                if self._closed:
+                    job.future.cancel()
+                    continue
+                try:
+                    job.future.set_result(self._solve(job))
+                except Exception as error:  # whoever asks for the result gets it
+                    job.future.set_exception(error)
+        finally:
+            self._dismiss()
+
+    def _solve(self, job: _Job) -> Solved:
+        """Try a task; each time its worker dies, on a fresh one."""
+        reason = ""
+        for _ in range(job.tries):
+            worker = self._workers.get(threading.current_thread()) or self._start()
+            limit = patience(job.task) if self.limit is None else self.limit
+            try:
+                answer = self._ask(worker, job.task, limit)
+            except TimeoutError:
+                self._dismiss()
+                reason = f"no answer within {limit:g} s"
+            except (EOFError, OSError):
+                reason = _death(self._dismiss())
+            else:
+                if isinstance(answer, Exception):
+                    raise answer
+                return answer
+            if self._closed:
+                break
+        raise WorkerDied(f"the worker process that solved this died: {reason}")
+
+    @staticmethod
+    def _ask(worker: _Worker, task: Task, limit: float) -> Solved | Exception:
+        """The answer of a worker; EOFError or OSError if it died over it, TimeoutError if there is none."""
+        if worker.body is not task.body:
+            worker.line.send(task.body)
+            worker.body = task.body
+        worker.line.send((task.loads, task.laws, task.options, task.neighbours))
+        if not worker.line.poll(limit):
+            raise TimeoutError
+        answer: Solved | Exception = worker.line.recv()
+        return answer
+
+    def _start(self) -> _Worker:
+        """A fresh worker, ready; raises WorkersFailed if several in a row did not come up."""
+        while not self._closed and self._failed_starts < STARTS:
+            worker = self._launch()
+            with contextlib.suppress(EOFError, OSError):
+                if worker.line.poll(START) and worker.line.recv() == "ready":
+                    self._failed_starts = 0
+                    return worker
+            self._failed_starts += 1
+            reason = _death(self._dismiss())
+        if self._closed:
+            raise WorkerDied("the run was ended")
+        raise WorkersFailed(f"worker processes cannot be started ({reason}); run with --jobs 1")
+
+    def _launch(self) -> _Worker:
+        ours, theirs = socket.socketpair()
+        with ours, theirs:
+            path = os.pathsep.join(filter(None, [str(PACKAGE), os.environ.get("PYTHONPATH", "")]))
+            words = [sys.executable, "-P", *self.worker, str(theirs.fileno()), str(self.memory)]
+            environment = {**os.environ, **dict.fromkeys(ONE_THREAD, "1"), "PYTHONPATH": path}
+            process = subprocess.Popen(
+                words, env=environment, pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+            )
+            worker = _Worker(process, Connection(ours.detach()))
+        with self._lock:
+            self._workers[threading.current_thread()] = worker
+            if self._closed:
+                process.kill()
+        return worker
+
+    def _dismiss(self) -> int:
+        """End this thread's worker; its exit code."""
+        with self._lock:
+            worker = self._workers.pop(threading.current_thread(), None)
+        return worker.end() if worker is not None else 0
+
+
+def _death(code: int) -> str:
+    """What an exit code says."""
+    if code >= 0:
+        return f"it ended with exit code {code}"
+    with contextlib.suppress(ValueError):
+        name = signal.Signals(-code).name
+        return f"signal {name}" + (", perhaps for want of memory" if name == "SIGKILL" else "")
+    return f"signal {-code}"

@@ -1,0 +1,74 @@
+"""What an executor takes and gives."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.errors import UserFault
+from tcstudy.online import BlockAnswers, Body, Options, RowLaws, solve_block
+
+Array = NDArray[np.float64]
+
+
+class WorkerDied(RuntimeError):
+    """A worker was killed, crashed or never answered over a block, as often as it was tried."""
+
+
+class WorkersFailed(RuntimeError):
+    """No worker can be started; says why and what to do."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A block of P points on one body.
+
+    loads:      (P, m) l̃ of every point [N/m];  laws: of every row
+    neighbours: (P, m) as in solve_block, None if there are none
+    """
+
+    body: Body
+    loads: Array
+    laws: RowLaws
+    options: Options
+    neighbours: Array | None = None
+
+    def solve(self) -> Solved:
+        """Solve the block in this process."""
+        start = time.perf_counter()
+        answers = solve_block(self.body, self.loads, self.laws, self.options, self.neighbours)
+        return Solved(answers, time.perf_counter() - start)
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """The answers of a task and the wall time [s] that whoever solved it took."""
+
+    answers: BlockAnswers
+    time: float
+
+
+class Executor(Protocol):
+    """Solves tasks, in whatever order; the numbers of a task depend on the task alone, to the bit.
+
+    ahead: how many tasks it likes to have beside the one that is waited for
+    """
+
+    ahead: int
+
+    def submit(self, task: Task, tries: int = 1) -> Future[Solved]:
+        """Begin a task.
+
+        tries: workers that may die over it, one after the other
+        The future raises what solve_block raised, WorkerDied, or WorkersFailed.
+        """
+        ...
+
+    def close(self) -> None:
+        """End all workers at once, whatever they do."""
+        ...

@@ -1,0 +1,68 @@
+"""A worker process: takes bodies and tasks from its parent, gives answers, and ends when the parent does.
+
+Messages to it: a Body, which it keeps until the next; then (loads, laws, options, neighbours), each answered by a
+Solved or by the exception of the solve. It writes nothing.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from multiprocessing.connection import Connection
+
+from tcstudy.executors.protocol import Task
+from tcstudy.online import Body
+
+
+def serve(parent: Connection) -> None:
+    """Answer tasks until the parent hangs up."""
+    body: Body | None = None
+    parent.send("ready")
+    while True:
+        try:
+            message = parent.recv()
+        except (EOFError, OSError):  # the parent has gone
+            return
+        if isinstance(message, Body):
+            body = message
+            continue
+        assert body is not None
+        try:
+            parent.send(Task(body, *message).solve())
+        except (BrokenPipeError, ConnectionResetError):
+            return
+        except Exception as error:  # the parent decides what becomes of the block
+            parent.send(portable(error))
+
+
+def portable(error: Exception) -> Exception:
+    """An exception that pickles: of solve_block these are NumPy's, SciPy's and Python's, MemoryError among them."""
+    try:
+        return type(error)(str(error))
+    except Exception:  # one that is made otherwise
+        return RuntimeError(f"{type(error).__name__}: {error}")
+
+
+def follow(parent: int) -> None:
+    """End with the parent, even in the middle of a block."""
+    while os.getppid() == parent:
+        time.sleep(1.0)
+    os._exit(1)
+
+
+def main() -> None:
+    """Serve the parent whose connection has the number that is the first argument; memory [bytes] is the second."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C is for the parent, which then ends its workers
+    if len(sys.argv) > 2 and int(sys.argv[2]):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
+    threading.Thread(target=follow, args=(os.getppid(),), daemon=True).start()
+    serve(Connection(int(sys.argv[1])))
+
+
+if __name__ == "__main__":
+    main()

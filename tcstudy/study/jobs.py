@@ -1,0 +1,61 @@
+"""Who solves the blocks of a level: this process, or as many workers as pay."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from tcstudy.executors import Executor, Here, Processes, available
+from tcstudy.scene.study import Study
+from tcstudy.study.blocks import in_blocks
+from tcstudy.study.run import Choice
+from tcstudy.study.sizes import LevelForecast
+
+POINT, NODE = 0.1e-3, 6e-6
+"""Seconds that a point takes, and more for each contact unknown (results/online.md): a rough figure is enough."""
+WORTH = 4.0
+"""Seconds of work from which a worker is worth its start, of about one."""
+
+
+def seconds(study: Study, m: int) -> float:
+    """About how long the contact problems of a level with m contact unknowns take one process."""
+    return len(study.scenes) * (POINT + NODE * m)
+
+
+def workers(study: Study, m: int, jobs: int | None = None) -> int:
+    """Worker processes for a level with m contact unknowns; 1 means that this process solves it itself.
+
+    jobs: as the user asks, None for as many as pay
+    Points that are not solved in blocks, and meshes that wait for every point, leave workers nothing to do.
+    """
+    if not in_blocks(study) or study.mesh.estimates or os.name != "posix":
+        return 1
+    if jobs is not None:
+        return jobs
+    return max(1, min(available(), int(seconds(study, m) / WORTH)))
+
+
+def work_words(study: Study, levels: Sequence[LevelForecast], jobs: int | None) -> str:
+    """Who will solve the contact problems, in words."""
+    most = max((workers(study, level.n_contact, jobs) for level in levels), default=1)
+    took = sum(seconds(study, level.n_contact) for level in levels)
+    about = f"contact problems: about {took:.1g} s of one process" if took >= WORTH else ""
+    if most > 1:
+        return f"{about or 'contact problems'}, solved by {most} worker processes (--jobs)"
+    return about
+
+
+@contextmanager
+def choosing(jobs: int | None) -> Iterator[Choice]:
+    """Who solves the blocks of each level; workers end with the context, whatever happens."""
+    here, pool = Here(), Processes(1)
+
+    def choose(study: Study, m: int) -> Executor:
+        count = workers(study, m, jobs)
+        return pool.grow(count) if count > 1 else here
+
+    try:
+        yield choose
+    finally:
+        pool.close()

@@ -1,0 +1,230 @@
+"""A level at work: blocks are condensed here, solved by an executor, and become records.
+
+Solved one by one, here: points for which the study names several solvers, the bundle method or an iteration limit.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Future
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.condense import NotPositiveDefinite
+from tcstudy.data.records import BlockRecord, PointRecord, PointStatus, block_of
+from tcstudy.executors import Executor, Here, Solved, Task, WorkersFailed
+from tcstudy.offline.level import CondensedBlock, Level
+from tcstudy.online import Body, LawTables, Options, RowLaws
+from tcstudy.refine.survey import Survey
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.records import Scene
+from tcstudy.scene.study import Study
+from tcstudy.study.blocks import Block, Solutions, blocks_of, in_blocks
+from tcstudy.study.measures import block_numbers, line_values, point_status
+from tcstudy.study.point import solve_point
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A block on its way: what is known of it beside the answers that an executor owes.
+
+    known: the block itself, if it was solved before or could not be condensed
+    """
+
+    block: Block
+    known: BlockRecord | None = None
+    condensed: CondensedBlock | None = None
+    laws: RowLaws | None = None
+    answers: Future[Solved] | None = None
+
+
+@dataclass(frozen=True)
+class Workshop:
+    """A level at work: what its blocks are solved with."""
+
+    study: Study
+    level: Level
+    solutions: Solutions
+    survey: Survey | None
+    executor: Executor = field(default_factory=Here)
+    bodies: dict[object, Body] = field(default_factory=dict)
+
+    def work(self, finished: Mapping[int, BlockRecord]) -> Iterator[BlockRecord]:
+        """Solve the blocks of the level of which an earlier run left nothing, and give them in their order.
+
+        finished: what it left, by number; its solutions start neighbours, and their errors are estimated again,
+                  since the next mesh depends on them
+        A few blocks are prepared ahead, so that whoever solves them need not wait for loads.
+        """
+        waiting: deque[Prepared] = deque()
+        for block in blocks_of(self.study, self.level.line.m, self.level.mesh.n_points):
+            while waiting and (len(waiting) > self.executor.ahead or self._must_wait(waiting[-1].block, block)):
+                yield from self._finish(waiting.popleft())
+            known = finished.get(block.number)
+            if known is None or not np.array_equal(known.points, block.points):
+                waiting.append(self._prepare(block, tries=2))
+            else:
+                waiting.append(Prepared(block, known))
+        while waiting:
+            yield from self._finish(waiting.popleft())
+
+    def _must_wait(self, last: Block, block: Block) -> bool:
+        """Whether a block needs the solutions of those before, or takes away the factor that these need to end."""
+        more = self.survey is not None or self.study.output.fields
+        return (self.solutions.kept and block.wave != last.wave) or (more and block.ratio != last.ratio)
+
+    def _prepare(self, block: Block, tries: int = 1) -> Prepared:
+        """Condense a block and hand it to the executor; what breaks down there is told where answers are due.
+
+        tries: workers that may die over it
+        """
+        if not in_blocks(self.study):
+            return Prepared(block)
+        try:
+            scenes = [self._scene(place) for place in block.points]
+            condensed = self.level.block(scenes)
+            factor = condensed.mu / condensed.mu[0]
+            laws = row_laws([scene.friction for scene in scenes], factor)
+            options = Options(self.study.solver.branch, self.study.solver.tolerance)
+            loads, near = condensed.l_tilde / factor[:, None], self.solutions.beside(block.points)
+            task = Task(self._body(condensed, Level.ratio(scenes[0])), loads, laws, options, near)
+            return Prepared(block, None, condensed, laws, self.executor.submit(task, tries))
+        except Exception as error:  # as in solve_point
+            broken: Future[Solved] = Future()
+            broken.set_exception(error)
+            return Prepared(block, answers=broken)
+
+    def _finish(self, prepared: Prepared) -> Iterator[BlockRecord]:
+        """The block's record, unless it was there before; every failure becomes a status with its reason."""
+        known = prepared.known
+        if known is not None:
+            self.solutions.take(known)
+            if self.survey is not None:
+                self._completed(known)
+            return
+        block = prepared.block
+        record = self._together(prepared) if in_blocks(self.study) else self._singly(block)
+        self.solutions.take(record)
+        yield replace(record, number=block.number)
+
+    def _singly(self, block: Block) -> BlockRecord:
+        """One point after the other."""
+        near = self.solutions.beside(block.points)
+        points = []
+        for row, place in enumerate(block.points):
+            neighbour = None if near is None or np.isnan(near[row]).any() else near[row]
+            point = solve_point(self.study, self.level, self._index(place), self._scene(place), neighbour)
+            try:
+                points.append(self._with_more(point))
+            except Exception as error:  # as in solve_point
+                reason = f"{type(error).__name__}: {error}"
+                points.append(replace(point, status=PointStatus.ERROR, reason=reason, numbers={}, fields={}))
+        return block_of(points, self.study.shape, block.number)
+
+    def _together(self, prepared: Prepared) -> BlockRecord:
+        """All points at once; where that breaks down, half of them at a time, to find the one that does it."""
+        block = prepared.block
+        try:
+            return self._completed(self._solved(prepared))
+        except WorkersFailed:
+            raise
+        except NotPositiveDefinite as error:
+            status, reason = PointStatus.SINGULAR, str(error)
+        except Exception as error:  # one point must not end a sweep; what it was stands in the data
+            status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
+        if len(block.points) == 1:
+            return _failed(self.study, self.level.mesh.level, block, status, reason)
+        halves = [replace(block, points=part) for part in np.array_split(block.points, 2)]
+        parts = [self._prepare(half, tries=1 + (len(half.points) == 1)) for half in halves]
+        points = [point for part in parts for point in self._together(part).one_by_one()]
+        return block_of(points, self.study.shape, block.number)
+
+    def _solved(self, prepared: Prepared) -> BlockRecord:
+        block, condensed, laws = prepared.block, prepared.condensed, prepared.laws
+        assert prepared.answers is not None
+        solved = prepared.answers.result()
+        assert condensed is not None
+        assert laws is not None
+        answers, elapsed = solved.answers, solved.time / len(block.points)
+        factor = condensed.mu / condensed.mu[0]
+        scenes = [self._scene(place) for place in block.points]
+        vanishing = np.array([scene.friction.vanishes for scene in scenes])
+        xi, sticks = line_values(answers, laws, factor, vanishing)
+        return BlockRecord(
+            number=block.number,
+            level=self.level.mesh.level,
+            shape=self.study.shape,
+            points=block.points,
+            status=point_status(answers.status),
+            reasons={row: reason for row, reason in enumerate(answers.reasons) if reason},
+            numbers=block_numbers(condensed, factor, answers, xi, sticks, elapsed),
+            u_T=answers.v,
+            xi=xi / condensed.c,
+            sticks=sticks.astype(np.int8),
+        )
+
+    def _body(self, condensed: CondensedBlock, ratio: float) -> Body:
+        """The body of a λ/μ at the first μ of a block, made once for blocks that follow one another."""
+        mu = float(condensed.mu[0])
+        key = (ratio, mu)
+        if key not in self.bodies:
+            self.bodies.clear()
+            self.bodies[key] = Body.of(mu * condensed.A_tilde, condensed.c)
+        return self.bodies[key]
+
+    def _completed(self, record: BlockRecord) -> BlockRecord:
+        """Whole-body fields and estimates, where the study asks for them."""
+        if self.survey is None and not self.study.output.fields:
+            return record
+        points = [self._with_more(point) for point in record.one_by_one()]
+        return block_of(points, self.study.shape, record.number)
+
+    def _with_more(self, point: PointRecord) -> PointRecord:
+        if point.status != PointStatus.OK:
+            return point
+        scene = self._scene(int(np.ravel_multi_index(point.index, self.study.shape)) if point.index else 0)
+        condensed = self.level.condensed(scene)
+        numbers, fields = dict(point.numbers), dict(point.fields)
+        if self.survey is not None:
+            numbers |= self.survey.look(point.index, scene, condensed, point.u_T)
+        if self.study.output.fields and not fields:
+            fields = self.level.fields(scene, condensed, point.u_T)
+        return replace(point, numbers=numbers, fields=fields)
+
+    def _scene(self, place: int) -> Scene:
+        return self.study.scenes[int(place)]
+
+    def _index(self, place: int) -> tuple[int, ...]:
+        return tuple(int(i) for i in np.unravel_index(place, self.study.shape)) if self.study.shape else ()
+
+
+def row_laws(laws: list[FrictionLaw], factor: Array) -> RowLaws:
+    """The laws of a block, each scaled by the row's stiffness over that of the body."""
+    known: dict[tuple[FrictionLaw, float], int] = {}
+    rows = [known.setdefault((law, float(f)), len(known)) for law, f in zip(laws, factor, strict=True)]
+    scaled = [law if f == 1.0 else law.scaled(1.0, f) for law, f in known]
+    return RowLaws(LawTables.of(scaled), np.array(rows, dtype=np.intp)[:, None])
+
+
+def all_failed(study: Study, level: int, status: PointStatus, reason: str) -> BlockRecord:
+    """All points of a level that could not be made."""
+    return _failed(study, level, Block(0, np.arange(len(study.scenes))), status, reason)
+
+
+def _failed(study: Study, level: int, block: Block, status: PointStatus, reason: str) -> BlockRecord:
+    """A block without results."""
+    count = len(block.points)
+    return BlockRecord(
+        number=block.number,
+        level=level,
+        shape=study.shape,
+        points=block.points,
+        status=np.full(count, int(status), dtype=np.int8),
+        reasons=dict.fromkeys(range(count), reason),
+        numbers={},
+    )

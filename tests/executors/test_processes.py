@@ -1,0 +1,168 @@
+"""Worker processes: the same numbers to the bit, and nothing lost but the point that does it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tcstudy.data.journal import COMMIT_SECONDS
+from tcstudy.data.records import BlockRecord, PointStatus
+from tcstudy.executors import Executor, Here, Processes, WorkersFailed
+from tcstudy.scene.study import Study
+from tcstudy.study import blocks
+from tcstudy.study.execute import execute
+from tcstudy.study.run import run
+from tests.verification.scenes import RECTANGLE, study_of
+
+SWEPT = RECTANGLE + "\nsweep: {friction.tau: [0.005, 0.01, 0.02, 0.03]}\n"
+TAU = 0.01
+CRUEL = str(Path(__file__).with_name("cruel.py"))
+ARRAYS = ("points", "status", "u_T", "xi", "sticks")
+
+
+@pytest.fixture(autouse=True)
+def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blocks, "POINTS", 2)
+
+
+@pytest.fixture(scope="module")
+def pool() -> Iterator[Processes]:
+    workers = Processes(2)
+    yield workers
+    workers.close()
+
+
+def solved(study: Study, executor: Executor) -> list[BlockRecord]:
+    records = run(study, executor=lambda study, m: executor)
+    return [record for record in records if isinstance(record, BlockRecord)]
+
+
+def assert_same(some: list[BlockRecord], others: list[BlockRecord]) -> None:
+    """Equal to the bit, times aside."""
+    assert [(b.level, b.number) for b in some] == [(b.level, b.number) for b in others]
+    for a, b in zip(some, others, strict=True):
+        assert all(np.array_equal(getattr(a, name), getattr(b, name)) for name in ARRAYS)
+        assert a.reasons == b.reasons
+        assert a.numbers.keys() == b.numbers.keys()
+        for name, values in a.numbers.items():
+            assert name.startswith("time_") or np.array_equal(values, b.numbers[name], equal_nan=True), name
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        (),
+        ("solver={name: separable-newton, branch: continued}",),
+        ("sweep={nu: [0.2, 0.3], E: [1, 2, 3]}", "output={fields: true}"),
+        ("mesh={maxh: 0.5, levels: 2, family: adaptive}",),
+    ],
+)
+def test_workers_find_the_same_to_the_bit(pool: Processes, changes: tuple[str, ...]) -> None:
+    study = study_of(SWEPT.replace("levels: 3", "levels: 2"), *changes)
+    assert_same(solved(study, pool), solved(study, Here()))
+
+
+@pytest.mark.parametrize("what", ["once-kill", "once-crash", "once-hang"])
+def test_a_block_whose_worker_dies_once_is_solved_all_the_same(tmp_path: Path, what: str) -> None:
+    study = study_of(SWEPT, "mesh.levels=1")
+    limit = 10.0 if what == "once-hang" else None
+    workers = Processes(2, limit, worker=(CRUEL, what, str(TAU), str(tmp_path / "pids")))
+    try:
+        assert_same(solved(study, workers), solved(study, Here()))
+    finally:
+        workers.close()
+    assert len((tmp_path / "pids").read_text().split()) == 2
+
+
+@pytest.mark.parametrize(
+    ("what", "words"), [("kill", "signal SIGKILL"), ("crash", "signal SIGSEGV"), ("exhaust", "MemoryError")]
+)
+def test_a_point_that_kills_its_workers_is_recorded_and_the_rest_goes_on(tmp_path: Path, what: str, words: str) -> None:
+    study = study_of(SWEPT, "mesh.levels=1")
+    workers = Processes(2, memory=2**33, worker=(CRUEL, what, str(TAU), str(tmp_path / "pids")))
+    try:
+        first, second = solved(study, workers)
+    finally:
+        workers.close()
+    row = int(np.flatnonzero(first.points == 1)[0])
+    assert first.status[row] == PointStatus.ERROR
+    assert words in first.reasons[row]
+    assert np.all(np.delete(first.status, row) == PointStatus.OK)
+    assert len((tmp_path / "pids").read_text().split()) == (2 if what == "exhaust" else 4)  # block: 2, point: 2
+    expected = solved(study, Here())
+    assert_same([second], expected[1:])
+    assert first.u_T is not None
+    assert expected[0].u_T is not None
+    np.testing.assert_allclose(first.u_T[1 - row], expected[0].u_T[1 - row], rtol=1e-12, atol=1e-15)
+
+
+def test_workers_that_never_start_end_the_run() -> None:
+    workers = Processes(2, worker=("-c", "raise SystemExit(3)"))
+    try:
+        with pytest.raises(WorkersFailed, match="exit code 3.*--jobs 1"):
+            solved(study_of(SWEPT, "mesh.levels=1"), workers)
+    finally:
+        workers.close()
+
+
+LONG = """
+import signal, sys
+from functools import partial
+from pathlib import Path
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent in the background hands down one that is ignored
+from tcstudy.read.study import read_study
+from tcstudy.study import blocks, jobs
+from tcstudy.study.execute import execute
+blocks.POINTS = 2
+jobs.Processes = partial(jobs.Processes, worker=tuple(sys.argv[3:]))
+try:
+    execute(read_study(Path(sys.argv[1])), Path(sys.argv[2]), jobs=2)
+except KeyboardInterrupt:
+    sys.exit(130)
+"""
+
+
+@pytest.mark.parametrize("kill", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupted_run_leaves_its_points_and_no_workers(tmp_path: Path, kill: signal.Signals) -> None:
+    """The last block hangs; what was solved before stays, and the run goes on from there to the same numbers."""
+    file, output, pids = tmp_path / "study.yaml", tmp_path / "out.nc", tmp_path / "pids"
+    text = SWEPT.replace("levels: 3", "levels: 1")
+    file.write_text(text)
+    words = [sys.executable, "-c", LONG, str(file), str(output), CRUEL, "hang", "0.03", str(pids)]
+    parent = subprocess.Popen(words, start_new_session=True)
+    try:
+        deadline = time.monotonic() + 120
+        while not pids.exists() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        time.sleep(COMMIT_SECONDS + 2.0)  # the first block, which the other worker has, is solved and safe
+        os.killpg(parent.pid, kill) if kill == signal.SIGINT else parent.send_signal(kill)
+        assert parent.wait(30) in (-kill, 130)
+        assert all(gone(int(pid)) for pid in pids.read_text().split())
+    finally:  # no child outlives the test
+        parent.kill()
+        parent.wait()
+    study = study_of(text)
+    assert (tmp_path / "out.nc.partial").exists()
+    summary = execute(study, output)
+    assert summary.resumed == 2
+    assert summary.failed == 0
+
+
+def gone(pid: int) -> bool:
+    """Whether a process has ended, or does so soon."""
+    deadline = time.monotonic() + 20
+    while time.monotonic() < deadline:
+        try:
+            os.kill(pid, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    return False
