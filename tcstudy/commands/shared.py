@@ -63,7 +63,7 @@ def force_argument(parser: argparse.ArgumentParser) -> None:
 
 
 def jobs_argument(parser: argparse.ArgumentParser) -> None:
-    what = "worker processes that solve contact problems, 1 for none (default: as many as pay); the results are the same"
+    what = "worker processes that solve contact problems, 1 for none (default: as many as pay)"
     parser.add_argument("--jobs", type=count, metavar="N", help=what)
 
 

@@ -10,7 +10,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.errors import UserFault
 from tcstudy.online import BlockAnswers, Body, Options, RowLaws, solve_block
 
 Array = NDArray[np.float64]

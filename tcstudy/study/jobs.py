@@ -41,9 +41,10 @@ def work_words(study: Study, levels: Sequence[LevelForecast], jobs: int | None) 
     most = max((workers(study, level.n_contact, jobs) for level in levels), default=1)
     took = sum(seconds(study, level.n_contact) for level in levels)
     about = f"contact problems: about {took:.1g} s of one process" if took >= WORTH else ""
-    if most > 1:
-        return f"{about or 'contact problems'}, solved by {most} worker processes (--jobs)"
-    return about
+    who = f"solved by {most} worker processes (--jobs)"
+    if most == 1:
+        return about
+    return f"{about}, {who}" if about else f"contact problems {who}"
 
 
 @contextmanager

@@ -107,7 +107,7 @@ def test_a_point_that_kills_its_workers_is_recorded_and_the_rest_goes_on(tmp_pat
 def test_workers_that_never_start_end_the_run() -> None:
     workers = Processes(2, worker=("-c", "raise SystemExit(3)"))
     try:
-        with pytest.raises(WorkersFailed, match="exit code 3.*--jobs 1"):
+        with pytest.raises(WorkersFailed, match=r"exit code 3.*--jobs 1"):
             solved(study_of(SWEPT, "mesh.levels=1"), workers)
     finally:
         workers.close()
