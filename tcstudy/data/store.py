@@ -222,7 +222,7 @@ def _take_block(root: Arrays, contact: Arrays, block: BlockRecord, places: Place
     for name, line in (("u_T", block.u_T), ("xi", block.xi), ("sticks", block.sticks)) if known.any() else ():
         if not contact:
             raise ValueError(f"block {block.number} has values on level {block.level}, which has no record")
-        if line is not None:
+        if line is not None and name in contact:
             contact[name].reshape(count, -1)[places[known]] = line[known]
 
 

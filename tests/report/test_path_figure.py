@@ -10,7 +10,7 @@ import pytest
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.report import style
 from tcstudy.report.path_figure import draw_path, path_figure, symbol
-from tcstudy.report.path_states import read_path_picture
+from tcstudy.report.path_states import read_path_picture, seen_folds
 from tcstudy.report.path_summary import path_summary
 from tcstudy.report.style import DrawError
 from tcstudy.study.path_execute import execute_path
@@ -56,8 +56,9 @@ def test_stable_unstable_and_lowest_parts_are_told_apart(pad: Path) -> None:
     stable = np.isfinite(solid[0].get_xdata()[1:] + solid[0].get_xdata()[:-1]).sum()  # type: ignore[operator,index]
     assert stable == int(picture.data["stable"].sum())
     folds = [line for line in curve.lines if line.get_marker() == "o"]
-    turns = 1e3 * picture.t[picture.data["fold_vertex"].values]
-    assert folds[0].get_xdata() == pytest.approx(turns, rel=1e-12)
+    vertices, small = seen_folds(picture.data)
+    assert (len(vertices), small) == (8, picture.data.sizes["fold"] - 8)
+    assert folds[0].get_xdata() == pytest.approx(1e3 * picture.t[vertices], rel=1e-12)
     texts = [text.get_text() for text in curve.get_legend().get_texts()]  # type: ignore[union-attr]
     assert texts[:3] == ["stable", "unstable", "global minimum (proved)"]
     assert curve.get_xlim() == pytest.approx((0.0, 2.0))
