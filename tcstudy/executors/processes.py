@@ -161,7 +161,7 @@ class Processes:
         if worker.body is not task.body:
             worker.line.send(task.body)
             worker.body = task.body
-        worker.line.send((task.loads, task.laws, task.options, task.neighbours))
+        worker.line.send((task.loads, task.laws, task.options, task.neighbours, task.exact))
         if not worker.line.poll(limit):
             raise TimeoutError
         answer: Solved | Exception = worker.line.recv()

@@ -28,7 +28,7 @@ class Task:
     """A block of P points on one body.
 
     loads:      (P, m) l̃ of every point [N/m];  laws: of every row
-    neighbours: (P, m) as in solve_block, None if there are none
+    neighbours: (P, m), exact: (m,) as in solve_block, None if there are none
     """
 
     body: Body
@@ -36,11 +36,12 @@ class Task:
     laws: RowLaws
     options: Options
     neighbours: Array | None = None
+    exact: Array | None = None
 
     def solve(self) -> Solved:
         """Solve the block in this process."""
         start = time.perf_counter()
-        answers = solve_block(self.body, self.loads, self.laws, self.options, self.neighbours)
+        answers = solve_block(self.body, self.loads, self.laws, self.options, self.neighbours, self.exact)
         return Solved(answers, time.perf_counter() - start)
 
 

@@ -1,7 +1,7 @@
 """A worker process: takes bodies and tasks from its parent, gives answers, and ends when the parent does.
 
-Messages to it: a Body, which it keeps until the next; then (loads, laws, options, neighbours), each answered by a
-Solved or by the exception of the solve. It writes nothing.
+Messages to it: a Body, which it keeps until the next; then (loads, laws, options, neighbours, exact), each answered by
+a Solved or by the exception of the solve. It writes nothing.
 """
 
 from __future__ import annotations

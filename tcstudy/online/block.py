@@ -32,12 +32,13 @@ from tcstudy.online.descent import TOLERANCE, Descended, descend, descend_nested
 from tcstudy.online.problems import BlockAnswers, Certificates, Judged, Rows, judge
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.online.search import hull_starts, move_starts
-from tcstudy.scene.methods import ESCAPE, FRICTIONLESS, NEIGHBOUR, ZERO, Branch
+from tcstudy.scene.methods import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NAMES, ZERO, Branch
 from tcstudy.scene.study import Acceptance
 from tcstudy.solve.contact import TIE, Answer, solve_contact
 from tcstudy.solve.loop import Status
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.solve.search.escape import MOVES
+from tcstudy.solve.separable.finish import finish
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -63,13 +64,19 @@ class Options:
 
 
 def solve_block(
-    body: Body, loads: Array, laws: RowLaws, options: Options | None = None, neighbours: Array | None = None
+    body: Body,
+    loads: Array,
+    laws: RowLaws,
+    options: Options | None = None,
+    neighbours: Array | None = None,
+    exact: Array | None = None,
 ) -> BlockAnswers:
     """Solve and certify P points.
 
     loads:      (P, m) l̃ of every point [N/m]
     laws:       the law of every row, or of every node
     neighbours: (P, m) solutions of neighbouring points for branch "continued", NaN in rows without one [m]
+    exact:      (m,) the exact solution at the contact nodes, where it is known, for branch "lowest" [m]
     """
     block = _Block(Rows(body, laws, np.asarray(loads, dtype=float)), options or Options(), neighbours)
     block.prove_unique()
@@ -78,6 +85,8 @@ def solve_block(
     if block.options.branch == "lowest":
         block.search(np.flatnonzero(~block.unique & ~block.lowest))
     block.solve_singly()
+    if exact is not None and block.options.branch == "lowest" and laws.plain:
+        block.begin_at(exact)
     return block.answers()
 
 
@@ -90,7 +99,7 @@ class _Block:
         self.neighbours = np.full((count, m), np.nan) if neighbours is None else neighbours
         self.v, self.energy = np.zeros((count, m)), np.full(count, np.inf)
         self.solved = np.zeros(count, dtype=bool)
-        self.start, self.energies = np.zeros(count, dtype=np.int8), np.full((count, 4), np.nan)
+        self.start, self.energies = np.zeros(count, dtype=np.int8), np.full((count, len(START_NAMES)), np.nan)
         self.steps = np.zeros(count, dtype=np.intp)
         self.omega = rows.laws.omega()
         self.convex = self.omega < (1.0 - MARGIN) * rows.body.lambda_1
@@ -191,6 +200,21 @@ class _Block:
         self.strict[changed] = self.unique[changed] | self.lowest[changed]
         open_ = changed[~self.strict[changed]]
         self.strict[open_] = strict_minimum(self.rows.take(open_), self.v[open_])
+
+    def begin_at(self, exact: Array) -> None:
+        """Newton's method on the pieces that the exact solution is on, as in solve_contact; unique ones are known."""
+        only = self.unique & self.solved
+        self.energies[only, EXACT] = self.energy[only]
+        for p in np.flatnonzero(~only):
+            rows = self.rows
+            problem = ContactProblem(rows.body.A_tilde, rows.loads[p], rows.body.c, rows.laws.single(int(p)))
+            v, residual = finish(problem, exact)
+            ended = Descended(v[None], np.array([residual]), np.zeros(1, dtype=np.intp))
+            if self.offer(np.array([p]), ended, EXACT)[0]:
+                self.single.pop(int(p), None)
+                self.lowest[p] = self.strict[p] = False
+                self.certify(np.array([p]))
+                self.strict[p] = self.lowest[p] or strict_minimum(rows.take(np.array([p])), self.v[[p]])[0]
 
     def _ask_single(self, p: int) -> bool:
         """Solve one point by tcstudy.solve.contact; whether its answer is taken."""

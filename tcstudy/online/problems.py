@@ -90,8 +90,8 @@ class BlockAnswers:
     energy:             (P,) L̃(v) [J/m]
     status:             (P,) tcstudy.solve.loop.Status
     reasons:            why a point has no solution, empty for a solution
-    start:              (P,) ZERO, FRICTIONLESS, NEIGHBOUR or ESCAPE of tcstudy.solve.contact: what led to v
-    start_energies:     (P, 4) L̃ of the solutions found from these starts; NaN where none was sought or found
+    start:              (P,) ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE or EXACT of tcstudy.solve.contact: led to v
+    start_energies:     (P, 5) L̃ of the solutions found from these starts; NaN where none was sought or found
     steps:              (P,) Newton steps on the body itself of the descent that led to v, or of the single solve
     searched_singly:    (P,) the single solve was asked, too
     certificates:       what is proved

@@ -14,7 +14,8 @@ Branch = Literal["lowest", "continued", "from-zero"]
 """Which solution is stored where several are found; see `SolverPlan`."""
 BRANCHES: tuple[Branch, ...] = get_args(Branch)
 
-START_NAMES = ("zero", "frictionless", "neighbour", "escape")
-"""Starts: no displacement, the solution without friction, the solution of a neighbouring problem, and, where these may
-not have led to the least energy, the convexified problem and moves of single nodes (solve/search/escape.py)."""
-ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE = range(len(START_NAMES))
+START_NAMES = ("zero", "frictionless", "neighbour", "escape", "exact")
+"""Starts: no displacement, the solution without friction, the solution of a neighbouring problem, where these may not
+have led to the least energy the convexified problem and moves of single nodes (solve/search/escape.py), and the exact
+solution of the continuous problem where the study gives one."""
+ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE, EXACT = range(len(START_NAMES))

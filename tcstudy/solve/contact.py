@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.methods import ESCAPE, FRICTIONLESS, NEIGHBOUR, SEPARABLE, SOLVERS, START_NAMES, ZERO, Branch
+from tcstudy.scene.methods import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, SEPARABLE, SOLVERS, START_NAMES, ZERO, Branch
 from tcstudy.scene.study import Acceptance
 from tcstudy.solve.loop import Outcome, Status, iterate
 from tcstudy.solve.problem import ContactProblem
@@ -44,7 +44,7 @@ class Answer:
     energy:             L̃(v) [J/m]
     status, reason:     CONVERGED, or why not; reason is empty for a solution
     iterations, evaluations: of all attempts together
-    start:              ZERO, FRICTIONLESS, NEIGHBOUR or ESCAPE: where the run that found it began
+    start:              ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE or EXACT: where the run that found it began
     energies:           L̃ of the solutions found from these starts, in this order; NaN where none was sought or found
     """
 
@@ -71,15 +71,18 @@ def solve_contact(
     branch: Branch = "lowest",
     neighbour: Array | None = None,
     log: Log | None = None,
+    exact: Array | None = None,
 ) -> Answer:
     """Find v with 0 ∈ Ãv − l̃ + ∂Ψ(v) and an inclusion residual that is accepted.
 
     tolerance: largest inclusion residual, strict; None for 1e-10 or what rounding allows (scene/study.py)
-    branch:    "lowest": of the solutions found from zero, from the frictionless solution, from the neighbour and,
-               unless the best of them seems global or the solver is bundle-newton, by the escape phase the one with
-               least energy; "continued": from the neighbour, without leaving its basin on purpose, and not moved at
-               all if it is a solution; "from-zero": from zero. These two try the other starts only where theirs fails
+    branch:    "lowest": of the solutions found from zero, from the frictionless solution, from the neighbour, beside
+               the exact one and, unless the best of them seems global or the solver is bundle-newton, by the escape
+               phase the one with least energy; "continued": from the neighbour, without leaving its basin on purpose,
+               and not moved at all if it is a solution; "from-zero": from zero. These two try zero, the frictionless
+               solution and the neighbour, too, but only where theirs fails
     neighbour: (m,) a solution of a neighbouring problem, if there is one
+    exact:     (m,) the exact solution at the contact nodes, where it is known; its own branch may be a saddle
 
     An answer that misses the tolerance is solved again to higher accuracy, in the end with v as a sum of two doubles;
     one that still misses it is returned as failed, with its residual. Raises ValueError for an unknown solver.
@@ -101,6 +104,9 @@ def solve_contact(
             break
     if branch == "lowest" and solver == SEPARABLE:
         answers += _escape(problem, _together(answers), acceptance, max_iterations, log)
+    if branch == "lowest" and exact is not None:
+        outcome = _unmoved(problem, finish(problem, exact)[0])
+        answers.append(replace(_judge(problem, outcome, acceptance), start=EXACT))
     return _together(answers)
 
 
@@ -214,7 +220,7 @@ def _together(answers: list[Answer]) -> Answer:
     found = {a.start: a.energy for a in solutions}
     return replace(
         best,
-        energies=tuple(found.get(start, float("nan")) for start in (ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE)),
+        energies=tuple(found.get(start, float("nan")) for start in range(len(START_NAMES))),
         iterations=sum(a.iterations for a in answers),
         evaluations=sum(a.evaluations for a in answers),
     )

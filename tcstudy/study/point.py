@@ -26,13 +26,15 @@ def solve_point(
     index: tuple[int, ...],
     scene: Scene,
     neighbour: Array | None = None,
+    exact: Array | None = None,
 ) -> PointRecord:
     """Solve one scene on one level; every failure becomes a status with its reason.
 
     neighbour: the contact solution of a neighbouring point, a start where the study's branch asks for one
+    exact:     the exact solution at the contact nodes, a start where the study gives one
     """
     try:
-        return _solve_point(study, level, index, scene, neighbour)
+        return _solve_point(study, level, index, scene, neighbour, exact)
     except NotPositiveDefinite as error:
         status, reason = PointStatus.SINGULAR, str(error)
     except Exception as error:  # one point must not end a sweep; what it was stands in the data
@@ -41,14 +43,19 @@ def solve_point(
 
 
 def _solve_point(
-    study: Study, level: Level, index: tuple[int, ...], scene: Scene, neighbour: Array | None
+    study: Study,
+    level: Level,
+    index: tuple[int, ...],
+    scene: Scene,
+    neighbour: Array | None,
+    exact: Array | None,
 ) -> PointRecord:
     condensed = level.condensed(scene)
     problem, plan = condensed.problem, study.solver
     solved = []
     for name in plan.names:
         start = time.perf_counter()
-        answer = solve_contact(problem, name, plan.tolerance, plan.max_iterations, plan.branch, neighbour)
+        answer = solve_contact(problem, name, plan.tolerance, plan.max_iterations, plan.branch, neighbour, exact=exact)
         solved.append(Timed(answer, time.perf_counter() - start))
     answer = solved[0].answer
     temperature = level.temperature(scene) if scene.material.beta != 0.0 else None

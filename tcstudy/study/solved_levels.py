@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.line_norms import Line
 from tcstudy.accuracy.norms import Triangles
 from tcstudy.data.records import PointRecord, PointStatus
-from tcstudy.exact.numbers import exact_u_T
-from tcstudy.fem.boundary import curve_normals
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.scene.friction import sticking
-from tcstudy.scene.records import Contact, Scene
+from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.solve.contact import TIE
 from tcstudy.solve.separable.finish import finish
+from tcstudy.study.contact_line import contact_line, exact_at, segment_curves
 from tcstudy.study.point import solve_point
 
 Array = NDArray[np.float64]
@@ -107,7 +106,7 @@ def _on_exact_branch(
     """
     if study.exact is None or study.solver.branch != "lowest" or not least.ok or least.numbers.get("unique") == 1:
         return least
-    start = one.line.at_nodes(exact_u_T(study.exact))
+    start = exact_at(study.exact, one.line)
     close, _ = finish(level.condensed(scene).problem, start)
     near = replace(study, solver=replace(study.solver, branch="continued"))
     found = solution_of(study, level, scene, solve_point(near, level, index, scene, close))
@@ -127,12 +126,12 @@ def _order(study: Study) -> list[tuple[tuple[int, ...], Scene]]:
 
 def empty_level(study: Study, level: Level) -> SolvedLevel:
     """A level without solutions yet."""
-    mesh, curve = level.mesh, _segment_curves(level)
+    mesh, curve = level.mesh, segment_curves(level)
     return SolvedLevel(
         h_max=mesh.h_max,
         n_dof=level.frames.n_dof,
         mesh=Triangles(mesh.points, mesh.triangles),
-        line=_line(level, curve, study.scenes[0].edges(Contact)),
+        line=contact_line(study, level),
         edges=tuple(level.line.edge_names[e] for e in level.line.edge),
         segment_curve=curve,
         solutions={},
@@ -163,24 +162,3 @@ def _step_back(solutions: dict[tuple[int, ...], Solution], index: tuple[int, ...
         if before is not None and before.ok:
             return before.v
     return None
-
-
-def _segment_curves(level: Level) -> NDArray[np.intp]:
-    """(s,) index of the curve that every contact segment lies on."""
-    mesh, segments = level.mesh, level.line.segments
-    key = mesh.segments[:, 0] * mesh.n_points + mesh.segments[:, 1]
-    order = np.argsort(key)
-    wanted = segments[:, 0] * mesh.n_points + segments[:, 1]
-    return mesh.segment_curve[order[np.searchsorted(key[order], wanted)]]
-
-
-def _line(level: Level, curve: NDArray[np.intp], names: tuple[str, ...]) -> Line:
-    """The contact line with the exact curve's normals at both ends of every segment."""
-    mesh, segments = level.mesh, level.line.segments
-    normals = np.empty((len(segments), 2, 2))
-    for i, one in enumerate(mesh.geometry.curves):
-        if one.name in names:
-            nodes, at = curve_normals(mesh, i)
-            own = curve == i
-            normals[own] = at[np.searchsorted(nodes, segments[own])]
-    return Line(mesh.points, segments, normals, level.line.nodes, level.line.c)

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.study.blocks import Block, Solutions, blocks_of, in_blocks
+from tcstudy.study.contact_line import exact_start
 from tcstudy.study.measures import block_numbers, line_values, point_status
 from tcstudy.study.point import solve_point
 
@@ -53,6 +55,11 @@ class Workshop:
     survey: Survey | None
     executor: Executor = field(default_factory=Here)
     bodies: dict[object, Body] = field(default_factory=dict)
+
+    @cached_property
+    def exact(self) -> Array | None:
+        """(m,) the exact solution at the contact nodes, a start where the study gives one."""
+        return exact_start(self.study, self.level)
 
     def work(self, finished: Mapping[int, BlockRecord]) -> Iterator[BlockRecord]:
         """Solve the blocks of the level of which an earlier run left nothing, and give them in their order.
@@ -92,7 +99,7 @@ class Workshop:
             laws = row_laws([scene.friction for scene in scenes], factor)
             options = Options(self.study.solver.branch, self.study.solver.tolerance)
             loads, near = condensed.l_tilde / factor[:, None], self.solutions.beside(block.points)
-            task = Task(self._body(condensed, Level.ratio(scenes[0])), loads, laws, options, near)
+            task = Task(self._body(condensed, Level.ratio(scenes[0])), loads, laws, options, near, self.exact)
             return Prepared(block, None, condensed, laws, self.executor.submit(task, tries))
         except Exception as error:  # as in solve_point
             broken: Future[Solved] = Future()
@@ -118,7 +125,7 @@ class Workshop:
         points = []
         for row, place in enumerate(block.points):
             neighbour = None if near is None or np.isnan(near[row]).any() else near[row]
-            point = solve_point(self.study, self.level, self._index(place), self._scene(place), neighbour)
+            point = solve_point(self.study, self.level, self._index(place), self._scene(place), neighbour, self.exact)
             try:
                 points.append(self._with_more(point))
             except Exception as error:  # as in solve_point

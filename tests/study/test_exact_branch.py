@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
+import tcstudy
 from tcstudy.accuracy.expected import HeldEnds, expected_orders, smooth_up_to
 from tcstudy.read.study import read_study_text
 from tcstudy.study.convergence import converge
@@ -20,6 +23,14 @@ exact:
   u: ["(x^2-y^2)/60 + 0.05 + y*(0.2 + 0.4*exp(-8*(x^2/60+0.05)))", "x*y/30"]
   theta: "x/3"
   loads: derived
+"""
+QUICK = """\
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: clamped, top: {role: traction, g: [0.02, 0]}, right: free}
+material: {E: 1, nu: 0.3}
+friction: {law: slip-weakening, tau_s: 0.01, tau_k: 0.005, delta: 0.001}
+mesh: {maxh: 0.5, levels: 1}
 """
 
 
@@ -42,3 +53,20 @@ def test_a_front_on_the_line_limits_the_orders_of_xi() -> None:
     assert "stick meets slip" in front["xi_max"].reason
     singular = expected_orders(smooth_up_to(1.5, HeldEnds(), True))
     assert np.isclose(singular["xi_max"].order, 0.5)  # what the study gives is worse
+
+
+def test_a_run_stores_the_energy_on_the_exact_solutions_branch(tmp_path: Path) -> None:
+    """Together in a block and one by one: the exact solution is a start, and not the least; without one NaN stands."""
+    together, singly = (
+        tcstudy.run(read_study_text(FALLING_FILM, "study", ["mesh.levels=2", *own]), tmp_path / f"{len(own)}.nc")
+        for own in ([], ["solver={name: separable-newton, max_iterations: 300}"])
+    )
+    for tree in (together, singly):
+        energy = tree["start_energy"].isel(level=1)
+        assert abs(float(energy.sel(start="exact")) - 0.1238) < 2e-4
+        assert float(energy.min()) == float(tree["energy"].isel(level=1)) < 0.108
+    assert np.allclose(
+        together["start_energy"].sel(start="exact"), singly["start_energy"].sel(start="exact"), rtol=1e-12
+    )
+    without = read_study_text(QUICK)
+    assert np.isnan(tcstudy.run(without, tmp_path / "none.nc")["start_energy"].sel(start="exact")).all()
