@@ -23,11 +23,14 @@ Kind = Literal[
     "displacement",
     "point",
     "points",
+    "named points",
     "section",
     "sections",
+    "named sections",
     "names",
     "one or more",
     "sizes",
+    "sizes or tolerance",
     "goal",
     "law",
     "law points",
@@ -35,8 +38,8 @@ Kind = Literal[
 ]
 """number: one for the whole body; quantity, quantities, span: one, some, two of a dimension that another key decides;
 field: a number or an expression in x and y; component: that or `free`; vector: two fields; displacement: two
-components; section: a mapping of its own; sections: a list of them or a mapping of names to them; names: of regions, or
-a shape; one or more: of the words; sizes: one or more numbers; law: a friction law."""
+components; section: a mapping of its own; sections, points: a list of them, or by name; names: of regions, or a shape;
+one or more: of the words; sizes: one or more numbers; law: a friction law."""
 
 
 @dataclass(frozen=True)

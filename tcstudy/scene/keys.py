@@ -36,7 +36,7 @@ _MOST_LEVELS = max(family.max_levels for family in FAMILIES.values())
 _MESH, _SOLVER, _ROLES = MeshPlan((), 1), SolverPlan(), ("clamped", "traction", "contact", "convection", "free")
 _PATH = {name: field.default for name, field in PathPlan.__dataclass_fields__.items()}
 _LOADED = ("traction", "convection")
-_HOLE, _REGION = ("circle", "rectangle", "outline"), ("circle", "rectangle", "polygon")
+_HOLE = ("circle", "rectangle", "outline")
 
 ROWS: tuple[Key, ...] = (
     *_in(
@@ -57,7 +57,7 @@ ROWS: tuple[Key, ...] = (
             of=("body",),
         ),
         Key(
-            *("boundary", "sections", "one role for every edge, as a word or with its keys"),
+            *("boundary", "named sections", "one role for every edge, as a word or with its keys"),
             example="{bottom: contact, left: clamped, top: free, right: free}",
             required=True,
             of=("boundary",),
@@ -120,7 +120,7 @@ ROWS: tuple[Key, ...] = (
         Key("rectangle", "section", "with the edges bottom, right, top, left", of=("block",)),
         Key("file", "section", "a plane face of a STEP or BREP file", of=("file",)),
         Key("holes", "sections", "a list of shapes, each with the name of its edge", of=("hole",)),
-        Key("regions", "sections", "shapes by name, for heat sources", of=("region",)),
+        Key("regions", "named sections", "shapes by name, for heat sources", of=("region",)),
     ),
     *_in(
         "outline",
@@ -146,13 +146,14 @@ ROWS: tuple[Key, ...] = (
     *_in(
         "file",
         Key("path", "text", "relative to the study, .step, .stp or .brep", example="part.step", required=True),
-        Key("edges", "points", "a point on every named edge", u.LENGTH, "{NAME: [[0, 0]]}", required=True),
+        Key("edges", "named points", "a point on every named edge", u.LENGTH, "{NAME: [[0, 0]]}", required=True),
         Key("face", "integer", "which face of it", default=0, least=0),
         Key("unit", "text", "its unit of length (default: mm, m for .brep)", example="mm"),
         Key("other", "name", "name of all other edges", example="NAME"),
     ),
     *_in("hole", *(Key(shape, "sections" if shape == "outline" else "section", "", of=(shape,)) for shape in _HOLE)),
-    *_in("region", *(Key(shape, "points" if shape == "polygon" else "section", "", of=(shape,)) for shape in _REGION)),
+    *_in("region", *(Key(shape, "section", "", of=(shape,)) for shape in ("circle", "rectangle"))),
+    *_in("region", Key("polygon", "points", "its corners", u.LENGTH, "[[0 mm, 0 mm], ...]")),
     *_in(
         "circle",
         Key("center", "point", "", u.LENGTH, "[0 mm, 0 mm]", required=True),
@@ -261,12 +262,12 @@ ROWS: tuple[Key, ...] = (
         "sweep",
         Key("mode", "choice", "`zip` reads lists together", words=("grid", "zip", "list"), default="grid"),
         Key("points", "sections", "of `mode: list`: `[{alpha: 1, E: 2 GPa}, …]`", example="[...]", of=("point",)),
-        Key("h", "sizes", "element sizes, or `{tolerance, of, max_levels, known}`", u.LENGTH, above=0.0),
+        Key("h", "sizes or tolerance", "element sizes, or `{tolerance, of, max_levels, known}`", u.LENGTH, above=0.0),
     ),
     *_in(
         "values",
-        Key("linspace", "quantities", "`[a, b, n]`: n values from a to b, equally spaced", example="[a, b, n]"),
-        Key("geomspace", "quantities", "the same with equal ratios", example="[a, b, n]"),
+        Key("linspace", "span", "`[a, b, n]`: n values from a to b, equally spaced", example="[a, b, n]"),
+        Key("geomspace", "span", "the same with equal ratios", example="[a, b, n]"),
     ),
     *_in(
         "exact",

@@ -1,0 +1,224 @@
+"""The JSON Schema of a study file, made from the table of keys: editors complete and check studies with it.
+
+What the schema refuses the reader refuses as well; the reader finds much more (units, expressions, geometry, what
+contradicts what). A key that a sweep or derived loads may supply is asked for only in studies without them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, get_args
+
+from tcstudy.scene.key import Key
+from tcstudy.scene.keys import law_rows, of_role, row, rows
+from tcstudy.scene.laws import SHAPES
+from tcstudy.scene.parameters import EDGE, SHORT, sweepable
+from tcstudy.scene.study import Quantity
+from tcstudy.scene.units import NONE
+
+Schema = dict[str, Any]
+
+DRAFT = "https://json-schema.org/draft/2020-12/schema"
+NAME = "^[A-Za-z0-9_]+$"
+FEW = {"outline": 2, "polygon": 3, "points": 1}
+"""Least number of entries of a list."""
+ONE_OF = ("hole", "region", "values")
+"""Sections that hold one of their keys."""
+SOME_TEXT: Schema = {"type": "string", "pattern": r"\S"}
+NUMBER_TEXT: Schema = {"type": "string", "pattern": "[0-9πe√]|pi"}
+"""A number with its unit, or an expression without x and y."""
+FIELD_TEXT: Schema = {"type": "string", "pattern": "[0-9πexy√]|pi"}
+"""That, or an expression with them, or the words `free` and `derived`."""
+
+
+def schema() -> Schema:
+    """The whole schema (draft 2020-12)."""
+    sections = dict.fromkeys(name for one in _all_rows() for name in one.of)
+    made = {section: _section(section) for section in (*sections, "values", "goal") if section != "point"}
+    made["boundary"] |= {"allOf": [_takes("role", role, of_role(role)) for role in row("boundary", "role").words]}
+    laws = {law: tuple(one.name for one in law_rows(law)) for law in SHAPES}
+    made["friction"] |= {"allOf": [_takes("law", law, names) for law, names in laws.items()]}
+    made["body"] |= {"oneOf": [{"required": [name]} for name in ("outline", "rectangle", "file")]}
+    made["sweep"] = _sweep(_swept, ("mode", "points", "h"))
+    made["point"] = _sweep(_at_point, ()) | {"minProperties": 1}
+    return {
+        "$schema": DRAFT,
+        "title": "A study of tcstudy",
+        **_section("", ("body", "boundary")),
+        "if": {"anyOf": [{"required": ["sweep"]}, {"required": ["exact"]}]},
+        "else": _complete(),
+        "$defs": made,
+    }
+
+
+def _all_rows() -> tuple[Key, ...]:
+    found = list(rows("").values())
+    for one in found:
+        found += [child for name in one.of if name != "point" for child in rows(name).values() if child not in found]
+    return tuple(found)
+
+
+def _section(section: str, required: tuple[str, ...] | None = None) -> Schema:
+    known = rows(section).values()
+    if required is None:
+        required = tuple(one.name for one in known if one.required and not one.swept and one.name != "maxh")
+    made: Schema = {"type": "object", "properties": {one.name: _described(one) for one in known}}
+    made |= {"required": list(required)} if required else {}
+    return (
+        made | {"additionalProperties": False} | ({"minProperties": 1, "maxProperties": 1} if section in ONE_OF else {})
+    )
+
+
+def _complete() -> Schema:
+    """What a study needs that neither sweeps nor derives anything."""
+    either = {
+        "material": [["E", "nu"], ["lambda", "mu"]],
+        "heat": [["theta"], ["alpha", "theta_bar"]],
+        "loads": [["f"]],
+        "mesh": [["maxh"]],
+    }
+    needed: Schema = {name: {"anyOf": [{"required": keys} for keys in ways]} for name, ways in either.items()}
+    laws = {law: [p.name for p in shape.parameters if p.required] for law, shape in SHAPES.items()}
+    needed["friction"] = {"allOf": [_if("law", law, {"required": names}) for law, names in laws.items()]}
+    return {"required": [one.name for one in rows("").values() if one.required], "properties": needed}
+
+
+def _if(key: str, word: str, then: Schema) -> Schema:
+    return {"if": {"properties": {key: {"const": word}}, "required": [key]}, "then": then}
+
+
+def _takes(key: str, word: str, names: tuple[str, ...]) -> Schema:
+    """The keys beside `key` that go with one of its words."""
+    return _if(key, word, {"propertyNames": {"enum": [key, *names]}})
+
+
+def _sweep(made: Callable[[Key], Schema], beside: tuple[str, ...]) -> Schema:
+    """A mapping of parameters, by path or short name, to what `made` says of each."""
+    named = {".".join(path): row(path[0] if path[1:] else "", path[-1]) for path in sweepable({}, None)}
+    properties = {name: made(named[path]) for name, path in SHORT.items()}
+    properties |= {path: made(one) for path, one in named.items()}
+    return {
+        "type": "object",
+        "properties": {name: _described(row("sweep", name)) for name in beside} | properties,
+        "patternProperties": {rf"^boundary\.[^.]+\.{name}$": made(one) for name, one in EDGE.items()},
+        "additionalProperties": False,
+    }
+
+
+def _swept(one: Key) -> Schema:
+    if one.kind == "law":
+        return {"type": "object", "minProperties": 1, "additionalProperties": _ref("friction")}
+    listed = {"type": "array", "minItems": 1, "items": _fragment(one)}
+    spaced = one.kind in ("number", "integer", "field", "component")
+    return {"description": one.meaning, **({"anyOf": [listed, _ref("values")]} if spaced else listed)}
+
+
+def _at_point(one: Key) -> Schema:
+    return {"anyOf": [_ref("friction"), _swept(one) | {"maxProperties": 1}]} if one.kind == "law" else _described(one)
+
+
+def _described(one: Key) -> Schema:
+    """What a key may hold, in words as well."""
+    unit = f" [{one.dimension.si}]" if one.dimension != NONE else ""
+    example = f", for example {one.suggestion}" if one.suggestion != "..." else ""
+    said = {"description": f"{one.meaning}{unit}{example}".lstrip(", ")}
+    return said | ({} if one.default is None else {"default": one.default}) | _fragment(one)
+
+
+def _fragment(one: Key) -> Schema:
+    return FRAGMENTS[one.kind](one)
+
+
+def _ref(section: str) -> Schema:
+    return {"$ref": f"#/$defs/{section}"}
+
+
+def _number(one: Key, text: Schema = NUMBER_TEXT) -> Schema:
+    bounds = {"minimum": one.least, "exclusiveMinimum": one.above, "maximum": one.most, "exclusiveMaximum": one.below}
+    return {"anyOf": [{"type": "number", **{k: v for k, v in bounds.items() if v is not None}}, text]}
+
+
+def _integer(one: Key) -> Schema:
+    bounds = {"minimum": one.least, "maximum": one.most}
+    return {"type": "integer", **{k: int(v) for k, v in bounds.items() if v is not None}}
+
+
+def _field(one: Key) -> Schema:
+    return _number(one, FIELD_TEXT)
+
+
+def _list(items: Schema, least: int = 0, most: int | None = None) -> Schema:
+    return {"type": "array", "items": items, "minItems": least, **({} if most is None else {"maxItems": most})}
+
+
+def _named(items: Schema) -> Schema:
+    return {"type": "object", "propertyNames": {"pattern": NAME}, "additionalProperties": items}
+
+
+def _value(one: Key) -> Schema:
+    """A number with any unit."""
+    return {"anyOf": [{"type": "number"}, NUMBER_TEXT]}
+
+
+def _point(one: Key) -> Schema:
+    return _list(_value(one), 2, 2)
+
+
+def _words(one: Key) -> Schema:
+    return {"enum": list(one.words)}
+
+
+def _goal(one: Key) -> Schema:
+    return {"anyOf": [{"enum": [word for word in get_args(Quantity) if word != "u_T"]}, _ref("goal")]}
+
+
+def _sub_section(one: Key) -> Schema:
+    """A section; where a word may stand for it, also that."""
+    short: Mapping[str, Schema] = {"solver": _fragment(row("solver", "name")), "output": SOME_TEXT}
+    inner = _ref(one.of[0])
+    return {"anyOf": [short[one.name], inner]} if not one.section and one.name in short else inner
+
+
+def _sub_sections(one: Key) -> Schema:
+    inner = _ref(one.of[0])
+    return {"anyOf": [_words(row("boundary", "role")), inner]} if one.of == ("boundary",) else inner
+
+
+def _sizes_or_tolerance(one: Key) -> Schema:
+    """h of a sweep."""
+    names = ("tolerance", "of", "max_levels", "known")
+    made = {name: _described(row("mesh", name)) for name in names}
+    tolerance = {"type": "object", "properties": made, "required": ["tolerance"], "additionalProperties": False}
+    return {"anyOf": [_list(_number(one), 1), tolerance]}
+
+
+FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
+    "number": _number,
+    "integer": _integer,
+    "flag": lambda one: {"type": "boolean"},
+    "text": lambda one: SOME_TEXT,
+    "name": lambda one: {"type": "string", "pattern": NAME},
+    "choice": _words,
+    "quantity": _value,
+    "quantities": lambda one: {"anyOf": [_value(one), _list(_value(one))]},
+    "span": lambda one: _list(_value(one), *((3, 3) if one.section == "values" else (2, 2))),
+    "field": _field,
+    "component": _field,
+    "vector": lambda one: {"anyOf": [{"const": "derived"}, _list(_field(one), 2, 2)]},
+    "displacement": lambda one: {"anyOf": [{"const": "derived"}, _list(_field(one), 2, 2)]},
+    "point": _point,
+    "points": lambda one: _list(_point(one), FEW[one.name]),
+    "named points": lambda one: _named(_list(_point(one), 1)),
+    "section": _sub_section,
+    "sections": lambda one: _list(_sub_sections(one), FEW.get(one.name, 0)),
+    "named sections": lambda one: _named(_sub_sections(one)),
+    "names": lambda one: {"anyOf": [SOME_TEXT, _list(SOME_TEXT, 1), _ref("region")]},
+    "one or more": lambda one: {"anyOf": [_words(one), _list(_words(one), 1)]},
+    "sizes": lambda one: {"anyOf": [_number(one), _list(_number(one), 1)]},
+    "sizes or tolerance": _sizes_or_tolerance,
+    "goal": _goal,
+    "law": lambda one: _ref("friction"),
+    "law points": lambda one: _list(_point(one), 1),
+    "numbers": lambda one: _list(_value(one), 1),
+}
+"""What each kind of key may hold."""
