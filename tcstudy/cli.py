@@ -10,7 +10,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from tcstudy.commands import converge, cost, draw, path, plan, report, run, show
+from tcstudy.commands import completion, converge, cost, draw, init, path, plan, report, run, schema, show
 from tcstudy.commands.shared import BAD_INPUT, OK
 from tcstudy.errors import UserFault
 from tcstudy.report.outlet import guarded_streams, is_lost
@@ -24,6 +24,9 @@ COMMANDS = {
     "cost": cost,
     "draw": draw,
     "report": report,
+    "init": init,
+    "schema": schema,
+    "completion": completion,
 }
 NO_ROOM, INTERRUPTED = 3, 130
 
@@ -54,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _command(arguments: list[str]) -> int:
     """What the words ask for."""
-    options = _parser().parse_args(arguments)
+    options = parser_of_all().parse_args(arguments)
     options.words = ["tcstudy", *arguments]
     try:
         return int(COMMANDS[options.command].command(options))
@@ -92,7 +95,8 @@ def _memory_is_short(error: Exception) -> bool:
     return False
 
 
-def _parser() -> argparse.ArgumentParser:
+def parser_of_all() -> argparse.ArgumentParser:
+    """The parser with all commands."""
     parser = argparse.ArgumentParser(
         prog="tcstudy",
         description="Parametric studies of thermoelastic contact with nonmonotone, multivalued friction.",

@@ -6,6 +6,7 @@ contradicts what). A key that a sweep or derived loads may supply is asked for o
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from typing import Any, get_args
 
@@ -19,16 +20,32 @@ from tcstudy.scene.units import NONE
 Schema = dict[str, Any]
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
+TITLE = "A study of tcstudy"
 NAME = "^[A-Za-z0-9_]+$"
 FEW = {"outline": 2, "polygon": 3, "points": 1}
 """Least number of entries of a list."""
 ONE_OF = ("hole", "region", "values")
 """Sections that hold one of their keys."""
 SOME_TEXT: Schema = {"type": "string", "pattern": r"\S"}
-NUMBER_TEXT: Schema = {"type": "string", "pattern": "[0-9πe√]|pi"}
-"""A number with its unit, or an expression without x and y."""
-FIELD_TEXT: Schema = {"type": "string", "pattern": "[0-9πexy√]|pi"}
-"""That, or an expression with them, or the words `free` and `derived`."""
+TEXTS: dict[str, Schema] = {
+    "number_text": {
+        "description": "a number with its unit, or an expression without x and y",
+        "type": "string",
+        "pattern": "[0-9π√]|pi|(^|[^A-Za-z_])e([^A-Za-z_]|$)",
+    },
+    "field_text": {
+        "description": "a number with its unit, or an expression in x and y",
+        "type": "string",
+        "pattern": "[0-9π√]|pi|(^|[^A-Za-z_])[exy]([^A-Za-z_]|$)|^(free|derived)$",
+    },
+}
+NUMBER_TEXT: Schema = {"$ref": "#/$defs/number_text"}
+FIELD_TEXT: Schema = {"$ref": "#/$defs/field_text"}
+
+
+def schema_text() -> str:
+    """The schema as a file."""
+    return json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
 
 
 def schema() -> Schema:
@@ -39,15 +56,17 @@ def schema() -> Schema:
     laws = {law: tuple(one.name for one in law_rows(law)) for law in SHAPES}
     made["friction"] |= {"allOf": [_takes("law", law, names) for law, names in laws.items()]}
     made["body"] |= {"oneOf": [{"required": [name]} for name in ("outline", "rectangle", "file")]}
+    for shape in ("circle", "rectangle"):  # of a region they have no edge
+        made["hole"]["properties"][shape] |= {"required": ["edge"]}
     made["sweep"] = _sweep(_swept, ("mode", "points", "h"))
     made["point"] = _sweep(_at_point, ()) | {"minProperties": 1}
     return {
         "$schema": DRAFT,
-        "title": "A study of tcstudy",
+        "title": TITLE,
         **_section("", ("body", "boundary")),
         "if": {"anyOf": [{"required": ["sweep"]}, {"required": ["exact"]}]},
         "else": _complete(),
-        "$defs": made,
+        "$defs": made | TEXTS,
     }
 
 
@@ -95,8 +114,7 @@ def _takes(key: str, word: str, names: tuple[str, ...]) -> Schema:
 def _sweep(made: Callable[[Key], Schema], beside: tuple[str, ...]) -> Schema:
     """A mapping of parameters, by path or short name, to what `made` says of each."""
     named = {".".join(path): row(path[0] if path[1:] else "", path[-1]) for path in sweepable({}, None)}
-    properties = {name: made(named[path]) for name, path in SHORT.items()}
-    properties |= {path: made(one) for path, one in named.items()}
+    properties = {path: made(one) for path, one in named.items()} | {name: made(named[SHORT[name]]) for name in SHORT}
     return {
         "type": "object",
         "properties": {name: _described(row("sweep", name)) for name in beside} | properties,
@@ -108,13 +126,14 @@ def _sweep(made: Callable[[Key], Schema], beside: tuple[str, ...]) -> Schema:
 def _swept(one: Key) -> Schema:
     if one.kind == "law":
         return {"type": "object", "minProperties": 1, "additionalProperties": _ref("friction")}
-    listed = {"type": "array", "minItems": 1, "items": _fragment(one)}
-    spaced = one.kind in ("number", "integer", "field", "component")
-    return {"description": one.meaning, **({"anyOf": [listed, _ref("values")]} if spaced else listed)}
+    listed = _list(_at_point(one), 1)
+    return {"anyOf": [listed, _ref("values")]} if one.kind in ("number", "integer", "field", "component") else listed
 
 
 def _at_point(one: Key) -> Schema:
-    return {"anyOf": [_ref("friction"), _swept(one) | {"maxProperties": 1}]} if one.kind == "law" else _described(one)
+    if one.kind == "law":
+        return {"anyOf": [_ref("friction"), _swept(one) | {"maxProperties": 1}]}
+    return _ref(f"{one.section}/properties/{one.name}")
 
 
 def _described(one: Key) -> Schema:

@@ -41,10 +41,10 @@ _HOLE = ("circle", "rectangle", "outline")
 ROWS: tuple[Key, ...] = (
     *_in(
         "",
-        Key("title", "text", "of the study", fixed="a study has one title"),
+        Key("title", "text", "says what the study is", fixed="a study has one title"),
         Key("institution", "text", "who made the data", fixed="a study has one institution"),
         Key(
-            *("units", "choice", "`none`: everything is dimensionless"),
+            *("units", "choice", "system of units; `none`: everything is dimensionless"),
             words=("SI", "none"),
             default="SI",
             fixed="a study has one system of units",
@@ -169,7 +169,7 @@ ROWS: tuple[Key, ...] = (
     ),
     *_in(
         "boundary",
-        Key("role", "choice", "what the edge is", example="clamped", required=True, words=_ROLES),
+        Key("role", "choice", "of the edge", example="clamped", required=True, words=_ROLES),
         Key(
             "u",
             "displacement",
