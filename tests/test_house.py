@@ -132,3 +132,12 @@ def test_files_tell_one_story() -> None:
     """80 to 350 lines; the few longer ones would be corridors."""
     long = {str(p.relative_to(PACKAGE)): len(p.read_text(encoding="utf-8").splitlines()) for _, p in modules()}
     assert not {name: lines for name, lines in long.items() if lines > 350}
+
+
+def test_no_two_public_classes_share_a_name() -> None:
+    found: dict[str, list[str]] = {}
+    for _, path in modules():
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                found.setdefault(node.name, []).append(str(path.relative_to(PACKAGE)))
+    assert not {name: places for name, places in found.items() if len(places) > 1}

@@ -34,7 +34,7 @@ JUMP = 1e-4
 
 
 @dataclass(frozen=True)
-class Fault:
+class SolutionFault:
     """What is wrong, in which key of `exact` or at which edge, and what to do."""
 
     keys: tuple[str | int, ...]
@@ -95,7 +95,7 @@ class Checks:
 
     # -- the solution itself -----------------------------------------------------------------------
 
-    def kinks(self) -> Iterator[Fault]:
+    def kinks(self) -> Iterator[SolutionFault]:
         """Jumps of ∇u or ∇θ inside the body."""
         fields: list[tuple[tuple[str | int, ...], Scalar]] = [(("u", i), u) for i, u in enumerate(self._exact.u)]
         if self._exact.theta is not None:
@@ -109,12 +109,12 @@ class Checks:
                     x, y = before[int(np.argmax(jump.max(axis=0)))]
                     what = f"bends at ({x:.6g}, {y:.6g}), where its gradient jumps by {np.max(jump):.3g}"
                     remedy = "no load of a scene balances that; use a smooth expression, like max(0, s)^2 for max(0, s)"
-                    yield Fault(keys, what, remedy)
+                    yield SolutionFault(keys, what, remedy)
                     break
 
     # -- one scene ---------------------------------------------------------------------------------
 
-    def scene(self, scene: Scene) -> Iterator[Fault]:
+    def scene(self, scene: Scene) -> Iterator[SolutionFault]:
         """What is wrong with a scene whose loads were derived; nothing new where scenes differ in heat only."""
         yield from self._values(scene)
         key = (scene.material, scene.boundary, scene.friction)
@@ -142,14 +142,14 @@ class Checks:
 
     def _zero(
         self, keys: tuple[str | int, ...], values: Array, scale: float, at: Samples, what: str, remedy: str
-    ) -> Iterator[Fault]:
+    ) -> Iterator[SolutionFault]:
         """A fault if values that must vanish do not; `what` has a place for the worst one."""
         size = np.nan_to_num(np.abs(values))
         worst = int(np.argmax(size))
         if size[worst] > TOLERANCE * scale:
-            yield Fault(keys, f"{what.format(f'{values[worst]:.3g}')}, at {at.at(worst)}", remedy)
+            yield SolutionFault(keys, f"{what.format(f'{values[worst]:.3g}')}, at {at.at(worst)}", remedy)
 
-    def _contact(self, name: str, scene: Scene, stress: float) -> Iterator[Fault]:
+    def _contact(self, name: str, scene: Scene, stress: float) -> Iterator[SolutionFault]:
         """u_N = 0 and the friction law."""
         if not isinstance(dict(scene.boundary)[name], Contact):
             return
@@ -178,9 +178,11 @@ class Checks:
                 f"the friction law does not hold on {name}: at {at.at(worst)}, where u_T = {u_T[worst]:.6g}, "
                 f"-S_T is {xi[worst]:.6g}, but b(u_T) is {law}"
             )
-            yield Fault(("u",), what, f"change u or friction, so that -S_T of u lies in b(u_T) everywhere on {name}")
+            yield SolutionFault(
+                ("u",), what, f"change u or friction, so that -S_T of u lies in b(u_T) everywhere on {name}"
+            )
 
-    def _insulated(self, name: str, scene: Scene) -> Iterator[Fault]:
+    def _insulated(self, name: str, scene: Scene) -> Iterator[SolutionFault]:
         """∂θ/∂n on edges without convection, where heat is solved for."""
         convects = isinstance(dict(scene.boundary)[name], Convection)
         if convects or not scene.edges(Convection) or self._exact.theta is None:
@@ -191,7 +193,7 @@ class Checks:
         remedy = f"make {name} a convection edge, or give a theta without slope across it"
         yield from self._zero(("theta",), flux, slope, at, what, remedy)
 
-    def _unloaded(self, name: str, scene: Scene, stress: float) -> Iterator[Fault]:
+    def _unloaded(self, name: str, scene: Scene, stress: float) -> Iterator[SolutionFault]:
         """Tractions that the role of an edge leaves no room for."""
         at, role = self._edges[name], dict(scene.boundary)[name]
         pull = at.traction(scene)
@@ -210,7 +212,7 @@ class Checks:
                     remedy = f"hold it too (u_{symbol}: derived), or give a u without that traction"
                     yield from self._zero(("u",), values, stress, at, what, remedy)
 
-    def _values(self, scene: Scene) -> Iterator[Fault]:
+    def _values(self, scene: Scene) -> Iterator[SolutionFault]:
         """Derived fields without a finite value somewhere."""
         for symbol, key, fields, points in self._fields(scene):
             for field in fields:
@@ -221,7 +223,9 @@ class Checks:
                 if len(bad):
                     x, y = points[bad[0]]
                     what = f"{symbol}, derived from it, has no finite value at ({x:.6g}, {y:.6g})"
-                    yield Fault((key,), what, "give an expression that has its derivatives there, or give the loads")
+                    yield SolutionFault(
+                        (key,), what, "give an expression that has its derivatives there, or give the loads"
+                    )
                     return
 
     def _fields(self, scene: Scene) -> Iterator[tuple[str, str, tuple[Scalar | None, ...], Array]]:

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from tcstudy.expressions.derivative import Algebra, Scalar
 from tcstudy.expressions.expression import Expression, of_tree
-from tcstudy.expressions.tree import Call, Node, Number
+from tcstudy.expressions.tree import Call, Number, TreeNode
 from tcstudy.scene.records import Body, Edge
 from tcstudy.shapes.edges import Arc, body_size, edge_arc, edge_length, edge_normal
 from tcstudy.shapes.sampling import INWARD, grid
 
 Array = NDArray[np.float64]
-Vector = tuple[Node, Node]
+Vector = tuple[TreeNode, TreeNode]
 
 SAME = 1e-9
 """Normals that differ by less, and centres by less times the size of the body, are one."""
@@ -90,20 +90,20 @@ def _radial(algebra: Algebra, arc: Arc) -> Vector:
     return _from(algebra, *arc.center)
 
 
-def _along(algebra: Algebra, at: Vector, direction: Array) -> Node:
+def _along(algebra: Algebra, at: Vector, direction: Array) -> TreeNode:
     parts = (algebra.times(algebra.number(d), a) for d, a in zip(direction, at, strict=True))
     return algebra.sum(*parts)
 
 
-def _square(algebra: Algebra, a: Node) -> Node:
+def _square(algebra: Algebra, a: TreeNode) -> TreeNode:
     return algebra.power(a, algebra.number(2.0))
 
 
-def _positive_square(algebra: Algebra, a: Node) -> Node:
+def _positive_square(algebra: Algebra, a: TreeNode) -> TreeNode:
     return _square(algebra, algebra.call("max", algebra.zero, a))
 
 
-def _off(algebra: Algebra, edges: list[Edge], size: float) -> Node:
+def _off(algebra: Algebra, edges: list[Edge], size: float) -> TreeNode:
     """Vanishes on the edges only, without a unit."""
     product = algebra.one
     for edge in edges:
@@ -111,7 +111,7 @@ def _off(algebra: Algebra, edges: list[Edge], size: float) -> Node:
     return product
 
 
-def _off_one(algebra: Algebra, edge: Edge) -> Node:
+def _off_one(algebra: Algebra, edge: Edge) -> TreeNode:
     start, end = np.array(edge.start), np.array(edge.end)
     at, arc, length = _from(algebra, *edge.start), edge_arc(edge), edge_length(edge)
     if arc is not None:
@@ -133,7 +133,7 @@ def _off_one(algebra: Algebra, edge: Edge) -> Node:
     )
 
 
-def _blended(algebra: Algebra, parts: list[tuple[Vector, Node]]) -> Vector:
+def _blended(algebra: Algebra, parts: list[tuple[Vector, TreeNode]]) -> Vector:
     weights = []
     for i in range(len(parts)):
         weight = algebra.one
@@ -149,7 +149,7 @@ def kinks(scalar: Scalar) -> tuple[Expression, ...]:
     """Expressions that change their sign where the scalar may have a kink: at abs, min and max."""
     if not isinstance(scalar, Expression):
         return ()
-    algebra, found, done = Algebra(), dict[Node, None](), dict[Node, Node]()
+    algebra, found, done = Algebra(), dict[TreeNode, None](), dict[TreeNode, TreeNode]()
     for node in scalar.order:
         done[node] = algebra.again(node, done)
         if isinstance(node, Call) and node.function == "abs":

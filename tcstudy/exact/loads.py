@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from tcstudy.exact.fields import Vector, body_edges, edge_samples, kinks, normal_field
 from tcstudy.expressions.derivative import Calculus, Scalar
 from tcstudy.expressions.expression import Expression
-from tcstudy.expressions.tree import Node
+from tcstudy.expressions.tree import TreeNode
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Body, Clamped, Convection, Exact, Heat, Material, Role, Scene, Traction
 from tcstudy.scene.study import Study
@@ -46,7 +46,7 @@ class Derivation:
         self._smooth = not any(kinks(scalar) for scalar in given)
         self._inside = inside(body)
         self._normals: dict[tuple[str, ...], Vector] = {}
-        self._scalars: dict[tuple[Node, tuple[str, ...]], Scalar] = {}
+        self._scalars: dict[tuple[TreeNode, tuple[str, ...]], Scalar] = {}
         self._made: dict[tuple[tuple[str, ...], Material], tuple[Scalar, Scalar]] = {}
 
     def scene(self, scene: Scene) -> Scene:
@@ -56,7 +56,7 @@ class Derivation:
 
     # -- fields ------------------------------------------------------------------------------------
 
-    def stress(self, material: Material) -> tuple[Node, Node, Node]:
+    def stress(self, material: Material) -> tuple[TreeNode, TreeNode, TreeNode]:
         """(σ_xx, σ_yy, σ_xy)."""
         a = self.algebra
         (u_xx, u_xy), (u_yx, u_yy) = (a.gradient(component) for component in self.u)
@@ -89,7 +89,7 @@ class Derivation:
         parts = self._stress_parts(material)
         return self._scalar(g[0], parts, names), self._scalar(g[1], parts, names)
 
-    def _stress_parts(self, material: Material) -> list[Node]:
+    def _stress_parts(self, material: Material) -> list[TreeNode]:
         a = self.algebra
         parts = [d for component in self.u for d in a.gradient(component)]
         parts = [a.times(a.number(material.lam + 2.0 * material.mu), d) for d in parts]
@@ -135,7 +135,7 @@ class Derivation:
         held = [None if old is None else new for old, new in zip(role.u, given, strict=True)]
         return replace(role, u=(held[0], held[1]))
 
-    def _scalar(self, node: Node, parts: Iterable[Node], names: tuple[str, ...]) -> Scalar:
+    def _scalar(self, node: TreeNode, parts: Iterable[TreeNode], names: tuple[str, ...]) -> Scalar:
         """The tree as a scalar, 0 if it is rounding of its parts on the edges of the names (in the body without)."""
         if (node, names) not in self._scalars:
             scalar = self.algebra.scalar(node)
@@ -144,7 +144,7 @@ class Derivation:
             self._scalars[node, names] = scalar
         return self._scalars[node, names]
 
-    def _vanishes(self, scalar: Expression, parts: Iterable[Node], names: tuple[str, ...]) -> bool:
+    def _vanishes(self, scalar: Expression, parts: Iterable[TreeNode], names: tuple[str, ...]) -> bool:
         points = self._inside
         if names:
             points = np.concatenate([edge_samples(*edge)[0] for edge in body_edges(self.body, names)])

@@ -22,7 +22,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from tcstudy.executors.protocol import Solved, Task, WorkerDied, WorkersFailed
-from tcstudy.online import Body
+from tcstudy.online import CondensedBody
 
 PATIENCE = 600.0
 """Seconds that a block may take at least before its worker counts as hanging."""
@@ -54,7 +54,7 @@ class _Worker:
 
     process: subprocess.Popen[bytes]
     line: Connection
-    body: Body | None = None
+    body: CondensedBody | None = None
 
     def end(self) -> int:
         """Kill it; the exit code, negative for a signal."""

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online import BlockAnswers, Body, Options, RowLaws, solve_block
+from tcstudy.online import BlockAnswers, CondensedBody, Options, RowLaws, solve_block
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class Task:
     neighbours: (P, m), exact: (m,) as in solve_block, None if there are none
     """
 
-    body: Body
+    body: CondensedBody
     loads: Array
     laws: RowLaws
     options: Options

@@ -1,7 +1,7 @@
 """A worker process: takes bodies and tasks from its parent, gives answers, and ends when the parent does.
 
-Messages to it: a Body, which it keeps until the next; then (loads, laws, options, neighbours, exact), each answered by
-a Solved or by the exception of the solve. It writes nothing.
+Messages to it: a CondensedBody, which it keeps until the next; then (loads, laws, options, neighbours, exact), each
+answered by a Solved or by the exception of the solve. It writes nothing.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ import time
 from multiprocessing.connection import Connection
 
 from tcstudy.executors.protocol import Task
-from tcstudy.online import Body
+from tcstudy.online import CondensedBody
 
 
 def serve(parent: Connection) -> None:
     """Answer tasks until the parent hangs up."""
-    body: Body | None = None
+    body: CondensedBody | None = None
     parent.send("ready")
     while True:
         try:
             message = parent.recv()
         except (EOFError, OSError):  # the parent has gone
             return
-        if isinstance(message, Body):
+        if isinstance(message, CondensedBody):
             body = message
             continue
         assert body is not None

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.expressions.expression import FUNCTIONS, Expression, of_tree
-from tcstudy.expressions.tree import Binary, Call, Negative, Node, Number, Variable, children, constant, ordered
+from tcstudy.expressions.tree import Binary, Call, Coordinate, Negative, Number, TreeNode, children, constant, ordered
 
 Array = NDArray[np.float64]
 Scalar = float | Expression
@@ -32,27 +32,27 @@ class Algebra:
     """Makes trees; equal trees are one object."""
 
     def __init__(self) -> None:
-        self._made: dict[object, Node] = {}
+        self._made: dict[object, TreeNode] = {}
         self.zero, self.one = self.number(0.0), self.number(1.0)
 
-    def tree(self, scalar: Scalar) -> Node:
+    def tree(self, scalar: Scalar) -> TreeNode:
         """The tree of a number or an expression, simplified."""
         if not isinstance(scalar, Expression):
             return self.number(float(scalar))
-        done: dict[Node, Node] = {}
+        done: dict[TreeNode, TreeNode] = {}
         for node in scalar.order:
             done[node] = self.again(node, done)
         return done[scalar.root]
 
-    def scalar(self, node: Node) -> Scalar:
+    def scalar(self, node: TreeNode) -> Scalar:
         """A number if the tree is one, else an expression."""
         return node.value if isinstance(node, Number) else of_tree(node)
 
-    def again(self, node: Node, done: dict[Node, Node]) -> Node:
+    def again(self, node: TreeNode, done: dict[TreeNode, TreeNode]) -> TreeNode:
         """A node of another tree, made of its children that are already here."""
         if isinstance(node, Number):
             return self.number(node.value)
-        if isinstance(node, Variable):
+        if isinstance(node, Coordinate):
             return self.variable(node.name)
         if isinstance(node, Negative):
             return self.minus(done[node.operand])
@@ -62,23 +62,23 @@ class Algebra:
         makers = {"+": self.plus, "-": self.less, "*": self.times, "/": self.over, "**": self.power}
         return makers[node.operator](left, right)
 
-    def _only(self, key: object, make: Callable[[], Node]) -> Node:
+    def _only(self, key: object, make: Callable[[], TreeNode]) -> TreeNode:
         if key not in self._made:
             self._made[key] = make()
         return self._made[key]
 
     # -- operations --------------------------------------------------------------------------------
 
-    def number(self, value: float) -> Node:
+    def number(self, value: float) -> TreeNode:
         """A constant."""
         value = float(value) + 0.0  # −0 and 0 are one constant
         return self._only(("number", value), lambda: Number(value))
 
-    def variable(self, name: str) -> Node:
+    def variable(self, name: str) -> TreeNode:
         """x or y."""
-        return self._only(("variable", name), lambda: Variable(name))
+        return self._only(("variable", name), lambda: Coordinate(name))
 
-    def minus(self, a: Node) -> Node:
+    def minus(self, a: TreeNode) -> TreeNode:
         """−a."""
         if isinstance(a, Number):
             return self.number(-a.value)
@@ -88,7 +88,7 @@ class Algebra:
             return self.times(self.number(-a.left.value), a.right)
         return self._only(("-", a), lambda: Negative(a))
 
-    def plus(self, a: Node, b: Node) -> Node:
+    def plus(self, a: TreeNode, b: TreeNode) -> TreeNode:
         """a + b."""
         if a is self.zero:
             return b
@@ -98,7 +98,7 @@ class Algebra:
             return self.less(a, b.operand)
         return self._binary("+", a, b)
 
-    def less(self, a: Node, b: Node) -> Node:
+    def less(self, a: TreeNode, b: TreeNode) -> TreeNode:
         """a − b."""
         if b is self.zero:
             return a
@@ -108,7 +108,7 @@ class Algebra:
             return self.zero
         return self.plus(a, b.operand) if isinstance(b, Negative) else self._binary("-", a, b)
 
-    def times(self, a: Node, b: Node) -> Node:
+    def times(self, a: TreeNode, b: TreeNode) -> TreeNode:
         """a·b, a number first."""
         if isinstance(b, Number):
             a, b = b, a
@@ -130,40 +130,40 @@ class Algebra:
             return self.times(a.left, self.times(a.right, b))
         return self._binary("*", a, b)
 
-    def over(self, a: Node, b: Node) -> Node:
+    def over(self, a: TreeNode, b: TreeNode) -> TreeNode:
         """a/b."""
         if b is self.one or a is self.zero:
             return a
         return self.minus(self.over(a.operand, b)) if isinstance(a, Negative) else self._binary("/", a, b)
 
-    def power(self, a: Node, b: Node) -> Node:
+    def power(self, a: TreeNode, b: TreeNode) -> TreeNode:
         """a to the b."""
         if b is self.zero:
             return self.one
         return a if b is self.one else self._binary("**", a, b)
 
-    def call(self, function: str, *arguments: Node) -> Node:
+    def call(self, function: str, *arguments: TreeNode) -> TreeNode:
         """function(arguments)."""
         return self._computed(self._only((function, arguments), lambda: Call(function, arguments)))
 
-    def _binary(self, operator: str, a: Node, b: Node) -> Node:
+    def _binary(self, operator: str, a: TreeNode, b: TreeNode) -> TreeNode:
         return self._computed(self._only((operator, a, b), lambda: Binary(operator, a, b)))
 
-    def _computed(self, node: Node) -> Node:
+    def _computed(self, node: TreeNode) -> TreeNode:
         """The node, or its value if it has one whatever x and y."""
         if not all(isinstance(part, Number) for part in children(node)):
             return node
         value = constant(ordered((node,)), FUNCTIONS)
         return self.number(value) if math.isfinite(value) else node
 
-    def sum(self, *terms: Node) -> Node:
+    def sum(self, *terms: TreeNode) -> TreeNode:
         """The sum of all terms."""
         total = self.zero
         for term in terms:
             total = self.plus(total, term)
         return total
 
-    def step(self, s: Node) -> Node:
+    def step(self, s: TreeNode) -> TreeNode:
         """1 where s ≥ 0, 0 elsewhere."""
         raised = self._only(("+", s, self.zero), lambda: Binary("+", s, self.zero))  # atan2(0, −0) would be π
         return self.less(self.one, self.over(self.call("atan2", self.zero, raised), self.number(math.pi)))
@@ -174,26 +174,26 @@ class Calculus(Algebra):
 
     def __init__(self) -> None:
         super().__init__()
-        self._slopes: dict[tuple[str, Node], Node] = {}
+        self._slopes: dict[tuple[str, TreeNode], TreeNode] = {}
 
-    def derivative(self, root: Node, variable: str) -> Node:
+    def derivative(self, root: TreeNode, variable: str) -> TreeNode:
         """∂/∂x or ∂/∂y of a tree that this algebra made."""
         for node in ordered((root,)):
             if (variable, node) not in self._slopes:
                 self._slopes[variable, node] = self._slope(node, variable)
         return self._slopes[variable, root]
 
-    def gradient(self, root: Node) -> tuple[Node, Node]:
+    def gradient(self, root: TreeNode) -> tuple[TreeNode, TreeNode]:
         """(∂/∂x, ∂/∂y)."""
         return self.derivative(root, "x"), self.derivative(root, "y")
 
-    def _slope(self, node: Node, variable: str) -> Node:
-        def d(part: Node) -> Node:
+    def _slope(self, node: TreeNode, variable: str) -> TreeNode:
+        def d(part: TreeNode) -> TreeNode:
             return self._slopes[variable, part]
 
         if isinstance(node, Number):
             return self.zero
-        if isinstance(node, Variable):
+        if isinstance(node, Coordinate):
             return self.one if node.name == variable else self.zero
         if isinstance(node, Negative):
             return self.minus(d(node.operand))
@@ -212,7 +212,7 @@ class Calculus(Algebra):
                 return self.over(self.less(da, self.times(node, db)), b)
         return self._power_slope(node, da, db)
 
-    def _power_slope(self, node: Binary, da: Node, db: Node) -> Node:
+    def _power_slope(self, node: Binary, da: TreeNode, db: TreeNode) -> TreeNode:
         a, b = node.left, node.right
         base = exponent = self.zero
         if da is not self.zero:
@@ -221,7 +221,7 @@ class Calculus(Algebra):
             exponent = self.times(self.times(node, self.call("log", a)), db)
         return self.plus(base, exponent)
 
-    def _call_slope(self, node: Call, slopes: list[Node]) -> Node:
+    def _call_slope(self, node: Call, slopes: list[TreeNode]) -> TreeNode:
         a, da = node.arguments[0], slopes[0]
         if all(slope is self.zero for slope in slopes):
             return self.zero
@@ -233,7 +233,7 @@ class Calculus(Algebra):
             return self.over(self.less(self.times(da, b), self.times(a, db)), square)
         return self.times(self._outer(node, a), da)
 
-    def _outer(self, node: Call, a: Node) -> Node:
+    def _outer(self, node: Call, a: TreeNode) -> TreeNode:
         """f′(a) of a function of one argument."""
         two = self.number(2.0)
         square = self.power(a, two)
@@ -266,7 +266,7 @@ class Calculus(Algebra):
                 return self.less(self.one, self.power(node, two))
         raise AssertionError(node.function)
 
-    def _choice_slope(self, node: Call, slopes: list[Node]) -> Node:
+    def _choice_slope(self, node: Call, slopes: list[TreeNode]) -> TreeNode:
         """min and max of two or more: the slope of the argument that is chosen."""
         sign = self.one if node.function == "max" else self.number(-1.0)
         best, slope = node.arguments[0], slopes[0]

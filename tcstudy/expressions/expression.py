@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.expressions import tree
-from tcstudy.expressions.tree import Binary, Call, Negative, Node, Number, Order, Variable
+from tcstudy.expressions.tree import Binary, Call, Coordinate, Negative, Number, Order, TreeNode
 
 T = TypeVar("T")
 
@@ -90,7 +90,7 @@ class Expression:
     """A function of x and y; equal and hashed by its text. Made by `parse`, or by `of_tree` from a tree."""
 
     text: str
-    root: Node = field(compare=False, repr=False)
+    root: TreeNode = field(compare=False, repr=False)
 
     def __str__(self) -> str:
         return self.text
@@ -104,7 +104,7 @@ class Expression:
         return tree.ordered((self.root,))
 
     @cached_property
-    def _below(self) -> dict[Node, frozenset[str]]:
+    def _below(self) -> dict[TreeNode, frozenset[str]]:
         return tree.variables(self.order)
 
     @cached_property
@@ -135,7 +135,7 @@ class Expression:
         return folded
 
 
-def of_tree(root: Node) -> Expression:
+def of_tree(root: TreeNode) -> Expression:
     """The expression of a tree, with a text that `parse` reads back unless it is longer than MAX_LENGTH."""
     return Expression(tree.to_text(tree.ordered((root,)), MAX_LENGTH), root)
 
@@ -233,7 +233,7 @@ def _too_deep(at: int) -> ExpressionError:
     return ExpressionError(f"the expression is nested too deeply (limit {MAX_DEPTH} levels); split or shorten it", at)
 
 
-def _convert(node: ast.expr, offset: Callable[[int], int], depth: int) -> Node:
+def _convert(node: ast.expr, offset: Callable[[int], int], depth: int) -> TreeNode:
     """Our own tree for a whitelisted syntax tree; anything outside the grammar is an ExpressionError."""
     at = offset(node.col_offset)
     if depth > MAX_DEPTH:
@@ -243,7 +243,7 @@ def _convert(node: ast.expr, offset: Callable[[int], int], depth: int) -> Node:
     if isinstance(node, ast.Name):
         if node.id in FUNCTIONS:
             raise ExpressionError(f"{node.id} is a function: write {node.id}(...)", at)
-        return Number(CONSTANTS[node.id]) if node.id in CONSTANTS else Variable(node.id)
+        return Number(CONSTANTS[node.id]) if node.id in CONSTANTS else Coordinate(node.id)
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
         operand = _convert(node.operand, offset, depth + 1)
         return Negative(operand) if isinstance(node.op, ast.USub) else operand
@@ -255,7 +255,7 @@ def _convert(node: ast.expr, offset: Callable[[int], int], depth: int) -> Node:
     raise ExpressionError(f"this is not an expression in x and y; {ALLOWED}", at)
 
 
-def _call(name: str, arguments: list[Node], at: int) -> Node:
+def _call(name: str, arguments: list[TreeNode], at: int) -> TreeNode:
     """A function call with the right number of arguments."""
     if name in ("min", "max"):
         if len(arguments) < 2:

@@ -25,7 +25,7 @@ class Number:
 
 
 @dataclass(frozen=True, eq=False)
-class Variable:
+class Coordinate:
     """x or y."""
 
     name: str
@@ -35,7 +35,7 @@ class Variable:
 class Negative:
     """−operand."""
 
-    operand: Node
+    operand: TreeNode
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +43,8 @@ class Binary:
     """left operator right, the operator one of + - * / **."""
 
     operator: str
-    left: Node
-    right: Node
+    left: TreeNode
+    right: TreeNode
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,15 +52,15 @@ class Call:
     """function(arguments)."""
 
     function: str
-    arguments: tuple[Node, ...]
+    arguments: tuple[TreeNode, ...]
 
 
-Node = Number | Variable | Negative | Binary | Call
-Order = tuple[Node, ...]
+TreeNode = Number | Coordinate | Negative | Binary | Call
+Order = tuple[TreeNode, ...]
 """The nodes of a tree, each once, every node after its children; the root is the last."""
 
 
-def children(node: Node) -> tuple[Node, ...]:
+def children(node: TreeNode) -> tuple[TreeNode, ...]:
     """The nodes that a node is made of."""
     if isinstance(node, Negative):
         return (node.operand,)
@@ -69,9 +69,9 @@ def children(node: Node) -> tuple[Node, ...]:
     return node.arguments if isinstance(node, Call) else ()
 
 
-def ordered(roots: Iterable[Node]) -> Order:
+def ordered(roots: Iterable[TreeNode]) -> Order:
     """The nodes of one or more trees, each once, every node after its children."""
-    done: dict[Node, None] = {}
+    done: dict[TreeNode, None] = {}
     stack = [(root, False) for root in reversed(list(roots))]
     while stack:
         node, ready = stack.pop()
@@ -85,18 +85,18 @@ def ordered(roots: Iterable[Node]) -> Order:
     return tuple(done)
 
 
-def variables(order: Order) -> dict[Node, frozenset[str]]:
+def variables(order: Order) -> dict[TreeNode, frozenset[str]]:
     """The variables that occur below each node."""
-    found: dict[Node, frozenset[str]] = {}
+    found: dict[TreeNode, frozenset[str]] = {}
     for node in order:
-        own = frozenset((node.name,)) if isinstance(node, Variable) else frozenset[str]()
+        own = frozenset((node.name,)) if isinstance(node, Coordinate) else frozenset[str]()
         found[node] = own.union(*(found[child] for child in children(node)))
     return found
 
 
 def constant(order: Order, functions: Mapping[str, Callable[..., Any]]) -> float:
     """Value of a tree without variables, in floats: no power of integers that would never end."""
-    values: dict[Node, Any] = {}
+    values: dict[TreeNode, Any] = {}
     with np.errstate(all="ignore"):
         for node in order:
             values[node] = np.float64(apply(node, [values[child] for child in children(node)], functions))
@@ -105,7 +105,7 @@ def constant(order: Order, functions: Mapping[str, Callable[..., Any]]) -> float
 
 def fold(
     order: Order,
-    known: Mapping[Node, frozenset[str]],
+    known: Mapping[TreeNode, frozenset[str]],
     given: Mapping[str, Any],
     functions: Mapping[str, Callable[..., Any]],
     constants: Mapping[str, Callable[..., Any]],
@@ -115,9 +115,9 @@ def fold(
     known:     the variables below each node
     constants: the functions for parts without variables, which arrive as floats
     """
-    values: dict[Node, Any] = {}
+    values: dict[TreeNode, Any] = {}
     for node in order:
-        if isinstance(node, Variable):
+        if isinstance(node, Coordinate):
             values[node] = given[node.name]
         elif known[node]:
             values[node] = apply(node, [values[child] for child in children(node)], functions)
@@ -128,7 +128,7 @@ def fold(
     return values[order[-1]]
 
 
-def apply(node: Node, values: list[Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
+def apply(node: TreeNode, values: list[Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
     """One node applied to the values of its children."""
     if isinstance(node, Number):
         return np.float64(node.value)
@@ -164,7 +164,7 @@ def to_text(order: Order, longest: int) -> str:
 
     Trees of one text are one function: the hash is that of all nodes.
     """
-    size: dict[Node, int] = {}
+    size: dict[TreeNode, int] = {}
     for node in order:  # an upper bound, parentheses and blanks included
         own = len(_leaf(node)) + 5 if not children(node) else 4 + len(getattr(node, "function", "")) + 3
         size[node] = own + sum(size[child] + 4 for child in children(node))
@@ -177,24 +177,24 @@ def to_text(order: Order, longest: int) -> str:
     return f"{begin}[{len(order)} operations, {_digest(order)}]"
 
 
-def _leaf(node: Node) -> str:
+def _leaf(node: TreeNode) -> str:
     if isinstance(node, Number):
         return repr(float(node.value))
-    return node.name if isinstance(node, Variable) else ""
+    return node.name if isinstance(node, Coordinate) else ""
 
 
 def _written(order: Order) -> str:
     """The text, with parentheses only where the grammar needs them."""
-    done: dict[Node, tuple[str, int]] = {}
+    done: dict[TreeNode, tuple[str, int]] = {}
 
-    def inner(node: Node, least: int) -> str:
+    def inner(node: TreeNode, least: int) -> str:
         text, priority = done[node]
         return text if priority >= least else f"({text})"
 
     for node in order:
         if isinstance(node, Number):
             done[node] = _leaf(node), _ATOM if node.value >= 0 and not _leaf(node).startswith("-") else 0
-        elif isinstance(node, Variable):
+        elif isinstance(node, Coordinate):
             done[node] = node.name, _ATOM
         elif isinstance(node, Negative):
             done[node] = f"-{inner(node.operand, _SIGN + 1)}", 1
@@ -227,7 +227,7 @@ def pack(order: Order) -> tuple[tuple[str, object, tuple[int, ...]], ...]:
         datum: object = None
         if isinstance(node, Number):
             datum = node.value
-        elif isinstance(node, Variable):
+        elif isinstance(node, Coordinate):
             datum = node.name
         elif isinstance(node, Binary):
             datum = node.operator
@@ -237,15 +237,15 @@ def pack(order: Order) -> tuple[tuple[str, object, tuple[int, ...]], ...]:
     return tuple(packed)
 
 
-def unpack(packed: tuple[tuple[str, Any, tuple[int, ...]], ...]) -> Node:
+def unpack(packed: tuple[tuple[str, Any, tuple[int, ...]], ...]) -> TreeNode:
     """The root of a packed tree."""
-    nodes: list[Node] = []
+    nodes: list[TreeNode] = []
     for kind, datum, places in packed:
         parts = tuple(nodes[place] for place in places)
         if kind == "Number":
             nodes.append(Number(datum))
-        elif kind == "Variable":
-            nodes.append(Variable(datum))
+        elif kind == "Coordinate":
+            nodes.append(Coordinate(datum))
         elif kind == "Negative":
             nodes.append(Negative(parts[0]))
         elif kind == "Binary":

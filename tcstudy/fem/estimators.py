@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.contact_line import ContactLine
-from tcstudy.fem.recovery import Triangles
+from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.records import Clamped, Contact, Convection, Role, Scene, Traction
 
@@ -56,21 +56,21 @@ class Strain:
     excess: Array
 
 
-def strain(triangles: Triangles, u: Array) -> Strain:
+def strain(triangles: ElementGeometry, u: Array) -> Strain:
     """Strain of a displacement u (2n,)."""
     own = own_strain(triangles, u)
     recovered = triangles.recovery @ own
     return Strain(own, recovered, recovered[triangles.mesh.triangles] - own[:, None])
 
 
-def own_strain(triangles: Triangles, u: Array) -> Array:
+def own_strain(triangles: ElementGeometry, u: Array) -> Array:
     """(t, 3) strain of a displacement u (2n,) on triangles."""
     gradient = triangles.gradient(u.reshape(2, -1).T)
     shear = 0.5 * (gradient[:, 0, 1] + gradient[:, 1, 0])
     return np.column_stack([gradient[:, 0, 0], gradient[:, 1, 1], shear])
 
 
-def product(triangles: Triangles, a: Array, b: Array, lam: float, mu: float) -> Array:
+def product(triangles: ElementGeometry, a: Array, b: Array, lam: float, mu: float) -> Array:
     """(t,) ∫_K a:c b of strains that are linear on K and given at its corners (t, 3, 3) [J/m]."""
     total = np.einsum("tkc,tkc->tc", a, b) + a.sum(axis=1) * b.sum(axis=1)
     trace_a, trace_b = a[..., 0] + a[..., 1], b[..., 0] + b[..., 1]
@@ -78,7 +78,7 @@ def product(triangles: Triangles, a: Array, b: Array, lam: float, mu: float) -> 
     return triangles.area / 12.0 * (lam * trace + 2.0 * mu * (total @ np.array([1.0, 1.0, 2.0])))
 
 
-def energy_norm(triangles: Triangles, u: Strain, lam: float, mu: float) -> float:
+def energy_norm(triangles: ElementGeometry, u: Strain, lam: float, mu: float) -> float:
     """√a(u_h, u_h) [√(J/m)]."""
     own = np.repeat(u.own[:, None], 3, axis=1)
     return float(np.sqrt(product(triangles, own, own, lam, mu).sum()))
@@ -92,7 +92,7 @@ def _stress(recovered: Array, lam: float, mu: float) -> Array:
     return stress
 
 
-def element_residual(triangles: Triangles, u: Strain, theta: Array, scene: Scene) -> Array:
+def element_residual(triangles: ElementGeometry, u: Strain, theta: Array, scene: Scene) -> Array:
     """(t,) (h_K/π)²/(2μ) ‖f + div σ*‖²_K [J/m]."""
     lam, mu, beta = scene.material.lam, scene.material.mu, scene.material.beta
     slope = triangles.gradient(_stress(u.recovered, lam, mu))
@@ -104,7 +104,9 @@ def element_residual(triangles: Triangles, u: Strain, theta: Array, scene: Scene
     return (triangles.diameter / np.pi) ** 2 / (2.0 * mu) * square
 
 
-def edge_residual(triangles: Triangles, u: Strain, theta: Array, scene: Scene, friction: ContactTraction) -> Array:
+def edge_residual(
+    triangles: ElementGeometry, u: Strain, theta: Array, scene: Scene, friction: ContactTraction
+) -> Array:
     """(t,) Σ_e h_e/(2πμ) (‖r_e‖² + ‖dist(ξ_h, b̂)‖²) over the boundary edges of each triangle [J/m]."""
     mesh, mu, beta = triangles.mesh, scene.material.mu, scene.material.beta
     edges = boundary_edges(triangles)
@@ -133,7 +135,7 @@ class Edges:
     at: Array
 
 
-def boundary_edges(triangles: Triangles) -> Edges:
+def boundary_edges(triangles: ElementGeometry) -> Edges:
     """Geometry of the boundary segments (chords, on arcs)."""
     ends = triangles.mesh.points[triangles.mesh.segments]
     along = ends[:, 1] - ends[:, 0]
@@ -142,14 +144,14 @@ def boundary_edges(triangles: Triangles) -> Edges:
     return Edges(length, normal, ends[:, None, 0] + GAUSS[None, :, None] * along[:, None])
 
 
-def boundary_traction(triangles: Triangles, u: Strain, scene: Scene) -> Array:
+def boundary_traction(triangles: ElementGeometry, u: Strain, scene: Scene) -> Array:
     """cε* n of the recovered strain at the Gauss points of the boundary (s, 2, 2) [Pa]."""
     stress = _on_segments(_stress(u.recovered, scene.material.lam, scene.material.mu), triangles.mesh.segments)
     normal = boundary_edges(triangles).normal
     return np.stack([_row(stress, 0, 2, normal), _row(stress, 2, 1, normal)], axis=-1)
 
 
-def dirichlet_gap(triangles: Triangles, u: Array, scene: Scene) -> Array:
+def dirichlet_gap(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
     """u_D − u_h at the Gauss points of the boundary (s, 2, 2); zero in components that are free [m]."""
     mesh, edges = triangles.mesh, boundary_edges(triangles)
     gap = np.zeros_like(edges.at)
@@ -170,7 +172,7 @@ def dirichlet_gap(triangles: Triangles, u: Array, scene: Scene) -> Array:
     return gap
 
 
-def dirichlet_residual(triangles: Triangles, gap: Array, scene: Scene) -> Array:
+def dirichlet_residual(triangles: ElementGeometry, gap: Array, scene: Scene) -> Array:
     """(t,) Σ_e 2πμ/h_e ‖u_D − u_h‖²_e over the boundary edges of each triangle [J/m]."""
     weighted = 2.0 * np.pi * scene.material.mu * np.mean(np.sum(gap**2, axis=-1), axis=1)
     return triangles.from_segments(weighted)
@@ -222,7 +224,7 @@ class ContactTraction:
 
 
 def contact_traction(
-    triangles: Triangles, line: ContactLine, law: FrictionLaw, u_T: Array, xi: Array, u: Array
+    triangles: ElementGeometry, line: ContactLine, law: FrictionLaw, u_T: Array, xi: Array, u: Array
 ) -> ContactTraction:
     """ξ_h between the nodes from u_T (m,) and the tractions ξ_i/c_i (m,); u (2n,) gives u_T of held nodes."""
     mesh = triangles.mesh
@@ -248,7 +250,7 @@ def contact_traction(
     return ContactTraction(result, defect)
 
 
-def heat_estimate(triangles: Triangles, theta: Array, scene: Scene) -> Array:
+def heat_estimate(triangles: ElementGeometry, theta: Array, scene: Scene) -> Array:
     """(t,) η_K² of a temperature (n,) that was solved for [W K/m]."""
     k = scene.material.k
     assert k is not None
@@ -261,19 +263,19 @@ def heat_estimate(triangles: Triangles, theta: Array, scene: Scene) -> Array:
     )
 
 
-def excess(triangles: Triangles, theta: Array) -> Array:
+def excess(triangles: ElementGeometry, theta: Array) -> Array:
     """(t, 3, 2) the recovered gradient at the corners of each triangle, less its own."""
     own = triangles.gradient(theta)
     return (triangles.recovery @ own)[triangles.mesh.triangles] - own[:, None]
 
 
-def gradient_product(triangles: Triangles, a: Array, b: Array) -> Array:
+def gradient_product(triangles: ElementGeometry, a: Array, b: Array) -> Array:
     """(t,) ∫_K a·b of vectors that are linear on K and given at its corners (t, 3, 2)."""
     total = np.einsum("tkd,tkd->t", a, b) + np.einsum("td,td->t", a.sum(axis=1), b.sum(axis=1))
     return triangles.area / 12.0 * total
 
 
-def _element_residual(triangles: Triangles, recovered: Array, scene: Scene, k: float) -> Array:
+def _element_residual(triangles: ElementGeometry, recovered: Array, scene: Scene, k: float) -> Array:
     slope = triangles.gradient(recovered)
     q = values_at(scene.heat.q, triangles.inner_points.reshape(-1, 2)).reshape(-1, 3)
     if scene.heat.omega:
@@ -283,7 +285,7 @@ def _element_residual(triangles: Triangles, recovered: Array, scene: Scene, k: f
     return (triangles.diameter / np.pi) ** 2 / k * square
 
 
-def _edge_residual(triangles: Triangles, recovered: Array, theta: Array, scene: Scene, k: float) -> Array:
+def _edge_residual(triangles: ElementGeometry, recovered: Array, theta: Array, scene: Scene, k: float) -> Array:
     mesh = triangles.mesh
     ends = mesh.points[mesh.segments]
     along = ends[:, 1] - ends[:, 0]
@@ -302,7 +304,7 @@ def _edge_residual(triangles: Triangles, recovered: Array, theta: Array, scene: 
     return triangles.from_segments(weighted)
 
 
-def coupling(triangles: Triangles, theta: Array, scene: Scene, solved: bool) -> Array:
+def coupling(triangles: ElementGeometry, theta: Array, scene: Scene, solved: bool) -> Array:
     """(t,) β²/(λ+μ) ‖θ − θ_h‖²_K, the error that temperature puts into the displacement [J/m].
 
     solved: θ comes from the heat problem; else it is known, and θ_h is its interpolant

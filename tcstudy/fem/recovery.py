@@ -28,7 +28,7 @@ FLAT = 1e-6
 
 
 @dataclass(frozen=True)
-class Triangles:
+class ElementGeometry:
     """What estimates need to know of a mesh's t triangles and n nodes; everything is computed once."""
 
     mesh: PlaneMesh

@@ -4,10 +4,19 @@ Not here: meshes, scenes, files. The single problem (solve) is its oracle.
 """
 
 from tcstudy.online.block import Options, solve_block
-from tcstudy.online.body import Body
+from tcstudy.online.body import CondensedBody
 from tcstudy.online.law_tables import LawTables
 from tcstudy.online.problems import BlockAnswers, Certificates
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.online.sweep import solve_points
 
-__all__ = ["BlockAnswers", "Body", "Certificates", "LawTables", "Options", "RowLaws", "solve_block", "solve_points"]
+__all__ = [
+    "BlockAnswers",
+    "Certificates",
+    "CondensedBody",
+    "LawTables",
+    "Options",
+    "RowLaws",
+    "solve_block",
+    "solve_points",
+]

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online.body import Body
+from tcstudy.online.body import CondensedBody
 from tcstudy.online.certify import (
     MARGIN,
     energy_gap,
@@ -64,7 +64,7 @@ class Options:
 
 
 def solve_block(
-    body: Body,
+    body: CondensedBody,
     loads: Array,
     laws: RowLaws,
     options: Options | None = None,

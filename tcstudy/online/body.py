@@ -26,7 +26,7 @@ COARSEST = 40
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class CondensedBody:
     """What all contact problems on one body share.
 
     A_tilde:  (m, m) symmetric positive definite, condensed stiffness [Pa]
@@ -40,10 +40,10 @@ class Body:
     c: Array
     inverse: Array
     lambda_1: float
-    coarse: Body | None
+    coarse: CondensedBody | None
 
     @classmethod
-    def of(cls, A_tilde: Array, c: Array) -> Body:
+    def of(cls, A_tilde: Array, c: Array) -> CondensedBody:
         """The record of Ã (m, m) and c (m,); two factorisations and an eigenvalue.
 
         Raises ValueError if Ã is not positive definite: then the body can move freely.
@@ -75,10 +75,10 @@ class Body:
         return 8.0 * self.m * float(np.finfo(float).eps) * condition
 
 
-def _coarse(A: Array, c: Array) -> Body:
+def _coarse(A: Array, c: Array) -> CondensedBody:
     P = interpolation(len(c))
     coarse = P.T @ (P.T @ A).T
-    return Body.of(0.5 * (coarse + coarse.T), P.T @ c)
+    return CondensedBody.of(0.5 * (coarse + coarse.T), P.T @ c)
 
 
 def restricted(rows: Array) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.online.body import Body
+from tcstudy.online.body import CondensedBody
 from tcstudy.online.law_bounds import PARTS
 from tcstudy.online.newton import factor_free, slopes, traction_scale
 from tcstudy.online.problems import Rows
@@ -29,7 +29,7 @@ Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 
-def definite(body: Body, slope: Array, margin: float) -> Flags:
+def definite(body: CondensedBody, slope: Array, margin: float) -> Flags:
     """(R,) whether Ã + C diag(slope − μ) ≻ 0 is proved, for rows of slopes (R, m) [Pa/m]."""
     proved = np.zeros(len(slope), dtype=bool)
     if body.m == 0:

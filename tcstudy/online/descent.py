@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tcstudy.online.body import prolonged, restricted
 from tcstudy.online.law_tables import Place
-from tcstudy.online.newton import Slopes, directions, slopes, traction_scale
+from tcstudy.online.newton import BlockSlopes, directions, slopes, traction_scale
 from tcstudy.online.problems import Rows
 from tcstudy.online.saddles import leave_saddles
 from tcstudy.solve.separable.descent import NodeEnergy
@@ -109,7 +109,7 @@ def descend_nested(
     return descend(rows, start, tolerance, minima)
 
 
-def _step(rows: Rows, v: Array, xi: Array, s: Slopes, careful: bool) -> tuple[Array, NDArray[np.bool_]]:
+def _step(rows: Rows, v: Array, xi: Array, s: BlockSlopes, careful: bool) -> tuple[Array, NDArray[np.bool_]]:
     """(next v, whether the change of energy was within rounding) of every row."""
     d = _newton(rows, v, s, careful)
     first_order = np.where(d > 0.0, s.right, s.left)
@@ -136,7 +136,7 @@ def _step(rows: Rows, v: Array, xi: Array, s: Slopes, careful: bool) -> tuple[Ar
     return new, level
 
 
-def _newton(rows: Rows, v: Array, s: Slopes, careful: bool) -> Array:
+def _newton(rows: Rows, v: Array, s: BlockSlopes, careful: bool) -> Array:
     """(R, m) Newton directions; nodes on a jump that would go uphill stay."""
     free = s.free
     stiffness = np.where(free, rows.body.c * rows.laws.slope(v, s.piece), 0.0)

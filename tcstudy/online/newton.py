@@ -18,7 +18,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.online.body import Body
+from tcstudy.online.body import CondensedBody
 from tcstudy.online.law_tables import Place
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.friction import BEND
@@ -37,7 +37,7 @@ _INDEFINITE_COST = 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class Slopes:
+class BlockSlopes:
     """First-order information of R rows at v, (R, m) each; as tcstudy/solve/nodal_pieces.Slopes.
 
     at:          where v sits
@@ -64,14 +64,14 @@ class Slopes:
         """Address of the piece on the descending side."""
         return self.at.toward(self.descent <= 0.0)
 
-    def take(self, rows: Index) -> Slopes:
+    def take(self, rows: Index) -> BlockSlopes:
         """The named rows."""
         at = Place(self.at.piece[rows], self.at.on[rows])
         left, right, descent = self.left[rows], self.right[rows], self.descent[rows]
-        return Slopes(at, left, right, descent, self.jump[rows], self.residual[rows])
+        return BlockSlopes(at, left, right, descent, self.jump[rows], self.residual[rows])
 
 
-def slopes(body: Body, laws: RowLaws, scale: Array, v: Array, xi: Array) -> Slopes:
+def slopes(body: CondensedBody, laws: RowLaws, scale: Array, v: Array, xi: Array) -> BlockSlopes:
     """Slopes c b(v∓0) − ξ of rows; scale: (R,) of b [Pa]."""
     at = laws.locate(v)
     left = body.c * laws.value(v, at.piece) - xi
@@ -81,10 +81,10 @@ def slopes(body: Body, laws: RowLaws, scale: Array, v: Array, xi: Array) -> Slop
         jump = laws.kind(at) != BEND
     climb_right, climb_left = np.maximum(-right, 0.0), np.maximum(left, 0.0)
     descent = np.where(jump, np.where(climb_right >= climb_left, -climb_right, climb_left), right)
-    return Slopes(at, left, right, descent, jump, np.max(np.abs(descent) / body.c, axis=1, initial=0.0) / scale)
+    return BlockSlopes(at, left, right, descent, jump, np.max(np.abs(descent) / body.c, axis=1, initial=0.0) / scale)
 
 
-def traction_scale(body: Body, laws: RowLaws, loads: Array) -> Array:
+def traction_scale(body: CondensedBody, laws: RowLaws, loads: Array) -> Array:
     """(R,) scale of b as ContactProblem.traction_scale has it, 1 where that is 0 [Pa]."""
     scale = laws.b_scale()
     bare = np.flatnonzero(scale == 0.0)
@@ -95,7 +95,7 @@ def traction_scale(body: Body, laws: RowLaws, loads: Array) -> Array:
     return np.where(scale > 0.0, scale, 1.0)
 
 
-def directions(body: Body, free: Flags, stiffness: Array, g: Array, careful: bool = False) -> Array:
+def directions(body: CondensedBody, free: Flags, stiffness: Array, g: Array, careful: bool = False) -> Array:
     """(R, m) d with (A_FF + diag k) d_F = −g_F and 0 elsewhere, k = `stiffness` = c b′ [N/m per m].
 
     Rows in which that matrix is not positive definite get the k lifted to at least 0; of small, stacked systems only
@@ -152,7 +152,7 @@ def block_of(M: Array, rows: Index, columns: Index) -> Array:
     return M.take(rows, axis=0).take(columns, axis=1)
 
 
-def factor_free(body: Body, free: Index, k: Array) -> tuple[Array, int]:
+def factor_free(body: CondensedBody, free: Index, k: Array) -> tuple[Array, int]:
     """Cholesky factor of A_FF + diag k and LAPACK's info (0 if positive definite)."""
     if not len(free):
         return np.zeros((0, 0)), 0
@@ -161,7 +161,7 @@ def factor_free(body: Body, free: Index, k: Array) -> tuple[Array, int]:
     return cholesky(matrix)
 
 
-def _on_free(body: Body, free: Index, k: Array, rhs: Array) -> Array:
+def _on_free(body: CondensedBody, free: Index, k: Array, rhs: Array) -> Array:
     """(m,) solution of one row on its free nodes."""
     d = np.zeros(len(rhs))
     if len(free):
@@ -172,7 +172,7 @@ def _on_free(body: Body, free: Index, k: Array, rhs: Array) -> Array:
     return d
 
 
-def _on_held(body: Body, held: Flags, k: Array, y: Array) -> Array:
+def _on_held(body: CondensedBody, held: Flags, k: Array, y: Array) -> Array:
     """(m,) forces z of one row on the nodes that rest or have k ≠ 0."""
     z, nodes = np.zeros(len(y)), np.flatnonzero(held)
     if not len(nodes):

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online.body import Body
+from tcstudy.online.body import CondensedBody
 from tcstudy.online.law_tables import Place
 from tcstudy.online.newton import traction_scale
 from tcstudy.online.row_laws import RowLaws
@@ -25,7 +25,7 @@ Index = NDArray[np.intp]
 class Rows:
     """R contact problems on one body: loads l̃ (R, m) [N/m] and laws."""
 
-    body: Body
+    body: CondensedBody
     laws: RowLaws
     loads: Array
 

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.online.newton import Slopes, factor_free
+from tcstudy.online.newton import BlockSlopes, factor_free
 from tcstudy.online.problems import Rows
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ _ROUNDINGS = 64.0
 """Decreases of energy below this many roundings of the work of ξ are none."""
 
 
-def leave_saddles(rows: Rows, v: Array, xi: Array, s: Slopes) -> tuple[Array, Flags]:
+def leave_saddles(rows: Rows, v: Array, xi: Array, s: BlockSlopes) -> tuple[Array, Flags]:
     """(points of less energy where there are such, whether), for stationary points v (R, m)."""
     body, free = rows.body, s.free
     added = np.where(free, body.c * rows.laws.slope(v, s.piece), 0.0)
@@ -56,7 +56,7 @@ def _negative_curvature(rows: Rows, free: Index, added: Array) -> Array | None:
     return direction
 
 
-def _lower_along(row: Rows, v: Array, xi: Array, s: Slopes, direction: Array) -> tuple[Array, bool]:
+def _lower_along(row: Rows, v: Array, xi: Array, s: BlockSlopes, direction: Array) -> tuple[Array, bool]:
     """(the point towards the first kink along ±direction, True) if it is lower, else (v, False)."""
     first_order = np.where(direction > 0.0, s.right[0], s.left[0])
     direction = -direction if float(first_order @ direction) > 0.0 else direction

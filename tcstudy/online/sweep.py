@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.online.block import Options, solve_block
-from tcstudy.online.body import Body
+from tcstudy.online.body import CondensedBody
 from tcstudy.online.law_tables import LawTables
 from tcstudy.online.problems import BlockAnswers, joined
 from tcstudy.online.row_laws import RowLaws
@@ -25,7 +25,7 @@ POINTS, ENTRIES = 1024, 2**18
 
 
 def solve_points(
-    body: Body,
+    body: CondensedBody,
     loads: Array,
     tables: LawTables,
     law: Index,

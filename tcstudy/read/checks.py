@@ -55,7 +55,7 @@ def supports(boundary: Boundary) -> tuple[object, ...]:
     return (*clamped, *(e for e, r in boundary if isinstance(r, Contact)))
 
 
-class Piece(NamedTuple):
+class BoundaryPiece(NamedTuple):
     """Some points (n, 2) of a boundary curve with its unit normals (n, 2) there, and the name of the edge."""
 
     name: str
@@ -69,14 +69,14 @@ def check_support(ctx: Context, node: Node, body: Body, boundary: Boundary) -> N
         return
     edges = [edge for loop in (body.outline, *body.holes) for edge in loop.edges]
     points = [edge_points(edge, 1 if edge.through is None else ARC_PIECES) for edge in edges]
-    pieces = [Piece(edge.name, at, edge_normal(edge, at)) for edge, at in zip(edges, points, strict=True)]
+    pieces = [BoundaryPiece(edge.name, at, edge_normal(edge, at)) for edge, at in zip(edges, points, strict=True)]
     fault = support_fault(pieces, boundary, body.outline.edges[0].start, body_size(body))
     if fault is not None:
         ctx.errors.at(node, *fault)
 
 
 def support_fault(
-    pieces: Sequence[Piece], boundary: Boundary, centre: Point, size: float, accuracy: float = 1e-9
+    pieces: Sequence[BoundaryPiece], boundary: Boundary, centre: Point, size: float, accuracy: float = 1e-9
 ) -> tuple[str, str] | None:
     """What is wrong and what to do if u given on Γ_D and u_N = 0 on Γ_C leave a plane rigid motion; else None.
 
@@ -96,7 +96,7 @@ def support_fault(
     return f"{what}: it can still {_motion(motions[rank:], centre, size)}", remedy
 
 
-def _constraints(piece: Piece, role: object, centre: Point, size: float) -> Iterator[list[float]]:
+def _constraints(piece: BoundaryPiece, role: object, centre: Point, size: float) -> Iterator[list[float]]:
     """Rows d·r(p) = 0 of a curve for the rigid motions r = (a − cη, b + cξ), (ξ, η) = (p − centre)/size."""
     if isinstance(role, Contact):
         fixed, frame = (True, False), "nt"

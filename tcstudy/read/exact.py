@@ -13,7 +13,7 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from tcstudy.exact.checks import Checks, Fault
+from tcstudy.exact.checks import Checks, SolutionFault
 from tcstudy.exact.loads import Derivation
 from tcstudy.read.checks import check_finite
 from tcstudy.read.fields import Fields
@@ -158,20 +158,20 @@ def derived_scenes(
     return Scenes.of(made) if len(made) == len(scenes) else scenes
 
 
-def _record(ctx: Context, root: Node, fault: Fault) -> None:
+def _record(ctx: Context, root: Node, fault: SolutionFault) -> None:
     ctx.errors.at(deepest(root, ("exact", *fault.keys)), fault.what, fault.remedy)
 
 
-def _missing(exact: Exact, scenes: Sequence[Scene]) -> Iterator[Fault]:
+def _missing(exact: Exact, scenes: Sequence[Scene]) -> Iterator[SolutionFault]:
     """A temperature that the loads need and the study does not give; α = 0."""
     if exact.theta is None:
         beta = any(scene.material.beta != 0.0 for scene in scenes)
         if beta or scenes[0].edges(Convection):
             why = "beta makes it load the body" if beta else "there are convection edges"
-            yield Fault((), f"theta is missing: {why}", 'add theta: "...", or theta: 0')
+            yield SolutionFault((), f"theta is missing: {why}", 'add theta: "...", or theta: 0')
     elif scenes[0].edges(Convection) and any(scene.heat.alpha == 0.0 for scene in scenes):
         what = "with alpha = 0 no theta_bar can be derived: no heat passes convection edges"
-        yield Fault(("theta",), what, "give alpha > 0, or make the edges free or traction")
+        yield SolutionFault(("theta",), what, "give alpha > 0, or make the edges free or traction")
 
 
 def _points(sweep: Sweep) -> Iterator[str]:

@@ -11,7 +11,7 @@ from tcstudy.read.node import Node
 from tcstudy.read.walker import Context
 from tcstudy.scene.friction import FrictionLaw, GrowthError
 from tcstudy.scene.law_pieces import LawError
-from tcstudy.scene.laws import SHAPES, Parameter
+from tcstudy.scene.laws import SHAPES, LawParameter
 from tcstudy.scene.units import LAW_DIMENSIONS, LENGTH, TRACTION
 
 LAW_EXAMPLES = {
@@ -58,7 +58,7 @@ def read_friction(ctx: Context, node: Node) -> FrictionLaw | None:
     return _build(ctx, node, name, values) if len(ctx.errors) == before else None
 
 
-def _known(parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
+def _known(parameters: tuple[LawParameter, ...]) -> tuple[str, ...]:
     return ("law", *(p.name for p in parameters))
 
 
@@ -76,7 +76,7 @@ def _build(ctx: Context, node: Node, name: str, values: dict[str, object]) -> Fr
     return None
 
 
-def _value(ctx: Context, node: Node, parameter: Parameter) -> object:
+def _value(ctx: Context, node: Node, parameter: LawParameter) -> object:
     """One parameter by its kind; a stand-in after a fault."""
     dimension = LAW_DIMENSIONS[parameter.dimension]
     match parameter.kind:

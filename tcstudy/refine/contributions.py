@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.fem.estimators import own_strain
-from tcstudy.fem.recovery import Triangles
+from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.refine.halved import Halved
 from tcstudy.scene.friction import sticking
 from tcstudy.scene.records import Material
@@ -60,7 +60,7 @@ def contributions(
     return by_node
 
 
-def _nodal_forces(triangles: Triangles, u: Array, material: Material) -> Array:
+def _nodal_forces(triangles: ElementGeometry, u: Array, material: Material) -> Array:
     """(2n,) a(u, φ_j) of the hat functions in x and y [N/m]."""
     strain = own_strain(triangles, u)
     stress = 2.0 * material.mu * strain

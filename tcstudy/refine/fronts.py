@@ -38,7 +38,7 @@ REACH = 0.5
 
 
 @dataclass(frozen=True)
-class Front:
+class SlipFront:
     """One place where stick meets slip.
 
     segment: index of its cell in line.segments;  width: length of the cell [m]
@@ -58,7 +58,7 @@ class Front:
     hidden: bool = False
 
 
-def fronts(line: ContactLine, problem: ContactProblem, v: Array) -> list[Front]:
+def fronts(line: ContactLine, problem: ContactProblem, v: Array) -> list[SlipFront]:
     """All fronts of a contact solution v (m,), hidden ones last; an end of Γ_C is none."""
     if not len(problem.law.kinks):
         return []
@@ -98,7 +98,7 @@ def _front(
     unknown: NDArray[np.intp],
     segment: int,
     towards: int,
-) -> Front | None:
+) -> SlipFront | None:
     """The front in a segment whose slipping side is its end (towards = 1) or its start (−1)."""
     lengths = np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1)
     rests, slides = unknown[line.segments[segment]][::towards]
@@ -117,25 +117,25 @@ def _front(
     return _through(segment, at[1:], nodes, slip)
 
 
-def _hidden(segment: int, at: list[float], nodes: list[int], slip: Array) -> Front | None:
+def _hidden(segment: int, at: list[float], nodes: list[int], slip: Array) -> SlipFront | None:
     """A front beside a held node, from slipping nodes at distances `at` from it."""
     # The nearest two: slip like r^λ, λ < 3/2, gives a zero outside the body, so that nothing is found by mistake.
     if (found := _zero(at[:2], nodes[:2], slip)) is None or found[0] <= 0.0:
         return None
     x, pair, slopes = found
     length = min(x, at[0])
-    return Front(segment, at[0], -length, length, pair, slopes, hidden=True)
+    return SlipFront(segment, at[0], -length, length, pair, slopes, hidden=True)
 
 
-def _through(segment: int, at: list[float], nodes: list[int], slip: Array) -> Front:
+def _through(segment: int, at: list[float], nodes: list[int], slip: Array) -> SlipFront:
     """The front from slipping nodes at distances `at` from the sticking one, the nearest first."""
     width = at[0]
     if (found := _zero(at, nodes, slip)) is not None:
         x, pair, slopes = found
         more = 0.5 * width - float(np.clip(x, -REACH * width, (1.0 + REACH) * width))
-        return Front(segment, width, more, 0.0, pair, slopes)
+        return SlipFront(segment, width, more, 0.0, pair, slopes)
     # u_T = C r^{3/2} with C held, half a cell from the front
-    return Front(segment, width, 0.0, 0.5 * width, (nodes[0],), (0.5 * width / (EXPONENT * float(slip[nodes[0]])),))
+    return SlipFront(segment, width, 0.0, 0.5 * width, (nodes[0],), (0.5 * width / (EXPONENT * float(slip[nodes[0]])),))
 
 
 def _zero(at: list[float], nodes: list[int], slip: Array) -> tuple[float, tuple[int, int], tuple[float, float]] | None:

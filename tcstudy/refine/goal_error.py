@@ -59,7 +59,7 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.fem.contact_line import ContactLine
 from tcstudy.fem.estimators import own_strain
 from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.fem.recovery import Triangles
+from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Condensed, Level
 from tcstudy.refine.contributions import contributions
 from tcstudy.refine.fronts import fronts, slip_length
@@ -98,7 +98,7 @@ class GoalError:
 
 
 def goal_error(
-    goal: Goal, halved: Halved, triangles: Triangles, scene: Scene, condensed: Condensed, v: Array, u: Array
+    goal: Goal, halved: Halved, triangles: ElementGeometry, scene: Scene, condensed: Condensed, v: Array, u: Array
 ) -> GoalError:
     """Error of the goal of a solution v (m,) with the displacement u (2n,); triangles are those of its level.
 
@@ -168,7 +168,7 @@ def _unseen(line: ContactLine, problem: ContactProblem, v: Array) -> float:
 def _parts(
     goal: Goal,
     halved: Halved,
-    triangles: Triangles,
+    triangles: ElementGeometry,
     scene: Scene,
     condensed: tuple[Condensed, Condensed],
     v: tuple[Array, Array],
@@ -198,7 +198,7 @@ def _parts(
     return shares, parts
 
 
-def _work(triangles: Triangles, a: Array, b: Array, material: Material) -> Array:
+def _work(triangles: ElementGeometry, a: Array, b: Array, material: Material) -> Array:
     """(t,) ∫_K a:c b of strains that are constant on K (t, 3) [J/m]."""
     density = material.lam * (a[:, 0] + a[:, 1]) * (b[:, 0] + b[:, 1])
     return triangles.area * (density + 2.0 * material.mu * ((a * b) @ np.array([1.0, 1.0, 2.0])))
@@ -230,7 +230,7 @@ def _heat_shares(halved: Halved, scene: Scene, z: Array) -> Array:
     return material.k * np.sqrt(squares[0] * squares[1])
 
 
-def _cells(halved: Halved, triangles: Triangles, condensed: Condensed, v: Array) -> Array:
+def _cells(halved: Halved, triangles: ElementGeometry, condensed: Condensed, v: Array) -> Array:
     """(t,) half of the cell of every front, shared by the triangles at its two nodes: what the nodes leave open."""
     mesh, line = halved.coarse.mesh, halved.coarse.line
     shares = np.zeros(len(triangles.area))

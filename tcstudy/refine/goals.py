@@ -23,7 +23,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.fem.contact_line import ContactLine
-from tcstudy.fem.recovery import Triangles
+from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.refine.fronts import slopes
 from tcstudy.scene.friction import DOWN, sticking
 from tcstudy.scene.records import Point
@@ -119,7 +119,7 @@ def dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Ar
     return z
 
 
-def lumping(triangles: Triangles, line: ContactLine, xi: Array, z: Array) -> Array:
+def lumping(triangles: ElementGeometry, line: ContactLine, xi: Array, z: Array) -> Array:
     """(s,) Σ c_i ξ_i z_i − ∫ ξ_h z_h on the boundary segments, h/6 Δξ Δz between two free contact nodes [J/m]."""
     mesh = triangles.mesh
     nodal = np.full((mesh.n_points, 2), np.nan)

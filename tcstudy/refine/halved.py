@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.nesting import prolongation
 from tcstudy.fem.meshes import PlaneMesh, refine_uniformly
-from tcstudy.fem.recovery import Triangles
+from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
 
@@ -34,7 +34,7 @@ class Halved:
         mesh = coarse.mesh
         self.coarse, self.level = coarse, Level(refine_uniformly(mesh), scene, scenes)
         fine = self.level.mesh
-        self.triangles = Triangles(fine)
+        self.triangles = ElementGeometry(fine)
         self._prolong = prolongation(mesh.points, fine.points, fine.triangles)
         self.parent = _parents(mesh, fine, self._prolong.matrix)
         self._heat: dict[tuple[float, float], scipy.sparse.linalg.SuperLU] = {}

@@ -26,7 +26,7 @@ from tcstudy.fem.estimators import (
     product,
     strain,
 )
-from tcstudy.fem.recovery import Triangles
+from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Condensed, Level
 from tcstudy.refine.goal_error import goal_error
 from tcstudy.refine.goals import goal_value
@@ -80,7 +80,7 @@ class Survey:
     _halved: Halved | None = None
 
     def __post_init__(self) -> None:
-        self.triangles = Triangles(self.level.mesh)
+        self.triangles = ElementGeometry(self.level.mesh)
 
     def look(self, index: Index, scene: Scene, condensed: Condensed, v: Array) -> dict[str, float]:
         """Estimate the error of a solution v (m,); what is stored of it, by variable name."""

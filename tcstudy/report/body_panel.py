@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.report import style
-from tcstudy.report.picture import NEAR, BodyFields, Line
+from tcstudy.report.picture import NEAR, BodyFields, LineFields
 from tcstudy.report.text import number
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def drawn(body: BodyFields, length_units: str) -> Drawn:
     )
 
 
-def draw_body(figure: Figure, axes: Axes, body: BodyFields, line: Line, shape: Drawn) -> None:
+def draw_body(figure: Figure, axes: Axes, body: BodyFields, line: LineFields, shape: Drawn) -> None:
     """Fill the panel and put the colour bar to its right."""
     axes.set(xlim=(shape.left, shape.right), ylim=(shape.bottom, shape.top))
     axes.set_xlabel(style.labelled("x", shape.unit))
@@ -145,7 +145,7 @@ def _fill_evenly(axes: Axes, shape: Drawn, body: BodyFields, colour: str) -> Non
     )
 
 
-def _draw_contact(axes: Axes, body: BodyFields, line: Line, shape: Drawn) -> None:
+def _draw_contact(axes: Axes, body: BodyFields, line: LineFields, shape: Drawn) -> None:
     """Thick contact edges; each name once, at its longest run."""
     runs: dict[int, NDArray[np.intp]] = {}
     for chain, index in contact_chains(body, line):
@@ -235,7 +235,7 @@ def loops(edges: Indices) -> list[Indices]:
     return chains
 
 
-def contact_chains(body: BodyFields, line: Line) -> list[tuple[Indices, Indices]]:
+def contact_chains(body: BodyFields, line: LineFields) -> list[tuple[Indices, Indices]]:
     """Mesh nodes of every part of the contact line, and the contact node that each of them is.
 
     A held node beside a part carries no unknown and is not in the line, but belongs to the drawn edge; it counts as
@@ -261,7 +261,7 @@ def contact_chains(body: BodyFields, line: Line) -> list[tuple[Indices, Indices]
     return chains
 
 
-def _nearest(body: BodyFields, line: Line, candidates: Indices) -> Indices:
+def _nearest(body: BodyFields, line: LineFields, candidates: Indices) -> Indices:
     """(m,) the boundary node of the mesh at each contact node."""
     x, y = body.x[candidates], body.y[candidates]
     return np.array(

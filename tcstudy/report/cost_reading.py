@@ -59,7 +59,7 @@ class Stretch:
     end: float
 
 
-Curve = tuple[str, str]
+CurveKey = tuple[str, str]
 """Family and solver."""
 STEPS = 400
 NOTABLE = 1.05
@@ -135,7 +135,7 @@ def stretches(found: Sequence[Setting]) -> list[Stretch]:
 
     Between levels, times are interpolated on logarithmic scales: a slightly different maxh has such an error.
     """
-    curves: dict[Curve, list[Setting]] = {}
+    curves: dict[CurveKey, list[Setting]] = {}
     for s in _shared(found):
         if s.solved and s.error > 0.0:
             curves.setdefault((s.family, s.solver), []).append(s)
@@ -188,13 +188,13 @@ def _time_to(curve: Sequence[Setting], error: float) -> float:
     return min(times, default=np.inf)
 
 
-def best(found: Sequence[Setting]) -> Curve | None:
+def best(found: Sequence[Setting]) -> CurveKey | None:
     """The curve to take when accuracy is wanted: the fastest at the least error that two mesh families reach."""
     parts = stretches(found)
     return (parts[-1].family, parts[-1].solver) if parts else None
 
 
-def curves_on_front(found: Sequence[Setting]) -> set[Curve]:
+def curves_on_front(found: Sequence[Setting]) -> set[CurveKey]:
     """(family, solver) with a setting on the front; all others are dominated throughout."""
     return {(s.family, s.solver) for s in front(found)}
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.report import style
-from tcstudy.report.picture import Line
+from tcstudy.report.picture import LineFields
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +19,7 @@ FEW = 60
 """Contact nodes up to which each one gets a dot."""
 
 
-def draw_line(upper: Axes, lower: Axes, line: Line, width: float) -> None:
+def draw_line(upper: Axes, lower: Axes, line: LineFields, width: float) -> None:
     """Both panels; they share the arclength, and `width` is their width [inch].
 
     ξ is drawn as it is computed: constant on the segment S_i around every contact node.
@@ -51,7 +51,7 @@ def draw_line(upper: Axes, lower: Axes, line: Line, width: float) -> None:
         _name_runs(upper, lower, line, metre, width)
 
 
-def stick_text(line: Line) -> str:
+def stick_text(line: LineFields) -> str:
     """How much of the contact line sticks, in words."""
     if line.sticks is None:
         return "the file does not tell which part sticks"
@@ -63,7 +63,7 @@ def stick_text(line: Line) -> str:
     return f"the shaded part sticks ({100.0 * share:.1f} %), the rest slips"
 
 
-def stick_ranges(line: Line) -> list[tuple[float, float]]:
+def stick_ranges(line: LineFields) -> list[tuple[float, float]]:
     """Arclengths between which the line sticks: joined segments S_i of sticking nodes."""
     ranges: list[tuple[float, float]] = []
     if line.sticks is None:
@@ -76,19 +76,19 @@ def stick_ranges(line: Line) -> list[tuple[float, float]]:
     return ranges
 
 
-def _shade(axes: Axes, line: Line, metre: float) -> None:
+def _shade(axes: Axes, line: LineFields, metre: float) -> None:
     for start, end in stick_ranges(line):
         axes.axvspan(start / metre, end / metre, color=style.SHADE, linewidth=0, zorder=0)
 
 
-def _along(line: Line) -> str:
+def _along(line: LineFields) -> str:
     edges = np.unique(line.edge)
     if len(edges) == 1 and edges[0] < len(line.edge_names):
         return f"arclength s along {line.edge_names[edges[0]]}"
     return "arclength s along the contact line"
 
 
-def _name_runs(upper: Axes, lower: Axes, line: Line, metre: float, width: float) -> None:
+def _name_runs(upper: Axes, lower: Axes, line: LineFields, metre: float, width: float) -> None:
     """Thin lines where one contact edge ends and another begins, names between them where they fit."""
     cuts = np.flatnonzero(np.diff(line.edge)) + 1
     ends = [0.0, *(0.5 * (line.arclength[cuts - 1] + line.arclength[cuts])).tolist(), float(line.c.sum())]

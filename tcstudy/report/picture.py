@@ -26,7 +26,7 @@ NEAR = 1e-6
 
 
 @dataclass(frozen=True)
-class Line:
+class LineFields:
     """The contact line at one point of the sweep, m nodes in order.
 
     arclength, x, y, c: position, coordinates and segment lengths c_i [length_units]
@@ -123,7 +123,7 @@ class Picture:
     h_max: float
     n_dof: int
     residual: float
-    line: Line
+    line: LineFields
     body: BodyFields | None
 
 
@@ -175,9 +175,9 @@ def _sticks(group: Any, slip_length: float) -> NDArray[np.bool_] | None:
     return sticking(group["u_T"].values, group["c"].values, slip_length)
 
 
-def _line(group: Any, slip_length: float) -> Line:
+def _line(group: Any, slip_length: float) -> LineFields:
     values = {name: group[name].values for name in ("arclength", "x", "y", "c", "u_T", "xi")}
-    return Line(
+    return LineFields(
         **values,
         edge=group["edge"].values.astype(np.intp),
         edge_names=tuple(str(group["edge"].attrs.get("flag_meanings", "")).split()),

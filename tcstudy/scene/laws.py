@@ -18,13 +18,13 @@ from tcstudy.scene import law_pieces as pieces
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.law_pieces import LawError
 
-Dimension = Literal["traction", "length", "stiffness", "none"]
+LawDimension = Literal["traction", "length", "stiffness", "none"]
 
 Kind = Literal["number", "integer", "points", "flag", "numbers"]
 
 
 @dataclass(frozen=True)
-class Parameter:
+class LawParameter:
     """One parameter of a shape.
 
     name:      key in the study
@@ -35,7 +35,7 @@ class Parameter:
     """
 
     name: str
-    dimension: Dimension
+    dimension: LawDimension
     required: bool = True
     default: object = None
     kind: Kind = "number"
@@ -50,7 +50,7 @@ class Shape:
     """
 
     name: str
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[LawParameter, ...]
     summary: str
     builder: Callable[..., FrictionLaw]
 
@@ -71,7 +71,7 @@ class Shape:
         return law
 
 
-def _checked(shape: str, parameter: Parameter, values: Mapping[str, object]) -> Any:
+def _checked(shape: str, parameter: LawParameter, values: Mapping[str, object]) -> Any:
     """The value of a parameter as its kind asks for, or its default."""
     if parameter.name not in values or (values[parameter.name] is None and not parameter.required):
         if parameter.required:
@@ -119,27 +119,27 @@ def _number(name: str, value: object) -> float:
 SHAPES: dict[str, Shape] = {
     shape.name: shape
     for shape in (
-        Shape("tresca", (Parameter("tau", "traction"),), "b = tau", pieces.tresca),
+        Shape("tresca", (LawParameter("tau", "traction"),), "b = tau", pieces.tresca),
         Shape(
             "slip-weakening",
-            (Parameter("tau_s", "traction"), Parameter("tau_k", "traction"), Parameter("delta", "length")),
+            (LawParameter("tau_s", "traction"), LawParameter("tau_k", "traction"), LawParameter("delta", "length")),
             "b falls linearly from tau_s to tau_k over the slip delta (rises if tau_k > tau_s), then b = tau_k",
             pieces.slip_weakening,
         ),
         Shape(
             "exponential",
-            (Parameter("a", "traction"), Parameter("b", "traction"), Parameter("delta", "length")),
+            (LawParameter("a", "traction"), LawParameter("b", "traction"), LawParameter("delta", "length")),
             "b = (a - b) exp(-s/delta) + b",
             pieces.exponential,
         ),
         Shape(
             "saw-tooth",
             (
-                Parameter("tau", "traction"),
-                Parameter("delta", "length"),
-                Parameter("teeth", "none", kind="integer"),
-                Parameter("drop", "none"),
-                Parameter("decay", "none", required=False, default=1.0),
+                LawParameter("tau", "traction"),
+                LawParameter("delta", "length"),
+                LawParameter("teeth", "none", kind="integer"),
+                LawParameter("drop", "none"),
+                LawParameter("decay", "none", required=False, default=1.0),
             ),
             "teeth i = 0, 1, ... of width delta: b rises linearly from (1 - drop) tau decay^i to tau decay^i and falls "
             "down at the end; after the last tooth b = (1 - drop) tau decay^teeth",
@@ -148,16 +148,16 @@ SHAPES: dict[str, Shape] = {
         Shape(
             "piecewise-linear",
             (
-                Parameter("points", "none", kind="points"),
-                Parameter("odd", "none", required=False, default=True, kind="flag"),
-                Parameter("slope", "stiffness", required=False),
-                Parameter("slopes", "stiffness", required=False, kind="numbers"),
+                LawParameter("points", "none", kind="points"),
+                LawParameter("odd", "none", required=False, default=True, kind="flag"),
+                LawParameter("slope", "stiffness", required=False),
+                LawParameter("slopes", "stiffness", required=False, kind="numbers"),
             ),
             "b straight between the points [s, b], a jump where two have the same s, then on with the slope(s), "
             "by default 0; odd: given for s >= 0 and mirrored",
             pieces.piecewise_linear,
         ),
-        Shape("linear", (Parameter("k", "stiffness"),), "b = k s, a spring", pieces.linear),
+        Shape("linear", (LawParameter("k", "stiffness"),), "b = k s, a spring", pieces.linear),
     )
 }
 """The shapes by name, as a study writes them."""

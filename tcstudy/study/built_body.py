@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem.geometry import Geometry, build
 from tcstudy.read.body import edge_names
-from tcstudy.read.checks import Piece, mesh_faults, support_fault, supports
+from tcstudy.read.checks import BoundaryPiece, mesh_faults, support_fault, supports
 from tcstudy.read.document import Found
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Body
@@ -73,7 +73,7 @@ def _region_faults(body: Body, geometry: Geometry) -> Iterator[Found]:
 
 def _support_faults(study: Study, geometry: Geometry) -> Iterator[Found]:
     """Rigid motions that the supports leave, once for each kind of support in the sweep."""
-    pieces = [Piece(*sample) for sample in geometry.samples()]
+    pieces = [BoundaryPiece(*sample) for sample in geometry.samples()]
     centre = (float(pieces[0].points[0, 0]), float(pieces[0].points[0, 1]))
     seen = set()
     for scene in distinct(study.scenes, "boundary"):

@@ -31,7 +31,7 @@ from tcstudy.scene.methods import SOLVERS
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Goal, Study
-from tcstudy.study.cost_curves import Curve, Progress, family_plan, first_run, time_again, walk
+from tcstudy.study.cost_curves import CostCurve, Progress, family_plan, first_run, time_again, walk
 from tcstudy.study.doubts import locking_note
 from tcstudy.study.reference import Errors, ExactReference, FineReference, with_meaning
 from tcstudy.study.solved_levels import SolvedLevel, empty_level, solution_of
@@ -81,7 +81,7 @@ def measure(study: Study, index: tuple[int, ...], runs: int, progress: Progress)
 def _cost(
     study: Study,
     scene: Scene,
-    curves: list[Curve],
+    curves: list[CostCurve],
     errors: dict[tuple[str, int, str], dict[str, float]],
     words: str,
     own_error: float,
@@ -132,7 +132,7 @@ def _cost(
     )
 
 
-def _remarks(study: Study, scene: Scene, curves: list[Curve]) -> list[str]:
+def _remarks(study: Study, scene: Scene, curves: list[CostCurve]) -> list[str]:
     notes = []
     nu = scene.material.nu if scene.material.plane == "strain" else 0.0
     if (note := locking_note(nu)) is not None:
@@ -166,7 +166,7 @@ def unmeasured(study: Study, name: str) -> str:
 
 
 def errors_of(
-    study: Study, scene: Scene, curves: list[Curve], progress: Progress
+    study: Study, scene: Scene, curves: list[CostCurve], progress: Progress
 ) -> tuple[dict[tuple[str, int, str], dict[str, float]], str, float]:
     """Relative errors by (family, level, solver), what they are measured against, and the reference's own error.
 

@@ -34,7 +34,7 @@ PATIENCE, WORTH = 3.0, 4.0
 
 
 @dataclass
-class Curve:
+class CostCurve:
     """The measured levels of one family: sizes, records and solutions of the first run, stages of every run.
 
     own: level of the study's own settings, None if the family is not the study's
@@ -54,12 +54,12 @@ class Curve:
         return self.steps[-1][1]
 
 
-def first_run(study: Study, scene: Scene, progress: Progress) -> tuple[list[Curve], list[str]]:
+def first_run(study: Study, scene: Scene, progress: Progress) -> tuple[list[CostCurve], list[str]]:
     """Solve everything once; the study's own meshes come first, since they say how far the others go."""
     notes: list[str] = []
     listed = on_a_curve(study.mesh)
     name = study.mesh.family if listed else OWN
-    own = Curve(name, family_plan(study.mesh, study.mesh.family) if listed else study.mesh)
+    own = CostCurve(name, family_plan(study.mesh, study.mesh.family) if listed else study.mesh)
     for step in _steps(study, scene, own, progress, notes):
         full = study.mesh.strategy.adapts and step.n_dof > study.mesh.max_dofs
         if own.own is None and (len(own.steps) == study.mesh.levels or full):
@@ -72,7 +72,7 @@ def first_run(study: Study, scene: Scene, progress: Progress) -> tuple[list[Curv
     curves = [own]
     for family in FAMILIES:
         if family != own.family:
-            curves.append(Curve(family, family_plan(study.mesh, family)))
+            curves.append(CostCurve(family, family_plan(study.mesh, family)))
             for _ in _steps(study, scene, curves[-1], progress, notes):
                 if _next(curves[-1]) > limit:
                     break
@@ -80,7 +80,7 @@ def first_run(study: Study, scene: Scene, progress: Progress) -> tuple[list[Curv
     return _without_twins(curves, notes), notes
 
 
-def _without_twins(curves: list[Curve], notes: list[str]) -> list[Curve]:
+def _without_twins(curves: list[CostCurve], notes: list[str]) -> list[CostCurve]:
     """The curves without graded ones that are uniform (nothing is singular) or the other way round, if that is own."""
     uniform, graded = curves[0], curves[1]
     if any(a != b for a, b in zip(uniform.steps, graded.steps, strict=False)):
@@ -106,7 +106,9 @@ def family_plan(plan: MeshPlan, family: FamilyName) -> MeshPlan:
     return replace(own, tolerance=None, max_dofs=10**9, estimate=False)
 
 
-def _steps(study: Study, scene: Scene, curve: Curve, progress: Progress, notes: list[str]) -> Iterator[Step]:
+def _steps(
+    study: Study, scene: Scene, curve: CostCurve, progress: Progress, notes: list[str]
+) -> Iterator[MeasuredLevel]:
     """Solve the levels of a curve for the first time and keep them, as far as the caller goes on."""
     dropped: set[str] = set()
 
@@ -127,13 +129,13 @@ def _steps(study: Study, scene: Scene, curve: Curve, progress: Progress, notes: 
         notes.append(f"{curve.family} meshes end at level {len(curve.steps) - 1}: {error}")
 
 
-def _next(curve: Curve) -> float:
+def _next(curve: CostCurve) -> float:
     """Unknowns to expect of the next level: a uniform one has four times as many, an adaptive step may add few."""
     sizes = [n_dof for _, n_dof, _ in curve.steps]
     return sizes[-1] * (sizes[-1] / sizes[-2] if len(sizes) > 1 else curve.plan.strategy.least_growth)
 
 
-def _keep(study: Study, scene: Scene, curve: Curve, step: Step) -> None:
+def _keep(study: Study, scene: Scene, curve: CostCurve, step: MeasuredLevel) -> None:
     curve.steps.append((step.level.mesh.h_max, step.n_dof, step.level.line.m))
     curve.records.append(step.records)
     empty = empty_level(study, step.level)
@@ -144,7 +146,7 @@ def _keep(study: Study, scene: Scene, curve: Curve, step: Step) -> None:
     curve.solved.append(solved)
 
 
-def _too_slow(step: Step, curve: Curve, notes: list[str]) -> set[str]:
+def _too_slow(step: MeasuredLevel, curve: CostCurve, notes: list[str]) -> set[str]:
     """Solvers that are not worth waiting for on finer meshes of this family."""
     found = set()
     for name, stages in list(step.stages.items())[1:]:
@@ -158,7 +160,7 @@ def _too_slow(step: Step, curve: Curve, notes: list[str]) -> set[str]:
     return found
 
 
-def time_again(study: Study, scene: Scene, curve: Curve) -> None:
+def time_again(study: Study, scene: Scene, curve: CostCurve) -> None:
     """Time the levels of a curve once more, from nothing."""
     run: list[dict[str, Stages]] = []
     last = len(curve.steps)
@@ -197,7 +199,7 @@ class Stages:
 
 
 @dataclass(frozen=True)
-class Step:
+class MeasuredLevel:
     """One level of a walk.
 
     records, stages: what came of the solvers that were run, and how long it took, by name
@@ -217,7 +219,7 @@ class Step:
         return self.level.frames.n_dof
 
 
-def walk(study: Study, plan: MeshPlan, scene: Scene, wanted: Wanted) -> Iterator[Step]:
+def walk(study: Study, plan: MeshPlan, scene: Scene, wanted: Wanted) -> Iterator[MeasuredLevel]:
     """Solve a scene level by level with the study's solvers; the first of them decides about meshes.
 
     wanted: which other solvers to run on which level. Raises GeometryFailed if the body cannot be meshed.
@@ -249,7 +251,7 @@ def walk(study: Study, plan: MeshPlan, scene: Scene, wanted: Wanted) -> Iterator
             if chained:
                 before[name] += own + assembly + shared + solve + estimation
         records = {name: timed.record for name, timed in solved.items()}
-        yield Step(level, records, stages, estimate, stop)
+        yield MeasuredLevel(level, records, stages, estimate, stop)
         if stop:
             return
 

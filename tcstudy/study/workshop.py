@@ -18,7 +18,7 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.records import BlockRecord, PointRecord, PointStatus, block_of
 from tcstudy.executors import Executor, Here, Solved, Task, WorkersFailed
 from tcstudy.offline.level import CondensedBlock, Level
-from tcstudy.online import Body, LawTables, Options, RowLaws
+from tcstudy.online import CondensedBody, LawTables, Options, RowLaws
 from tcstudy.refine.survey import Survey
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.records import Scene
@@ -54,7 +54,7 @@ class Workshop:
     solutions: Solutions
     survey: Survey | None
     executor: Executor = field(default_factory=Here)
-    bodies: dict[object, Body] = field(default_factory=dict)
+    bodies: dict[object, CondensedBody] = field(default_factory=dict)
 
     @cached_property
     def exact(self) -> Array | None:
@@ -175,13 +175,13 @@ class Workshop:
             sticks=sticks.astype(np.int8),
         )
 
-    def _body(self, condensed: CondensedBlock, ratio: float) -> Body:
+    def _body(self, condensed: CondensedBlock, ratio: float) -> CondensedBody:
         """The body of a λ/μ at the first μ of a block, made once for blocks that follow one another."""
         mu = float(condensed.mu[0])
         key = (ratio, mu)
         if key not in self.bodies:
             self.bodies.clear()
-            self.bodies[key] = Body.of(mu * condensed.A_tilde, condensed.c)
+            self.bodies[key] = CondensedBody.of(mu * condensed.A_tilde, condensed.c)
         return self.bodies[key]
 
     def _completed(self, record: BlockRecord) -> BlockRecord:

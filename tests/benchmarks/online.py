@@ -24,7 +24,7 @@ import scipy.linalg
 import xarray as xr
 from numpy.typing import NDArray
 
-from tcstudy.online import BlockAnswers, Body, LawTables, solve_points
+from tcstudy.online import BlockAnswers, CondensedBody, LawTables, solve_points
 from tcstudy.report.style import INK, WIDTH, inches, save, styled
 from tcstudy.scene import law_pieces
 from tcstudy.scene.friction import FrictionLaw
@@ -49,7 +49,7 @@ TIE = 1e-12
 class Sweep:
     """P points on one body: loads (P, m) [N/m], laws, and the law of every point."""
 
-    body: Body
+    body: CondensedBody
     loads: Array
     laws: list[FrictionLaw]
     law: Index
@@ -63,7 +63,7 @@ class Sweep:
         return solve_points(self.body, self.loads, LawTables.of(self.laws), self.law)
 
 
-def bodies(levels: Sequence[int] = LEVELS) -> Iterator[tuple[Body, Array]]:
+def bodies(levels: Sequence[int] = LEVELS) -> Iterator[tuple[CondensedBody, Array]]:
     """(body, loads (250, m)) of the quickstart on its meshes."""
     import tcstudy
     from tcstudy.offline.level import Level
@@ -78,7 +78,7 @@ def bodies(levels: Sequence[int] = LEVELS) -> Iterator[tuple[Body, Array]]:
         if i in levels:
             level = Level(mesh, study.scenes[0], study.scenes)
             problems = [level.condensed(scene).problem for scene in study.scenes]
-            yield Body.of(problems[0].A_tilde, problems[0].c), np.array([p.l_tilde for p in problems])
+            yield CondensedBody.of(problems[0].A_tilde, problems[0].c), np.array([p.l_tilde for p in problems])
 
 
 def laws_of(name: str) -> list[FrictionLaw]:
@@ -105,7 +105,7 @@ def _law(shape: int, peak: float, rest: float, slip: float) -> FrictionLaw:
     )
 
 
-def sweep(body: Body, loads: Array, name: str, points: int = 1000) -> Sweep:
+def sweep(body: CondensedBody, loads: Array, name: str, points: int = 1000) -> Sweep:
     """The points of a sweep: loads and laws in all combinations, as many as asked for."""
     laws = laws_of(name)
     number = np.arange(points)
@@ -254,7 +254,7 @@ def check(progress: Callable[[str], None], problems: int = 600) -> None:
     total = Comparison()
     for n in range(problems):
         problem = random_problem(np.random.default_rng([n, 2010]), (20, 60, 200)[n % 3], smooth=(n // 3) % 2 == 1)
-        body = Body.of(problem.A_tilde, problem.c)
+        body = CondensedBody.of(problem.A_tilde, problem.c)
         points = Sweep(body, problem.l_tilde[None], [problem.law], np.zeros(1, dtype=np.intp))
         total.add(points.now(), np.arange(1), single(points, np.arange(1)))
         if (n + 1) % 100 == 0:

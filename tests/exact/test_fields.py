@@ -7,7 +7,7 @@ import pytest
 
 from tcstudy.exact.fields import body_edges, edge_samples, normal_field
 from tcstudy.expressions.derivative import Algebra
-from tcstudy.expressions.tree import Node
+from tcstudy.expressions.tree import TreeNode
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.records import Body
 
@@ -31,7 +31,7 @@ def body() -> Body:
     return read_study_text(TEXT).scenes[0].body
 
 
-def at(algebra: Algebra, node: Node, points: np.ndarray) -> np.ndarray:
+def at(algebra: Algebra, node: TreeNode, points: np.ndarray) -> np.ndarray:
     value = algebra.scalar(node)
     return np.full(len(points), value) if isinstance(value, float) else value.evaluate(*points.T)
 

@@ -7,7 +7,7 @@ import pytest
 
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import PlaneMesh, mesh_at, refine_marked
-from tcstudy.fem.recovery import Triangles
+from tcstudy.fem.recovery import ElementGeometry
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
 
@@ -21,7 +21,7 @@ def meshes(text: str, count: int) -> list[PlaneMesh]:
 
 
 def test_gradient_of_a_linear_function() -> None:
-    triangles = Triangles(meshes(HEATED_BRACKET, 1)[0])
+    triangles = ElementGeometry(meshes(HEATED_BRACKET, 1)[0])
     x, y = triangles.mesh.points.T
     gradient = triangles.gradient(np.column_stack([3 * x - 2 * y, y]))
     assert np.allclose(gradient, [[3, -2], [0, 1]], atol=1e-12)
@@ -33,7 +33,7 @@ def test_linear_data_are_recovered_exactly(text: str) -> None:
     """On irregular meshes, bisected ones too, up to the boundary and into its corners."""
     mesh = meshes(text, 1)[0]
     mesh = refine_marked(mesh, np.arange(len(mesh.triangles)) % 3 == 0)
-    triangles = Triangles(mesh)
+    triangles = ElementGeometry(mesh)
     centres = triangles.corners.mean(axis=1)
     recovered = triangles.recovery @ (1.0 + 2.0 * centres[:, 0] - 3.0 * centres[:, 1])
     assert recovered == pytest.approx(1.0 + 2.0 * mesh.points[:, 0] - 3.0 * mesh.points[:, 1], abs=1e-11)
@@ -42,7 +42,7 @@ def test_linear_data_are_recovered_exactly(text: str) -> None:
 def test_a_single_patch_that_is_too_small_takes_the_mean() -> None:
     """Two triangles: no fit of three coefficients is possible, a constant is still recovered."""
     mesh = meshes(RECTANGLE.replace("maxh: 0.1", "maxh: 2"), 1)[0]
-    triangles = Triangles(mesh)
+    triangles = ElementGeometry(mesh)
     assert triangles.recovery @ np.full(len(mesh.triangles), 0.7) == pytest.approx(np.full(mesh.n_points, 0.7))
 
 
@@ -50,7 +50,7 @@ def test_recovery_gains_an_order() -> None:
     """|∇u − Gu_h| ~ h^1.5 in L² against h: order 2 inside, 1 on irregular points and a strip of width h."""
     own, better = [], []
     for mesh in meshes(RECTANGLE.replace("maxh: 0.1", "maxh: 0.3"), 4):
-        triangles = Triangles(mesh)
+        triangles = ElementGeometry(mesh)
         x, y = mesh.points.T
         gradient = triangles.gradient(np.sin(2 * x) * np.exp(y))
         exact = np.column_stack([2 * np.cos(2 * x) * np.exp(y), np.sin(2 * x) * np.exp(y)])
@@ -63,7 +63,7 @@ def test_recovery_gains_an_order() -> None:
 
 
 def test_the_owner_of_a_segment_has_both_of_its_nodes() -> None:
-    triangles = Triangles(meshes(HEATED_BRACKET, 1)[0])
+    triangles = ElementGeometry(meshes(HEATED_BRACKET, 1)[0])
     mesh = triangles.mesh
     for segment, owner in zip(mesh.segments, triangles.owner, strict=True):
         assert set(segment) <= set(mesh.triangles[owner])

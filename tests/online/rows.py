@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online import Body, LawTables
+from tcstudy.online import CondensedBody, LawTables
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solve.problem import ContactProblem
 from tests.solve import contact_cases as cases
@@ -29,10 +29,12 @@ def some_laws() -> list[FrictionLaw]:
     ]
 
 
-def block(m: int, laws: Sequence[FrictionLaw], points: int, seed: int = 0) -> tuple[Body, Array, LawTables, Index]:
+def block(
+    m: int, laws: Sequence[FrictionLaw], points: int, seed: int = 0
+) -> tuple[CondensedBody, Array, LawTables, Index]:
     """(body, loads (P, m), tables, law of every point): waves of 0.4 to 2.5 times the size of b."""
     rng = np.random.default_rng([seed, m])
-    body = Body.of(*cases.half_laplacian(m))
+    body = CondensedBody.of(*cases.half_laplacian(m))
     law = rng.integers(0, len(laws), points)
     x, loads = (np.arange(m) + 0.5) / m, np.empty((points, m))
     for p in range(points):
@@ -43,6 +45,6 @@ def block(m: int, laws: Sequence[FrictionLaw], points: int, seed: int = 0) -> tu
     return body, loads, LawTables.of(laws), law
 
 
-def single(body: Body, load: Array, law: FrictionLaw) -> ContactProblem:
+def single(body: CondensedBody, load: Array, law: FrictionLaw) -> ContactProblem:
     """One point as the single solve takes it."""
     return ContactProblem(body.A_tilde, load, body.c, law)

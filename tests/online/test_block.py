@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.online import BlockAnswers, Body, LawTables, Options, RowLaws, solve_block, solve_points
+from tcstudy.online import BlockAnswers, CondensedBody, LawTables, Options, RowLaws, solve_block, solve_points
 from tcstudy.online.sweep import blocks, waves
 from tcstudy.scene.methods import NEIGHBOUR
 from tcstudy.solve.certificates import certify
@@ -44,7 +44,7 @@ def test_the_least_energy_of_all_is_found(m: int) -> None:
     found = 0
     for seed in range(40):
         problem = small_problem(seed, m)
-        body = Body.of(problem.A_tilde, problem.c)
+        body = CondensedBody.of(problem.A_tilde, problem.c)
         answers = solve_points(body, problem.l_tilde[None], LawTables.of([problem.law]), np.zeros(1, dtype=np.intp))
         least = least_energy(problem)
         slack = 1e-10 * (abs(least) + float(problem.c @ np.abs(problem.law.j(answers.v[0]))))

@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from tcstudy.online import Body
+from tcstudy.online import CondensedBody
 from tcstudy.online.body import prolonged, restricted
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.solve.separable.newton import interpolation
@@ -18,7 +18,7 @@ from tests.solve import contact_cases as cases
 @pytest.mark.parametrize("m", [41, 44, 90])
 def test_coarse_copies_are_galerkin(m: int) -> None:
     rng = np.random.default_rng(m)
-    body = Body.of(*cases.random_stiffness(rng, m))
+    body = CondensedBody.of(*cases.random_stiffness(rng, m))
     P = interpolation(m)
     assert body.coarse is not None
     expected = restricted_problem(ContactProblem(body.A_tilde, np.zeros(m), body.c, cases.spring()), P)
@@ -31,7 +31,7 @@ def test_coarse_copies_are_galerkin(m: int) -> None:
 
 
 def test_a_body_travels_and_holds_its_inverse() -> None:
-    body = Body.of(*cases.half_laplacian(50))
+    body = CondensedBody.of(*cases.half_laplacian(50))
     again = pickle.loads(pickle.dumps(body))
     assert np.array_equal(again.inverse, body.inverse)
     assert again.coarse is not None
@@ -41,4 +41,4 @@ def test_a_body_travels_and_holds_its_inverse() -> None:
 
 def test_a_body_that_moves_freely_is_refused() -> None:
     with pytest.raises(ValueError, match="clamp it"):
-        Body.of(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.ones(2))
+        CondensedBody.of(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.ones(2))

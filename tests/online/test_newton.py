@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.online import Body
+from tcstudy.online import CondensedBody
 from tcstudy.online.certify import definite
 from tcstudy.online.newton import directions
 from tests.solve import contact_cases as cases
@@ -15,7 +15,7 @@ from tests.solve import contact_cases as cases
 @pytest.mark.parametrize("loaded", [0.1, 0.9])
 def test_directions_solve_the_equations_and_lift_falls_where_indefinite(m: int, loaded: float) -> None:
     rng = np.random.default_rng(m)
-    body = Body.of(*cases.half_laplacian(m))
+    body = CondensedBody.of(*cases.half_laplacian(m))
     shape = (60, m)
     free = rng.random(shape) < 0.8
     k = np.where(rng.random(shape) < loaded, rng.normal(scale=3.0, size=shape), 0.0) * body.c
@@ -37,7 +37,7 @@ def test_directions_solve_the_equations_and_lift_falls_where_indefinite(m: int, 
 
 def test_shared_tests_of_definiteness_agree_with_eigenvalues() -> None:
     rng = np.random.default_rng(1)
-    body = Body.of(*cases.half_laplacian(15))
+    body = CondensedBody.of(*cases.half_laplacian(15))
     slope = rng.normal(size=(200, 15)) * rng.choice([0.5, 3.0, 10.0], 200)[:, None]
     slope[rng.random(200) < 0.1, 3] = -np.inf
     lowered = slope - body.shift(1e-6)

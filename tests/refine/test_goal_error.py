@@ -13,7 +13,7 @@ import scipy.linalg
 from tcstudy.data.records import LevelRecord
 from tcstudy.exact.numbers import known_goal
 from tcstudy.fem.meshes import doubled_areas
-from tcstudy.fem.recovery import Triangles
+from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
 from tcstudy.refine import goal_error as goal_error_module
 from tcstudy.refine.family import Family
@@ -62,7 +62,7 @@ def test_every_triangle_has_four_parts_in_itself() -> None:
     own = 0.5 * doubled_areas(coarse.points[coarse.triangles])
     changed = np.flatnonzero(np.abs(areas - own) > 1e-12 * own)
     arcs = [i for i, curve in enumerate(coarse.geometry.curves) if not curve.straight]
-    at_arcs = Triangles(coarse).owner[np.isin(coarse.segment_curve, arcs)]
+    at_arcs = ElementGeometry(coarse).owner[np.isin(coarse.segment_curve, arcs)]
     assert set(changed) == set(at_arcs)  # new nodes leave the chord there, and nowhere else
 
 

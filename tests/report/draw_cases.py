@@ -13,7 +13,7 @@ from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.data.store import write
 from tcstudy.report import style
 from tcstudy.report.draw import point_figure
-from tcstudy.report.picture import Line, Picture
+from tcstudy.report.picture import LineFields, Picture
 from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
 
 if TYPE_CHECKING:
@@ -155,11 +155,11 @@ def crowded(figure: Figure) -> list[str]:
     return found
 
 
-def line(x: list[float], y: list[float], s: list[float], c: list[float], edge: list[int]) -> Line:
+def line(x: list[float], y: list[float], s: list[float], c: list[float], edge: list[int]) -> LineFields:
     m = len(x)
     arrays = [np.array(values) for values in (s, x, y, c)]
     u_T = np.arange(1.0, m + 1)
-    return Line(*arrays, np.array(edge), ("pad", "rim"), u_T, 10.0 * u_T, u_T > 1.0, "m", "Pa")
+    return LineFields(*arrays, np.array(edge), ("pad", "rim"), u_T, 10.0 * u_T, u_T > 1.0, "m", "Pa")
 
 
 def png_size(path: Path) -> tuple[int, int]:

@@ -10,7 +10,7 @@ import pytest
 
 from tcstudy.scene.study import MeshPlan
 from tcstudy.study import cost_curves as cost_runs
-from tcstudy.study.cost_curves import Curve, Stages, Step, _too_slow, walk
+from tcstudy.study.cost_curves import CostCurve, MeasuredLevel, Stages, _too_slow, walk
 from tests.verification.scenes import RECTANGLE, study_of
 
 GEOMETRY, MESH, ASSEMBLY, POINT, SOLVE, ESTIMATE = 1000.0, 1.0, 10.0, 100.0, 30.0, 5.0
@@ -91,8 +91,8 @@ def test_a_solver_is_left_behind_only_where_it_is_slow_in_both_ways() -> None:
 
     def slow(solve: float, other: float) -> bool:
         first, second = Stages(other, 0, 0, 0.1, 0), Stages(other, 0, 0, solve, 0)
-        step = Step(None, {}, {"first": first, "second": second}, 0.0, "")  # type: ignore[arg-type]
-        curve = Curve("uniform", MeshPlan((0.5,), 1))
+        step = MeasuredLevel(None, {}, {"first": first, "second": second}, 0.0, "")  # type: ignore[arg-type]
+        curve = CostCurve("uniform", MeshPlan((0.5,), 1))
         curve.steps.append((0.5, 10, 2))
         notes: list[str] = []
         dropped = _too_slow(step, curve, notes)

@@ -15,7 +15,7 @@ from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from tcstudy.fem.estimators import Strain, energy_norm, strain
-from tcstudy.fem.recovery import Triangles
+from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.scene.study import MeshPlan, Study
@@ -31,7 +31,7 @@ class Solved:
 
     n_dof: int
     estimate: float
-    triangles: Triangles
+    triangles: ElementGeometry
     strain: Strain
 
 

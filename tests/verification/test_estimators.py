@@ -11,7 +11,7 @@ import pytest
 import tcstudy
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.fem.estimators import GAUSS, contact_traction, coupling, edge_residual, heat_estimate, strain
-from tcstudy.fem.recovery import Triangles
+from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.refine.goals import lumping
 from tcstudy.refine.halved import Halved
 from tcstudy.scene.study import Goal, MeshPlan, Study
@@ -82,7 +82,7 @@ def test_heat_estimate_and_coupling() -> None:
     scene = study.scenes[0]
     energy, loads = [], []
     for level in levels_of(study):
-        triangles, theta = Triangles(level.mesh), level.temperature(scene).theta
+        triangles, theta = ElementGeometry(level.mesh), level.temperature(scene).theta
         l2, h1 = l2_and_h1_errors(
             level.mesh,
             theta,
@@ -121,7 +121,7 @@ def test_friction_between_the_nodes() -> None:
     line, tau = level.line, 0.01
     slips = np.arange(line.m) >= line.m // 2
     traction = contact_traction(
-        Triangles(level.mesh),
+        ElementGeometry(level.mesh),
         line,
         scene.friction,
         np.where(slips, 0.3, 0.0),
@@ -132,7 +132,7 @@ def test_friction_between_the_nodes() -> None:
     assert len(wrong) == 1
     assert set(level.mesh.segments[wrong[0]]) == set(line.nodes[line.m // 2 - 1 : line.m // 2 + 1])
     assert sorted(traction.defect[wrong[0]]) == pytest.approx(sorted(tau * (1 - GAUSS)))
-    triangles = Triangles(level.mesh)
+    triangles = ElementGeometry(level.mesh)
     at_rest = strain(triangles, np.zeros(2 * level.mesh.n_points))
     theta = np.zeros(level.mesh.n_points)
     only_xi = replace(traction, defect=0.0 * traction.defect)
@@ -150,7 +150,7 @@ def test_lumping_against_quadrature() -> None:
     trapezoid = h / 2 * (xi[1:] * z[1:] + xi[:-1] * z[:-1])
     middle = 0.25 * (xi[1:] + xi[:-1]) * (z[1:] + z[:-1])
     simpson = h / 6 * (xi[1:] * z[1:] + 4 * middle + xi[:-1] * z[:-1])
-    found = lumping(Triangles(level.mesh), line, xi, z)
+    found = lumping(ElementGeometry(level.mesh), line, xi, z)
     assert float(found.sum()) == pytest.approx(float((trapezoid - simpson).sum()), rel=1e-10)
 
 
@@ -158,7 +158,7 @@ def test_a_known_temperature_is_interpolated_and_counted() -> None:
     text = WARM.replace('alpha: 3, theta_bar: "cos(pi*x)", q: "2*pi^2*cos(pi*x)"', 'theta: "cos(pi*x)"')
     study = study_of(text.replace("convection", "free"), "mesh.levels=2")
     level = levels_of(study)[1]
-    triangles, theta = Triangles(level.mesh), np.cos(np.pi * level.mesh.points[:, 0])
+    triangles, theta = ElementGeometry(level.mesh), np.cos(np.pi * level.mesh.points[:, 0])
     l2, _ = l2_and_h1_errors(
         level.mesh, theta, lambda x, y: np.cos(np.pi * x), lambda x, y: np.zeros((2, *np.shape(x)))
     )
@@ -287,7 +287,7 @@ def test_goals_at_singular_corners(singular: Study) -> None:
 
 def test_strain_is_exact_for_affine_displacements() -> None:
     """The recovered strain of u = (2x + y, 3y − x) is its own strain, everywhere."""
-    triangles = Triangles(levels_of(study_of(WARM, "mesh.levels=1"))[0].mesh)
+    triangles = ElementGeometry(levels_of(study_of(WARM, "mesh.levels=1"))[0].mesh)
     x, y = triangles.mesh.points.T
     own = strain(triangles, np.concatenate([2 * x + y, 3 * y - x]))
     assert np.max(np.abs(own.recovered - [2.0, 3.0, 0.0])) < 1e-12

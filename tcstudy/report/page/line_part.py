@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.report.page.container import Container, Json
-from tcstudy.report.page.stored import Clamped, Line, Stored, Study
+from tcstudy.report.page.stored import Clamped, LineFields, Stored, Study
 
 NEAR = 1e-6
 """Relative difference of two lengths that are one."""
@@ -54,11 +54,11 @@ def geometry(group: Any, box: Container) -> Json:
     }
 
 
-def _line(group: Any) -> Line:
+def _line(group: Any) -> LineFields:
     zero = np.zeros(group.sizes["node"])
     values = {name: group[name].values for name in ("arclength", "x", "y", "c")}
     edges = tuple(str(group["edge"].attrs.get("flag_meanings", "")).split())
-    return Line(**values, edge=group["edge"].values, edge_names=edges, u_T=zero, xi=zero, sticks=None,
+    return LineFields(**values, edge=group["edge"].values, edge_names=edges, u_T=zero, xi=zero, sticks=None,
                 length_units="m", traction_units="Pa")  # fmt: skip
 
 

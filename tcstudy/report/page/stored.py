@@ -20,7 +20,7 @@ from tcstudy.read.study import read_study_text
 from tcstudy.report.body_panel import boundary_edges
 from tcstudy.report.cost_reading import advice, measure_of, settings
 from tcstudy.report.path_states import seen_folds
-from tcstudy.report.picture import BodyFields, Line
+from tcstudy.report.picture import BodyFields, LineFields
 from tcstudy.report.select_point import axis_names
 from tcstudy.report.style import DrawError, pretty
 from tcstudy.report.text import scaled_labels
@@ -31,8 +31,8 @@ from tcstudy.scene.study import Study
 
 __all__ = [
     "DOWN", "ERRORS", "NUMBERS", "SHAPES", "UP", "VERDICTS", "BodyFields", "Clamped", "DrawError", "FrictionLaw",
-    "Line", "PointStatus", "StoreError", "Stored", "Study", "advice", "axis_names", "axis_places", "boundary_edges",
-    "measure_of", "pretty", "read", "reading", "replace_file", "scaled_labels", "seen_folds",
+    "LineFields", "PointStatus", "StoreError", "Stored", "Study", "advice", "axis_names", "axis_places",
+    "boundary_edges", "measure_of", "pretty", "read", "reading", "replace_file", "scaled_labels", "seen_folds",
     "settings",
 ]  # fmt: skip
 

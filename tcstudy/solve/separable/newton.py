@@ -53,7 +53,7 @@ from tcstudy.solve.separable.descent import (
     straight,
 )
 from tcstudy.solve.separable.pieces import energy_change, relative_residual
-from tcstudy.solve.separable.system import NotPositiveDefiniteError, factorise
+from tcstudy.solve.separable.system import IndefiniteSystem, factorise
 
 Array = NDArray[np.float64]
 
@@ -96,7 +96,7 @@ class SeparableNewton:
         q = problem.law.slope(state.v[free], state.piece[free])
         try:
             system = factorise(problem, free, q)
-        except NotPositiveDefiniteError:
+        except IndefiniteSystem:
             return replace(state, stopped=(Status.NOT_POSITIVE_DEFINITE, NOT_POSITIVE_DEFINITE))
         state = replace(state, factorisations=state.factorisations + system.factorisations)
         if state.residual <= self.tolerance:

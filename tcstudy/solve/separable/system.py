@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
-class NotPositiveDefiniteError(ValueError):
+class IndefiniteSystem(ValueError):
     """Ã itself (with all falls of b lifted to zero) has no Cholesky factor."""
 
 
@@ -60,7 +60,7 @@ def cholesky(matrix: Array) -> tuple[Array, int]:
 def factorise(problem: ContactProblem, free: Index, slope: Array) -> FreeSystem:
     """Factor A_FF + C q_F, or with all falls lifted to zero; q = `slope` (n,) of the free nodes' pieces [Pa/m].
 
-    Raises NotPositiveDefiniteError if even q ≥ 0 fails.
+    Raises IndefiniteSystem if even q ≥ 0 fails.
     """
     diagonal = np.diagonal(problem.A_tilde)[free]
     tried, curvature = 0, None
@@ -77,7 +77,7 @@ def factorise(problem: ContactProblem, free: Index, slope: Array) -> FreeSystem:
                 curvature = negative_direction(problem, factor, info, free)
         elif curvature is None:
             curvature = np.where(np.arange(len(free)) == np.argmin(shifted / diagonal), 1.0, 0.0)
-    raise NotPositiveDefiniteError
+    raise IndefiniteSystem
 
 
 def negative_direction(problem: ContactProblem, factor: Array, info: int, free: Index) -> Array:
