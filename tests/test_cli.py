@@ -202,6 +202,11 @@ def test_a_finished_study_ends_at_once_and_another_one_asks(folder: Path) -> Non
     assert other.stderr.startswith("block.yaml: results/block.nc holds the results of another study")
     assert other.stderr.count("\n") == 1
     assert file.read_bytes() == before
+    cases = (([], "holds these results already; a run ends at once"), (["--set", "sweep={}"], "a run would stop here"))
+    for words, said in cases:
+        planned = tcstudy_command("plan", "block.yaml", *words, cwd=folder)
+        assert planned.returncode == 0
+        assert said in planned.stdout
     forced = tcstudy_command("run", "block.yaml", "--set", "sweep={}", "--force", cwd=folder)
     assert forced.returncode == 0, forced.stderr
     with tcstudy.open_results(file) as tree:

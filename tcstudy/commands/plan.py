@@ -17,6 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def command(options: argparse.Namespace) -> int:
     study, output = checked(options)
+    from tcstudy.data.identity import already_there
     from tcstudy.report.forecast import forecast_text
     from tcstudy.study.jobs import work_words
     from tcstudy.study.plan import plan
@@ -33,7 +34,7 @@ def command(options: argparse.Namespace) -> int:
             forecast.levels,
             study.mesh.levels,
             forecast.left_out,
-            forecast.notes,
+            (*forecast.notes, *already_there(output, study)),
             str(output),
             forecast.bytes,
             study.mesh.open_ended,

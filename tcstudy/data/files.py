@@ -28,6 +28,7 @@ __all__ = [
     "StoreError",
     "check_writable",
     "new_dataset",
+    "place_faults",
     "remove_stale",
     "replace_file",
     "special_file",
@@ -78,7 +79,36 @@ def check_writable(path: Path, expected_bytes: int) -> list[str]:
         return [f"cannot look at {path}: {_cause(error)}; choose another output"]
 
 
+def place_faults(path: Path) -> list[str]:
+    """Why no file at all could be put at `path`; empty if one can. Leaves nothing behind."""
+    try:
+        return _place_faults(path)
+    except OSError as error:
+        return [f"cannot look at {path}: {_cause(error)}; choose another output"]
+
+
 def _write_problems(path: Path, expected_bytes: int) -> list[str]:
+    if problems := _place_faults(path):
+        return problems
+    target = Path(os.path.realpath(path))
+    if is_foreign(target):
+        problems.append(f"{path} exists and is no result file; it would be lost: remove it or choose another output")
+    existing = _existing(target)
+    free = shutil.disk_usage(existing).free
+    if free < ROOM * expected_bytes:
+        problems.append(
+            f"{existing} has {_size(free)} free, but the results need {_size(ROOM * expected_bytes)} while they "
+            "are written; free some space, choose another output or ask for less (fields: false, fewer levels)"
+        )
+    return problems
+
+
+def _existing(target: Path) -> Path:
+    """The innermost part of the way to a file that is there."""
+    return next(p for p in target.parents if p.exists())
+
+
+def _place_faults(path: Path) -> list[str]:
     if fault := _name_fault(path):
         return [fault]
     target = Path(os.path.realpath(path))
@@ -87,13 +117,11 @@ def _write_problems(path: Path, expected_bytes: int) -> list[str]:
     if what := special_file(path):
         return [f"{path} is {what}, no file; choose another output"]
     problems = []
-    if is_foreign(target):
-        problems.append(f"{path} exists and is no result file; it would be lost: remove it or choose another output")
     try:
         _refuse_protected(path)
     except OSError as error:
         problems.append(f"{path}: {_cause(error)}; make it writable or choose another output")
-    existing = next(p for p in target.parents if p.exists())
+    existing = _existing(target)
     if not existing.is_dir():
         return [*problems, f"{existing} is a file, so {path} cannot be made; choose another output"]
     try:
@@ -104,12 +132,6 @@ def _write_problems(path: Path, expected_bytes: int) -> list[str]:
             *problems,
             f"cannot write in the directory {existing}: {_cause(error)}; choose another output",
         ]
-    free = shutil.disk_usage(existing).free
-    if free < ROOM * expected_bytes:
-        problems.append(
-            f"{existing} has {_size(free)} free, but the results need {_size(ROOM * expected_bytes)} while they "
-            "are written; free some space, choose another output or ask for less (fields: false, fewer levels)"
-        )
     return problems
 
 

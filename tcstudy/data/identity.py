@@ -66,6 +66,15 @@ def holds(path: Path, wanted: Identity) -> bool:
     return True
 
 
+def already_there(path: Path, study: Study) -> list[str]:
+    """Notes on results that a run of the study would find in its output."""
+    try:
+        there = holds(path, identity("run", study))
+    except StoreError as error:
+        return [f"a run would stop here: {error}"]
+    return [f"{path} holds these results already; a run ends at once, --force computes them again"] if there else []
+
+
 def _difference(found: dict[str, Any], wanted: Identity) -> str:
     """What the file holds instead; empty if it holds what is wanted."""
     if (kind := kind_from(found)) != wanted.kind:

@@ -14,7 +14,6 @@ import threading
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from tcstudy.data import schema
@@ -22,7 +21,7 @@ from tcstudy.data.files import PARTIAL, StoreError, remove_stale, sync_directory
 from tcstudy.data.journal_file import SELECT, Row, connect, decode_block, decode_level, encode, rollback_file, set_aside
 from tcstudy.data.provenance import program, study_sha256
 from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, block_of
-from tcstudy.data.store import check_block
+from tcstudy.data.store import check_block, check_level
 from tcstudy.scene.study import Study
 
 COMMIT_SECONDS = 0.25
@@ -71,12 +70,11 @@ class Journal:
             raise StoreError(f"cannot make {path.parent}: {error.strerror}. choose another output") from error
         header = _header(study)
         warnings: tuple[str, ...] = ()
-        check = partial(_check, study)
-        connection, why = connect(path, header, check)
+        connection, why = connect(path, header, _Check(study))
         if why:
             kept = set_aside(path, connection)
             warnings = (f"{path.name} {why}; it is kept as {kept.name} and the run starts anew",)
-            connection, why = connect(path, header, check)
+            connection, why = connect(path, header, _Check(study))
         if connection is None or why:
             raise StoreError(f"cannot start the journal {path}: {why}. Choose another output")
         remove_stale(output)
@@ -186,15 +184,25 @@ class Journal:
             self.flush()
 
 
-def _check(study: Study, row: Row) -> None:
-    """Raise an error unless a row is a record that has a place in the file of this study."""
-    if row[0] == "level":
-        level = decode_level(row)
-        lengths = {len(values) for values in (level.arclength, level.x, level.y, level.c, level.edge)}
-        if lengths != {level.n_contact} or not 0 <= level.level < study.mesh.levels:
-            raise ValueError(f"level {level.level} does not fit the study")
-        return
-    check_block(decode_block(row), study)
+class _Check:
+    """Raises an error unless a row is a record with a place in the file of this study; levels come before blocks."""
+
+    def __init__(self, study: Study) -> None:
+        self._study = study
+        self._levels: dict[int, LevelRecord] = {}
+
+    def __call__(self, row: Row) -> None:
+        if row[0] == "level":
+            level = decode_level(row)
+            check_level(level, self._study)
+            self._levels[level.level] = level
+            named = ("", level.level)
+        else:
+            block = decode_block(row)
+            check_block(block, self._study, self._levels.get(block.level))
+            named = (str(block.number), block.level)
+        if row[1:3] != named:
+            raise ValueError(f"a {row[0]} named {row[1]} of level {row[2]} is another")
 
 
 def _header(study: Study) -> dict[str, str]:

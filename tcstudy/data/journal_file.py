@@ -45,7 +45,7 @@ _FAULTS = (sqlite3.DatabaseError, _Damaged, ValueError, TypeError, LookupError, 
 def connect(path: Path, header: dict[str, str], check: Callable[[Row], None]) -> tuple[sqlite3.Connection | None, str]:
     """An open, locked journal with this header, and why it cannot be used ("" if it can).
 
-    check: raises an error for a row that is no record of this run, whatever its checksum says
+    check: raises an error for a row that is no record of this run, whatever its checksum says; gets levels first
     """
     connection: sqlite3.Connection | None = None
     if what := special_file(path):

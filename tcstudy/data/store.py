@@ -8,7 +8,7 @@ The points of a sweep as their files have them, before there is any file.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from tcstudy.data.files import FINISHED, StoreError, new_dataset, replace_file
 from tcstudy.data.live import put_live
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
 from tcstudy.data.reading import attributes
-from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, block_of
+from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, PointStatus, block_of
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
@@ -82,13 +82,15 @@ def _write_file(
         root = _allocate(variables, study, sizes)
         groups: dict[int, netCDF4.Group] = {}
         contact: dict[int, Arrays] = {}
+        known = {level.level: level for level in levels}
         for level in levels:
+            check_level(level, study)
             _take_level(root, variables, level)
             groups[level.level] = _make_group(nc, study, level)
             contact[level.level] = _contact_arrays(study, level)
         for record in records:
             block = record if isinstance(record, BlockRecord) else block_of((record,), study.shape)
-            check_block(block, study)
+            check_block(block, study, known.get(block.level))
             places = _places(study, block)
             _take_block(root, contact.get(block.level, {}), block, places, math.prod(study.shape))
             _put_fields(groups.get(block.level), study, block, places)
@@ -176,8 +178,6 @@ def _contact_arrays(study: Study, level: LevelRecord) -> Arrays:
     arrays = _allocate(schema.CONTACT, study, {"node": len(level.arclength)})
     for name in ("arclength", "x", "y", "c", "edge"):
         values = getattr(level, name)
-        if values.shape != arrays[name].shape:
-            raise ValueError(f"level {level.level}: {name} has shape {values.shape}, not {arrays[name].shape}")
         arrays[name][...] = values
     return arrays
 
@@ -220,18 +220,14 @@ def _take_block(root: Arrays, contact: Arrays, block: BlockRecord, places: Place
         array[places] = values
     known = np.zeros(0, dtype=bool) if block.u_T is None else ~np.isnan(block.u_T).any(axis=1)
     for name, line in (("u_T", block.u_T), ("xi", block.xi), ("sticks", block.sticks)) if known.any() else ():
-        if not contact:
-            raise ValueError(f"block {block.number} has values on level {block.level}, which has no record")
         if line is not None and name in contact:
             contact[name].reshape(count, -1)[places[known]] = line[known]
 
 
 def _put_fields(group: netCDF4.Group | None, study: Study, block: BlockRecord, places: Places) -> None:
     """Write whole-body fields point by point; a field's variable is made when its first values come."""
-    if not block.fields:
+    if group is None:  # as `check_block` has seen, a level without a record has no fields
         return
-    if group is None or "mesh_node" not in group.dimensions:
-        raise ValueError(f"block {block.number} has whole-body fields, but level {block.level} has no mesh")
     known = {variable.name: variable for variable in schema.FIELDS}
     for name, rows in block.fields.items():
         if name not in group.variables:
@@ -242,19 +238,48 @@ def _put_fields(group: netCDF4.Group | None, study: Study, block: BlockRecord, p
                 group[name][tuple(int(i) for i in place)] = values
 
 
-def check_block(block: BlockRecord, study: Study) -> None:
-    """Raise ValueError unless the points have places in the file of this study, and each its values."""
+def check_block(block: BlockRecord, study: Study, level: LevelRecord | None) -> None:
+    """Raise ValueError unless the points have places in the file of this study, and each its values.
+
+    level: the record of the block's level; without one its points have no values on the contact line or the body
+    """
+    name = f"block {block.number} on level {block.level}"
     inside = len(block) and int(block.points.min()) >= 0 and int(block.points.max()) < math.prod(study.shape)
     if not inside or not 0 <= block.level < study.mesh.levels:
-        raise ValueError(
-            f"block {block.number} on level {block.level} is outside the sweep {study.shape} × {study.mesh.levels}"
-        )
-    rows = (block.status, block.u_T, block.xi, block.sticks, *block.numbers.values(), *block.fields.values())
-    if any(len(values) != len(block) for values in rows if values is not None):
-        raise ValueError(f"block {block.number} on level {block.level} has not one row for each of its points")
+        raise ValueError(f"{name} is outside the sweep {study.shape} × {study.mesh.levels}")
+    line = {"u_T": block.u_T, "xi": block.xi, "sticks": block.sticks}
+    rows = (block.points, block.status, *line.values(), *block.numbers.values(), *block.fields.values())
+    if any(len(values) != len(block) or values.dtype.kind not in "iuf" for values in rows if values is not None):
+        raise ValueError(f"{name} has not one row of numbers for each of its points")
+    if not {*block.status.tolist()} <= {*PointStatus}:
+        raise ValueError(f"{name} has a status that does not exist")
     unknown = sorted(block.numbers.keys() - schema.NUMBERS) + sorted(block.fields.keys() - schema.FIELD_NAMES)
     if unknown:
         raise ValueError(f"no variable {', '.join(unknown)} in the schema")
+    mesh = level.fields.get("node_x") if level is not None else None
+    _check_width(name, line, None if level is None else level.n_contact)
+    _check_width(name, block.fields, None if mesh is None else len(mesh))
+
+
+def _check_width(name: str, arrays: Mapping[str, np.ndarray[Any, Any] | None], width: int | None) -> None:
+    """Raise ValueError unless every row has a value for each node; width: nodes of the level, None if not recorded."""
+    for key, values in arrays.items():
+        if values is not None and width is None:
+            raise ValueError(f"{name} has {key}, but no record says on which nodes")
+        if values is not None and values.shape[1:] != (width,):
+            raise ValueError(f"{name} has {key} of shape {values.shape}, but the level has {width} nodes")
+
+
+def check_level(level: LevelRecord, study: Study) -> None:
+    """Raise ValueError unless a level belongs to the study and every array has a value for each of its nodes."""
+    line = (level.arclength, level.x, level.y, level.c, level.edge)
+    if {values.shape for values in line} != {(level.n_contact,)} or not 0 <= level.level < study.mesh.levels:
+        raise ValueError(f"level {level.level} does not fit the study")
+    numbers: list[np.ndarray[Any, Any]] = [*line, *level.fields.values()]
+    mesh = [level.fields[name].shape for name in ("node_x", "node_y") if name in level.fields]
+    corners = level.fields.get("triangle", np.empty((0, 3))).shape
+    if any(v.dtype.kind not in "iuf" for v in numbers) or len({*mesh}) > 1 or corners[1:] != (3,):
+        raise ValueError(f"the mesh of level {level.level} has not one number for each node")
 
 
 def sweep_points(study: Study) -> xarray.Dataset:

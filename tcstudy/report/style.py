@@ -14,7 +14,8 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tcstudy.errors import DrawError
+from tcstudy.data.files import place_faults, replace_file
+from tcstudy.errors import DrawError, StoreError
 from tcstudy.report.text import POWER_FIRST, prefix
 
 if TYPE_CHECKING:
@@ -80,26 +81,34 @@ def _matplotlib() -> Any:
 
 
 def check_target(target: Path) -> None:
-    """Raise DrawError, before any work is done, unless the name asks for a known format and pictures can be made."""
+    """Raise DrawError, before any work is done, unless the name asks for a known format and pictures can be put there.
+
+    Raises it, too, where there is no matplotlib.
+    """
     if target.suffix.lower() not in SUFFIXES:
         raise DrawError(f"{target}: a picture's name ends in {', '.join(SUFFIXES)}; choose one of them")
+    if faults := place_faults(target):
+        raise DrawError("; ".join(faults))
     _matplotlib()
 
 
 def save(figure: Figure, target: Path) -> None:
-    """Write a figure in the format of the suffix; the same figure gives the same bytes.
+    """Write a figure in the format of the suffix in place of an old one; the same figure gives the same bytes.
 
-    Raises DrawError if the file cannot be written; an old one stays until the new one is complete in memory.
+    Raises DrawError if the file cannot be written; an old one is then untouched.
     """
     kind = target.suffix.lower()[1:]
     dates = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
     buffer = io.BytesIO()
     figure.savefig(buffer, format=kind, dpi=DPI, metadata=dates.get(kind))
+
+    def put(aside: Path) -> None:
+        aside.write_bytes(buffer.getvalue())
+
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(buffer.getvalue())
-    except OSError as error:
-        raise DrawError(f"cannot write {target}: {error.strerror}; choose another place") from error
+        replace_file(target, put, sealed=False)
+    except StoreError as error:
+        raise DrawError(str(error)) from error
 
 
 def inches(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:

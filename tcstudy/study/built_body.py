@@ -7,6 +7,9 @@ lie in the face, the supports exclude rigid motions, and maxh gives a sensible n
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import combinations
+
+import numpy as np
 
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem.geometry import Geometry, build
@@ -14,10 +17,11 @@ from tcstudy.read.body import edge_names
 from tcstudy.read.checks import BoundaryPiece, mesh_faults, support_fault, supports
 from tcstudy.read.document import Found
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Body
+from tcstudy.scene.records import Body, Contact
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import edge_length, loop_area
 from tcstudy.shapes.faults import TOLERANCE
+from tcstudy.study.doubts import PARALLEL, pinned_note
 
 ACCURACY = 1e-7
 """Of points and normals of a curve from a file, relative to the body; the kernel's own tolerance."""
@@ -39,6 +43,28 @@ def built_faults(study: Study) -> list[Found]:
         *_support_faults(study, geometry),
         *_mesh_faults(study, geometry),
     ]
+
+
+def built_doubts(study: Study) -> list[str]:
+    """What such a study says and its author may not have meant; empty for every other body.
+
+    Raises GeometryFailed if there is no such face.
+    """
+    scene = study.scenes[0]
+    if scene.body.brep is None:
+        return []
+    geometry = build(scene.body)
+    corners = pinned_corners(geometry, scene.edges(Contact))
+    return list(pinned_note(corners, "make it arcs or splines in the file"))
+
+
+def pinned_corners(geometry: Geometry, contact: tuple[str, ...]) -> int:
+    """Corners of the face between two contact curves of different directions."""
+    ends = [(points[i], normals[i]) for name, points, normals in geometry.samples() if name in contact for i in (0, -1)]
+    return sum(
+        float(np.linalg.norm(p - q)) <= ACCURACY * geometry.size and abs(a[0] * b[1] - a[1] * b[0]) > PARALLEL
+        for (p, a), (q, b) in combinations(ends, 2)
+    )
 
 
 def _nameless(body: Body, geometry: Geometry) -> Iterator[Found]:

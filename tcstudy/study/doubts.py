@@ -30,7 +30,8 @@ PARALLEL = 1e-6
 def doubts(study: Study) -> list[str]:
     """One sentence for each of them."""
     scenes = study.scenes
-    notes = list(_pinned(scenes[0]))
+    corners = pinned_corners(scenes[0].body, scenes[0].edges(Contact))
+    notes = list(pinned_note(corners, "draw it as arcs with through: [x, y]"))
     idle = int(np.count_nonzero(~loaded(scenes)))
     if idle:
         where = "nothing loads this scene" if len(scenes) == 1 else f"nothing loads {idle} of {len(scenes)} points"
@@ -90,19 +91,18 @@ def _absolute(scenes: Sequence[Scene]) -> Iterator[str]:
             )
 
 
-def _pinned(scene: Scene) -> Iterator[str]:
+def pinned_note(count: int, remedy: str) -> Iterator[str]:
     """Corners of Γ_C, which both their edges hold: u_N = 0 from two sides is u = 0."""
-    count = pinned_corners(scene.body, scene.edges(Contact))
     if count:
         corners = "corner of the contact line is" if count == 1 else "corners of the contact line are"
         yield (
             f"{count} {corners} pinned: u_N = 0 on both sides leaves no slip there; if short straight edges stand for "
-            "a curve, draw it as arcs with through: [x, y]"
+            f"a curve, {remedy}"
         )
 
 
 def pinned_corners(body: Body, contact: tuple[str, ...]) -> int:
-    """Corners between two contact edges of different directions; 0 for a body from a file, whose edges are unknown."""
+    """Corners between two contact edges of different directions; 0 for a body from a file (see `built_body`)."""
     if body.outline is None:
         return 0
     count = 0

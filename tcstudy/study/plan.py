@@ -105,7 +105,7 @@ def _levels_not_needed(mesh: MeshPlan, unit: str) -> str:
 
 
 def _notes(study: Study) -> list[str]:
-    notes = [*idle_notes(study), *doubts(study), *_mesh_notes(study.mesh), *_other_commands(study)]
+    notes = [*idle_notes(study), *_doubts(study), *_mesh_notes(study.mesh), *_other_commands(study)]
     if (derived := description(study)) is not None:
         notes.insert(0, derived)
     notes += _locking(study)
@@ -124,7 +124,16 @@ def _locking(study: Study) -> list[str]:
 
 def warnings(study: Study) -> list[str]:
     """Notes that a run says as well, since its numbers would mislead without them."""
-    return [*idle_notes(study), *doubts(study), *_locking(study)]
+    return [*idle_notes(study), *_doubts(study), *_locking(study)]
+
+
+def _doubts(study: Study) -> list[str]:
+    """What the author may not have meant. Raises GeometryFailed if a file has no such face."""
+    if study.scenes[0].body.brep is None:
+        return doubts(study)
+    from tcstudy.study.built_body import built_doubts  # a file needs the geometry kernel, a polygon does not
+
+    return [*built_doubts(study), *doubts(study)]
 
 
 def _other_commands(study: Study) -> list[str]:

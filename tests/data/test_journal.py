@@ -25,6 +25,7 @@ from tcstudy.data.journal_file import checksum
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.scene.study import Study
+from tests.data.conftest import make_level
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -53,7 +54,7 @@ def partial(output: Path) -> Path:
 
 def fill(output: Path, study: Study, records: list[PointRecord]) -> None:
     with Journal.open(output, study) as journal:
-        for record in records:
+        for record in (make_level(0, fields=True), make_level(1, fields=True), *records):
             journal.add(record)
 
 
@@ -143,6 +144,7 @@ import numpy as np
 study = make_study()
 journal = Journal.open(Path(sys.argv[1]), study)
 journal.add(make_level(0))
+journal.add(make_level(1))
 mode = sys.argv[3]
 for n, index in enumerate(np.ndindex(study.shape)):
     journal.add(long(make_point(index, 0), n))
@@ -266,7 +268,7 @@ def test_a_journal_of_another_study_is_set_aside_never_deleted(
     assert names == ["study.nc.partial", "study.nc.partial.old", "study.nc.partial.old2"]
     for name, n in (("study.nc.partial.old", 0), ("study.nc.partial.old2", 1)):
         with sqlite3.connect(output.parent / name) as kept:
-            assert kept.execute("SELECT place FROM record").fetchall() == [(str(n),)]
+            assert kept.execute("SELECT place FROM record WHERE kind = 'block'").fetchall() == [(str(n),)]
         kept.close()
 
 
@@ -290,6 +292,7 @@ def test_a_torn_journal_is_set_aside_and_an_empty_one_used(
     with Journal.open(output, study) as journal:
         assert not journal.finished
         assert bool(journal.warnings) == (size != 0)
+        journal.add(make_level(0))
         journal.add(new_point((0, 0, 0), 0))
     if size:
         assert partial(output).with_name("study.nc.partial.old").read_bytes() == torn
@@ -361,13 +364,14 @@ _LIMITED = """
 import resource, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
-from conftest import long, make_point, make_study
+from conftest import long, make_level, make_point, make_study
 from tcstudy.data.journal import Journal
 from tcstudy.data.journal_file import checksum
 from tcstudy.data.files import StoreError
 from dataclasses import replace
 import numpy as np
 journal = Journal.open(Path(sys.argv[1]), make_study())
+journal.add(make_level(0))
 journal.add(make_point((0, 0, 0), 0))
 journal.flush()
 soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -401,6 +405,7 @@ def test_the_timers_error_comes_with_the_next_add(
     output: Path, study: Study, new_point: Callable[..., PointRecord], lengthened: Callable[..., PointRecord]
 ) -> None:
     journal = Journal.open(output, study)
+    journal.add(make_level(0))
     journal.add(new_point((0, 0, 0), 0))
     journal._connection.execute("PRAGMA max_page_count = 1")  # SQLite's own full disk
     journal.add(lengthened(new_point((0, 0, 1), 0), 0, 100_000))
@@ -446,6 +451,9 @@ def test_axes_that_the_store_would_refuse_are_refused_before_the_work(output: Pa
         ("scalars", '{"index": [9, 9, 9], "level": 0, "status": 1, "reason": "", "numbers": {}}'),
         ("layout", '[["u_T", "<f8", [99]]]'),
         ("arrays", "text"),
+        ("place", "text"),
+        ("place", "7"),
+        ("level", 1),
         ("crc", "text"),
     ],
 )
@@ -455,16 +463,52 @@ def test_a_record_that_is_none_sets_the_journal_aside(
     """Whatever its checksum says: the store would refuse it only after all the work."""
     fill(output, study, [new_point((0, 0, 0), 0)])
     with contextlib.closing(sqlite3.connect(partial(output))) as database:
-        database.execute(f"UPDATE record SET {column} = ?", (value,))
-        row = list(database.execute("SELECT kind, place, level, scalars, layout, arrays, crc FROM record").fetchone())
+        database.execute(f"UPDATE record SET {column} = ? WHERE kind = 'block'", (value,))
+        found = "SELECT kind, place, level, scalars, layout, arrays, crc FROM record WHERE kind = 'block'"
+        row = list(database.execute(found).fetchone())
         if column != "crc":
             with contextlib.suppress(TypeError):
-                database.execute("UPDATE record SET crc = ?", (checksum(tuple(row)),))
+                database.execute("UPDATE record SET crc = ? WHERE kind = 'block'", (checksum(tuple(row)),))
         database.commit()
     with Journal.open(output, study) as journal:
         assert not journal.finished
         assert "is damaged" in journal.warnings[0]
         assert "\n" not in journal.warnings[0]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"u_T": np.zeros((1, 4))},
+        {"xi": np.zeros((1, 6))},
+        {"sticks": np.zeros((1, 4), dtype=np.int8)},
+        {"fields": {"theta": np.zeros((1, 3))}},
+        {"status": np.array([99], dtype=np.int8)},
+    ],
+)
+def test_values_that_do_not_fit_the_nodes_of_their_level_set_the_journal_aside(
+    output: Path, study: Study, new_point: Callable[..., PointRecord], change: dict[str, object]
+) -> None:
+    """Whatever their checksum says."""
+    fill(output, study, [new_point((0, 0, 0), 0)])
+    with Journal.open(output, study) as journal:
+        assert len(journal.finished) == 1
+        journal.add(replace(next(journal.blocks()), **change))  # type: ignore[arg-type]
+    with Journal.open(output, study) as journal:
+        assert not journal.finished
+        assert "is damaged" in journal.warnings[0]
+
+
+@pytest.mark.parametrize("lost", ["level", "block"])
+def test_values_on_a_level_without_a_record_set_the_journal_aside(
+    output: Path, study: Study, new_point: Callable[..., PointRecord], lost: str
+) -> None:
+    fill(output, study, [new_point((0, 0, 0), 0)])
+    with contextlib.closing(sqlite3.connect(partial(output))) as database:
+        database.execute("DELETE FROM record WHERE kind = ?", (lost,))
+        database.commit()
+    with Journal.open(output, study) as journal:
+        assert bool(journal.warnings) == (lost == "level")  # points that are lost are solved again
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes and symbolic links of POSIX")

@@ -223,7 +223,7 @@ def test_whole_body_fields_stand_on_their_mesh(
         ({"index": (2, 0, 0)}, "outside the sweep"),
         ({"level": 2}, "outside the sweep"),
         ({"numbers": {"enrgy": 1.0}}, "no variable enrgy"),
-        ({"fields": {"theta": np.zeros(4)}}, "has no mesh"),
+        ({"fields": {"theta": np.zeros(4)}}, "has theta, but no record says"),
         ({"u_T": np.zeros(5)}, "broadcast"),
     ],
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
 from pathlib import Path
 
@@ -64,8 +66,40 @@ def test_an_unknown_format(grid: Path, tmp_path: Path) -> None:
 
 def test_a_place_that_cannot_be_written(grid: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
-    with pytest.raises(DrawError, match=r"cannot write .*; choose another place"):
+    with pytest.raises(DrawError, match=r"file is a file, so .* cannot be made; choose another output"):
         draw(grid, tmp_path / "file" / "p.png")
+    (tmp_path / "folder.png").mkdir()
+    with pytest.raises(DrawError, match=r"folder.png is a directory"):
+        draw(grid, tmp_path / "folder.png")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes of POSIX")
+def test_a_pipe_is_refused_and_not_waited_on(grid: Path, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "p.png")
+    with pytest.raises(DrawError, match=r"is a pipe, no file; choose another output"):
+        draw(grid, tmp_path / "p.png")
+
+
+def test_an_old_picture_stays_whole_until_the_new_one_is_on_the_disk(
+    grid: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = tmp_path / "p.png"
+    draw(grid, target)
+    before = target.read_bytes()
+    (tmp_path / "link.png").symlink_to(target)
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", full)
+        with pytest.raises(DrawError, match=r"No space left on device\. Free some space"):
+            draw(grid, target, {"alpha": 100})
+    assert target.read_bytes() == before
+    draw(grid, tmp_path / "link.png", {"alpha": 100})
+    assert (tmp_path / "link.png").is_symlink()
+    assert target.read_bytes() != before
+    assert sorted(file.name for file in tmp_path.iterdir() if file.suffix == ".tmp") == []
 
 
 def test_without_matplotlib(grid: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -13,7 +15,7 @@ from tcstudy.errors import StudyError
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study
 from tcstudy.refine.family import Family
-from tcstudy.study.plan import expected_bytes, faults, plan
+from tcstudy.study.plan import expected_bytes, faults, plan, warnings
 
 STUDY = """body:
   file:
@@ -152,3 +154,35 @@ def test_a_face_of_a_file_is_counted_as_well(tmp_path: Path) -> None:
     assert [v.n_dof for v in plan(study).levels] == [level.frames.n_dof for level in levels]
     assert 500_000 < expected_bytes(study) < 2_000_000
     assert plan(study).bytes == pytest.approx(expected_bytes(study), rel=0.3)
+
+
+BOAT = """body:
+  file: {path: boat.step, edges: {hull: [HULL], deck: [[0.01, 0.02]]}, other: sides}
+  regions: {strip: {rectangle: {corner: [0.018, 0.012], width: 0.002, height: 0.002}}}
+boundary: {hull: contact, deck: clamped, sides: free}
+material: {E: 210 GPa, nu: 0.3}
+friction: {law: tresca, tau: 1 MPa}
+mesh: {maxh: 2 mm}
+"""
+
+
+@pytest.mark.parametrize(
+    ("chords", "side", "count"), [(6, False, 5), (6, True, 6), (1, False, 0), (1, True, 1), (0, False, 0)]
+)
+def test_pinned_corners_of_a_file_are_counted(tmp_path: Path, chords: int, side: bool, count: int) -> None:
+    """A block above a half circle of chords, 0 for an arc; side: its right one, which a region divides, touches too."""
+    angles = [math.pi * (1 + i / max(chords, 1)) for i in range(chords + 1)]
+    below = [(10 + 10 * math.cos(a), 10 + 10 * math.sin(a)) for a in angles] if chords else [(0, 10), (20, 10)]
+    corners = [occ.Pnt(x, y, 0) for x, y in [*below, (20, 20), (0, 20)]]
+    edges = [occ.Segment(a, b) for a, b in pairwise([*corners, corners[0]])]
+    if not chords:
+        edges[0] = occ.ArcOfCircle(corners[0], occ.Pnt(10, 0, 0), corners[1])
+    occ.Face(occ.Wire(edges)).WriteStep(str(tmp_path / "boat.step"))
+    named = [[(a[0] + b[0]) / 2e3, (a[1] + b[1]) / 2e3] for a, b in pairwise(below)] if chords else [[0.01, 0.0]]
+    named += [[0.02, 0.015]] if side else []
+    (tmp_path / "boat.yaml").write_text(BOAT.replace("HULL", ", ".join(map(str, named))))
+    study = read_study(tmp_path / "boat.yaml")
+    notes = [note for note in warnings(study) if "pinned" in note]
+    assert [int(note.split()[0]) for note in notes] == ([count] if count else [])
+    assert all("make it arcs or splines in the file" in note for note in notes)
+    assert [note for note in plan(study).notes if "pinned" in note] == notes
