@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from tcstudy.fem.geometry import build
 from tcstudy.fem.grading import WEAK, singular_points
 from tcstudy.fem.meshes import PlaneMesh, doubled_areas, mesh_at, refine_marked
 from tcstudy.offline.level import Level
+from tcstudy.refine.ends import Hidden
 from tcstudy.refine.survey import Survey, marked
 from tcstudy.scene.families import GRADED
 from tcstudy.scene.records import Point
@@ -36,25 +38,28 @@ ROUNDS = 12
 """Bisections of one place from level to level at most."""
 
 
-def bisected(mesh: PlaneMesh, shares: Array, aim: float, marking: float) -> PlaneMesh:
+def bisected(mesh: PlaneMesh, shares: Array, aim: float, marking: float, hidden: Hidden | None = None) -> PlaneMesh:
     """The mesh, one level on, bisected where the shares (t,) are large until their sum should be `aim` times as much.
 
     Each round marks triangles for the fraction `marking` of the sum, or for as much as is still needed. A part gets
     what smooth solutions leave it, share·(area ratio)², so that few triangles with much of the error, at a held end of
-    Γ_C or at a front, are cut several times on the way to one level.
+    Γ_C or at a front, are cut several times on the way to one level. What end cells hide goes with their lengths.
     """
-    total, level, elapsed = float(shares.sum()), mesh.level + 1, 0.0
+    total, level, elapsed = math.nan, mesh.level + 1, 0.0
     for _ in range(ROUNDS):
-        own = float(shares.sum())
+        both = shares + hidden.on(mesh) if hidden is not None else shares
+        own = float(both.sum())
+        if math.isnan(total):
+            total = own
+        elif own <= ENOUGH * aim * total:
+            break
         fraction = min(marking, 2.0 * (1.0 - aim * total / own)) if own > 0.0 else 0.0
-        finer = refine_marked(mesh, marked(shares, fraction))
+        finer = refine_marked(mesh, marked(both, fraction))
         elapsed += finer.time_mesh
         parts = finer.points[finer.triangles]
         of, _ = located(Triangles(mesh.points, mesh.triangles), parts.mean(axis=1))
         ratio = doubled_areas(parts) / doubled_areas(mesh.points[mesh.triangles])[of]
         mesh, shares = finer, shares[of] * ratio**2
-        if float(shares.sum()) <= ENOUGH * aim * total:
-            break
     return replace(mesh, level=level, time_mesh=elapsed)
 
 
@@ -82,7 +87,8 @@ class Family:
         if self._plan.strategy.adapts and level > 0:
             assert self._mesh is not None
             assert self._survey is not None
-            self._mesh = bisected(self._mesh, self._survey.shares(), self._survey.aim(), self._plan.marking)
+            survey, marking = self._survey, self._plan.marking
+            self._mesh = bisected(self._mesh, survey.shares(), survey.aim(), marking, survey.hidden())
         else:
             self._mesh = self._make(level, self._mesh)
         return self._mesh

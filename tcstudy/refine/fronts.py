@@ -10,7 +10,8 @@ node next to the front carries the front's own discretisation error and is left 
 Accuracy: on uniform meshes the front found lies (0.10 ± 0.03) h inside the sticking side of the true one, wherever
           it lies within its cell (25 positions of the closed form of stick and slip); the nodal one is off by up to h/2
 Hidden:   beside a held node of given u_T = s_k no node may stick although a zone does that is shorter than the cell.
-          If the same line is zero inside the cell, there is a front; its place is a guess
+          If the same line is zero inside the cell, there is a front; its place is a guess, and what hides in the cell
+          is in doubt whether one is found or not (ends.py)
 Left out: fronts that a jump of the data or a corner holds in place have other exponents. Where the slip does not grow
           away from a front, or only one node slips, the middle of the cell stands
 """
@@ -43,8 +44,7 @@ class SlipFront:
 
     segment: index of its cell in line.segments;  width: length of the cell [m]
     more:    by how much the slip zone is longer than the nodes say, ½ width − (distance from the sticking node) [m]
-    doubt:   how far it may lie off for lack of slipping nodes: ½ width where the middle of the cell stands, the length
-             of a hidden zone, else 0 [m]
+    doubt:   how far it may lie off for lack of slipping nodes: ½ width where the middle of the cell stands, else 0 [m]
     hidden:  it lies beside a held node, and no node sticks
     nodes:   contact unknowns that `more` depends on;  slopes: its derivatives with respect to their u_T [1]
     """
@@ -124,7 +124,7 @@ def _hidden(segment: int, at: list[float], nodes: list[int], slip: Array) -> Sli
         return None
     x, pair, slopes = found
     length = min(x, at[0])
-    return SlipFront(segment, at[0], -length, length, pair, slopes, hidden=True)
+    return SlipFront(segment, at[0], -length, 0.0, pair, slopes, hidden=True)
 
 
 def _through(segment: int, at: list[float], nodes: list[int], slip: Array) -> SlipFront:

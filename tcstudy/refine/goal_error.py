@@ -15,13 +15,13 @@ Held ends:  ξ_i of a sticking node beside a held one is what its hat function s
             traction (goals.lost). The dual solution jumps from 1 to 0 there, p = 1. On closed forms that is up to 86 %
             of the error of an adaptive mesh, as the rest cancels; so it is taken by itself, and what is left has p = 2.
             The finer mesh lacks half of it; what it lacks less or more, as where a node there changes sides, is added
-Tears:      where b falls at a slip, neighbours may lie on either side of it, and the front rests on a node: ∫ξ is known
-            to a cell times the jump (goals.torn). Half of that of the finer mesh is added to the error
+Tears:      where b jumps or turns at a slip, neighbours may lie on either side of it, and the front rests on a node: ∫ξ
+            is known to a cell times the jump (goals.torn). Half of that of the finer mesh is added to the error
 Slip length: the sum of slipping cells, quantised to a cell, against the positions of the fronts within their cells
             (fronts.py), L_h and L_{h/2}: limit L as above, error |J(u_h) − L| + the doubt of fronts that could not be
             located
-Hidden:     a sticking zone that both meshes are too coarse for (fronts.py) has ξ anywhere in b̂: half of the jump times
-            its length is added to the error of ∫ξ
+Hidden:     what both meshes are too coarse for in the cells beside held nodes of the finer one, a zone that sticks or
+            friction that falls (ends.py), is added to the error with its largest effect
 Crossing:   where contributions of different order cancel, J(u) − J(u_h) changes its sign between two levels and is
             small by accident. The parts see what cancels, and the error of the extrapolation remains: `survey` adds
             half of what the limit has changed by since the level before, or what the orders differ by if that is
@@ -33,8 +33,8 @@ Why not the dual weighted residual itself: products of recovered gradients gave 
             Recovery is not superconvergent on bisected meshes, and where displacements are given beside Γ_C their
             interpolation carried most of the error of ∫ξ, weighted with the recovered stress of a dual solution that
             jumps there
-Left out:   data that oscillate within half an element, and sticking zones shorter than that which `fronts` does not
-            suspect, escape both meshes
+Left out:   data that oscillate within half an element, and sticking zones shorter than that away from held nodes,
+            escape both meshes
 
 By how much the change from h to h/2 is smaller than the error, corner by corner.
 
@@ -62,6 +62,7 @@ from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Condensed, Level
 from tcstudy.refine.contributions import contributions
+from tcstudy.refine.ends import end_cells
 from tcstudy.refine.fronts import fronts, slip_length
 from tcstudy.refine.goals import dual, goal_value, lost, lumping, torn
 from tcstudy.refine.halved import Halved
@@ -88,6 +89,7 @@ class GoalError:
     spread: by how much the limit changes with the order it is extrapolated with
     change: what the finer mesh changes of J(u_h); slip lengths on it have their fronts located
     shares: (t,) what each triangle may contribute to the error
+    hidden: (s,) what the segments of Γ_C hide of it, in the unit of J: part of `error`
     """
 
     limit: float
@@ -95,6 +97,7 @@ class GoalError:
     spread: float
     change: float
     shares: Array
+    hidden: Array
 
 
 def goal_error(
@@ -106,22 +109,26 @@ def goal_error(
     """
     fine, line = halved.level, halved.coarse.line
     finer = fine.condensed(scene)
-    answer = solve_contact(finer.problem, tolerance=ACCEPTED, branch="continued", neighbour=halved.start(v))
+    answer = solve_contact(finer.problem, tolerance=ACCEPTED, branch="continued", neighbour=halved.start(v, u))
     value = goal_value(goal, condensed.problem, line, v)
     if answer.status != Status.CONVERGED:
-        return GoalError(value, np.inf, 0.0, 0.0, np.zeros(len(triangles.area)))
-    shares, parts = _parts(goal, halved, triangles, scene, (condensed, finer), (v, answer.v), u)
+        return GoalError(value, np.inf, 0.0, 0.0, np.zeros(len(triangles.area)), np.zeros(len(line.segments)))
+    solutions = (v, answer.v), (halved.carry(u), fine.displacement(scene, finer, answer.v))
+    z_T = _dual(goal, finer.problem, fine.line, answer.v)
+    shares, parts = _parts(goal, halved, triangles, scene, (condensed, finer), *solutions, z_T)
+    hidden = _hidden(goal, halved, finer.problem, answer.v, solutions[1][1], z_T)
+    hides = float(hidden.sum())
     parted = regions(halved, scene, sticking(condensed.problem.law, v), _places(goal, halved.coarse, condensed, v))
     if goal.quantity == "slip_length":
         own, _ = slip_length(line, condensed.problem, v)
         better, doubt = slip_length(fine.line, finer.problem, answer.v)
         rest, spread = _extrapolated(better - own, parts, parted)
-        error, shares = abs(value - own - rest) + doubt, shares + _cells(halved, triangles, condensed, v)
-        return GoalError(own + rest, error, spread, better - value, shares)
+        error, shares = abs(value - own - rest) + doubt + hides, shares + _cells(halved, triangles, condensed, v)
+        return GoalError(own + rest, error, spread, better - value, shares, hidden)
     change = goal_value(goal, finer.problem, fine.line, answer.v) - value
     if goal.quantity != "friction_resultant":
         rest, spread = _extrapolated(change, parts, parted)
-        return GoalError(value + rest, abs(rest), spread, change, shares)
+        return GoalError(value + rest, abs(rest) + hides, spread, change, shares, hidden)
     missing, cells = lost(line, condensed.problem, v), torn(line, condensed.problem, v)
     still = lost(fine.line, finer.problem, answer.v)
     found = missing - halved.on_segments(still)
@@ -129,9 +136,9 @@ def goal_error(
     parts[halved.middles] -= found
     rest, spread = _extrapolated(change - float(found.sum()), parts, parted)
     spread += float(np.abs(2.0 * found - missing).sum())
-    doubt = _unseen(fine.line, finer.problem, answer.v) + float(torn(fine.line, finer.problem, answer.v).sum())
+    doubt = hides + float(torn(fine.line, finer.problem, answer.v).sum())
     shares += _at_segments(halved.coarse, np.abs(missing) + cells)
-    return GoalError(value + first + rest, abs(first + rest) + doubt, spread, change, shares)
+    return GoalError(value + first + rest, abs(first + rest) + doubt, spread, change, shares, hidden)
 
 
 def _places(goal: Goal, level: Level, condensed: Condensed, v: Array) -> Array:
@@ -155,14 +162,22 @@ def _at_segments(level: Level, values: Array) -> Array:
     return shares
 
 
-def _unseen(line: ContactLine, problem: ContactProblem, v: Array) -> float:
-    """How much ∫ξ may differ because of sticking zones that hide beside held nodes [N/m]."""
-    total = 0.0
-    for front in fronts(line, problem, v):
-        if front.hidden:
-            kink = problem.law.nearest_kink(v[front.nodes[0]])
-            total += 0.5 * front.doubt * float(problem.law.b_right[kink] - problem.law.b_left[kink])
-    return total
+def _dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Array:
+    """The dual solution (m,); zero if its problem is singular (a turning point)."""
+    try:
+        return dual(goal, problem, line, v)
+    except scipy.linalg.LinAlgError:
+        return np.zeros(line.m)
+
+
+def _hidden(goal: Goal, halved: Halved, problem: ContactProblem, v: Array, u: Array, z_T: Array) -> Array:
+    """(s,) what the end cells of the finer level hide of J, by segments of the level."""
+    line, hidden = halved.level.line, np.zeros(len(halved.level.line.segments))
+    for cell in end_cells(line, problem, v, u):
+        hidden[cell.segment] += cell.effect(1.0 if goal.quantity == "friction_resultant" else 0.0, z_T)
+        if goal.quantity == "slip_length" and cell.sticks:
+            hidden[cell.segment] += cell.width
+    return halved.on_segments(hidden)
 
 
 def _parts(
@@ -172,20 +187,17 @@ def _parts(
     scene: Scene,
     condensed: tuple[Condensed, Condensed],
     v: tuple[Array, Array],
-    u: Array,
+    u: tuple[Array, Array],
+    z_T: Array,
 ) -> tuple[Array, Array]:
     """(t,) shares by triangles of the level, (n,) parts of the change by nodes.
 
-    Zero if the dual problem is singular (a turning point).
+    v, u: solutions of both levels, the displacements on the finer mesh (2n_f,);  z_T: (m_f,) the dual solution
     """
     fine, line, material = halved.level, halved.coarse.line, scene.material
-    try:
-        z_T = dual(goal, condensed[1].problem, fine.line, v[1])
-    except scipy.linalg.LinAlgError:
-        return np.zeros(len(triangles.area)), np.zeros(halved.level.mesh.n_points)
-    z, both = fine.extension(scene, z_T), (halved.carry(u), fine.displacement(scene, condensed[1], v[1]))
-    parts = contributions(goal, halved, material, (condensed[0].problem, condensed[1].problem), v, both, z)
-    e = both[1] - both[0]
+    z = fine.extension(scene, z_T)
+    parts = contributions(goal, halved, material, (condensed[0].problem, condensed[1].problem), v, u, z)
+    e = u[1] - u[0]
     rest = own_strain(halved.triangles, z - halved.interpolated(z))
     shares = np.sqrt(_energy(halved, own_strain(halved.triangles, e), material) * _energy(halved, rest, material))
     frames = fine.frames

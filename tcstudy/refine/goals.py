@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from tcstudy.fem.contact_line import ContactLine
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.refine.fronts import slopes
-from tcstudy.scene.friction import DOWN, sticking
+from tcstudy.scene.friction import sticking
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal
 from tcstudy.solve.problem import ContactProblem
@@ -79,21 +79,27 @@ def lost(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
 
 
 def torn(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
-    """(s,) half of what ∫ξ changes by where b falls at a slip between those of two neighbours, and one follows [N/m].
+    """(s,) half of what b does between the slips of two neighbours that its chord does not say, times the cell [N/m].
 
-    Such a front rests on a node wherever the load would have it, so that ∫ξ is known to a cell there.
+    A jump counts as it is: such a front rests on a node wherever the load would have it, so that ∫ξ is known to a cell
+    there. So does a fall from a sticking node to one that has passed it all, and a turn of the slip from one node to
+    the next. Bends between nodes close to each other leave O(h²).
     """
     law = problem.law
-    falls = np.flatnonzero(law.kinds == DOWN)
     unknown = np.full(int(line.segments.max()) + 1, -1, dtype=np.intp)
     unknown[line.nodes] = np.arange(line.m)
     own = unknown[line.segments]
-    width, total = np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1), np.zeros(len(own))
-    for k in falls:
-        beyond = (v > law.kinks[k])[own]
-        apart = (beyond[:, 0] != beyond[:, 1]) & np.all(own >= 0, axis=1)
-        total += np.where(apart, 0.5 * width * abs(law.b_right[k] - law.b_left[k]), 0.0)
-    return total
+    low, high = np.sort(v[own], axis=1).T
+    first, last = law.b(low, 1), law.b(high, -1)
+    free = np.all(own >= 0, axis=1)
+    above, below = np.zeros(len(own)), np.zeros(len(own))
+    for kink, left, right in zip(law.kinks, law.b_left, law.b_right, strict=True):
+        inside = free & (low < kink) & (kink < high)
+        part = (kink - low[inside]) / (high - low)[inside]
+        chord = first[inside] + part * (last - first)[inside]
+        above[inside] = np.maximum(above[inside], max(left, right) - chord)
+        below[inside] = np.maximum(below[inside], chord - min(left, right))
+    return 0.5 * np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1) * (above + below)
 
 
 def dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Array:

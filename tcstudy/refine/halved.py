@@ -52,11 +52,16 @@ class Halved:
         by_component = values.reshape(-1, self.level.mesh.n_points)
         return self._prolong(by_component[:, : self._coarse_nodes]).ravel()
 
-    def start(self, v: Array) -> Array:
-        """A contact solution (m,) of the level as a start on the finer one (m_f,)."""
-        nodal = np.zeros(self._coarse_nodes)
-        nodal[self.coarse.line.nodes] = v
-        return self._prolong(nodal)[self.level.line.nodes]
+    def start(self, v: Array, u: Array) -> Array:
+        """A contact solution v (m,) of the level, with its u (2n,), as a start on the finer one (m_f,).
+
+        Between a held node and a free one the displacement given there counts.
+        """
+        nodal, held = np.zeros(self._coarse_nodes), np.ones(self._coarse_nodes)
+        nodal[self.coarse.line.nodes], held[self.coarse.line.nodes] = v, 0.0
+        nodes, level = self.level.line.nodes, self.level
+        beside_held = self._prolong(held)[nodes] > 0.0
+        return np.where(beside_held, level.frames.local(self.carry(u))[nodes], self._prolong(nodal)[nodes])
 
     def at_coarse(self, z_T: Array) -> Array:
         """(m,) values at the contact nodes of the level of (m_f,) values on the finer one."""

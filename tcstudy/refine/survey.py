@@ -28,6 +28,7 @@ from tcstudy.fem.estimators import (
 )
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Condensed, Level
+from tcstudy.refine.ends import Hidden, hidden_on
 from tcstudy.refine.goal_error import goal_error
 from tcstudy.refine.goals import goal_value
 from tcstudy.refine.halved import Halved
@@ -49,6 +50,7 @@ class Estimate:
     goal:       estimated |J(u) − J(u_h)|, in the unit of J
     error:      what the tolerance is compared with: relative error of the goal, or in the energy norm without one
     indicators: (t,) shares of the triangles in error² (energy) or error (goal)
+    hidden:     (s,) what segments of Γ_C beside held nodes hide of `goal`, empty for the energy norm
     """
 
     n_dof: int
@@ -59,6 +61,7 @@ class Estimate:
     goal: float
     error: float
     indicators: Array
+    hidden: Array
 
 
 @dataclass
@@ -105,7 +108,7 @@ class Survey:
         squares, norm = self._squares(scene, condensed, v, u)
         energy = _ratio(math.sqrt(float(squares.sum())), norm)
         if goal.quantity == "energy":
-            return Estimate(n_dof, energy, nan, nan, nan, nan, energy, squares)
+            return Estimate(n_dof, energy, nan, nan, nan, nan, energy, squares, np.empty(0))
         if self._halved is None:
             self._halved = Halved(self.level, scene, self.scenes)
         found = goal_error(goal, self._halved, self.triangles, scene, condensed, v, u)
@@ -116,7 +119,8 @@ class Survey:
         error = max(found.error + max(found.spread, drift), self._least(old))
         # A goal may not feel the solution, for example u_T where the body sticks.
         shares = found.shares if np.any(found.shares) else squares
-        return Estimate(n_dof, energy, value, found.limit, found.change, error, _ratio(error, abs(value)), shares)
+        relative, hidden = _ratio(error, abs(value)), found.hidden
+        return Estimate(n_dof, energy, value, found.limit, found.change, error, relative, shares, hidden)
 
     def _least(self, old: Estimate | None) -> float:
         """A third of what the error of the level before becomes at J(u) − J(u_h) ~ 1/N: no change of sign hides more.
@@ -174,11 +178,19 @@ class Survey:
     def shares(self) -> Array:
         """(t,) what each triangle contributes to the relative error of the point that it is most important to.
 
-        With a tolerance, points that meet it do not count.
+        With a tolerance, points that meet it do not count. What end cells hide comes on top (`hidden`).
         """
+        return np.asarray(np.max([_shares(e) for e in self._missing()], axis=0))
+
+    def hidden(self) -> Hidden:
+        """What end cells hide of the relative error of the point that each is most important to."""
+        parts = np.max([e.hidden * _scale(e) for e in self._missing()], axis=0)
+        return hidden_on(self.level.mesh, self.level.line, parts)
+
+    def _missing(self) -> list[Estimate]:
+        """Points that miss the tolerance; all, if none does or there is no tolerance."""
         found = list(self.estimates.values())
-        missing = [e for e in found if e.error > (self.plan.tolerance or 0.0)] or found
-        return np.asarray(np.max([_shares(e) for e in missing], axis=0))
+        return [e for e in found if e.error > (self.plan.tolerance or 0.0)] or found
 
     def aim(self) -> float:
         """What the next mesh is to leave of the sum of all shares, if each falls by half where its triangle is cut.
@@ -216,10 +228,20 @@ LEAST_ERROR = 1.0 / 3.0
 
 
 def _shares(estimate: Estimate) -> Array:
-    """Indicators that sum to the point's relative error, so that points compare."""
-    total = float(estimate.indicators.sum())
-    scale = estimate.error if math.isfinite(estimate.error) and estimate.error > 0.0 else 1.0
-    return estimate.indicators * (scale / total) if total > 0.0 else estimate.indicators
+    """Indicators that sum to the point's relative error without what end cells hide, so that points compare.
+
+    Where nothing else is known to be wrong, to as much as they hide: what one zone does, others may.
+    """
+    total, hidden = float(estimate.indicators.sum()), float(estimate.hidden.sum()) * _scale(estimate)
+    error = estimate.error if math.isfinite(estimate.error) and estimate.error > 0.0 else 1.0
+    rest = error - hidden
+    rest = rest if rest > ROUNDING * error else hidden
+    return estimate.indicators * (rest / total) if total > 0.0 else estimate.indicators
+
+
+def _scale(estimate: Estimate) -> float:
+    """From the unit of J to relative errors; 0 where the error is no finite number."""
+    return estimate.error / estimate.goal if estimate.goal > 0.0 and math.isfinite(estimate.error) else 0.0
 
 
 def _ratio(error: float, value: float) -> float:

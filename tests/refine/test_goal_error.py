@@ -74,7 +74,7 @@ def test_functions_are_carried_over() -> None:
     assert halved.interpolated(fine) == pytest.approx(fine, rel=1e-14)
     assert fine[: level.mesh.n_points] == pytest.approx(u[: level.mesh.n_points], rel=1e-15)
     v = level.line.arclength
-    assert halved.at_coarse(halved.start(v)) == pytest.approx(v, rel=1e-14)
+    assert halved.at_coarse(halved.start(v, 0.0 * u)) == pytest.approx(v, rel=1e-14)
 
 
 def look(goal: Goal = RESULTANT, levels: int = 2) -> dict[str, float]:
