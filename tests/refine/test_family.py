@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tcstudy.fem.meshes import doubled_areas
+from tcstudy.refine.ends import Hidden
 from tcstudy.refine.family import Family, bisected
 from tests.verification.goal_scenes import front_study
 
@@ -35,3 +36,20 @@ def test_no_shares_at_all_still_make_a_mesh() -> None:
     mesh = Family(front_study(0.4, 0.2)).next(0)
     finer = bisected(mesh, np.zeros(len(mesh.triangles)), 0.75, 0.5)
     assert len(finer.triangles) > len(mesh.triangles)
+
+
+def test_what_an_end_cell_hides_is_halved_with_the_cell_and_nothing_else_is_cut() -> None:
+    mesh = Family(front_study(0.4, 0.1)).next(0)
+    node = int(np.argmin(np.linalg.norm(mesh.points, axis=1)))
+    at = int(
+        np.flatnonzero(
+            np.isclose(mesh.points[mesh.segments], 0.0)[:, :, 1].all(axis=1) & (mesh.segments == node).any(axis=1)
+        )[0]
+    )
+    curve, ends = mesh.segment_curve[at], mesh.points[mesh.segments[at]]
+    length = np.linalg.norm(ends[1] - ends[0])
+    hidden = Hidden(np.array([node]), np.array([curve]), np.array([1.0]), np.array([length]))
+    finer = bisected(mesh, np.full(len(mesh.triangles), 1e-6), 0.2, 0.5, hidden)
+    assert 0.1 < hidden.on(finer).sum() <= 0.25
+    assert np.count_nonzero(hidden.on(finer)) == 1
+    assert len(finer.triangles) < len(mesh.triangles) + 40

@@ -77,6 +77,18 @@ def test_functions_are_carried_over() -> None:
     assert halved.at_coarse(halved.start(v, 0.0 * u)) == pytest.approx(v, rel=1e-14)
 
 
+def test_a_start_knows_the_displacement_given_at_a_held_node() -> None:
+    """The closed form is given at x = 0, where it sticks, and at x = 1, where it slips by 0.36 (1 − change)^1.5."""
+    study = front_study(0.4)
+    level = Level(Family(study).next(0), study.scenes[0])
+    halved, condensed = Halved(level, study.scenes[0]), level.condensed(study.scenes[0])
+    v = solve_contact(condensed.problem).v
+    started = halved.start(v, level.displacement(study.scenes[0], condensed, v))
+    last = np.argmax(halved.level.line.xy[:, 0])
+    assert started[last] == pytest.approx(0.5 * (v[np.argmax(level.line.xy[:, 0])] + front_slip(0.4, 1.0)), rel=1e-12)
+    assert halved.at_coarse(started).tolist() == v.tolist()
+
+
 def look(goal: Goal = RESULTANT, levels: int = 2) -> dict[str, float]:
     study = study_of(PULLED)
     study = replace(study, mesh=replace(study.mesh, goal=goal))
@@ -208,3 +220,21 @@ def test_a_tear_leaves_half_a_cell_times_the_fall_open() -> None:
     assert found.max() == pytest.approx(0.5 * widths[np.argmax(found)] * 0.007)
     assert not torn(level.line, problem, 0.0 * v).any()
     assert not torn(level.line, problem, np.where(x > x[1], 0.06, 0.07)).any()
+
+
+def test_falls_and_turns_between_two_nodes_are_tears_and_bends_are_not() -> None:
+    study = study_of(
+        PULLED.replace("law: tresca, tau: 0.01", "law: slip-weakening, tau_s: 0.01, tau_k: 0.004, delta: 0.1")
+    )
+    level = Level(Family(study).next(0), study.scenes[0])
+    problem = level.condensed(study.scenes[0]).problem
+    right = level.line.xy[:, 0] > level.line.xy[1, 0]
+
+    def tear(left: float, slip: float) -> float:
+        return float((torn(level.line, problem, np.where(right, slip, left)) / width).sum())
+
+    width = np.linalg.norm(level.line.ends[:, 1] - level.line.ends[:, 0], axis=1)
+    assert tear(0.0, 100.0) == pytest.approx(0.5 * 0.006, rel=2e-3)  # all of the fall in a cell
+    assert tear(0.09, 0.11) == pytest.approx(0.5 * 0.5 * 0.006 * 0.1, rel=1e-6)  # a bend
+    assert tear(-1e-9, 1e-9) == pytest.approx(0.5 * 0.02, rel=1e-6)  # a turn without a node that sticks
+    assert tear(0.0, 0.05) == 0.0

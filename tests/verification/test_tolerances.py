@@ -2,6 +2,10 @@
 
 The L: re-entrant clamped corner (u ~ r^0.3) and the rest of the body move the front to opposite sides, so that halving
 all triangles barely moves it while it is still 3 % off. Its reference is that of an adaptive mesh of 32,829 unknowns.
+
+The films: beside the clamp they pass the whole fall of friction within the first cell, so that ∫ξ is the same on all
+coarse meshes (on uniform ones from 0.4 down to 0.05 for the first, to six digits, and 0.23 % more at 0.025). Their
+references are those of tests.benchmarks.tolerance_reference.
 """
 
 from __future__ import annotations
@@ -11,7 +15,7 @@ import pytest
 from tests.benchmarks.tolerance_reference import reference
 from tests.benchmarks.tolerance_scenes import draw_scene
 from tests.benchmarks.tolerances import SHARP, judged
-from tests.verification.goal_scenes import SLIP_LENGTH, scene_of
+from tests.verification.goal_scenes import RESULTANT, SLIP_LENGTH, scene_of
 
 CANCELS = """
 body:
@@ -37,6 +41,38 @@ friction: {law: exponential, a: 513.2, b: 289.1, delta: 0.002851}
 """
 FRONT = 40.5174
 
+FILM = """
+units: none
+body: {{rectangle: {{width: {width}, height: 1}}}}
+boundary: {{bottom: contact, {sides}}}
+material: {{E: 1, nu: {nu}, k: 1, alpha_T: 0.1}}
+heat: {heat}
+friction: {{law: slip-weakening, {law}}}
+mesh: {{maxh: {maxh}, levels: 1}}
+"""
+FILMS = {
+    "heated along one side": (
+        {
+            "width": 3.88,
+            "sides": "left: clamped, right: convection, top: free",
+            "nu": 0.1558,
+            "heat": "{alpha: 7.097, theta_bar: 0.3776, q: 1.357}",
+            "law": "tau_s: 0.02317, tau_k: 0.009845, delta: 0.0519",
+        },
+        0.0383973,
+    ),
+    "heated along two sides": (
+        {
+            "width": 3.148,
+            "sides": "right: clamped, left: convection, top: convection",
+            "nu": 0.391,
+            "heat": "{alpha: 0.2185, theta_bar: -0.1573, q: 0.8325}",
+            "law": "tau_s: 0.04069, tau_k: 0.01652, delta: 0.08833",
+        },
+        -0.0535319,
+    ),
+}
+
 
 @pytest.mark.parametrize("maxh", [4.93, 4.17, 3.79, 3.41, 3.03, 2.46, 1.9, 1.52])
 def test_a_front_that_corner_and_body_move_to_opposite_sides(maxh: float) -> None:
@@ -45,6 +81,25 @@ def test_a_front_that_corner_and_body_move_to_opposite_sides(maxh: float) -> Non
     assert trial.met
     assert trial.ratio <= 1.0, trial
     assert trial.n_dof < 4000
+
+
+@pytest.mark.parametrize("maxh", [0.3, 0.4, 0.5, 0.6])
+@pytest.mark.parametrize("name", FILMS)
+def test_no_plateau_of_a_coarse_cell_at_a_clamp_is_believed(name: str, maxh: float) -> None:
+    film, true = FILMS[name]
+    trial = judged(0, scene_of(FILM.format(maxh=maxh, **film)), RESULTANT, 1e-3, true)
+    assert trial.met
+    assert trial.ratio <= 1.0, trial
+    assert trial.n_dof < 1000
+
+
+def test_a_zone_shorter_than_every_cell_is_looked_for() -> None:
+    """Tresca, a held corner: the line slips as a whole until the cell beside it is 1/40 of the starting mesh's."""
+    drawn = draw_scene(4002, 16)
+    trial = judged(16, drawn.study, RESULTANT, 1e-3, 0.618826)
+    assert trial.met
+    assert trial.ratio <= 1.0, trial
+    assert trial.n_dof < 1000
 
 
 @pytest.mark.parametrize("index", [2, 5, 14])
