@@ -32,7 +32,7 @@ from tcstudy.solve.problem import ContactProblem
 Array = NDArray[np.float64]
 
 ROUNDINGS = 8.0 * float(np.finfo(float).eps)
-"""Relative distance from a kink at which a given displacement, turned into u_T, is still on it."""
+"""Distance from a kink, over the largest displacement of the body, at which a given slip is still on it."""
 
 
 @dataclass(frozen=True)
@@ -63,28 +63,26 @@ def end_cells(line: ContactLine, problem: ContactProblem, v: Array, u: Array) ->
     own, across = unknown[line.segments], u.reshape(2, -1)
     along = line.ends[:, 1] - line.ends[:, 0]
     width, stick = np.linalg.norm(along, axis=1), sticking(problem.law, v)
-    traction, found = problem.xi(v) / problem.c, []
+    traction, noise, found = problem.xi(v) / problem.c, ROUNDINGS * float(np.abs(u).max()), []
     for i in np.flatnonzero(own.min(axis=1) < 0):
         node, held = int(own[i].max()), int(line.segments[i, np.argmin(own[i])])
         given = float(across[:, held] @ along[i]) / float(width[i])
-        most, rests = _most(problem.law, given, float(v[node]), float(traction[node]), bool(stick[node]))
+        kinks = np.flatnonzero(np.abs(problem.law.kinks - given) <= noise)
+        given = float(problem.law.kinks[kinks[0]]) if len(kinks) else given
+        if stick[node] and given == v[node]:
+            continue  # the zone is seen
+        most, rests = _most(problem.law, given, float(v[node]), float(traction[node]))
         if most > 0.0:
             found.append(EndCell(int(i), node, float(width[i]), most, rests))
     return found
 
 
-def _most(law: FrictionLaw, given: float, slip: float, traction: float, sticks: bool) -> tuple[float, bool]:
+def _most(law: FrictionLaw, given: float, slip: float, traction: float) -> tuple[float, bool]:
     """Largest |b − traction| between a given slip and that of the next node, and whether a hidden zone may stick."""
-    on = np.abs(law.kinks - given) <= ROUNDINGS * max(abs(given), abs(slip))
-    if sticks and (given == slip or np.any(on & (law.kinks == slip))):
-        return 0.0, False  # the zone is seen
-    towards = 1 if slip > given else -1
-    between = (law.kinks > min(given, slip)) & (law.kinks < max(given, slip)) & ~on
-    values = [*law.b_left[between], *law.b_right[between]]
-    rests = on & (law.kinds == UP)
+    between = (law.kinks > min(given, slip)) & (law.kinks < max(given, slip))
+    values = [*law.b_left[between], *law.b_right[between], float(law.b(given, 1 if slip > given else -1))]
+    rests = (law.kinks == given) & (law.kinds == UP)
     values += [float(np.clip(0.0, law.b_left[k], law.b_right[k])) for k in np.flatnonzero(rests)]
-    start = float(law.kinks[on][0]) if np.any(on) else given
-    values.append(float(law.b(start, towards)))
     return float(np.max(np.abs(np.array(values) - traction))), bool(np.any(rests | (between & (law.kinds == UP))))
 
 
