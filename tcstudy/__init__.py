@@ -2,68 +2,128 @@
 
     import tcstudy
     study = tcstudy.load("configs/quickstart.yaml", ["mesh.levels=2"])
-    tree = tcstudy.run(study, "coarse.nc")  # xarray.DataTree; also written to the file
-    tree["level_1"]["u_T"]                 # tangential displacements on the second mesh
+    tree = tcstudy.run(study.with_(friction_delta="60 um"), "coarse.nc")  # xarray.DataTree; also written to the file
+    tree["level_1"]["u_T"]                                                # tangential displacements on the second mesh
 
-The functions import what they need when they are called, so that `import tcstudy` costs nothing.
+Studies:  load, Study (from_dict, with_), plan, run, converge, cost, path
+Results:  open_results, draw, report
+Matrices: ContactProblem, law, solve, certify, follow
+
+    problem = tcstudy.ContactProblem(A_tilde, l_tilde, c, tcstudy.law("tresca", tau=1.0))
+    answer = tcstudy.solve(problem)                # answer.v, answer.xi, answer.inclusion_residual, answer.status
+    tcstudy.certify(problem, answer).unique        # True is proved
+
+Symbols, as in the paper (doi 10.3879/j.issn.1000-0887.2010.01.008) and tcstudy/METHOD.md, with their units:
+
+    theta      temperature above the stress-free state [K];  theta_bar: of the air, alpha: exchange [W/(m² K)]
+    u_T, u_N   tangential and normal displacement on the contact line Γ_C [m]; u_N = 0
+    xi         nodal friction force ξ_i [N/m] (in matrices), traction ξ = −S_T [Pa] (in result files): ξ ∈ b̂(u_T)
+    b, b̂       friction law [Pa] of the slip, and with its jumps filled in vertically;  j: its primitive
+    A_tilde    Ã, stiffness condensed onto the contact nodes [Pa];  l_tilde: l̃, condensed load [N/m]
+    c          c_i, length of Γ_C that belongs to a contact node [m]
+    lambda_1   λ₁, least eigenvalue of Ã against diag(c) [Pa/m];  omega: ω, steepest fall of b [Pa/m]
+    inclusion residual   max_i dist(ξ_i/c_i, b̂(u_i)) over the scale of b: the test that a solution is one
+
+What the user can mend is raised as a kind of UserFault, whose text is one line that says what to do. Everything is
+imported when it is first used, so that `import tcstudy` costs nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    import xarray
+    from tcstudy.api import Study, converge, cost, draw, load, open_results, path, plan, report, run
+    from tcstudy.errors import (
+        ConvergenceError,
+        CostError,
+        DrawError,
+        GeometryFailed,
+        PageError,
+        PathError,
+        ProblemError,
+        StoreError,
+        StudyError,
+        UsageError,
+        UserFault,
+    )
+    from tcstudy.matrices import ContactProblem, certify, follow, law, solve
 
-    from tcstudy.scene.study import Study
+    __version__: str
 
-__all__ = ["load", "open_results", "run"]
+__all__ = [
+    "ContactProblem",
+    "ConvergenceError",
+    "CostError",
+    "DrawError",
+    "GeometryFailed",
+    "PageError",
+    "PathError",
+    "ProblemError",
+    "StoreError",
+    "Study",
+    "StudyError",
+    "UsageError",
+    "UserFault",
+    "__version__",
+    "certify",
+    "converge",
+    "cost",
+    "draw",
+    "follow",
+    "law",
+    "load",
+    "open_results",
+    "path",
+    "plan",
+    "report",
+    "run",
+    "solve",
+]
 
-
-def load(path: str | Path, overrides: Sequence[str] = ()) -> Study:
-    """Read and check a study file; `overrides` are "key=value" texts as with --set.
-
-    Raises tcstudy.errors.StudyError with all faults of the file, each with its place and remedy.
-    """
-    from tcstudy.read.study import read_study
-
-    return read_study(Path(path), overrides)
-
-
-def run(
-    study: Study | str | Path, output: str | Path | None = None, *, progress: bool = False, force: bool = False
-) -> xarray.DataTree:
-    """Run a study (or a study file), write its netCDF file and return its data, loaded into memory.
-
-    progress: show progress on stderr;  force: compute again what the file holds already, replace what else it holds
-    Points that fail have a status and a reason in the data. Raises StudyError, tcstudy.fem.geometry.GeometryFailed,
-    or tcstudy.data.files.StoreError, for example where the file holds the results of another study.
-    """
-    from tcstudy.data.identity import holds, identity
-    from tcstudy.report.progress import progress as terminal
-    from tcstudy.study.execute import execute
-    from tcstudy.study.plan import output_of
-
-    study = load(study) if isinstance(study, str | Path) else study
-    path = Path(output) if output is not None else output_of(study)
-    if force or not holds(path, identity("run", study)):
-        watcher = terminal() if progress else None
-        try:
-            execute(study, path, watcher, ("tcstudy.run",))
-        finally:
-            if watcher is not None:
-                watcher.close()
-    with open_results(path) as tree:
-        return tree.load()
+_MATRICES = ("ContactProblem", "certify", "follow", "law", "solve")
+_ROOMS = {"report": "api", "solve": "matrices"}
+"""Functions that bear the name of a room: the room is called in their place."""
 
 
-def open_results(path: str | Path) -> xarray.DataTree:
-    """Open a result file as an xarray.DataTree: results at the root, one group per mesh level.
+class _CalledRoom(ModuleType):
+    """A room that may be called: `tcstudy.solve(problem)` beside `tcstudy.solve.contact`."""
 
-    Raises tcstudy.data.files.StoreError if there is none or its run has not finished.
-    """
-    from tcstudy.data.store import open_results as open_tree
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        name = self.__name__.rpartition(".")[2]
+        return getattr(import_module(f"tcstudy.{_ROOMS[name]}"), name)(*arguments, **named)
 
-    return open_tree(Path(path))
+
+class _Package(ModuleType):
+    """The package, which learns here that a room has been imported."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in _ROOMS and isinstance(value, ModuleType):
+            value.__class__ = _CalledRoom
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
+
+
+def __getattr__(name: str) -> Any:
+    """What stands in __all__, from the file that has it."""
+    if name not in __all__:
+        raise AttributeError(f"module 'tcstudy' has no attribute {name!r}")
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("tcstudy")
+    if name in _ROOMS:
+        return import_module(f"tcstudy.{name}")
+    file = "errors" if name.endswith(("Error", "Failed", "Fault")) else "matrices" if name in _MATRICES else "api"
+    value = getattr(import_module(f"tcstudy.{file}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -93,6 +93,10 @@ class PageError(UserFault):
     """There can be no page."""
 
 
+class ProblemError(UserFault, ValueError):
+    """Matrices, a friction law or options from which no contact problem can be made."""
+
+
 class GeometryFailed(UserFault):
     """The geometry kernel or the mesher could not do what the study asks; the text says what and what to try.
 

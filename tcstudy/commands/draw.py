@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from tcstudy.commands.shared import MEAN_SLIP, OK, at_argument, error_argument, fail, point_of, response_argument
 
@@ -23,11 +25,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def command(options: argparse.Namespace) -> int:
     from tcstudy.data.identity import kind_of
-    from tcstudy.data.reading import reading
-    from tcstudy.report.convergence_plot import plot_convergence
-    from tcstudy.report.cost_plot import plot_cost
-    from tcstudy.report.draw import draw
-    from tcstudy.report.path_figure import draw_path
 
     point = point_of(options)
     kind = kind_of(options.file)
@@ -36,14 +33,28 @@ def command(options: argparse.Namespace) -> int:
     for name in ("level", "response", "error"):
         if getattr(options, name) is not None and name not in DRAWN_BY[kind]:
             fail(f"--{name}: the picture of a {kind} file does not depend on it; leave it out")
-    with reading(options.file):
-        if kind == "path":
-            text = draw_path(options.file, options.picture, options.response or MEAN_SLIP)
-        elif kind == "cost":
-            text = plot_cost(options.file, options.picture, options.error)
-        elif kind == "convergence":
-            text = plot_convergence(options.file, options.picture, point)
-        else:
-            text = draw(options.file, options.picture, point, -1 if options.level is None else options.level)
-    print(text)
+    level = -1 if options.level is None else options.level
+    print(picture(options.file, options.picture, point, level, options.response or MEAN_SLIP, options.error))
     return OK
+
+
+def picture(
+    file: Path, target: Path, point: Mapping[str, Any] | None, level: int, response: str, error: str | None
+) -> str:
+    """Draw a file of any kind; returns what was drawn. Raises StoreError, DrawError."""
+    from tcstudy.data.identity import kind_of
+    from tcstudy.data.reading import reading
+    from tcstudy.report.convergence_plot import plot_convergence
+    from tcstudy.report.cost_plot import plot_cost
+    from tcstudy.report.draw import draw
+    from tcstudy.report.path_figure import draw_path
+
+    kind = kind_of(file)
+    with reading(file):
+        if kind == "path":
+            return draw_path(file, target, response)
+        if kind == "cost":
+            return plot_cost(file, target, error)
+        if kind == "convergence":
+            return plot_convergence(file, target, point)
+        return draw(file, target, point, level)

@@ -38,9 +38,14 @@ def read_study(path: str | Path, overrides: Sequence[str] = (), *, swept: bool =
     return _read(load_text(path), str(path), path, tuple(overrides), swept)
 
 
-def read_study_text(text: str, name: str = "<text>", overrides: Sequence[str] = ()) -> Study:
-    """The study in a text, called `name` in messages; raises StudyError with all its problems."""
-    return _read(text, name, None, tuple(overrides))
+def read_study_text(
+    text: str, name: str = "<text>", overrides: Sequence[str] = (), source: Path | None = None
+) -> Study:
+    """The study in a text, called `name` in messages; raises StudyError with all its problems.
+
+    source: the file that the text was read from, if any: other files are sought beside it
+    """
+    return _read(text, name, source, tuple(overrides))
 
 
 @dataclass(frozen=True)

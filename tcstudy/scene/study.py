@@ -222,7 +222,7 @@ class OutputPlan:
     live: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Study:
     """A whole study: the sweep and one validated Scene for each of its points.
 
@@ -246,6 +246,11 @@ class Study:
     overrides: tuple[str, ...] = field(default=())
     exact: Exact | None = None
     path: PathPlan | None = None
+
+    def __repr__(self) -> str:
+        """One line: a whole study would fill pages."""
+        axes = ", ".join(f"{axis.name} ({len(axis.values)})" for axis in self.axes) or "none"
+        return f"Study({self.title!r}, sweep: {axes}, points: {len(self.scenes)}, levels: {self.mesh.levels})"
 
     @property
     def shape(self) -> tuple[int, ...]:

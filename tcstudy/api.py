@@ -1,0 +1,304 @@
+"""The public functions on studies and result files, as `tcstudy` offers them; the command line calls the same rooms.
+
+Every function takes a Study or the name of its file, and is silent unless asked to show progress. What the user can
+mend is a kind of tcstudy.UserFault. Left out: changing a Study in place (`with_` makes another).
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+from tcstudy.commands.draw import MEAN_SLIP, picture
+from tcstudy.commands.shared import usual_output
+from tcstudy.errors import UsageError
+from tcstudy.read.study import read_study, read_study_text
+from tcstudy.scene import study as records
+from tcstudy.scene.keys import rows
+from tcstudy.scene.parameters import SHORT
+
+if TYPE_CHECKING:
+    import xarray
+
+    from tcstudy.data.identity import Kind
+    from tcstudy.study.plan import Plan
+
+__all__ = ["Study", "converge", "cost", "draw", "load", "open_results", "path", "plan", "report", "run"]
+
+Changes = Sequence[str] | Mapping[str, object]
+"""Texts "key=value" as of --set, or values by key."""
+
+
+class Study(records.Study):
+    """A whole study, read and checked: the sweep and one scene for each of its points.
+
+    Made by `tcstudy.load(file)` or `Study.from_dict(sections)`, changed by `with_`. `scenes`, `axes`, `mesh`, `solver`
+    hold what was read, in SI units.
+    """
+
+    @classmethod
+    def from_dict(cls, sections: Mapping[str, object], name: str = "<dict>") -> Study:
+        """The study of a mapping with the sections and keys of a study file; numbers are SI, texts carry their unit.
+
+        name: what messages call it. Raises StudyError with all faults, lines counted in the mapping written as YAML.
+        """
+        return _opened(read_study_text(_yaml(sections, flow=False), name))
+
+    def with_(self, changes: Mapping[str, object] | None = None, **named: object) -> Study:
+        """Another study with these values in place of its own, read and checked again.
+
+            study.with_(friction_delta="60 um", alpha=50)           # section_key, or a short name of a sweep
+            study.with_({"boundary.top.pressure": 1e6})             # any key path
+            study.with_(sweep=None)                                 # None takes a key away
+
+        Numbers are SI, texts carry their unit. Raises StudyError with all faults.
+        """
+        new = {**dict(changes or {}), **{_key(name): value for name, value in named.items()}}
+        paths = [SHORT.get(key, key) for key in new]
+        kept = [text for text in self.overrides if not any(_below(text.partition("=")[0], path) for path in paths)]
+        overrides = (*kept, *_texts(new))
+        name = str(self.source) if self.source is not None else "<text>"
+        return _opened(read_study_text(self.text, name, overrides, self.source))
+
+
+def _opened(study: records.Study) -> Study:
+    return Study(**{field.name: getattr(study, field.name) for field in fields(study)})
+
+
+def _key(name: str) -> str:
+    """friction_delta → friction.delta; names without a section before "_" stay."""
+    section, _, rest = name.partition("_")
+    return f"{section}.{rest}" if rest and section in rows("") else name
+
+
+def _below(key: str, path: str) -> bool:
+    """Whether a key (short or whole) is a path or lies in it."""
+    whole = SHORT.get(key.strip(), key.strip())
+    return whole == path or whole.startswith(f"{path}.")
+
+
+def _texts(changes: Changes) -> tuple[str, ...]:
+    if isinstance(changes, str):
+        raise UsageError(f"overrides must be a list of texts, not the text {changes!r}; write [{changes!r}]")
+    if not isinstance(changes, Mapping):
+        return tuple(changes)
+    return tuple(
+        f"{key}={value if isinstance(value, str) else _yaml(value, flow=True)}" for key, value in changes.items()
+    )
+
+
+def _yaml(value: object, flow: bool) -> str:
+    """A value as YAML text, in one line if flow."""
+    from ruamel.yaml import YAML
+
+    library = YAML(typ="safe", pure=True)
+    library.default_flow_style, library.width = flow, 10**6
+    library.sort_base_mapping_type_on_output = False
+    stream = io.StringIO()
+    library.dump(_plain(value), stream)
+    return stream.getvalue().removesuffix("\n").removesuffix("\n...") if flow else stream.getvalue()
+
+
+def _plain(value: object) -> object:
+    """Lists, mappings and numbers of Python in place of tuples and NumPy's."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, FilePath):
+        return str(value)
+    raise UsageError(f"{value!r} is a {type(value).__name__}, which a study cannot hold; give numbers, texts or lists")
+
+
+def load(path: str | FilePath, overrides: Changes = ()) -> Study:
+    """Read and check a study file.
+
+    overrides: "key=value" texts as of --set, or values by key, put in before
+
+    Raises StudyError with all faults of the file, each with its place and remedy.
+    """
+    return _opened(read_study(FilePath(path), _texts(overrides)))
+
+
+def _study(study: records.Study | str | FilePath) -> records.Study:
+    return load(study) if isinstance(study, str | FilePath) else study
+
+
+def plan(study: Study | str | FilePath) -> Plan:
+    """What a run would do, found out without doing it: points, factorisations, sizes, what is left out and why.
+
+    Raises StudyError, GeometryFailed.
+    """
+    from tcstudy.study.plan import plan as forecast
+
+    return forecast(_study(study))
+
+
+def run(
+    study: Study | str | FilePath,
+    output: str | FilePath | None = None,
+    *,
+    progress: bool = False,
+    force: bool = False,
+    jobs: int | None = None,
+) -> xarray.DataTree:
+    """Run a study (or a study file), write its netCDF file and return its data, loaded into memory.
+
+    progress: show progress on stderr;  force: compute again what the file holds already, replace what else it holds
+    jobs:     worker processes, None for as many as pay; the numbers are the same
+    Points that fail have a status and a reason in the data. Raises StudyError, GeometryFailed, or StoreError, for
+    example where the file holds the results of another study.
+    """
+    from tcstudy.report.progress import progress as terminal
+    from tcstudy.study.execute import execute
+
+    study = _study(study)
+
+    def work(target: FilePath) -> None:
+        watcher = terminal() if progress else None
+        try:
+            execute(study, target, watcher, ("tcstudy.run",), jobs)
+        finally:
+            if watcher is not None:
+                watcher.close()
+
+    return _loaded(_made("run", study, output, force, work))
+
+
+def converge(
+    study: Study | str | FilePath, output: str | FilePath | None = None, *, force: bool = False
+) -> xarray.DataTree:
+    """Errors, rates and limits over the levels of a study, as the file of `tcstudy converge` holds them.
+
+    Raises StudyError, ConvergenceError (levels that do not suit), GeometryFailed, StoreError.
+    """
+    from tcstudy.study.convergence import converge_to_file
+
+    study = _study(study)
+    command = ("tcstudy.converge",)
+    work = lambda target: converge_to_file(study, target, lambda text: None, command)  # noqa: E731
+    return _loaded(_made("convergence", study, output, force, work))
+
+
+def cost(
+    study: Study | str | FilePath,
+    output: str | FilePath | None = None,
+    *,
+    at: Mapping[str, Any] | None = None,
+    runs: int = 5,
+    force: bool = False,
+) -> xarray.DataTree:
+    """Accuracy against cost of mesh families and solvers at one sweep point, as `tcstudy cost` measures them.
+
+    at:   the point by its labels, {"alpha": 100}; the first unless named
+    runs: how often everything is timed
+
+    Raises StudyError, CostError (nothing to compare with), DrawError (no such point), GeometryFailed, StoreError.
+    """
+    from tcstudy.data.store import sweep_points
+    from tcstudy.report.select_point import describe, locate
+    from tcstudy.study.cost import cost_to_file
+
+    if runs < 1:
+        raise UsageError(f"runs = {runs} measures nothing; give 1 or more")
+    study = _study(study)
+    points = sweep_points(study)
+    where = locate(points, at, "study")
+    words, index = describe(points, where), tuple(where.values())
+
+    def work(target: FilePath) -> None:
+        cost_to_file(study, index, words, runs, target, lambda what, left: None, ("tcstudy.cost",))
+
+    return _loaded(_made("cost", study, output, force, work, point=words, runs=runs))
+
+
+def path(
+    study: Study | str | FilePath, output: str | FilePath | None = None, *, force: bool = False
+) -> xarray.DataTree:
+    """All solutions along the parameter of the study's section `path`, through folds.
+
+    The data hold vertices (`parameter`, `u_T`, `xi`), `stable`, folds and the hysteresis loop, as of `tcstudy path`.
+    Raises StudyError, PathError (no such section, or a load that is not affine), GeometryFailed, StoreError.
+    """
+    from tcstudy.errors import PathError
+    from tcstudy.study.path_execute import execute_path
+
+    study = _study(study)
+    if study.path is None:
+        raise PathError("the study has no section path; add path: {parameter: theta_bar, from: 0 K, to: 40 K}")
+    work = lambda target: execute_path(study, target, None, ("tcstudy.path",))  # noqa: E731
+    return _loaded(_made("path", study, output, force, work))
+
+
+def open_results(path: str | FilePath) -> xarray.DataTree:
+    """Open a file of run, converge, cost or path lazily: a run has its results at the root and a group a level.
+
+    Close it after use or open it in a `with`. Raises StoreError if there is none or its run has not finished.
+    """
+    from tcstudy.data.store import open_results as open_tree
+
+    return open_tree(FilePath(path))
+
+
+def draw(
+    file: str | FilePath,
+    target: str | FilePath,
+    *,
+    at: Mapping[str, Any] | None = None,
+    level: int = -1,
+    response: str = MEAN_SLIP,
+    error: str | None = None,
+) -> FilePath:
+    """Draw a result file of any kind into a .png, .svg or .pdf file; returns its name. Needs matplotlib.
+
+    at:       of a run or its convergence: the point by its labels, {"alpha": 100}; the first unless named
+    level:    of a run: mesh level, −1 for the finest
+    response: of a path: "mean-slip", "max-slip" or "friction"
+    error:    of a cost chart: e.g. "u_L2"
+
+    Raises StoreError, DrawError.
+    """
+    picture(FilePath(file), FilePath(target), at, level, response, error)
+    return FilePath(target)
+
+
+def report(file: str | FilePath, target: str | FilePath | None = None, *, without: Sequence[str] = ()) -> FilePath:
+    """Make one HTML page of a result file of any kind (FILE.html unless named); returns its name.
+
+    without: parts to leave out: "levels", "live", "body", "lines". Raises StoreError, PageError, UsageError.
+    """
+    from tcstudy.report.page import LEAVE_OUT, write_page
+
+    if unknown := [part for part in without if part not in LEAVE_OUT]:
+        raise UsageError(f"without: there is no part {unknown[0]!r}; choose of {', '.join(LEAVE_OUT)}")
+    page = FilePath(target) if target is not None else FilePath(file).with_suffix(".html")
+    return write_page(FilePath(file), page, tuple(without)).path
+
+
+def _made(
+    kind: Kind,
+    study: records.Study,
+    output: str | FilePath | None,
+    force: bool,
+    work: Callable[[FilePath], object],
+    **asked: object,
+) -> FilePath:
+    """The file of these results, computed unless it holds them already."""
+    from tcstudy.data.identity import holds, identity
+
+    target = FilePath(output) if output is not None else usual_output(kind, study)
+    if force or not holds(target, identity(kind, study, **asked)):
+        work(target)
+    return target
+
+
+def _loaded(path: FilePath) -> xarray.DataTree:
+    with open_results(path) as tree:
+        return tree.load()

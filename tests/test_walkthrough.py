@@ -1,0 +1,107 @@
+"""The walk-through runs, each step with its number, and the guide quotes it as it is."""
+
+from __future__ import annotations
+
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tcstudy
+
+HERE = Path(__file__).parent
+
+
+def test_the_walk_through_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    runpy.run_path(str(HERE / "walkthrough.py"))
+    assert "largest inclusion residual" in capsys.readouterr().out
+
+
+def test_the_guide_quotes_it() -> None:
+    text = (HERE / "walkthrough.py").read_text(encoding="utf-8")
+    guide = (HERE.parent / "tcstudy" / "README.md").read_text(encoding="utf-8")
+    quoted = guide.split("```python\n")[1].split("```")[0]
+    assert quoted in text
+    assert quoted.count("tcstudy.") >= 4
+
+
+def test_the_import_is_cheap_and_the_door_is_whole() -> None:
+    code = (
+        "import sys, tcstudy\n"
+        "heavy = {'numpy', 'scipy', 'ngsolve', 'xarray', 'argparse', 'ruamel'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+        "for name in tcstudy.__all__: assert callable(getattr(tcstudy, name)) or name == '__version__', name\n"
+        "import tcstudy.solve.contact, tcstudy.report.text\n"
+        "assert callable(tcstudy.solve) and tcstudy.solve.contact.solve_contact\n"
+        "assert callable(tcstudy.report) and tcstudy.report.text\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=HERE.parent)
+
+
+A = [[2.0, -1.0], [-1.0, 2.0]]
+LAW = tcstudy.law("tresca", tau=1.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (([[2, 1], [0, 2]], [0, 0], [1, 1]), r"^A_tilde is not symmetric: \[0, 1\] = 1, \[1, 0\] = 0"),
+        (([[1, 2], [2, 1]], [0, 0], [1, 1]), r"^A_tilde is not positive definite \(least eigenvalue -1"),
+        (([[1e-9, 2e-9], [2e-9, 1e-9]], [0, 0], [1, 1]), r"^A_tilde is not positive definite"),
+        (([[1, 0], [0, -1]], [0, 0], [1, 1]), r"^A_tilde\[1, 1\] = -1"),
+        (([[1, np.nan], [np.nan, 1]], [0, 0], [1, 1]), r"^A_tilde\[0, 1\] is not a finite number"),
+        ((A, [0, np.inf], [1, 1]), r"^l_tilde\[1\] is not a finite number"),
+        ((A, [0, 0], [1, 0]), r"^c\[1\] = 0 is no length"),
+        ((A, [0, 0, 0], [1, 1]), r"^l_tilde has the shape \(3,\); it must be \(2,\)"),
+        (([[2.0]], [0, 0], [1, 1]), r"^A_tilde has the shape \(1, 1\), but c has 2 nodes"),
+        ((A, [0, 1j], [1, 1]), r"^l_tilde must be an array"),
+        ((A, "ab", [1, 1]), r"^l_tilde must be an array"),
+        (([], [], []), r"^c has the shape \(0,\)"),
+    ],
+)
+def test_bad_matrices_are_refused_in_one_line(given: tuple[object, object, object], said: str) -> None:
+    with pytest.raises(tcstudy.UserFault, match=said) as fault:
+        tcstudy.ContactProblem(*given, LAW)
+    assert "\n" not in str(fault.value)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: tcstudy.law("tresco", tau=1.0), "there is no law 'tresco'"),
+        (lambda: tcstudy.law("tresca", mu=1.0), "no such parameter"),
+        (lambda: tcstudy.law(points=[(0, -1.0)]), "law piecewise-linear"),
+        (lambda: tcstudy.solve(tcstudy.ContactProblem(A, [0, 0], [1, 1], LAW), "newton"), "there is no solver"),
+        (lambda: tcstudy.certify(tcstudy.ContactProblem(A, [0, 0], [1, 1], LAW), [1.0]), "v has the shape"),
+        (lambda: tcstudy.follow(tcstudy.ContactProblem(A, [0, 0], [1, 1], LAW), [1, 0], [5, 5]), "no path"),
+        (lambda: tcstudy.ContactProblem(A, [0, 0], [1, 1], "tresca"), "law is a str"),
+    ],
+)
+def test_bad_options_are_refused_in_one_line(call, said: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(tcstudy.ProblemError, match=said) as fault:
+        call()
+    assert "\n" not in str(fault.value)
+
+
+def test_units_decide_nothing() -> None:
+    for force, length in ((1.0, 1.0), (1e9, 1e-6), (1e-7, 1e5)):
+        law = tcstudy.law("slip-weakening", tau_s=force, tau_k=0.0, delta=4 * length)
+        matrix = np.array([[1.0, 1e-13], [0.0, 1.0]]) * force / length
+        problem = tcstudy.ContactProblem(matrix, np.array([1.2, 0.5]) * force, [1.0, 1.0], law)
+        assert tcstudy.solve(problem).v / length == pytest.approx([4 / 15, 0.0], rel=1e-12)
+
+
+def test_a_study_changes_by_keys() -> None:
+    study = tcstudy.load(HERE.parent / "configs" / "quickstart.yaml")
+    assert "\n" not in repr(study)
+    assert len(repr(study)) < 200
+    once = study.with_(mesh_levels=2)
+    assert (study.mesh.levels, once.mesh.levels) == (4, 2)
+    assert once.with_(mesh_levels=3).mesh.levels == 3
+    alone = once.with_(sweep=None, heat_alpha=50.0)
+    assert (len(alone.scenes), alone.mesh.levels, alone.scenes[0].heat.alpha) == (1, 2, 50.0)
+    with pytest.raises(tcstudy.StudyError, match=r"mesh\.level"):
+        study.with_(mesh_level=2)
