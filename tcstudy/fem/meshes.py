@@ -78,7 +78,7 @@ def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh |
     if coarser is not None and plan.nested:
         return refine_uniformly(coarser)
     start = time.perf_counter()
-    return _extract(_generate(geometry, plan.maxh[level]), geometry, level, start, geometry.unit)
+    return _extract(_generate(geometry, plan.maxh[level], plan.refine), geometry, level, start, geometry.unit)
 
 
 def refine_uniformly(coarser: PlaneMesh) -> PlaneMesh:
@@ -101,9 +101,13 @@ def refine_marked(coarser: PlaneMesh, marked: NDArray[np.bool_]) -> PlaneMesh:
     return _extract(mesh, coarser.geometry, coarser.level + 1, start, coarser.unit)
 
 
-def _generate(geometry: Geometry, maxh: float) -> Any:
+def _generate(geometry: Geometry, maxh: float, refine: int = 0) -> Any:
+    """A mesh of size maxh [m] by so many uniform refinements, new nodes put on arcs, of one that is coarser."""
     try:
-        mesh = ngs.Mesh(OCCGeometry(geometry.shape, dim=2).GenerateMesh(maxh=maxh / geometry.unit))
+        made = OCCGeometry(geometry.shape, dim=2).GenerateMesh(maxh=maxh * 2**refine / geometry.unit)
+        for _ in range(refine):
+            made.Refine()
+        mesh = ngs.Mesh(made)
     except Exception as error:
         raise GeometryFailed(f"the mesher failed at maxh = {maxh:g} ({error}); try a smaller maxh") from error
     return mesh

@@ -161,6 +161,9 @@ def mesh_faults(plan: MeshPlan, area: float, size: float) -> Iterator[tuple[int,
     doubling = not plan.listed and not plan.open_ended
     refinements = plan.levels - 1 if doubling else 0
     for i, h in enumerate(plan.maxh):
+        if h <= size < h * 2.0**plan.refine:
+            remedy = f"give refine: {math.floor(math.log2(size / h))} or less"
+            yield i, f"the coarse mesh, of {h * 2.0**plan.refine:g}, is larger than the body ({size:g})", remedy
         if h > size:
             remedy = f"choose maxh well below it, for example {size / 10:.2g}"
             yield i, f"an element of {h:g} is larger than the body ({size:g})", remedy

@@ -19,7 +19,7 @@ from tcstudy.read.walker import Context
 from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.keys import rows
 from tcstudy.scene.methods import SOLVERS
-from tcstudy.scene.study import Goal, MeshPlan, OutputPlan, Quantity, SolverPlan
+from tcstudy.scene.study import MOST_REFINE, Goal, MeshPlan, OutputPlan, Quantity, SolverPlan
 from tcstudy.scene.units import LENGTH, LINE_FORCE
 
 ROWS = rows("mesh")
@@ -94,6 +94,7 @@ def _plan(options: _Options, sizes: tuple[float, ...], single: bool) -> MeshPlan
         tolerance=tolerance,
         max_dofs=walker.integer(ctx, node, 1) if (node := options["max_dofs"]) else basic.max_dofs,
         estimate=walker.flag(ctx, node) if (node := options["estimate"]) else False,
+        refine=walker.integer(ctx, node, 0, MOST_REFINE) if (node := options["refine"]) else basic.refine,
     )
 
 

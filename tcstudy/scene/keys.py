@@ -21,7 +21,7 @@ from tcstudy.scene.families import FAMILIES
 from tcstudy.scene.key import Key
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.methods import BRANCHES, SOLVERS
-from tcstudy.scene.study import Direction, MeshPlan, PathPlan, SolverPlan, Start
+from tcstudy.scene.study import MOST_REFINE, Direction, MeshPlan, PathPlan, SolverPlan, Start
 
 
 def _in(section: str, *found: Key) -> Iterable[Key]:
@@ -221,6 +221,14 @@ ROWS: tuple[Key, ...] = (
         "mesh",
         Key("maxh", "sizes", "element size, or a list of them", u.LENGTH, "10 mm", required=True, above=0.0),
         Key("levels", "integer", "number of meshes", default=1, least=1, most=_MOST_LEVELS),
+        Key(
+            "refine",
+            "integer",
+            "refinements that make the mesh of size maxh",
+            default=_MESH.refine,
+            least=0,
+            most=MOST_REFINE,
+        ),
         Key("family", "choice", "how they are refined", words=tuple(FAMILIES), default=_MESH.family),
         Key(
             "grading",

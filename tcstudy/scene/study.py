@@ -74,6 +74,10 @@ class Goal:
     known: float | None = None
 
 
+MOST_REFINE = 10
+"""Most refinements on the way to the first mesh: a million triangles for each of the coarsest."""
+
+
 @dataclass(frozen=True)
 class MeshPlan:
     """The meshes of a study, coarse to fine.
@@ -88,6 +92,8 @@ class MeshPlan:
     tolerance: relative error at which refinement stops, None for all levels
     max_dofs:  displacement unknowns beyond which an adaptive family or one with a tolerance is not refined
     estimate:  whether errors are estimated on meshes that do not need it
+    refine:    uniform refinements, of a mesh of size maxh·2^refine, that make the mesh of size maxh: many times as
+               fast as meshing at maxh
     """
 
     maxh: tuple[float, ...]
@@ -99,6 +105,7 @@ class MeshPlan:
     tolerance: float | None = None
     max_dofs: int = 400_000
     estimate: bool = False
+    refine: int = 0
 
     @property
     def listed(self) -> bool:

@@ -184,3 +184,21 @@ mesh: {{maxh: {0.25 * unit!r}, levels: 1}}
     assert chamfer / geometry.unit > 1e-4
     assert geometry.area == pytest.approx((0.5 - 0.5e-12) * unit**2, rel=1e-12)
     assert len(next(mesh_family(geometry, study.mesh)).triangles) < 2000
+
+
+@pytest.mark.parametrize("family", ["uniform", "graded", "adaptive"])
+def test_a_fine_mesh_by_refinement_is_the_finer_level_of_a_coarse_one(family: str) -> None:
+    coarse = meshes_of(study_of(HEATED_BRACKET, "mesh={maxh: 0.4, levels: 3}"))[2]
+    fine = meshes_of(study_of(HEATED_BRACKET, f"mesh={{maxh: 0.1, refine: 2, family: {family}}}"))[0]
+    assert fine.level == 0
+    assert np.array_equal(fine.triangles, coarse.triangles)
+    np.testing.assert_allclose(fine.points, coarse.points, rtol=0, atol=1e-14)
+    radius = np.linalg.norm(fine.points[curve_nodes(fine, "bore")] - [0.9, 0.5], axis=1)
+    assert np.max(np.abs(radius - 0.15)) < 1e-14
+
+
+def test_sizes_of_a_list_by_refinement() -> None:
+    sizes = [m.h_max for m in meshes_of(study_of(RECTANGLE, "mesh={maxh: [0.4, 0.2, 0.1], refine: 1}"))]
+    plain = [m.h_max for m in meshes_of(study_of(RECTANGLE, "mesh={maxh: [0.4, 0.2, 0.1]}"))]
+    assert sizes == pytest.approx(plain, rel=0.5)
+    assert sizes == sorted(sizes, reverse=True)

@@ -101,6 +101,8 @@ def test_which_plans_estimate_and_which_are_nested() -> None:
         ("{maxh: 0.5, known: 3}", "mesh.known: a known value needs a goal that is a number"),
         ("{maxh: 0.5, goal: slip_length, known: 3}", "mesh.goal: no error is estimated here, so the goal is not used"),
         ("{maxh: [0.5, 0.2], family: adaptive}", "mesh.family: family goes with a single maxh"),
+        ("{maxh: 0.5, refine: -1}", "mesh.refine: "),
+        ("{maxh: 0.5, refine: 8}", "is larger than the body"),
         ("{maxh: [0.5, 0.2], tolerance: 0.1}", "mesh.tolerance: tolerance goes with a single maxh"),
         ("{maxh: 0.5, family: adaptive, levels: 1000}", "mesh.levels: must be from 1 to 60, but is 1000"),
         ("{maxh: 0.5, levels: 40}", "mesh.levels: must be from 1 to 15, but is 40"),

@@ -91,3 +91,13 @@ def test_a_swept_parameter_that_changes_nothing_is_named() -> None:
     assert not any("changes nothing" in note for note in plan(study_of(some, constant)).notes)
     elastic = HEATED_BRACKET + "sweep: {E: [1, 2]}"
     assert not any("changes nothing" in note for note in plan(study_of(elastic, constant)).notes)
+
+
+def test_dear_meshing_is_said_with_what_makes_it_cheap() -> None:
+    (note,) = [n for n in plan(study_of(RECTANGLE, "mesh={maxh: 0.005}")).notes if "meshing" in n]
+    assert note.startswith("meshing takes about")
+    assert "mesh.refine: " in note
+    refine = note.split("mesh.refine: ")[1].split()[0]
+    cheap = plan(study_of(RECTANGLE, f"mesh={{maxh: 0.005, refine: {refine}}}"))
+    assert not any("meshing" in n for n in cheap.notes)
+    assert not any("meshing" in n for n in plan(study_of(RECTANGLE)).notes)
