@@ -105,7 +105,7 @@ def _check_keys(options: _Options, family: FamilyName, sizes: tuple[float, ...],
         if not sizes or any(not b < a for a, b in pairwise(sizes)):  # the sizes have faults of their own
             return
         remedy = "give one maxh and levels (nested meshes), or a list of maxh alone"
-        for key in ("levels", "family", "tolerance"):
+        for key in ("levels", "family", "tolerance", "max_levels"):
             one_level = key == "levels" and (node := options[key]) is not None and node.value == 1
             if key in options.values and not one_level:
                 what = "levels go with a single maxh" if key == "levels" else f"{key} goes with a single maxh"
