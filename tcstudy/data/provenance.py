@@ -108,13 +108,15 @@ def content_sha256() -> str:
 
 def package_versions(names: Iterable[str]) -> dict[str, str]:
     """Installed versions by package name, without importing the packages; "unknown" if there is none."""
-    versions = {}
-    for name in names:
-        try:
-            versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            versions[name] = "unknown"
-    return versions
+    return {name: _version(name) for name in names}
+
+
+@cache
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "unknown"
 
 
 def git_commit(source: Path | None) -> str:

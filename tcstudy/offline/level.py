@@ -118,6 +118,7 @@ class Level:
         self._frames: dict[Hashable, Frames] = {}
         self._plan: EliminationPlan | None = None
         self._bodies: Recent[Elastic] = Recent(1, lambda _: 1)  # one factor at a time: they are large
+        self._rows: Recent[tuple[Array, float, float, float]] = Recent(MEMORY / 8, lambda row: row[0].nbytes + 1000)
         self.frames = self._frames_of(scene.boundary)
         self.line = contact_line(mesh, self.frames, scene.edges(Contact))
         gradients.assemble()
@@ -169,11 +170,11 @@ class Level:
         Raises as `condensed`; ValueError for scenes of different ratios.
         """
         start = time.perf_counter()
-        if len({self.ratio(scene) for scene in scenes}) > 1:
-            raise ValueError("the scenes of a block differ in λ/μ")
-        which: dict[Hashable, int] = {}
-        of = [which.setdefault((s.f, s.boundary, s.heat, s.material), len(which)) for s in scenes]
+        which: dict[Hashable, int] = {}  # by identity: a sweep shares its records, and equal ones only cost time
+        of = [which.setdefault((id(s.boundary), id(s.heat), id(s.material), s.f), len(which)) for s in scenes]
         first = np.unique(of, return_index=True)[1]
+        if len({self.ratio(scenes[i]) for i in first}) > 1:
+            raise ValueError("the scenes of a block differ in λ/μ")
         loads = [self._loads(scenes[i]) for i in first]
         body, _ = self._body(scenes[0], self._frames_of(scenes[0].boundary))
         l_tilde, constant, mean, balance = (np.array(column) for column in zip(*loads, strict=True))
@@ -191,7 +192,11 @@ class Level:
         )
 
     def _loads(self, scene: Scene) -> tuple[Array, float, float, float]:
-        """l̃, the energy's constant, mean of θ and heat balance of a scene."""
+        """l̃, the energy's constant, mean of θ and heat balance of a scene, kept for the next block."""
+        key = (scene.f, scene.boundary, scene.heat, scene.material)
+        return self._rows.get(key, lambda: self._new_loads(scene))
+
+    def _new_loads(self, scene: Scene) -> tuple[Array, float, float, float]:
         l_tilde, constant, _ = self._condensed_load(scene)
         if scene.material.beta == 0.0:
             return l_tilde, constant, float("nan"), float("nan")

@@ -58,6 +58,7 @@ class Temperatures:
         self.conduction = Conduction(forms, ((s.heat, s.material.k) for s in heated), memory)
         self._points, self._area = points, lambda: forms.nodal_area
         self._known: Recent[Array] = Recent(memory, lambda theta: theta.nbytes)
+        self._last: tuple[Scene, list[_ThetaPart]] | None = None
 
     def of(self, scene: Scene) -> Temperature:
         """θ of a scene with its mean and heat balance; zero where the scene has no heat."""
@@ -108,7 +109,13 @@ class Temperatures:
         return float(area @ self.field(name)) / float(area.sum())
 
     def _parts(self, scene: Scene) -> list[_ThetaPart]:
-        """All parts of θ; nothing is solved for what is constant or unused."""
+        """All parts of θ, once where the same scene is asked for again."""
+        if self._last is None or self._last[0] is not scene:
+            self._last = scene, self._new_parts(scene)
+        return self._last[1]
+
+    def _new_parts(self, scene: Scene) -> list[_ThetaPart]:
+        """Nothing is solved for what is constant or unused."""
         heat = scene.heat
         if heat.theta is not None:
             given = heat.theta

@@ -73,7 +73,7 @@ class FrictionLaw:
         """True if no piece has an exponential part."""
         return not np.any(self.a)
 
-    @property
+    @cached_property
     def vanishes(self) -> bool:
         """True if b ≡ 0: a film without friction."""
         return not (np.any(self.b_0) or np.any(self.q) or np.any(self.a))

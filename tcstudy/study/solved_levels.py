@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.line_norms import Line
 from tcstudy.accuracy.norms import Triangles
 from tcstudy.data.records import PointRecord, PointStatus
+from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level
-from tcstudy.refine.family import Family
 from tcstudy.scene.friction import sticking
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
@@ -20,6 +20,7 @@ from tcstudy.solve.contact import TIE
 from tcstudy.solve.separable.finish import finish
 from tcstudy.study.contact_line import contact_line, exact_at, segment_curves
 from tcstudy.study.point import solve_point
+from tcstudy.study.run import stages
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
@@ -78,21 +79,21 @@ def solve_levels(study: Study, say: Say) -> list[SolvedLevel]:
     Raises GeometryFailed if the body cannot be meshed.
     """
     study = replace(study, output=replace(study.output, fields=True))
-    family, order, unit = Family(study), _order(study), "" if study.units == "none" else " m"
-    levels = []
-    for i in range(study.mesh.levels):
-        mesh = family.next(i)
-        level = Level(mesh, study.scenes[0], study.scenes)
-        say(f"level {i}: h_max = {mesh.h_max:.3g}{unit}, {level.frames.n_dof} dofs, {level.line.m} contact unknowns")
+    unit, levels = "" if study.units == "none" else " m", []
+    for i, stage in enumerate(stages(study)):
+        if stage.level is None:
+            raise GeometryFailed(next(stage.blocks).reasons[0])
+        level = stage.level
+        sizes = f"{level.frames.n_dof} dofs, {level.line.m} contact unknowns"
+        say(f"level {i}: h_max = {level.mesh.h_max:.3g}{unit}, {sizes}")
         levels.append(empty_level(study, level))
-        for index, scene in order:
-            neighbour = _step_back(levels[-1].solutions, index)
-            record = solve_point(study, level, index, scene, neighbour)
+        for record in (point for block in stage.blocks for point in block.one_by_one()):
+            scene = study.scenes[int(np.ravel_multi_index(record.index, study.shape)) if study.shape else 0]
             least = solution_of(study, level, scene, record)
-            solution = _on_exact_branch(study, level, index, scene, levels[-1], least)
-            levels[-1].solutions[index] = solution
+            solution = _on_exact_branch(study, level, record.index, scene, levels[-1], least)
+            levels[-1].solutions[record.index] = solution
             if not solution.ok:
-                say(f"point {index} on level {i}: {solution.status.name.lower()}: {solution.reason}")
+                say(f"point {record.index} on level {i}: {solution.status.name.lower()}: {solution.reason}")
     return levels
 
 
@@ -115,13 +116,6 @@ def _on_exact_branch(
     energies = found.numbers["energy"], least.numbers["energy"]
     below = energies[1] < energies[0] - TIE * max(map(abs, energies))
     return replace(found, lower=energies[1]) if below else found
-
-
-def _order(study: Study) -> list[tuple[tuple[int, ...], Scene]]:
-    """Points of one material after the other, because a level keeps one factor at a time."""
-    points = list(zip(np.ndindex(study.shape), study.scenes, strict=True))
-    first: dict[tuple[float, float], int] = {}
-    return sorted(points, key=lambda p: first.setdefault((p[1].material.lam, p[1].material.mu), len(first)))
 
 
 def empty_level(study: Study, level: Level) -> SolvedLevel:
@@ -153,12 +147,3 @@ def _theta(study: Study, level: Level, scene: Scene, record: PointRecord) -> Arr
     if study.exact is not None and study.exact.theta is not None:
         return level.temperature(scene).theta
     return record.fields.get("theta")
-
-
-def _step_back(solutions: dict[tuple[int, ...], Solution], index: tuple[int, ...]) -> Array | None:
-    """The contact solution one step back along the last sweep dimension that has one, as a start."""
-    for d in reversed(range(len(index))):
-        before = solutions.get((*index[:d], index[d] - 1, *index[d + 1 :]))
-        if before is not None and before.ok:
-            return before.v
-    return None

@@ -212,9 +212,10 @@ class Workshop:
 
 def row_laws(laws: list[FrictionLaw], factor: Array) -> RowLaws:
     """The laws of a block, each scaled by the row's stiffness over that of the body."""
-    known: dict[tuple[FrictionLaw, float], int] = {}
-    rows = [known.setdefault((law, float(f)), len(known)) for law, f in zip(laws, factor, strict=True)]
-    scaled = [law if f == 1.0 else law.scaled(1.0, f) for law, f in known]
+    known: dict[tuple[int, float], int] = {}  # by identity: a sweep shares its laws, and equal ones only cost time
+    rows = [known.setdefault((id(law), f), len(known)) for law, f in zip(laws, factor.tolist(), strict=True)]
+    own = [(laws[row], float(factor[row])) for row in np.unique(rows, return_index=True)[1]]
+    scaled = [law if f == 1.0 else law.scaled(1.0, f) for law, f in own]
     return RowLaws(LawTables.of(scaled), np.array(rows, dtype=np.intp)[:, None])
 
 
