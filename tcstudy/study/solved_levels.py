@@ -78,7 +78,8 @@ def solve_levels(study: Study, say: Say) -> list[SolvedLevel]:
     say: called with a line of text when a level is ready and when a point fails
     Raises GeometryFailed if the body cannot be meshed.
     """
-    study = replace(study, output=replace(study.output, fields=True))
+    mesh = replace(study.mesh, tolerance=None, estimate=False)  # errors are measured on all levels, not estimated
+    study = replace(study, output=replace(study.output, fields=True), mesh=mesh)
     unit, levels = "" if study.units == "none" else " m", []
     for i, stage in enumerate(stages(study)):
         if stage.level is None:
