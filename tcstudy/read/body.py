@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from tcstudy.read import walker
 from tcstudy.read.fields import Fields
@@ -213,12 +214,20 @@ def _file(ctx: Context, node: Node) -> BrepFace | None:
     target, suffix = ctx.folder / path, ("." + path.rpartition(".")[2].lower())
     if path and value and suffix not in FORMATS:
         ctx.errors.at(value, f"{path!r} is not a geometry file", f"give a file ending in {', '.join(FORMATS)}")
-    elif path and value and ("\0" in path or not target.is_file()):
+    elif path and value and not _is_file(target):
         ctx.errors.at(value, f"there is no file {path!r}", "give its path relative to the folder of the study")
     face = fields.integer("face", 0)
     other = walker.name(ctx, value, "an edge name") if (value := fields["other"]) else None
     edges = _named_points(ctx, fields["edges"])
     return BrepFace(target, face, _scale(ctx, fields["unit"], FORMATS.get(suffix, "m")), edges, other)
+
+
+def _is_file(path: Path) -> bool:
+    """Whether there is a file; no system has one whose name it refuses, or that it does not let be seen."""
+    try:
+        return "\0" not in str(path) and path.is_file()
+    except OSError:
+        return False
 
 
 def _scale(ctx: Context, node: Node | None, usual: str) -> float:

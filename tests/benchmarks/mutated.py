@@ -23,6 +23,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from netgen import occ
 from ruamel.yaml import YAML
 
 from tcstudy.cli import main as tcstudy
@@ -62,8 +63,38 @@ sweep:
   mode: list
   points: [{alpha: 25, q: 1e6}, {alpha: 100, q: 2e6}]
 output: {path: out.nc, fields: true}
-path: {parameter: load, from: 0, to: 2, at: [1, 1.5], start: lowest, within: [-1, 3], hysteresis: false, level: 0}
 """
+
+FROM_A_FILE = """\
+units: none
+body:
+  file: {path: plate.step, unit: mm, face: 0, edges: {bottom: [[0.01, 0]]}, other: sides}
+boundary: {bottom: contact, sides: {role: clamped, u_x: 0.1}}
+material: {E: 1, nu: 0.3}
+friction: {law: piecewise-linear, points: [[-1, -0.1], [0, 0], [0, 0.1], [1, 0.05]], odd: false, slopes: [0, 0]}
+mesh: {maxh: [0.004, 0.002]}
+sweep: {mode: zip, boundary.sides.u_x: [0.1, 0.2], E: {geomspace: [1, 2, 2]}}
+output: {path: out.nc, live: true}
+path: {parameter: boundary.sides.u_x, from: 0, to: 2, at: [1, 1.5], start: lowest, within: [-1, 3], hysteresis: false,
+       level: 0, max_pieces: 100, law_error: 1e-3}
+"""
+"""A body from a file, which stands beside the study."""
+
+DERIVED = """\
+units: none
+body: {rectangle: {width: 1, height: 1}}
+boundary: {bottom: contact, right: convection, top: clamped, left: convection}
+material: {lambda: 1.5, mu: 1, beta: 0.5, k: 2}
+heat: {alpha: 3}
+friction: {law: slip-weakening, tau_s: 1, tau_k: 0.4, delta: 1}
+mesh: {maxh: 0.25, levels: 2}
+exact:
+  u: ["y + (1 - 0.6*y)*(0.3 + 0.2*sin(pi*x))", "0.1*y*cos(pi*x)"]
+  theta: "1 + x*(1 + 0.5*cos(pi*y))"
+  loads: derived
+output: {live: true, fields: true}
+"""
+"""Exact loads, and what a page computes itself."""
 
 TEXTS = (
     "", " ", "x", "free", "derived", "contact", "clamped", "null", "~", "5", "5 kg", "5 mm", "-3 GPa", "1,5",
@@ -217,7 +248,8 @@ def mutated(seed: int, texts: Sequence[str]) -> str:
 
 def sources() -> list[str]:
     """The studies that are spoilt."""
-    return [EVERY_KEY, *(path.read_text(encoding="utf-8") for path in sorted(CONFIGS.glob("*.yaml")))]
+    shipped = (path.read_text(encoding="utf-8") for path in sorted(CONFIGS.glob("*.yaml")))
+    return [EVERY_KEY, FROM_A_FILE, DERIVED, *shipped]
 
 
 def complaint(text: str, folder: Path) -> tuple[int, str]:
@@ -252,6 +284,7 @@ def survey(seeds: Sequence[int], say: Callable[[str], None] = print) -> Counter[
     texts = sources()
     slowest = (0.0, -1)
     with tempfile.TemporaryDirectory() as folder:
+        occ.WorkPlane().Rectangle(20, 10).Face().WriteStep(str(Path(folder) / "plate.step"))
         for seed in seeds:
             start = time.perf_counter()
             faulthandler.dump_traceback_later(HANGS, exit=True)

@@ -267,3 +267,11 @@ def test_control_characters_are_shown_as_escapes() -> None:
     lines = problems(changed("left: clamped", '"\\x1b[31mleft": clamped'))
     assert any("boundary.\\x1b[31mleft: " in line for line in lines)
     assert all(line.isprintable() for line in lines)
+
+
+@pytest.mark.parametrize("name", ["a" * 5000, "a/" * 3000 + "a"])
+def test_a_geometry_file_with_a_name_that_no_system_takes_is_told_in_one_line(tmp_path: Path, name: str) -> None:
+    body = f"body: {{file: {{path: {name}.step, edges: {{bottom: [[1, 0]]}}, other: left}}}}\n"
+    (tmp_path / "study.yaml").write_text(body + BASE[BASE.index("boundary:") :])
+    with pytest.raises(StudyError, match=r"study\.yaml:1:21: body\.file\.path: there is no file 'a"):
+        read_study(tmp_path / "study.yaml")
