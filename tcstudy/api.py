@@ -94,7 +94,7 @@ def _yaml(value: object, flow: bool) -> str:
     """A value as YAML text, in one line if flow."""
     from ruamel.yaml import YAML
 
-    library = YAML(typ="safe", pure=True)
+    library: Any = YAML(typ="safe", pure=True)
     library.default_flow_style, library.width = flow, 10**6
     library.sort_base_mapping_type_on_output = False
     stream = io.StringIO()
@@ -159,17 +159,17 @@ def run(
     from tcstudy.report.progress import progress as terminal
     from tcstudy.study.execute import execute
 
-    study = _study(study)
+    asked = _study(study)
 
     def work(target: FilePath) -> None:
         watcher = terminal() if progress else None
         try:
-            execute(study, target, watcher, ("tcstudy.run",), jobs)
+            execute(asked, target, watcher, ("tcstudy.run",), jobs)
         finally:
             if watcher is not None:
                 watcher.close()
 
-    return _loaded(_made("run", study, output, force, work))
+    return _loaded(_made("run", asked, output, force, work))
 
 
 def converge(
@@ -181,10 +181,10 @@ def converge(
     """
     from tcstudy.study.convergence import converge_to_file
 
-    study = _study(study)
+    asked = _study(study)
     command = ("tcstudy.converge",)
-    work = lambda target: converge_to_file(study, target, lambda text: None, command)  # noqa: E731
-    return _loaded(_made("convergence", study, output, force, work))
+    work = lambda target: converge_to_file(asked, target, lambda text: None, command)  # noqa: E731
+    return _loaded(_made("convergence", asked, output, force, work))
 
 
 def cost(
@@ -208,15 +208,15 @@ def cost(
 
     if runs < 1:
         raise UsageError(f"runs = {runs} measures nothing; give 1 or more")
-    study = _study(study)
-    points = sweep_points(study)
+    asked = _study(study)
+    points = sweep_points(asked)
     where = locate(points, at, "study")
     words, index = describe(points, where), tuple(where.values())
 
     def work(target: FilePath) -> None:
-        cost_to_file(study, index, words, runs, target, lambda what, left: None, ("tcstudy.cost",))
+        cost_to_file(asked, index, words, runs, target, lambda what, left: None, ("tcstudy.cost",))
 
-    return _loaded(_made("cost", study, output, force, work, point=words, runs=runs))
+    return _loaded(_made("cost", asked, output, force, work, point=words, runs=runs))
 
 
 def path(
@@ -230,11 +230,11 @@ def path(
     from tcstudy.errors import PathError
     from tcstudy.study.path_execute import execute_path
 
-    study = _study(study)
-    if study.path is None:
+    asked = _study(study)
+    if asked.path is None:
         raise PathError("the study has no section path; add path: {parameter: theta_bar, from: 0 K, to: 40 K}")
-    work = lambda target: execute_path(study, target, None, ("tcstudy.path",))  # noqa: E731
-    return _loaded(_made("path", study, output, force, work))
+    work = lambda target: execute_path(asked, target, None, ("tcstudy.path",))  # noqa: E731
+    return _loaded(_made("path", asked, output, force, work))
 
 
 def open_results(path: str | FilePath) -> xarray.DataTree:

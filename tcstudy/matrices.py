@@ -205,7 +205,7 @@ def _stiffness(given: object, m: int) -> Array:
     unit = A / scale[:, None] / scale
     apart = np.abs(unit - unit.T)
     if np.max(apart) > ASYMMETRY:
-        i, j = np.unravel_index(int(np.argmax(apart)), apart.shape)
+        i, j = divmod(int(np.argmax(apart)), m)
         raise ProblemError(
             f"A_tilde is not symmetric: [{i}, {j}] = {A[i, j]:g}, [{j}, {i}] = {A[j, i]:g}; check the condensation"
         )

@@ -1,0 +1,72 @@
+"""The public functions on one small study: each does what its command does, and keeps what is there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tcstudy
+
+SECTIONS = {
+    "body": {"rectangle": {"width": 2.0, "height": 1.0}},
+    "boundary": {
+        "bottom": "contact",
+        "top": {"role": "clamped", "u_x": 0.3, "u_y": 0},
+        "left": "free",
+        "right": "free",
+    },
+    "material": {"E": np.float64(1.0), "nu": 0.3},
+    "friction": {"law": "slip-weakening", "tau_s": 0.1, "tau_k": 0.05, "delta": 0.1},
+    "mesh": {"maxh": 0.5, "levels": 3},
+    "units": "none",
+    "path": {"parameter": "boundary.top.u_x", "from": 0, "to": 0.5, "at": [0.3]},
+}
+
+
+@pytest.fixture
+def study() -> tcstudy.Study:
+    return tcstudy.Study.from_dict(SECTIONS, "small")
+
+
+def test_run_path_converge_draw_and_report(study: tcstudy.Study, tmp_path: Path) -> None:
+    run = tcstudy.run(study, tmp_path / "run.nc", jobs=1)
+    along = tcstudy.path(study, tmp_path / "path.nc")
+    slips = run[f"level_{study.mesh.levels - 1}"]["u_T"].values.ravel()
+    at = along["solution_u_T"].values
+    assert any(np.allclose(row, slips, rtol=1e-9, atol=1e-12) for row in at.reshape(-1, len(slips)))
+    errors = tcstudy.converge(study, tmp_path / "errors.nc")
+    assert "status" in errors
+    assert tcstudy.draw(tmp_path / "run.nc", tmp_path / "run.png", level=0).stat().st_size > 1000
+    assert tcstudy.draw(tmp_path / "path.nc", tmp_path / "path.svg").exists()
+    assert tcstudy.report(tmp_path / "run.nc") == tmp_path / "run.html"
+    written = (tmp_path / "run.nc").stat().st_mtime_ns
+    tcstudy.run(study, tmp_path / "run.nc")
+    assert (tmp_path / "run.nc").stat().st_mtime_ns == written
+    with pytest.raises(tcstudy.StoreError, match="another study"):
+        tcstudy.run(study.with_(friction_delta=0.2), tmp_path / "run.nc")
+
+
+def test_cost(study: tcstudy.Study, tmp_path: Path) -> None:
+    chart = tcstudy.cost(study.with_(mesh_levels=2), tmp_path / "cost.nc", runs=1)
+    errors = chart["error_u_energy"]
+    assert 0.0 < float(errors.min()) < float(errors.max()) < 1.0
+    with pytest.raises(tcstudy.UsageError, match="runs = 0"):
+        tcstudy.cost(study, runs=0)
+
+
+def test_faults_are_one_line(study: tcstudy.Study, tmp_path: Path) -> None:
+    with pytest.raises(tcstudy.PathError, match="no section path"):
+        tcstudy.path(study.with_(path=None), tmp_path / "none.nc")
+    with pytest.raises(tcstudy.ConvergenceError, match="one level"):
+        tcstudy.converge(study.with_(mesh_levels=1), tmp_path / "none.nc")
+    with pytest.raises(tcstudy.UsageError, match="cannot hold"):
+        study.with_(title=object())
+    with pytest.raises(tcstudy.UsageError, match="list of texts"):
+        tcstudy.load("configs/quickstart.yaml", "mesh.levels=2")
+    with pytest.raises(tcstudy.StudyError, match=r"^small:\d+:\d+: mesh\.maxh: "):
+        tcstudy.Study.from_dict({**SECTIONS, "mesh": {"maxh": -1.0}}, "small")
+    with pytest.raises(tcstudy.UsageError, match="no part"):
+        tcstudy.report(tmp_path / "run.nc", without=["nothing"])
+    assert not list(tmp_path.iterdir())
