@@ -80,7 +80,7 @@ def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames
     second = _argmax_in_groups(sine, first, count)
     both = sine[second] > SMOOTH
     u = _solve_pairs(d0, v0, direction[second], value[second], both)
-    _check_agreement(mesh, held, order, own, both, np.einsum("ij,ij->i", direction, u[own]), value)
+    _check_agreement(mesh, held, order, own, np.einsum("ij,ij->i", direction, u[own]), value)
     return _frames(n, nodes, d0, v0, u, both)
 
 
@@ -166,7 +166,6 @@ def _check_agreement(
     held: _Constraints,
     order: Indices,
     own: Indices,
-    both: NDArray[np.bool_],
     got: Array,
     value: Array,
 ) -> None:

@@ -111,13 +111,13 @@ def _over_time(axes: Axes, data: Any, found: list[Setting]) -> None:
             heavy = (family, solver) == champion
             axes.fill_betweenx(error, time, upper, color=color, alpha=0.16, linewidth=0)
             axes.plot(time, error, color=color, linestyle=LINES[k % len(LINES)], linewidth=2.2 if heavy else 1.2)
-            _points(axes, own, [s.time for s in own], color, worthy)
+            _points(axes, own, [s.time for s in own], color)
     _name(axes, champion)
     _star(axes, found, lambda s: s.time)
     axes.set_xlabel("wall time [s]: least of all runs, band to the upper quartile")
 
 
-def _points(axes: Axes, own: list[Setting], x: list[float], color: str, worthy: set[tuple[str, str]]) -> None:
+def _points(axes: Axes, own: list[Setting], x: list[float], color: str) -> None:
     """Marks: filled on the front, pale where something better was measured, hollow where it did not converge."""
     for s, at in zip(own, x, strict=True):
         face = color if s.solved and not s.dominated else "white" if not s.solved else style.SHADE

@@ -106,7 +106,7 @@ def _any_direction(walk: Walk) -> None:
     try:
         move(walk, None, 1.0)
         if np.max(np.abs(walk.dx)) < 1e10 * np.max(np.abs(walk.units.load)) * len(walk.dx):
-            return
+            return None
     except SingularCellError:
         pass
     for node in range(len(walk.dx)):

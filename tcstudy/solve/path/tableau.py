@@ -121,7 +121,7 @@ class Tableau:
         """Move the base to the present cell by one block pivot on the nodes that differ, except unsound pivots."""
         n = self.size
         if n == 0:
-            return
+            return None
         chosen = sound_pivots(*self._capacitance())
         if len(chosen) < n // 2:
             return self.refactor()
@@ -131,6 +131,7 @@ class Tableau:
         self._pivot()
         for i, free, k in left:
             self.change(i, free, k)
+        return None
 
     def _pivot(self) -> None:
         """Block pivot on all nodes that differ from the base."""
@@ -188,6 +189,7 @@ class Tableau:
             self.rebase()
         for i, is_free, stiffness in zip(nodes, free, k, strict=True):
             self.change(int(i), bool(is_free), float(stiffness))
+        return None
 
     def _drop(self, at: int) -> None:
         last = self.size - 1
