@@ -9,23 +9,21 @@ limit_order_Q and exact_Q by sweep point.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data import schema
-from tcstudy.data.files import FINISHED, replace_file
+from tcstudy.data.files import FINISHED, new_dataset, replace_file
 from tcstudy.data.provenance import Provenance, global_attributes
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import ascending, sweep_points
+from tcstudy.data.schema import LEVEL_COORDINATE
+from tcstudy.data.variable import STATUS, SWEEP, Dtype, FileVariable, flags
+from tcstudy.data.writer import in_file_order, put, put_all, put_axes
 from tcstudy.scene.study import Study
-
-if TYPE_CHECKING:
-    import xarray
 
 Array = NDArray[np.float64]
 
@@ -132,101 +130,99 @@ def default_path(output: Path) -> Path:
 
 def write_convergence(path: Path, study: Study, convergence: Convergence, provenance: Provenance) -> None:
     """Write a convergence file, replacing an old one in one step. Raises StoreError if that cannot be done."""
-    data = _dataset(study, convergence)
-    attributes = global_attributes(study, provenance)
-    data.attrs = {**attributes, "reference": convergence.reference, "notes": "\n".join(convergence.notes)}
-    data.attrs[FINISHED] = np.int32(1)
-    storage = {name: encoding(data[name]) for name in data.variables}
-    replace_file(path, lambda aside: data.to_netcdf(aside, engine="netcdf4", encoding=storage))
+    replace_file(path, lambda aside: _write_file(aside, study, convergence, provenance))
 
 
-def encoding(variable: Any) -> dict[str, Any]:
-    """How a variable is stored: NaN for missing numbers, with a checksum where HDF5 has one (arrays of numbers)."""
-    checked = bool(variable.ndim) and variable.dtype.kind in "iuf"
-    floats = variable.dtype.kind == "f" and variable.name not in variable.coords
-    return {"_FillValue": float("nan") if floats else None, **({"fletcher32": True} if checked else {})}
+def _write_file(file: Path, study: Study, convergence: Convergence, provenance: Provenance) -> None:
+    with new_dataset(file) as nc:
+        nc.setncatts(global_attributes(study, provenance))
+        nc.setncatts({"reference": convergence.reference, "notes": "\n".join(convergence.notes)})
+        put_axes(nc, study)
+        once = {**vars(convergence), "level": np.arange(len(convergence.h_max))}
+        put_all(nc, LEVELS, once, study)
+        for variable, value in _by_point(convergence):
+            by_level = (len(convergence.h_max),) if "level" in variable.dims else ()
+            values = np.empty((*study.shape, *by_level), dtype=object)
+            for point in convergence.points:
+                values[point.index] = value(point)
+            put(nc, variable, study, in_file_order(study, values))
+        nc.setncattr(FINISHED, np.int32(1))
 
 
-def _dataset(study: Study, convergence: Convergence) -> xarray.Dataset:
-    sweep = schema.sweep_dims(study)
-    shape, levels = study.shape, len(convergence.h_max)
-    level = ("level", np.arange(levels, dtype=np.int32), {"long_name": "mesh level", "units": "1"})
-    data = sweep_points(study).drop_vars("status").assign_coords(level=level)
-    plain = study.units == "none"
-    for name, values, units, what in (
-        ("h_max", convergence.h_max, "m", "longest element edge"),
-        ("n_dof", convergence.n_dof, "1", "number of displacement unknowns"),
-        ("n_contact", convergence.n_contact, "1", "number of contact unknowns"),
-        ("compared", convergence.compared.astype(np.int8), "1", "1 if the level is compared with the reference"),
-    ):
-        data[name] = ("level", values, {"long_name": what, "units": "1" if plain else units})
+Value = Callable[[PointConvergence], Any]
+"""What a point has of a variable: a number, a text, or an array by level."""
 
-    def put(name: str, dims: tuple[str, ...], get: Any, units: str, what: str, **more: Any) -> None:
-        sizes = tuple({"level": levels}.get(d) or shape[sweep.index(d)] for d in dims)
-        first = np.asarray(get(convergence.points[0]))
-        values = np.empty(sizes, dtype=object if first.dtype.kind in "UO" else first.dtype)
-        for point in convergence.points:
-            values[point.index] = get(point)
-        data[name] = (dims, values, {"long_name": what, "units": "1" if plain else units, **more})
 
-    flags = {"flag_values": np.array([int(s) for s in PointStatus], dtype=np.int8)}
-    meanings = " ".join(s.name.lower() for s in PointStatus)
-    both = (*sweep, "level")
-    put(
-        "status",
-        both,
-        lambda p: np.array(p.status, dtype=np.int8),
-        "1",
-        "status of the solution",
-        standard_name="status_flag",
-        flag_meanings=meanings,
-        **flags,
-    )
+def _by_point(convergence: Convergence) -> Iterator[tuple[FileVariable, Value]]:
+    """Variables by sweep point, with the errors and numbers that some point has."""
+    status = FileVariable("status", "i1", "1", "status of the solution", coordinate=True, extra=STATUS)
+    yield status, lambda point: np.array(point.status)
     for measure in ERRORS:
-        if any(measure.name in p.errors for p in convergence.points):
-            _put_error(put, measure, sweep, both)
+        if any(measure.name in point.errors for point in convergence.points):
+            for variable, of_error in _error_table(measure):
+                yield variable, _of_error(measure.name, of_error)
     for measure in NUMBERS:
-        if any(measure.name in p.numbers for p in convergence.points):
-            _put_number(put, measure, sweep, both)
-    return ascending(data, study)
+        if any(measure.name in point.numbers for point in convergence.points):
+            for variable, of_number in _number_table(measure):
+                yield variable, _of_number(measure.name, of_number)
 
 
-def _put_error(put: Any, measure: Measure, sweep: Sequence[str], both: Sequence[str]) -> None:
+def _of_error(name: str, part: Callable[[ErrorSeries], Any]) -> Value:
+    return lambda point: part(point.errors.get(name, UNMEASURED))
+
+
+def _of_number(name: str, part: Callable[[NumberSeries], Any]) -> Value:
+    return lambda point: part(point.numbers.get(name, NO_NUMBER))
+
+
+LEVELS = (
+    LEVEL_COORDINATE,
+    FileVariable("h_max", "f8", "m", "longest element edge", ("level",)),
+    FileVariable("n_dof", "i4", "1", "number of displacement unknowns", ("level",)),
+    FileVariable("n_contact", "i4", "1", "number of contact unknowns", ("level",)),
+    FileVariable("compared", "i1", "1", "1 if the level is compared with the reference", ("level",)),
+)
+"""What a level has, by field name of `Convergence`."""
+
+_POINT = (SWEEP,)
+
+
+def _error_table(measure: Measure) -> tuple[tuple[FileVariable, Callable[[ErrorSeries], Any]], ...]:
+    """Variables of one error, and what they hold of its series."""
     name, what = measure.name, measure.long_name
-    verdicts = {
-        "flag_values": np.arange(len(VERDICTS), dtype=np.int8),
-        "flag_meanings": " ".join(VERDICTS),
-    }
-    get = {
-        "error": (both, lambda s: s.error, "1", f"relative {what}"),
-        "rate": (both, lambda s: s.rate, "1", f"rate from the level before: {what}"),
-        "size_squared": (
-            sweep,
-            lambda s: s.size**2,
-            measure.units,
-            f"square of the norm of the reference, for the {what}",
-        ),
-        "slope": (sweep, lambda s: s.slope, "1", f"least-squares order: {what}"),
-        "slope_error": (sweep, lambda s: s.slope_error, "1", f"standard error of the order: {what}"),
-        "first_level": (sweep, lambda s: np.int32(s.first_level), "1", f"first asymptotic level, -1 for none: {what}"),
-        "expected": (sweep, lambda s: s.expected, "1", f"expected order: {what}"),
-        "reason": (sweep, lambda s: s.reason, "1", f"reason of the expected order: {what}"),
-    }
-    for part, (dims, of, units, text) in get.items():
-        put(f"{part}_{name}", tuple(dims), lambda p, of=of: of(p.errors.get(name, UNMEASURED)), units, text)
-    verdict = lambda p: np.int8(VERDICTS.index(p.errors.get(name, UNMEASURED).verdict))  # noqa: E731
-    put(f"verdict_{name}", tuple(sweep), verdict, "1", f"what the rates say: {what}", **verdicts)
+
+    def kept(part: str, units: str, long_name: str, dtype: Dtype = "f8", **more: Any) -> FileVariable:
+        return FileVariable(f"{part}_{name}", dtype, units, f"{long_name}: {what}", _POINT, **more)
+
+    verdict = kept("verdict", "1", "what the rates say", "i1", extra=flags(*VERDICTS))
+    size = FileVariable(
+        f"size_squared_{name}", "f8", measure.units, f"square of the norm of the reference, for the {what}", _POINT
+    )
+    return (
+        (FileVariable(f"error_{name}", "f8", "1", f"relative {what}"), lambda s: s.error),
+        (FileVariable(f"rate_{name}", "f8", "1", f"rate from the level before: {what}"), lambda s: s.rate),
+        (size, lambda s: s.size**2),
+        (kept("slope", "1", "least-squares order"), lambda s: s.slope),
+        (kept("slope_error", "1", "standard error of the order"), lambda s: s.slope_error),
+        (kept("first_level", "1", "first asymptotic level, -1 for none", "i4"), lambda s: s.first_level),
+        (kept("expected", "1", "expected order"), lambda s: s.expected),
+        (kept("reason", "1", "reason of the expected order", "str"), lambda s: s.reason),
+        (verdict, lambda s: VERDICTS.index(s.verdict)),
+    )
 
 
-def _put_number(put: Any, measure: Measure, sweep: Sequence[str], both: Sequence[str]) -> None:
+def _number_table(measure: Measure) -> tuple[tuple[FileVariable, Callable[[NumberSeries], Any]], ...]:
+    """Variables of one number, and what they hold of its series."""
     name, what, units = measure.name, measure.long_name, measure.units
-    get = {
-        "value": (both, lambda s: s.value, units, what),
-        "order": (both, lambda s: s.order, "1", f"order from three levels: {what}"),
-        "limit": (sweep, lambda s: s.limit, units, f"extrapolated: {what}"),
-        "uncertainty": (sweep, lambda s: s.uncertainty, units, f"uncertainty of the extrapolated value: {what}"),
-        "limit_order": (sweep, lambda s: s.limit_order, "1", f"order of the extrapolation: {what}"),
-        "exact": (sweep, lambda s: s.exact, units, f"exact value where known: {what}"),
-    }
-    for part, (dims, of, unit, text) in get.items():
-        put(f"{part}_{name}", tuple(dims), lambda p, of=of: of(p.numbers.get(name, NO_NUMBER)), unit, text)
+
+    def kept(part: str, units: str, long_name: str) -> FileVariable:
+        return FileVariable(f"{part}_{name}", "f8", units, f"{long_name}: {what}", _POINT)
+
+    return (
+        (FileVariable(f"value_{name}", "f8", units, what), lambda s: s.value),
+        (FileVariable(f"order_{name}", "f8", "1", f"order from three levels: {what}"), lambda s: s.order),
+        (kept("limit", units, "extrapolated"), lambda s: s.limit),
+        (kept("uncertainty", units, "uncertainty of the extrapolated value"), lambda s: s.uncertainty),
+        (kept("limit_order", "1", "order of the extrapolation"), lambda s: s.limit_order),
+        (kept("exact", units, "exact value where known"), lambda s: s.exact),
+    )

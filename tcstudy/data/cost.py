@@ -14,12 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.convergence import ERRORS, NUMBERS, Measure, encoding
-from tcstudy.data.files import FINISHED, StoreError, replace_file
+from tcstudy.data.convergence import ERRORS, NUMBERS, Measure
+from tcstudy.data.files import FINISHED, StoreError, new_dataset, replace_file
 from tcstudy.data.identity import CONTENT
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
-from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import LEVEL_COORDINATE
 from tcstudy.data.store import open_results
+from tcstudy.data.variable import STATUS, FileVariable, flags
+from tcstudy.data.writer import put_all, put_names
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
@@ -86,11 +88,21 @@ def default_path(output: Path) -> Path:
 
 def write_cost(path: Path, study: Study, cost: Cost, provenance: Provenance) -> None:
     """Write the file, replacing an old one in one step. Raises StoreError if that cannot be done."""
-    data = _dataset(study, cost)
-    data.attrs = global_attributes(study, provenance) | _own_attributes(cost)
-    data.attrs[FINISHED] = np.int32(1)
-    storage = {name: encoding(data[name]) for name in data.variables}
-    replace_file(path, lambda aside: data.to_netcdf(aside, engine="netcdf4", encoding=storage))
+    replace_file(path, lambda aside: _write_file(aside, study, cost, provenance))
+
+
+def _write_file(file: Path, study: Study, cost: Cost, provenance: Provenance) -> None:
+    with new_dataset(file) as nc:
+        nc.setncatts(global_attributes(study, provenance) | _own_attributes(cost))
+        put_names(nc, "family", cost.families, "mesh family", study)
+        put_names(nc, "solver", cost.solvers, "solver of the contact problem", study)
+        values = {**vars(cost), "level": np.arange(cost.n_dof.shape[1]), "run": np.arange(cost.time.shape[-1])}
+        values["reason"] = np.vectorize(without_paths, otypes=[object])(cost.reason)
+        values |= {f"time_{stage}": cost.stages[stage] for stage in STAGES}
+        values |= {f"error_{name}": errors for name, errors in cost.errors.items()}
+        values |= {f"dominated_{name}": worse for name, worse in cost.dominated.items()}
+        put_all(nc, TABLE, values, study)
+        nc.setncattr(FINISHED, np.int32(1))
 
 
 def open_cost(path: Path) -> xarray.Dataset:
@@ -117,48 +129,34 @@ def _own_attributes(cost: Cost) -> dict[str, Any]:
     }
 
 
-def _dataset(study: Study, cost: Cost) -> xarray.Dataset:
-    import xarray
+_MESHES, _SOLVED = ("family", "level"), ("family", "solver", "level")
 
-    meshes, both = ("family", "level"), ("family", "solver", "level")
-    levels, runs = cost.n_dof.shape[1], cost.time.shape[-1]
-    names = {
-        "family": (np.array(cost.families, dtype=object), "mesh family"),
-        "solver": (np.array(cost.solvers, dtype=object), "solver of the contact problem"),
-        "level": (np.arange(levels, dtype=np.int32), "mesh level, from coarse to fine"),
-        "run": (np.arange(runs, dtype=np.int32), "repetition of the timing"),
-    }
-    coordinates = {
-        n: (n, v, {"long_name": t} | ({"units": "1"} if v.dtype != object else {})) for n, (v, t) in names.items()
-    }
-    data = xarray.Dataset(coords=coordinates)
-    length = "1" if study.units == "none" else "m"
-    flags = np.array([int(s) for s in PointStatus], dtype=np.int8)
-    meanings = " ".join(s.name.lower() for s in PointStatus)
 
-    def put(name: str, dims: tuple[str, ...], values: Any, what: str, units: str = "1", **more: Any) -> None:
-        data[name] = (dims, values, {"long_name": what, "units": units, **more})
+def _time(name: str, long_name: str, *more: str) -> FileVariable:
+    return FileVariable(name, "f8", "s", long_name, (*_SOLVED, *more))
 
-    put("h_max", meshes, cost.h_max, "longest element edge", length)
-    put("n_dof", meshes, cost.n_dof, "number of displacement unknowns, -1 where there is no mesh")
-    put("n_contact", meshes, cost.n_contact, "number of contact unknowns, -1 where there is no mesh")
-    status: dict[str, Any] = {"standard_name": "status_flag", "flag_values": flags, "flag_meanings": meanings}
-    put("status", both, cost.status, "status of the solution", **status)
-    reasons = np.vectorize(without_paths, otypes=[object])(cost.reason)
-    data["reason"] = (both, reasons, {"long_name": "why there is no solution"})
-    put("time", (*both, "run"), cost.time, "wall time from the body to the displacements", "s")
-    for stage in STAGES:
-        put(f"time_{stage}", both, cost.stages[stage], f"wall time of the fastest run: {_STAGE_NAMES[stage]}", "s")
-    for measure in MEASURES:
-        if measure.name in cost.errors:
-            what = measure.long_name if measure in ERRORS else f"error of the {measure.long_name}"
-            put(f"error_{measure.name}", both, cost.errors[measure.name], f"relative {what}")
-            put(
-                f"dominated_{measure.name}",
-                both,
-                cost.dominated[measure.name].astype(np.int8),
-                f"whether another is as fast and as accurate: {what}",
-                flag_values=np.array([0, 1], dtype=np.int8),
-                flag_meanings="on_the_front dominated",
-            )
-    return data
+
+def _error(measure: Measure) -> tuple[FileVariable, FileVariable]:
+    """An error and whether it is dominated."""
+    name, what = measure.name, measure.long_name
+    error = what if measure in ERRORS else f"error of the {what}"
+    on_front = f"whether another is as fast and as accurate: {error}"
+    return (
+        FileVariable(f"error_{name}", "f8", "1", f"relative {error}", _SOLVED),
+        FileVariable(f"dominated_{name}", "i1", "1", on_front, _SOLVED, extra=flags("on_the_front", "dominated")),
+    )
+
+
+TABLE = (
+    LEVEL_COORDINATE,
+    FileVariable("run", "i4", "1", "repetition of the timing", ("run",), coordinate=True),
+    FileVariable("h_max", "f8", "m", "longest element edge", _MESHES),
+    FileVariable("n_dof", "i4", "1", "number of displacement unknowns, -1 where there is no mesh", _MESHES),
+    FileVariable("n_contact", "i4", "1", "number of contact unknowns, -1 where there is no mesh", _MESHES),
+    FileVariable("status", "i1", "1", "status of the solution", _SOLVED, extra=STATUS),
+    FileVariable("reason", "str", "1", "why there is no solution", _SOLVED),
+    _time("time", "wall time from the body to the displacements", "run"),
+    *(_time(f"time_{stage}", f"wall time of the fastest run: {_STAGE_NAMES[stage]}") for stage in STAGES),
+    *(variable for measure in MEASURES for variable in _error(measure)),
+)
+"""Variables of the file beside the names of families and solvers."""

@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from tcstudy.data import schema
+from tcstudy.data.axes import axis_problems
 from tcstudy.data.files import PARTIAL, StoreError, remove_stale, sync_directory
 from tcstudy.data.journal_file import SELECT, Row, connect, decode_block, decode_level, encode, rollback_file, set_aside
 from tcstudy.data.provenance import program, study_sha256
@@ -59,7 +59,7 @@ class Journal:
 
         Raises StoreError if another run is writing to the same output or the directory cannot be written.
         """
-        problems = schema.axis_problems(study)
+        problems = axis_problems(study)
         if problems:
             raise StoreError("; ".join(problems))
         path = Path(os.path.realpath(output))

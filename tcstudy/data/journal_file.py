@@ -199,9 +199,10 @@ def _decode(row: Row) -> tuple[dict[str, Any], dict[str, Any], dict[str, dict[st
     groups: dict[str, dict[str, NDArray[Any]]] = {"numbers": {}, "fields": {}}
     start = 0
     for name, dtype, shape in json.loads(layout):
-        size = int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize
+        count = int(np.prod(shape, dtype=np.int64))
         group, _, key = name.rpartition(".")
         place, key = (groups[group], key) if group else (arrays, name)
-        place[key] = np.frombuffer(blob[start : start + size], dtype=dtype).reshape(shape).copy()
-        start += size
+        found = np.frombuffer(blob, dtype, count, start) if count else np.empty(0, dtype)
+        place[key] = found.reshape(shape)  # a view: nobody writes into a record
+        start += count * np.dtype(dtype).itemsize
     return json.loads(scalars), arrays, groups

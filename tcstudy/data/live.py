@@ -7,13 +7,13 @@ begin with PREFIX.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.schema import SWEEP, Variable, axis_places
+from tcstudy.data.variable import SWEEP, FileVariable
+from tcstudy.data.writer import in_file_order, put_all
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
@@ -24,11 +24,11 @@ GROUP, PREFIX = "live", "live_"
 _POINT = (SWEEP,)
 
 
-def _kept(name: str, units: str, long_name: str, dims: tuple[str, ...] = _POINT) -> Variable:
-    return Variable(name, "f8", units, long_name, dims)
+def _kept(name: str, units: str, long_name: str, dims: tuple[str, ...] = _POINT) -> FileVariable:
+    return FileVariable(name, "f8", units, long_name, dims)
 
 
-LIVE: tuple[Variable, ...] = (
+LIVE: tuple[FileVariable, ...] = (
     _kept("A_tilde", "Pa", "condensed stiffness of the first point", ("node", "node_column")),
     _kept("mechanical_load", "N m-1", "condensed loads f, g and pressure", ("mechanical_number", "node")),
     _kept("held_load", "N m-1", "condensed loads of given displacements", ("held_number", "node")),
@@ -51,32 +51,11 @@ LIVE: tuple[Variable, ...] = (
 """Variables of the group, by field name without PREFIX."""
 
 
-def put_live(
-    level_group: netCDF4.Group,
-    study: Study,
-    fields: Mapping[str, NDArray[Any]],
-    put: Callable[[netCDF4.Dataset, Variable, Study, NDArray[Any] | None], None],
-) -> None:
-    """Make the group if the record has live arrays; put: writes one variable."""
+def put_live(level_group: netCDF4.Group, study: Study, fields: Mapping[str, NDArray[Any]]) -> None:
+    """Make the group if the record has live arrays."""
     arrays = {name.removeprefix(PREFIX): values for name, values in fields.items() if name.startswith(PREFIX)}
     if not arrays:
         return
-    group = level_group.createGroup(GROUP)
-    for variable in LIVE:
-        if variable.name not in arrays:
-            continue
-        values = arrays[variable.name]
-        if variable.dims == _POINT:
-            values = _in_file_order(study, values)
-        else:
-            for dim, size in zip(variable.dims, values.shape, strict=True):
-                if dim != "node" and dim not in group.dimensions:
-                    group.createDimension(dim, size)
-        put(group, variable, study, values)
-
-
-def _in_file_order(study: Study, values: NDArray[Any]) -> NDArray[Any]:
-    """Values by point with every axis sorted as in the file."""
-    if study.mode != "grid" or not study.axes:
-        return values
-    return values[np.ix_(*(np.argsort(axis_places(axis)) for axis in study.axes))]
+    by_point = {v.name for v in LIVE if v.dims == _POINT}
+    values = {name: in_file_order(study, array) if name in by_point else array for name, array in arrays.items()}
+    put_all(level_group.createGroup(GROUP), LIVE, values, study)

@@ -6,49 +6,41 @@ combination; piece i lies between the vertices i and i + 1. Flags are bytes with
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from tcstudy.data.path_records import ContactState
-from tcstudy.data.schema import CONTACT, Variable
-from tcstudy.scene.study import Study
-
-T, RATE = "t", "J m-1/t"
-"""Stand for the units of the parameter, and of an energy per unit of the parameter."""
+from tcstudy.data.schema import CONTACT
+from tcstudy.data.variable import RATE, FileVariable, T, flags
 
 _VERTEX, _PIECE, _FOLD, _EVENT, _INTERVAL = ("vertex",), ("piece",), ("fold",), ("event",), ("interval",)
 _AT, _SOLUTION, _LOOP, _JUMP = ("at",), ("solution",), ("loop_vertex",), ("jump",)
 _LINE = "arclength x y"
-_STATES = (
-    ("flag_values", np.array([int(s) for s in ContactState], dtype=np.int8)),
-    ("flag_meanings", " ".join(s.name.lower() for s in ContactState)),
-)
+_STATES = flags(*(s.name.lower() for s in ContactState))
 
 
-def _number(name: str, units: str, long_name: str, dims: tuple[str, ...] = (), extra: Any = ()) -> Variable:
-    return Variable(name, "f8", units, long_name, dims, coordinate=True, extra=extra)  # nothing is missing here
+def _number(name: str, units: str, long_name: str, dims: tuple[str, ...] = (), extra: Any = ()) -> FileVariable:
+    return FileVariable(name, "f8", units, long_name, dims, coordinate=True, extra=extra)  # nothing is missing here
 
 
-def _index(name: str, long_name: str, dims: tuple[str, ...] = ()) -> Variable:
-    return Variable(name, "i4", "1", long_name, dims, coordinate=True)
+def _index(name: str, long_name: str, dims: tuple[str, ...] = ()) -> FileVariable:
+    return FileVariable(name, "i4", "1", long_name, dims, coordinate=True)
 
 
-def _flag(name: str, long_name: str, dims: tuple[str, ...], meanings: str) -> Variable:
-    flags = (("flag_values", np.array([0, 1], dtype=np.int8)), ("flag_meanings", meanings))
-    return Variable(name, "i1", "1", long_name, dims, coordinate=True, extra=flags)
+def _flag(name: str, long_name: str, dims: tuple[str, ...], meanings: str) -> FileVariable:
+    return FileVariable(name, "i1", "1", long_name, dims, coordinate=True, extra=flags(*meanings.split()))
 
 
-def _at_node(name: str, dtype: Any, units: str, long_name: str, dim: str, where: str, extra: Any = ()) -> Variable:
+def _at_node(name: str, dtype: Any, units: str, long_name: str, dim: str, where: str, extra: Any = ()) -> FileVariable:
     coordinates = (("coordinates", f"{where} {_LINE}".strip()),)
-    return Variable(name, dtype, units, long_name, (dim, "node"), coordinate=True, extra=coordinates + extra)
+    return FileVariable(name, dtype, units, long_name, (dim, "node"), coordinate=True, extra=coordinates + extra)
 
 
 _ALONG = (("coordinates", "parameter"),)
 _STABLE = "unstable stable"
 _CERTIFIED = "not_certified certified"
 
-CURVE: tuple[Variable, ...] = (
+CURVE: tuple[FileVariable, ...] = (
     _number("parameter", T, "parameter of the path", _VERTEX),
     _at_node("u_T", "f8", "m", "tangential displacement", "vertex", "parameter"),
     _at_node("xi", "f8", "Pa", "tangential traction -S_T", "vertex", "parameter"),
@@ -65,8 +57,8 @@ CURVE: tuple[Variable, ...] = (
     _flag("fold_stable_after", "stability of the piece after the fold", _FOLD, _STABLE),
     _index("event_vertex", "vertex at which a contact node changes its state", _EVENT),
     _index("event_node", "contact node that changes its state", _EVENT),
-    Variable("event_before", "i1", "1", "state before the vertex", _EVENT, coordinate=True, extra=_STATES),
-    Variable("event_after", "i1", "1", "state after the vertex", _EVENT, coordinate=True, extra=_STATES),
+    FileVariable("event_before", "i1", "1", "state before the vertex", _EVENT, coordinate=True, extra=_STATES),
+    FileVariable("event_after", "i1", "1", "state after the vertex", _EVENT, coordinate=True, extra=_STATES),
     _number("lowest_begin", T, "lower end of a range in which one piece has the least energy", _INTERVAL),
     _number("lowest_end", T, "upper end of a range in which one piece has the least energy", _INTERVAL),
     _index("lowest_piece", "piece with the least energy on the path in the range", _INTERVAL),
@@ -76,7 +68,7 @@ CURVE: tuple[Variable, ...] = (
 
 _WHERE = (("coordinates", "solution_parameter"),)
 
-SOLUTIONS: tuple[Variable, ...] = (
+SOLUTIONS: tuple[FileVariable, ...] = (
     _number("at", T, "value at which solutions were asked for", _AT),
     _index("solution_count", "number of solutions on the path at the value", _AT),
     _index("solution_at", "index of the value that the solution belongs to", _SOLUTION),
@@ -97,7 +89,7 @@ SOLUTIONS: tuple[Variable, ...] = (
 
 _ROUND = (("coordinates", "loop_parameter"),)
 
-LOOP: tuple[Variable, ...] = (
+LOOP: tuple[FileVariable, ...] = (
     _number("loop_parameter", T, "parameter along the hysteresis loop", _LOOP),
     _index("loop_branch", "stable branch, counted along the loop", _LOOP),
     _number("loop_energy", "J m-1", "total potential energy, per unit thickness", _LOOP, _ROUND),
@@ -109,15 +101,15 @@ LOOP: tuple[Variable, ...] = (
     _number("jump_drop", "J m-1", "energy lost in the fall, per unit thickness", _JUMP),
     _number("energy_lost", "J m-1", "energy lost in one loop at the falls, per unit thickness"),
     _number("loop_area", "J m-1", "area of the loop; the energy lost if it is closed"),
-    Variable("loop_closed", "i1", "1", "whether the loop ends where it began", (), coordinate=True),
-    Variable("loop_complete", "i1", "1", "whether both ends of the range were reached", (), coordinate=True),
+    FileVariable("loop_closed", "i1", "1", "whether the loop ends where it began", (), coordinate=True),
+    FileVariable("loop_complete", "i1", "1", "whether both ends of the range were reached", (), coordinate=True),
 )
 """Variables of LoopRecord."""
 
-LINE = tuple(v for v in CONTACT if v.dims == ("node",))
+LINE = tuple(replace(v, coordinate=True) for v in CONTACT if v.dims == ("node",))
 """The contact line, as in the files of runs."""
 
-LEVEL: tuple[Variable, ...] = (
+LEVEL: tuple[FileVariable, ...] = (
     _index("level", "mesh level, from coarse to fine"),
     _number("h_max", "m", "longest element edge"),
     _index("n_dof", "number of displacement unknowns"),
@@ -129,18 +121,3 @@ LEVEL: tuple[Variable, ...] = (
     _number("affine_defect", "1", "relative deviation of the load from a straight line in the parameter"),
 )
 """What there is once."""
-
-
-def attributes(variable: Variable, study: Study) -> dict[str, Any]:
-    """Attributes of a variable in the file of this study's path."""
-    assert study.path is not None
-    t = study.path.units
-    units = t if variable.units == T else variable.units
-    if units == RATE:
-        units = "J m-1" if t == "1" else f"J m-1/({t})"
-    attrs = {"long_name": variable.long_name, "units": "1" if study.units == "none" else units, **dict(variable.extra)}
-    if variable.units == T:
-        attrs["long_name"] = f"{variable.long_name} ({study.path.name})"
-        if t == "K" and study.units == "SI":
-            attrs["units_metadata"] = "temperature: difference"
-    return attrs

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,11 +14,11 @@ from tcstudy.data.identity import CONTENT, kind_of
 from tcstudy.data.path_records import PathRecord
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
 from tcstudy.data.reading import attributes
-from tcstudy.data.schema import Variable, edge_attributes
+from tcstudy.data.variable import FileVariable, edge_flags
+from tcstudy.data.writer import put_all
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
-    import netCDF4
     import xarray
 
 SHORTFALLS = "shortfalls"
@@ -60,7 +60,7 @@ def stored_shortfalls(path: Path) -> list[str]:
 
 def _write_file(file: Path, study: Study, record: PathRecord, general: Mapping[str, Any]) -> None:
     curve, line, solutions = record.curve, record.line, record.solutions
-    parts: list[tuple[tuple[Variable, ...], Mapping[str, Any]]] = [
+    parts: list[tuple[tuple[FileVariable, ...], Mapping[str, Any]]] = [
         (schema.LINE, vars(line)),
         (schema.LEVEL, {**vars(line), **vars(record)}),
         (schema.CURVE, vars(curve)),
@@ -74,8 +74,8 @@ def _write_file(file: Path, study: Study, record: PathRecord, general: Mapping[s
     with new_dataset(file) as nc:
         nc.setncatts({**general, **_path_attributes(study, record)})
         for variables, values in parts:
-            _put(nc, variables, values, study)
-        nc["edge"].setncatts(edge_attributes(line.edge_names))
+            put_all(nc, variables, values, study)
+        nc["edge"].setncatts(edge_flags(line.edge_names))
         nc.setncattr(FINISHED, np.int32(1))
 
 
@@ -95,16 +95,3 @@ def _path_attributes(study: Study, record: PathRecord) -> dict[str, Any]:
         "end_reason": record.end[1],
         **loop,
     }
-
-
-def _put(nc: netCDF4.Dataset, variables: Iterable[Variable], values: Mapping[str, Any], study: Study) -> None:
-    """Define variables and write their values; dimensions come with the first variable that has them."""
-    for variable in variables:
-        array = np.asarray(values[variable.name])
-        for name, size in zip(variable.dims, array.shape, strict=True):
-            if name not in nc.dimensions:
-                nc.createDimension(name, size)
-        checked = bool(variable.dims)  # HDF5 has no checksums of scalars
-        new = nc.createVariable(variable.name, variable.dtype, variable.dims, fill_value=False, fletcher32=checked)
-        new.setncatts(schema.attributes(variable, study))
-        new[...] = array

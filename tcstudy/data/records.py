@@ -6,26 +6,19 @@ A block is a few arrays, because a point of a long sweep costs less to solve tha
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
-from enum import IntEnum
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.schema import FIELD_NAMES, NUMBERS
+from tcstudy.data.variable import PointStatus
+
+__all__ = ["BlockRecord", "LevelRecord", "PointRecord", "PointStatus", "block_of"]
+
 Array = NDArray[np.float64]
-
-
-class PointStatus(IntEnum):
-    """Status of a sweep point in the data (CF status_flag). Anything but OK carries a reason."""
-
-    NOT_RUN = 0
-    OK = 1
-    NOT_CONVERGED = 2
-    INCLUSION_VIOLATED = 3
-    SINGULAR = 4
-    MESH_FAILED = 5
-    ERROR = 6
 
 
 @dataclass(frozen=True)
@@ -62,7 +55,7 @@ class PointRecord:
 
     index:   position of the point in the sweep (along each data dimension)
     status, reason: what came of it; reason is "" for OK
-    numbers: results by variable name (see data.schema), tuples where there is one for each start or solver;
+    numbers: results by variable name (data.schema.NUMBERS), tuples where there is one for each start or solver;
              missing ones are NaN in the data
     u_T, xi: (m,) tangential displacement [m] and traction −S_T = ξ_i/c_i [Pa]; empty if the point failed before
     sticks:  (m,) 1 where the node rests on an up-jump of the friction law, else 0; empty if that is not known
@@ -78,6 +71,9 @@ class PointRecord:
     xi: Array
     fields: dict[str, Array] = field(default_factory=dict)
     sticks: NDArray[np.int8] = field(default_factory=lambda: np.empty(0, dtype=np.int8))
+
+    def __post_init__(self) -> None:
+        _check_names(self.numbers.keys(), self.fields.keys())
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +100,9 @@ class BlockRecord:
     xi: Array | None = None
     sticks: NDArray[np.int8] | None = None
     fields: dict[str, Array] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check_names(self.numbers.keys(), self.fields.keys())
 
     def __len__(self) -> int:
         return len(self.points)
@@ -132,6 +131,13 @@ class BlockRecord:
                 fields={n: values[row] for n, values in self.fields.items() if not np.isnan(values[row]).all()},
                 sticks=self.sticks[row] if known and self.sticks is not None else np.empty(0, dtype=np.int8),
             )
+
+
+def _check_names(numbers: AbstractSet[str], fields: AbstractSet[str]) -> None:
+    """Raise ValueError unless the table of variables has all names; they are compared as sets, once a record."""
+    if not (numbers <= NUMBERS and fields <= FIELD_NAMES):
+        unknown = sorted(numbers - NUMBERS) + sorted(fields - FIELD_NAMES)
+        raise ValueError(f"no variable {', '.join(unknown)} in the table of the result file")
 
 
 def block_of(points: Sequence[PointRecord], shape: tuple[int, ...], number: int = 0) -> BlockRecord:

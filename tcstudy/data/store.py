@@ -8,48 +8,53 @@ The points of a sweep as their files have them, before there is any file.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tcstudy.data import schema
+from tcstudy.data.axes import axis_attributes, axis_labels, axis_name, axis_places, axis_problems, sweep_dims
 from tcstudy.data.files import FINISHED, StoreError, new_dataset, replace_file
 from tcstudy.data.live import put_live
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
 from tcstudy.data.reading import attributes
 from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, PointStatus, block_of
+from tcstudy.data.variable import MISSING_COUNT, SWEEP, FileVariable, edge_flags
+from tcstudy.data.writer import CHUNK, define, put, put_all, put_axes, put_names, tile_shape, tiles
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
     import netCDF4
     import xarray
-if TYPE_CHECKING:
-    import xarray
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 Places = np.ndarray[Any, np.dtype[np.intp]]
+Records = Collection[BlockRecord | PointRecord] | Callable[[], Iterable[BlockRecord | PointRecord]]
 
 KEPT = "finished points are kept in the journal"
+MEMORY = 2**26
+"""Bytes of results that the writer holds at a time; a longer sweep takes several passes over its records."""
 
 
 def write(
     path: Path,
     study: Study,
     levels: Sequence[LevelRecord],
-    records: Iterable[BlockRecord | PointRecord],
+    records: Records,
     provenance: Provenance,
 ) -> None:
     """Write all results of a run to `path`, replacing an old file in one step.
 
-    Points without a record stay "not run"; of two records of one point the last one counts. Whole-body fields go
-    to the disk record by record, so `records` may be a generator.
+    records: all of them, or a function that gives them anew for every pass: neither they nor the results need fit
+             into memory. Of two records of one point the last one counts; points without any stay "not run"
 
     Raises StoreError if the file cannot be written (the old one is then untouched), ValueError if a record does
     not fit the study.
     """
-    problems = schema.axis_problems(study)
+    problems = axis_problems(study)
     if problems:
         raise StoreError("; ".join(problems))
     replace_file(path, lambda aside: _write_file(aside, study, levels, records, provenance), KEPT)
@@ -66,126 +71,201 @@ def open_results(path: Path) -> xarray.DataTree:
     return xarray.open_datatree(path, engine="netcdf4")
 
 
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Variables by point of one group: the root, which has all levels, or the contact line of one level.
+
+    level: None for the root;  group: where they stand;  tile: extent of their chunks along the sweep
+    after: sizes of the dimensions after those of the sweep, by variable
+    """
+
+    level: int | None
+    group: netCDF4.Dataset
+    variables: tuple[FileVariable, ...]
+    tile: tuple[int, ...]
+    after: dict[str, tuple[int, ...]]
+
+    @property
+    def point_bytes(self) -> int:
+        """Bytes that a point takes in memory."""
+        return sum(math.prod(self.after[v.name]) * _width(v) for v in self.variables)
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A run of places of a section, as many tiles as fit into memory, and what their points have there.
+
+    places: start, stop;  arrays: (stop − start, …) by variable
+    """
+
+    section: Section
+    start: int
+    stop: int
+    arrays: Arrays
+
+
 def _write_file(
-    file: Path,
-    study: Study,
-    levels: Sequence[LevelRecord],
-    records: Iterable[BlockRecord | PointRecord],
-    provenance: Provenance,
+    file: Path, study: Study, levels: Sequence[LevelRecord], records: Records, provenance: Provenance
 ) -> None:
-    """One complete file; sweep arrays are allocated whole, so that every point has its place at once."""
+    """One complete file: the sweep from front to back, every chunk once."""
     with new_dataset(file) as nc:
         nc.setncatts(global_attributes(study, provenance))
-        _put_axes(nc, study)
+        _put_dimensions(nc, study)
         variables = schema.root_variables(study)
-        sizes = {"level": study.mesh.levels, "start": len(schema.START_NAMES), "solver": len(study.solver.names)}
-        root = _allocate(variables, study, sizes)
-        groups: dict[int, netCDF4.Group] = {}
-        contact: dict[int, Arrays] = {}
+        for variable in variables:
+            if variable.dims == ("level",):
+                put(nc, variable, study, _by_level(variable, study, levels))
         known = {level.level: level for level in levels}
         for level in levels:
             check_level(level, study)
-            _take_level(root, variables, level)
-            groups[level.level] = _make_group(nc, study, level)
-            contact[level.level] = _contact_arrays(study, level)
-        for record in records:
-            block = record if isinstance(record, BlockRecord) else block_of((record,), study.shape)
-            check_block(block, study, known.get(block.level))
-            places = _places(study, block)
-            _take_block(root, contact.get(block.level, {}), block, places, math.prod(study.shape))
-            _put_fields(groups.get(block.level), study, block, places)
-        for variable in variables:
-            _put(nc, variable, study, root[variable.name])
+        groups = {level.level: _make_group(nc, study, level) for level in levels}
+        sizes = {"level": study.mesh.levels, "start": len(schema.START_NAMES), "solver": len(study.solver.names)}
+        sections = [_section(None, nc, study, variables, sizes)]
         for level in levels:
-            group = groups[level.level]
-            for variable in schema.CONTACT:
-                _put(group, variable, study, contact[level.level][variable.name])
-            group["edge"].setncatts(schema.edge_attributes(level.edge_names))
+            sizes = {"node": len(level.arclength)}
+            sections.append(_section(level.level, groups[level.level], study, schema.CONTACT, sizes))
+        for number, windows in enumerate(_passes(sections, study)):
+            for block in _blocks(records, study, known):
+                places = _places(study, block)
+                for window in windows:
+                    _take_block(window, block, places)
+                if not number:
+                    _put_fields(groups.get(block.level), study, block, places)
+            for window in windows:
+                _put_window(window, study)
         nc.setncattr(FINISHED, np.int32(1))
 
 
-def _allocate(variables: Sequence[schema.Variable], study: Study, sizes: dict[str, int]) -> Arrays:
-    """Arrays full of missing values."""
-    arrays: Arrays = {}
-    for v in variables:
-        shape = tuple(n for d in v.dims for n in (study.shape if d == schema.SWEEP else (sizes[d],)))
-        arrays[v.name] = np.full(shape, v.missing, dtype=object if v.dtype == "str" else v.dtype)
-    return arrays
+def _blocks(records: Records, study: Study, levels: Mapping[int, LevelRecord]) -> Iterator[BlockRecord]:
+    for record in records() if callable(records) else records:
+        block = record if isinstance(record, BlockRecord) else block_of((record,), study.shape)
+        check_block(block, study, levels.get(block.level))
+        yield block
 
 
-def _put(where: netCDF4.Dataset, variable: schema.Variable, study: Study, values: np.ndarray[Any, Any] | None) -> None:
-    """Define a variable and write its values; without any, those of each point in its place come later."""
-    dims = schema.expand(variable.dims, study)
-    kind: Any = str if variable.dtype == "str" else variable.dtype
-    checked = bool(dims) and variable.dtype != "str"  # HDF5 has no checksums of scalars and texts
-    # without values yet: whole-body fields, which are written point by point
-    chunks = (1,) * len(study.shape) + (where.dimensions["mesh_node"].size,) if values is None else None
-    new = where.createVariable(
-        variable.name, kind, dims, fill_value=variable.fill_value, fletcher32=checked, chunksizes=chunks
-    )
-    new.setncatts(schema.attributes(variable, study))
-    if values is not None:
-        new[...] = values
+def _width(variable: FileVariable) -> int:
+    return 8 if variable.dtype == "str" else np.dtype(variable.dtype).itemsize
 
 
-def _put_axes(nc: netCDF4.Dataset, study: Study) -> None:
-    """Dimensions and coordinates of the sweep, and the level."""
-    for name, size in zip(schema.sweep_dims(study), study.shape, strict=True):
-        nc.createDimension(name, size)
-    nc.createDimension("level", study.mesh.levels)
-    for axis in study.axes:
-        labels = schema.axis_labels(axis)
-        name = schema.axis_name(axis)
-        dim = name if study.mode == "grid" else schema.POINT
-        texts = labels.dtype == object
-        new = nc.createVariable(name, str if texts else "f8", (dim,), fill_value=False, fletcher32=not texts)
-        new.setncatts(schema.axis_attributes(axis))
-        new[...] = labels[np.argsort(schema.axis_places(axis))] if study.mode == "grid" else labels
-    _put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels, dtype=np.int32))
-    _put_names(nc, "start", schema.START_NAMES, "where the solver started")
+def _section(
+    level: int | None, group: netCDF4.Dataset, study: Study, variables: Iterable[FileVariable], sizes: dict[str, int]
+) -> Section:
+    """Define the variables by point of a group."""
+    own = tuple(v for v in variables if SWEEP in v.dims)
+    after = {v.name: tuple(sizes[d] for d in v.dims if d != SWEEP) for v in own}
+    widest = max(math.prod(after[v.name]) * _width(v) for v in own)
+    tile = tile_shape(study.shape, max(1, CHUNK // max(1, widest)))
+    for variable in own:
+        define(group, variable, study, (*tile, *after[variable.name]))
+    return Section(level, group, own, tile, after)
+
+
+def _passes(sections: Sequence[Section], study: Study) -> Iterator[list[Window]]:
+    """Windows over all sections, as many at a time as MEMORY holds."""
+    batch: list[Window] = []
+    left = MEMORY
+    for section in sections:
+        tile_points, cost = math.prod(section.tile), max(1, section.point_bytes)
+        size = max(1, MEMORY // (cost * tile_points)) * tile_points
+        start = 0
+        for _, _, stop in tiles(study.shape, section.tile):
+            whole = stop - start + tile_points > size or stop == math.prod(study.shape)
+            if not whole:
+                continue
+            if batch and cost * (stop - start) > left:
+                yield batch
+                batch, left = [], MEMORY
+            arrays = {v.name: _missing(v, (stop - start, *section.after[v.name])) for v in section.variables}
+            batch.append(Window(section, start, stop, arrays))
+            left -= cost * (stop - start)
+            start = stop
+    yield batch
+
+
+def _missing(variable: FileVariable, shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
+    """An array full of missing values."""
+    return np.full(shape, variable.missing, dtype=object if variable.dtype == "str" else variable.dtype)
+
+
+def _take_block(window: Window, block: BlockRecord, places: Places) -> None:
+    """Put the points of a block that lie in a window in their places."""
+    if window.section.level not in (None, block.level):
+        return
+    rows = np.flatnonzero((places >= window.start) & (places < window.stop))
+    if not len(rows):
+        return
+    at = places[rows] - window.start
+    if window.section.level is None:
+        _take_numbers(window.arrays, block, rows, at)
+        return
+    known = np.zeros(0, dtype=bool) if block.u_T is None else ~np.isnan(block.u_T[rows]).any(axis=1)
+    for name, line in (("u_T", block.u_T), ("xi", block.xi), ("sticks", block.sticks)) if known.any() else ():
+        if line is not None and name in window.arrays:
+            window.arrays[name][at[known]] = line[rows[known]]
+
+
+def _take_numbers(arrays: Arrays, block: BlockRecord, rows: Places, at: Places) -> None:
+    """Status, reason and numbers of some rows of a block, to their places in the arrays of the root."""
+    words = np.full(len(block), "", dtype=object)
+    for row, reason in block.reasons.items():
+        words[row] = without_paths(reason)
+    arrays["status"][at, block.level] = block.status[rows]
+    arrays["reason"][at, block.level] = words[rows]
+    for name, values in block.numbers.items():
+        array, found = arrays[name][:, block.level], values[rows]
+        if array.dtype.kind != "f":
+            # NaN stands for missing: of several values of a point each for itself, a single one leaves what is there
+            none = MISSING_COUNT if found.ndim > 1 else array[at]
+            missing = np.isnan(found)
+            found = np.where(missing, none, np.where(missing, 0.0, found))
+        array[at] = found
+
+
+def _put_window(window: Window, study: Study) -> None:
+    """Write a window tile by tile, each a hyperslab."""
+    section = window.section
+    for variable in section.variables:
+        array, new = window.arrays.pop(variable.name), section.group[variable.name]
+        for cut, start, stop in tiles(study.shape, section.tile):
+            if not window.start <= start < window.stop:
+                continue
+            values = array[start - window.start : stop - window.start]
+            if variable.dtype == "str" and not values.any():
+                continue  # what is never written is empty, and costs nothing
+            new[cut] = values.reshape(*(s.stop - s.start for s in cut), *values.shape[1:])
+
+
+def _put_dimensions(nc: netCDF4.Dataset, study: Study) -> None:
+    """Dimensions and coordinates of the sweep, the level, the starts and, if they are compared, the solvers."""
+    put_axes(nc, study)
+    put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels))
+    put_names(nc, "start", schema.START_NAMES, "where the solver started", study)
     if len(study.solver.names) > 1:
-        _put_names(nc, "solver", study.solver.names, "solver")
+        put_names(nc, "solver", study.solver.names, "solver", study)
 
 
-def _put_names(nc: netCDF4.Dataset, dim: str, names: Sequence[str], long_name: str) -> None:
-    """A dimension with texts as its coordinate."""
-    nc.createDimension(dim, len(names))
-    new = nc.createVariable(dim, str, (dim,), fill_value=False)
-    new.setncatts({"long_name": long_name, "units": "1"})
-    new[...] = np.array(names, dtype=object)
+def _by_level(variable: FileVariable, study: Study, levels: Sequence[LevelRecord]) -> np.ndarray[Any, Any]:
+    values = _missing(variable, (study.mesh.levels,))
+    for level in levels:
+        values[level.level] = getattr(level, variable.name)
+    return values
 
 
 def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF4.Group:
-    """The group of a level, with its whole mesh if the record has one."""
+    """The group of a level: its contact line, and its whole mesh if the record has one."""
     group = nc.createGroup(f"level_{level.level}")
     group.setncattr("level", np.int32(level.level))
     group.createDimension("node", len(level.arclength))
+    line = {v.name: getattr(level, v.name) for v in schema.CONTACT if SWEEP not in v.dims}
     if "node_x" in level.fields:
-        group.createDimension("mesh_node", len(level.fields["node_x"]))
-        group.createDimension("mesh_face", len(level.fields["triangle"]))
-        group.createDimension("corner", 3)
         mesh = group.createVariable("mesh", "i4", (), fill_value=False)
         mesh.setncatts(schema.MESH_TOPOLOGY)
         mesh[...] = 0
-        for variable in schema.MESH:
-            _put(group, variable, study, level.fields[variable.name])
-    put_live(group, study, level.fields, _put)
+        put_all(group, schema.MESH, level.fields, study)
+    put_live(group, study, level.fields)
+    put_all(group, schema.CONTACT, line, study)
+    group["edge"].setncatts(edge_flags(level.edge_names))
     return group
-
-
-def _contact_arrays(study: Study, level: LevelRecord) -> Arrays:
-    """The contact line of a level, and room for what every point has on it."""
-    arrays = _allocate(schema.CONTACT, study, {"node": len(level.arclength)})
-    for name in ("arclength", "x", "y", "c", "edge"):
-        values = getattr(level, name)
-        arrays[name][...] = values
-    return arrays
-
-
-def _take_level(root: Arrays, variables: Sequence[schema.Variable], level: LevelRecord) -> None:
-    for variable in variables:
-        if variable.dims == ("level",):
-            root[variable.name][level.level] = getattr(level, variable.name)
 
 
 def _places(study: Study, block: BlockRecord) -> Places:
@@ -193,35 +273,8 @@ def _places(study: Study, block: BlockRecord) -> Places:
     if study.mode != "grid" or not study.shape:
         return block.points
     index = np.unravel_index(block.points, study.shape)
-    moved = tuple(schema.axis_places(axis)[i] for axis, i in zip(study.axes, index, strict=True))
+    moved = tuple(axis_places(axis)[i] for axis, i in zip(study.axes, index, strict=True))
     return np.ravel_multi_index(moved, study.shape)
-
-
-def _take_block(root: Arrays, contact: Arrays, block: BlockRecord, places: Places, count: int) -> None:
-    """Put the points of a block in their places; count: points of the sweep."""
-
-    def at_level(name: str) -> np.ndarray[Any, Any]:
-        array = root[name]
-        levels = root["status"].size // count
-        return array.reshape(count, levels, -1)[:, block.level]  # a view: the arrays are contiguous
-
-    words = np.full(len(block), "", dtype=object)
-    for row, reason in block.reasons.items():
-        words[row] = without_paths(reason)
-    at_level("status")[places, 0] = block.status
-    at_level("reason")[places, 0] = words
-    for name, values in block.numbers.items():
-        array, values = at_level(name), values.reshape(len(block), -1)
-        if array.dtype.kind != "f":
-            # NaN stands for missing: of several values of a point each for itself, a single one leaves what is there
-            none = schema.MISSING_COUNT if values.shape[1] > 1 else array[places]
-            missing = np.isnan(values)
-            values = np.where(missing, none, np.where(missing, 0.0, values))
-        array[places] = values
-    known = np.zeros(0, dtype=bool) if block.u_T is None else ~np.isnan(block.u_T).any(axis=1)
-    for name, line in (("u_T", block.u_T), ("xi", block.xi), ("sticks", block.sticks)) if known.any() else ():
-        if line is not None and name in contact:
-            contact[name].reshape(count, -1)[places[known]] = line[known]
 
 
 def _put_fields(group: netCDF4.Group | None, study: Study, block: BlockRecord, places: Places) -> None:
@@ -231,7 +284,7 @@ def _put_fields(group: netCDF4.Group | None, study: Study, block: BlockRecord, p
     known = {variable.name: variable for variable in schema.FIELDS}
     for name, rows in block.fields.items():
         if name not in group.variables:
-            _put(group, known[name], study, None)
+            define(group, known[name], study, (1,) * len(study.shape) + (group.dimensions["mesh_node"].size,))
         for row, values in enumerate(rows):
             if not np.isnan(values).all():
                 place = np.unravel_index(places[row], study.shape) if study.shape else ()
@@ -253,9 +306,6 @@ def check_block(block: BlockRecord, study: Study, level: LevelRecord | None) -> 
         raise ValueError(f"{name} has not one row of numbers for each of its points")
     if not {*block.status.tolist()} <= {*PointStatus}:
         raise ValueError(f"{name} has a status that does not exist")
-    unknown = sorted(block.numbers.keys() - schema.NUMBERS) + sorted(block.fields.keys() - schema.FIELD_NAMES)
-    if unknown:
-        raise ValueError(f"no variable {', '.join(unknown)} in the schema")
     mesh = level.fields.get("node_x") if level is not None else None
     _check_width(name, line, None if level is None else level.n_contact)
     _check_width(name, block.fields, None if mesh is None else len(mesh))
@@ -288,18 +338,8 @@ def sweep_points(study: Study) -> xarray.Dataset:
 
     data = xarray.Dataset(attrs={"sweep_mode": study.mode})
     for axis in study.axes:
-        name = schema.axis_name(axis)
+        name = axis_name(axis)
         dim = name if study.mode == "grid" else schema.POINT
-        data = data.assign_coords({name: (dim, schema.axis_labels(axis), schema.axis_attributes(axis))})
-    data["status"] = (schema.sweep_dims(study), np.zeros(study.shape, dtype=np.int8))
-    return data
-
-
-def ascending(data: xarray.Dataset, study: Study) -> xarray.Dataset:
-    """The same data with axes of numbers that go up and down sorted: CF wants monotonic coordinates."""
-    if study.mode == "grid":
-        for axis in study.axes:
-            places = schema.axis_places(axis)
-            if np.any(places != np.arange(len(places))):
-                data = data.isel({schema.axis_name(axis): np.argsort(places)})
+        data = data.assign_coords({name: (dim, axis_labels(axis), axis_attributes(axis))})
+    data["status"] = (sweep_dims(study), np.zeros(study.shape, dtype=np.int8))
     return data

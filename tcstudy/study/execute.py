@@ -83,7 +83,7 @@ def execute(
         journal.flush()
         statuses = np.concatenate([np.empty(0, dtype=np.int8), *(block.status for block in journal.blocks())])
         levels = journal.levels()
-        write(output, _with_levels(study, levels), levels, journal.blocks(), collect(study, command))
+        write(output, _with_levels(study, levels), levels, journal.blocks, collect(study, command))
         journal.discard()
     failed = int(np.count_nonzero(statuses != PointStatus.OK))
     return Summary(output, len(statuses), failed, sum(len(block) for block in finished.values()))

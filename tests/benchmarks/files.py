@@ -61,7 +61,7 @@ def made_up_blocks(study: Study) -> Iterator[BlockRecord]:
         numbers: dict[str, Any] = {}
         for k, v in enumerate(kinds.values()):
             if v.dims[-1] == "start":
-                numbers[v.name] = np.column_stack([smooth + i for i in range(4)])
+                numbers[v.name] = np.column_stack([smooth + i for i in range(len(schema.START_NAMES))])
             elif v.dtype == "f8":
                 numbers[v.name] = np.sin(smooth * (k + 1)) + 1e-9 * rng.random(p)
             else:
@@ -94,7 +94,7 @@ def measured(points: int) -> tuple[float, float, float, int, int]:
             journal.add(block)
         journal.flush()
         kept = time.perf_counter()
-        write(output, study, journal.levels(), journal.blocks(), PROVENANCE)
+        write(output, study, journal.levels(), journal.blocks, PROVENANCE)
         done = time.perf_counter()
         size = journal.path.stat().st_size
         journal.discard()

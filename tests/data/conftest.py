@@ -14,6 +14,7 @@ from tcstudy.data import schema
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.data.store import write
+from tcstudy.data.variable import FileVariable
 from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
 
 TEXT = "title: Bärenstark\nsweep:\n  alpha: [25, 100]\n"
@@ -66,7 +67,7 @@ def make_level(level: int, fields: bool = False) -> LevelRecord:
     )
 
 
-def make_number(variable: schema.Variable, seed: float, k: int) -> float | tuple[float, ...]:
+def make_number(variable: FileVariable, seed: float, k: int) -> float | tuple[float, ...]:
     """A flag, a count or a float; several of them where there is one for each start."""
     if variable.dtype == "i1":
         return int(seed + k) % 2

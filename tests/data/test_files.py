@@ -106,7 +106,7 @@ def test_an_interrupt_leaves_the_old_file(
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write(written, study, levels, interrupted(), provenance)
+        write(written, study, levels, interrupted, provenance)
     assert written.read_bytes() == before
     assert os.listdir(written.parent) == [written.name]
 

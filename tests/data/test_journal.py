@@ -121,7 +121,7 @@ def test_the_journal_feeds_the_store_and_is_then_discarded(
     with Journal.open(output, study) as journal:
         for record in (*levels, *points):
             journal.add(record)
-        store.write(output, study, journal.levels(), journal.points(), provenance)
+        store.write(output, study, journal.levels(), journal.points, provenance)
         journal.discard()
     assert os.listdir(output.parent) == [output.name]
     with store.open_results(output) as tree:

@@ -29,14 +29,9 @@ def stranger(path: Path, **more: object) -> Path:
     return path
 
 
-def test_a_whole_file_is_sealed_and_its_arrays_carry_checksums(written: Path) -> None:
+def test_a_whole_file_is_sealed(written: Path) -> None:
     assert seal_of(written) == Seal.WHOLE
     assert attributes(written)["title"] == "Bärenstark"
-    with netCDF4.Dataset(written) as nc:
-        for group in (nc, *nc.groups.values()):
-            for variable in group.variables.values():
-                if variable.dtype is not str and variable.ndim:
-                    assert variable.filters()["fletcher32"], variable.name
 
 
 @pytest.mark.parametrize("place", [0, 8, 600, 5000, -200, -60])

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from tcstudy.data.store import ascending, sweep_points
+from tcstudy.data.axes import axis_labels, axis_order
+from tcstudy.data.store import sweep_points
+from tcstudy.data.writer import in_file_order
 from tcstudy.report.select_point import describe, locate
 from tcstudy.report.style import DrawError
 from tests.verification.scenes import RECTANGLE, study_of
@@ -31,16 +34,15 @@ def test_points_are_found_by_key_paths_and_messages_name_the_study() -> None:
 
 def test_axes_that_go_up_and_down_are_sorted_with_their_values() -> None:
     study = study_of(RECTANGLE, "sweep={tau: [0.02, 0.01, 0.03], nu: [0.3, 0.2]}")
-    data = sweep_points(study)
-    data["value"] = (("tau", "nu"), [[2.3, 2.2], [1.3, 1.2], [3.3, 3.2]])
-    data = ascending(data, study)
-    assert data["tau"].values.tolist() == [0.01, 0.02, 0.03]
-    assert data["nu"].values.tolist() == [0.3, 0.2]  # one way only is no fault
-    assert data["value"].values.tolist() == [[1.3, 1.2], [2.3, 2.2], [3.3, 3.2]]
+    tau, nu = ([float(label) for label in axis_labels(axis)[axis_order(axis)]] for axis in study.axes)
+    assert tau == [0.01, 0.02, 0.03]
+    assert nu == [0.3, 0.2]  # one way only is no fault
+    values = np.array([[2.3, 2.2], [1.3, 1.2], [3.3, 3.2]])
+    assert in_file_order(study, values).tolist() == [[1.3, 1.2], [2.3, 2.2], [3.3, 3.2]]
 
 
 def test_points_read_together_stay_in_their_order() -> None:
     study = study_of(RECTANGLE, "sweep={mode: zip, tau: [0.02, 0.01, 0.03], nu: [0.3, 0.2, 0.3]}")
-    data = ascending(sweep_points(study), study)
-    assert data["tau"].values.tolist() == [0.02, 0.01, 0.03]
-    assert locate(data, {"tau": 0.01}) == {"point": 1}
+    assert sweep_points(study)["tau"].values.tolist() == [0.02, 0.01, 0.03]
+    assert in_file_order(study, np.arange(3.0)).tolist() == [0.0, 1.0, 2.0]
+    assert locate(sweep_points(study), {"tau": 0.01}) == {"point": 1}

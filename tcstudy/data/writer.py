@@ -1,0 +1,156 @@
+"""How variables get into a netCDF-4 file: the one writer of runs, paths, convergence and cost.
+
+A small variable lies in one piece, because chunks of their own would cost it more than its values; the seal of the file
+is its checksum. A large one lies in compressed chunks with a checksum each. A chunk over the sweep is a tile: tiles
+follow one another in C order and each is a run of points, so that a sweep can be written, and read, from front to back.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.axes import axis_attributes, axis_labels, axis_name, axis_order, expand, sweep_dims
+from tcstudy.data.schema import POINT
+from tcstudy.data.variable import RATE, SWEEP, FileVariable, T
+from tcstudy.scene.study import Study
+
+if TYPE_CHECKING:
+    import netCDF4
+
+SMALL = 2**16
+"""Bytes up to which a variable lies in one piece."""
+CHUNK = 2**20
+"""Bytes of a chunk at most."""
+
+Shape = tuple[int, ...]
+
+
+def tile_shape(shape: Shape, points: int) -> Shape:
+    """Extent of tiles of at most `points` points that follow one another in C order."""
+    tile, rest = [1] * len(shape), 1
+    for d in reversed(range(len(shape))):
+        parts = math.ceil(shape[d] / max(1, points // rest))
+        tile[d] = max(1, math.ceil(shape[d] / max(1, parts)))
+        if parts > 1:
+            break
+        rest *= shape[d]
+    return tuple(tile)
+
+
+def tiles(shape: Shape, tile: Shape) -> Iterator[tuple[tuple[slice, ...], int, int]]:
+    """(slices, first place, place after the last) of every tile; places count points in C order."""
+    start = 0
+    for index in np.ndindex(*(math.ceil(n / t) for n, t in zip(shape, tile, strict=True))):
+        cut = tuple(slice(i * t, min((i + 1) * t, n)) for i, t, n in zip(index, tile, shape, strict=True))
+        stop = start + math.prod(s.stop - s.start for s in cut)
+        yield cut, start, stop
+        start = stop
+
+
+def define(where: netCDF4.Dataset, variable: FileVariable, study: Study, chunk: Shape = ()) -> netCDF4.Variable:
+    """Make a variable whose dimensions are there. chunk: extent of its chunks if it is large; () for usual ones."""
+    dims = expand(variable.dims, study)
+    sizes = dimensions(where)
+    shape = tuple(sizes[name] for name in dims)
+    new = where.createVariable(
+        variable.name,
+        str if variable.dtype == "str" else variable.dtype,
+        dims,
+        fill_value=variable.fill_value,
+        **storage(variable, shape, chunk),
+    )
+    if new.chunking() not in (None, "contiguous"):
+        new.set_var_chunk_cache(size=2 * CHUNK)  # the library's own would keep the greater part of the file in memory
+    new.setncatts(attributes(variable, study))
+    return new
+
+
+def storage(variable: FileVariable, shape: Shape, chunk: Shape = ()) -> dict[str, Any]:
+    """How a variable of this shape lies in the file. HDF5 has no filters for scalars and texts."""
+    width = 16 if variable.dtype == "str" else np.dtype(variable.dtype).itemsize
+    count = math.prod(shape)
+    if width * count <= SMALL:
+        return {"contiguous": True} if variable.dtype != "str" and count else {}
+    sizes: dict[str, Any] = {"chunksizes": chunk or tile_shape(shape, CHUNK // width)}
+    if variable.dtype == "str":
+        return sizes
+    return {"compression": "zlib", "complevel": 1, "shuffle": True, "fletcher32": True, **sizes}
+
+
+def put(where: netCDF4.Dataset, variable: FileVariable, study: Study, values: Any, **more: Any) -> None:
+    """Make a variable and write its values; dimensions come with the first variable that has them.
+
+    more: further attributes
+    """
+    array = np.asarray(values, dtype=object if variable.dtype == "str" else variable.dtype)
+    for name, size in zip(expand(variable.dims, study), array.shape, strict=True):
+        if name not in dimensions(where):
+            where.createDimension(name, size)
+    new = define(where, variable, study)
+    new.setncatts(more)
+    new[...] = array
+
+
+def put_all(where: netCDF4.Dataset, variables: Iterable[FileVariable], values: Mapping[str, Any], study: Study) -> None:
+    """Make the variables that `values` has by name, and write them."""
+    for variable in variables:
+        if variable.name in values:
+            put(where, variable, study, values[variable.name])
+
+
+def dimensions(where: netCDF4.Dataset) -> dict[str, int]:
+    """Sizes of the dimensions of a group, with those that it has from the groups above."""
+    above = dimensions(where.parent) if where.parent is not None else {}
+    return above | {name: int(dim.size) for name, dim in where.dimensions.items()}
+
+
+def put_axes(nc: netCDF4.Dataset, study: Study) -> None:
+    """Dimensions and coordinates of the sweep."""
+    for name, size in zip(sweep_dims(study), study.shape, strict=True):
+        nc.createDimension(name, size)
+    for axis in study.axes:
+        labels = axis_labels(axis)
+        name = axis_name(axis)
+        dim = name if study.mode == "grid" else POINT
+        units = axis.units
+        kept = FileVariable(name, "str" if labels.dtype == object else "f8", units, "", (dim,), coordinate=True)
+        new = define(nc, kept, study)
+        new.setncatts(axis_attributes(axis))
+        new[...] = labels[axis_order(axis)] if study.mode == "grid" else labels
+
+
+def put_names(nc: netCDF4.Dataset, dim: str, names: Iterable[str], long_name: str, study: Study) -> None:
+    """A dimension with texts as its coordinate."""
+    put(nc, FileVariable(dim, "str", "1", long_name, (dim,), coordinate=True), study, list(names))
+
+
+def in_file_order(study: Study, values: NDArray[Any]) -> NDArray[Any]:
+    """Values by point, the sweep's dimensions first, with every axis sorted as in the file."""
+    if study.mode == "grid":
+        for d, axis in enumerate(study.axes):
+            values = np.take(values, axis_order(axis), axis=d)
+    return values
+
+
+def attributes(variable: FileVariable, study: Study) -> dict[str, Any]:
+    """Attributes of a variable in the file of this study (without _FillValue)."""
+    extra, units, long_name = dict(variable.extra), variable.units, variable.long_name
+    if units in (T, RATE):
+        assert study.path is not None
+        t = study.path.units
+        if units == T:
+            long_name += f" ({study.path.name})"
+            extra |= {"units_metadata": "temperature: difference"} if t == "K" else {}
+        units = t if units == T else ("J m-1" if t == "1" else f"J m-1/({t})")
+    if study.units == "none" and units != "s":
+        extra.pop("units_metadata", None)
+        units = "1"
+    if study.mode == "list" and SWEEP in variable.dims:
+        names = (extra.get("coordinates", ""), *(axis_name(axis) for axis in study.axes))
+        extra["coordinates"] = " ".join(names).strip()
+    return {"long_name": long_name, "units": units, **extra}

@@ -1,0 +1,115 @@
+"""How a long sweep gets into its file: tile by tile, in several passes, compressed; a short one in one piece."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+
+from tcstudy.data import store
+from tcstudy.data.provenance import Provenance
+from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, PointStatus
+from tcstudy.data.store import open_results, write
+from tcstudy.data.variable import FileVariable
+from tcstudy.data.writer import CHUNK, storage, tile_shape, tiles
+from tcstudy.scene.methods import START_NAMES
+from tcstudy.scene.study import Axis, MeshPlan, Study
+
+STARTS = np.arange(len(START_NAMES)) % 3
+
+
+@pytest.mark.parametrize("shape", [(), (1,), (7,), (3, 5), (4, 1, 6), (2, 3, 4, 5), (1000,)])
+@pytest.mark.parametrize("points", [1, 2, 7, 20, 10_000])
+def test_tiles_follow_one_another_and_cover_the_sweep_once(shape: tuple[int, ...], points: int) -> None:
+    places = np.arange(math.prod(shape)).reshape(shape)
+    tile = tile_shape(shape, points)
+    assert math.prod(tile) <= points
+    found = [(places[cut].ravel().tolist(), start, stop) for cut, start, stop in tiles(shape, tile)]
+    assert [values for values, *_ in found] == [[*range(start, stop)] for _, start, stop in found]
+    assert [place for values, *_ in found for place in values] == [*range(math.prod(shape))]
+
+
+def test_small_variables_lie_in_one_piece_and_large_ones_in_compressed_chunks_with_checksums() -> None:
+    variable = FileVariable("energy", "f8", "J m-1", "energy")
+    assert storage(variable, (8000,)) == {"contiguous": True}
+    assert storage(variable, ()) == {"contiguous": True}
+    large = storage(variable, (1000, 1000))
+    assert large.pop("chunksizes") == tile_shape((1000, 1000), CHUNK // 8)
+    assert large == {"compression": "zlib", "complevel": 1, "shuffle": True, "fletcher32": True}
+
+
+def long_sweep(study: Study) -> tuple[Study, list[BlockRecord]]:
+    """20 × 30 × 25 points, the second axis up and down; blocks a stride apart, in no order, with every tenth failed."""
+    rng = np.random.default_rng(3)
+    labels = (np.arange(20.0), rng.permutation(30).astype(float), np.arange(25.0))
+    named = zip("abd", (tuple(x.tolist()) for x in labels), strict=True)
+    long = replace(study, axes=tuple(Axis(n, ("heat", n), x, x, "1") for n, x in named), mesh=MeshPlan((0.1,), 1))
+    order = np.arange(15_000).reshape(long.shape).transpose(2, 0, 1).ravel()
+    parts, blocks = np.array_split(order, 40), []
+    for number in rng.permutation(len(parts)).tolist():
+        points = parts[number]
+        failed = points % 10 == 0
+        status = np.where(failed, PointStatus.NOT_CONVERGED, PointStatus.OK).astype(np.int8)
+        reasons = {int(row): f"point {points[row]}" for row in np.flatnonzero(failed) if points[row] < 1000}
+        line = np.where(failed, np.nan, points.astype(float))[:, None] + np.arange(3.0)
+        numbers = {"energy": points / 7.0, "iterations": points % 13 + 0.0, "start_energy": line[:, STARTS]}
+        sticks = (line > 5.0).astype(np.int8)
+        blocks.append(BlockRecord(number, 0, long.shape, points, status, reasons, numbers, line, -line, sticks))
+    return long, blocks
+
+
+@pytest.mark.parametrize("memory", [2**26, 200_000])
+def test_a_long_sweep_comes_back_whatever_the_passes(
+    output: Path,
+    study: Study,
+    levels: tuple[LevelRecord, ...],
+    provenance: Provenance,
+    memory: int,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    long, blocks = long_sweep(study)
+    passes = 0
+
+    def again() -> Iterator[BlockRecord]:
+        nonlocal passes
+        passes += 1
+        yield from blocks
+
+    monkeypatch.setattr(store, "MEMORY", memory)
+    monkeypatch.setattr(store, "CHUNK", 2**15)
+    write(output, long, levels[:1], again, provenance)
+    assert (passes > 10) == (memory < 2**26)
+    with netCDF4.Dataset(output) as nc:
+        for name in ("energy", "start_energy", "level_0/u_T"):
+            assert nc[name].filters()["fletcher32"]
+            assert nc[name].filters()["zlib"]
+    places = np.arange(15_000.0).reshape(long.shape)[:, np.argsort(long.axes[1].labels)]
+    failed = places % 10 == 0
+    with open_results(output) as tree:
+        root = tree.to_dataset().isel(level=0)
+        np.testing.assert_array_equal(root["energy"], places / 7.0)
+        np.testing.assert_array_equal(root["iterations"], places % 13)
+        np.testing.assert_array_equal(root["status"] == PointStatus.OK, ~failed)
+        words = np.vectorize(lambda p: f"point {p:.0f}" if p % 10 == 0 and p < 1000 else "", otypes=[object])(places)
+        np.testing.assert_array_equal(root["reason"].values.astype(object), words)
+        u_T = np.where(failed, np.nan, places)[..., None] + np.arange(3.0)
+        np.testing.assert_array_equal(tree["level_0"]["u_T"], u_T)
+        np.testing.assert_array_equal(tree["level_0"]["sticks"], np.where(failed[..., None], -1, u_T > 5))
+        np.testing.assert_array_equal(root["start_energy"], u_T[..., STARTS])
+
+
+def test_a_file_of_three_points_is_small(
+    output: Path,
+    study: Study,
+    levels: tuple[LevelRecord, ...],
+    provenance: Provenance,
+    new_point: Callable[..., PointRecord],
+) -> None:
+    short = replace(study, axes=(study.axes[1],), mesh=MeshPlan((0.1,), 1))
+    write(output, short, levels[:1], [new_point((i,), 0) for i in range(3)], provenance)
+    assert output.stat().st_size < 60_000
