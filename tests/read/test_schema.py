@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,8 @@ def _with_words(value: Any) -> Any:
     """The value with texts as keys, as the reader takes them."""
     if isinstance(value, dict):
         return {str(key): _with_words(item) for key, item in value.items()}
+    if isinstance(value, date):  # YAML 1.2 and the reader know no dates
+        return value.isoformat()
     return [_with_words(item) for item in value] if isinstance(value, list) else value
 
 
