@@ -38,7 +38,7 @@ from tcstudy.solve.contact import TIE, Answer, solve_contact
 from tcstudy.solve.loop import Status
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.solve.search.escape import MOVES
-from tcstudy.solve.separable.finish import finish
+from tcstudy.solve.separable.finish import finish, refined
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -239,7 +239,8 @@ class _Block:
         """Everything judged once more at the points' final v; of a single solve its own judgement counts."""
         rows, v = self.rows, self.v
         judged = judge(rows, v, self.options.acceptance)
-        v_low, status = np.zeros(v.shape), np.where(judged.accepted, Status.CONVERGED, Status.INCLUSION_VIOLATED)
+        v_low = self._refine(judged)
+        status = np.where(judged.accepted, Status.CONVERGED, Status.INCLUSION_VIOLATED)
         reasons = ["" if good else _violated(judged, p) for p, good in enumerate(judged.accepted)]
         for p, answer in self.single.items():
             v_low[p], judged.xi[p], judged.residual[p] = answer.v_low, answer.xi, answer.inclusion_residual
@@ -261,6 +262,19 @@ class _Block:
             self.singly,
             self.certificates(judged.accepted),
         )
+
+    def _refine(self, judged: Judged) -> Array:
+        """(P, m) low parts of v: refined, as in solve_contact, where a point in one double misses the aim."""
+        v_low, rows, aim = np.zeros(self.v.shape), self.rows, self.options.acceptance.aim
+        for p in np.flatnonzero(judged.residual > aim) if rows.laws.plain else ():
+            if int(p) in self.single:
+                continue
+            problem = ContactProblem(rows.body.A_tilde, rows.loads[p], rows.body.c, rows.laws.single(int(p)))
+            point = refined(problem, self.v[p], aim)
+            if point.residual < judged.residual[p]:
+                self.v[p], v_low[p], judged.xi[p], judged.residual[p] = point.v, point.v_low, point.xi, point.residual
+                judged.accepted[p] = self.options.acceptance.accepts(point.residual, float(judged.rounding[p]))
+        return v_low
 
     def certificates(self, accepted: Flags) -> Certificates:
         """What is proved about the points, of solutions only beside `convex` and `unique`."""

@@ -113,7 +113,7 @@ class ContactProblem:
 
     def frictionless(self) -> Array:
         """Ã⁻¹ l̃, the solution without friction (m,)."""
-        return scipy.linalg.solve(self.A_tilde, self.l_tilde, assume_a="pos")
+        return scipy.linalg.cho_solve(scipy.linalg.cho_factor(self.A_tilde, lower=True), self.l_tilde)
 
 
 def least_eigenvalue(A_tilde: Array, c: Array) -> float:

@@ -94,7 +94,7 @@ def test_refinement_gives_slivers_their_digits_back(
 ) -> None:
     """Heat balance and error drop by two orders at least; unrefined, both are about rounding × condition.
 
-    What remains depends on the order in which a BLAS kernel adds up. On Haswell, Sandybridge, Prescott and SkylakeX the
+    What remains depends on the order in which a BLAS kernel adds up. On Haswell, Zen, Sandybridge and Prescott the
     errors were 3.6e-13, 2e-11 and 2.7e-9, the balances up to 5e-16, 1.1e-13 and 1.7e-10: bounds are three times that
     or more. Unrefined errors were 3.3e-10 or more, 914 times the refined one.
     """

@@ -10,7 +10,7 @@ import pytest
 
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
-from tcstudy.data.schema import BALANCED, UNBALANCED
+from tcstudy.data.schema import BALANCED, LIMITED, UNBALANCED
 from tcstudy.data.store import write
 from tcstudy.report.summary import summary
 from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
@@ -118,3 +118,12 @@ def test_a_point_of_a_study_without_a_sweep_is_named_by_its_level(tmp_path: Path
     assert "1 solution failed: inclusion violated" in text
     assert "(level 1)" in text
     assert "1 solution failed: not run: run the study again to resume it (level 0)" in text
+
+
+def test_what_rounding_limits_is_one_line(text_of) -> None:  # type: ignore[no-untyped-def]
+    numbers = {"inclusion_residual": 7e-5, "inclusion_rounding": 1.1e-4, "inclusion_status": LIMITED}
+    text = text_of(point(0, 0), replace(point(2, 1), numbers=numbers))
+    [line] = [line.strip() for line in text.splitlines() if "limited by rounding" in line]
+    assert line.startswith("limited by rounding: 1 of 6 solutions hold to 7e-05 of the scale of b or better, where ")
+    assert "rounding alone allows 0.00011" in line
+    assert "alpha = 3" in line

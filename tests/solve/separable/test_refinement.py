@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tcstudy.online import CondensedBody, LawTables, solve_points
 from tcstudy.scene.law_pieces import slip_weakening, tresca
 from tcstudy.scene.study import TOLERANCE, Acceptance
 from tcstudy.solve.certificates import certify
@@ -12,6 +13,7 @@ from tcstudy.solve.contact import solve_contact
 from tcstudy.solve.loop import Status
 from tcstudy.solve.problem import ContactProblem
 from tcstudy.solve.separable.finish import extended, refined
+from tests.solve.ill_conditioned import body
 
 
 def rail(m: int, strain: float = 7.2e-4) -> ContactProblem:
@@ -74,3 +76,27 @@ def test_softening_keeps_its_low_part_off_the_kinks() -> None:
     answer = solve_contact(softening, tolerance=1e-13)
     assert answer.status == Status.CONVERGED
     assert np.all(answer.v_low[np.isin(answer.v, softening.law.kinks)] == 0.0)
+
+
+def test_what_rounding_limits_is_a_solution_by_default_only() -> None:
+    """A body of condition 1e16 leaves refinement no factor to work with; that is said; a written tolerance refuses."""
+    rng = np.random.default_rng(5)
+    A = body(rng, 20, 1e16)
+    problem = ContactProblem(A, A @ rng.normal(size=20), np.ones(20), tresca(1e-4))
+    answer = solve_contact(problem)
+    assert answer.status == Status.CONVERGED
+    assert answer.limited
+    assert TOLERANCE < answer.inclusion_residual <= answer.rounding
+    strict = solve_contact(problem, tolerance=TOLERANCE)
+    assert strict.status == Status.INCLUSION_VIOLATED
+    assert "rounding alone leaves" in strict.reason
+
+
+def test_blocks_refine_as_single_solves_do() -> None:
+    problem = rail(400, 9.137e-2)
+    tables, law = LawTables.of([problem.law]), np.zeros(1, dtype=np.intp)
+    answers = solve_points(CondensedBody.of(problem.A_tilde, problem.c), problem.l_tilde[None], tables, law)
+    assert answers.status[0] == Status.CONVERGED
+    assert not answers.limited[0]
+    assert answers.inclusion_residual[0] <= TOLERANCE
+    assert problem.xi_extended(answers.v[0], answers.v_low[0]) == pytest.approx(answers.xi[0], abs=0.0)
