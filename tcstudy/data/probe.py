@@ -33,7 +33,7 @@ def probe(file: Path) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=16)
-def _probe(file: str, inode: int, size: int, changed: int) -> dict[str, Any]:
+def _probe(file: str, inode: int, size: int, changed: int) -> dict[str, Any]:  # noqa: ARG001
     command = [sys.executable, "-m", __name__, file]
     environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONWARNINGS": "ignore"}
     try:

@@ -53,7 +53,7 @@ def seal_of(file: Path) -> Seal:
 
 
 @lru_cache(maxsize=16)
-def _seal_of(file: str, inode: int, size: int, changed: int) -> Seal:
+def _seal_of(file: str, inode: int, size: int, changed: int) -> Seal:  # noqa: ARG001
     """Computed once while the file stays as it is: one command opens it several times."""
     if size < _LENGTH:
         return Seal.NONE

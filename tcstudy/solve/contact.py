@@ -152,7 +152,12 @@ def _separable(
 
 
 def _bundle(
-    problem: ContactProblem, x0: Array, accuracy: float, max_iterations: int | None, stay: bool, log: Log | None
+    problem: ContactProblem,
+    x0: Array,
+    accuracy: float,
+    max_iterations: int | None,
+    stay: bool,  # noqa: ARG001
+    log: Log | None,
 ) -> Outcome:
     from tcstudy.solve.bundle.contact import solve_with_bundle  # needs the QP library
 

@@ -112,7 +112,7 @@ def _steps(
     """Solve the levels of a curve for the first time and keep them, as far as the caller goes on."""
     dropped: set[str] = set()
 
-    def wanted(name: str, level: int) -> bool:
+    def wanted(name: str, level: int) -> bool:  # noqa: ARG001
         return name not in dropped
 
     curve.stages.append([])
