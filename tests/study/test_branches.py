@@ -52,7 +52,7 @@ def test_energies_of_all_starts_are_kept(tmp_path: Path) -> None:
     assert set(found) <= {0.32, 0.30}
     assert np.nanmin(energies) == pytest.approx(float(tree["energy"][0]))
     assert np.isnan(energies[2])  # a single point has no neighbour
-    assert tree["start"].values.tolist() == ["zero", "frictionless", "neighbour", "escape"]
+    assert tree["start"].values.tolist() == ["zero", "frictionless", "neighbour", "escape", "exact"]
     assert int(tree["global_minimum"][0]) in (0, 1)
 
 
