@@ -71,7 +71,7 @@ def test_missing_memory_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pyt
     def greedy(options: object) -> int:
         raise MemoryError
 
-    monkeypatch.setattr(commands, "run", greedy)
+    monkeypatch.setattr(commands.run, "command", greedy)
     assert cli.main(["run", "block.yaml"]) == cli.NO_ROOM
     captured = capsys.readouterr()
     assert captured.err.startswith("there is not enough memory; finished points are kept")
@@ -82,6 +82,6 @@ def test_other_errors_are_not_called_missing_memory(monkeypatch: pytest.MonkeyPa
     def wrong(options: object) -> int:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(commands, "run", wrong)
+    monkeypatch.setattr(commands.run, "command", wrong)
     with pytest.raises(ZeroDivisionError):
         cli.main(["run", "block.yaml"])

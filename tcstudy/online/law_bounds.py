@@ -138,9 +138,9 @@ class _March:
             slope = np.where(concave & (width > 0.0), np.minimum(chord, slope), slope)
         self.size[nodes] = np.maximum(self.size[nodes], np.abs(value))
         distance = at - v
-        with np.errstate(divide="ignore"):
-            noise = _ROUNDINGS * np.finfo(float).eps * self.size[nodes] / distance
-        largest = _quotient(gap, excess, slope, distance, width) + np.where(distance > 0.0, noise, 0.0)
+        noise = np.zeros(len(nodes))  # of the quotient, which at v itself is a limit
+        np.divide(_ROUNDINGS * np.finfo(float).eps * self.size[nodes], distance, out=noise, where=distance > 0.0)
+        largest = _quotient(gap, excess, slope, distance, width) + noise
         self.D[nodes] = np.maximum(self.D[nodes], np.where(width > 0.0, largest, -np.inf))
         self.gap[nodes] = gap + width * zeta - tables.piece_integral(piece, at, at + width)
         self.at[nodes] = at + width
