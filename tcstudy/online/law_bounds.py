@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from tcstudy.online.law_tables import LawTables
 from tcstudy.scene.friction import DOWN
+from tcstudy.solve.bounds import quotient, start_excess
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -131,7 +132,7 @@ class _March:
         tables, at, gap = self.tables, self.at[nodes], self.gap[nodes]
         v, zeta = self.v[nodes], self.zeta[nodes]
         value, slope = tables.value(at, piece), tables.slope(at, piece)
-        excess = np.where(at == v, _start_excess(value, zeta), zeta - value)
+        excess = np.where(at == v, start_excess(value, zeta), zeta - value)
         concave = tables.a.take(piece) < 0.0
         if np.any(concave):
             chord = (tables.value(at + width, piece) - value) / np.where(width > 0.0, width, 1.0)
@@ -140,7 +141,7 @@ class _March:
         distance = at - v
         noise = np.zeros(len(nodes))  # of the quotient, which at v itself is a limit
         np.divide(_ROUNDINGS * np.finfo(float).eps * self.size[nodes], distance, out=noise, where=distance > 0.0)
-        largest = _quotient(gap, excess, slope, distance, width) + noise
+        largest = quotient(gap, excess, slope, distance, width) + noise
         self.D[nodes] = np.maximum(self.D[nodes], np.where(width > 0.0, largest, -np.inf))
         self.gap[nodes] = gap + width * zeta - tables.piece_integral(piece, at, at + width)
         self.at[nodes] = at + width
@@ -172,22 +173,3 @@ def _parts(rate: Array, width: Array, count: int) -> list[Array]:
         fine = np.minimum(width, _DECAY / np.abs(rate))
     rest, inner = width - fine, [fine / count] * count
     return [np.where(rate < 0.0, rest, 0.0), *inner, np.where(rate > 0.0, rest, 0.0)]
-
-
-def _start_excess(value: Array, zeta: Array) -> Array:
-    """ζ − b(v + 0) at v itself: 0 inside a piece, negative on an up-jump; rounding above 0 is removed."""
-    excess = zeta - value
-    rounding = _ROUNDINGS * np.finfo(float).eps * np.maximum(np.abs(zeta), np.abs(value))
-    return np.where(np.abs(excess) <= rounding, np.minimum(excess, 0.0), excess)
-
-
-def _quotient(gap: Array, excess: Array, slope: Array, distance: Array, width: Array) -> Array:
-    """sup over 0 < w ≤ width of 2 (gap + excess w − ½ slope w²)/(distance + w)², a parabola in 1/(distance + w)."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        touching = np.where(excess > 0.0, np.inf, 2.0 * excess / width - slope)
-        h_0 = gap - excess * distance - 0.5 * slope * distance**2
-        vertex = -2.0 * h_0 / (excess + slope * distance) - distance
-        apart = np.full(len(gap), -np.inf)
-        for w in (np.zeros(len(gap)), width, np.clip(np.nan_to_num(vertex), 0.0, width)):
-            apart = np.maximum(apart, 2.0 * (gap + w * (excess - 0.5 * slope * w)) / (distance + w) ** 2)
-    return np.where(distance == 0.0, touching, apart)

@@ -96,14 +96,14 @@ def _advance(law: FrictionLaw, piece: int, march: _March, active: Index, v: Arra
     at, gap = march.at[active], march.gap[active]
     k = np.full(len(active), piece)
     value = law.value(at, k)
-    excess = np.where(at == v[active], _start_excess(value, zeta[active]), zeta[active] - value)
+    excess = np.where(at == v[active], start_excess(value, zeta[active]), zeta[active] - value)
     slope = np.asarray(law.slope(at, k))
     if law.a[piece] < 0.0:
         chord = (law.value(at + width, k) - value) / np.where(width > 0.0, width, 1.0)
         slope = np.where(width > 0.0, np.minimum(chord, slope), slope)
     march.size[active] = np.maximum(march.size[active], np.abs(value))
     distance = at - v[active]
-    largest = _quotient(gap, excess, slope, distance, width)
+    largest = quotient(gap, excess, slope, distance, width)
     noise = _ROUNDINGS * np.finfo(float).eps * march.size[active] / np.where(distance > 0.0, distance, 1.0)
     largest = largest + np.where(distance > 0.0, noise, 0.0)
     march.D[active] = np.maximum(march.D[active], np.where(width > 0.0, largest, -np.inf))
@@ -111,14 +111,14 @@ def _advance(law: FrictionLaw, piece: int, march: _March, active: Index, v: Arra
     march.at[active] = at + width
 
 
-def _start_excess(value: Array, zeta: Array) -> Array:
+def start_excess(value: Array, zeta: Array) -> Array:
     """ζ − b(v + 0) at v itself: 0 inside a piece, negative on an up-jump; rounding above 0 is removed."""
     excess = zeta - value
     rounding = _ROUNDINGS * np.finfo(float).eps * np.maximum(np.abs(zeta), np.abs(value))
     return np.where(np.abs(excess) <= rounding, np.minimum(excess, 0.0), excess)
 
 
-def _quotient(gap: Array, excess: Array, slope: Array, distance: Array, width: Array) -> Array:
+def quotient(gap: Array, excess: Array, slope: Array, distance: Array, width: Array) -> Array:
     """sup over 0 < w ≤ width of 2 (gap + excess w − ½ slope w²)/(distance + w)², a parabola in 1/(distance + w)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         touching = np.where(excess > 0.0, np.inf, 2.0 * excess / width - slope)
