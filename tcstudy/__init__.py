@@ -30,9 +30,7 @@ imported when it is first used, so that `import tcstudy` costs nothing.
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -85,28 +83,6 @@ __all__ = [
 ]
 
 _MATRICES = ("ContactProblem", "certify", "follow", "law", "solve")
-_ROOMS = {"report": "api", "solve": "matrices"}
-"""Functions that bear the name of a room: the room is called in their place."""
-
-
-class _CalledRoom(ModuleType):
-    """A room that may be called: `tcstudy.solve(problem)` beside `tcstudy.solve.contact`."""
-
-    def __call__(self, *arguments: Any, **named: Any) -> Any:
-        name = self.__name__.rpartition(".")[2]
-        return getattr(import_module(f"tcstudy.{_ROOMS[name]}"), name)(*arguments, **named)
-
-
-class _Package(ModuleType):
-    """The package, which learns here that a room has been imported."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name in _ROOMS and isinstance(value, ModuleType):
-            value.__class__ = _CalledRoom
-        super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
 
 
 def __getattr__(name: str) -> Any:
@@ -117,8 +93,6 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("tcstudy")
-    if name in _ROOMS:
-        return import_module(f"tcstudy.{name}")
     file = "errors" if name.endswith(("Error", "Failed", "Fault")) else "matrices" if name in _MATRICES else "api"
     value = getattr(import_module(f"tcstudy.{file}"), name)
     globals()[name] = value

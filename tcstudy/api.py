@@ -156,7 +156,7 @@ def run(
     Points that fail have a status and a reason in the data. Raises StudyError, GeometryFailed, or StoreError, for
     example where the file holds the results of another study.
     """
-    from tcstudy.report.progress import progress as terminal
+    from tcstudy.reports.progress import progress as terminal
     from tcstudy.study.execute import execute
 
     asked = _study(study)
@@ -203,7 +203,7 @@ def cost(
     Raises StudyError, CostError (nothing to compare with), DrawError (no such point), GeometryFailed, StoreError.
     """
     from tcstudy.data.store import sweep_points
-    from tcstudy.report.select_point import describe, locate
+    from tcstudy.reports.select_point import describe, locate
     from tcstudy.study.cost import cost_to_file
 
     if runs < 1:
@@ -274,7 +274,7 @@ def report(file: str | FilePath, target: str | FilePath | None = None, *, withou
 
     without: parts to leave out: "levels", "live", "body", "lines". Raises StoreError, PageError, UsageError.
     """
-    from tcstudy.report.page import LEAVE_OUT, write_page
+    from tcstudy.reports.page import LEAVE_OUT, write_page
 
     if unknown := [part for part in without if part not in LEAVE_OUT]:
         raise UsageError(f"without: there is no part {unknown[0]!r}; choose of {', '.join(LEAVE_OUT)}")

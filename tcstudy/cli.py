@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from tcstudy.commands import completion, converge, cost, draw, init, path, plan, report, run, schema, show
 from tcstudy.commands.shared import BAD_INPUT, OK
 from tcstudy.errors import UserFault
-from tcstudy.report.outlet import guarded_streams, is_lost
+from tcstudy.reports.outlet import guarded_streams, is_lost
 
 COMMANDS = {
     "run": run,

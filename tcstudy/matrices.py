@@ -21,12 +21,12 @@ from tcstudy.errors import ProblemError
 from tcstudy.scene.friction import FrictionLaw, GrowthError
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.methods import BRANCHES, SOLVERS, Branch
-from tcstudy.solve import certificates
-from tcstudy.solve.certificates import Certificate
-from tcstudy.solve.contact import Answer, solve_contact
-from tcstudy.solve.path.follow import Direction, Follower, ParametricProblem, Path
-from tcstudy.solve.path.start import NoSolutionError
-from tcstudy.solve.problem import ContactProblem as PlainProblem
+from tcstudy.solvers import certificates
+from tcstudy.solvers.certificates import Certificate
+from tcstudy.solvers.contact import Answer, solve_contact
+from tcstudy.solvers.path.follow import Direction, Follower, ParametricProblem, Path
+from tcstudy.solvers.path.start import NoSolutionError
+from tcstudy.solvers.problem import ContactProblem as PlainProblem
 
 __all__ = ["ContactProblem", "certify", "follow", "law", "solve"]
 

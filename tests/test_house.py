@@ -17,20 +17,20 @@ ARROWS: dict[str, set[str]] = {
     "scene": {"expressions"},
     "shapes": {"scene"},
     "accuracy": {"scene", "shapes"},
-    "solve": {"scene"},
-    "online": {"scene", "solve"},
+    "solvers": {"scene"},
+    "online": {"scene", "solvers"},
     "executors": {"errors", "online"},
     "exact": {"accuracy", "expressions", "scene", "shapes"},
     "read": {"errors", "exact", "expressions", "scene", "shapes"},
     "fem": {"errors", "expressions", "scene", "shapes"},
-    "offline": {"condense", "expressions", "fem", "scene", "solve"},
-    "refine": {"accuracy", "exact", "expressions", "fem", "offline", "scene", "solve"},
+    "offline": {"condense", "expressions", "fem", "scene", "solvers"},
+    "refine": {"accuracy", "exact", "expressions", "fem", "offline", "scene", "solvers"},
     "data": {"errors", "scene"},
-    "report": {"accuracy", "data", "errors", "read", "scene"},
+    "reports": {"accuracy", "data", "errors", "read", "scene"},
 }
 """What each room may import beside itself. `study` may use every room below it; the rest of the package, all."""
 
-BELOW_STUDY = {*ARROWS} - {"report"}
+BELOW_STUDY = {*ARROWS} - {"reports"}
 NUMERICS = (
     "accuracy",
     "condense",
@@ -41,11 +41,11 @@ NUMERICS = (
     "online",
     "refine",
     "shapes",
-    "solve",
+    "solvers",
 )
 """Rooms that never print, parse or touch files."""
 SPEAKING = {"print", "input", "open", "eval", "exec"}
-PRINTING = ("report", "commands", "cli.py")
+PRINTING = ("reports", "commands", "cli.py")
 TO_PARENT = ("data/probe.py",)
 """Child processes, which answer their parent on standard output."""
 

@@ -39,10 +39,10 @@ def command(options: argparse.Namespace) -> int:
         fail("--at: names the point of the picture, but there is none; add --plot PICTURE")
     study, path = checked(options, "convergence")
     from tcstudy.data.store import sweep_points
-    from tcstudy.report.convergence import convergence_report
-    from tcstudy.report.convergence_plot import plot_convergence
-    from tcstudy.report.select_point import locate
-    from tcstudy.report.style import check_target
+    from tcstudy.reports.convergence import convergence_report
+    from tcstudy.reports.convergence_plot import plot_convergence
+    from tcstudy.reports.select_point import locate
+    from tcstudy.reports.style import check_target
     from tcstudy.study.convergence import converge_to_file, without_errors
 
     if options.plot is not None:

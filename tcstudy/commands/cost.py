@@ -48,11 +48,11 @@ def command(options: argparse.Namespace) -> int:
     point = point_of(options)
     study, path = checked(options, "cost")
     from tcstudy.data.store import sweep_points
-    from tcstudy.report.cost import cost_report
-    from tcstudy.report.cost_plot import plot_cost
-    from tcstudy.report.progress import CostProgress
-    from tcstudy.report.select_point import describe, locate
-    from tcstudy.report.style import check_target
+    from tcstudy.reports.cost import cost_report
+    from tcstudy.reports.cost_plot import plot_cost
+    from tcstudy.reports.progress import CostProgress
+    from tcstudy.reports.select_point import describe, locate
+    from tcstudy.reports.style import check_target
     from tcstudy.study.cost import cost_to_file, unmeasured
 
     with closing(CostProgress()) as progress:

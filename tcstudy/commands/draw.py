@@ -44,10 +44,10 @@ def picture(
     """Draw a file of any kind; returns what was drawn. Raises StoreError, DrawError."""
     from tcstudy.data.identity import kind_of
     from tcstudy.data.reading import reading
-    from tcstudy.report.convergence_plot import plot_convergence
-    from tcstudy.report.cost_plot import plot_cost
-    from tcstudy.report.draw import draw
-    from tcstudy.report.path_figure import draw_path
+    from tcstudy.reports.convergence_plot import plot_convergence
+    from tcstudy.reports.cost_plot import plot_cost
+    from tcstudy.reports.draw import draw
+    from tcstudy.reports.path_figure import draw_path
 
     kind = kind_of(file)
     with reading(file):

@@ -37,10 +37,10 @@ def command(options: argparse.Namespace) -> int:
         remedy = "add path: {parameter: theta_bar, from: 0 K, to: 40 K}"
         fail(f"{options.study}: path: the study has no section path; {remedy}")
     from tcstudy.data.path_store import stored_shortfalls
-    from tcstudy.report.path_figure import draw_path
-    from tcstudy.report.path_summary import path_summary
-    from tcstudy.report.progress import PathProgress
-    from tcstudy.report.style import check_target
+    from tcstudy.reports.path_figure import draw_path
+    from tcstudy.reports.path_summary import path_summary
+    from tcstudy.reports.progress import PathProgress
+    from tcstudy.reports.style import check_target
     from tcstudy.study.path_execute import execute_path
 
     there = is_there(options, "path", study, output)

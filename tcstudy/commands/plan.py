@@ -18,7 +18,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def command(options: argparse.Namespace) -> int:
     study, output = checked(options)
     from tcstudy.data.identity import already_there
-    from tcstudy.report.forecast import forecast_text
+    from tcstudy.reports.forecast import forecast_text
     from tcstudy.study.jobs import work_words
     from tcstudy.study.plan import plan
 

@@ -18,7 +18,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def command(options: argparse.Namespace) -> int:
-    from tcstudy.report.page import LEAVE_OUT, write_page
+    from tcstudy.reports.page import LEAVE_OUT, write_page
 
     unknown = [part for part in options.without if part not in LEAVE_OUT]
     if unknown:

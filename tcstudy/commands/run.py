@@ -39,8 +39,8 @@ def command(options: argparse.Namespace) -> int:
         points, failed = stored(output)
         return _say(options, output, points, failed, "found before")
     from tcstudy.data.store import sweep_points
-    from tcstudy.report.progress import progress
-    from tcstudy.report.select_point import naming
+    from tcstudy.reports.progress import progress
+    from tcstudy.reports.select_point import naming
     from tcstudy.study.execute import execute
 
     with closing(progress(naming=naming(sweep_points(study)), length=length_unit(study))) as watcher:
@@ -50,7 +50,7 @@ def command(options: argparse.Namespace) -> int:
 
 def _say(options: argparse.Namespace, output: Path, points: int, failed: int, found: str) -> int:
     """The summary of a run, where its data are and what could be asked next."""
-    from tcstudy.report.summary import summary
+    from tcstudy.reports.summary import summary
 
     print(summary(output))
     print(f"\n  {points - failed} of {points} solutions {found}; data in {output}")

@@ -17,10 +17,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def command(options: argparse.Namespace) -> int:
     from tcstudy.data.identity import kind_of
     from tcstudy.data.reading import reading
-    from tcstudy.report.convergence import convergence_report
-    from tcstudy.report.cost import cost_report
-    from tcstudy.report.path_summary import path_summary
-    from tcstudy.report.summary import summary
+    from tcstudy.reports.convergence import convergence_report
+    from tcstudy.reports.cost import cost_report
+    from tcstudy.reports.path_summary import path_summary
+    from tcstudy.reports.summary import summary
 
     reports = {"run": summary, "path": path_summary, "convergence": convergence_report, "cost": cost_report}
     with reading(options.file):

@@ -20,7 +20,7 @@ from tcstudy.fem.contact_line import ContactLine
 from tcstudy.fem.forms import ElasticForms
 from tcstudy.offline.cache import Recent
 from tcstudy.offline.loads import BasisLoad, LoadTerm
-from tcstudy.solve.problem import least_eigenvalue
+from tcstudy.solvers.problem import least_eigenvalue
 
 Array = NDArray[np.float64]
 

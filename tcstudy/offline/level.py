@@ -32,7 +32,7 @@ from tcstudy.offline.temperature import Temperature, Temperatures
 from tcstudy.offline.thermal import BATCH, Column
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Clamped, Contact, Convection, Material, Scene
-from tcstudy.solve.problem import ContactProblem
+from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 MEMORY = 512e6

@@ -26,7 +26,7 @@ from tcstudy.offline.level import Level
 from tcstudy.offline.loads import split
 from tcstudy.scene.records import Clamped, Convection, Heat, Role, Scalar, Scene, Traction
 from tcstudy.scene.study import Study
-from tcstudy.solve.problem import ContactProblem
+from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 

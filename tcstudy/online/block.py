@@ -6,7 +6,7 @@ Order:     1. unique or not, before any solution;
            3. what is not unique: the certificate of a global minimum;
            4. what has neither: the search for less energy (frictionless start, hulls, moves of single nodes);
            5. what still has no proven minimum: the single solve.
-The search takes the same steps from the same starts as tcstudy.solve.contact, so that it ends where that ends.
+The search takes the same steps from the same starts as tcstudy.solvers.contact, so that it ends where that ends.
 A block's numbers depend on its own points and their order only, not on what else is solved where.
 Left out:  the single solve for laws moved or stretched by node, which has one law for all nodes.
 """
@@ -34,11 +34,11 @@ from tcstudy.online.row_laws import RowLaws
 from tcstudy.online.search import hull_starts, move_starts
 from tcstudy.scene.methods import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NAMES, ZERO, Branch
 from tcstudy.scene.study import Acceptance
-from tcstudy.solve.contact import TIE, Answer, solve_contact
-from tcstudy.solve.loop import Status
-from tcstudy.solve.problem import ContactProblem
-from tcstudy.solve.search.escape import MOVES
-from tcstudy.solve.separable.finish import finish, refined
+from tcstudy.solvers.contact import TIE, Answer, solve_contact
+from tcstudy.solvers.loop import Status
+from tcstudy.solvers.problem import ContactProblem
+from tcstudy.solvers.search.escape import MOVES
+from tcstudy.solvers.separable.finish import finish, refined
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -49,7 +49,7 @@ Flags = NDArray[np.bool_]
 class Options:
     """What is asked of a block.
 
-    branch:    as in tcstudy.solve.contact.solve_contact
+    branch:    as in tcstudy.solvers.contact.solve_contact
     tolerance: largest inclusion residual of a solution as a study writes it; None for the default of
                tcstudy/scene/study.py
     """
@@ -152,7 +152,7 @@ class _Block:
         self.lowest[points] = global_minimum(rows, self.v[points], self.low[points], self.high[points])
 
     def search(self, points: Index) -> None:
-        """Look for less energy at points of which nothing is proved, as solve_contact and solve/search/escape.py do."""
+        """Look for less energy at points of which nothing is proved, as solve_contact and solvers/search/escape.py do."""
         points = self.improve(points, descend(self.rows.take(points), self.v[points], self.aim, minima=True), ZERO)
         rows = self.rows.take(points)
         frictionless = rows.loads @ rows.body.inverse
@@ -217,7 +217,7 @@ class _Block:
                 self.strict[p] = self.lowest[p] or strict_minimum(rows.take(np.array([p])), self.v[[p]])[0]
 
     def _ask_single(self, p: int) -> bool:
-        """Solve one point by tcstudy.solve.contact; whether its answer is taken."""
+        """Solve one point by tcstudy.solvers.contact; whether its answer is taken."""
         body, options = self.rows.body, self.options
         problem = ContactProblem(body.A_tilde, self.rows.loads[p], body.c, self.rows.laws.single(p))
         near = self.neighbours[p] if np.all(np.isfinite(self.neighbours[p])) else None

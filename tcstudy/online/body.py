@@ -4,7 +4,7 @@ Nothing here knows a load, a law or a mesh: the record is made once (offline), p
 problems 0 ∈ Ãv − l̃ + ∂Ψ(v) on this body. A body whose E varies is one body, too: divide the problem by E.
 
 The coarse copies are Galerkin restrictions to every second contact node with linear interpolation P, Ã_c = PᵀÃP and
-c_c = Pᵀc (solve/separable/newton.py), which give starts; another order of the nodes costs their quality, never
+c_c = Pᵀc (solvers/separable/newton.py), which give starts; another order of the nodes costs their quality, never
 correctness.
 """
 
@@ -16,8 +16,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.solve.problem import least_eigenvalue
-from tcstudy.solve.separable.newton import interpolation
+from tcstudy.solvers.problem import least_eigenvalue
+from tcstudy.solvers.separable.newton import interpolation
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class CondensedBody:
     def shift(self, margin: float) -> float:
         """μ = margin·λ₁, by how much a matrix must be positive definite, and no less than rounding [Pa/m].
 
-        As in tcstudy/solve/certificates.py.
+        As in tcstudy/solvers/certificates.py.
         """
         largest = float(np.max(np.diagonal(self.A_tilde) / self.c))
         return max(margin * self.lambda_1, 8.0 * self.m * float(np.finfo(float).eps) * largest)

@@ -1,4 +1,4 @@
-"""What can be proved about P points at once; the flags of tcstudy/solve/certificates.py with the same meaning.
+"""What can be proved about P points at once; the flags of tcstudy/solvers/certificates.py with the same meaning.
 
 Before any solution: convex (ω < λ₁) or convex on the box that holds all solutions → unique.
 At a solution v:     global minimum, if Ã − C diag D is positive definite with D of law_bends; that proves a strict one,
@@ -22,7 +22,7 @@ from tcstudy.online.law_bounds import PARTS
 from tcstudy.online.newton import factor_free, slopes, traction_scale
 from tcstudy.online.problems import Rows
 from tcstudy.scene.friction import UP
-from tcstudy.solve.separable.system import cholesky
+from tcstudy.solvers.separable.system import cholesky
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -80,7 +80,7 @@ _FEW_PARTS = 6
 
 
 def solution_boxes(rows: Rows) -> tuple[Array, Array]:
-    """(low, high), (R, m) each: every solution lies between them, as tcstudy/solve/bounds.py has it [m].
+    """(low, high), (R, m) each: every solution lies between them, as tcstudy/solvers/bounds.py has it [m].
 
     Ã⁻¹ of an interval is Ã⁻¹ of its middle and |Ã⁻¹| of its radius: two products a round. Rows that shrink no more
     drop out.

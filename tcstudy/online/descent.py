@@ -1,4 +1,4 @@
-"""Descent of many rows at once: the separable Newton method of tcstudy/solve/separable/newton.py in a batch.
+"""Descent of many rows at once: the separable Newton method of tcstudy/solvers/separable/newton.py in a batch.
 
 Every step is the same for all rows (rest, Newton's equations, clipped path with Armijo's rule, node by node where that
 gives no decrease, and on request the step along negative curvature at a saddle); rows that are done drop out. Where
@@ -18,7 +18,7 @@ from tcstudy.online.law_tables import Place
 from tcstudy.online.newton import BlockSlopes, directions, slopes, traction_scale
 from tcstudy.online.problems import Rows
 from tcstudy.online.saddles import leave_saddles
-from tcstudy.solve.separable.descent import NodeEnergy
+from tcstudy.solvers.separable.descent import NodeEnergy
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -146,7 +146,7 @@ def _newton(rows: Rows, v: Array, s: BlockSlopes, careful: bool) -> Array:
 
 
 def _node_by_node(rows: Rows, row: int, v: Array, xi: Array, descent: Array) -> Array:
-    """(m,) one row after a pass over its descending nodes, largest gain first, as solve/separable/descent.py; rare."""
+    """(m,) one row after a pass over its descending nodes, largest gain first, as solvers/separable/descent.py; rare."""
     A, c, laws = rows.body.A_tilde, rows.body.c, rows.laws
     diagonal = np.diagonal(A)
     gain = descent**2 / diagonal

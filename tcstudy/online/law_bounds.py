@@ -1,9 +1,9 @@
-"""Range and least slope of b on intervals of slip, for laws in tables; as tcstudy/solve/bounds.py, law by law.
+"""Range and least slope of b on intervals of slip, for laws in tables; as tcstudy/solvers/bounds.py, law by law.
 
 A piece q (s − s_0) + b_0 + a exp(−r (s − s_0)) has a monotone slope, so that its ends within an interval, and for the
 range the one slip where b′ = 0, decide.
 
-How far j bends below its tangent, for many nodes with laws in tables: D_i of tcstudy/solve/bounds.py.
+How far j bends below its tangent, for many nodes with laws in tables: D_i of tcstudy/solvers/bounds.py.
 
 D_i = sup over s in [low_i, high_i] of 2 [j(v_i) + ζ_i (s − v_i) − j(s)] / (s − v_i)²,  ζ_i ∈ b̂(v_i)
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from tcstudy.online.law_tables import LawTables
 from tcstudy.scene.friction import DOWN
-from tcstudy.solve.bounds import quotient, start_excess
+from tcstudy.solvers.bounds import quotient, start_excess
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

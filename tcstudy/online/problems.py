@@ -15,7 +15,7 @@ from tcstudy.online.law_tables import Place
 from tcstudy.online.newton import traction_scale
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.study import Acceptance
-from tcstudy.solve.extended import extended_residual
+from tcstudy.solvers.extended import extended_residual
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -60,7 +60,7 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Certificates:
-    """What is proved about P points, (P,) each; the meaning is that of tcstudy.solve.certificates.Certificate.
+    """What is proved about P points, (P,) each; the meaning is that of tcstudy.solvers.certificates.Certificate.
 
     omega:       steepest fall of the law [Pa/m]
     convex, unique, strict_minimum, global_minimum: proved; False says "not certified"
@@ -88,9 +88,9 @@ class BlockAnswers:
     rounding:           (P,) what rounding of the problem allows of it, ContactProblem.xi_rounding
     limited:            (P,) accepted only because rounding allows no better (scene/study.py)
     energy:             (P,) L̃(v) [J/m]
-    status:             (P,) tcstudy.solve.loop.Status
+    status:             (P,) tcstudy.solvers.loop.Status
     reasons:            why a point has no solution, empty for a solution
-    start:              (P,) ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE or EXACT of tcstudy.solve.contact: led to v
+    start:              (P,) ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE or EXACT of tcstudy.solvers.contact: led to v
     start_energies:     (P, 5) L̃ of the solutions found from these starts; NaN where none was sought or found
     steps:              (P,) Newton steps on the body itself of the descent that led to v, or of the single solve
     searched_singly:    (P,) the single solve was asked, too

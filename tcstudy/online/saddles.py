@@ -1,7 +1,7 @@
 """The second-order test at stationary points of rows, and the step along negative curvature where it fails.
 
 Where A_FF + C b′ is not positive definite on the free nodes, a stationary point is no minimum but for luck, and a
-direction d with dᵀ(A_FF + C b′)d ≤ 0 leads down from it: as tcstudy/solve/newton_path.escape, a row at a time, since
+direction d with dᵀ(A_FF + C b′)d ≤ 0 leads down from it: as tcstudy/solvers/newton_path.escape, a row at a time, since
 few rows end so.
 """
 

@@ -1,6 +1,6 @@
 """Starts of the search for less energy, for many rows at once: convexified problems, and moves of single nodes.
 
-The same two steps as tcstudy/solve/search: descent on the problems with the laws' proximal hulls b_κ, κ growing from
+The same two steps as tcstudy/solvers/search: descent on the problems with the laws' proximal hulls b_κ, κ growing from
 below λ₁, knows all wells of j; a move puts one node on another piece or up-jump of b while all others relax on theirs.
 Both give starts; what they are worth is found by descent.
 """
@@ -16,7 +16,7 @@ from tcstudy.online.law_hulls import proximal_hulls
 from tcstudy.online.newton import block_of, factor_free, slopes, traction_scale
 from tcstudy.online.problems import Rows
 from tcstudy.online.row_laws import RowLaws
-from tcstudy.solve.search.escape import GROWTH, LOOSE, PROMISES
+from tcstudy.solvers.search.escape import GROWTH, LOOSE, PROMISES
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -86,7 +86,7 @@ def move_starts(rows: Rows, v: Array) -> tuple[Array, Index, Index]:
 
 
 def _relaxed_stiffness(A: Array, free: Index, resting: Index, factor: Array, added: Array) -> Array:
-    """(m,) k_i of solve/search/moves.py: a node, stiff as the free ones follow (factor of A_FF + diag added)."""
+    """(m,) k_i of solvers/search/moves.py: a node, stiff as the free ones follow (factor of A_FF + diag added)."""
     stiffness = np.diagonal(A).copy()
     if len(free):
         inverse = np.tril(scipy.linalg.lapack.dtrtri(factor, lower=1)[0])

@@ -25,7 +25,7 @@ from tcstudy.refine.halved import Halved
 from tcstudy.scene.friction import sticking
 from tcstudy.scene.records import Material
 from tcstudy.scene.study import Goal
-from tcstudy.solve.problem import ContactProblem
+from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from tcstudy.fem.contact_line import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.scene.friction import UP, FrictionLaw, sticking
-from tcstudy.solve.problem import ContactProblem
+from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from tcstudy.fem.contact_line import ContactLine
 from tcstudy.scene.friction import UP, sticking
-from tcstudy.solve.problem import ContactProblem
+from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 

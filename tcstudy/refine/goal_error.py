@@ -70,9 +70,9 @@ from tcstudy.scene.friction import sticking
 from tcstudy.scene.needs import needs_heat_solve
 from tcstudy.scene.records import Body, Material, Point, Role, Scene
 from tcstudy.scene.study import Goal
-from tcstudy.solve.contact import solve_contact
-from tcstudy.solve.loop import Status
-from tcstudy.solve.problem import ContactProblem
+from tcstudy.solvers.contact import solve_contact
+from tcstudy.solvers.loop import Status
+from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ from tcstudy.refine.fronts import slopes
 from tcstudy.scene.friction import sticking
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal
-from tcstudy.solve.problem import ContactProblem
+from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 

@@ -14,10 +14,10 @@ from tcstudy.offline.level import Condensed, CondensedBlock
 from tcstudy.offline.temperature import Temperature
 from tcstudy.online import BlockAnswers, RowLaws
 from tcstudy.scene.friction import UP, sticking
-from tcstudy.solve.certificates import Certificate
-from tcstudy.solve.contact import Answer
-from tcstudy.solve.loop import Status
-from tcstudy.solve.problem import ContactProblem
+from tcstudy.solvers.certificates import Certificate
+from tcstudy.solvers.contact import Answer
+from tcstudy.solvers.loop import Status
+from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 Numbers = dict[str, float | tuple[float, ...]]

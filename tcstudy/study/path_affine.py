@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tcstudy.errors import PathError
 from tcstudy.offline.level import Condensed, Level
 from tcstudy.scene.records import Scene
-from tcstudy.solve.path.follow import ParametricProblem
+from tcstudy.solvers.path.follow import ParametricProblem
 
 Array = NDArray[np.float64]
 

@@ -15,17 +15,17 @@ from tcstudy.refine.family import Family
 from tcstudy.scene.friction import DOWN, FrictionLaw
 from tcstudy.scene.study import Acceptance, PathPlan, Study
 from tcstudy.scene.vary import path_scene
-from tcstudy.solve.bounds import solution_box
-from tcstudy.solve.certificates import Certificate, certify
-from tcstudy.solve.contact import TIE, solve_contact
-from tcstudy.solve.loop import Status
-from tcstudy.solve.path.follow import Follower, ParametricProblem, Path
-from tcstudy.solve.path.hysteresis import Hysteresis, hysteresis
-from tcstudy.solve.path.lowest import lowest
-from tcstudy.solve.path.proofs import proved_minima
-from tcstudy.solve.path.query import PathSolution, folds, solutions_at, solutions_of
-from tcstudy.solve.path.smooth import piecewise_linear
-from tcstudy.solve.path.start import NoSolutionError
+from tcstudy.solvers.bounds import solution_box
+from tcstudy.solvers.certificates import Certificate, certify
+from tcstudy.solvers.contact import TIE, solve_contact
+from tcstudy.solvers.loop import Status
+from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path
+from tcstudy.solvers.path.hysteresis import Hysteresis, hysteresis
+from tcstudy.solvers.path.lowest import lowest
+from tcstudy.solvers.path.proofs import proved_minima
+from tcstudy.solvers.path.query import PathSolution, folds, solutions_at, solutions_of
+from tcstudy.solvers.path.smooth import piecewise_linear
+from tcstudy.solvers.path.start import NoSolutionError
 from tcstudy.study.path_affine import AffineLoad, PathError, affine_load
 from tcstudy.study.run import level_record
 
@@ -151,7 +151,7 @@ def _curve(setting: _Setting, path: Path) -> CurveRecord:
 
 
 def contact_states(law: FrictionLaw) -> NDArray[np.int8]:
-    """ContactState by piece code of a piecewise-linear law (tcstudy.solve.path.problem)."""
+    """ContactState by piece code of a piecewise-linear law (tcstudy.solvers.path.problem)."""
     states = np.full(2 * len(law.kinks) + 1, ContactState.STICK, dtype=np.int8)
     states[0::2] = np.where(law.q < 0.0, ContactState.SOFTEN, ContactState.SLIP)
     states[1::2][law.kinds == DOWN] = ContactState.DROP

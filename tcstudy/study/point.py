@@ -13,8 +13,8 @@ from tcstudy.offline.level import Level
 from tcstudy.scene.friction import sticking
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.solve.certificates import certify
-from tcstudy.solve.contact import solve_contact
+from tcstudy.solvers.certificates import certify
+from tcstudy.solvers.contact import solve_contact
 from tcstudy.study.measures import Timed, friction_forces, numbers, point_status
 
 Array = NDArray[np.float64]

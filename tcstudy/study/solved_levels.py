@@ -16,8 +16,8 @@ from tcstudy.offline.level import Level
 from tcstudy.scene.friction import sticking
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.solve.contact import TIE
-from tcstudy.solve.separable.finish import finish
+from tcstudy.solvers.contact import TIE
+from tcstudy.solvers.separable.finish import finish
 from tcstudy.study.contact_line import contact_line, exact_at, segment_curves
 from tcstudy.study.point import solve_point
 from tcstudy.study.run import stages

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.solve.problem import ContactProblem, least_eigenvalue
-from tests.solve.contact_cases import half_laplacian, sawtooth, slip_weakening
+from tcstudy.solvers.problem import ContactProblem, least_eigenvalue
+from tests.solvers.contact_cases import half_laplacian, sawtooth, slip_weakening
 
 Array = NDArray[np.float64]
 

@@ -21,8 +21,8 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import UP, FrictionLaw
-from tcstudy.solve.loop import Outcome, Status
-from tcstudy.solve.problem import ContactProblem
+from tcstudy.solvers.loop import Outcome, Status
+from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -46,7 +46,7 @@ class SemismoothState:
 
 @dataclass(frozen=True)
 class SemismoothNewton:
-    """Options; a Method for tcstudy.solve.loop.iterate. Piecewise-linear laws only (raises ValueError).
+    """Options; a Method for tcstudy.solvers.loop.iterate. Piecewise-linear laws only (raises ValueError).
 
     max_iterations: linear solves before giving up
     tolerance:      inclusion residual at which returning branches (by rounding) are a solution

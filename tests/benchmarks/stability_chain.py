@@ -19,7 +19,7 @@ import numpy as np
 
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import MeshPlan
-from tcstudy.solve.problem import ContactProblem
+from tcstudy.solvers.problem import ContactProblem
 from tests.benchmarks.problems import weakening
 from tests.benchmarks.stability_maps import RATIOS, Case, waves
 

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.report.style import INK, PALE, WIDTH, inches, save, styled
-from tcstudy.solve.problem import least_eigenvalue
+from tcstudy.reports.style import INK, PALE, WIDTH, inches, save, styled
+from tcstudy.solvers.problem import least_eigenvalue
 from tests.benchmarks.stability_chain import HEAT, POISSON, SHAPE, WEAK
 from tests.benchmarks.stability_maps import DOWN_JUMPS, MAPS, NODES, REACH, SOFTENING, UNITS, UP_JUMPS
 from tests.benchmarks.stability_measure import FLAGGED, LEFT_OUT, SILENT, SLOW, SOLVED, Row
 from tests.benchmarks.stability_trial import CONTENDERS
-from tests.solve.contact_cases import half_laplacian
+from tests.solvers.contact_cases import half_laplacian
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.solve.problem import ContactProblem, least_eigenvalue
+from tcstudy.solvers.problem import ContactProblem, least_eigenvalue
 from tests.benchmarks.problems import weakening
-from tests.solve.contact_cases import half_laplacian, linear_law, rescaled
+from tests.solvers.contact_cases import half_laplacian, linear_law, rescaled
 
 Array = NDArray[np.float64]
 

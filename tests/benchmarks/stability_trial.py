@@ -18,12 +18,12 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import UP
-from tcstudy.solve.contact import solve_contact
-from tcstudy.solve.loop import Status, iterate
-from tcstudy.solve.path.follow import Follower, ParametricProblem, PathStatus
-from tcstudy.solve.path.query import solutions_at
-from tcstudy.solve.problem import ContactProblem
-from tcstudy.solve.separable.system import cholesky
+from tcstudy.solvers.contact import solve_contact
+from tcstudy.solvers.loop import Status, iterate
+from tcstudy.solvers.path.follow import Follower, ParametricProblem, PathStatus
+from tcstudy.solvers.path.query import solutions_at
+from tcstudy.solvers.problem import ContactProblem
+from tcstudy.solvers.separable.system import cholesky
 from tests.benchmarks.methods import ENDLESS, TOLERANCE, OutOfTimeError, watched
 from tests.benchmarks.semismooth import SemismoothNewton, solve_branches
 

@@ -25,9 +25,9 @@ from tcstudy.fem.meshes import PlaneMesh, mesh_family
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.solve.certificates import certify
-from tcstudy.solve.contact import solve_contact
-from tcstudy.solve.problem import least_eigenvalue
+from tcstudy.solvers.certificates import certify
+from tcstudy.solvers.contact import solve_contact
+from tcstudy.solvers.problem import least_eigenvalue
 
 QUICKSTART = Path(__file__).resolve().parents[2] / "configs" / "quickstart.yaml"
 MAXH = "13.6 mm"

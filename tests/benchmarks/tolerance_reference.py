@@ -20,7 +20,7 @@ from tcstudy.refine.fronts import fronts, slip_length
 from tcstudy.refine.goals import goal_value
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal, MeshPlan, Study
-from tcstudy.solve.contact import solve_contact
+from tcstudy.solvers.contact import solve_contact
 
 ADAPTIVE, MOST = 2500, 60_000
 """Unknowns of the bisected mesh at least, and of the finest one at most."""

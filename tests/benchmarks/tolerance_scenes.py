@@ -23,8 +23,8 @@ from tcstudy.refine.family import Family
 from tcstudy.scene.friction import sticking
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal, Study
-from tcstudy.solve.contact import solve_contact
-from tcstudy.solve.problem import ContactProblem
+from tcstudy.solvers.contact import solve_contact
+from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 Draw = np.random.Generator

@@ -8,8 +8,8 @@ import pytest
 from tcstudy.data.axes import axis_labels, axis_order
 from tcstudy.data.store import sweep_points
 from tcstudy.data.writer import in_file_order
-from tcstudy.report.select_point import describe, locate
-from tcstudy.report.style import DrawError
+from tcstudy.reports.select_point import describe, locate
+from tcstudy.reports.style import DrawError
 from tests.verification.scenes import RECTANGLE, study_of
 
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from tcstudy.online import CondensedBody, LawTables
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.solve.problem import ContactProblem
-from tests.solve import contact_cases as cases
+from tcstudy.solvers.problem import ContactProblem
+from tests.solvers import contact_cases as cases
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

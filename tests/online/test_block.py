@@ -8,12 +8,12 @@ import pytest
 from tcstudy.online import BlockAnswers, CondensedBody, LawTables, Options, RowLaws, solve_block, solve_points
 from tcstudy.online.sweep import blocks, waves
 from tcstudy.scene.methods import NEIGHBOUR
-from tcstudy.solve.certificates import certify
-from tcstudy.solve.contact import solve_contact
-from tcstudy.solve.loop import Status
+from tcstudy.solvers.certificates import certify
+from tcstudy.solvers.contact import solve_contact
+from tcstudy.solvers.loop import Status
 from tests.online.rows import block, single, some_laws
-from tests.solve import contact_cases as cases
-from tests.solve.exhaustive import least_energy, small_problem
+from tests.solvers import contact_cases as cases
+from tests.solvers.exhaustive import least_energy, small_problem
 
 FLAGS = ("convex", "unique", "strict_minimum", "global_minimum")
 TIE = 1e-12

@@ -9,10 +9,10 @@ import pytest
 
 from tcstudy.online import CondensedBody
 from tcstudy.online.body import prolonged, restricted
-from tcstudy.solve.problem import ContactProblem
-from tcstudy.solve.separable.newton import interpolation
-from tcstudy.solve.separable.newton import restricted as restricted_problem
-from tests.solve import contact_cases as cases
+from tcstudy.solvers.problem import ContactProblem
+from tcstudy.solvers.separable.newton import interpolation
+from tcstudy.solvers.separable.newton import restricted as restricted_problem
+from tests.solvers import contact_cases as cases
 
 
 @pytest.mark.parametrize("m", [41, 44, 90])

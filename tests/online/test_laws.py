@@ -9,10 +9,10 @@ from tcstudy.online import LawTables, RowLaws
 from tcstudy.online.law_bounds import bend_below_tangent as bends
 from tcstudy.online.law_bounds import largest_push, least_slope, value_range
 from tcstudy.online.law_hulls import proximal_hulls
-from tcstudy.solve import bounds as global_bound
-from tcstudy.solve import bounds as solution_box
-from tcstudy.solve.search.hull import proximal_hull
-from tcstudy.solve.separable import pieces as nodal_pieces
+from tcstudy.solvers import bounds as global_bound
+from tcstudy.solvers import bounds as solution_box
+from tcstudy.solvers.search.hull import proximal_hull
+from tcstudy.solvers.separable import pieces as nodal_pieces
 from tests.online.rows import some_laws
 
 LAWS = some_laws()

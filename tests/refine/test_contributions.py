@@ -11,7 +11,7 @@ from tcstudy.refine.family import Family
 from tcstudy.refine.goals import dual, goal_value
 from tcstudy.refine.halved import Halved
 from tcstudy.scene.study import Goal
-from tcstudy.solve.contact import solve_contact
+from tcstudy.solvers.contact import solve_contact
 from tests.verification.scenes import study_of
 
 PULLED = """

@@ -7,7 +7,7 @@ import pytest
 
 from tcstudy.refine.ends import end_cells
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.solve.problem import ContactProblem
+from tcstudy.solvers.problem import ContactProblem
 from tests.refine.test_fronts import TRESCA, line_of
 
 ZERO = np.zeros(4)

@@ -14,8 +14,8 @@ from tcstudy.refine.family import Family
 from tcstudy.refine.fronts import fronts, slip_length, slopes
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.study import MeshPlan
-from tcstudy.solve.contact import solve_contact
-from tcstudy.solve.problem import ContactProblem
+from tcstudy.solvers.contact import solve_contact
+from tcstudy.solvers.problem import ContactProblem
 from tests.verification.goal_scenes import front_study
 
 Array = NDArray[np.float64]

@@ -22,8 +22,8 @@ from tcstudy.refine.goals import goal_value, lost, torn
 from tcstudy.refine.halved import Halved
 from tcstudy.refine.survey import Survey
 from tcstudy.scene.study import Goal, MeshPlan
-from tcstudy.solve.contact import Answer, solve_contact
-from tcstudy.solve.loop import Status
+from tcstudy.solvers.contact import Answer, solve_contact
+from tcstudy.solvers.loop import Status
 from tcstudy.study.run import run
 from tests.verification.closed_forms import CHANGE, A, B, ring, stick_slip
 from tests.verification.goal_scenes import RESULTANT, SLIP_LENGTH, front_resultant, front_slip, front_study

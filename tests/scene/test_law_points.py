@@ -7,7 +7,7 @@ import pytest
 
 from tcstudy.scene.friction import BEND, DOWN, UP, FrictionLaw
 from tcstudy.scene.laws import SHAPES
-from tests.solve import contact_cases as cases
+from tests.solvers import contact_cases as cases
 
 
 def close_points(rng: np.random.Generator, odd: bool) -> list[tuple[float, float]]:

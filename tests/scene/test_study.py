@@ -8,9 +8,9 @@ import pytest
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.law_pieces import linear, piecewise_linear, tresca
 from tcstudy.scene.study import LOST, TOLERANCE, Acceptance
-from tcstudy.solve.contact import solve_contact
-from tcstudy.solve.loop import Status
-from tcstudy.solve.problem import ContactProblem
+from tcstudy.solvers.contact import solve_contact
+from tcstudy.solvers.loop import Status
+from tcstudy.solvers.problem import ContactProblem
 
 
 def test_default_goes_as_far_as_rounding() -> None:

@@ -14,9 +14,9 @@ from tcstudy.data.cost import STAGES, Cost
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import StoreError
 from tcstudy.scene.study import Study
-from tcstudy.solve.contact import Answer
-from tcstudy.solve.loop import Status
-from tcstudy.solve.problem import ContactProblem
+from tcstudy.solvers.contact import Answer
+from tcstudy.solvers.loop import Status
+from tcstudy.solvers.problem import ContactProblem
 from tcstudy.study import point as point_module
 from tcstudy.study.convergence import converge
 from tcstudy.study.cost import FINER, CostError, _same, cost_to_file, measure

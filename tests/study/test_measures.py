@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.report.picture import read_picture
-from tcstudy.report.summary import summary
+from tcstudy.reports.picture import read_picture
+from tcstudy.reports.summary import summary
 from tests.verification.scenes import RECTANGLE, study_of
 
 TWO_JUMPS = "friction={law: piecewise-linear, points: [[0, 0.004], [0.01, 0.004], [0.01, 0.012]]}"

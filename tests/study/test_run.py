@@ -20,7 +20,7 @@ from tcstudy.executors import protocol
 from tcstudy.fem import forms as heat
 from tcstudy.offline import elastic as elastic_module
 from tcstudy.online import RowLaws
-from tcstudy.solve.contact import solve_contact
+from tcstudy.solvers.contact import solve_contact
 from tcstudy.study import blocks
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 

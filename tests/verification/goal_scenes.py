@@ -29,7 +29,7 @@ from tcstudy.refine.goals import goal_value
 from tcstudy.scene.families import FamilyName
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal, MeshPlan, Study
-from tcstudy.solve.contact import solve_contact
+from tcstudy.solvers.contact import solve_contact
 from tcstudy.study.run import run
 from tests.verification import closed_forms
 from tests.verification.scenes import HEATED_BRACKET

@@ -19,8 +19,8 @@ from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.scene.study import MeshPlan, Study
-from tcstudy.solve.contact import solve_contact
-from tcstudy.solve.loop import Status
+from tcstudy.solvers.contact import solve_contact
+from tcstudy.solvers.loop import Status
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import pytest
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import mesh_family
 from tcstudy.offline.level import Level
-from tcstudy.solve.contact import solve_contact
+from tcstudy.solvers.contact import solve_contact
 from tests.verification import manufactured as exact
 from tests.verification.norms import l2_and_h1_errors
 

@@ -8,8 +8,8 @@ import pytest
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import mesh_family
 from tcstudy.offline.level import Level
-from tcstudy.solve.contact import solve_contact
-from tcstudy.solve.separable.finish import finish
+from tcstudy.solvers.contact import solve_contact
+from tcstudy.solvers.separable.finish import finish
 from tests.verification.patch import CASES, HEIGHT, SOFTENING, Case, exact_energy, patch_study
 
 MESHES = (0.6, 0.35, 0.17)

@@ -1,0 +1,175 @@
+"""The plot of a convergence file: errors of one sweep point over h, with the slopes to expect."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.convergence import ERRORS, VERDICTS
+from tcstudy.data.records import PointStatus
+from tcstudy.data.store import open_results
+from tcstudy.reports import style
+from tcstudy.reports.convergence import GROUPS, shown
+from tcstudy.reports.select_point import Value, describe, locate
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+LOOKS = ((style.BLUE, "o"), (style.VERMILLION, "s"), (style.INK, "^"))
+"""Colour and marker of the first, second and third error of a panel."""
+
+LEFT, RIGHT, GAP, PANEL = 0.75, 0.25, 0.85, 2.55
+HEAD, FOOT = 1.05, 0.6
+LEGEND_LINE = 0.18
+"""Height of a line of a legend [inch]."""
+
+APART = 1.7
+"""Factor between a curve and its triangle."""
+
+_SYMBOLS = {measure.name: measure.symbol for measure in ERRORS}
+
+
+def plot_convergence(path: Path, target: Path, point: Mapping[str, Value] | None = None) -> str:
+    """Draw the errors of one sweep point (the first, unless named) into `target`; returns what was drawn.
+
+    Raises StoreError if `path` is no convergence file, DrawError if there is no such point, nothing to draw, no
+    matplotlib, or `target` cannot be written.
+    """
+    style.check_target(target)
+    with open_results(path) as tree:
+        data = tree.to_dataset().load()
+    where = locate(data, point)
+    at = data.isel(where)
+    groups = [(s, words, [n for n in names if _drawable(at, n)]) for s, words, names in GROUPS]
+    groups = [(s, words, names) for s, words, names in groups if names]
+    if not groups:
+        raise style.DrawError("the file has no errors to draw: no reference was there, or all errors are rounding")
+    with style.styled():
+        style.save(_figure(data, at, describe(data, where), groups), target)
+    return f"{target}: {describe(data, where) or data.attrs['title']}"
+
+
+def _drawable(at: Any, name: str) -> bool:
+    """Whether there is an error to draw; rounding is none."""
+    exact = int(at[f"verdict_{name}"]) == VERDICTS.index("exact") if shown(at, name) else True
+    return not exact and bool((at[f"error_{name}"] > 0).any())
+
+
+def _unsettled(at: Any, name: str) -> bool:
+    return int(at[f"verdict_{name}"]) == VERDICTS.index("pre_asymptotic")
+
+
+def _marks(at: Any, names: list[str]) -> str:
+    """What dashes and hollow points mean, where there are some."""
+    words = []
+    if any(_unsettled(at, name) for name in names):
+        words.append("dashed: pre-asymptotic")
+    if (at["status"].values != int(PointStatus.OK)).any():
+        words.append("hollow: did not converge")
+    return ";  ".join(["relative errors", *words])
+
+
+def _figure(data: Any, at: Any, point: str, groups: list[tuple[str, str, list[str]]]) -> Figure:
+    from matplotlib.figure import Figure
+
+    rows = (len(groups) + 1) // 2
+    height = HEAD + rows * PANEL + (rows - 1) * GAP + FOOT
+    figure = Figure(figsize=(style.WIDTH, height))
+    x = LEFT / style.WIDTH
+    figure.text(x, 1 - 0.3 / height, data.attrs["title"], fontsize=12, fontweight="bold", parse_math=False)
+    caption = [
+        f"reference: {str(data.attrs['reference']).split(' (')[0]}",
+        _marks(at, [n for g in groups for n in g[2]]),
+    ]
+    figure.text(x, 1 - 0.55 / height, ";  ".join([point, *caption] if point else caption), parse_math=False)
+    width = (style.WIDTH - LEFT - RIGHT - GAP) / 2
+    h = data["h_max"].values
+    divisor, unit = style.axis_unit(h, data["h_max"].attrs["units"])
+    for i, (symbol, words, names) in enumerate(groups):
+        row, column = divmod(i, 2)
+        bottom = height - HEAD - (row + 1) * PANEL - row * GAP
+        axes = style.inches(figure, LEFT + column * (width + GAP), bottom, width, PANEL)
+        _panel(axes, at, h / divisor, names)
+        axes.set_title(f"{math_symbol(symbol)}: {words.replace('Γ_C', math_symbol('Γ_C'))}", loc="left")
+        if i + 2 >= len(groups):
+            axes.set_xlabel(style.labelled("longest element edge h", unit))
+    return figure
+
+
+def _panel(axes: Axes, at: Any, h: Array, names: list[str]) -> None:
+    """Errors over h on logarithmic scales; solutions that did not converge are hollow and joined to nothing."""
+    ok = at["status"].values == int(PointStatus.OK)
+    for name, (color, marker) in zip(names, LOOKS, strict=False):
+        error = at[f"error_{name}"].values
+        good, bad = ok & (error > 0), ~ok & (error > 0)
+        line = "--" if _unsettled(at, name) else "-"
+        solid: dict[str, Any] = {"label": _label(at, name), "markersize": 5, "linewidth": 1.4, "linestyle": line}
+        axes.loglog(h[good], error[good], color=color, marker=marker, **solid)
+        axes.loglog(h[bad], error[bad], color=color, marker=marker, markersize=6, fillstyle="none", linestyle="")
+    _triangles(axes, at, h, names, ok)
+    axes.grid(True, which="major", color=style.SHADE, linewidth=0.6)
+    axes.minorticks_off()
+    drawn = np.array([(at[f"error_{n}"].values > 0) for n in names]).any(axis=0)
+    axes.set_xticks(h[drawn], [f"{v:.2g}" for v in h[drawn]])
+    low, high = np.log10(axes.get_ylim())
+    room = (LEGEND_LINE * len(names) + 0.05) / PANEL  # below all curves, so that the legend covers none
+    axes.set_ylim(10 ** (high - (high - low) / (1 - room)), 10**high)
+    axes.set_xlim(left=axes.get_xlim()[0] * 0.85)
+    axes.legend(loc="lower right", frameon=False, fontsize=8.5, handlelength=1.6, borderaxespad=0.1)
+
+
+def _label(at: Any, name: str) -> str:
+    slope, error = float(at[f"slope_{name}"]), float(at[f"slope_error_{name}"])
+    text = math_symbol(_SYMBOLS[name])
+    if np.isfinite(slope):
+        text += f": {slope:z.2f}" + (f" ± {error:.1g}" if np.isfinite(error) else "")
+    return text
+
+
+def _triangles(axes: Axes, at: Any, h: Array, names: list[str], ok: NDArray[np.bool_]) -> None:
+    """At the finest step a triangle for each expected order: above the highest curve, below the others."""
+    curves: dict[float, tuple[float, float, float, float]] = {}
+    for name in names:
+        error = np.where(ok, at[f"error_{name}"].values, np.nan)
+        order = round(float(at[f"expected_{name}"]), 2)
+        if order > 0 and np.count_nonzero(error > 0) >= 2:
+            a, b = np.flatnonzero(error > 0)[-2:]
+            if order not in curves or error[b] < curves[order][3]:
+                curves[order] = (h[a], error[a], h[b], error[b])
+    highest = max(curves, key=lambda order: curves[order][3], default=0.0) if len(curves) > 1 else 0.0
+    for order, (right, coarse, left, fine) in curves.items():
+        steep = (right / left) ** order
+        if order == highest:
+            low = APART * max(fine, coarse / steep, *(_finest(at, n, ok) for n in names))
+            top = low * steep
+            corners, place, shift, align = ([left, right, left], [low, top, top]), left, -3, "right"
+        else:
+            top = min(coarse, fine * steep) / APART
+            low = top / steep
+            corners, place, shift, align = ([left, right, right], [low, top, low]), right, 3, "left"
+        axes.fill(*corners, facecolor="none", edgecolor=style.PALE, linewidth=0.9)
+        at_middle = (place, np.sqrt(low * top))
+        axes.annotate(
+            f"{order:g}", at_middle, xytext=(shift, 0), textcoords="offset points", color=style.INK, fontsize=8.5,
+            va="center", ha=align,
+        )  # fmt: skip
+
+
+def _finest(at: Any, name: str, ok: NDArray[np.bool_]) -> float:
+    """The error on the finest level that has one."""
+    error = at[f"error_{name}"].values
+    return float(error[np.flatnonzero(ok & (error > 0))[-1]]) if (ok & (error > 0)).any() else 0.0
+
+
+def math_symbol(symbol: str) -> str:
+    """A symbol of the tables for matplotlib."""
+    for plain, tex in (("u_T", "$u_T$"), ("Γ_C", r"$\Gamma_C$"), ("θ", r"$\theta$"), ("ξ", r"$\xi$")):
+        symbol = symbol.replace(plain, tex)
+    return symbol

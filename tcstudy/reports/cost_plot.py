@@ -1,0 +1,182 @@
+"""The chart of accuracy against cost: error over wall time and over unknowns, for mesh families and solvers."""
+
+from __future__ import annotations
+
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tcstudy.data.cost import OWN, open_cost
+from tcstudy.reports import style
+from tcstudy.reports.convergence_plot import math_symbol
+from tcstudy.reports.cost_reading import EXACT, SYMBOLS, Setting, advice, best, curves_on_front, measure_of, settings
+from tcstudy.scene.families import FAMILIES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
+GREEN, GOLD, GREY = "#009e73", "#f0c000", "#bdbdbd"
+COLOURS = dict(zip((*FAMILIES, OWN), (style.INK, style.VERMILLION, style.BLUE, GREEN), strict=True))
+MARKS = dict(zip((*FAMILIES, OWN), "sDo^", strict=True))
+LINES: tuple[Any, ...] = ("-", (0, (1.2, 1.6)), (0, (4, 2)), (0, (4, 2, 1, 2)))
+"""Line styles of the first, second … solver."""
+
+HEAD, PANEL, FOOT = 1.28, 3.3, 0.62
+LEFT, GAP, RIGHT = 0.75, 0.55, 0.2
+LINE = 0.19
+"""Height of a line of text below the panels [inch]."""
+NARROW = 40.0
+"""Ratio of the ends of an axis up to which its ticks are plain numbers."""
+
+
+def plot_cost(path: Path, target: Path, measure: str | None = None) -> str:
+    """Draw accuracy against cost into `target`; returns what was drawn.
+
+    Raises StoreError if `path` is no such file, DrawError if it has no such error, no matplotlib is there, or `target`
+    cannot be written.
+    """
+    style.check_target(target)
+    data = open_cost(path)
+    name = measure_of(data, measure)
+    with style.styled():
+        style.save(_figure(data, name), target)
+    return f"{target}: {SYMBOLS[name]}, {data.attrs['point'] or data.attrs['title']}"
+
+
+def _figure(data: Any, measure: str) -> Figure:
+    from matplotlib.figure import Figure
+
+    found = settings(data, measure)
+    told = [line for sentence in advice(found) for line in textwrap.wrap(sentence, 112)]
+    foot = FOOT + LINE * len(told) + 0.12
+    height = HEAD + PANEL + foot
+    figure = Figure(figsize=(style.WIDTH, height))
+    x = LEFT / style.WIDTH
+    figure.text(x, 1 - 0.3 / height, data.attrs["title"], fontsize=12, fontweight="bold", parse_math=False)
+    words = [data.attrs["point"], f"reference: {data.attrs['reference']}"]
+    for i, line in enumerate(filter(None, words)):
+        figure.text(x, 1 - (0.55 + LINE * i) / height, line, parse_math=False, fontsize=8.5)
+    width = (style.WIDTH - LEFT - GAP - RIGHT) / 2
+    left = style.inches(figure, LEFT, foot, width, PANEL)
+    right = style.inches(figure, LEFT + width + GAP, foot, width, PANEL)
+    _over_time(left, data, found)
+    _over_unknowns(right, data, found)
+    for axes in (left, right):
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.grid(True, which="major", color=style.SHADE, linewidth=0.6)
+        axes.set_axisbelow(True)
+    errors = [s.error for s in found if s.error > 0]
+    for axes in (left, right):
+        axes.set_ylim(min(errors) / 1.6, max(errors) * 1.6)
+        for axis in (axes.xaxis, axes.yaxis):
+            _few_ticks(axis)
+    left.set_ylabel(f"relative error of {math_symbol(SYMBOLS[measure])}")
+    right.tick_params(which="both", labelleft=False)
+    _legend(left, data)
+    for i, line in enumerate(told):
+        figure.text(x, (foot - FOOT - LINE * i) / height, line, fontsize=8.5, va="top", parse_math=False)
+    return figure
+
+
+def _few_ticks(axis: Axis) -> None:
+    """Below NARROW, numbers at 1, 2 and 5 only: powers of ten at every digit run into each other and off the page."""
+    from matplotlib.ticker import FuncFormatter, LogLocator
+
+    low, high = sorted(axis.get_view_interval())
+    if high < NARROW * low:
+        plain = FuncFormatter(lambda value, _: f"{value:g}")
+        axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+        axis.set_major_formatter(plain)
+        axis.set_minor_formatter(plain)
+
+
+def _over_time(axes: Axes, data: Any, found: list[Setting]) -> None:
+    """Curves over wall time with bands to the upper quartile; those nothing speaks for are grey."""
+    worthy, champion = curves_on_front(found), best(found)
+    solvers = data["solver"].values.tolist()
+    for family in data["family"].values.tolist():
+        for k, solver in enumerate(solvers):
+            own = [s for s in found if (s.family, s.solver) == (family, solver) and s.error > 0 and s.time > 0]
+            if not own:
+                continue
+            color = COLOURS[family] if (family, solver) in worthy else GREY
+            solved = [s for s in own if s.solved]
+            time, error = (np.array([getattr(s, name) for s in solved]) for name in ("time", "error"))
+            upper = np.array([s.upper for s in solved])
+            heavy = (family, solver) == champion
+            axes.fill_betweenx(error, time, upper, color=color, alpha=0.16, linewidth=0)
+            axes.plot(time, error, color=color, linestyle=LINES[k % len(LINES)], linewidth=2.2 if heavy else 1.2)
+            _points(axes, own, [s.time for s in own], color)
+    _name(axes, champion)
+    _star(axes, found, lambda s: s.time)
+    axes.set_xlabel("wall time [s]: least of all runs, band to the upper quartile")
+
+
+def _points(axes: Axes, own: list[Setting], x: list[float], color: str) -> None:
+    """Marks: filled on the front, pale where something better was measured, hollow where it did not converge."""
+    for s, at in zip(own, x, strict=True):
+        face = color if s.solved and not s.dominated else "white" if not s.solved else style.SHADE
+        axes.plot(at, s.error, MARKS[s.family], color=color, markersize=4.5, markerfacecolor=face, markeredgewidth=0.9)
+
+
+def _name(axes: Axes, champion: tuple[str, str] | None) -> None:
+    """The best curve is drawn heavy and named in the corner that falling curves leave free."""
+    if champion is not None:
+        family, solver = champion
+        axes.annotate(
+            f"best: {family}, {solver}", (0.03, 0.04), xycoords="axes fraction", color=COLOURS[family],
+            fontweight="bold", fontsize=8.5,
+        )  # fmt: skip
+
+
+def _over_unknowns(axes: Axes, data: Any, found: list[Setting]) -> None:
+    """Curves of the first solver over displacement unknowns, with the rates of P1 elements."""
+    first = data["solver"].values.tolist()[0]
+    rates: list[tuple[str, str]] = []
+    for family in data["family"].values.tolist():
+        own = [s for s in found if s.family == family and s.solver == first and s.error > 0]
+        solved = [s for s in own if s.solved]
+        n, error = [s.n_dof for s in solved], [s.error for s in solved]
+        color = COLOURS[family]
+        axes.plot(n, error, color=color, linewidth=1.2)
+        for s in own:
+            face = color if s.solved else "white"
+            axes.plot(s.n_dof, s.error, MARKS[family], color=color, markersize=4.5, markerfacecolor=face)
+        if len(solved) > 2 and max(error) > EXACT:
+            slope = float(np.polyfit(np.log(n[-3:]), np.log(error[-3:]), 1)[0])
+            rates.append((family, f"{family} $N^{{{slope:.2f}}}$"))
+    for i, (family, text) in enumerate(reversed(rates)):
+        axes.annotate(text, (0.03, 0.04 + 0.065 * i), xycoords="axes fraction", color=COLOURS[family], fontsize=9)
+    _star(axes, found, lambda s: s.n_dof)
+    axes.set_xlabel("displacement unknowns N")
+
+
+def _star(axes: Axes, found: list[Setting], x: Any) -> None:
+    """The study's own settings."""
+    for s in found:
+        if s.own and np.isfinite(s.error):
+            axes.plot(x(s), s.error, "*", color=GOLD, markersize=15, markeredgecolor=style.INK, markeredgewidth=0.8)
+
+
+def _legend(axes: Axes, data: Any) -> None:
+    """Families by colour and mark, solvers by line, the star; once, above both panels."""
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=COLOURS[f], marker=MARKS[f], markersize=4.5, linewidth=1.2, label=f)
+        for f in data["family"].values.tolist()
+    ]
+    for k, solver in enumerate(data["solver"].values.tolist()):
+        handles.append(Line2D([], [], color=style.INK, linestyle=LINES[k % len(LINES)], linewidth=1.2, label=solver))
+    star: dict[str, Any] = {"marker": "*", "markersize": 11, "markeredgecolor": style.INK, "linestyle": ""}
+    handles.append(Line2D([], [], color=GOLD, label="own settings", **star))
+    handles.append(Line2D([], [], color=GREY, linewidth=2, label="dominated"))
+    axes.legend(
+        handles=handles, loc="lower left", bbox_to_anchor=(-0.02, 1.0), ncol=(len(handles) + 1) // 2, frameon=False,
+        fontsize=8.5, handlelength=1.8, columnspacing=1.2, borderaxespad=0.1, labelspacing=0.25,
+    )  # fmt: skip

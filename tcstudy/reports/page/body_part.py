@@ -1,0 +1,116 @@
+"""What the page has of the body: its outline with roles, its mesh, temperature and displacement of every point."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.reports.page.container import Container, Json
+from tcstudy.reports.page.stored import BodyFields, Stored, Study, boundary_edges
+
+Array = NDArray[np.float64]
+
+ARC_POINTS = 24
+MOST_NODES = 8_000
+"""Mesh nodes up to which a level is drawn; finer ones would cost room that no screen shows."""
+
+
+def outline(study: Study | None) -> list[Json]:
+    """Named edges as polylines with their roles; empty if the study does not say (a body from a file)."""
+    if study is None or study.scenes[0].body.outline is None:
+        return []
+    body, roles = study.scenes[0].body, dict(study.scenes[0].boundary)
+    found = []
+    for number, loop in enumerate((body.outline, *body.holes)):
+        assert loop is not None
+        for edge in loop.edges:
+            line = polyline(edge.start, edge.through, edge.end)
+            role = type(roles[edge.name]).__name__.lower() if edge.name in roles else "free"
+            found.append({"name": edge.name, "role": role, "loop": number, "line": line.tolist()})
+    return found
+
+
+def sources(study: Study | None) -> list[Json]:
+    """Outlines of the regions that are heated, for the drawing."""
+    if study is None or not any(scene.heat.q != 0.0 for scene in study.scenes):
+        return []
+    heat, regions = study.scenes[0].heat, study.scenes[0].body.regions
+    loops = [region.loop for region in regions if region.name in heat.omega]
+    return [np.concatenate([polyline(e.start, e.through, e.end) for e in loop.edges]).tolist() for loop in loops]
+
+
+def polyline(start: Any, through: Any, end: Any) -> Array:
+    """A straight edge as its two ends, an arc through a third point as a chain of points (n, 2)."""
+    a, b = np.array(start), np.array(end)
+    if through is None:
+        return np.array([a, b])
+    t = np.array(through)
+    centre = _centre(a, t, b)
+    angle = [float(np.arctan2(*(p - centre)[::-1])) for p in (a, t, b)]
+    turn = (angle[2] - angle[0]) % (2 * np.pi)
+    if (angle[1] - angle[0]) % (2 * np.pi) > turn:
+        turn -= 2 * np.pi
+    phi = angle[0] + np.linspace(0.0, turn, ARC_POINTS)
+    return np.asarray(centre + np.hypot(*(a - centre)) * np.column_stack([np.cos(phi), np.sin(phi)]))
+
+
+def _centre(a: Array, t: Array, b: Array) -> Array:
+    matrix = 2.0 * np.array([t - a, b - a])
+    rhs = np.array([t @ t - a @ a, b @ b - a @ a])
+    return np.asarray(np.linalg.solve(matrix, rhs))
+
+
+def drawn_level(stored: Stored) -> int | None:
+    """The finest level with stored fields that is not too fine to draw; else the coarsest with fields."""
+    having = [n for n, group in stored.groups.items() if "u_x" in group and "node_x" in group]
+    fitting = [n for n in having if stored.groups[n].sizes["mesh_node"] <= MOST_NODES]
+    return max(fitting) if fitting else min(having, default=None)
+
+
+def body_part(stored: Stored, level: int, box: Container) -> Json:
+    """Mesh, boundary with roles, and fields of all points as few modes (drawn to 0.1 % of their range)."""
+    group = stored.groups[level]
+    dims = [str(d) for d in stored.data["status"].dims if d != "level"]
+    x, y, triangles = (group[name].values for name in ("node_x", "node_y", "triangle"))
+    n = len(x)
+
+    def field(name: str) -> Json:
+        values = group[name].transpose(*dims, "mesh_node").values.reshape(-1, n)
+        return box.fields(np.where(np.isfinite(values), values, 0.0))
+
+    zero = np.zeros(n)
+    edges = boundary_edges(BodyFields(x, y, triangles, zero, zero, None, "1"))
+    named = outline(stored.study)
+    return {
+        "level": level,
+        "x": box.array(x, "f4"),
+        "y": box.array(y, "f4"),
+        "triangle": box.array(triangles, "u2" if n < 65536 else "i4"),
+        "boundary": box.array(edges, "i4"),
+        "edge": box.array(nearest(np.column_stack([x, y])[edges].mean(axis=1), named), "i1"),
+        "u_x": field("u_x"),
+        "u_y": field("u_y"),
+        "theta": field("theta") if "theta" in group else None,
+        "theta_units": str(group["theta"].attrs["units"]) if "theta" in group else "1",
+    }
+
+
+def nearest(places: Array, named: list[Json]) -> NDArray[np.int8]:
+    """(k,) index of the named edge that each place lies on; −1 where no edges are known."""
+    if not named:
+        return np.full(len(places), -1, dtype=np.int8)
+    distance = np.array([_distance(places, np.array(edge["line"])) for edge in named])
+    return np.argmin(distance, axis=0).astype(np.int8)
+
+
+def _distance(places: Array, line: Array) -> Array:
+    """(k,) distance of places from a polyline."""
+    best = np.full(len(places), np.inf)
+    for a, b in pairwise(line):
+        t = b - a
+        s = np.clip((places - a) @ t / max(float(t @ t), np.finfo(float).tiny), 0.0, 1.0)
+        best = np.minimum(best, np.hypot(*(places - a - s[:, None] * t).T))
+    return best

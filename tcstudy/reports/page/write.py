@@ -1,0 +1,175 @@
+"""The page put together: what it holds, how large it may be, and what is left out where that is too much."""
+
+from __future__ import annotations
+
+import html
+import json
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+from tcstudy.errors import PageError
+from tcstudy.reports.page.body_part import body_part, drawn_level, outline, sources
+from tcstudy.reports.page.container import Container, Json, size_of
+from tcstudy.reports.page.law_part import law_part
+from tcstudy.reports.page.line_part import line_part
+from tcstudy.reports.page.live_part import live_part
+from tcstudy.reports.page.other_part import convergence_part, cost_part, path_part
+from tcstudy.reports.page.run_part import run_part
+from tcstudy.reports.page.stored import Stored, StoreError, read, reading, replace_file
+
+SCRIPTS = ("format.js", "charts.js", "laws.js", "solver.js", "parts.js", "run.js", "point.js", "live.js", "others.js",
+           "main.js")  # fmt: skip
+
+AIM = 1_900_000
+"""Bytes that a page should not exceed: it still travels by mail and opens at once on a phone."""
+MOST = 10_000_000
+"""Bytes that no page exceeds."""
+LEAVE_OUT = ("levels", "live", "body", "lines")
+"""What may be left out, in the order in which it goes where a page is too large: contact lines of the coarser levels,
+the data of the live mode, the body's fields, all contact lines."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was written: its size [byte] and what was left out because of it, one of LEAVE_OUT each."""
+
+    path: Path
+    size: int
+    left_out: tuple[str, ...]
+
+    @property
+    def words(self) -> str:
+        """One line that says what was written."""
+        what = (
+            f"{self.path}: {self.size / 1e6:.1f} MB" if self.size >= 1e5 else f"{self.path}: {self.size / 1e3:.0f} kB"
+        )
+        return what + (f"; left out because of the size: {', '.join(self.left_out)}" if self.left_out else "")
+
+
+def write_page(path: Path, target: Path, left_out: tuple[str, ...] = ()) -> Written:
+    """Write the page of a result file, replacing an old page in one step.
+
+    left_out: of LEAVE_OUT what the page shall not hold
+
+    Raises StoreError if `path` is no complete result file or `target` cannot be written, PageError if the page would
+    be larger than MOST or something else than a page would be lost.
+    """
+    if target.is_file() and not target.read_bytes()[:200].lstrip().lower().startswith(b"<!doctype html"):
+        raise PageError(f"{target} exists and is no page; it would be lost: choose another name with -o")
+    if target.is_dir():
+        raise PageError(f"{target} is a directory; give the name of a file in it")
+    without = list(left_out)
+    with reading(path):
+        text = _fitting(read(path), without)
+    if size_of(text) > MOST:
+        raise PageError(
+            f"the page would have {size_of(text) / 1e6:.0f} MB, more than {MOST / 1e6:.0f} MB, even without "
+            f"{', '.join(without) or 'its optional parts'}; split the sweep into several studies"
+        )
+
+    def put(aside: Path) -> None:
+        aside.write_text(text, encoding="utf-8")
+
+    replace_file(target, put, sealed=False)
+    dropped = tuple(part for part in without if part not in left_out)
+    return Written(target, size_of(text), dropped)
+
+
+def _fitting(stored: Stored, without: list[str]) -> str:
+    """The page, with parts added to those left out until it is no larger than AIM."""
+    while True:
+        text = page(stored, tuple(without))
+        more = [part for part in LEAVE_OUT if part not in without and _has(stored, part)]
+        if size_of(text) <= AIM or not more:
+            return text
+        without.append(more[0])
+
+
+def _has(stored: Stored, part: str) -> bool:
+    """Whether leaving a part out would save anything."""
+    having: dict[str, object] = {
+        "levels": stored.kind == "run" and len(stored.groups) > 1,
+        "live": stored.live,
+        "body": stored.kind == "run" and drawn_level(stored) is not None,
+        "lines": stored.kind == "run" and stored.groups,
+    }
+    return bool(having[part])
+
+
+def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
+    """The whole page as text."""
+    box = Container()
+    header = {**_about(stored), **_content(stored, without, box), "without": list(without)}
+    assets = resources.files("tcstudy.reports.page") / "assets"
+    shell = (assets / "shell.html").read_text(encoding="utf-8")
+    scripts = "\n".join((assets / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    verdict = header[stored.kind]["verdict"]["text"]
+    for mark, text in (
+        ("<!--title-->", html.escape(str(header["title"]))),
+        ("<!--verdict-->", html.escape(verdict)),
+        ("/*style*/", (assets / "style.css").read_text(encoding="utf-8")),
+        ("/*scripts*/", scripts.replace("</script", "<\\/script")),
+        ("<!--data-->", box.packed(header)),
+    ):
+        shell = shell.replace(mark, text)
+    return shell
+
+
+def _about(stored: Stored) -> Json:
+    attrs = stored.data.attrs
+    return {
+        "format": 1,
+        "kind": stored.kind,
+        "title": str(attrs.get("title", stored.path.name)),
+        "file": stored.path.name,
+        "unit_system": str(attrs.get("unit_system", "SI")),
+        "solver": str(attrs.get("solver", "")),
+        "tolerance": float(attrs.get("solver_tolerance", float("nan"))),
+        "provenance": {
+            name: str(attrs[name])
+            for name in ("history", "source", "git_commit", "study_sha256", "references", "institution", "Conventions")
+            if name in attrs
+        },
+        "versions": json.loads(str(attrs.get("versions", "{}"))),
+        "overrides": [one for one in str(attrs.get("overrides", "")).split("\n") if one],
+        "yaml": str(attrs.get("study_yaml", "")),
+    }
+
+
+def _content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
+    if stored.kind == "convergence":
+        return {"convergence": convergence_part(stored, box)}
+    if stored.kind == "cost":
+        return {"cost": cost_part(stored)}
+    if stored.kind == "path":
+        return {"path": path_part(stored, box), "laws": law_part(stored.study)}
+    return _run_content(stored, without, box)
+
+
+def _run_content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
+    levels = sorted(stored.groups)
+    if "lines" in without:
+        levels = []
+    elif "levels" in without:
+        levels = levels[-1:]
+    body = drawn_level(stored) if "body" not in without else None
+    content = {
+        "run": run_part(stored, box),
+        "lines": {str(level): line_part(stored, level, box) for level in levels},
+        "laws": law_part(stored.study),
+        "outline": outline(stored.study),
+        "sources": sources(stored.study),
+        "body": None if body is None else body_part(stored, body, box),
+    }
+    if stored.live and "live" not in without and levels and (live := live_part(stored, box)) is not None:
+        content["live"] = live
+        level = str(live["level"])
+        if level not in content["lines"]:
+            content["lines"][level] = line_part(stored, live["level"], box)
+    for other in stored.beside:
+        content[other.kind] = convergence_part(other, box) if other.kind == "convergence" else cost_part(other)
+    return content
+
+
+__all__ = ["LEAVE_OUT", "PageError", "StoreError", "Written", "page", "write_page"]

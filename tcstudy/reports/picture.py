@@ -1,0 +1,205 @@
+"""What one picture shows, read from a result file: plain arrays in the units of the file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.schema import STICKS, UNKNOWN
+from tcstudy.data.store import open_results
+from tcstudy.reports.select_point import Value, check_solved, describe, labels, level_number, locate
+
+Array = NDArray[np.float64]
+
+ROUNDING = 1e-9
+"""Relative difference of two sums of the same lengths in another order."""
+
+
+NEAR = 1e-6
+"""Relative difference of two lengths that are one."""
+
+
+@dataclass(frozen=True)
+class LineFields:
+    """The contact line at one point of the sweep, m nodes in order.
+
+    arclength, x, y, c: position, coordinates and segment lengths c_i [length_units]
+    edge:   (m,) index into edge_names
+    u_T:    (m,) tangential displacement [length_units];  xi: (m,) traction ξ = −S_T [traction_units]
+    sticks: (m,) nodes that rest on an up-jump of the law; None if the file does not tell
+    """
+
+    arclength: Array
+    x: Array
+    y: Array
+    c: Array
+    edge: NDArray[np.intp]
+    edge_names: tuple[str, ...]
+    u_T: Array
+    xi: Array
+    sticks: NDArray[np.bool_] | None
+    length_units: str
+    traction_units: str
+
+    @property
+    def parts(self) -> list[slice]:
+        """Ranges of nodes along which the line goes straight on.
+
+        Between two of them there is a gap or a corner without unknown: the nodes are then closer to each other
+        than their arclengths say, or farther apart.
+        """
+        chord = np.hypot(np.diff(self.x), np.diff(self.y))
+        step = np.diff(self.arclength)
+        cuts = np.flatnonzero(np.abs(chord - step) > NEAR * step) + 1
+        ends = [0, *cuts.tolist(), len(self.arclength)]
+        return [slice(a, b) for a, b in pairwise(ends)]
+
+    def cells(self, part: slice) -> Array:
+        """(n + 1,) ends of the segments S_i around the n nodes of a part [length_units]."""
+        s, c = self.arclength[part], self.c[part]
+        if len(s) == 1:
+            return np.array([s[0] - 0.5 * c[0], s[0] + 0.5 * c[0]])
+        middles = 0.5 * (s[1:] + s[:-1])
+        # The outer halves are what is left of c_i: nothing at a free end, a whole element beside a held node.
+        return np.concatenate([[middles[0] - c[0]], middles, [middles[-1] + c[-1]]])
+
+    def closed(self, part: slice) -> bool:
+        """True if the part is a ring: the segment of its first node reaches back to the last one."""
+        s, c = self.arclength[part], self.c[part]
+        if len(s) < 3:
+            return False
+        span = float(s[-1] - s[0])
+        gap = float(c.sum()) - span
+        chord = float(np.hypot(self.x[part][-1] - self.x[part][0], self.y[part][-1] - self.y[part][0]))
+        outer = float(c[0] - 0.5 * (s[1] - s[0]))
+        if chord >= (1.0 - NEAR) * span:  # straight: what its ends reach to are two held nodes
+            return False
+        return abs(chord - gap) <= NEAR * chord and abs(outer - 0.5 * gap) <= NEAR * gap
+
+    def steps(self, part: slice) -> tuple[Array, NDArray[np.intp]]:
+        """Ends of intervals from the start of the part on, and the contact node that each interval belongs to.
+
+        They are the segments S_i; in a ring the first one comes in two halves, at the start and at the end.
+        """
+        nodes, cells = np.arange(part.start, part.stop), self.cells(part)
+        if not self.closed(part):
+            return cells, nodes
+        start = self.arclength[part.start]
+        cells = np.concatenate([[start], cells[1:], [start + self.c[part].sum()]])
+        return cells, np.append(nodes, part.start)
+
+
+@dataclass(frozen=True)
+class BodyFields:
+    """The whole body: mesh (n nodes, t triangles), displacement [length units], temperature if there is one."""
+
+    x: Array
+    y: Array
+    triangles: NDArray[np.intp]
+    u_x: Array
+    u_y: Array
+    theta: Array | None
+    theta_units: str
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One solved point of a sweep on one level.
+
+    parameters: (name, label, units) of the swept parameters
+    point:      the same in words
+    """
+
+    title: str
+    parameters: tuple[tuple[str, float | str, str], ...]
+    point: str
+    level: int
+    h_max: float
+    n_dof: int
+    residual: float
+    line: LineFields
+    body: BodyFields | None
+
+
+def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: int = -1) -> Picture:
+    """Read what a picture of one point shows.
+
+    Raises StoreError if `path` is not a complete result file, DrawError if it does not hold the point or the
+    point was not solved.
+    """
+    with open_results(path) as tree:
+        root = tree.to_dataset()
+        where = locate(root, point)
+        number = level_number(root, level)
+        check_solved(root, where, number)
+        at = root.isel(where).isel(level=number)
+        group = tree[f"level_{number}"].to_dataset().isel(where, missing_dims="ignore")
+        return Picture(
+            title=str(root.attrs["title"]),
+            parameters=tuple(labels(root, where)),
+            point=describe(root, where),
+            level=number,
+            h_max=float(at["h_max"]),
+            n_dof=int(at["n_dof"]),
+            residual=float(at["inclusion_residual"]),
+            line=_line(group, float(at["slip_length"])),
+            body=_body(group),
+        )
+
+
+def sticking(u_T: Array, c: Array, slip_length: float) -> NDArray[np.bool_] | None:
+    """(m,) nodes that stick in a file that does not store them; None if it does not tell either.
+
+    A sticking node rests on a kink of the law exactly: at u_T = 0, or at a slip that it shares with other nodes.
+    The stored length of the part that does not stick decides which of these it is.
+    """
+    values, count = np.unique(u_T, return_counts=True)
+    shared = np.isin(u_T, values[count > 1])
+    zero = u_T == 0.0
+    for guess in (np.zeros(len(u_T), dtype=bool), zero, zero | shared, shared):
+        if abs(c[~guess].sum() - slip_length) <= ROUNDING * c.sum():
+            return guess
+    return None
+
+
+def _sticks(group: Any, slip_length: float) -> NDArray[np.bool_] | None:
+    """As stored; files of earlier versions have no such variable."""
+    if "sticks" in group and not (group["sticks"].values == UNKNOWN).any():
+        return np.asarray(group["sticks"].values == STICKS)
+    return sticking(group["u_T"].values, group["c"].values, slip_length)
+
+
+def _line(group: Any, slip_length: float) -> LineFields:
+    values = {name: group[name].values for name in ("arclength", "x", "y", "c", "u_T", "xi")}
+    return LineFields(
+        **values,
+        edge=group["edge"].values.astype(np.intp),
+        edge_names=tuple(str(group["edge"].attrs.get("flag_meanings", "")).split()),
+        sticks=_sticks(group, slip_length),
+        length_units=str(group["u_T"].attrs["units"]),
+        traction_units=str(group["xi"].attrs["units"]),
+    )
+
+
+def _body(group: Any) -> BodyFields | None:
+    """The fields of the whole body, None if the file has none for this point."""
+    if not {"node_x", "triangle", "u_x", "u_y"} <= set(group.variables):
+        return None
+    values = {name: group[name].values for name in ("u_x", "u_y")}
+    if not all(np.isfinite(field).all() for field in values.values()):
+        return None
+    theta = group["theta"].values if "theta" in group else None
+    return BodyFields(
+        x=group["node_x"].values,
+        y=group["node_y"].values,
+        triangles=group["triangle"].values.astype(np.intp),
+        **values,
+        theta=theta if theta is not None and np.isfinite(theta).all() else None,
+        theta_units=str(group["theta"].attrs["units"]) if theta is not None else "1",
+    )

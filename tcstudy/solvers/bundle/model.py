@@ -1,0 +1,268 @@
+"""The model of the bundle-Newton method: the largest of damped quadratic pieces, and its minimiser.
+
+Model:      f(x) + max_j { −α_j + g_jᵀd + ½ρ_j dᵀG_j d },   x the centre, d the step
+Pieces:     f_j = f(y_j) + g(y_j)ᵀδ + ½ρ_j δᵀG_jδ,  g_j = g(y_j) + ρ_j G_j δ,  δ = x − y_j,  0 ≤ ρ_j ≤ 1
+Locality:   α_j = max{ |f(x) − f_j|, γ‖W‖ s_j² },  s_j the distance of y_j from x
+Literature: Lukšan & Vlček, A bundle-Newton method for nonsmooth unconstrained minimization,
+            Math. Programming 83 (1998) 373–391 (quadratic model, damping, subgradient locality measures)
+
+Differences from the publication, each because it saves evaluations:
+  * ‖W‖ in the locality measure makes γ a pure number; s_j is the distance, not the length of the path.
+  * ρ_j is not 0 or 1: it is lowered in proportion to the amount by which the piece lies above f(x).
+  * The published step solves one quadratic programme with W = Σλ_jρ_jG_j of the previous multipliers. Here the
+    programme is repeated about its own solution until the quadratic model itself is minimised: W is then the
+    Hessian of the present Lagrangian and the curvature of the kinks (the second-order correction) is in the step.
+    This costs quadratic programmes but no evaluation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.solvers.bundle.metric import Hessian, Stack, positive_definite
+from tcstudy.solvers.bundle.simplex_qp import direction, dual_decrease
+
+Array = NDArray[np.float64]
+
+FAR = 4.0
+"""Multiple of the radius beyond which a step is not worth completing."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """What the oracle said at y, or an aggregate of pieces.
+
+    y:      (n,) point
+    f:      value at y
+    g:      (n,) subgradient at y
+    G:      (n, n) second derivatives of the active piece at y, dense or a DiagonalShift
+    travel: locality that an aggregate inherits from its parts, 0 for the oracle's own pieces
+    """
+
+    y: Array
+    f: float
+    g: Array
+    G: Hessian
+    travel: float = 0.0
+
+    def distance(self, x: Array) -> float:
+        """Locality s_j of the piece at x."""
+        return self.travel + float(np.linalg.norm(x - self.y))
+
+    @property
+    def finite(self) -> bool:
+        """True if f, g and G are all finite."""
+        return bool(np.isfinite(self.f) and np.all(np.isfinite(self.g)) and np.all(np.isfinite(self.G)))
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Numbers of the model, all without units.
+
+    gamma:      weight of the distance in the locality measure
+    damping:    decrease of ρ_j per relative overestimate of f(x) by the piece's curvature
+    inner:      most quadratic programmes per minimisation of the model
+    inner_tolerance: relative change of the model at which it counts as minimised
+    pivot:      smallest eigenvalue of W relative to its largest
+    least_curvature: smallest eigenvalue of W relative to (largest slope)/(length of the start),
+        for where no piece is curved
+    """
+
+    gamma: float = 1e-3
+    damping: float = 5.0
+    inner: int = 40
+    inner_tolerance: float = 1e-3
+    pivot: float = 1e-8
+    least_curvature: float = 1e-2
+
+
+@dataclass(frozen=True)
+class Model:
+    """Arrays of the model about a centre.
+
+    c:     (N,) −α_j
+    A:     (N, n) g_j in rows
+    rho:   (N,) ρ_j
+    stack: the N matrices G_j
+    s:     (N,) localities
+    curvature: ‖Σλ_jG_j‖₂ of the multipliers at hand
+    """
+
+    c: Array
+    A: Array
+    rho: Array
+    stack: Stack
+    s: Array
+    curvature: float
+
+    def bend(self, d: Array) -> Array:
+        """(N, n) ρ_jG_jd."""
+        return self.rho[:, None] * self.stack.times(d)
+
+    def hessian(self, lam: Array) -> Array:
+        """(n, n) Σλ_jρ_jG_j."""
+        return self.stack.combine(lam * self.rho)
+
+    def values(self, d: Array) -> Array:
+        """(N,) −α_j + g_jᵀd + ½ρ_j dᵀG_jd."""
+        return self.c + self.A @ d + 0.5 * (self.bend(d) @ d)
+
+    def value(self, d: Array) -> float:
+        """max_j −α_j + g_jᵀd + ½ρ_j dᵀG_jd, the predicted change of f."""
+        return float(np.max(self.values(d)))
+
+
+@dataclass(frozen=True)
+class Step:
+    """A minimiser of the model.
+
+    d:         (n,) step
+    lam:       (N,) multipliers
+    decrease:  predicted decrease of f, −model(d) ≥ 0
+    promise:   w = ½‖Σλ_jg_j‖²_{W⁻¹} + Σλ_jα_j of the first quadratic programme without shift: the published
+               stopping quantity
+    shift:     multiple μ of the identity that kept d within the radius, 0 if the radius did not bind
+    factorisations: quadratic programmes solved, each with a factorisation of W
+    """
+
+    d: Array
+    lam: Array
+    decrease: float
+    promise: float
+    shift: float
+    factorisations: int
+
+    @property
+    def length(self) -> float:
+        """‖d‖."""
+        return float(np.linalg.norm(self.d))
+
+
+def assemble(pieces: Sequence[Piece], lam: Array, x: Array, f: float, rules: Rules) -> Model:
+    """The model of all pieces about (x, f); lam (N,) are the latest multipliers."""
+    stack = Stack.of([p.G for p in pieces])
+    curvature = float(np.max(np.abs(np.linalg.eigvalsh(stack.combine(lam)))))
+    return carry(pieces, stack, x, f, rules, curvature)
+
+
+def carry(pieces: Sequence[Piece], stack: Stack, x: Array, f: float, rules: Rules, curvature: float) -> Model:
+    """Every piece at the centre x with value f: f_j, g_j, the largest ρ_j that keeps it at or below f, and −α_j."""
+    g, values = np.array([p.g for p in pieces]), np.array([p.f for p in pieces])
+    delta = x - np.array([p.y for p in pieces])
+    turn = stack.times_rows(delta)
+    bend = 0.5 * _rowwise(delta, turn)
+    linear = values + _rowwise(g, delta)
+    over = linear + bend - f
+    damped = (over > 0.0) & (bend > 0.0)
+    rho = np.ones(len(pieces))
+    rho[damped] = np.maximum(0.0, 1.0 - rules.damping * over[damped] / bend[damped])
+    s = np.array([p.travel for p in pieces]) + np.linalg.norm(delta, axis=1)
+    alpha = np.maximum(np.abs(linear + rho * bend - f), rules.gamma * curvature * s * s)
+    return Model(-alpha, g + rho[:, None] * turn, rho, stack, s, curvature)
+
+
+def smoothly_joined(pieces: Sequence[Piece], q: Piece) -> NDArray[np.bool_]:
+    """(N,) True where f looks smooth between a piece's point and q's: then the nearer Taylor expansion is enough.
+
+    f(q) − f(p) is compared with its fifth-order quadrature ½(g_p+g_q)ᵀd + (1/12)dᵀ(G_p−G_q)d and the change
+    of g with its trapezoidal rule; a kink between the points leaves an error as large as a Taylor expansion's.
+    """
+    g, f = np.array([p.g for p in pieces]), np.array([p.f for p in pieces])
+    d = q.y - np.array([p.y for p in pieces])
+    Gp, Gq = Stack.of([p.G for p in pieces]).times_rows(d), Stack.of([q.G] * len(pieces)).times_rows(d)
+    change, mean = q.f - f, 0.5 * _rowwise(g + q.g, d)
+    hermite = np.abs(change - mean - _rowwise(Gp - Gq, d) / 12.0)
+    forward = np.abs(change - _rowwise(g, d) - 0.5 * _rowwise(Gp, d))
+    backward = np.abs(change - d @ q.g + 0.5 * _rowwise(Gq, d))
+    eps = np.finfo(float).eps
+    values = hermite <= 0.1 * np.maximum(forward, backward) + 50 * eps * (np.abs(f) + abs(q.f))
+    turn = q.g - g
+    taylor = np.maximum(np.linalg.norm(turn - Gp, axis=1), np.linalg.norm(turn - Gq, axis=1))
+    noise = 500 * eps * np.maximum(np.linalg.norm(g, axis=1), np.linalg.norm(q.g))
+    return values & (np.linalg.norm(turn - 0.5 * (Gp + Gq), axis=1) <= 0.5 * taylor + noise)
+
+
+def _rowwise(a: Array, b: Array) -> Array:
+    """(N,) a_jᵀb_j of the rows."""
+    return np.einsum("ji,ji->j", a, b)
+
+
+def minimise(model: Model, lam: Array, shift: float, rules: Rules, unit: float, limit: float = np.inf) -> Step:
+    """A local minimiser of model + ½·shift·‖d‖² by repeated quadratic programmes with halving, from d = 0.
+
+    limit: ends as soon as ‖d‖ exceeds this, because such a step will be rejected
+    """
+
+    def merit(d: Array) -> float:
+        return model.value(d) + 0.5 * shift * float(d @ d)
+
+    d = np.zeros(model.A.shape[1])
+    best, used = merit(d), 0
+    least = rules.least_curvature * float(np.max(np.abs(model.A))) / unit
+    promise = 0.0
+    for used in range(1, rules.inner + 1):
+        Gd = model.bend(d)
+        metric = positive_definite(model.hessian(lam), shift, rules.pivot, least)
+        lam, q = direction(model.c + model.A @ d + 0.5 * (Gd @ d), model.A + Gd, shift * d, metric, lam)
+        if used == 1:
+            promise = dual_decrease(model.c, model.A, lam, metric)
+        t = 1.0
+        while t > 1e-15 and not (trial := merit(d + t * q)) < best:
+            t *= 0.5
+        if t <= 1e-15:
+            if used > 1:
+                break
+            continue
+        d = d + t * q
+        small = t * np.linalg.norm(q) <= rules.inner_tolerance * np.linalg.norm(d)
+        flat = best - trial <= rules.inner_tolerance * abs(trial)
+        best = trial
+        if (used > 1 and (small or flat)) or np.linalg.norm(d) > limit:
+            break
+    return Step(d, lam, -model.value(d), promise, shift, used)
+
+
+def bounded_step(model: Model, lam: Array, rules: Rules, radius: float, unit: float, likely_shift: float = 0.0) -> Step:
+    """The model's minimiser, shifted by the smallest μI found that keeps ‖d‖ ≤ 1.2·radius (μ by bisection).
+
+    likely_shift: μ of the step before, tried second
+    A nonconvex model may jump past the radius as μ falls; then the longest step found below it counts.
+    """
+    far = FAR * radius
+    step = minimise(model, lam, 0.0, rules, unit, far)
+    used, promise, inside = step.factorisations, step.promise, None
+    shift, low, high = 0.0, 0.0, np.inf
+    for _ in range(25):
+        failed = step.length == 0.0 < promise
+        if step.length > 1.2 * radius or failed:
+            low = shift
+        else:
+            inside, high = step, shift
+            if shift == 0.0 or step.length >= 0.6 * radius or high <= 1e-6 * model.curvature:
+                break
+        if high < 1.3 * low:
+            break
+        if np.isfinite(high):
+            shift = float(np.sqrt(high * max(low, 1e-3 * high)))
+        elif shift == 0.0 < likely_shift and not failed:
+            shift = likely_shift
+        else:
+            slope = float(np.max(np.abs(model.A)) if failed else np.linalg.norm(step.lam @ model.A))
+            shift = max(slope / radius, 10.0 * shift)
+        step = minimise(model, lam, shift, rules, unit, far)
+        used += step.factorisations
+    found = inside or cut_back(model, step, radius)
+    return replace(found, promise=promise, factorisations=used)
+
+
+def cut_back(model: Model, step: Step, radius: float) -> Step:
+    """A step that is too long, shortened to the radius and on until the model falls."""
+    t = min(1.0, radius / step.length) if step.length > 0.0 else 0.0
+    while t > 1e-15 and model.value(t * step.d) >= 0.0:
+        t *= 0.5
+    d = t * step.d
+    return replace(step, d=d, decrease=-model.value(d))

@@ -1,0 +1,168 @@
+"""What can be proved about a solution v of a contact problem: unique, strict local minimum, global minimum.
+
+Uniqueness:      ω < λ₁ makes L̃ strictly convex. Otherwise every solution lies in a box (solution_box), and two
+                 solutions v, w in it have (v−w)ᵀ(Ã + C diag b′_min)(v−w) ≤ 0 with the least slopes of b on the
+                 box; if that matrix is positive definite there is only one.
+Strict minimum:  A_FF + C b′ ≻ 0 on the free nodes, and every other node rests on an up-jump with left < 0 < right.
+Global minimum:  L̃(w) − L̃(v) ≥ ½ (w−v)ᵀ(Ã − C diag D)(w−v) − Σ (ξ_i − c_i ζ_i)(w_i − v_i), D from global_bound and
+                 ζ the element of b̂(v) nearest to ξ/c. If Ã − C diag(D + μ) ⪰ 0 no point of the box, so no point
+                 at all, has an energy below L̃(v) − ‖ξ/c − ζ‖²/(2μ) in the norm weighted by c: `energy_gap`,
+                 rounding squared.
+
+Every flag is one-sided: True is proved, False says "not certified". Positive definiteness is decided by Cholesky with
+the diagonal lowered by μ = margin·λ₁ and never by less than the rounding of the factorisation, so that it holds in
+floating-point arithmetic too. Left out: interval arithmetic (the inclusion residual of v enters through
+`energy_gap` only) and branch and bound for what is not certified.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.scene.friction import UP
+from tcstudy.scene.study import Acceptance
+from tcstudy.solvers.bounds import bend_below_tangent, least_slope, solution_box
+from tcstudy.solvers.problem import ContactProblem
+from tcstudy.solvers.separable.pieces import relative_residual, slopes
+from tcstudy.solvers.separable.system import cholesky, submatrix
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+MARGIN = 1e-6
+"""μ/λ₁: by how much a matrix must be positive definite."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Proved properties of one solution; a flag that is False means "not certified", not the opposite.
+
+    residual:        inclusion residual of v; above the tolerance no flag is set except `convex` and `unique`
+    lambda_1, omega: uniqueness threshold of the body and steepest fall of the law [Pa/m] (method §5)
+    convex:          ω < λ₁: one solution for every load
+    unique:          one solution for this load (convex, or convex on the box of all solutions)
+    strict_minimum:  v is a strict local minimum of L̃
+    global_minimum:  no point has an energy below L̃(v) − energy_gap
+    energy_gap:      what rounding in v leaves open [J/m]; nan if not certified
+    least_slack:     smallest of −left and right over the resting nodes, relative to c·(scale of b); inf without any
+    resting:         number of nodes on an up-jump
+    """
+
+    residual: float
+    lambda_1: float
+    omega: float
+    convex: bool
+    unique: bool
+    strict_minimum: bool
+    global_minimum: bool
+    energy_gap: float
+    least_slack: float
+    resting: int
+
+    @property
+    def margin(self) -> float:
+        """λ₁ − ω [Pa/m]: positive if every load has one solution; −∞ with a down-jump."""
+        return self.lambda_1 - self.omega
+
+
+def certify(
+    problem: ContactProblem,
+    v: Array,
+    lambda_1: float | None = None,
+    tolerance: float | None = None,
+    margin: float = MARGIN,
+    inverse: Array | None = None,
+    residual: float | None = None,
+) -> Certificate:
+    """Certificate of the solution v (m,).
+
+    lambda_1:  λ₁ if known (it depends on the body only), else it is computed
+    tolerance: largest inclusion residual that counts as a solution, None for the default of scene/study.py
+    residual:  inclusion residual if known better than from v in double precision, else it is computed
+    inverse:   Ã⁻¹ if known (it depends on the body only), else it is computed
+    margin:    μ/λ₁, by how much a matrix must be positive definite
+    """
+    threshold = problem.lambda_1 if lambda_1 is None else lambda_1
+    residual, omega = relative_residual(problem, v) if residual is None else residual, problem.law.omega
+    slack, resting = _resting_slack(problem, v)
+    convex = omega < (1.0 - margin) * threshold
+    if problem.m == 0:
+        return Certificate(residual, threshold, omega, convex, True, True, True, 0.0, slack, 0)
+    low, high = solution_box(problem, threshold, inverse=inverse)
+    unique = convex or positive_definite(problem, least_slope(problem.law, low, high), threshold, margin)
+    solved = Acceptance(tolerance).accepts(residual, problem.xi_rounding(v))
+    strict = solved and (unique or _strict_minimum(problem, v, threshold, margin))
+    gap = _global_gap(problem, v, low, high, threshold, margin, unique) if solved else float("nan")
+    return Certificate(residual, threshold, omega, convex, unique, strict, bool(np.isfinite(gap)), gap, slack, resting)
+
+
+def _shift(problem: ContactProblem, lambda_1: float, margin: float) -> float:
+    """μ = margin·λ₁, but no less than the rounding of a Cholesky factorisation [Pa/m]."""
+    largest = float(np.max(np.diagonal(problem.A_tilde) / problem.c))
+    return max(margin * lambda_1, 8.0 * problem.m * np.finfo(float).eps * largest)
+
+
+def positive_definite(
+    problem: ContactProblem, slope: Array, lambda_1: float, margin: float, named: Index | None = None
+) -> bool:
+    """Whether Ã + C diag(slope − μ) is positive definite on the named nodes (all by default)."""
+    nodes = np.arange(problem.m, dtype=np.intp) if named is None else named
+    lowered = problem.c[nodes] * (slope - _shift(problem, lambda_1, margin))
+    diagonal = np.diagonal(problem.A_tilde)[nodes] + lowered
+    if not len(nodes):
+        return True
+    if not np.all(diagonal > 0.0):
+        return False
+    matrix = submatrix(problem.A_tilde, nodes)
+    matrix[np.diag_indices(len(nodes))] = diagonal
+    return cholesky(matrix)[1] == 0
+
+
+def _resting_slack(problem: ContactProblem, v: Array) -> tuple[float, int]:
+    """(least relative slack of the nodes on up-jumps, their number)."""
+    on = _on_up_jump(problem, v)
+    if not np.any(on):
+        return float("inf"), 0
+    s = slopes(problem, v, problem.xi(v))
+    slack = np.minimum(-s.left, s.right)[on] / problem.c[on]
+    return float(np.min(slack)) / problem.traction_scale, int(np.count_nonzero(on))
+
+
+def _on_up_jump(problem: ContactProblem, v: Array) -> NDArray[np.bool_]:
+    """Nodes that sit bitwise on an up-jump."""
+    if not len(problem.law.kinks):
+        return np.zeros(problem.m, dtype=bool)
+    near = problem.law.nearest_kink(v)
+    return (problem.law.kinks[near] == v) & (problem.law.kinds[near] == UP)
+
+
+def _strict_minimum(problem: ContactProblem, v: Array, lambda_1: float, margin: float) -> bool:
+    """Second-order test with the nodes that rest without slack counted as free (sufficient, not necessary)."""
+    law, xi = problem.law, problem.xi(v)
+    s = slopes(problem, v, xi)
+    noise = 1e3 * np.finfo(float).eps * (np.diagonal(problem.A_tilde) * np.abs(v) + np.abs(xi))
+    on_up = _on_up_jump(problem, v)
+    held = on_up & (s.left < -noise) & (s.right > noise)
+    if np.any(s.at_jump & ~on_up):
+        return False
+    free = np.flatnonzero(~held)
+    slope = np.minimum(law.slope(v[free], law.piece(v[free], -1)), law.slope(v[free], law.piece(v[free], +1)))
+    return positive_definite(problem, slope, lambda_1, margin, free)
+
+
+def _global_gap(
+    problem: ContactProblem, v: Array, low: Array, high: Array, lambda_1: float, margin: float, unique: bool
+) -> float:
+    """The energy gap ‖ξ/c − ζ‖²/(2μ) if v is certified to be a global minimum, else nan."""
+    traction = problem.xi(v) / problem.c
+    zeta = np.clip(traction, *problem.law.interval(v))
+    gap = float(problem.c @ (traction - zeta) ** 2) / (2.0 * _shift(problem, lambda_1, margin))
+    low, high = np.minimum(low, v), np.maximum(high, v)
+    if unique:
+        return gap
+    bend = bend_below_tangent(problem.law, v, zeta, low, high)
+    certified = np.all(np.isfinite(bend)) and positive_definite(problem, -bend, lambda_1, margin)
+    return gap if certified else float("nan")

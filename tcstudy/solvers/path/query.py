@@ -1,0 +1,194 @@
+"""Questions to a followed path: all its solutions at one t, its folds, and the solutions of the true smooth law.
+
+How large the turns of the parameter along a path are, and which of them rounding alone makes.
+
+A turn and its neighbour that comes back the least are one small step back: the pair is taken away, smallest first, and
+what it stepped back is the size of both (persistence, Edelsbrunner, Letscher & Zomorodian, Discrete Comput. Geom. 28
+(2002) 511–533). So a wiggle at a large fold is small, and the fold itself stays large.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.solvers.path.record import Path
+from tcstudy.solvers.separable.finish import ActivePieces, finish, solve_on
+from tcstudy.solvers.separable.pieces import relative_residual
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+ROUNDINGS = 8.0
+"""A step back of t is rounding up to this many times what one rounding of every term in the balance does to t."""
+
+
+def turn_sizes(t: Array, turns: Index) -> tuple[Array, Index]:
+    """(size, partner) of every turn: how far t steps back, and the turn with which the step ends (−1: with no other).
+
+    t: (k,) parameter at the vertices;  turns: (f,) vertices at which it turns, growing
+    """
+    where = [0, *(int(v) for v in turns), len(t) - 1]
+    left = list(range(len(where)))
+    size, partner = np.zeros(len(where)), np.full(len(where), -1, dtype=np.intp)
+    while len(left) > 3:
+        steps = np.abs(np.diff(t[[where[i] for i in left]]))
+        at = 1 + int(np.argmin(steps[1:-1]))
+        i, j = left[at], left[at + 1]
+        size[[i, j]] = steps[at]
+        partner[i], partner[j] = j - 1, i - 1
+        del left[at : at + 2]
+    if len(left) == 3:
+        size[left[1]] = float(np.min(np.abs(np.diff(t[[where[i] for i in left]]))))
+    return size[1:-1], partner[1:-1]
+
+
+def real_turns(path: Path) -> tuple[Index, Array]:
+    """(vertices, sizes) of the turns of t that are more than rounding."""
+    turns = path.folds
+    size, partner = turn_sizes(path.t, turns)
+    real = np.ones(len(turns), dtype=bool)
+    small = size <= 1e-6 * float(np.ptp(path.t)) if len(turns) else real  # rounding is never larger than that
+    for i in np.flatnonzero(small & (partner >= 0)):
+        real[i] = size[i] > _rounding(path, int(turns[i]), int(turns[partner[i]]))
+    return turns[real], size[real]
+
+
+def _rounding(path: Path, one: int, other: int) -> float:
+    """What rounding of the balance does to t between two vertices.
+
+    A defect r shifts the t at which a direction w is in balance by wᵀr/(wᵀl̃₁).
+    """
+    p = path.problem
+    way = path.u[other] - path.u[one]
+    work = abs(float(way @ p.l_1))
+    terms = np.abs(p.load(float(path.t[one]))) + np.abs(p.A_tilde) @ np.abs(path.u[one])
+    blur = ROUNDINGS * np.finfo(float).eps * float(np.abs(way) @ terms)
+    return blur / work if work > 0.0 else float("inf")
+
+
+@dataclass(frozen=True)
+class PathSolution:
+    """One solution on a path.
+
+    v:        (m,) displacements [m]
+    energy:   L̃(v) at this t [J/m]
+    stable:   strict local minimum of L̃ (at a vertex: on both sides)
+    piece:    index of the piece of the path that holds it
+    residual: inclusion residual relative to the scale of b
+    """
+
+    v: Array
+    energy: float
+    stable: bool
+    piece: int
+    residual: float
+
+
+@dataclass(frozen=True)
+class Fold:
+    """A turning point of t.
+
+    vertex: index into the path;  t: the parameter there
+    v:      (m,) displacements;  energy: L̃ [J/m]
+    size:   how far t steps back there, see turns.turn_sizes
+    limit:  True where t has a local maximum along the path, False at a minimum
+    stable: the branch is stable on one side (before, after: on which)
+    """
+
+    vertex: int
+    t: float
+    v: Array
+    energy: float
+    size: float
+    limit: bool
+    stable: tuple[bool, bool]
+
+
+def solutions_at(path: Path, t: float) -> list[PathSolution]:
+    """All solutions of the path at t in its order; a vertex counts once.
+
+    Along a piece on which t stands still all points are solutions of the same t: its two ends are returned.
+    """
+    low, high = np.minimum(path.t[:-1], path.t[1:]), np.maximum(path.t[:-1], path.t[1:])
+    found: list[PathSolution] = []
+    last = -1.0
+    for piece in np.flatnonzero((low <= t) & (t <= high)):
+        where = _places(path, int(piece), t)
+        for s in where:
+            at = piece + s
+            if at == last:  # the vertex between this piece and the one before
+                found[-1] = _solution(path, int(piece), s, t, found[-1].stable)
+                continue
+            last = at
+            found.append(_solution(path, int(piece), s, t, True))
+    return found
+
+
+def _places(path: Path, piece: int, t: float) -> list[float]:
+    """Where on the piece, 0 … 1, its parameter is t."""
+    t_0, t_1 = path.t[piece], path.t[piece + 1]
+    if t_0 == t_1:
+        return [0.0, 1.0]
+    return [float((t - t_0) / (t_1 - t_0))]
+
+
+def _solution(path: Path, piece: int, s: float, t: float, stable: bool) -> PathSolution:
+    v = path.u[piece + 1] if s == 1.0 else path.u[piece] + s * (path.u[piece + 1] - path.u[piece])
+    problem = path.problem.at(t)
+    residual = relative_residual(problem, v)
+    return PathSolution(v, problem.energy(v), stable and bool(path.stable[piece]), piece, residual)
+
+
+def folds(path: Path) -> list[Fold]:
+    """All turns of t that are more than rounding, with both sides' stability."""
+    return [
+        Fold(
+            int(k),
+            float(path.t[k]),
+            path.u[k],
+            float(path.energy[k]),
+            float(size),
+            bool(path.t[k] > path.t[k - 1] or path.t[k] > path.t[min(k + 1, path.pieces)]),
+            (bool(path.stable[k - 1]), bool(path.stable[k])),
+        )
+        for k, size in zip(*real_turns(path), strict=True)
+    ]
+
+
+def solutions_of(law: FrictionLaw, path: Path, t: float, newton_steps: int = 12) -> list[PathSolution]:
+    """The solutions of the law that the path's law approximates, by Newton's method from those of the path.
+
+    Each node keeps its place: on the same jump, or on the piece of `law` in which it lies. A solution that does not
+    carry over (its residual says so) is handed to active_pieces.finish; judge every answer by its residual.
+    """
+    problem = path.problem.with_law(law).at(t)
+    found: list[PathSolution] = []
+    for solution in solutions_at(path, t):
+        v = solve_on(problem, _pieces(law, path, solution), solution.v, newton_steps)
+        residual = float("inf") if v is None else relative_residual(problem, v)
+        if v is None or not residual <= 1e-9:
+            other, other_residual = finish(problem, solution.v, newton_steps=newton_steps)
+            if v is None or other_residual < residual:
+                v, residual = other, other_residual
+        found.append(PathSolution(v, problem.energy(v), solution.stable, solution.piece, residual))
+    return found
+
+
+def _pieces(law: FrictionLaw, path: Path, solution: PathSolution) -> ActivePieces:
+    """Places of the nodes in terms of the true law; extra kinks of the approximation are none."""
+    codes = path.codes[solution.piece]
+    kink = np.full(len(codes), -1, dtype=np.intp)
+    held = np.flatnonzero(codes % 2 == 1)
+    if len(held):
+        kink[held] = law.nearest_kink(path.problem.law.kinks[codes[held] // 2])
+    ends = np.concatenate([[-np.inf], path.problem.law.kinks, [np.inf]])
+    segment = codes // 2
+    left, right = ends[segment], ends[segment + 1]
+    middle = np.where(np.isinf(left), right - 1.0, np.where(np.isinf(right), left + 1.0, 0.5 * (left + right)))
+    middle = np.where(np.isnan(middle), solution.v, middle)
+    piece = np.where(np.isinf(left), 0, np.where(np.isinf(right), len(law.kinks), law.piece(middle)))
+    return ActivePieces(kink, np.where(kink >= 0, kink + 1, piece))

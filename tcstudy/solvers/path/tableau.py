@@ -1,0 +1,285 @@
+"""Linear algebra of one cell and its neighbours: a swept matrix plus a small exact correction.
+
+In a cell every node is either free (displacement u_i moves, force g_i = k_i u_i + const with k_i = c_i × slope of b)
+or held (u_i fixed, force g_i moves). Increments satisfy Ãu + g = r. For one *base* choice of free nodes F and held
+nodes V, with H = A_FF + diag(k), the symmetric swept matrix
+
+    P = [[H⁻¹, H⁻¹A_FV], [A_VF H⁻¹, −(A_VV − A_VF H⁻¹ A_FV)]]
+
+gives the moving coordinates of the base for every r. A cell that differs from the base in the nodes K needs a dense
+system of size |K| only, and |K| columns of P: O(m|K|) a cell, and nothing accumulates from cell to cell. When K is
+full the base moves to the present cell by one block pivot, O(m²|K|), so a cell costs O(m²) on average, in matrix
+products. A fresh factorisation is made when the caller finds the accuracy lost.
+
+The direction along a path is fixed by the speed of one node, not of t: a piece on which the matrix is singular
+(t stands still) is nothing special.
+
+Sources: principal pivoting, Cottle, Pang & Stone, The Linear Complementarity Problem (1992), §2.3; inertia through
+Haynsworth's formula, Linear Algebra Appl. 1 (1968) 73–81.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tcstudy.solvers.path.base import SingularCellError, definite_inverse, indefinite_inverse, sound_pivots
+from tcstudy.solvers.separable.system import submatrix
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+CAPACITY = 48
+"""Nodes that may differ from the base: small systems below, matrix products of good width above."""
+
+GROWTH = 30.0
+"""H⁻¹ of a base may exceed the body's own compliance by this much; near a fold nodes are held in the base."""
+
+WORST_GROWTH = 1e8
+"""By more than this it is worthless."""
+
+MAX_HELD = 6
+"""Nodes held in the base at most to make it definite and well conditioned."""
+
+LOST_RANK = 1e-13
+"""Pivots of the small system, its rows scaled to one, below which there is no unique direction."""
+
+
+class Tableau:
+    """Solves the equations of the present cell; `change` moves one node to another piece.
+
+    A:    (m, m) symmetric positive definite stiffness, scaled to O(1)
+    load: (m,) load per unit of t, in the same units
+    compliance: largest diagonal entry of A⁻¹, roughly
+    free: (m,) nodes whose displacement moves
+    k:    (m,) stiffness that the law adds at a free node (c × slope), 0 at a held one
+    """
+
+    def __init__(self, A: Array, load: Array, compliance: float, free: Mask, k: Array) -> None:
+        self.A, self.load, self.compliance = A, load, compliance
+        self.free, self.k = free.copy(), k.copy()
+        self.m = len(load)
+        self.load_size = float(np.max(np.abs(load)))
+        self.factorisations = 0
+        self.refactor()
+
+    # -- the base ----------------------------------------------------------------------------------
+
+    def refactor(self) -> None:
+        """A new base at the present cell, from Ã itself.
+
+        Nodes without which H is positive definite and well conditioned are held in the base; they are few where b
+        falls on a short stretch only. If they are not, H itself is inverted, indefinite as it is.
+        """
+        self.factorisations += 1
+        base, inverse, negatives = self.free.copy(), None, 0
+        for _ in range(MAX_HELD):
+            F = np.flatnonzero(base)
+            inverse, culprit = definite_inverse(self._H(F), GROWTH * self.compliance)
+            if culprit < 0:
+                break
+            base[F[culprit]] = False
+        else:
+            base = self.free.copy()
+            inverse, negatives = indefinite_inverse(self._H(np.flatnonzero(base)), WORST_GROWTH * self.compliance)
+        self.P, self.base_negatives = self._swept(base, inverse), negatives
+        self._new_base(base, np.where(base, self.k, 0.0))
+        self.y = self._respond(self.load)
+        for i in np.flatnonzero(self.free & ~base):
+            self.change(int(i), True, float(self.k[i]))
+
+    def _H(self, F: Index) -> Array:
+        H = submatrix(self.A, F)
+        H[np.diag_indices(len(F))] += self.k[F]
+        return H
+
+    def _new_base(self, base: Mask, k: Array) -> None:
+        self.base_free, self.base_k = base, k
+        self.sign = np.where(base, 1.0, -1.0)
+        self.size = 0
+        self.nodes = np.zeros(CAPACITY, dtype=np.intp)
+        self.position = np.full(self.m, -1, dtype=np.intp)
+        self.columns = np.zeros((self.m, CAPACITY), order="F")
+        self.own, self.gain = np.zeros(CAPACITY), np.zeros(CAPACITY)
+
+    def _swept(self, base: Mask, inverse: Array) -> Array:
+        """P from H⁻¹."""
+        F, V = np.flatnonzero(base), np.flatnonzero(~base)
+        if not len(V):
+            return np.asfortranarray(inverse)
+        P = np.empty((self.m, self.m), order="F")
+        A_FV = self.A[np.ix_(F, V)]
+        X = inverse @ A_FV
+        P[np.ix_(F, F)], P[np.ix_(F, V)], P[np.ix_(V, F)] = inverse, X, X.T
+        S = A_FV.T @ X
+        P[np.ix_(V, V)] = 0.5 * (S + S.T) - submatrix(self.A, V)
+        return P
+
+    def rebase(self) -> None:
+        """Move the base to the present cell by one block pivot on the nodes that differ, except unsound pivots."""
+        n = self.size
+        if n == 0:
+            return None
+        chosen = sound_pivots(*self._capacitance())
+        if len(chosen) < n // 2:
+            return self.refactor()
+        left = [(int(i), bool(self.free[i]), float(self.k[i])) for i in np.delete(self.nodes[:n], chosen)]
+        for i, _, _ in left:
+            self.change(i, bool(self.base_free[i]), float(self.base_k[i]))
+        self._pivot()
+        for i, free, k in left:
+            self.change(i, free, k)
+        return None
+
+    def _pivot(self) -> None:
+        """Block pivot on all nodes that differ from the base."""
+        n = self.size
+        negatives = self.negatives()
+        K = self.nodes[:n].copy()
+        gain, rows = self.gain[:n], self.P[:, K].T
+        out = np.flatnonzero(self.base_free[K] & ~self.free[K])
+        exchanged = np.flatnonzero(self.base_free[K] != self.free[K])
+        right = self.sign[K][:, None] * rows
+        right[:, K[exchanged]] = np.eye(n)[:, exchanged]
+        solved = np.linalg.solve(self._system(), np.column_stack([right, self.y[K]]))
+        X, y_K = solved[:, :-1], solved[:, -1]
+        y = self.y - self.columns[:, :n] @ (gain * y_K)
+        y[K] = y_K
+        self.P = scipy.linalg.blas.dgemm(-1.0, rows, gain[:, None] * X, 1.0, self.P, trans_a=1, overwrite_c=1)
+        X[out, K[out]] -= self.base_k[K[out]]
+        block = np.where(self.free[K], 1.0, -1.0)[:, None] * X
+        block[:, K] = 0.5 * (block[:, K] + block[:, K].T)
+        self.P[K, :] = block
+        self.P[:, K] = block.T
+        self.y, self.base_negatives = y, negatives
+        self._new_base(self.free.copy(), self.k.copy())
+
+    # -- the present cell --------------------------------------------------------------------------
+
+    def change(self, i: int, free: bool, k: float) -> None:
+        """Move node i to a piece on which it is free with stiffness k, or held."""
+        if self.position[i] < 0 and self.size == CAPACITY:
+            self.rebase()
+        self.free[i], self.k[i] = free, k
+        base_free, at = self.base_free[i], int(self.position[i])
+        if free == base_free and (not free or k == self.base_k[i]):
+            if at >= 0:
+                self._drop(at)
+            return
+        if at < 0:
+            at = self.size
+            self.size += 1
+            self.nodes[at], self.position[i] = i, at
+            np.multiply(self.sign, self.P[:, i], out=self.columns[:, at])
+        if not free:
+            self.own[at], self.gain[at] = 0.0, 1.0
+        elif base_free:
+            self.own[at], self.gain[at] = 1.0, k - self.base_k[i]
+        else:
+            self.own[at], self.gain[at] = k, 1.0
+
+    def change_many(self, nodes: Index, free: Mask, k: Array) -> None:
+        """Move several nodes; with more than fit beside the base it is made anew."""
+        if len(nodes) > CAPACITY // 2:
+            self.free[nodes], self.k[nodes] = free, k
+            return self.refactor()
+        if self.size + len(nodes) > CAPACITY:
+            self.rebase()
+        for i, is_free, stiffness in zip(nodes, free, k, strict=True):
+            self.change(int(i), bool(is_free), float(stiffness))
+        return None
+
+    def _drop(self, at: int) -> None:
+        last = self.size - 1
+        self.position[self.nodes[at]] = -1
+        if at != last:
+            self.nodes[at] = self.nodes[last]
+            self.position[self.nodes[at]] = at
+            self.columns[:, at] = self.columns[:, last]
+            self.own[at], self.gain[at] = self.own[last], self.gain[last]
+        self.size = last
+
+    def direction(self, node: int | None, speed: float) -> tuple[Array, float]:
+        """(dx, dt): motion of the moving coordinates and of t along the path, with dx[node] = speed.
+
+        node: None fixes dt = speed instead. Raises SingularCellError if the cell has no such direction.
+        """
+        return self._solve(None, node, speed)
+
+    def correction(self, r: Array, node: int | None) -> tuple[Array, float]:
+        """(δx, δt) that removes the residual r of Ãu + g = l̃ with node (or t, if None) held where it is."""
+        return self._solve(self._respond(r), node, 0.0)
+
+    def _solve(self, z: Array | None, node: int | None, speed: float) -> tuple[Array, float]:
+        n = self.size
+        K = self.nodes[:n]
+        columns = self.columns[:, :n]
+        unit = self.load_size  # scales the column of t, so that a small pivot means a lost rank
+        system = np.zeros((n + 1, n + 1), order="F")
+        rhs = np.zeros(n + 1)
+        system[:n, :n] = self._system()
+        system[:n, n] = self.y[K] * (-1.0 / unit)
+        rhs[n] = speed
+        if z is not None:
+            rhs[:n] = z[K]
+        if node is None:
+            system[n, n] = 1.0 / unit
+        elif self.position[node] >= 0:
+            system[n, self.position[node]] = 1.0
+        else:
+            system[n, :n], system[n, n] = -columns[node] * self.gain[:n], self.y[node] / unit
+            if z is not None:
+                rhs[n] -= z[node]
+        largest = np.max(np.abs(system), axis=1)
+        if not np.all(largest > 0.0):
+            raise SingularCellError
+        lu, _, solution, info = scipy.linalg.lapack.dgesv(system / largest[:, None], rhs / largest, overwrite_b=1)
+        if info != 0 or not np.min(np.abs(np.diagonal(lu))) > LOST_RANK:
+            raise SingularCellError
+        dt = float(solution[n] / unit)
+        dx = self.y * dt - columns @ (self.gain[:n] * solution[:n])
+        if z is not None:
+            dx += z
+        dx[K] = solution[:n]
+        if not (np.isfinite(dt) and np.all(np.isfinite(dx))):
+            raise SingularCellError
+        return dx, dt
+
+    def _system(self) -> Array:
+        """Equations of the nodes that differ, for their own moving coordinates (n, n).
+
+        With z = z_r − T ε the base's coordinates under the excess ε that the differing nodes bring in: a node with
+        another stiffness has ε = Δk z, one that is held z = 0 with its force ε, one that is free z = k ε.
+        """
+        n = self.size
+        system: Array = self.columns[self.nodes[:n], :n] * self.gain[:n]
+        system[np.arange(n), np.arange(n)] += self.own[:n]
+        return system
+
+    def _respond(self, r: Array) -> Array:
+        """Moving coordinates of the base for the load r."""
+        on_free = np.where(self.base_free, r, 0.0)
+        return self.sign * (self.P @ on_free) + np.where(self.base_free, 0.0, r)
+
+    def _capacitance(self) -> tuple[Array, Array]:
+        """(the same equations in symmetric form, size of the terms on its diagonal)."""
+        n = self.size
+        K, gain = self.nodes[:n], self.gain[:n]
+        small = self.P[np.ix_(K, K)] * np.sqrt(np.abs(np.outer(gain, gain)))
+        own = np.where(self.base_free[K] & self.free[K], np.sign(gain), self.sign[K] * self.own[:n])
+        size = np.abs(np.diagonal(small)) + np.abs(own)
+        small[np.arange(n), np.arange(n)] += own
+        return small, size
+
+    def negatives(self) -> int:
+        """Negative eigenvalues of A_FF + diag(k) over the free nodes of the present cell."""
+        if self.size == 0:
+            return self.base_negatives
+        K = self.nodes[: self.size]
+        small, _ = self._capacitance()
+        positive = int(np.count_nonzero(np.linalg.eigvalsh(small) > 0.0))
+        out = self.base_free[K] & ~self.free[K]
+        stiffer = self.base_free[K] & self.free[K] & (self.k[K] > self.base_k[K])
+        return self.base_negatives + positive - int(np.count_nonzero(out | stiffer))

@@ -1,0 +1,125 @@
+"""The condensed contact problem on plain arrays, and the test that judges every solution of it.
+
+Problem:    0 ∈ ∂L̃(v),  L̃(v) = ½vᵀÃv − l̃ᵀv + Ψ(v),  Ψ(v) = Σ c_i j(v_i)
+Acceptance: ξ = l̃ − Ãv with ξ_i ∈ c_i b̂(v_i), i = 1..m, eq. (21)
+Literature: Šestak & Jovanović, Appl. Math. Mech. 31 (2010), §3
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.solvers.extended import extended_residual
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ContactProblem:
+    """0 ∈ Ãv − l̃ + ∂Ψ(v) for the tangential displacements v of the m contact nodes.
+
+    A_tilde: (m, m) symmetric positive definite, condensed stiffness [Pa]
+    l_tilde: (m,) condensed load [N/m]
+    c:       (m,) segment lengths meas(S_i) > 0 [m]
+    law:     friction law b [Pa] of the slip [m]
+    """
+
+    A_tilde: Array
+    l_tilde: Array
+    c: Array
+    law: FrictionLaw
+
+    @property
+    def m(self) -> int:
+        """Number of contact unknowns."""
+        return len(self.c)
+
+    def energy(self, v: Array) -> float:
+        """L̃(v) [J/m]."""
+        return float(0.5 * v @ (self.A_tilde @ v) - self.l_tilde @ v + self.c @ self.law.j(v))
+
+    def xi(self, v: Array) -> Array:
+        """Nodal friction forces ξ = l̃ − Ãv, eq. (21) [N/m]; ξ_i/c_i is the traction −S_T."""
+        return self.l_tilde - self.A_tilde @ v
+
+    @cached_property
+    def traction_scale(self) -> float:
+        """Scale of b: the law's own where it has one, else the largest load per length or b(0) [Pa]."""
+        own = self.law.b_scale
+        if own > 0.0:
+            return own
+        return float(np.max(np.abs([*self.l_tilde / self.c, *np.ravel(self.law.b(0.0))]), initial=0.0))
+
+    def xi_extended(self, v: Array, v_low: Array | None = None) -> Array:
+        """ξ = l̃ − Ã(v + v_low) in about twice double precision, rounded once [N/m].
+
+        v_low: (m,) low part of v where that is known as a sum of two doubles
+
+        For judging: where ξ is small against Ãv, double precision leaves rounding of the size of the tolerance.
+        """
+        return extended_residual(self.l_tilde, self.A_tilde, v, v_low)
+
+    def xi_rounding(self, v: Array) -> float:
+        """What rounding v to doubles does to the inclusion residual, about: the bound of scene/study.py.
+
+        √m ε max_i ((|l̃| + |Ã||v|)_i/c_i + |b′(v_i) v_i|) / (scale of b), the slope of b only off its kinks.
+        """
+        if self.m == 0 or self.traction_scale == 0.0:
+            return 0.0
+        size = (np.abs(self.l_tilde) + np.abs(self.A_tilde) @ np.abs(v)) / self.c
+        slope = np.abs(self.law.slope(v, self.law.piece(v)) * v)
+        size += np.where(np.isin(v, self.law.kinks), 0.0, slope)
+        return float(np.sqrt(self.m) * np.finfo(float).eps * np.max(size)) / self.traction_scale
+
+    def distance(self, v: Array, tolerance: float = 0.0, xi: Array | None = None) -> Array:
+        """(m,) dist(ξ_i/c_i, b̂(v_i)) [Pa]; nodes within `tolerance` of a kink are tested on the filled interval."""
+        traction = (self.xi(v) if xi is None else xi) / self.c
+        low, high = self.law.interval(v, tolerance)
+        return np.maximum(0.0, np.maximum(low - traction, traction - high))
+
+    def inclusion_residual(self, v: Array, tolerance: float = 0.0, xi: Array | None = None) -> float:
+        """max_i dist(ξ_i/c_i, b̂(v_i)) / (scale of b), the acceptance test of every solution (method §3).
+
+        xi: ξ if it is known better than double precision gives it (`xi_extended`)
+        """
+        if self.m == 0:
+            return 0.0
+        worst = float(np.max(self.distance(v, tolerance, xi)))
+        if not np.isfinite(worst):
+            return float("inf")
+        if worst == 0.0:
+            return 0.0
+        return worst / self.traction_scale if self.traction_scale > 0.0 else float("inf")
+
+    def one_sided_slopes(self, v: Array) -> tuple[Array, Array]:
+        """(left, right): derivatives of L̃ along −e_i and +e_i direction signs kept, i.e. c b(v∓0) − ξ [N/m].
+
+        `right_i` is dL̃/dv_i from the right, `left_i` dL̃/dv_i from the left; v_i is stationary
+        at an up-jump if left_i ≤ 0 ≤ right_i.
+        """
+        xi = self.xi(v)
+        return self.c * self.law.b(v, -1) - xi, self.c * self.law.b(v, +1) - xi
+
+    @cached_property
+    def lambda_1(self) -> float:
+        """λ₁ = λ_min(C^{−½}ÃC^{−½}), the body's uniqueness threshold (method §5) [Pa/m]."""
+        return least_eigenvalue(self.A_tilde, self.c)
+
+    def frictionless(self) -> Array:
+        """Ã⁻¹ l̃, the solution without friction (m,)."""
+        return scipy.linalg.cho_solve(scipy.linalg.cho_factor(self.A_tilde, lower=True), self.l_tilde)
+
+
+def least_eigenvalue(A_tilde: Array, c: Array) -> float:
+    """Smallest eigenvalue of Ãw = λCw with C = diag(c); inf for an empty matrix."""
+    if len(c) == 0:
+        return float("inf")
+    root = 1.0 / np.sqrt(c)
+    scaled = A_tilde * root[:, None] * root[None, :]
+    return float(scipy.linalg.eigh(scaled, eigvals_only=True, subset_by_index=[0, 0])[0])

@@ -1,0 +1,321 @@
+"""The moves of the separable Newton method: clipped path, node by node, escape from saddles, refinement.
+
+One iterate of the separable Newton method with all that the next step needs.
+
+Node-by-node descent of L̃: one-dimensional minimisations on the exact pieces, one node after the other.
+
+Slow but certain: used only where a Newton path gives no decrease.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.solvers.loop import Status
+from tcstudy.solvers.problem import ContactProblem
+from tcstudy.solvers.separable.convex_step import convex_step
+from tcstudy.solvers.separable.pieces import Slopes, energy_change, integral, next_up_jump, slopes
+from tcstudy.solvers.separable.system import FreeSystem, factorise
+
+Array = NDArray[np.float64]
+
+STALLED = (
+    "no node can lower the energy although the inclusion does not hold; the data span too many orders of magnitude "
+    "for double precision: check the units, start from another point, or use another solver"
+)
+ROUNDING = (
+    "the inclusion residual stays at rounding level above the tolerance; the displacements are large against those "
+    "that friction causes: allow a larger tolerance or use a coarser contact mesh"
+)
+_REFINEMENTS = 8
+_WHOLE = ("newton/1", "escape", "model")
+"""Steps after which progress is not called slow."""
+_PUT_OFF = 20
+"""Slow steps more before a step on the convex model is tried again that was of no use."""
+
+
+def along_path(
+    problem: ContactProblem, state: SeparableState, system: FreeSystem, armijo: float, halvings: int
+) -> SeparableState | None:
+    """The first of the step lengths 1, ½, ¼ … on the clipped Newton path that satisfies Armijo's rule, else None."""
+    s = state.slopes
+    direction = np.zeros(problem.m)
+    direction[system.free] = -system.solve(s.descent[system.free])
+    uphill = np.where(direction > 0.0, s.right, -s.left) > 0.0
+    direction[s.at_jump & uphill] = 0.0
+    stop = next_up_jump(problem.law, state.v, direction)
+    slope = np.where(direction > 0.0, s.right, s.left)
+    for halving in range(halvings + 1):
+        target = state.v + 0.5**halving * direction
+        reached = np.where(direction > 0.0, target >= stop, target <= stop) & (direction != 0.0)
+        target = np.where(reached, stop, target)
+        step = target - state.v
+        change = energy_change(problem, state.v, state.xi, step, problem.A_tilde @ step)
+        state = replace(state, evaluations=state.evaluations + 1)
+        if change < 0.0 and change <= -armijo * abs(float(slope @ step)):
+            new = moved(problem, state, target, f"newton/{2**halving}")
+            same = np.array_equal(new.slopes.at_rest, s.at_rest) and np.array_equal(new.piece, state.piece)
+            if system.curvature is None and same:
+                new = replace(new, second_order="a local minimum")
+            return new
+    return None
+
+
+def straight(problem: ContactProblem, state: SeparableState, halvings: int) -> SeparableState | None:
+    """The lowest point of a straight Newton step of all nodes together, None if none is lower than the state.
+
+    On the clipped path a node that has stopped is overtaken by neighbours that its stop should hold back; where the
+    body couples neighbours far more stiffly than all of them together (a thin layer), that raises the energy and only
+    ever shorter steps remain. Here nodes that sit on a jump and would go uphill are held from the outset, the
+    equations are solved without them, and of the lengths ½, ¼, … and those at which a node meets an up-jump the best
+    is taken.
+    """
+    s, free, direction = state.slopes, np.flatnonzero(~state.slopes.at_rest), np.zeros(problem.m)
+    while len(free):
+        system = factorise(problem, free, problem.law.slope(state.v[free], state.piece[free]))
+        state = replace(state, factorisations=state.factorisations + system.factorisations)
+        direction = np.zeros(problem.m)
+        direction[free] = -system.solve(s.descent[free])
+        uphill = s.at_jump & (direction != 0.0) & (np.where(direction > 0.0, s.right, -s.left) > 0.0)
+        if not np.any(uphill):
+            break
+        free = free[~uphill[free]]
+    stop = next_up_jump(problem.law, state.v, direction)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(direction != 0.0, (stop - state.v) / direction, np.inf)
+    lengths = np.unique(np.concatenate([reach[reach < 1.0], 0.5 ** np.arange(halvings + 1)]))
+    targets = state.v + lengths[:, None] * direction
+    targets = np.where(lengths[:, None] == reach, stop, targets)
+    steps = targets - state.v
+    here = np.broadcast_to(state.v, targets.shape)
+    friction = problem.c * integral(problem.law, here.ravel(), targets.ravel()).reshape(targets.shape)
+    changes = np.sum(friction - state.xi * steps + 0.5 * steps * (steps @ problem.A_tilde), axis=1)
+    best = int(np.argmin(changes))
+    state = replace(state, evaluations=state.evaluations + len(lengths))
+    return moved(problem, state, targets[best], "straight") if changes[best] < 0.0 else None
+
+
+def on_model(problem: ContactProblem, state: SeparableState, halvings: int) -> SeparableState:
+    """The first of the step lengths 1, ½, ¼ … towards the minimum of the convex model that lowers L̃.
+
+    Without one the state itself, with the next such step put off.
+    """
+    found = convex_step(problem, state.v, state.piece)
+    if found is not None:
+        target, factorisations = found
+        state = replace(state, factorisations=state.factorisations + factorisations)
+        for halving in range(halvings + 1):
+            at = target if halving == 0 else state.v + 0.5**halving * (target - state.v)
+            step = at - state.v
+            state = replace(state, evaluations=state.evaluations + 1)
+            if energy_change(problem, state.v, state.xi, step, problem.A_tilde @ step) < 0.0:
+                return moved(problem, state, at, "model")
+    return replace(state, slow=-_PUT_OFF)
+
+
+def node_by_node(problem: ContactProblem, state: SeparableState) -> SeparableState:
+    """One pass of one-dimensional minimisations over the descending nodes."""
+    target = descend_nodes(problem, state.v, state.xi, state.slopes.descent)
+    step = target - state.v
+    if not energy_change(problem, state.v, state.xi, step, problem.A_tilde @ step) < 0.0:
+        return replace(state, stopped=(Status.STALLED, STALLED))
+    return moved(problem, state, target, "nodes")
+
+
+def refine(problem: ContactProblem, state: SeparableState, system: FreeSystem, tolerance: float) -> SeparableState:
+    """The last digits of a solution: refinement with the factor at hand, judged by the residual.
+
+    Here L̃ cannot tell two points apart any more. What stays above the tolerance is reported as such.
+    """
+    best = state
+    for _ in range(_REFINEMENTS):
+        direction = np.zeros(problem.m)
+        direction[system.free] = -system.solve(best.slopes.descent[system.free])
+        new = moved(problem, best, best.v + direction, "refined")
+        if not new.residual < best.residual:
+            break
+        slow = new.residual > 0.5 * best.residual
+        best = new
+        if best.residual <= tolerance or slow:
+            break
+    if best.residual > tolerance:
+        return replace(best, stopped=(Status.INCLUSION_VIOLATED, ROUNDING))
+    return replace(best, second_order="a local minimum" if system.curvature is None else best.second_order)
+
+
+def escape(problem: ContactProblem, state: SeparableState, system: FreeSystem) -> SeparableState:
+    """Second-order test at a stationary point; if it fails, a step along the negative curvature.
+
+    Until a node reaches its next kink the energy of a piecewise-linear law is an exact parabola that opens
+    downwards, so the first trial ends there; exponential pieces may need shorter ones.
+    """
+    if system.curvature is None:
+        return replace(state, second_order="a local minimum")
+    direction = np.zeros(problem.m)
+    direction[system.free] = system.curvature
+    first_order = np.where(direction > 0.0, state.slopes.right, state.slopes.left)
+    direction *= -1.0 if float(first_order @ direction) > 0.0 else 1.0
+    ends = np.concatenate([[-np.inf], problem.law.kinks, [np.inf]])
+    end = np.where(direction > 0.0, ends[state.piece + 1], ends[state.piece])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(direction != 0.0, (end - state.v) / direction, np.inf)
+    reach = reach[reach > 0.0]
+    length = float(np.min(reach, initial=np.inf))
+    if np.isfinite(length):
+        for shorter in (1.0, 0.25, 0.05):
+            step = shorter * length * direction
+            change = energy_change(problem, state.v, state.xi, step, problem.A_tilde @ step)
+            state = replace(state, evaluations=state.evaluations + 1)
+            if change < -64.0 * np.finfo(float).eps * float(np.abs(state.xi) @ np.abs(step)):
+                return moved(problem, state, state.v + step, "escape")
+    return replace(state, second_order="the second-order test is undecided (singular matrix)")
+
+
+def moved(problem: ContactProblem, state: SeparableState, v: Array, how: str) -> SeparableState:
+    """The state at the accepted point v, with the work so far."""
+    new = new_state(problem, v)
+    slow = 0 if how in _WHOLE else state.slow + 1
+    return replace(new, moved=how, evaluations=state.evaluations + 1, factorisations=state.factorisations, slow=slow)
+
+
+Index = NDArray[np.intp]
+
+_ROUNDING = 64.0
+"""Residuals below this many roundings of the largest terms of ξ count as rounding."""
+
+
+@dataclass(frozen=True)
+class SeparableState:
+    """One iterate.
+
+    v, xi:          displacements [m] and nodal friction forces ξ = l̃ − Ãv [N/m], (m,)
+    slopes:         one-sided slopes at v
+    piece:          (m,) smooth piece of every node, at a kink the one on its descending side
+    residual:       max |descending slope|/c over the scale of b: zero at a first-order stationary point
+    rounding:       the same for one rounding of the largest terms of ξ
+    f:              L̃(v) [J/m]
+    moved:          what the last step was, for the log
+    second_order:   what the second-order test found, None while untested
+    evaluations, factorisations: work so far
+    slow:           steps since the last whole one, or since all nodes were moved together
+    stopped:        (status, reason) if the last step could not be made
+    """
+
+    v: Array
+    xi: Array
+    slopes: Slopes
+    piece: Index
+    residual: float
+    rounding: float
+    f: float
+    moved: str = "start"
+    second_order: str | None = None
+    evaluations: int = 1
+    factorisations: int = 0
+    slow: int = 0
+    stopped: tuple[Status, str] | None = None
+
+    @property
+    def at_rounding(self) -> bool:
+        """True if the residual is no more than rounding."""
+        return self.residual <= _ROUNDING * self.rounding
+
+
+def new_state(problem: ContactProblem, v: Array) -> SeparableState:
+    """The state at v."""
+    xi = problem.xi(v)
+    s = slopes(problem, v, xi)
+    piece = np.where(s.descent <= 0.0, problem.law.piece(v, +1), problem.law.piece(v, -1))
+    terms = np.diagonal(problem.A_tilde) * np.abs(v) + np.abs(problem.l_tilde) + np.abs(xi)
+    residual = _relative(problem, s.descent)
+    rounding = _relative(problem, np.finfo(float).eps * terms)
+    f = float(-0.5 * v @ (xi + problem.l_tilde) + problem.c @ integral(problem.law, np.zeros(problem.m), v))
+    second_order = "every node rests" if np.all(s.at_rest) else None
+    return SeparableState(v, xi, s, piece, residual, rounding, f, second_order=second_order)
+
+
+def _relative(problem: ContactProblem, force: Array) -> float:
+    """max |force_i|/c_i over the scale of b; infinite if b has no scale and the force is not zero."""
+    worst = float(np.max(np.abs(force) / problem.c, initial=0.0))
+    if worst == 0.0:
+        return 0.0
+    return worst / problem.traction_scale if problem.traction_scale > 0.0 else float("inf")
+
+
+_MAJORANT_STEPS = 8
+"""Steps with a curvature majorant inside an exponential piece; each descends, so none needs to be exact."""
+
+
+def descend_nodes(problem: ContactProblem, v: Array, xi: Array, descent: Array) -> Array:
+    """v after one Gauss–Seidel pass over the descending nodes, largest expected gain first (m,).
+
+    descent: the descending one-sided slopes at v (0 at rest) [N/m]
+    """
+    diagonal = np.diagonal(problem.A_tilde)
+    gain = descent**2 / diagonal
+    v, xi = v.copy(), xi.copy()
+    for node in np.argsort(-gain, kind="stable")[: np.count_nonzero(gain)]:
+        c = float(problem.c[node])
+        energy = NodeEnergy(problem.law, float(v[node]), float(xi[node]) / c, float(diagonal[node]) / c)
+        target = energy.descend()
+        xi -= problem.A_tilde[node] * (target - v[node])
+        v[node] = target
+    return v
+
+
+@dataclass(frozen=True)
+class NodeEnergy:
+    """½ k (s − s₀)² − traction (s − s₀) + j(s), the energy per length of one node with the others held.
+
+    s_0 [m], traction ξ/c at s₀ [Pa], stiffness k = Ã_ii/c_i [Pa/m]
+    """
+
+    law: FrictionLaw
+    s_0: float
+    traction: float
+    stiffness: float
+
+    def derivative(self, s: float, piece: int) -> float:
+        """Slope of the energy on the named piece."""
+        return float(self.law.value(s, piece)) + self.stiffness * (s - self.s_0) - self.traction
+
+    def descend(self) -> float:
+        """First resting place downhill from s₀: a zero of the slope, or a jump behind which it climbs."""
+        s = self.s_0
+        left = self.derivative(s, int(self.law.piece(s, -1)))
+        right = self.derivative(s, int(self.law.piece(s, +1)))
+        if max(-right, left) <= 0.0:
+            return s
+        sign = 1 if -right >= left else -1
+        piece = int(self.law.piece(s, sign))
+        while True:
+            end = self._end(piece, sign)
+            s = self._descend_piece(piece, sign, s, end)
+            if s != end or sign * self.derivative(s, piece + sign) >= 0.0:
+                return s
+            piece += sign
+
+    def _end(self, piece: int, sign: int) -> float:
+        """Where the piece ends in the direction `sign` (±inf for an outer piece)."""
+        ends = np.concatenate([[-np.inf], self.law.kinks, [np.inf]])
+        return float(ends[piece + 1] if sign > 0 else ends[piece])
+
+    def _descend_piece(self, piece: int, sign: int, s: float, end: float) -> float:
+        """First zero of the slope on the way to `end`, or `end`; exponential pieces stop short of the zero.
+
+        The curvature k + b′ is monotone on a piece, so its larger end bounds it and no step passes a zero.
+        """
+        far = float(self.law.slope(end, piece)) if np.isfinite(end) else float(self.law.q[piece])
+        for _ in range(1 if self.law.a[piece] == 0.0 else _MAJORANT_STEPS):
+            bound = self.stiffness + max(float(self.law.slope(s, piece)), far)
+            downhill = -sign * self.derivative(s, piece)
+            if downhill <= 0.0:
+                return s
+            if bound <= 0.0 or abs(end - s) * bound <= downhill:
+                return end
+            s += sign * downhill / bound
+        return s

@@ -1,0 +1,231 @@
+"""From an approximate solution to an exact one: identify the active piece of every node, then Newton on the pieces.
+
+A solution of 0 ∈ Ãv − l̃ + ∂Ψ(v) puts every node either on an up-jump of b (v_i = kink, bitwise) or on one smooth
+piece k with (Ãv − l̃)_i + c_i b_k(v_i) = 0. Once every node's place is known the rest is a smooth system:
+one linear solve for a piecewise-linear law, a few Newton steps for exponential pieces. Whoever ends with it has
+an inclusion residual at rounding level, whatever method came before.
+Method: active-set identification as in Hintermüller, Ito & Kunisch, SIAM J. Optim. 13 (2002) 865–888, without its
+globalisation; a start too far away is returned unchanged.
+
+The digits of a solution that double precision does not hold: v as a sum of two doubles, ξ in twice the precision.
+
+From a point near a solution, Newton's method on the pieces that its nodes are on, (A_FF + C b_F′) d_F = (ξ − c b)_F,
+with the right-hand side in two doubles and the factor in one: iterative refinement. One step turns a residual of 1e-10
+into 1e-14 where v keeps its low part, and into little less than it was where v is rounded to one double.
+Literature: Wilkinson, Rounding Errors in Algebraic Processes, HMSO 1963 (iterative refinement).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tcstudy.scene.friction import UP
+from tcstudy.solvers.extended import two_sum
+from tcstudy.solvers.problem import ContactProblem
+from tcstudy.solvers.separable.pieces import next_up_jump, relative_residual, slopes
+from tcstudy.solvers.separable.system import cholesky, submatrix
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class ActivePieces:
+    """Where every node sits.
+
+    kink:  (m,) index of the up-jump a node rests on, −1 for a free node
+    piece: (m,) index of the smooth piece of a free node (for a resting node the piece to its right)
+    """
+
+    kink: Index
+    piece: Index
+
+    @property
+    def key(self) -> bytes:
+        """Equal for equal identifications."""
+        return bytes(np.where(self.kink >= 0, 2 * self.kink + 1, 2 * self.piece).tobytes())
+
+
+def identify(problem: ContactProblem, v: Array) -> ActivePieces:
+    """Active pieces predicted from v, node by node with the other nodes held.
+
+    Candidates are the stationary point on the piece that v_i lies in (one Newton step, if it stays in the piece)
+    and the two adjacent up-jumps s with c b⁻ ≤ ξ_i − Ã_ii (s − v_i) ≤ c b⁺, where the node's own energy has a
+    minimum. The nearest wins; without any the node stays on its piece, on a kink on the descending side's.
+    """
+    law, c = problem.law, problem.c
+    xi, diagonal = problem.xi(v), np.diagonal(problem.A_tilde)
+    piece = np.where(c * law.b(v, +1) < xi, law.piece(v, +1), law.piece(v, -1))
+    kink = np.full(problem.m, -1, dtype=np.intp)
+    ups = np.flatnonzero(law.kinds == UP)
+    if not len(ups):
+        return ActivePieces(kink, piece)
+    nearest = _distance_on_piece(problem, v, xi, piece)
+    above = np.searchsorted(law.kinks[ups], v)
+    for offset in (0, -1):
+        candidate = ups[np.clip(above + offset, 0, len(ups) - 1)]
+        move = law.kinks[candidate] - v
+        force = xi - diagonal * move
+        rests = (c * law.b_left[candidate] <= force) & (force <= c * law.b_right[candidate])
+        closer = rests & (np.abs(move) < nearest)
+        kink = np.where(closer, candidate, kink)
+        nearest = np.where(closer, np.abs(move), nearest)
+    return ActivePieces(kink, np.where(kink >= 0, kink + 1, piece))
+
+
+def _distance_on_piece(problem: ContactProblem, v: Array, xi: Array, piece: Index) -> Array:
+    """How far one Newton step moves each node on its own piece; inf if that leaves the piece (m,)."""
+    law, c = problem.law, problem.c
+    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        move = (xi - c * law.value(v, piece)) / (np.diagonal(problem.A_tilde) + c * law.slope(v, piece))
+        inside = (ends[piece] <= v + move) & (v + move <= ends[piece + 1])
+    return np.where(inside, np.abs(move), np.inf)
+
+
+def solve_on(problem: ContactProblem, active: ActivePieces, v: Array, newton_steps: int) -> Array | None:
+    """The point that satisfies the smooth equations of the identified pieces, by Newton's method from v (m,).
+
+    Returns None if the equations are singular or the iteration leaves the finite numbers. Nothing checks here
+    whether the point lies in its pieces; the inclusion residual does.
+    """
+    resting = active.kink >= 0
+    v = np.where(resting, problem.law.kinks[active.kink], v) if np.any(resting) else v.copy()
+    free = np.flatnonzero(~resting)
+    if not len(free):
+        return v
+    # Outside its piece an exponential may overflow; the test on finite numbers catches it.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _newton(problem, free, active.piece[free], v, newton_steps)
+
+
+def _newton(problem: ContactProblem, free: Index, piece: Index, v: Array, newton_steps: int) -> Array | None:
+    """Newton's method for the free nodes on fixed pieces; v is overwritten. One factor serves a linear law."""
+    law, c, solver = problem.law, problem.c[free], None
+    for _ in range(newton_steps):
+        defect = c * law.value(v[free], piece) - problem.xi(v)[free]
+        if solver is None or not law.piecewise_linear:
+            solver = linear_solver(problem, free, c * law.slope(v[free], piece))
+        if solver is None:
+            return None
+        correction = solver(defect)
+        v[free] -= correction
+        if not np.all(np.isfinite(v)):
+            return None
+        if np.max(np.abs(correction)) <= 4 * np.finfo(float).eps * np.max(np.abs(v)):
+            break
+    return v
+
+
+def linear_solver(problem: ContactProblem, free: Index, slope: Array) -> Callable[[Array], Array] | None:
+    """x = (A_FF + diag(slope))⁻¹ rhs by Cholesky, by LU where the matrix is indefinite, None where it is singular."""
+    matrix = submatrix(problem.A_tilde, free)
+    matrix[np.diag_indices(len(free))] += slope
+    factor, info = cholesky(matrix.copy())
+    if info == 0:
+        return lambda rhs: scipy.linalg.lapack.dpotrs(factor, rhs, lower=1)[0]
+    lu, pivots, info = scipy.linalg.lapack.dgetrf(matrix.T, overwrite_a=1)
+    if info != 0:
+        return None
+    return lambda rhs: scipy.linalg.lapack.dgetrs(lu, pivots, rhs)[0]
+
+
+def finish(problem: ContactProblem, v: Array, rounds: int = 10, newton_steps: int = 8) -> tuple[Array, float]:
+    """(point, inclusion residual) after identification and Newton on the pieces; never worse than v.
+
+    rounds:       identifications, each from the point of the one before; ends when one repeats
+    newton_steps: Newton steps on one identification (a piecewise-linear law needs one, a second refines it)
+
+    The point is a stationary point near v, not necessarily the one with the least energy.
+    """
+    best, least = np.array(v, dtype=float), relative_residual(problem, v)
+    seen: set[bytes] = set()
+    current = best
+    for _ in range(rounds):
+        active = identify(problem, current)
+        if least == 0.0 or active.key in seen:
+            break
+        seen.add(active.key)
+        solved = solve_on(problem, active, current, newton_steps)
+        if solved is None:
+            break
+        current = solved
+        residual = relative_residual(problem, current)
+        if residual < least:
+            best, least = current, residual
+    return best, least
+
+
+_STEPS = 8
+"""Most steps; two do where the nodes are on the right pieces, the others put nodes on other ones."""
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A point and what is known of it in extended precision.
+
+    v, v_low: (m,) displacements v + v_low [m], each |v_low| at most half a unit in the last place of v, 0 on a kink
+    xi:       (m,) ξ = l̃ − Ã(v + v_low) [N/m], rounded once
+    residual: inclusion residual of v + v_low
+    """
+
+    v: Array
+    v_low: Array
+    xi: Array
+    residual: float
+
+
+def extended(problem: ContactProblem, v: Array, v_low: Array | None = None) -> Refined:
+    """What is known of v + v_low; without v_low of v itself."""
+    low = np.zeros(problem.m) if v_low is None else v_low
+    xi = problem.xi_extended(v, v_low)
+    law = problem.law
+    piece = np.where(low < 0.0, law.piece(v, -1), law.piece(v, +1))
+    moved = xi - problem.c * np.where(low == 0.0, 0.0, law.slope(v, piece) * low)  # b at v + v_low, from b at v
+    return Refined(v, low, xi, problem.inclusion_residual(v, xi=moved))
+
+
+def refined(problem: ContactProblem, v: Array, aim: float) -> Refined:
+    """v (m,) itself if its residual in extended precision is at most `aim`, else the best point of refinement.
+
+    A node leaves the up-jump on which its slopes no longer hold it, and stops on the first that it would cross.
+    """
+    best = current = extended(problem, v)
+    for _ in range(_STEPS):
+        if best.residual <= aim:
+            break
+        following = _step(problem, current)
+        if following is None:
+            break
+        current = following
+        if current.residual < best.residual:
+            best = current
+    return best
+
+
+def _step(problem: ContactProblem, at: Refined) -> Refined | None:
+    """One step of refinement; None where the equations of the pieces are singular or lead nowhere."""
+    law, c = problem.law, problem.c
+    s = slopes(problem, at.v, at.xi)
+    free = np.flatnonzero(~s.at_rest)
+    if not len(free):
+        return None
+    right = (at.v_low > 0.0) | ((at.v_low == 0.0) & (s.descent <= 0.0))
+    piece = np.where(right, law.piece(at.v, +1), law.piece(at.v, -1))[free]
+    slope = c[free] * law.slope(at.v[free], piece)
+    solve = linear_solver(problem, free, slope)
+    if solve is None:
+        return None
+    direction = np.zeros(problem.m)
+    direction[free] = -solve(s.descent[free] + slope * at.v_low[free])
+    if not np.all(np.isfinite(direction)):
+        return None
+    v, v_low = two_sum(at.v, at.v_low + direction)
+    stop = next_up_jump(law, at.v, direction)
+    reached = (direction != 0.0) & np.where(direction > 0.0, v >= stop, v <= stop)
+    return extended(problem, np.where(reached, stop, v), np.where(reached, 0.0, v_low))

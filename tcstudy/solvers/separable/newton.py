@@ -1,0 +1,188 @@
+"""Globalised separable Newton method for 0 ∈ Ãv − l̃ + ∂Ψ(v), Ψ(v) = Σ c_i j(v_i).
+
+Ψ is separable: the bundle kept per node is the law's own exact one-dimensional pieces. One step
+  1. rests the nodes whose one-sided slopes hold them on an up-jump (left ≤ 0 ≤ right),
+  2. solves Newton's equations on the pieces of all others (falls of b lifted where the matrix is indefinite),
+  3. goes along that direction, each node stopping on the first up-jump it would cross, and accepts by Armijo's
+     rule on the exact energy difference; if the path gives no decrease within a few halvings,
+  4. minimises node by node along the descending one-sided slopes, which always lowers the energy; where that would be
+     done twice in a row, it first goes straight, all nodes together, as far as that pays (under thin layers step 4
+     alone crawls),
+  5. after several steps that were shortened or node by node it goes to the minimum of a convex model (convex_step),
+     by interior points: where Ã is dense and badly conditioned steps 3 and 4 settle few nodes at a time.
+Every accepted step lowers L̃, so no iterate returns and cycles are impossible. (Only at rounding level, where L̃ can no
+longer tell two points apart, is the residual the judge.) A point at which no node descends is first-order
+stationary in every direction, because L̃′(v; d) is the sum of the nodes' one-sided slopes.
+
+What counts as a solution: ξ_i/c_i ∈ b̂(v_i) *and* left_i ≤ 0 ≤ right_i at every node. On an up-jump and inside a piece
+both say the same. On a down-jump (concave kink) the inclusion alone would also admit local maxima of a node's
+energy; there one side always descends and the method leaves. A stationary point whose second-order test fails is
+left along a direction of negative curvature. So what it finds is a local minimum (up to a singular matrix), not
+every solution; solutions of other kinds are the business of path following.
+
+Literature: Gräser & Kornhuber, J. Comput. Math. 27 (2009) 1–44 (truncated nonsmooth Newton, convex case); Bertsekas,
+SIAM J. Control Optim. 20 (1982) 221–246 (projected Newton). Left out: a choice among several local minima
+(start from more than one point, and escape.py).
+
+A start from coarser copies of a contact problem (nested iteration).
+
+The coarse problem is the Galerkin restriction to every second contact node with linear interpolation P:
+Ã_c = PᵀÃP, l̃_c = Pᵀl̃, c_c = Pᵀc and the same law; it is a contact problem again and costs an eighth. The nodes are
+taken in the order of their numbers, along Γ_C; another order costs quality of the start, never correctness.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse
+from numpy.typing import NDArray
+
+from tcstudy.solvers.loop import Outcome, Status, iterate
+from tcstudy.solvers.problem import ContactProblem
+from tcstudy.solvers.separable.descent import (
+    SeparableState,
+    along_path,
+    escape,
+    new_state,
+    node_by_node,
+    on_model,
+    refine,
+    straight,
+)
+from tcstudy.solvers.separable.pieces import energy_change, relative_residual
+from tcstudy.solvers.separable.system import IndefiniteSystem, factorise
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SeparableNewton:
+    """Options of the separable Newton method; a Method for tcstudy.solvers.loop.iterate.
+
+    tolerance:      largest accepted residual, relative to the scale of b
+    max_iterations: steps before giving up
+    armijo:         fraction of the first-order decrease that a step must realise
+    halvings:       step lengths 1, ½, ¼ … tried before going node by node
+    patience:       slow steps (shortened, node by node) before the minimum of a convex model is gone to
+    coarsest:       problems larger than this start from coarser copies of themselves where that start has the
+                    lower energy and x0 is not a solution already; 0 to start from x0 always
+
+    Outcome.accuracy is the inclusion residual; factorisations are those of the problem itself, without the coarser
+    copies (together about a seventh of one each).
+    """
+
+    tolerance: float = 1e-12
+    max_iterations: int = 300
+    armijo: float = 1e-4
+    halvings: int = 4
+    coarsest: int = 40
+    patience: int = 6
+
+    def start(self, problem: ContactProblem, x0: Array) -> SeparableState:
+        """State at x0 or at the coarse start."""
+        state = new_state(problem, x0)
+        if self.coarsest == 0 or problem.m <= self.coarsest or not state.residual > self.tolerance:
+            return state
+        flat = replace(self, coarsest=0)
+        start = coarse_start(problem, x0, lambda level, x: iterate(flat, level, x).x, self.coarsest)
+        return new_state(problem, start)
+
+    def step(self, problem: ContactProblem, state: SeparableState) -> SeparableState:
+        """One Newton step along the clipped path, or one pass node by node, or the last refinement."""
+        free = np.flatnonzero(~state.slopes.at_rest)
+        q = problem.law.slope(state.v[free], state.piece[free])
+        try:
+            system = factorise(problem, free, q)
+        except IndefiniteSystem:
+            return replace(state, stopped=(Status.NOT_POSITIVE_DEFINITE, NOT_POSITIVE_DEFINITE))
+        state = replace(state, factorisations=state.factorisations + system.factorisations)
+        if state.residual <= self.tolerance:
+            return escape(problem, state, system)
+        if state.slow >= self.patience and not state.at_rounding:
+            state = on_model(problem, state, self.halvings)
+            if state.moved == "model" and state.slow == 0:
+                return state
+        moved = along_path(problem, state, system, self.armijo, self.halvings)
+        if moved is not None and not (moved.at_rounding and moved.residual > self.tolerance):
+            return moved
+        if moved is not None and moved.second_order is not None:
+            return refine(problem, moved, system, self.tolerance)
+        if state.at_rounding:
+            return refine(problem, state, system, self.tolerance)
+        if moved is None and state.moved in ("nodes", "straight"):  # node by node again would crawl
+            moved = straight(problem, state, self.halvings)
+        return moved if moved is not None else node_by_node(problem, state)
+
+    def verdict(self, problem: ContactProblem, state: SeparableState) -> tuple[Status, str] | None:
+        """Converged when no node descends by more than the tolerance and the second-order test was passed."""
+        if not np.isfinite(state.f):
+            return Status.NOT_FINITE, NOT_FINITE
+        if state.residual <= self.tolerance and state.second_order is not None:
+            return Status.CONVERGED, "no node descends and the inclusion holds; " + state.second_order
+        return state.stopped
+
+    def outcome(
+        self, problem: ContactProblem, state: SeparableState, status: Status, reason: str, iterations: int
+    ) -> Outcome:
+        """Pack the state; `accuracy` is the inclusion residual."""
+        accuracy = relative_residual(problem, state.v)
+        return Outcome(state.v, state.f, status, reason, iterations, state.evaluations, state.factorisations, accuracy)
+
+    def line(self, state: SeparableState, iteration: int) -> str:
+        """One aligned log line."""
+        rest = int(np.count_nonzero(state.slopes.at_rest))
+        return (
+            f"{iteration:4d}  L = {state.f: .12e}  residual = {state.residual:.2e}  at rest = {rest:5d}  "
+            f"factorisations = {state.factorisations:3d}  {state.moved}"
+        )
+
+
+NOT_FINITE = (
+    "the energy is not a finite number; check the loads, the stiffness and the law for values that are not finite "
+    "or for units that overflow"
+)
+NOT_POSITIVE_DEFINITE = (
+    "the condensed stiffness is not positive definite; the body can move freely (clamp it) or its elastic "
+    "constants are wrong"
+)
+
+
+def interpolation(m: int) -> scipy.sparse.csr_matrix:
+    """(m, ⌈m/2⌉) linear interpolation from the nodes 0, 2, 4, …"""
+    coarse = (m + 1) // 2
+    node = np.arange(m)
+    columns = np.concatenate([node // 2, np.minimum((node + 1) // 2, coarse - 1)])
+    rows = np.concatenate([node, node])
+    return scipy.sparse.csr_matrix((np.full(2 * m, 0.5), (rows, columns)), shape=(m, coarse))
+
+
+def restricted(problem: ContactProblem, P: scipy.sparse.csr_matrix) -> ContactProblem:
+    """The Galerkin restriction of a problem to the columns of P."""
+    A_coarse = P.T @ (P.T @ problem.A_tilde).T
+    return ContactProblem(
+        np.ascontiguousarray(0.5 * (A_coarse + A_coarse.T)),
+        P.T @ problem.l_tilde,
+        P.T @ problem.c,
+        problem.law,
+    )
+
+
+def coarse_start(
+    problem: ContactProblem, x0: Array, solve: Callable[[ContactProblem, Array], Array], smallest: int
+) -> Array:
+    """x0, or the interpolated solution of the coarser problem where its energy is lower (m,).
+
+    solve:    solves one level from a start
+    smallest: problems of at most this size are not coarsened further
+    """
+    if problem.m <= smallest:
+        return x0
+    P = interpolation(problem.m)
+    coarse = restricted(problem, P)
+    interpolated = P @ solve(coarse, coarse_start(coarse, x0[::2], solve, smallest))
+    step = interpolated - x0
+    lower = energy_change(problem, x0, problem.xi(x0), step, problem.A_tilde @ step) < 0.0
+    return interpolated if lower else x0

@@ -1,0 +1,54 @@
+"""Pictures of a page's parts for the README: python -m tests.reports.page.pictures (needs Chromium; half a minute)."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+from tcstudy.read.study import read_study
+from tcstudy.reports.page import write_page
+from tcstudy.study.execute import execute
+from tests.reports.page.browser import Browser
+
+ROOT = Path(__file__).parents[3]
+OPTIONS = ("output.fields=true", "output.live=true", "sweep.theta_bar={linspace: [0 K, 20 K, 11]}",
+           "sweep.alpha={geomspace: [100 W/(m^2*K), 400 W/(m^2*K), 7]}", "mesh.levels=3")  # fmt: skip
+WIDTH = 1100
+PARTS = {"sweep": ("header", "#sweep"), "point": ("#point", "#point"), "accuracy": ("#accuracy", "#accuracy")}
+"""First and last element of every picture; a part's own heading stands just before it."""
+
+BOX = """
+const box = (name) => document.querySelector(name).getBoundingClientRect();
+const first = document.querySelector(arguments[0]);
+const head = first.tagName === 'HEADER' ? first : first.previousElementSibling;
+return [head.getBoundingClientRect().top + scrollY, box(arguments[1]).bottom + scrollY];
+"""
+
+
+def main() -> None:
+    """Run the quickstart with a finer sweep and write results/page-*.png."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "quickstart.nc"
+        execute(read_study(ROOT / "configs" / "quickstart.yaml", OPTIONS), file)
+        page = write_page(file, file.with_suffix(".html")).path
+        browser = Browser(Path(folder) / "profile")
+        try:
+            browser.size(WIDTH, 900)
+            for name, (first, last) in PARTS.items():
+                browser.open(page, "#at=2,5,3&x=theta_bar&y=alpha")
+                top, bottom = browser.run(BOX, first, last)
+                browser.picture(ROOT / "results" / f"page-{name}.png", (0, top - 8, WIDTH, bottom - top + 20))
+            browser.open(page, "#at=2,5,3&mode=live")
+            height = browser.run("return document.documentElement.scrollHeight")
+            browser.picture(ROOT / "results" / "page-live.png", (0, 0, WIDTH, height - 40))
+        finally:
+            browser.close()
+    for picture in (ROOT / "results").glob("page-*.png"):  # a palette makes a third of the size
+        with Image.open(picture) as full:
+            full.convert("RGB").quantize(255).save(picture, optimize=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,42 @@
+"""`tcstudy report` on the command line."""
+
+from pathlib import Path
+
+import pytest
+
+from tcstudy.cli import main
+from tests.reports.page.unpacked import data_of
+
+
+def test_the_page_lies_beside_its_file(result: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["report", str(result)]) == 0
+    assert result.with_suffix(".html").is_file()
+    assert capsys.readouterr().out.startswith(f"{result.with_suffix('.html')}: ")
+
+
+def test_parts_are_left_out_when_asked(result: Path, tmp_path: Path) -> None:
+    assert main(["report", str(result), "-o", str(tmp_path / "p.html"), "--without", "body", "--without", "lines"]) == 0
+    found = data_of(tmp_path / "p.html")
+    assert found["body"] is None
+    assert found["lines"] == {}
+    assert found["without"] == ["body", "lines"]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--without", "legs"], "there is no part 'legs'"),
+        (["-o", "{dir}"], "is a directory"),
+        (["-o", "{nc}"], "no page"),
+    ],
+)
+def test_bad_usage_is_one_line_and_exit_code_2(
+    result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], told: str
+) -> None:
+    given = [word.format(dir=tmp_path, nc=result) for word in words]
+    with pytest.raises(SystemExit) as stop:
+        main(["report", str(result), *given])
+    assert stop.value.code == 2
+    said = capsys.readouterr().err
+    assert told in said
+    assert said.count("\n") == 1

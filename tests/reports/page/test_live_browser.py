@@ -1,0 +1,59 @@
+"""The live mode in a real browser gives the answers of tcstudy, at random places of all sliders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tcstudy.reports.page import write_page
+from tcstudy.reports.page.law_part import file_order
+from tcstudy.solvers.loop import iterate
+from tcstudy.solvers.separable.newton import SeparableNewton
+from tcstudy.study.execute import execute
+from tests.reports.page.browser import Browser, missing
+from tests.reports.page.live_cases import finest, settings, studies
+
+pytestmark = [pytest.mark.browser, pytest.mark.skipif(bool(missing()), reason=missing())]
+
+SETTINGS = 100
+AGREEMENT = 1e-10
+
+SOLVE = """
+TC.live.setup();
+return arguments[0].map(({point, sliders}) => {
+  const problem = TC.live.problem(point, sliders), answer = TC.newton(problem, new Float64Array(problem.m));
+  return {v: Array.from(answer.v), residual: answer.residual, converged: answer.converged, reason: answer.reason};
+});
+"""
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    window = Browser(tmp_path_factory.mktemp("profile"))
+    yield window
+    window.close()
+
+
+@pytest.mark.parametrize("name", ["bracket", "pad", "plate"])
+def test_answers_agree_with_tcstudy(name: str, browser: Browser, tmp_path: Path) -> None:
+    study = studies()[name]
+    execute(study, tmp_path / "study.nc")
+    written = write_page(tmp_path / "study.nc", tmp_path / "study.html")
+    assert written.size <= 2_000_000
+    browser.open(written.path, "#mode=live")
+    cases = list(settings(study, finest(study), SETTINGS, seed=11))
+    place = {scene: i for i, scene in enumerate(file_order(study))}
+    told = [{"point": place[case.point], "sliders": case.sliders} for case in cases]
+    answers = browser.run(SOLVE, told)
+    for case, answer in zip(cases, answers, strict=True):
+        problem = case.problem
+        own = iterate(SeparableNewton(coarsest=0), problem, np.zeros(problem.m))
+        assert own.converged
+        assert answer["converged"], answer["reason"]
+        size = float(np.max(np.abs(own.x)))
+        assert np.max(np.abs(np.array(answer["v"]) - own.x)) <= AGREEMENT * size
+        assert abs(answer["residual"] - problem.inclusion_residual(own.x)) <= AGREEMENT
+    assert browser.complaints() == []

@@ -1,0 +1,185 @@
+"""The page in a real browser: it draws without complaint, obeys mouse and keys, keeps its state in the address."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tcstudy.cli import main
+from tcstudy.read.study import read_study_text
+from tcstudy.reports.page import write_page
+from tcstudy.study.execute import execute
+from tests.reports import draw_cases
+from tests.reports.page.browser import Browser, missing
+from tests.reports.page.conftest import STUDY
+
+pytestmark = [pytest.mark.browser, pytest.mark.skipif(bool(missing()), reason=missing())]
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    window = Browser(tmp_path_factory.mktemp("profile"))
+    yield window
+    window.close()
+
+
+@pytest.fixture(scope="module")
+def page(result: Path) -> Path:
+    return write_page(result, result.with_suffix(".html")).path
+
+
+@pytest.fixture
+def shown(browser: Browser, page: Path) -> Browser:
+    browser.size(1280, 1000)
+    browser.open(page)
+    return browser
+
+
+def text_of(browser: Browser, selector: str) -> str:
+    return str(browser.run("return document.querySelector(arguments[0]).innerText", selector))
+
+
+def fragment(browser: Browser) -> dict[str, str]:
+    found = browser.run("return Object.fromEntries(new URLSearchParams(location.hash.slice(1)))")
+    return {str(key): str(value) for key, value in found.items()}
+
+
+def test_every_part_is_drawn(shown: Browser) -> None:
+    for part in ("#sweep", "#point", "#accuracy", "#table"):
+        assert shown.run("return document.querySelector(arguments[0]).querySelectorAll('svg, table').length", part) > 0
+    assert "6 of 6 solved" in text_of(shown, "#verdict")
+    assert shown.complaints() == []
+
+
+def test_a_click_on_a_cell_shows_its_point(shown: Browser) -> None:
+    shown.run("document.querySelector('[data-point=\"1\"]').dispatchEvent(new MouseEvent('click', {bubbles: true}))")
+    assert fragment(shown)["at"] == "0,1"
+    assert "θ̄ = 0 K, friction: weak" in text_of(shown, "#point")
+
+
+def test_arrow_keys_and_letters(shown: Browser, page: Path) -> None:
+    shown.open(page, "#at=1,0&x=theta_bar&y=friction")
+    shown.run("document.querySelector('#sweep svg[tabindex]').focus()")
+    shown.press("ArrowRight")
+    assert fragment(shown)["at"] == "2,0"
+    shown.press("ArrowUp")
+    assert fragment(shown)["at"] == "2,1"
+    shown.press("[")
+    assert fragment(shown)["level"] == "0"
+    shown.press("c")
+    assert fragment(shown)["vs"] == "2,1"
+
+
+def test_the_address_brings_the_view_back(shown: Browser, page: Path) -> None:
+    shown.open(page, "#q=slip_length&at=2,1&vs=0,0&level=0&theme=dark")
+    assert "slip length" in text_of(shown, "#sweep h3")
+    assert "dashed: θ̄ = 0 K, friction: plain" in text_of(shown, "#point")
+    assert shown.run("return document.documentElement.dataset.theme") == "dark"
+    assert shown.complaints() == []
+
+
+def test_nonsense_in_the_address_is_passed_over(shown: Browser, page: Path) -> None:
+    shown.open(page, "#q=none&at=9,9&level=-3&x=nothing&vs=1&mode=live&sort=x")
+    assert "6 of 6 solved" in text_of(shown, "#verdict")
+    assert shown.complaints() == []
+
+
+def test_the_table_sorts_and_downloads_what_is_shown(shown: Browser) -> None:
+    first = "return document.querySelector('#table tbody tr').innerText"
+    shown.run("document.querySelectorAll('#table th button')[2].click()")
+    least = shown.run(first)
+    shown.run("document.querySelectorAll('#table th button')[2].click()")
+    assert shown.run(first) != least
+    shown.run("TC.save = (name, text) => { window.saved = [name, text]; };")
+    shown.run("document.querySelector('#table [aria-label=csv]').click()")
+    name, text = shown.run("return window.saved")
+    assert name == "block-level1.csv"
+    lines = text.strip().split("\r\n")
+    assert lines[0].startswith("theta_bar [K],friction,u_T_max [m]")
+    assert len(lines) == 7
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_nothing_sticks_out(shown: Browser, page: Path, width: int) -> None:
+    shown.size(width, 900, phone=width < 500)
+    shown.open(page)
+    assert shown.run("return document.documentElement.scrollWidth") <= width
+
+
+def test_listed_points_failed_points_and_no_sweep_at_all(shown: Browser, tmp_path: Path) -> None:
+    cases = {
+        "listed": draw_cases.result(tmp_path / "listed.nc", "list", (draw_cases.ALPHA, draw_cases.TAU)),
+        "failed": draw_cases.result(tmp_path / "failed.nc"),
+        "single": draw_cases.result(tmp_path / "single.nc", "grid", ()),
+    }
+    for name, file in cases.items():
+        written = write_page(file, tmp_path / f"{name}.html")
+        for place in ("", "#at=1,1&level=1"):
+            shown.open(written.path, place)
+            assert shown.run("return document.querySelectorAll('#point svg').length") > 0
+    shown.open(tmp_path / "failed.html", "#at=1,1&level=1")
+    assert "the stiffness matrix is singular" in text_of(shown, "#point")
+    assert shown.complaints() == []
+
+
+SMALL = """
+title: A strip
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: free, top: {role: clamped, u_x: 0.1, u_y: 0}, right: free}
+material: {E: 1, nu: 0.3}
+friction: {law: slip-weakening, tau_s: 0.05, tau_k: 0.01, delta: 0.02}
+mesh: {maxh: 0.5, levels: 4}
+path: {parameter: boundary.top.u_x, from: 0, to: 0.2, at: [0.1]}
+"""
+
+
+def test_files_of_converge_cost_and_path_and_those_beside_a_run(shown: Browser, tmp_path: Path) -> None:
+    study = tmp_path / "strip.yaml"
+    study.write_text(SMALL, encoding="utf-8")
+    names = {"run": "strip.nc", "converge": "strip.convergence.nc", "path": "strip-path.nc", "cost": "strip.cost.nc"}
+    for command, name in names.items():
+        more = ["--runs", "1"] if command == "cost" else []
+        assert main([command, str(study), "--output", str(tmp_path / name), *more]) == 0
+    for command, name in names.items():
+        shown.open(write_page(tmp_path / name, tmp_path / f"{name}.html").path)
+        assert shown.run("return document.querySelectorAll('main svg').length") > 1
+        if command == "run":
+            assert "Orders of convergence" in text_of(shown, "#accuracy")
+            assert "Error against wall time" in text_of(shown, "#accuracy")
+    assert shown.complaints() == []
+
+
+def test_sliders_and_dragged_points_solve_again(shown: Browser, live_page: Path) -> None:
+    shown.open(live_page, "#mode=live&at=0,0")
+    assert "only solution" in text_of(shown, "main")
+    assert "residual" in text_of(shown, "main")
+    before = shown.run("return Math.max(...TC.live.shown.v)")
+    shown.run(
+        "const slider = document.querySelector('input[aria-label=\"load factor\"]'); slider.value = 400;"
+        "slider.dispatchEvent(new Event('input')); TC.live.show(TC.live.point);"
+    )
+    pulled = shown.run("return Math.max(...TC.live.shown.v)")
+    assert pulled > before
+    assert '"factor":3' in fragment(shown)["set"]
+    shown.run("document.querySelector('[aria-label=points]').click(); TC.live.show(TC.live.point);")
+    assert shown.run("return Math.max(...TC.live.shown.v)") == pytest.approx(pulled, rel=1e-9)
+    shown.run(
+        "const box = document.querySelector('[data-handle]'), at = box.getBoundingClientRect();"
+        "box.dispatchEvent(new PointerEvent('pointerdown', {clientX: at.x, clientY: at.y, bubbles: true}));"
+        "window.dispatchEvent(new PointerEvent('pointermove', {clientX: at.x, clientY: at.y + 60}));"
+        "window.dispatchEvent(new PointerEvent('pointerup', {})); TC.live.show(TC.live.point);"
+    )
+    assert shown.run("return TC.live.set.law.points[0][1]") < 4e7
+    assert shown.run("return TC.live.shown.residual") < 1e-10
+    assert "only solution" in text_of(shown, "main") or "there may be" in text_of(shown, "main")
+    assert shown.complaints() == []
+
+
+@pytest.fixture(scope="module")
+def live_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("live") / "block.nc"
+    execute(read_study_text(STUDY, "block", ["output.live=true"]), path)
+    return write_page(path, path.with_suffix(".html")).path

@@ -1,0 +1,102 @@
+"""What stands in a page, how large it is, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tcstudy.data.files import StoreError
+from tcstudy.reports.page import PageError, write, write_page
+from tcstudy.reports.page.run_part import jumps
+from tests.reports.page.unpacked import data_of
+
+
+@pytest.fixture(scope="module")
+def page(result: Path) -> Path:
+    return write_page(result, result.with_suffix(".html")).path
+
+
+def test_a_page_needs_nothing_from_outside(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    for word in ("src=", "href=", "@import", "http://", "https://"):
+        assert word not in text.replace("http://www.w3.org/2000/svg", ""), word
+    assert "A block &lt;on&gt; a film" in text
+    assert "6 of 6 solved" in text
+    assert text.rstrip().endswith("</html>")
+
+
+def test_numbers_of_every_point_and_level_are_in_the_page(page: Path, result: Path) -> None:
+    found, tree = data_of(page), xr.open_datatree(result)
+    energy = tree["energy"].values
+    np.testing.assert_array_equal(found["run"]["numbers"]["energy"]["v"], energy.reshape(6, 2))
+    assert found["run"]["shape"] == [3, 2]
+    assert [axis["name"] for axis in found["run"]["axes"]] == ["theta_bar", "friction"]
+    line = found["lines"]["1"]
+    slip = tree["level_1"]["u_T"].values.reshape(6, -1)
+    assert np.max(np.abs(line["u_T"]["rows"] * line["u_T"]["scale"][:, None] - slip)) <= 1e-4 * np.max(np.abs(slip))
+    tree.close()
+
+
+def test_laws_stand_in_the_order_of_the_file(page: Path) -> None:
+    laws = data_of(page)["laws"]
+    assert [laws["laws"][i]["name"] for i in laws["index"]] == ["tresca", "slip-weakening"] * 3
+
+
+def test_held_end_free_end_and_roles(page: Path) -> None:
+    found = data_of(page)
+    (part,) = found["lines"]["1"]["parts"]
+    assert part["held"] == [True, False]
+    roles = {edge["name"]: edge["role"] for edge in found["outline"]}
+    assert roles == {"film": "contact", "back": "clamped", "top": "convection", "end": "traction"}
+    mesh = found["body"]
+    names = [found["outline"][i]["name"] for i in mesh["edge"]]
+    middles = mesh["x"][mesh["boundary"]].mean(axis=1)
+    assert all((name == "end") == (x > 0.2 - 1e-6) for name, x in zip(names, middles, strict=True))
+
+
+def test_what_is_too_large_is_left_out_in_order_and_said(
+    result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full = write_page(result, tmp_path / "full.html")
+    monkeypatch.setattr(write, "AIM", full.size - 1)
+    less = write_page(result, tmp_path / "less.html")
+    assert less.left_out == ("levels",)
+    assert less.size < full.size
+    assert "levels" in less.words
+    assert list(data_of(less.path)["lines"]) == ["1"]
+
+
+def test_a_page_beyond_the_limit_is_refused(result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(write, "AIM", 1)
+    monkeypatch.setattr(write, "MOST", 10)
+    with pytest.raises(PageError, match="split the sweep"):
+        write_page(result, tmp_path / "page.html")
+    assert not (tmp_path / "page.html").exists()
+
+
+def test_nothing_but_a_page_is_overwritten(result: Path, tmp_path: Path) -> None:
+    other = tmp_path / "study.yaml"
+    other.write_text("title: mine\n")
+    with pytest.raises(PageError, match="would be lost"):
+        write_page(result, other)
+    assert other.read_text() == "title: mine\n"
+
+
+def test_no_result_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(StoreError):
+        write_page(tmp_path / "none.nc", tmp_path / "page.html")
+
+
+def _line(slip: list[float]) -> xr.Dataset:
+    theta = np.arange(len(slip), dtype=float)
+    units = {"units": "K", "long_name": "swept parameter heat.theta_bar"}
+    data = xr.Dataset({"u_T_max": ("theta_bar", slip), "status": ("theta_bar", np.ones(len(slip), dtype=np.int8))})
+    return data.assign_coords(theta_bar=("theta_bar", theta, units)).assign_attrs(sweep_mode="grid")
+
+
+def test_a_jump_is_told_from_a_slope() -> None:
+    ok = np.ones(6, dtype=bool)
+    assert jumps(_line([0.0, 1.0, 2.0, 9.0, 10.0, 11.0]), ok) == ["between θ̄ = 2 and 3 K"]
+    assert jumps(_line([0.0, 1.0, 2.0, 3.0, 4.0, 5.0]), ok) == []
+    assert jumps(_line([10.0, 10.1, 10.1, 10.9, 10.9, 11.0]), ok) == []

@@ -1,0 +1,163 @@
+"""The contact line of a picture: what sticks, parts, rings, edges."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib")
+
+
+from tcstudy.data import schema
+from tcstudy.data.provenance import Provenance
+from tcstudy.data.store import open_results, write
+from tcstudy.reports import style
+from tcstudy.reports.body_panel import boundary_edges, contact_chains, drawn, loops
+from tcstudy.reports.line_panel import stick_ranges, stick_text
+from tcstudy.reports.picture import read_picture, sticking
+from tcstudy.reports.summary import summary
+from tests.reports.draw_cases import WIDTH, figure_of, level_record, line, point_record, result, study
+
+
+def test_the_sticking_half_is_shaded_in_both_panels(grid: Path) -> None:
+    picture = read_picture(grid, level=0)
+    np.testing.assert_array_equal(picture.line.sticks, [True, True, False, False])
+    assert stick_ranges(picture.line) == [pytest.approx((0.0, 0.125))]
+    assert "the shaded part sticks (62.5 %)" in stick_text(picture.line)
+    for axes in figure_of(picture).axes[-2:]:
+        (shade,) = [patch for patch in axes.patches if not hasattr(patch, "get_data")]
+        left, right = shade.get_x(), shade.get_x() + shade.get_width()
+        assert (left, right) == pytest.approx((0.0, 125.0))
+
+
+def test_no_slip_at_all_has_no_scale(grid: Path) -> None:
+    """A range of ±0.05 m around zero would look like a measured one."""
+    picture = read_picture(grid, level=0)
+    still = replace(picture, line=replace(picture.line, u_T=0.0 * picture.line.u_T))
+    upper, lower = sorted(figure_of(still).axes[-2:], key=lambda axes: -axes.get_position().y0)
+    assert upper.get_yticks().tolist() == [0.0]
+    assert len(lower.get_yticks()) > 1
+
+
+STORED = np.array([0, 1, 0, 1], dtype=np.int8)
+
+
+def test_what_the_file_stores_counts_more_than_a_guess(tmp_path: Path) -> None:
+    """The slip length alone would say that the two nodes at u_T = 0 stick."""
+    level = level_record(0, False)
+    record = replace(point_record((), level), sticks=STORED)
+    write(tmp_path / "plate.nc", study("grid", ()), [level], [record], Provenance("now", (("python", "3"),), "abc"))
+    np.testing.assert_array_equal(read_picture(tmp_path / "plate.nc", level=0).line.sticks, STORED == 1)
+
+
+def test_a_file_of_before_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the variables sticks and heat_status: the picture guesses, the summary is silent."""
+    monkeypatch.setattr(schema, "CONTACT", tuple(v for v in schema.CONTACT if v.name != "sticks"))
+    monkeypatch.setattr(schema, "ROOT", tuple(v for v in schema.ROOT if v.name != "heat_status"))
+    path = result(tmp_path / "plate.nc")
+    with open_results(path) as tree:
+        assert "sticks" not in tree["level_1"]
+        assert "heat_status" not in tree
+    line = read_picture(path, level=0).line
+    assert line.sticks is not None
+    assert line.sticks.tolist() == [True, True, False, False]
+    assert "heat balance" not in summary(path)
+
+
+@pytest.mark.parametrize(
+    ("u_T", "slip_length", "expected"),
+    [
+        ([0.0, 0.0, 1.0, 2.0], 2.0, [True, True, False, False]),
+        ([0.0, 0.0, 0.0, 0.0], 4.0, [False] * 4),  # no up-jump at 0: a spring under no load
+        ([0.0, 0.0, 0.0, 0.0], 0.0, [True] * 4),
+        ([1.0, 2.0, 3.0, 4.0], 4.0, [False] * 4),
+        ([0.0, 0.5, 0.5, 2.0], 1.0, [True, True, True, False]),  # sticks at an up-jump away from 0, too
+        ([0.0, 0.5, 0.5, 2.0], 2.0, [False, True, True, False]),
+        ([0.0, 0.5, 0.6, 2.0], 2.0, None),
+    ],
+)
+def test_sticking_agrees_with_the_stored_slip_length(
+    u_T: list[float], slip_length: float, expected: list[bool] | None
+) -> None:
+    found = sticking(np.array(u_T), np.ones(4), slip_length)
+    assert expected == (None if found is None else found.tolist())
+
+
+def test_parts_end_at_gaps_and_held_corners() -> None:
+    two = line([1, 2, 4, 4], [0, 0, 1, 2], [1, 2, 4, 5], [1.5, 1.5, 1.5, 0.5], [0, 0, 1, 1])
+    assert two.parts == [slice(0, 2), slice(2, 4)]
+    np.testing.assert_allclose(two.cells(slice(0, 2)), [0.0, 1.5, 3.0])
+    np.testing.assert_allclose(two.cells(slice(2, 4)), [3.0, 4.5, 5.0])
+    straight = line([1, 2, 3, 4], [0] * 4, [1, 2, 3, 4], [1.5, 1, 1, 0.5], [0, 0, 1, 1])
+    assert straight.parts == [slice(0, 4)]
+
+
+def test_a_ring_closes_on_itself() -> None:
+    ring = line([0, 1, 1, 0], [0, 0, 1, 1], [0, 1, 2, 3], [1, 1, 1, 1], [0, 0, 0, 0])
+    (part,) = ring.parts
+    assert ring.closed(part)
+    ends, nodes = ring.steps(part)
+    np.testing.assert_allclose(ends, [0.0, 0.5, 1.5, 2.5, 3.5, 4.0])
+    assert nodes.tolist() == [0, 1, 2, 3, 0]
+    assert stick_ranges(ring) == [pytest.approx((0.5, 3.5))]
+    assert not line([0, 1, 1, 0], [0, 0, 1, 1], [0, 1, 2, 3], [0.5, 1, 1, 0.5], [0] * 4).closed(part)
+    assert not line([1, 2, 3], [0, 0, 0], [1, 2, 3], [1.5, 1, 1.5], [0] * 3).closed(slice(0, 3))  # both ends held
+
+
+def test_the_panels_show_every_part_and_name_every_edge(grid: Path) -> None:
+    two = line([1, 2, 4, 4], [0, 0, 1, 2], [1, 2, 4, 5], [1.5, 1.5, 1.5, 0.5], [0, 0, 1, 1])
+    figure = figure_of(replace(read_picture(grid), line=two, body=None))
+    lower = figure.axes[0]
+    steps = [patch.get_data().values.tolist() for patch in lower.patches if hasattr(patch, "get_data")]
+    assert steps == [[10.0, 20.0], [30.0, 40.0]]
+    assert [text.get_text() for text in lower.texts] == ["pad", "rim"]
+    assert "along the contact line" in lower.get_xlabel()
+
+
+def test_the_drawn_contact_edge_reaches_the_held_corner(grid: Path) -> None:
+    picture = read_picture(grid, level=0)
+    assert picture.body
+    ((chain, index),) = contact_chains(picture.body, picture.line)
+    assert chain.tolist() == [0, 1, 2, 3, 4]
+    assert index.tolist() == [0, 0, 1, 2, 3]
+    h = WIDTH / 4
+    both = line([h, 2 * h, 3 * h], [0, 0, 0], [h, 2 * h, 3 * h], [1.5 * h, h, 1.5 * h], [0, 0, 0])
+    ((chain, index),) = contact_chains(picture.body, both)
+    assert chain.tolist() == [0, 1, 2, 3, 4]
+    assert index.tolist() == [0, 0, 1, 2, 2]
+
+
+def test_a_ring_of_contact_is_drawn_closed_and_named(grid: Path) -> None:
+    picture = read_picture(grid, level=0)
+    assert picture.body
+    (loop,) = loops(boundary_edges(picture.body))
+    x, y = picture.body.x[loop[:-1]], picture.body.y[loop[:-1]]
+    step, m = WIDTH / 4, len(loop) - 1
+    ring = line(x.tolist(), y.tolist(), [step * i for i in range(m)], [step] * m, [1] * m)
+    ((chain, index),) = contact_chains(picture.body, ring)
+    assert chain.tolist() == loop.tolist()
+    assert index.tolist() == [*range(m), 0]
+    figure = figure_of(replace(picture, line=ring))
+    assert [text.get_text() for text in figure.axes[0].texts] == ["rim"]
+
+
+def test_the_boundary_is_found_whatever_the_orientation(grid: Path) -> None:
+    body = read_picture(grid, level=0).body
+    assert body
+    expected = {tuple(edge) for edge in boundary_edges(body).tolist()}
+    assert len(expected) == 12
+    mixed = body.triangles.copy()
+    mixed[::2] = mixed[::2, ::-1]
+    assert {tuple(edge) for edge in boundary_edges(replace(body, triangles=mixed)).tolist()} == expected
+
+
+def test_a_tall_and_a_wide_body_fit_on_the_picture(grid: Path) -> None:
+    body = read_picture(grid).body
+    assert body
+    for y in (40.0, 0.01):
+        width, height = drawn(replace(body, y=y * body.y), "m").size
+        assert width < style.WIDTH - 1.8
+        assert height < 5.0

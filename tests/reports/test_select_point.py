@@ -1,0 +1,100 @@
+"""The point of a file by its labels, and what is said if there is none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib")
+
+
+from tcstudy.data.provenance import Provenance
+from tcstudy.data.store import write
+from tcstudy.reports.draw import DrawError, draw
+from tcstudy.reports.picture import read_picture
+from tests.reports.draw_cases import ALPHA, level_record, point_record, result, study
+
+
+@pytest.mark.parametrize(
+    ("point", "label"),
+    [
+        (None, "alpha = 25 W m-2 K-1, friction = tresca"),
+        ({"alpha": 100}, "alpha = 100 W m-2 K-1, friction = tresca"),
+        ({"alpha": 100.0001, "friction": "tresca"}, "alpha = 100 W m-2 K-1, friction = tresca"),
+        ({"alpha": "100"}, "alpha = 100 W m-2 K-1, friction = tresca"),
+        ({"alpha": "0.01 W/(cm^2*K)"}, "alpha = 100 W m-2 K-1, friction = tresca"),
+        ({"friction": "softening"}, "alpha = 25 W m-2 K-1, friction = softening"),
+        ({"heat.alpha": 100}, "alpha = 100 W m-2 K-1, friction = tresca"),
+    ],
+)
+def test_a_point_by_its_labels(grid: Path, point: dict[str, float | str] | None, label: str) -> None:
+    assert read_picture(grid, point).point == label
+
+
+@pytest.mark.parametrize(
+    ("point", "index"),
+    [
+        (None, 0),
+        ({"alpha": 100}, 1),
+        ({"tau": "20 MPa"}, 2),
+        ({"alpha": 25, "tau": 2e7}, 2),
+    ],
+)
+def test_a_point_of_a_list(listed: Path, point: dict[str, float | str] | None, index: int) -> None:
+    picture = read_picture(listed, point)
+    np.testing.assert_array_equal(picture.line.u_T, point_record((index,), level_record(1, False)).u_T)
+    assert picture.parameters[1][0] == "tau"
+
+
+def test_a_study_without_a_sweep(tmp_path: Path) -> None:
+    path = result(tmp_path / "r.nc", axes=())
+    assert read_picture(path).parameters == ()
+    assert draw(path, tmp_path / "p.png") == f"{tmp_path / 'p.png'}: Plate for $5 and $6, level 1"
+    with pytest.raises(DrawError, match=r"no swept parameter 'alpha'; leave the point out"):
+        read_picture(path, {"alpha": 1})
+
+
+@pytest.mark.parametrize(
+    ("point", "message"),
+    [
+        ({"alhpa": 1}, r"no swept parameter 'alhpa'; did you mean 'alpha'\? it has alpha, friction"),
+        ({"friction": "softning"}, r"friction = softning; did you mean 'softening'\? it has tresca, softening"),
+        ({"alpha": 90}, r"no point of the file has alpha = 90; the nearest values are 25, 100"),
+        ({"alpha": "warm"}, r"alpha = 'warm' is not a number; give one in W m-2 K-1"),
+        ({"alpha": "20 MPa"}, r"alpha = '20 MPa': 'MPa' is not a unit of a heat transfer coefficient"),
+        ({"alpha": float("nan")}, r"no point of the file has alpha = nan"),
+        ({"heat.alpha": 90}, r"no point of the file has alpha = 90"),
+        ({"alpha": 25, "heat.alpha": 100}, r"alpha and heat.alpha are one parameter; give it once"),
+    ],
+)
+def test_a_point_that_the_file_does_not_hold(grid: Path, point: dict[str, float | str], message: str) -> None:
+    with pytest.raises(DrawError, match=message):
+        read_picture(grid, point)
+
+
+def test_labels_of_a_list_that_never_meet(listed: Path) -> None:
+    with pytest.raises(DrawError, match=r"alpha = 100 and tau = 20 MPa together; .* alpha = 100 .* tau = 1 MPa"):
+        read_picture(listed, {"alpha": 100, "tau": "20 MPa"})
+
+
+def test_a_failed_point_says_why_and_names_a_solved_one(grid: Path) -> None:
+    point = {"alpha": 100, "friction": "softening"}
+    message = r"no solution on level 1 \(singular: the stiffness matrix is singular\); draw another .* alpha = 25"
+    with pytest.raises(DrawError, match=message):
+        read_picture(grid, point)
+    assert read_picture(grid, point, 0).level == 0
+
+
+def test_a_file_without_any_solution(tmp_path: Path) -> None:
+    plan = study("grid", (ALPHA,))
+    write(tmp_path / "r.nc", plan, [level_record(0, False)], [], Provenance("now", (), "abc"))
+    with pytest.raises(DrawError, match=r"alpha = 25 .* \(not run: .*\); no other point .* tcstudy show"):
+        read_picture(tmp_path / "r.nc")
+
+
+@pytest.mark.parametrize("level", [2, -3])
+def test_a_level_that_the_file_does_not_have(grid: Path, level: int) -> None:
+    with pytest.raises(DrawError, match=rf"no level {level}; it has levels 0 to 1"):
+        read_picture(grid, level=level)

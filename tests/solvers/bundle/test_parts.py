@@ -1,0 +1,110 @@
+"""Parts of bundle-Newton against plain dense algebra and an independent QP solver."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tcstudy.solvers.bundle.contact import contact_method, contact_oracle
+from tcstudy.solvers.bundle.metric import CholeskyMetric, DiagonalShift, EigenMetric, Stack, combine, positive_definite
+from tcstudy.solvers.bundle.simplex_qp import active_set, growing_set
+from tcstudy.solvers.loop import iterate
+from tests.solvers import contact_cases as cases
+
+Array = NDArray[np.float64]
+
+
+def symmetric(rng: np.random.Generator, n: int) -> Array:
+    R = rng.standard_normal((n, n))
+    return R + R.T
+
+
+def test_structured_stack_equals_the_dense_one() -> None:
+    rng = np.random.default_rng(0)
+    base, lam, d, rows = symmetric(rng, 6), rng.random(4), rng.standard_normal(6), rng.standard_normal((4, 6))
+    shifted = [DiagonalShift(base, rng.standard_normal(6)) for _ in range(4)]
+    fast, slow = Stack.of(shifted), Stack.of([np.asarray(G) for G in shifted])
+    assert fast.base is base
+    assert slow.base is None
+    assert np.allclose(fast.times(d), slow.times(d), atol=1e-14)
+    assert np.allclose(fast.times_rows(rows), slow.times_rows(rows), atol=1e-14)
+    assert np.allclose(fast.combine(lam), slow.combine(lam), atol=1e-14)
+    assert np.allclose(np.asarray(combine(shifted, lam)), slow.combine(lam), atol=1e-14)
+    assert isinstance(combine(shifted, lam / lam.sum()), DiagonalShift)
+
+
+def test_different_bases_are_taken_as_dense() -> None:
+    rng = np.random.default_rng(1)
+    mixed = [DiagonalShift(symmetric(rng, 3), rng.random(3)) for _ in range(2)] + [symmetric(rng, 3)]
+    expected = np.asarray(mixed[0]) + 2.0 * np.asarray(mixed[1]) + 3.0 * np.asarray(mixed[2])
+    assert np.allclose(Stack.of(mixed).combine(np.array([1.0, 2.0, 3.0])), expected)
+
+
+@pytest.mark.parametrize("lift", [-20.0, 0.0, 20.0])
+def test_metric_reverses_negative_eigenvalues_and_leaves_a_positive_matrix(lift: float) -> None:
+    rng = np.random.default_rng(2)
+    H = symmetric(rng, 7) + lift * np.eye(7)
+    metric = positive_definite(H, 0.5, 1e-8, 0.0)
+    w, V = np.linalg.eigh(H)
+    assert np.allclose(metric.matrix, (V * (np.abs(w) + 0.5)) @ V.T)
+    assert isinstance(metric, CholeskyMetric if w.min() + 0.5 > 0.01 else EigenMetric)
+    rows = rng.standard_normal((3, 7))
+    white = metric.whiten(rows)
+    assert np.allclose(white @ white.T, rows @ np.linalg.solve(metric.matrix, rows.T))
+    assert np.allclose(metric.unwhiten(metric.whiten(rows[0])), np.linalg.solve(metric.matrix, rows[0]))
+
+
+def test_active_set_agrees_with_the_independent_solver() -> None:
+    """Random subproblems with repeated and affinely dependent pieces, from arbitrary multipliers."""
+    rng, given_up = np.random.default_rng(4), 0
+    for _ in range(200):
+        n, N = int(rng.integers(1, 10)), int(rng.integers(2, 30))
+        R = rng.standard_normal((n, n))
+        metric = positive_definite(R @ R.T + 0.1 * np.eye(n), 0.0, 1e-8, 0.0)
+        c, A, h = rng.standard_normal(N), rng.standard_normal((N, n)), rng.standard_normal(n)
+        A[rng.integers(N)] = A[rng.integers(N)]
+        start = rng.random(N) * (rng.random(N) < 0.4)
+        start[0] += 0.1
+        found = active_set(c, A, h, metric, start)
+        if found is None:
+            given_up += 1
+            continue
+        lam, q = growing_set(c, A, h, metric, start)
+        assert np.allclose(found[1], q, atol=1e-8)
+        assert found[0].lam.min() >= 0.0
+        assert found[0].lam.sum() == pytest.approx(1.0, abs=1e-12)
+        assert lam.sum() == pytest.approx(1.0, abs=1e-12)
+    assert given_up <= 2
+
+
+def test_dense_and_structured_oracle_give_the_same_run() -> None:
+    problem = cases.random_problem(np.random.default_rng(5), 12)
+    oracle = contact_oracle(problem)
+
+    def dense(v: Array) -> tuple[float, Array, Array]:
+        f, g, G = oracle(v)
+        return f, g, np.asarray(G)
+
+    runs: list[list[float]] = [[], []]
+    for values, each in zip(runs, (oracle, dense), strict=True):
+        method = contact_method(problem, 1e-8)
+        state = method.start(each, np.zeros(12))
+        while method.verdict(each, state) is None and len(values) < 300:
+            state = method.step(each, state)
+            values.append(state.f)
+    assert runs[0][:8] == pytest.approx(runs[1][:8], rel=1e-9)
+    assert runs[0][-1] == pytest.approx(runs[1][-1], rel=1e-7)
+    assert all(b <= a for a, b in pairwise(runs[0]))
+
+
+def test_small_structured_bundle_is_aggregated() -> None:
+    problem = cases.random_problem(np.random.default_rng(6), 8)
+    method = replace(contact_method(problem, 1e-6), bundle_size=5)
+    outcome = iterate(method, contact_oracle(problem), np.zeros(8))
+    full = iterate(contact_method(problem), contact_oracle(problem), np.zeros(8))
+    assert outcome.f <= problem.energy(np.zeros(8))
+    assert outcome.f == pytest.approx(full.f, rel=1e-2)

@@ -1,0 +1,76 @@
+"""Reference solutions for path following that share no code with it: enumeration of all combinations of pieces."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.solvers.loop import iterate
+from tcstudy.solvers.path.follow import ParametricProblem
+from tcstudy.solvers.separable.newton import SeparableNewton
+from tests.solvers import contact_cases as cases
+
+Array = NDArray[np.float64]
+
+
+def pieces_of(law: FrictionLaw) -> list[tuple[int, str]]:
+    """Segments ("s", k) and vertical sides ("v", k) of the filled graph."""
+    jumps = [k for k in range(len(law.kinks)) if law.kinds[k] != 0]
+    return [(k, "s") for k in range(len(law.kinks) + 1)] + [(k, "v") for k in jumps]
+
+
+def all_solutions(problem: ParametricProblem, t: float) -> list[tuple[Array, bool]]:
+    """(v, stable) of every solution of one t: one linear system for each combination of pieces."""
+    law, A, c = problem.law, problem.A_tilde, problem.c
+    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
+    found = []
+    for combination in product(pieces_of(law), repeat=problem.m):
+        free = np.array([kind == "s" for _, kind in combination])
+        k = np.array([k for k, _ in combination])
+        v = np.array([0.0 if f else law.kinks[i] for f, i in zip(free, k, strict=True)])
+        H = A[np.ix_(free, free)] + np.diag(c[free] * law.q[k[free]])
+        if free.any():
+            at_0 = law.b_0[k[free]] - law.q[k[free]] * law.s_0[k[free]]
+            rhs = problem.load(t)[free] - c[free] * at_0 - A[np.ix_(free, ~free)] @ v[~free]
+            v[free] = np.linalg.solve(H, rhs)
+        traction = (problem.load(t) - A @ v) / c
+        holds = [
+            ends[i] <= s <= ends[i + 1] if f else min(law.b_left[i], law.b_right[i]) <= g
+            and g <= max(law.b_left[i], law.b_right[i])
+            for f, i, s, g in zip(free, k, v, traction, strict=True)
+        ]  # fmt: skip
+        if all(holds):
+            definite = not free.any() or np.linalg.eigvalsh(H)[0] > 0.0
+            down = any(not f and law.kinds[i] < 0 for f, i in zip(free, k, strict=True))
+            found.append((v, bool(definite and not down)))
+    return found
+
+
+def random_path_problem(rng: np.random.Generator, m: int, max_kinks: int = 6) -> ParametricProblem:
+    """A random law and stiffness with a load that does not vanish at t = 0."""
+    p = cases.random_problem(rng, m, max_kinks)
+    return ParametricProblem(p.A_tilde, 0.3 * rng.normal(size=m) * p.l_tilde, p.l_tilde, p.c, p.law)
+
+
+def a_solution(problem: ParametricProblem, t: float) -> Array:
+    """Some solution of one t."""
+    outcome = iterate(SeparableNewton(), problem.at(t), np.zeros(problem.m))
+    assert outcome.converged
+    return outcome.x
+
+
+def softening_line(m: int, d: float = 0.02, mu_k: float = 0.2, seed: int = 0) -> ParametricProblem:
+    """A half-plane model under slip weakening; the load rises along the line with some noise (no symmetry)."""
+    A_tilde, c = cases.half_laplacian(m)
+    x = (np.arange(m) + 0.5) / m
+    noise = 0.05 * np.random.default_rng(seed).normal(size=m)
+    law = cases.slip_weakening(1.0, mu_k, d)
+    return ParametricProblem(A_tilde, np.zeros(m), c * (0.5 + 0.5 * x + noise), c, law)
+
+
+def one_node(law: FrictionLaw, stiffness: float = 1.0) -> ParametricProblem:
+    """Ã = stiffness, c = 1, l̃ = t."""
+    return ParametricProblem(np.array([[stiffness]]), np.zeros(1), np.ones(1), np.ones(1), law)

@@ -1,0 +1,51 @@
+"""hysteresis: loops in closed form, energy lost against area, jumps that lower the energy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tcstudy.solvers.path.hysteresis import hysteresis
+from tests.solvers import contact_cases as cases
+from tests.solvers.path.cases import a_solution, one_node, random_path_problem, softening_line
+
+
+def test_loop_of_one_softening_node_in_closed_form() -> None:
+    """Falls from s = 0 to 0.8 at t = 1 (0.16 lost) and from 0.4 to 0 at t = 0.6 (0.08 lost)."""
+    loop = hysteresis(one_node(cases.slip_weakening(1.0, 0.2, 0.4)), np.zeros(1), 0.3, 1.5)
+    assert loop.closed
+    assert loop.complete
+    assert [jump.t for jump in loop.jumps] == pytest.approx([1.0, 0.6], abs=1e-13)
+    assert [jump.drop for jump in loop.jumps] == pytest.approx([0.16, 0.08], abs=1e-13)
+    assert [float(jump.v_to[0]) for jump in loop.jumps] == pytest.approx([0.8, 0.0], abs=1e-13)
+    assert loop.lost == pytest.approx(0.24, abs=1e-13)
+    assert loop.area == pytest.approx(0.24, abs=1e-13)
+
+
+def test_a_unique_solution_loses_nothing() -> None:
+    problem = softening_line(20, 5.0, 0.9)
+    assert problem.at(0.0).lambda_1 > problem.law.omega
+    loop = hysteresis(problem, np.zeros(20), 0.0, 2.0)
+    assert loop.closed
+    assert not loop.jumps
+    assert loop.area == pytest.approx(0.0, abs=1e-13)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_energy_lost_is_the_area_of_the_loop(seed: int) -> None:
+    """Two independent sums, for random laws with both kinds of jumps; every fall goes down and ends on a solution."""
+    problem = random_path_problem(np.random.default_rng([seed, 71]), 12)
+    loop = hysteresis(problem, a_solution(problem, -2.0), -2.0, 2.0)
+    assert loop.complete, loop.reason
+    assert loop.closed
+    size = max(float(np.max(np.abs(b.energy))) for b in loop.branches)
+    assert loop.lost == pytest.approx(loop.area, abs=1e-11 * size)
+    assert all(branch.stable.all() for branch in loop.branches)
+    for jump in loop.jumps:
+        assert jump.drop > 0.0
+        assert problem.at(jump.t).inclusion_residual(jump.v_to, 1e-13) <= 1e-11
+
+
+def test_bad_range_is_named() -> None:
+    with pytest.raises(ValueError, match="must be below"):
+        hysteresis(softening_line(5), np.zeros(5), 1.0, 1.0)

@@ -1,0 +1,50 @@
+"""turns: sizes by hand, and turns within rounding that are no folds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tcstudy.solvers.path.follow import Path, follow
+from tcstudy.solvers.path.query import folds, turn_sizes
+from tcstudy.solvers.path.record import Events
+from tests.solvers.path.cases import softening_line
+
+
+def test_sizes_by_hand() -> None:
+    """0 ↑ 5 ↓ 4.9 ↑ 6 ↓ 1 ↑ 1.5 ↓ 1.2 ↑ 9: wiggles of 0.1 and 0.3 at a step back of 5."""
+    t = np.array([0.0, 5.0, 4.9, 6.0, 1.0, 1.5, 1.2, 9.0])
+    size, partner = turn_sizes(t, np.arange(1, 7))
+    assert size == pytest.approx([0.1, 0.1, 5.0, 5.0, 0.3, 0.3])
+    assert partner.tolist() == [1, 0, 3, 2, 5, 4]
+    assert turn_sizes(np.array([0.0, 2.0, 1.5]), np.array([1]))[0] == pytest.approx([0.5])
+    assert len(turn_sizes(np.array([0.0, 1.0]), np.array([], dtype=np.intp))[0]) == 0
+
+
+def wiggled(path: Path, size: float) -> Path:
+    """Every piece of the path goes back by this part of its length once."""
+    k = np.arange(path.pieces)
+    share = np.array([0.0, 0.5 + size, 0.5])
+
+    def between(x: np.ndarray) -> np.ndarray:
+        rows = [x[k] + s * (x[k + 1] - x[k]) for s in share]
+        return np.concatenate([np.stack(rows, axis=1).reshape((-1, *x.shape[1:])), x[-1:]])
+
+    columns = {name: between(getattr(path, name)) for name in ("t", "u", "traction", "residual")}
+    events = Events(3 * path.events.vertex, path.events.node, path.events.before, path.events.after)
+    return replace(path, **columns, stable=np.repeat(path.stable, 3), events=events, start=3 * path.start)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-7, 1e9])
+def test_turns_within_rounding_are_no_folds(unit: float) -> None:
+    problem = softening_line(40, 0.02)
+    problem = replace(problem, l_1=problem.l_1 / unit)
+    path = follow(problem, np.zeros(40), 0.0, 0.0, 3.0 * unit)
+    plain = [f.t for f in folds(path)]
+    assert len(plain) == len(path.folds) > 10
+    blurred = wiggled(path, 1e-14)
+    assert len(blurred.folds) > 2 * path.pieces
+    assert [f.t for f in folds(blurred)] == pytest.approx(plain, rel=1e-13)
+    assert len(folds(wiggled(path, 1e-9))) > path.pieces
