@@ -152,7 +152,7 @@ class _Block:
         self.lowest[points] = global_minimum(rows, self.v[points], self.low[points], self.high[points])
 
     def search(self, points: Index) -> None:
-        """Look for less energy at points of which nothing is proved, as solve_contact and solvers/search/escape.py do."""
+        """Look for less energy at points of which nothing is proved, as solvers/search/escape.py does."""
         points = self.improve(points, descend(self.rows.take(points), self.v[points], self.aim, minima=True), ZERO)
         rows = self.rows.take(points)
         frictionless = rows.loads @ rows.body.inverse

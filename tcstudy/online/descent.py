@@ -146,7 +146,7 @@ def _newton(rows: Rows, v: Array, s: BlockSlopes, careful: bool) -> Array:
 
 
 def _node_by_node(rows: Rows, row: int, v: Array, xi: Array, descent: Array) -> Array:
-    """(m,) one row after a pass over its descending nodes, largest gain first, as solvers/separable/descent.py; rare."""
+    """(m,) one row after a pass over its descending nodes, largest gain first (solvers/separable/descent.py)."""
     A, c, laws = rows.body.A_tilde, rows.body.c, rows.laws
     diagonal = np.diagonal(A)
     gain = descent**2 / diagonal

@@ -1,6 +1,6 @@
 """Which of the lowest solutions of a path are proved to be global minima, many at once.
 
-One solution v is certified by Ã − C diag(D + μ) ≻ 0 (solvers/certificates.py). For a group of them the largest D of every
+One solution v is certified by Ã − C diag(D + μ) ≻ 0 (solvers/certificates.py). For a group the largest D of every
 node decides for all, and if the smallest D fails none is certified; a group that is neither is halved. So the tests
 follow the few places along the path where the answer changes, not the pieces.
 
