@@ -228,7 +228,7 @@ def path(
     Raises StudyError, PathError (no such section, or a load that is not affine), GeometryFailed, StoreError.
     """
     from tcstudy.errors import PathError
-    from tcstudy.study.path_execute import execute_path
+    from tcstudy.study.path_run import execute_path
 
     asked = _study(study)
     if asked.path is None:

@@ -41,7 +41,7 @@ def command(options: argparse.Namespace) -> int:
     from tcstudy.reports.path_summary import path_summary
     from tcstudy.reports.progress import PathProgress
     from tcstudy.reports.style import check_target
-    from tcstudy.study.path_execute import execute_path
+    from tcstudy.study.path_run import execute_path
 
     there = is_there(options, "path", study, output)
     with closing(PathProgress()) as progress:

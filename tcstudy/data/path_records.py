@@ -1,14 +1,21 @@
-"""What `tcstudy path` hands to the store: arrays whose names are those of the file's variables."""
+"""What stands in the file of a path: one group, vertices and pieces of one polygon (CF-1.11); records by field name.
+
+`parameter`, `u_T` and `xi` hold the vertices exactly, so that every point between two vertices is their linear
+combination; piece i lies between the vertices i and i + 1. Flags are bytes with flag_meanings; nothing is missing.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.records import LevelRecord
+from tcstudy.data.schema import CONTACT
+from tcstudy.data.variable import RATE, FileVariable, T, flags
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int32]
@@ -147,3 +154,113 @@ class PathRecord:
     omega: float
     law_error: float
     affine_defect: float
+
+
+_VERTEX, _PIECE, _FOLD, _EVENT, _INTERVAL = ("vertex",), ("piece",), ("fold",), ("event",), ("interval",)
+_AT, _SOLUTION, _LOOP, _JUMP = ("at",), ("solution",), ("loop_vertex",), ("jump",)
+_LINE = "arclength x y"
+_STATES = flags(*(s.name.lower() for s in ContactState))
+
+
+def _number(name: str, units: str, long_name: str, dims: tuple[str, ...] = (), extra: Any = ()) -> FileVariable:
+    return FileVariable(name, "f8", units, long_name, dims, coordinate=True, extra=extra)  # nothing is missing here
+
+
+def _index(name: str, long_name: str, dims: tuple[str, ...] = ()) -> FileVariable:
+    return FileVariable(name, "i4", "1", long_name, dims, coordinate=True)
+
+
+def _flag(name: str, long_name: str, dims: tuple[str, ...], meanings: str) -> FileVariable:
+    return FileVariable(name, "i1", "1", long_name, dims, coordinate=True, extra=flags(*meanings.split()))
+
+
+def _at_node(name: str, dtype: Any, units: str, long_name: str, dim: str, where: str, extra: Any = ()) -> FileVariable:
+    coordinates = (("coordinates", f"{where} {_LINE}".strip()),)
+    return FileVariable(name, dtype, units, long_name, (dim, "node"), coordinate=True, extra=coordinates + extra)
+
+
+_ALONG = (("coordinates", "parameter"),)
+_STABLE = "unstable stable"
+_CERTIFIED = "not_certified certified"
+
+CURVE: tuple[FileVariable, ...] = (
+    _number("parameter", T, "parameter of the path", _VERTEX),
+    _at_node("u_T", "f8", "m", "tangential displacement", "vertex", "parameter"),
+    _at_node("xi", "f8", "Pa", "tangential traction -S_T", "vertex", "parameter"),
+    _number("energy", "J m-1", "total potential energy, per unit thickness; a parabola in between", _VERTEX, _ALONG),
+    _number("energy_rate", RATE, "derivative of the energy by the parameter along the path", _VERTEX, _ALONG),
+    _number("residual", "1", "largest distance of -S_T from balance over the scale of friction", _VERTEX, _ALONG),
+    _flag("stable", "strict local minimum of the energy inside the piece", _PIECE, _STABLE),
+    _at_node("state", "i1", "1", "what the contact node does on the piece", "piece", "", _STATES),
+    _number("slip_length", "m", "length of the contact line that does not stick", _PIECE),
+    _index("fold_vertex", "vertex at which the parameter turns", _FOLD),
+    _number("fold_size", T, "how far the parameter steps back at the fold", _FOLD),
+    _flag("fold_maximum", "whether the parameter has a maximum at the fold", _FOLD, "minimum maximum"),
+    _flag("fold_stable_before", "stability of the piece before the fold", _FOLD, _STABLE),
+    _flag("fold_stable_after", "stability of the piece after the fold", _FOLD, _STABLE),
+    _index("event_vertex", "vertex at which a contact node changes its state", _EVENT),
+    _index("event_node", "contact node that changes its state", _EVENT),
+    FileVariable("event_before", "i1", "1", "state before the vertex", _EVENT, coordinate=True, extra=_STATES),
+    FileVariable("event_after", "i1", "1", "state after the vertex", _EVENT, coordinate=True, extra=_STATES),
+    _number("lowest_begin", T, "lower end of a range in which one piece has the least energy", _INTERVAL),
+    _number("lowest_end", T, "upper end of a range in which one piece has the least energy", _INTERVAL),
+    _index("lowest_piece", "piece with the least energy on the path in the range", _INTERVAL),
+    _flag("lowest_certified", "least energy of all states, proved at mid-range", _INTERVAL, _CERTIFIED),
+)
+"""Variables of CurveRecord, by field name."""
+
+_WHERE = (("coordinates", "solution_parameter"),)
+
+SOLUTIONS: tuple[FileVariable, ...] = (
+    _number("at", T, "value at which solutions were asked for", _AT),
+    _index("solution_count", "number of solutions on the path at the value", _AT),
+    _index("solution_at", "index of the value that the solution belongs to", _SOLUTION),
+    _number("solution_parameter", T, "parameter of the solution", _SOLUTION),
+    _index("solution_piece", "piece of the path that holds the solution", _SOLUTION),
+    _number("solution_energy", "J m-1", "total potential energy, per unit thickness", _SOLUTION, _WHERE),
+    _number("solution_residual", "1", "inclusion residual over the scale of friction", _SOLUTION, _WHERE),
+    _number("solution_rounding", "1", "what rounding allows of the inclusion residual", _SOLUTION, _WHERE),
+    _flag("solution_stable", "strict local minimum of the energy on the path", _SOLUTION, _STABLE),
+    _flag("solution_lowest", "least energy on the path at its value", _SOLUTION, "higher lowest"),
+    _flag("solution_unique", "certified to be the only solution", _SOLUTION, _CERTIFIED),
+    _flag("solution_strict_minimum", "certified to be a strict local minimum of the energy", _SOLUTION, _CERTIFIED),
+    _flag("solution_global_minimum", "certified to have the least energy of all states", _SOLUTION, _CERTIFIED),
+    _at_node("solution_u_T", "f8", "m", "tangential displacement", "solution", "solution_parameter"),
+    _at_node("solution_xi", "f8", "Pa", "tangential traction -S_T", "solution", "solution_parameter"),
+)
+"""Variables of SolutionsRecord; solution_parameter is at[solution_at]."""
+
+_ROUND = (("coordinates", "loop_parameter"),)
+
+LOOP: tuple[FileVariable, ...] = (
+    _number("loop_parameter", T, "parameter along the hysteresis loop", _LOOP),
+    _index("loop_branch", "stable branch, counted along the loop", _LOOP),
+    _number("loop_energy", "J m-1", "total potential energy, per unit thickness", _LOOP, _ROUND),
+    _at_node("loop_u_T", "f8", "m", "tangential displacement", "loop_vertex", "loop_parameter"),
+    _at_node("loop_xi", "f8", "Pa", "tangential traction -S_T", "loop_vertex", "loop_parameter"),
+    _number("jump_parameter", T, "parameter at which the body falls to another branch", _JUMP),
+    _index("jump_vertex", "last vertex of the loop before the fall", _JUMP),
+    _flag("jump_rising", "whether the parameter was growing", _JUMP, "falling rising"),
+    _number("jump_drop", "J m-1", "energy lost in the fall, per unit thickness", _JUMP),
+    _number("energy_lost", "J m-1", "energy lost in one loop at the falls, per unit thickness"),
+    _number("loop_area", "J m-1", "area of the loop; the energy lost if it is closed"),
+    FileVariable("loop_closed", "i1", "1", "whether the loop ends where it began", (), coordinate=True),
+    FileVariable("loop_complete", "i1", "1", "whether both ends of the range were reached", (), coordinate=True),
+)
+"""Variables of LoopRecord."""
+
+LINE = tuple(replace(v, coordinate=True) for v in CONTACT if v.dims == ("node",))
+"""The contact line, as in the files of runs."""
+
+LEVEL: tuple[FileVariable, ...] = (
+    _index("level", "mesh level, from coarse to fine"),
+    _number("h_max", "m", "longest element edge"),
+    _index("n_dof", "number of displacement unknowns"),
+    _index("n_contact", "number of contact unknowns m"),
+    _index("start", "vertex from which the path was followed in both directions"),
+    _number("lambda_1", "Pa m-1", "smallest tangential stiffness of the body per contact length"),
+    _number("omega", "Pa m-1", "steepest fall of the friction law; infinite if it jumps down"),
+    _number("law_error", "1", "error of the law's piecewise-linear stand-in over its scale; 0 where it is exact"),
+    _number("affine_defect", "1", "relative deviation of the load from a straight line in the parameter"),
+)
+"""What there is once."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tcstudy.data import path_schema as schema
+from tcstudy.data import path_records as schema
 from tcstudy.data.files import FINISHED, StoreError, new_dataset, replace_file
 from tcstudy.data.identity import CONTENT, kind_of
 from tcstudy.data.path_records import PathRecord

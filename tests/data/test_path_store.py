@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from tcstudy.data.files import StoreError
-from tcstudy.data.path_schema import CURVE, LEVEL, LINE, LOOP, SOLUTIONS
+from tcstudy.data.path_records import CURVE, LEVEL, LINE, LOOP, SOLUTIONS
 from tcstudy.data.path_store import is_path, open_path, write_path
 from tcstudy.data.provenance import collect
 from tcstudy.read.study import read_study

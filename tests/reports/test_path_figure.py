@@ -13,7 +13,7 @@ from tcstudy.reports.path_figure import draw_path, path_figure, symbol
 from tcstudy.reports.path_states import read_path_picture, seen_folds
 from tcstudy.reports.path_summary import path_summary
 from tcstudy.reports.style import DrawError
-from tcstudy.study.path_execute import execute_path
+from tcstudy.study.path_run import execute_path
 
 PAD = Path(__file__).parents[2] / "configs" / "path.yaml"
 

@@ -18,8 +18,7 @@ from tcstudy.read.study import read_study, read_study_text
 from tcstudy.scene.study import Study
 from tcstudy.scene.vary import path_scene
 from tcstudy.study.path_affine import PathError, affine_load
-from tcstudy.study.path_execute import shortfalls
-from tcstudy.study.path_run import follow_path
+from tcstudy.study.path_run import follow_path, shortfalls
 from tcstudy.study.run import run
 from tests.verification.scenes import HEATED_BRACKET
 

@@ -15,7 +15,7 @@ import xarray as xr
 from tcstudy.data.path_store import open_path
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
-from tcstudy.study.path_execute import execute_path
+from tcstudy.study.path_run import execute_path
 from tests.verification.patch import DROPPING, LENGTH, SOFTENING, Case, patch_study
 
 REQUESTED = "path: {parameter: boundary.top.u_x, from: 0, to: 1.5, at: [0.8, 0.5]}"

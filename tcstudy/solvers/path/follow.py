@@ -4,7 +4,7 @@ For a piecewise-linear law the filled graph of b̂ is a polygonal line at every 
 piece of the line, (u, ξ, t) moves along a straight line; at the end of it one node goes on to the next piece of its
 graph, and the path continues in the next cell. Nothing is approximated and nothing is iterated: folds (t turns), stick,
 slip, up- and down-jumps and unstable solutions all are vertices of one polygon. Several nodes at once, starts on a
-vertex and pieces with a singular matrix are part of the method (vertex, start, tableau).
+vertex and pieces with a singular matrix are part of the method (vertex, tableau).
 
 Orientation: what keeps the path from turning round is that the node that has reached its bound goes on in the same
 sense along its graph. Generically the pieces then form a curve without branches, so a cell is entered at most once:
@@ -25,12 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.study import Acceptance
-from tcstudy.solvers.path.base import SingularCellError
 from tcstudy.solvers.path.problem import ParametricProblem
 from tcstudy.solvers.path.record import Path, PathEnd, PathStatus, Recorder, joined
-from tcstudy.solvers.path.run import Run
-from tcstudy.solvers.path.start import locate, rays
-from tcstudy.solvers.path.walk import Codes, Walk, units_of
+from tcstudy.solvers.path.tableau import SingularCellError
+from tcstudy.solvers.path.vertex import Ray, cross, depart, locate, move, rays
+from tcstudy.solvers.path.walk import Codes, Units, Walk, units_of
 
 __all__ = ["Follower", "ParametricProblem", "Path", "PathEnd", "PathStatus", "follow"]
 
@@ -113,3 +112,222 @@ def _nowhere(problem: ParametricProblem, walk: Walk) -> Path:
     record.residual.append(walk.residual())
     end = PathEnd.of(PathStatus.SINGULAR)
     return joined(problem, [(record, walk.codes.copy(), end)], walk.tableau.factorisations)
+
+
+BLURRED = 3e-14
+"""Relative error of a direction above which the matrix is factored anew."""
+
+AIM = 0.1
+"""Part of the tolerance that is worked for with fresh factorisations, as far as rounding lets it be reached."""
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A point of the path to which the run can return."""
+
+    count: int
+    codes: Codes
+    x: Array
+    t: float
+    dx: Array
+
+
+class Run:
+    """One direction of one path."""
+
+    def __init__(
+        self,
+        options: Follower,
+        problem: ParametricProblem,
+        units: Units,
+        ray: Ray,
+        t: float,
+        seen: dict[int, int],
+        progress: Callable[[int, float], None] | None,
+    ) -> None:
+        self.options, self.problem, self.units, self.progress = options, problem, units, progress
+        self.walk = depart(problem, units, ray, t)
+        self.record = Recorder()
+        self.seen, self.own = seen, [_key(ray.codes)]
+        self.home, self.start_x, self.start_t = _key(ray.codes), ray.x.copy(), t
+        self.seen.setdefault(self.home, 0)
+        self.checked, self.every, self.returned = 0, options.check_every, -1
+        self.reached = 0.0
+        self._store()
+
+    def _store(self) -> None:
+        u = self.walk.u
+        self.record.add(self.walk.t, u, self.walk.traction(u))
+
+    def follow(self) -> PathEnd:
+        """Piece after piece until something ends the path."""
+        self._mark()
+        while True:
+            status = self._piece()
+            if status is not None or self.record.count - self.checked >= self.every:
+                try:
+                    accurate = self._check()
+                except SingularCellError:
+                    return PathEnd.of(PathStatus.SINGULAR)
+                if accurate is None:
+                    return PathEnd.of(PathStatus.LOST_ACCURACY)
+                if accurate and status is not None:
+                    return PathEnd.of(status)
+                if self.progress is not None:
+                    self.progress(self.record.count - 1, self.walk.t)
+
+    def _piece(self) -> PathStatus | None:
+        """Follow the present piece to its end and enter the next one."""
+        walk, record = self.walk, self.record
+        if len(record.stable) >= self.options.max_pieces:
+            return PathStatus.PIECE_LIMIT
+        if self.options.stable_only and not walk.stable:
+            return PathStatus.UNSTABLE
+        step, steps = walk.reach()
+        last = self._last_step(step)
+        if last is not None:
+            step, status = last
+            if np.isfinite(step):
+                walk.x += step * walk.dx
+                walk.t = self._end_t(status, walk.t + step * walk.dt)
+                record.stable.append(walk.stable)
+                self._store()
+            return status
+        stable = walk.stable
+        at = walk.arrive(step, steps)
+        record.stable.append(stable)
+        self._store()
+        before = walk.codes.copy()
+        try:
+            cross(walk, at)
+        except SingularCellError:
+            return PathStatus.SINGULAR
+        record.changed(at, before[at], walk.codes[at])
+        if len(at) > 1:
+            self._settle()
+        return self._entered()
+
+    def _last_step(self, step: float) -> tuple[float, PathStatus] | None:
+        """(step, status) if the path ends on this piece: back at the start, at the end of the range, or never."""
+        walk = self.walk
+        if len(self.own) > 1 and self.own[-1] == self.home:
+            lead = int(np.argmax(np.abs(walk.dx)))
+            return (self.start_x[lead] - walk.x[lead]) / walk.dx[lead], PathStatus.CLOSED_LOOP
+        bound = self.options.t_max if walk.dt > 0.0 else self.options.t_min
+        to_range = (bound - walk.t) / walk.dt if walk.dt != 0.0 else np.inf
+        if to_range <= step and np.isfinite(to_range):
+            return to_range, PathStatus.RANGE_END
+        return (np.inf, PathStatus.UNBOUNDED) if not np.isfinite(step) else None
+
+    def _end_t(self, status: PathStatus, t: float) -> float:
+        if status == PathStatus.CLOSED_LOOP:
+            return self.start_t
+        return self.options.t_max if self.walk.dt > 0.0 else self.options.t_min
+
+    def _entered(self) -> PathStatus | None:
+        """Book the cell just entered; one that was visited before ends the path, unless it is the start's."""
+        key = _key(self.walk.codes)
+        self.own.append(key)
+        if key in self.seen and not (key == self.home and not self._at_start()):
+            return PathStatus.CLOSED_LOOP if key == self.home else PathStatus.TURNED_BACK
+        self.seen[key] = len(self.own)
+        return None
+
+    def _at_start(self) -> bool:
+        gap = np.abs(self.walk.x - self.start_x)
+        return bool(np.all(gap <= self.walk.tie * (np.abs(self.walk.u) + self.units.slip) * self.walk.own))
+
+    # -- accuracy ----------------------------------------------------------------------------------
+
+    def _mark(self) -> None:
+        walk = self.walk
+        self.checked = self.record.count
+        self.mark = Checkpoint(self.record.count, walk.codes.copy(), walk.x.copy(), walk.t, walk.dx.copy())
+
+    def _check(self) -> bool | None:
+        """Residuals of the new vertices. True: all accurate; False: gone back to refine; None: hopeless."""
+        p, record = self.problem, self.record
+        first = len(record.residual)
+        if first == record.count:
+            return True
+        load = p.l_0 + np.array(record.t[first:])[:, None] * p.l_1
+        defect = load - np.array(record.u[first:]) @ p.A_tilde - p.c * np.array(record.traction[first:])
+        residual = np.max(np.abs(defect) / p.c, axis=1) / self.units.traction
+        record.residual.extend(float(r) for r in residual)
+        worst, noise = float(np.max(residual)), self._noise(first + int(np.argmax(residual)))
+        limit = self.options.acceptance.limit(noise)
+        good = min(limit, max(AIM * self.options.acceptance.aim, 0.5 * noise, self.reached))
+        if worst <= good or (worst <= limit and self.returned == self.mark.count):
+            self.reached = 0.0 if worst <= good else 2.0 * worst
+            if worst > 0.01 * good:
+                self._steady()
+            self.every = (
+                max(1, self.every // 2) if worst > 0.1 * good else min(2 * self.every, self.options.check_every)
+            )
+            self._mark()
+            return True
+        if self.returned == self.mark.count:
+            record.cut(max(1, self.mark.count))
+            return None
+        self.returned = self.mark.count
+        self._return(self.mark)
+        self.walk.tie = max(1e-2 * self.walk.tie, 1e-14)  # it may have been no tie
+        self.every = 1
+        return False
+
+    def _noise(self, vertex: int) -> float:
+        """What rounding allows of the residual at a vertex."""
+        return self.problem.at(self.record.t[vertex]).xi_rounding(self.record.u[vertex])
+
+    def _settle(self) -> None:
+        """Balance the point again after tied nodes were put on their bounds, and store it as the vertex.
+
+        A node that only bends there may move off its bound by rounding; one at a jump stays on it.
+        """
+        walk, graph = self.walk, self.walk.graph
+        lead = int(np.argmax(np.abs(walk.dx)))
+        on_low, on_high = walk.x == walk.low, walk.x == walk.high
+        beyond = np.where(on_low, graph.after_low[walk.codes], graph.after_high[walk.codes])
+        keep = (on_low | on_high) & ~(graph.free[walk.codes] & graph.free[beyond])
+        held = int(np.argmax(np.where(keep, np.abs(walk.dx), 0.0))) if np.any(keep) else lead
+        x = walk.x.copy()
+        try:
+            walk.refine(held)
+        except SingularCellError:
+            return  # the check of the residuals judges the point as it is
+        walk.x = np.where(keep, x, walk.x)
+        self.record.replace_last(walk.t, walk.u, walk.traction(walk.u))
+
+    def _steady(self) -> None:
+        """Correct the present point and its direction; with a fresh factorisation where the old one no longer helps."""
+        walk = self.walk
+        if not np.any(walk.dx):
+            return
+        lead = int(np.argmax(np.abs(walk.dx)))
+        speed = float(walk.dx[lead])
+        on_low, on_high = walk.x == walk.low, walk.x == walk.high
+        at = np.flatnonzero(on_low | on_high)
+        held = int(at[np.argmax(np.abs(walk.dx[at]))]) if len(at) else lead  # it must stay on its kink
+        if walk.direction_defect() > BLURRED:
+            walk.tableau.refactor()
+        walk.refine(held)
+        walk.x = np.where(on_low, walk.low, np.where(on_high, walk.high, walk.x))
+        move(walk, lead, speed)
+
+    def _return(self, mark: Checkpoint) -> None:
+        """Back to a checkpoint, with a fresh factorisation."""
+        for key in self.own[mark.count :]:
+            if key != self.home:
+                self.seen.pop(key, None)
+        del self.own[mark.count :]
+        self.record.cut(mark.count)
+        tie, used = self.walk.tie, self.walk.tableau.factorisations
+        ray = Ray(mark.codes, mark.x, mark.dx, 0.0)
+        self.walk = depart(self.problem, self.units, ray, mark.t)
+        self.walk.tie = tie
+        self.walk.tableau.factorisations += used
+        self._steady()
+
+
+def _key(codes: Codes) -> int:
+    return hash(codes.tobytes())

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.bounds import bends_by_side, solution_box
 from tcstudy.solvers.certificates import MARGIN, positive_definite
-from tcstudy.solvers.path.lowest import Lowest
 from tcstudy.solvers.path.problem import ParametricProblem, law_graph
+from tcstudy.solvers.path.query import Lowest
 from tcstudy.solvers.path.record import Path
 from tcstudy.solvers.problem import ContactProblem
 

@@ -11,7 +11,7 @@ from tcstudy.read.study import read_study_text
 from tcstudy.reports.page.container import Container
 from tcstudy.reports.page.other_part import path_part
 from tcstudy.reports.page.stored import read
-from tcstudy.study.path_execute import execute_path
+from tcstudy.study.path_run import execute_path
 
 PULLED = """
 units: none

@@ -9,9 +9,9 @@ from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.path import proofs
 from tcstudy.solvers.path.follow import Path, follow
-from tcstudy.solvers.path.lowest import Lowest, lowest
+from tcstudy.solvers.path.problem import piecewise_linear
 from tcstudy.solvers.path.proofs import proved_minima
-from tcstudy.solvers.path.smooth import piecewise_linear
+from tcstudy.solvers.path.query import Lowest, lowest
 from tests.solvers import contact_cases as cases
 from tests.solvers.path.cases import a_solution, random_path_problem, softening_line
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.solvers.path.base import SingularCellError, sound_pivots
-from tcstudy.solvers.path.tableau import CAPACITY, Tableau
+from tcstudy.solvers.path.tableau import CAPACITY, SingularCellError, Tableau, sound_pivots
 from tests.solvers import contact_cases as cases
 
 

@@ -1,4 +1,4 @@
-"""turns: sizes by hand, and turns within rounding that are no folds."""
+"""query: sizes of turns by hand, turns within rounding that are no folds; least energy from the definition."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from tcstudy.solvers.path.follow import Path, follow
-from tcstudy.solvers.path.query import folds, turn_sizes
+from tcstudy.solvers.path.query import folds, lowest, solutions_at, turn_sizes
 from tcstudy.solvers.path.record import Events
-from tests.solvers.path.cases import softening_line
+from tests.solvers import contact_cases as cases
+from tests.solvers.path.cases import a_solution, one_node, random_path_problem, softening_line
 
 
 def test_sizes_by_hand() -> None:
@@ -48,3 +49,36 @@ def test_turns_within_rounding_are_no_folds(unit: float) -> None:
     assert len(blurred.folds) > 2 * path.pieces
     assert [f.t for f in folds(blurred)] == pytest.approx(plain, rel=1e-13)
     assert len(folds(wiggled(path, 1e-9))) > path.pieces
+
+
+def lowest_of_all(path: Path, rng: np.random.Generator) -> int:
+    low = lowest(path)
+    assert np.all(low.begin < low.end)
+    assert low.begin[1:] == pytest.approx(low.end[:-1], abs=1e-12)
+    assert (low.begin[0], low.end[-1]) == (path.t.min(), path.t.max())
+    assert np.all(low.piece[1:] != low.piece[:-1])
+    size = float(np.max(np.abs(path.energy)))
+    several = 0
+    for t in rng.uniform(path.t.min(), path.t.max(), 60):
+        found = solutions_at(path, float(t))
+        several += len(found) > 1
+        piece = low.piece[np.searchsorted(low.begin, t, side="right") - 1]
+        energy = next(s.energy for s in found if s.piece == piece)
+        assert energy <= min(s.energy for s in found) + 1e-11 * size
+    return several
+
+
+def test_maxwell_point_of_one_node() -> None:
+    path = follow(one_node(cases.slip_weakening(1.0, 0.2, 0.4)), np.zeros(1), 0.0, 0.0, 1.5)
+    low = lowest(path)
+    assert path.u[low.piece, 0] == pytest.approx([0.0, 0.4], abs=1e-14)
+    assert path.stable[low.piece].all()
+    assert low.end[0] == low.begin[1] == pytest.approx(0.2 + np.sqrt(0.32), abs=1e-14)
+    assert lowest_of_all(path, np.random.default_rng(0)) > 10
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_least_energy_of_random_paths(seed: int) -> None:
+    rng = np.random.default_rng([seed, 97])
+    problem = random_path_problem(rng, int(rng.integers(1, 10)))
+    lowest_of_all(follow(problem, a_solution(problem, 0.0), 0.0, -2.0, 2.0), rng)
