@@ -23,7 +23,7 @@ from tcstudy.scene.parameters import SHORT
 if TYPE_CHECKING:
     import xarray
 
-    from tcstudy.data.identity import Kind
+    from tcstudy.data.provenance import Kind
     from tcstudy.study.plan import Plan
 
 __all__ = ["Study", "converge", "cost", "draw", "load", "open_results", "path", "plan", "report", "run"]
@@ -202,7 +202,7 @@ def cost(
 
     Raises StudyError, CostError (nothing to compare with), DrawError (no such point), GeometryFailed, StoreError.
     """
-    from tcstudy.data.store import sweep_points
+    from tcstudy.data.writer import sweep_points
     from tcstudy.reports.select_point import describe, locate
     from tcstudy.study.cost import cost_to_file
 
@@ -291,7 +291,7 @@ def _made(
     **asked: object,
 ) -> FilePath:
     """The file of these results, computed unless it holds them already."""
-    from tcstudy.data.identity import holds, identity
+    from tcstudy.data.provenance import holds, identity
 
     target = FilePath(output) if output is not None else usual_output(kind, study)
     if force or not holds(target, identity(kind, study, **asked)):

@@ -46,7 +46,7 @@ NUMERICS = (
 """Rooms that never print, parse or touch files."""
 SPEAKING = {"print", "input", "open", "eval", "exec"}
 PRINTING = ("reports", "commands", "cli.py")
-TO_PARENT = ("data/probe.py",)
+TO_PARENT = ("data/reading.py",)
 """Child processes, which answer their parent on standard output."""
 
 

@@ -38,7 +38,7 @@ def command(options: argparse.Namespace) -> int:
     if point and options.plot is None:
         fail("--at: names the point of the picture, but there is none; add --plot PICTURE")
     study, path = checked(options, "convergence")
-    from tcstudy.data.store import sweep_points
+    from tcstudy.data.writer import sweep_points
     from tcstudy.reports.convergence import convergence_report
     from tcstudy.reports.convergence_plot import plot_convergence
     from tcstudy.reports.select_point import locate

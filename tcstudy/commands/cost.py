@@ -47,7 +47,7 @@ def command(options: argparse.Namespace) -> int:
         fail(f"--runs: {options.runs} runs measure nothing; give 1 or more")
     point = point_of(options)
     study, path = checked(options, "cost")
-    from tcstudy.data.store import sweep_points
+    from tcstudy.data.writer import sweep_points
     from tcstudy.reports.cost import cost_report
     from tcstudy.reports.cost_plot import plot_cost
     from tcstudy.reports.progress import CostProgress

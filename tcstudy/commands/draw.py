@@ -24,7 +24,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def command(options: argparse.Namespace) -> int:
-    from tcstudy.data.identity import kind_of
+    from tcstudy.data.provenance import kind_of
 
     point = point_of(options)
     kind = kind_of(options.file)
@@ -42,7 +42,7 @@ def picture(
     file: Path, target: Path, point: Mapping[str, Any] | None, level: int, response: str, error: str | None
 ) -> str:
     """Draw a file of any kind; returns what was drawn. Raises StoreError, DrawError."""
-    from tcstudy.data.identity import kind_of
+    from tcstudy.data.provenance import kind_of
     from tcstudy.data.reading import reading
     from tcstudy.reports.convergence_plot import plot_convergence
     from tcstudy.reports.cost_plot import plot_cost

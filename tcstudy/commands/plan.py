@@ -17,7 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def command(options: argparse.Namespace) -> int:
     study, output = checked(options)
-    from tcstudy.data.identity import already_there
+    from tcstudy.data.provenance import already_there
     from tcstudy.reports.forecast import forecast_text
     from tcstudy.study.jobs import work_words
     from tcstudy.study.plan import plan

@@ -38,7 +38,7 @@ def command(options: argparse.Namespace) -> int:
     if is_there(options, "run", study, output):
         points, failed = stored(output)
         return _say(options, output, points, failed, "found before")
-    from tcstudy.data.store import sweep_points
+    from tcstudy.data.writer import sweep_points
     from tcstudy.reports.progress import progress
     from tcstudy.reports.select_point import naming
     from tcstudy.study.execute import execute

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NoReturn
 from tcstudy.errors import UsageError
 
 if TYPE_CHECKING:
-    from tcstudy.data.identity import Kind
+    from tcstudy.data.provenance import Kind
     from tcstudy.scene.study import Study
 
 OK, SOME_FAILED, BAD_INPUT = 0, 1, 2
@@ -130,7 +130,7 @@ def is_there(options: argparse.Namespace, kind: Kind, study: Study, output: Path
     something else. With --force neither is asked."""
     if options.force:
         return False
-    from tcstudy.data.identity import holds, identity
+    from tcstudy.data.provenance import holds, identity
 
     there = holds(output, identity(kind, study, **asked))
     if there:

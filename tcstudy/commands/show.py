@@ -15,7 +15,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def command(options: argparse.Namespace) -> int:
-    from tcstudy.data.identity import kind_of
+    from tcstudy.data.provenance import kind_of
     from tcstudy.data.reading import reading
     from tcstudy.reports.convergence import convergence_report
     from tcstudy.reports.cost import cost_report

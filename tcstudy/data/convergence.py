@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from tcstudy.data.files import FINISHED, new_dataset, replace_file
 from tcstudy.data.provenance import Provenance, global_attributes
 from tcstudy.data.records import PointStatus
-from tcstudy.data.schema import LEVEL_COORDINATE
-from tcstudy.data.variable import STATUS, SWEEP, Dtype, FileVariable, flags
+from tcstudy.data.schema import LEVEL_COORDINATE, STATUS, SWEEP, Dtype, FileVariable, flags
 from tcstudy.data.writer import in_file_order, put, put_all, put_axes
 from tcstudy.scene.study import Study
 

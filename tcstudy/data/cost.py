@@ -16,11 +16,9 @@ from numpy.typing import NDArray
 
 from tcstudy.data.convergence import ERRORS, NUMBERS, Measure
 from tcstudy.data.files import FINISHED, StoreError, new_dataset, replace_file
-from tcstudy.data.identity import CONTENT
-from tcstudy.data.provenance import Provenance, global_attributes, without_paths
-from tcstudy.data.schema import LEVEL_COORDINATE
+from tcstudy.data.provenance import CONTENT, Provenance, global_attributes, without_paths
+from tcstudy.data.schema import LEVEL_COORDINATE, STATUS, FileVariable, flags
 from tcstudy.data.store import open_results
-from tcstudy.data.variable import STATUS, FileVariable, flags
 from tcstudy.data.writer import put_all, put_names
 from tcstudy.scene.study import Study
 

@@ -16,12 +16,11 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from tcstudy.data.axes import axis_problems
 from tcstudy.data.files import PARTIAL, StoreError, remove_stale, sync_directory
 from tcstudy.data.journal_file import SELECT, Row, connect, decode_block, decode_level, encode, rollback_file, set_aside
 from tcstudy.data.provenance import program, study_sha256
-from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, block_of
-from tcstudy.data.store import check_block, check_level
+from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, block_of, check_block, check_level
+from tcstudy.data.writer import axis_problems
 from tcstudy.scene.study import Study
 
 COMMIT_SECONDS = 0.25

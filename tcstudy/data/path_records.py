@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.records import LevelRecord
-from tcstudy.data.schema import CONTACT
-from tcstudy.data.variable import RATE, FileVariable, T, flags
+from tcstudy.data.schema import CONTACT, RATE, FileVariable, T, flags
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int32]

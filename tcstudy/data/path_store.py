@@ -10,11 +10,10 @@ import numpy as np
 
 from tcstudy.data import path_records as schema
 from tcstudy.data.files import FINISHED, StoreError, new_dataset, replace_file
-from tcstudy.data.identity import CONTENT, kind_of
 from tcstudy.data.path_records import PathRecord
-from tcstudy.data.provenance import Provenance, global_attributes, without_paths
+from tcstudy.data.provenance import CONTENT, Provenance, global_attributes, kind_of, without_paths
 from tcstudy.data.reading import attributes
-from tcstudy.data.variable import FileVariable, edge_flags
+from tcstudy.data.schema import FileVariable, edge_flags
 from tcstudy.data.writer import put_all
 from tcstudy.scene.study import Study
 

@@ -4,21 +4,100 @@ Root:           results by sweep point and level, and what a level has once
 /level_0, …:    the contact line of that mesh and, if asked for, the whole-body fields (UGRID-1.0)
 Missing values: NaN for floats (as _FillValue); −1 for counts, outside their valid_min and without _FillValue,
                 so that no reader turns an integer array into floats; for flags the one that says so
+
+One variable of a result file: what every table of variables is made of, and the status that all of them share.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from tcstudy.data.variable import CERTIFIED, MISSING_COUNT, POINT_LEVEL, STATUS, SWEEP, FileVariable, flags
 from tcstudy.scene.methods import START_NAMES
 from tcstudy.scene.study import Goal, Study
 
 if TYPE_CHECKING:
     from tcstudy.data.records import LevelRecord
+
+
+class PointStatus(IntEnum):
+    """Status of a sweep point in the data (CF status_flag). Anything but OK carries a reason."""
+
+    NOT_RUN = 0
+    OK = 1
+    NOT_CONVERGED = 2
+    INCLUSION_VIOLATED = 3
+    SINGULAR = 4
+    MESH_FAILED = 5
+    ERROR = 6
+
+
+Dtype = Literal["f8", "i4", "i1", "str"]
+
+SWEEP = "*"
+"""Stands for the dimensions of the sweep in a `FileVariable.dims`."""
+
+T, RATE = "t", "J m-1/t"
+"""Stand for the units of a path's parameter, and of an energy per unit of it, in a `FileVariable.units`."""
+
+POINT_LEVEL = (SWEEP, "level")
+MISSING_COUNT = -1
+NOT_RUN = "not run"
+
+
+@dataclass(frozen=True)
+class FileVariable:
+    """One netCDF variable.
+
+    units:      SI; a dimensionless study ("none") writes "1" in place of everything but seconds
+    dims:       dimension names; SWEEP stands for those of the sweep
+    coordinate: True if it locates data: no missing values, no _FillValue
+    extra:      further attributes
+    no_value:   the flag that stands where there is no value
+    """
+
+    name: str
+    dtype: Dtype
+    units: str
+    long_name: str
+    dims: tuple[str, ...] = POINT_LEVEL
+    coordinate: bool = False
+    extra: tuple[tuple[str, Any], ...] = ()
+    no_value: int = 0
+
+    @property
+    def missing(self) -> float | int | str:
+        """What stands where there is no value."""
+        of_type: dict[Dtype, float | int | str] = {"f8": float("nan"), "i4": MISSING_COUNT, "str": NOT_RUN}
+        return of_type.get(self.dtype, self.no_value)
+
+    @property
+    def fill_value(self) -> float | Literal[False]:
+        """The _FillValue attribute; False for none."""
+        return float("nan") if self.dtype == "f8" and not self.coordinate else False
+
+
+Extra = tuple[tuple[str, Any], ...]
+
+
+def flags(*meanings: str, first: int = 0) -> Extra:
+    """Attributes of bytes that count `meanings` from `first`."""
+    values = np.arange(first, first + len(meanings), dtype=np.int8)
+    return (("flag_values", values), ("flag_meanings", " ".join(meanings)))
+
+
+STATUS: Extra = (("standard_name", "status_flag"), *flags(*(s.name.lower() for s in PointStatus)))
+CERTIFIED: Extra = flags("not_certified", "certified")
+
+
+def edge_flags(edge_names: Sequence[str]) -> dict[str, Any]:
+    """Attributes of `edge` that name the contact edges."""
+    return dict(flags(*edge_names)) if edge_names else {}
+
 
 POINT = "point"
 """The one sweep dimension of a study in list mode."""
@@ -188,6 +267,35 @@ FIELDS: tuple[FileVariable, ...] = (
     FileVariable("u_y", "f8", "m", "displacement in y", (SWEEP, "mesh_node"), extra=_AT_MESH),
 )
 
+
+def _live(name: str, units: str, long_name: str, dims: tuple[str, ...] = (SWEEP,)) -> FileVariable:
+    return FileVariable(name, "f8", units, long_name, dims)
+
+
+LIVE: tuple[FileVariable, ...] = (
+    _live("A_tilde", "Pa", "condensed stiffness of the first point", ("node", "node_column")),
+    _live("mechanical_load", "N m-1", "condensed loads f, g and pressure", ("mechanical_number", "node")),
+    _live("held_load", "N m-1", "condensed loads of given displacements", ("held_number", "node")),
+    _live("source_node", "m-1", "alpha/k of the nodes of the source's function", ("source_node_number",)),
+    _live("source_weight", "1", "barycentric weights of the source's function", ("source_node_number",)),
+    _live("source_load", "m2", "alpha times the load of a unit source for beta = 1", ("source_node_number", "node")),
+    _live("surroundings_node", "m-1", "alpha/k of the nodes of the surroundings' function", ("surroundings_number",)),
+    _live("surroundings_weight", "1", "barycentric weights of the surroundings' function", ("surroundings_number",)),
+    _live("surroundings_load", "m", "load of unit surroundings for beta = 1", ("surroundings_number", "node")),
+    _live("stiffness", "1", "mu over that of the first point"),
+    _live("mechanical", "1", "number of the mechanical load; -1 for none"),
+    _live("held", "1", "number of the load of given displacements; -1 for none"),
+    _live("beta", "Pa K-1", "stress-temperature modulus"),
+    _live("alpha", "W m-2 K-1", "heat transfer coefficient; missing where the temperature is given"),
+    _live("k", "W m-1 K-1", "conductivity"),
+    _live("q", "W m-3", "factor of the source"),
+    _live("theta_bar", "K", "factor of the temperature of the surroundings, or of the given temperature"),
+    _live("valid", "1", "1 where these arrays give the point's problem, to 1e-11"),
+)
+"""The group `live` of a level, what a browser needs to solve its contact problems (output.live): `tcstudy.offline.live`
+says what the arrays mean. A record hands them over as fields, LIVE_PREFIX before their names."""
+LIVE_PREFIX = "live_"
+
 _POINTWISE = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES) if v.dims[:2] == POINT_LEVEL)
 NUMBERS = (_POINTWISE | {*_GOAL_NAMES}) - {"status", "reason"}
 """Names that `PointRecord.numbers` may hold."""
@@ -207,7 +315,7 @@ RESERVED = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES, *CONTACT, *ME
     *_GOAL_NAMES,
     *("level", "start", "solver", "node", "mesh_node", "mesh_face", "corner", "mesh", POINT),
 }
-"""Names of the file that no swept parameter may take; see `tcstudy.data.axes`."""
+"""Names of the file that no swept parameter may take; see `tcstudy.data.writer`."""
 
 BESIDE = 500
 """Bytes that HDF5 spends on a variable beside its values, at least."""

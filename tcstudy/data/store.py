@@ -1,8 +1,6 @@
 """The result file of a run: one netCDF-4 file, complete or not there at all (see `tcstudy.data.files`).
 
 `tcstudy.data.schema` says what stands in it.
-
-The points of a sweep as their files have them, before there is any file.
 """
 
 from __future__ import annotations
@@ -16,14 +14,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tcstudy.data import schema
-from tcstudy.data.axes import axis_attributes, axis_labels, axis_name, axis_places, axis_problems, sweep_dims
 from tcstudy.data.files import FINISHED, StoreError, new_dataset, replace_file
-from tcstudy.data.live import put_live
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
 from tcstudy.data.reading import attributes
-from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, PointStatus, block_of
-from tcstudy.data.variable import MISSING_COUNT, SWEEP, FileVariable, edge_flags
-from tcstudy.data.writer import CHUNK, define, put, put_all, put_axes, put_names, tile_shape, tiles
+from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, block_of, check_block, check_level
+from tcstudy.data.schema import MISSING_COUNT, SWEEP, FileVariable, edge_flags
+from tcstudy.data.writer import (
+    CHUNK,
+    axis_places,
+    axis_problems,
+    define,
+    in_file_order,
+    put,
+    put_all,
+    put_axes,
+    put_names,
+    tile_shape,
+    tiles,
+)
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
@@ -262,10 +270,19 @@ def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF
         mesh.setncatts(schema.MESH_TOPOLOGY)
         mesh[...] = 0
         put_all(group, schema.MESH, level.fields, study)
-    put_live(group, study, level.fields)
+    _put_live(group, study, level.fields)
     put_all(group, schema.CONTACT, line, study)
     group["edge"].setncatts(edge_flags(level.edge_names))
     return group
+
+
+def _put_live(level_group: netCDF4.Group, study: Study, fields: Mapping[str, np.ndarray[Any, Any]]) -> None:
+    """Make the group `live` if the record has its arrays."""
+    prefix, by_point = schema.LIVE_PREFIX, {v.name for v in schema.LIVE if SWEEP in v.dims}
+    arrays = {name.removeprefix(prefix): values for name, values in fields.items() if name.startswith(prefix)}
+    if arrays:
+        values = {name: in_file_order(study, array) if name in by_point else array for name, array in arrays.items()}
+        put_all(level_group.createGroup("live"), schema.LIVE, values, study)
 
 
 def _places(study: Study, block: BlockRecord) -> Places:
@@ -289,57 +306,3 @@ def _put_fields(group: netCDF4.Group | None, study: Study, block: BlockRecord, p
             if not np.isnan(values).all():
                 place = np.unravel_index(places[row], study.shape) if study.shape else ()
                 group[name][tuple(int(i) for i in place)] = values
-
-
-def check_block(block: BlockRecord, study: Study, level: LevelRecord | None) -> None:
-    """Raise ValueError unless the points have places in the file of this study, and each its values.
-
-    level: the record of the block's level; without one its points have no values on the contact line or the body
-    """
-    name = f"block {block.number} on level {block.level}"
-    inside = len(block) and int(block.points.min()) >= 0 and int(block.points.max()) < math.prod(study.shape)
-    if not inside or not 0 <= block.level < study.mesh.levels:
-        raise ValueError(f"{name} is outside the sweep {study.shape} × {study.mesh.levels}")
-    line = {"u_T": block.u_T, "xi": block.xi, "sticks": block.sticks}
-    rows = (block.points, block.status, *line.values(), *block.numbers.values(), *block.fields.values())
-    if any(len(values) != len(block) or values.dtype.kind not in "iuf" for values in rows if values is not None):
-        raise ValueError(f"{name} has not one row of numbers for each of its points")
-    if not {*block.status.tolist()} <= {*PointStatus}:
-        raise ValueError(f"{name} has a status that does not exist")
-    mesh = level.fields.get("node_x") if level is not None else None
-    _check_width(name, line, None if level is None else level.n_contact)
-    _check_width(name, block.fields, None if mesh is None else len(mesh))
-
-
-def _check_width(name: str, arrays: Mapping[str, np.ndarray[Any, Any] | None], width: int | None) -> None:
-    """Raise ValueError unless every row has a value for each node; width: nodes of the level, None if not recorded."""
-    for key, values in arrays.items():
-        if values is not None and width is None:
-            raise ValueError(f"{name} has {key}, but no record says on which nodes")
-        if values is not None and values.shape[1:] != (width,):
-            raise ValueError(f"{name} has {key} of shape {values.shape}, but the level has {width} nodes")
-
-
-def check_level(level: LevelRecord, study: Study) -> None:
-    """Raise ValueError unless a level belongs to the study and every array has a value for each of its nodes."""
-    line = (level.arclength, level.x, level.y, level.c, level.edge)
-    if {values.shape for values in line} != {(level.n_contact,)} or not 0 <= level.level < study.mesh.levels:
-        raise ValueError(f"level {level.level} does not fit the study")
-    numbers: list[np.ndarray[Any, Any]] = [*line, *level.fields.values()]
-    mesh = [level.fields[name].shape for name in ("node_x", "node_y") if name in level.fields]
-    corners = level.fields.get("triangle", np.empty((0, 3))).shape
-    if any(v.dtype.kind not in "iuf" for v in numbers) or len({*mesh}) > 1 or corners[1:] != (3,):
-        raise ValueError(f"the mesh of level {level.level} has not one number for each node")
-
-
-def sweep_points(study: Study) -> xarray.Dataset:
-    """A dataset with the study's axes and an empty `status`, to find a point by its labels."""
-    import xarray
-
-    data = xarray.Dataset(attrs={"sweep_mode": study.mode})
-    for axis in study.axes:
-        name = axis_name(axis)
-        dim = name if study.mode == "grid" else schema.POINT
-        data = data.assign_coords({name: (dim, axis_labels(axis), axis_attributes(axis))})
-    data["status"] = (sweep_dims(study), np.zeros(study.shape, dtype=np.int8))
-    return data

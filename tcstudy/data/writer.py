@@ -3,24 +3,88 @@
 A small variable lies in one piece, because chunks of their own would cost it more than its values; the seal of the file
 is its checksum. A large one lies in compressed chunks with a checksum each. A chunk over the sweep is a tile: tiles
 follow one another in C order and each is a run of points, so that a sweep can be written, and read, from front to back.
+
+The sweep of a study in its files: names, labels and order of the dimensions.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.axes import axis_attributes, axis_labels, axis_name, axis_order, expand, sweep_dims
-from tcstudy.data.schema import POINT
-from tcstudy.data.variable import RATE, SWEEP, FileVariable, T
-from tcstudy.scene.study import Study
+from tcstudy.data.schema import DIFFERENCE, POINT, RATE, RESERVED, SWEEP, FileVariable, T
+from tcstudy.scene.study import Axis, Study
 
 if TYPE_CHECKING:
     import netCDF4
+    import xarray
+
+
+def sweep_dims(study: Study) -> tuple[str, ...]:
+    """Names of the sweep dimensions, in the order of `study.shape`."""
+    if not study.axes:
+        return ()
+    return tuple(axis_name(axis) for axis in study.axes) if study.mode == "grid" else (POINT,)
+
+
+def expand(dims: tuple[str, ...], study: Study) -> tuple[str, ...]:
+    """Dimension names with SWEEP replaced by those of the study."""
+    return tuple(name for d in dims for name in (sweep_dims(study) if d == SWEEP else (d,)))
+
+
+def axis_name(axis: Axis) -> str:
+    """Name of a swept parameter in the file: its own, or its path where a result has that name ("heat_omega")."""
+    return "_".join(axis.path) if axis.name in RESERVED else axis.name
+
+
+def axis_attributes(axis: Axis) -> dict[str, Any]:
+    """Attributes of the coordinate variable of a swept parameter."""
+    attrs = {"long_name": f"swept parameter {'.'.join(axis.path)}", "units": axis.units}
+    return attrs | dict(DIFFERENCE) if axis.units == "K" else attrs
+
+
+def axis_labels(axis: Axis) -> np.ndarray[Any, Any]:
+    """Labels of a swept parameter: float64, or objects if one of them is a text."""
+    if any(isinstance(label, str) for label in axis.labels):
+        return np.array([str(label) for label in axis.labels], dtype=object)
+    return np.array(axis.labels, dtype=float)
+
+
+def axis_places(axis: Axis) -> np.ndarray[Any, Any]:
+    """Place of every label along the file's dimension: in ascending order where the study's goes up and down.
+
+    CF wants monotonic coordinates. Texts stay in their order: as the values of a dimension they are no strict CF
+    coordinate, but as a label variable of another name `data.sel(friction="tresca")` would find no index.
+    """
+    labels = axis_labels(axis)
+    places = np.arange(len(labels))
+    if labels.dtype == object or np.all(np.diff(labels) > 0.0) or np.all(np.diff(labels) < 0.0):
+        return places
+    places[np.argsort(labels, kind="stable")] = np.arange(len(labels))
+    return places
+
+
+def axis_order(axis: Axis) -> np.ndarray[Any, Any]:
+    """Which of its labels stands at each place of the file's dimension."""
+    return np.argsort(axis_places(axis))
+
+
+def axis_problems(study: Study) -> list[str]:
+    """One sentence for each swept parameter whose name cannot stand in the file."""
+    names = [axis_name(axis) for axis in study.axes]
+    problems = [f"two swept parameters are named {n!r}" for n in sorted({n for n in names if names.count(n) > 1})]
+    for name in names:
+        if name in RESERVED:
+            problems.append(f"the swept parameter {name!r} has the name of a result; give it another name")
+        elif not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
+            problems.append(f"the swept parameter {name!r} needs a name of letters, digits and underscores")
+    return problems
+
 
 SMALL = 2**16
 """Bytes up to which a variable lies in one piece."""
@@ -154,3 +218,16 @@ def attributes(variable: FileVariable, study: Study) -> dict[str, Any]:
         names = (extra.get("coordinates", ""), *(axis_name(axis) for axis in study.axes))
         extra["coordinates"] = " ".join(names).strip()
     return {"long_name": long_name, "units": units, **extra}
+
+
+def sweep_points(study: Study) -> xarray.Dataset:
+    """A dataset with the study's axes and an empty `status`, to find a point by its labels."""
+    import xarray
+
+    data = xarray.Dataset(attrs={"sweep_mode": study.mode})
+    for axis in study.axes:
+        name = axis_name(axis)
+        dim = name if study.mode == "grid" else POINT
+        data = data.assign_coords({name: (dim, axis_labels(axis), axis_attributes(axis))})
+    data["status"] = (sweep_dims(study), np.zeros(study.shape, dtype=np.int8))
+    return data

@@ -59,7 +59,7 @@ class Rational:
 
 
 def live_arrays(study: Study, level: Level) -> dict[str, NDArray[np.generic]]:
-    """The arrays of data.live for one level, by name with "live_" before it; empty for a level with too many nodes.
+    """The arrays of data.schema.LIVE for one level, "live_" before their names; empty where it has too many nodes.
 
     Raises NotPositiveDefinite as `Level.condensed`.
     """

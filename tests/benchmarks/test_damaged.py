@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from tcstudy.data import reading
-from tcstudy.data.probe import Unreadable, read_all
+from tcstudy.data.reading import Unreadable, read_all
 from tests.benchmarks import damaged
 
 

@@ -13,8 +13,8 @@ import pytest
 from tcstudy.data import schema
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.schema import FileVariable
 from tcstudy.data.store import write
-from tcstudy.data.variable import FileVariable
 from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
 
 TEXT = "title: Bärenstark\nsweep:\n  alpha: [25, 100]\n"

@@ -12,11 +12,10 @@ import netCDF4
 import numpy as np
 import pytest
 
-from tcstudy.data import probe as probe_module
+from tcstudy.data import reading as probe_module
 from tcstudy.data.files import StoreError, check_writable
-from tcstudy.data.identity import holds, identity
-from tcstudy.data.probe import Unreadable, read_all
-from tcstudy.data.reading import Seal, attributes, is_foreign, reading, seal_of
+from tcstudy.data.provenance import holds, identity
+from tcstudy.data.reading import Seal, Unreadable, attributes, is_foreign, read_all, reading, seal_of
 from tcstudy.data.store import open_results, write
 from tcstudy.scene.study import Study
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.data.axes import axis_labels, axis_order
-from tcstudy.data.store import sweep_points
-from tcstudy.data.writer import in_file_order
+from tcstudy.data.writer import axis_labels, axis_order, in_file_order, sweep_points
 from tcstudy.reports.select_point import describe, locate
 from tcstudy.reports.style import DrawError
 from tests.verification.scenes import RECTANGLE, study_of

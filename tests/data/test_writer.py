@@ -14,8 +14,8 @@ import pytest
 from tcstudy.data import store
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, PointStatus
+from tcstudy.data.schema import FileVariable
 from tcstudy.data.store import open_results, write
-from tcstudy.data.variable import FileVariable
 from tcstudy.data.writer import CHUNK, storage, tile_shape, tiles
 from tcstudy.scene.methods import START_NAMES
 from tcstudy.scene.study import Axis, MeshPlan, Study

@@ -15,8 +15,7 @@ from matplotlib.text import Text
 
 from tcstudy.accuracy.front import dominated
 from tcstudy.data.cost import STAGES, Cost, open_cost, write_cost
-from tcstudy.data.identity import kind_of
-from tcstudy.data.provenance import collect
+from tcstudy.data.provenance import collect, kind_of
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import StoreError
 from tcstudy.reports import style

@@ -6,15 +6,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from tcstudy.data.axes import axis_places
 from tcstudy.data.convergence import ERRORS, NUMBERS, VERDICTS
 from tcstudy.data.convergence import default_path as convergence_path
 from tcstudy.data.cost import default_path as cost_path
 from tcstudy.data.files import replace_file
-from tcstudy.data.identity import kind_of
+from tcstudy.data.provenance import kind_of
 from tcstudy.data.reading import reading
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
+from tcstudy.data.writer import axis_places
 from tcstudy.errors import StoreError, StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.body_panel import boundary_edges
