@@ -37,7 +37,7 @@ from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.contact import TIE, Answer, solve_contact
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.search.escape import MOVES
+from tcstudy.solvers.search import MOVES
 from tcstudy.solvers.separable.finish import finish, refined
 
 Array = NDArray[np.float64]
@@ -152,7 +152,7 @@ class _Block:
         self.lowest[points] = global_minimum(rows, self.v[points], self.low[points], self.high[points])
 
     def search(self, points: Index) -> None:
-        """Look for less energy at points of which nothing is proved, as solvers/search/escape.py does."""
+        """Look for less energy at points of which nothing is proved, as solvers/search.py does."""
         points = self.improve(points, descend(self.rows.take(points), self.v[points], self.aim, minima=True), ZERO)
         rows = self.rows.take(points)
         frictionless = rows.loads @ rows.body.inverse

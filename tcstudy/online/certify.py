@@ -22,7 +22,7 @@ from tcstudy.online.law_bounds import PARTS
 from tcstudy.online.newton import factor_free, slopes, traction_scale
 from tcstudy.online.problems import Rows
 from tcstudy.scene.friction import UP
-from tcstudy.solvers.separable.system import cholesky
+from tcstudy.solvers.separable.pieces import cholesky
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -1,4 +1,4 @@
-"""Proximal hulls of many laws at once: b_κ of tcstudy/solvers/search/hull.py, from tables to tables.
+"""Proximal hulls of many laws at once: b_κ of tcstudy/solvers/hull.py, from tables to tables.
 
 j_κ(s) = conv(j + ½κ s²)(s) − ½κ s²,  b_κ = j_κ′: b except on *bridges* [s₁, s₂], where b_κ = σ − κ s with
 b(s₁) + κ s₁ = σ = b(s₂) + κ s₂ and ∫ (σ − κ s − b) ds = 0 over the bridge.

@@ -7,7 +7,7 @@ on F, or, with the compliance G = Ã⁻¹, on the nodes K that rest or have b′
 
 A_FF + C b′ is positive definite exactly if G_KK + D has as many negative eigenvalues as b′ (Sylvester's law of inertia
 on both Schur complements of one block matrix). Where it is not, the falls of b are lifted to zero, as in
-tcstudy/solvers/separable/system.py.
+tcstudy/solvers/separable/pieces.py.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tcstudy.online.body import CondensedBody
 from tcstudy.online.law_tables import Place
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.friction import BEND
-from tcstudy.solvers.separable.system import cholesky
+from tcstudy.solvers.separable.pieces import cholesky
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

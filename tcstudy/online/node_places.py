@@ -2,7 +2,7 @@
 
 φ(s) = ½ k (s − v)² − f (s − v) + j(s) − j(v) per length of the node's segment, k its stiffness with the others relaxed
 and f = ξ/c, is minimised over all pieces and up-jumps of b other than the piece that v is on, as in
-tcstudy/solvers/search/moves.py.
+tcstudy/solvers/search.py.
 """
 
 from __future__ import annotations

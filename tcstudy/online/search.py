@@ -16,7 +16,7 @@ from tcstudy.online.law_hulls import proximal_hulls
 from tcstudy.online.newton import block_of, factor_free, slopes, traction_scale
 from tcstudy.online.problems import Rows
 from tcstudy.online.row_laws import RowLaws
-from tcstudy.solvers.search.escape import GROWTH, LOOSE, PROMISES
+from tcstudy.solvers.search import GROWTH, LOOSE, PROMISES
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -86,7 +86,7 @@ def move_starts(rows: Rows, v: Array) -> tuple[Array, Index, Index]:
 
 
 def _relaxed_stiffness(A: Array, free: Index, resting: Index, factor: Array, added: Array) -> Array:
-    """(m,) k_i of solvers/search/moves.py: a node, stiff as the free ones follow (factor of A_FF + diag added)."""
+    """(m,) k_i of solvers/search.py: a node, stiff as the free ones follow (factor of A_FF + diag added)."""
     stiffness = np.diagonal(A).copy()
     if len(free):
         inverse = np.tril(scipy.linalg.lapack.dtrtri(factor, lower=1)[0])

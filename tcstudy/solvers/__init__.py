@@ -1,4 +1,11 @@
 """One contact problem on plain arrays: solvers, search for less energy, certificates, paths of solutions.
 
+problem, extended   the problem and the test that judges its solutions, in one and in two doubles
+contact             the door: a solver by name, all starts, the judgement
+separable/          the default method; bundle/ the general one; loop.py runs both
+search, hull        less energy than descent finds
+bounds, certificates  what is proved of a solution
+path/               all solutions along a parameter
+
 Not here: where Ã and l̃ come from (offline), many problems at once (online), files.
 """

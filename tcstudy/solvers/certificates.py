@@ -26,8 +26,7 @@ from tcstudy.scene.friction import UP
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.bounds import bend_below_tangent, least_slope, solution_box
 from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.separable.pieces import relative_residual, slopes
-from tcstudy.solvers.separable.system import cholesky, submatrix
+from tcstudy.solvers.separable.pieces import cholesky, relative_residual, slopes, submatrix
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -14,7 +14,7 @@ from tcstudy.scene.methods import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, SEPARA
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.loop import Outcome, Status, iterate
 from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.search.escape import escape
+from tcstudy.solvers.search import escape
 from tcstudy.solvers.separable.finish import Refined, finish, refined
 from tcstudy.solvers.separable.newton import SeparableNewton
 

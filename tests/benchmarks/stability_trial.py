@@ -23,7 +23,7 @@ from tcstudy.solvers.loop import Status, iterate
 from tcstudy.solvers.path.follow import Follower, ParametricProblem, PathStatus
 from tcstudy.solvers.path.query import solutions_at
 from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.separable.system import cholesky
+from tcstudy.solvers.separable.pieces import cholesky
 from tests.benchmarks.methods import ENDLESS, TOLERANCE, OutOfTimeError, watched
 from tests.benchmarks.semismooth import SemismoothNewton, solve_branches
 

@@ -11,7 +11,7 @@ from tcstudy.online.law_bounds import largest_push, least_slope, value_range
 from tcstudy.online.law_hulls import proximal_hulls
 from tcstudy.solvers import bounds as global_bound
 from tcstudy.solvers import bounds as solution_box
-from tcstudy.solvers.search.hull import proximal_hull
+from tcstudy.solvers.hull import proximal_hull
 from tcstudy.solvers.separable import pieces as nodal_pieces
 from tests.online.rows import some_laws
 

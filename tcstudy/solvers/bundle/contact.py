@@ -21,9 +21,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solvers.bundle.metric import DiagonalShift
-from tcstudy.solvers.bundle.newton import BundleNewton
-from tcstudy.solvers.bundle.state import Oracle, State
+from tcstudy.solvers.bundle.model import DiagonalShift
+from tcstudy.solvers.bundle.newton import BundleNewton, Oracle, State
 from tcstudy.solvers.loop import Outcome, Status, iterate
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.finish import finish

@@ -165,7 +165,7 @@ def solutions_of(law: FrictionLaw, path: Path, t: float, newton_steps: int = 12)
     """The solutions of the law that the path's law approximates, by Newton's method from those of the path.
 
     Each node keeps its place: on the same jump, or on the piece of `law` in which it lies. A solution that does not
-    carry over (its residual says so) is handed to active_pieces.finish; judge every answer by its residual.
+    carry over (its residual says so) is handed to separable.finish; judge every answer by its residual.
     """
     problem = path.problem.with_law(law).at(t)
     found: list[PathSolution] = []

@@ -24,7 +24,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.solvers.separable.system import cholesky, submatrix
+from tcstudy.solvers.separable.pieces import cholesky, submatrix
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

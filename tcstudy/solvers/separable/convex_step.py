@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.separable.system import cholesky
+from tcstudy.solvers.separable.pieces import cholesky
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

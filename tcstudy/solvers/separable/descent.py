@@ -18,8 +18,15 @@ from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.convex_step import convex_step
-from tcstudy.solvers.separable.pieces import Slopes, energy_change, integral, next_up_jump, slopes
-from tcstudy.solvers.separable.system import FreeSystem, factorise
+from tcstudy.solvers.separable.pieces import (
+    FreeSystem,
+    Slopes,
+    energy_change,
+    factorise,
+    integral,
+    next_up_jump,
+    slopes,
+)
 
 Array = NDArray[np.float64]
 

@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 from tcstudy.scene.friction import UP
 from tcstudy.solvers.extended import two_sum
 from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.separable.pieces import next_up_jump, relative_residual, slopes
-from tcstudy.solvers.separable.system import cholesky, submatrix
+from tcstudy.solvers.separable.pieces import cholesky, next_up_jump, relative_residual, slopes, submatrix
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

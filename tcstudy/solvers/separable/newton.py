@@ -52,8 +52,7 @@ from tcstudy.solvers.separable.descent import (
     refine,
     straight,
 )
-from tcstudy.solvers.separable.pieces import energy_change, relative_residual
-from tcstudy.solvers.separable.system import IndefiniteSystem, factorise
+from tcstudy.solvers.separable.pieces import IndefiniteSystem, energy_change, factorise, relative_residual
 
 Array = NDArray[np.float64]
 

@@ -10,11 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tcstudy.solvers.bundle.metric import EigenMetric
 from tcstudy.solvers.bundle.model import Piece, Rules, smoothly_joined
-from tcstudy.solvers.bundle.newton import BundleNewton
-from tcstudy.solvers.bundle.simplex_qp import direction, simplex_qp
-from tcstudy.solvers.bundle.state import Oracle, State
+from tcstudy.solvers.bundle.newton import BundleNewton, Oracle, State
+from tcstudy.solvers.bundle.simplex_qp import EigenMetric, direction, simplex_qp
 from tcstudy.solvers.loop import Outcome, Status, iterate
 
 from . import tr798

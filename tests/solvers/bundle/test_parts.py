@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from tcstudy.solvers.bundle.contact import contact_method, contact_oracle
-from tcstudy.solvers.bundle.metric import CholeskyMetric, DiagonalShift, EigenMetric, Stack, combine, positive_definite
-from tcstudy.solvers.bundle.simplex_qp import active_set, growing_set
+from tcstudy.solvers.bundle.model import DiagonalShift, Stack, combine
+from tcstudy.solvers.bundle.simplex_qp import CholeskyMetric, EigenMetric, active_set, growing_set, positive_definite
 from tcstudy.solvers.loop import iterate
 from tests.solvers import contact_cases as cases
 

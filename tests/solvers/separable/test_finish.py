@@ -1,4 +1,4 @@
-"""active_pieces: from perturbed solutions back to exact ones, and never to a worse point."""
+"""finish: from perturbed solutions back to exact ones, and never to a worse point."""
 
 import numpy as np
 import pytest

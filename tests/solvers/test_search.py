@@ -6,11 +6,11 @@ import pytest
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.methods import ESCAPE, Branch
+from tcstudy.solvers import search as escape_module
 from tcstudy.solvers.contact import Answer, solve_contact
 from tcstudy.solvers.loop import Outcome, Status, iterate
 from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.search import escape as escape_module
-from tcstudy.solvers.search.escape import (
+from tcstudy.solvers.search import (
     GROWTH,
     PROMISES,
     HullStart,

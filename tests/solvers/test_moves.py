@@ -7,7 +7,7 @@ import pytest
 
 from tcstudy.solvers.loop import iterate
 from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.search.moves import _best_places, _follow, _relaxed, node_moves
+from tcstudy.solvers.search import _best_places, _follow, _relaxed, node_moves
 from tcstudy.solvers.separable.newton import SeparableNewton
 from tcstudy.solvers.separable.pieces import energy_change, slopes
 from tests.solvers import contact_cases as cases

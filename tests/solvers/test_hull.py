@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tcstudy.scene.friction import DOWN, FrictionLaw
-from tcstudy.solvers.search.hull import proximal_hull
+from tcstudy.solvers.hull import proximal_hull
 from tests.solvers import contact_cases as cases
 from tests.solvers import exhaustive
 
