@@ -150,8 +150,7 @@ def solution_box(
 ) -> tuple[Array, Array]:
     """(low, high), (m,) each: every solution lies between them [m].
 
-    lambda_1: λ_min(C^{−½}ÃC^{−½}) [Pa/m], for the first box: with B = sup −sign(s) b(s) a solution has
-              λ₁‖v‖² ≤ vᵀÃv = vᵀ(l̃ − Cζ) ≤ (‖l̃/c‖ + B‖1‖)‖v‖ in the norm weighted by c
+    lambda_1: λ_min(C^{−½}ÃC^{−½}) [Pa/m]
     inverse:  Ã⁻¹ if known (many problems share one Ã)
     rounds:   at most so many improvements; ends when the box no longer shrinks by a hundredth
     others:   (k, m) more loads l̃: the box holds for them, for the problem's own, and for all loads between them
@@ -160,10 +159,7 @@ def solution_box(
     law, c = problem.law, problem.c
     loads = problem.l_tilde[None, :] if others is None else np.vstack([problem.l_tilde, others])
     widest, narrowest = (np.min, np.max) if common else (np.max, np.min)
-    load = float(widest(np.sqrt((loads / c) ** 2 @ c)))
-    driving = load + _largest_push(law) * np.sqrt(c.sum())
-    high = (1.0 + 1e-6) * driving / lambda_1 / np.sqrt(c)
-    low = -high
+    low, high = first_box(problem, lambda_1, float(widest(np.sqrt((loads / c) ** 2 @ c))))
     inverse = np.asarray(scipy.linalg.inv(problem.A_tilde)) if inverse is None else inverse
     condition = np.linalg.norm(problem.A_tilde, 1) * np.linalg.norm(inverse, 1)
     rounding = 8.0 * problem.m * np.finfo(float).eps * condition
@@ -184,6 +180,19 @@ def solution_box(
         if not shrinks or np.any(low > high):
             break
     return low, high
+
+
+def first_box(problem: ContactProblem, lambda_1: float, load: float | None = None) -> tuple[Array, Array]:
+    """(low, high), (m,) each: a box of all solutions from what the energy allows alone [m].
+
+    With B = sup −sign(s) b(s) a solution has λ₁‖v‖² ≤ vᵀÃv = vᵀ(l̃ − Cζ) ≤ (‖l̃/c‖ + B‖1‖)‖v‖ in the norm weighted by c.
+
+    load: ‖l̃/c‖, if not that of the problem's own load
+    """
+    c = problem.c
+    load = float(np.sqrt((problem.l_tilde / c) ** 2 @ c)) if load is None else load
+    high = (1.0 + 1e-6) * (load + _largest_push(problem.law) * np.sqrt(c.sum())) / lambda_1 / np.sqrt(c)
+    return -high, high
 
 
 def _largest_push(law: FrictionLaw) -> float:

@@ -2,32 +2,19 @@
 
 Descent ends in the well that the start lies in; down-jumps and steep falls give L̃ many wells. Two steps follow, and
 both only ever lower the energy that is reported:
-  1. a start from the convexified problem (hull_start), which knows all wells of j,
-  2. from the best point so far, as long as it helps, the best move of one node with the others relaxed (node_moves).
+  1. `hull_start`, by graduated nonconvexity along the proximal hulls of the law (hull.py): with κ below λ₁ the problem
+     of b_κ is convex and sees all wells of j at once. Then κ grows by a fixed factor, each problem starting from the
+     solution of the one before, until b_κ is b at all nodes, or κ the stiffness of a single node, from where on wells
+     can no longer merge but node by node (Blake & Zisserman, Visual Reconstruction, MIT Press 1987);
+  2. `node_moves`, as long as it helps, of one node to another piece or kink of b while all others relax. At a strict
+     local minimum v let F be the nodes that do not rest on an up-jump and H = A_FF + C b_F′ ≻ 0. If node i is put at s
+     and the others of F follow on their pieces (linearised), the energy changes by
+         φ_i(s) = ½ k_i (s − v_i)² − ξ_i (s − v_i) + c_i (j(s) − j(v_i)),
+         k_i = 1/(H⁻¹)_ii − c_i b_i′ for i in F,   k_i = ã_ii − ã_iFᵀ H⁻¹ ã_Fi for a resting node,
+     exactly so for linear pieces as long as nobody else leaves its piece; descent puts the least φ_i to the test.
 Nothing here is random. Cost: a Newton run for every κ (two to five), one for what they lead to, and for every move one
 and about three factorisations more; none where the answer seems global. Left out: moves of several nodes that only
 together lower the energy, and any proof that nothing lower exists (certificates).
-
-A start from the convexified problem, by graduated nonconvexity along the proximal hulls of the law.
-
-With b_κ (proximal_hull) and κ below λ₁ the problem is convex: one solution, whatever the start, which sees all wells of
-j at once where descent from a point sees its own. Then κ grows by a fixed factor, each problem starting from the
-solution of the one before, until b_κ is b at all nodes, or until κ is the stiffness of a single node, from where on
-wells can no longer merge but node by node. (Blake & Zisserman, Visual Reconstruction, MIT Press 1987, for a
-piecewise quadratic energy; the hulls are those of the law itself.)
-
-What comes out is a start: it need not have the least energy, and the original problem is solved from it.
-
-Moves of one node to another piece or kink of b while all others relax: what leaves a local minimum at least cost.
-
-At a strict local minimum v let F be the nodes that do not rest on an up-jump and H = A_FF + C b_F′ ≻ 0. If node i is
-put at s and the other nodes of F follow on their pieces (linearised), the energy changes by
-
-    φ_i(s) = ½ k_i (s − v_i)² − ξ_i (s − v_i) + c_i (j(s) − j(v_i)),
-    k_i = 1/(H⁻¹)_ii − c_i b_i′ for i in F,   k_i = ã_ii − ã_iFᵀ H⁻¹ ã_Fi for a resting node,
-
-exactly so for linear pieces as long as nobody else leaves its piece. φ_i is minimised over every piece of b, for all
-nodes at once; what is promised is then put to the test by descent.
 """
 
 from __future__ import annotations
@@ -41,22 +28,29 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import UP, FrictionLaw
-from tcstudy.solvers.hull import law_samples, proximal_hull
+from tcstudy.solvers.bounds import bend_below_tangent, first_box
+from tcstudy.solvers.certificates import positive_definite
+from tcstudy.solvers.hull import proximal_hull
 from tcstudy.solvers.loop import Outcome
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.pieces import cholesky, energy_change, integral, slopes, submatrix
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 LOOSE = 1e-3
 """Tolerance of the convexified problems; 1e-6 led to the same energies in trials, 1e-2 to higher ones."""
+GROWTH = 4.0
+"""Factor from one κ to the next. Of 486 problems 2, 4, 8 left 9, 11, 22 above the lowest energy known, before moves
+of single nodes; 92 were above it before."""
 MOVES, PROMISES = 20, 2
 """Moves of single nodes at most (trials needed two), and how many promises of a move are put to the test."""
-_ROUNDING = 1e-12
-"""Differences of energy below this part of their terms are none."""
-_SAFELY, _ENLARGED, _NOISE = 0.9, 1.05, 1e-13
-"""Of `seems_global`: share of the estimate that is below λ₁, factor for what samples miss of a supremum, rounding."""
-
+_ROUNDING, _NO_GAIN = 1e-12, 1e-10
+"""Differences of energy, and gains of a move, below this part of their terms are none."""
+_SAFELY, _ITERATIONS, _TURNS = 0.9, 4, np.array([0.0, 2.0, 0.7])
+"""Share of the estimate of λ₁ that is below it; steps of the estimate, and angles that draw its first vectors."""
+_NEWTON = 5
+"""Newton steps for the stationary point on an exponential piece; a linear one needs one."""
 
 Solve = Callable[[ContactProblem, Array, float], Outcome]
 """Descent on a problem from a start, and from nowhere else, to a tolerance."""
@@ -109,59 +103,14 @@ def _moved(problem: ContactProblem, v: Array, solve: Callable[[Array], Outcome])
 
 
 def seems_global(problem: ContactProblem, v: Array, lambda_1: float) -> bool:
-    """The certificate of a global minimum with its suprema over samples of b: a cheap guess, and no proof.
-
-    lambda_1: about λ₁
-
-    As in global_bound, D_i = max over s of 2 [j(v_i) + ζ_i (s − v_i) − j(s)] / (s − v_i)², and −b′(v_i) off the
-    kinks; v seems global if Ã − C diag D is positive definite.
-    """
-    law = problem.law
-    if law.omega < _SAFELY * lambda_1:
+    """The certificate of a global minimum on a box that is known cheaply: a guess, since λ₁ is about right only."""
+    law, below = problem.law, _SAFELY * lambda_1
+    if law.omega < below:
         return True
-    zeta = np.clip(problem.xi(v) / problem.c, *law.interval(v))[:, None]
-    s, j = law_samples(law, lambda_1)
-    beyond = _largest_quotients(law, v[:, None], zeta)
-    bend = np.maximum(
-        _bend(law, v[:, None], zeta, s[None, :], j[None, :]), _bend(law, v[:, None], zeta, beyond, law.j(beyond))
-    )
-    at_kink = np.isin(v, law.kinks)
-    bend = np.where(at_kink, bend, np.maximum(bend, -law.slope(v, law.piece(v))))
-    diagonal = np.diagonal(problem.A_tilde) - problem.c * bend * np.where(bend > 0.0, _ENLARGED, 1.0)
-    if not np.all(diagonal > 0.0):
-        return False
-    matrix = np.array(problem.A_tilde, order="C")
-    matrix[np.diag_indices(problem.m)] = diagonal
-    return cholesky(matrix)[1] == 0
-
-
-def _bend(law: FrictionLaw, v: Array, zeta: Array, s: Array, j: Array) -> Array:
-    """Largest 2 [j(v) + ζ (s − v) − j(s)] / (s − v)² of every row, rounding taken off (m,)."""
-    j_v, apart = law.j(v), s - v
-    tangent = zeta * apart
-    noise = _NOISE * (np.abs(j_v) + np.abs(tangent) + np.abs(j))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        quotient = 2.0 * (j_v + tangent - j - noise) / apart**2
-    return np.asarray(np.max(np.where(apart == 0.0, -np.inf, quotient), axis=1))
-
-
-def _largest_quotients(law: FrictionLaw, v: Array, zeta: Array) -> Array:
-    """(m, K+1) where the quotient of `_bend` is largest on every piece but v's own; v itself where that is at an end.
-
-    On a linear piece 2 [j(v) + ζ (s − v) − j(s)] is the parabola 2h + 2gx − qx² in x = s − v, and over x² that is
-    largest at x = −2h/g. The linear part stands for the whole of an exponential piece.
-    """
-    if not len(law.kinks):
-        return v
-    inner = np.concatenate([law.kinks[:1], law.kinks])  # an end of every piece
-    j, piece = law.j(inner), np.arange(len(law.q))
-    apart, b, q = inner - v, law.value(inner, piece), law.slope(inner, piece)
-    g = zeta - b + q * apart
-    h = law.j(v) - j + b * apart - 0.5 * q * apart**2
-    s = v - 2.0 * h / np.where(g == 0.0, 1.0, g)
-    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
-    inside = (g != 0.0) & (ends[:-1] < s) & (s < ends[1:]) & ((v <= ends[:-1]) | (v >= ends[1:]))
-    return np.where(inside, s, v)
+    low, high = first_box(problem, below)
+    zeta = np.clip(problem.xi(v) / problem.c, *law.interval(v))
+    bend = bend_below_tangent(law, v, zeta, np.minimum(low, v), np.maximum(high, v))
+    return bool(np.all(np.isfinite(bend))) and positive_definite(problem, -bend, lambda_1, 0.0)
 
 
 def _lower(problem: ContactProblem, v: Array, w: Array) -> bool:
@@ -171,13 +120,6 @@ def _lower(problem: ContactProblem, v: Array, w: Array) -> bool:
     terms = problem.c * integral(problem.law, v, w), -xi * step, 0.5 * step * A_step
     size = sum(float(np.sum(np.abs(term))) for term in terms)
     return energy_change(problem, v, xi, step, A_step) < -_ROUNDING * size
-
-
-GROWTH = 4.0
-"""Factor from one κ to the next. Of 486 problems 2, 4, 8 left 9, 11, 22 above the lowest energy known, before moves
-of single nodes; 92 were above it before."""
-_BELOW, _ITERATIONS, _TURNS = 0.9, 4, np.array([0.0, 2.0, 0.7])
-"""First κ over the estimate of λ₁; steps of that estimate, and angles that draw the vectors it begins with."""
 
 
 @dataclass(frozen=True)
@@ -201,7 +143,7 @@ def hull_start(
     lambda_1: about λ₁; only the first problem's convexity hangs on it
     solve:    solves one convexified problem from a start; no accuracy is needed
     """
-    v, kappa, first = x0, _BELOW * lambda_1, True
+    v, kappa, first = x0, _SAFELY * lambda_1, True
     stiffest = min(problem.law.omega, float(np.max(np.diagonal(problem.A_tilde) / problem.c)))
     while True:
         law, bridges = proximal_hull(problem.law, kappa)
@@ -237,14 +179,6 @@ def _on_bridge(bridges: Array, v: Array) -> NDArray[np.bool_]:
         return np.zeros(len(v), dtype=bool)
     i = np.maximum(np.searchsorted(bridges[:, 0], v, side="left") - 1, 0)
     return (bridges[i, 0] < v) & (v < bridges[i, 1])
-
-
-Index = NDArray[np.intp]
-
-_NEWTON = 5
-"""Newton steps for the stationary point on an exponential piece; a linear one needs one."""
-_NO_GAIN = 1e-10
-"""Gains below this part of the terms that they are made of are rounding."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ Literature: Šestak & Jovanović, Appl. Math. Mech. 31 (2010), §3 (condensation
 A node that slips is smooth and costs nothing; every sticking node is a direction in which L̃ is nonsmooth and
 needs a subgradient of its own, so iterations grow with the number of sticking nodes. The separable structure of
 Ψ is deliberately not used by the iteration. It is used to stop: once the predicted decrease is small, the pieces
-that the nodes seem to rest on are tried (active_pieces.py), and where they satisfy the inclusion (21) at no higher
+that the nodes seem to rest on are tried (finish.py), and where they satisfy the inclusion (21) at no higher
 energy the remaining iterations, which would only add digits, are left out.
 """
 

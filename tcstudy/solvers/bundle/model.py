@@ -14,13 +14,6 @@ Differences from the publication, each because it saves evaluations:
     Hessian of the present Lagrangian and the curvature of the kinks (the second-order correction) is in the step.
     This costs quadratic programmes but no evaluation.
 
-The metric W of the quadratic subproblem: a symmetric positive definite matrix and its inverse root.
-
-Wherever Σλ_jρ_jG_j + μI is positive definite it is W itself, and a Cholesky factor is all that is needed. Only
-where it is not, its eigenvalues are reversed and bounded from below, at some ten times the cost.
-
-Second derivatives of the pieces of a bundle: dense matrices, or one shared matrix plus a diagonal each.
-
 Where all pieces share the curvature of a smooth part, G_j = B + diag(h_j), products with N pieces cost O(n² + Nn)
 instead of O(Nn²) and the bundle stores N vectors instead of N matrices. An oracle says so by returning a
 `DiagonalShift`; every other oracle returns a dense symmetric matrix.
@@ -61,21 +54,12 @@ class DiagonalShift:
 Hessian = Array | DiagonalShift
 
 
-def shared_base(hessians: Sequence[Hessian]) -> Array | None:
-    """B if all are DiagonalShifts of one and the same matrix object, else None."""
-    first = hessians[0]
-    if not isinstance(first, DiagonalShift):
-        return None
-    same = all(isinstance(G, DiagonalShift) and G.base is first.base for G in hessians)
-    return first.base if same else None
-
-
 def combine(hessians: Sequence[Hessian], weights: Array) -> Hessian:
     """Σ w_j G_j; a DiagonalShift of the same base if all are and Σ w_j = 1 (then nothing is lost), else dense."""
-    base = shared_base(hessians)
-    if base is not None and abs(float(weights.sum()) - 1.0) <= 1e-12:
-        return DiagonalShift(base, weights @ np.array([G.diagonal for G in hessians if isinstance(G, DiagonalShift)]))
-    return Stack.of(hessians).combine(weights)
+    stack = Stack.of(hessians)
+    if stack.base is not None and abs(float(weights.sum()) - 1.0) <= 1e-12:
+        return DiagonalShift(stack.base, weights @ stack.diagonals)
+    return stack.combine(weights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,9 +78,9 @@ class Stack:
     @staticmethod
     def of(hessians: Sequence[Hessian]) -> Stack:
         """The stack of the given matrices (nothing of size n² is copied unless structured and dense are mixed)."""
-        base = shared_base(hessians)
-        if base is not None:
-            return Stack(base, np.array([G.diagonal for G in hessians if isinstance(G, DiagonalShift)]), ())
+        shifts = [G for G in hessians if isinstance(G, DiagonalShift)]
+        if len(shifts) == len(hessians) and all(G.base is shifts[0].base for G in shifts):
+            return Stack(shifts[0].base, np.array([G.diagonal for G in shifts]), ())
         return Stack(None, np.zeros((0, 0)), tuple(np.asarray(G) for G in hessians))
 
     def times(self, d: Array) -> Array:

@@ -1,7 +1,7 @@
 """The bundle-Newton method for locally Lipschitz functions with an oracle x → (f, g, G).
 
 Problem:    min f(x), x ∈ Rⁿ;  f(x), one subgradient g ∈ ∂f(x), a symmetric G of second derivatives of the active piece
-Model:      bundle_model.py (damped quadratic pieces, subgradient locality measures)
+Model:      model.py (damped quadratic pieces, subgradient locality measures)
 Subproblem: simplex_qp.py (dual on the simplex)
 Literature: Lukšan & Vlček, A bundle-Newton method for nonsmooth unconstrained minimization,
             Math. Programming 83 (1998) 373–391
@@ -17,10 +17,6 @@ Steps, after evaluating y = x + d with predicted decrease w:
 Left out: the publication's line search over t with m_L, m_R, t_0 (every iteration tries t = 1 within a radius that
 follows the success, one evaluation an iteration), bounds and linear constraints, and its absolute constants: all
 tests here are relative, so that f → af and x → ax give the same iterates to rounding.
-
-The state of a bundle-Newton run, and the small rules that lead from one state to the next.
-
-Literature: Lukšan & Vlček, Math. Programming 83 (1998) 373–391; see bundle_newton.py
 """
 
 from __future__ import annotations

@@ -1,46 +1,79 @@
-"""The quadratic subproblem of a bundle method, through its dual on the unit simplex.
+"""The quadratic subproblem of a bundle method, through its dual on the unit simplex, and the metric W in it.
 
 Primal:     min_q  ½qᵀWq + hᵀq + max_j (c_j + a_jᵀq),   W symmetric positive definite
-Dual:       min_λ  ½‖Tλ'‖² − cᵀλ  over λ ≥ 0, Σλ_j = 1,   q = −W⁻¹(h + Σλ_j a_j)
-Literature: Lukšan & Vlček, Math. Programming 83 (1998), the direction-finding subproblem and its dual;
-            Arnström, Bemporad & Axehill, IEEE Trans. Automat. Control 67 (2022), the solver DAQP
-
-The active set comes from bundle_active_set.py, or from DAQP where that gives up. Where W is nearly singular across
-the kinks the dual matrix is badly conditioned, so the active set's optimality system is then solved directly, which
-needs W only along the kinks.
-
-The quadratic subproblem of a bundle method by an active set that starts from the multipliers before.
-
-Primal:     min_q  ½qᵀWq + hᵀq + max_j (c_j + a_jᵀq),   W symmetric positive definite
-Dual:       min_λ  ½λᵀQλ − bᵀλ  over λ ≥ 0, Σλ_j = 1;   Q = TTᵀ, T = W^{−½} on the rows a_j, b = c − T W^{−½}h
+Dual:       min_λ  ½λᵀQλ − bᵀλ  over λ ≥ 0, Σλ_j = 1;   Q = TTᵀ, T = W^{−½} on the rows a_j, b = c − T W^{−½}h,
+            q = −W⁻¹(h + Σλ_j a_j)
 Method:     primal active set on the dual, as in Lawson & Hanson, Solving Least Squares Problems (1974), ch. 23, with
-            the equality constraint and Kiwiel's treatment of affinely dependent pieces (IMA J. Numer. Anal. 6 (1986))
+            the equality constraint and Kiwiel's treatment of affinely dependent pieces (IMA J. Numer. Anal. 6 (1986));
+            where its exchanges go round DAQP (Arnström, Bemporad & Axehill, IEEE Trans. Automat. Control 67 (2022))
+Literature: Lukšan & Vlček, Math. Programming 83 (1998), the direction-finding subproblem and its dual
 
-Consecutive subproblems differ little: with the old multipliers as the first working set most of them end after a
-few exchanges. Only rows in the working set are ever whitened or enter Q; all others cost one product a_jᵀq.
+Consecutive subproblems differ little: with the old multipliers as the first working set most of them end after a few
+exchanges. Only rows in the working set are ever whitened or enter Q; all others cost one product a_jᵀq. Where W is
+nearly singular across the kinks Q is badly conditioned, so the optimality system of the active pieces is then solved
+directly, which needs W only along the kinks.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Protocol
 
 import daqp
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.solvers.separable.pieces import cholesky
+
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 ACTIVE = 1e-9
 """A multiplier above this share of 1 counts as active."""
-
+DEPENDENT = 1e-13
+"""A squared pivot below this share of its diagonal entry: the piece depends affinely on those before it."""
 ATTEMPTS = ((1e-14, 1e-11), (1e-14, 1e-9), (1e-11, 1e-9), (1e-8, 1e-8))
 """Shift of the scaled dual matrix and DAQP's feasibility tolerance, sharpest first."""
-
 EQUALITY = 5
 """DAQP's mark of an equality constraint."""
+
+
+@dataclass(frozen=True, eq=False)
+class Metric:
+    """W = LLᵀ with its root L⁻¹ on rows and on a vector.
+
+    matrix: (n, n) W
+    factor: (n, n) L in Fortran order (upper part not meaningful)
+    """
+
+    matrix: Array
+    factor: Array
+
+    def whiten(self, vectors: Array) -> Array:
+        """L⁻¹ applied to each row (or to one vector)."""
+        solved: Array = scipy.linalg.blas.dtrsm(1.0, self.factor, np.atleast_2d(vectors).T, lower=1).T
+        return solved if vectors.ndim == 2 else solved[0]
+
+    def unwhiten(self, z: Array) -> Array:
+        """L⁻ᵀz."""
+        solved: Array = scipy.linalg.blas.dtrsv(self.factor, z, lower=1, trans=1)
+        return solved
+
+
+def positive_definite(H: Array, shift: float, pivot: float, least: float) -> Metric:
+    """W: H with negative eigenvalues reversed, plus shift·I; eigenvalues at least pivot·largest and `least`.
+
+    If H + (shift − floor)·I has a Cholesky factor, no eigenvalue needs a change, at a tenth of the cost. The floor
+    there uses the norm ‖H‖_∞ ≥ largest eigenvalue, so it errs to the side of the eigenvalues.
+    """
+    floor = max(pivot * (float(np.max(np.sum(np.abs(H), axis=1))) + shift), least)
+    W = H + shift * np.eye(len(H))
+    if not (floor > 0.0 and cholesky(W - floor * np.eye(len(H)))[1] == 0):
+        w, V = np.linalg.eigh(H)
+        w = np.abs(w) + shift
+        floor = max(pivot * float(w.max()), least) or 1.0  # all slopes and curvatures 0: any W will do
+        W = (V * np.maximum(w, floor)) @ V.T
+    return Metric(W, cholesky(W.copy())[0])
 
 
 def direction(c: Array, A: Array, h: Array, metric: Metric, likely: Array) -> tuple[Array, Array]:
@@ -112,7 +145,7 @@ def dual_decrease(c: Array, A: Array, lam: Array, metric: Metric) -> float:
     return float(0.5 * np.sum(metric.whiten(lam @ A) ** 2) - c @ lam)
 
 
-def solve_active_set(c: Array, A: Array, h: Array, W: Array, active: NDArray[np.intp]) -> tuple[Array, Array] | None:
+def solve_active_set(c: Array, A: Array, h: Array, W: Array, active: Index) -> tuple[Array, Array] | None:
     """λ and q from the optimality system of the active pieces, or None if no such λ is a multiplier.
 
     Wq + Σλ_j a_j = −h,   a_jᵀq − v = −c_j (j active),   Σλ_j = 1; pieces with λ_j < 0 leave the set.
@@ -149,21 +182,14 @@ def simplex_qp(Q: Array, c: Array) -> Array:
     N = len(c)
     trace = float(np.trace(Q))
     if N == 1 or not trace > 0.0:
-        return vertex(N, int(np.argmax(c)))
+        return np.eye(N)[np.argmax(c)]
     scale = N / trace
     for shift, primal_tol in ATTEMPTS:
         shifted = np.ascontiguousarray(Q * scale + shift * np.eye(N))
         lam = call_daqp(shifted, (np.max(c) - c) * scale, primal_tol)
         if lam is not None:
             return lam
-    return vertex(N, int(np.argmax(c - 0.5 * np.diag(Q))))
-
-
-def vertex(N: int, j: int) -> Array:
-    """The j-th vertex of the simplex in R^N."""
-    lam = np.zeros(N)
-    lam[j] = 1.0
-    return lam
+    return np.eye(N)[np.argmax(c - 0.5 * np.diag(Q))]
 
 
 def call_daqp(Q: Array, q: Array, primal_tol: float) -> Array | None:
@@ -178,12 +204,6 @@ def call_daqp(Q: Array, q: Array, primal_tol: float) -> Array | None:
     if flag <= 0 or not np.all(np.isfinite(lam)) or not lam.sum() > 0.0:
         return None
     return lam / lam.sum()
-
-
-Index = NDArray[np.intp]
-
-DEPENDENT = 1e-13
-"""A squared pivot below this share of its diagonal entry: the piece depends affinely on those before it."""
 
 
 @dataclass
@@ -260,9 +280,6 @@ class WorkingSet:
 def active_set(c: Array, A: Array, h: Array, metric: Metric, start: Array) -> tuple[WorkingSet, Array] | None:
     """The final working set and the minimiser q (n,), or None if rounding makes the exchanges go round.
 
-    c: (N,) values of the linear pieces at q = 0
-    A: (N, n) their slopes a_j in rows
-    h: (n,) slope of the smooth part
     start: (N,) multipliers to start from; at least one positive
     """
     index = np.flatnonzero(start)
@@ -290,87 +307,3 @@ def active_set(c: Array, A: Array, h: Array, metric: Metric, start: Array) -> tu
         row = metric.whiten(A[added])
         working.add(added, row, float(c[added] - row @ h_white))
     return None
-
-
-class Metric(Protocol):
-    """W, W^{−½} on rows and its transpose on a vector, with (W^{−½})ᵀ W^{−½} = W⁻¹."""
-
-    @property
-    def matrix(self) -> Array: ...
-    def whiten(self, vectors: Array) -> Array: ...
-    def unwhiten(self, z: Array) -> Array: ...
-
-
-@dataclass(frozen=True, eq=False)
-class EigenMetric:
-    """W = V diag(w) Vᵀ with w > 0.
-
-    w: (n,) eigenvalues
-    V: (n, n) eigenvectors in columns
-    """
-
-    w: Array
-    V: Array
-
-    @cached_property
-    def matrix(self) -> Array:
-        """W as a dense matrix (n, n)."""
-        return (self.V * self.w) @ self.V.T
-
-    def whiten(self, vectors: Array) -> Array:
-        """W^{−½} applied to each row."""
-        return (vectors @ self.V) / np.sqrt(self.w)
-
-    def unwhiten(self, z: Array) -> Array:
-        """W^{−½} from the left, back to the original coordinates."""
-        return self.V @ (z / np.sqrt(self.w))
-
-
-@dataclass(frozen=True, eq=False)
-class CholeskyMetric:
-    """W = LLᵀ.
-
-    matrix: (n, n) W
-    factor: (n, n) L in Fortran order (upper part not meaningful)
-    """
-
-    matrix: Array
-    factor: Array
-
-    def whiten(self, vectors: Array) -> Array:
-        """L⁻¹ applied to each row (or to one vector)."""
-        solved: Array = scipy.linalg.blas.dtrsm(1.0, self.factor, np.atleast_2d(vectors).T, lower=1).T
-        return solved if vectors.ndim == 2 else solved[0]
-
-    def unwhiten(self, z: Array) -> Array:
-        """L⁻ᵀz."""
-        solved: Array = scipy.linalg.blas.dtrsv(self.factor, z, lower=1, trans=1)
-        return solved
-
-
-def cholesky(matrix: Array) -> Array | None:
-    """Lower factor of a symmetric matrix, Fortran order, upper part not meaningful; None if not positive definite."""
-    factor, info = scipy.linalg.lapack.dpotrf(matrix.T, lower=1, clean=0)
-    return factor if info == 0 else None
-
-
-def positive_definite(H: Array, shift: float, pivot: float, least: float) -> Metric:
-    """W: H with negative eigenvalues reversed, plus shift·I; eigenvalues at least pivot·largest and `least`.
-
-    If H + (shift − floor)·I has a Cholesky factor, no eigenvalue needs a change. The floor there uses the norm
-    ‖H‖_∞ ≥ largest eigenvalue, so it errs to the side of the eigenvalues.
-    """
-    n = len(H)
-    floor = max(pivot * (float(np.max(np.sum(np.abs(H), axis=1))) + shift), least)
-    if floor > 0.0:
-        tested = H.copy()
-        tested[np.diag_indices(n)] += shift - floor
-        if np.min(np.diagonal(tested)) > 0.0 and cholesky(tested) is not None:
-            tested[np.diag_indices(n)] = np.diagonal(H) + shift
-            factor = cholesky(tested)
-            if factor is not None:
-                return CholeskyMetric(tested, factor)
-    w, V = np.linalg.eigh(H)
-    w = np.abs(w) + shift
-    floor = max(pivot * float(w.max()), least)
-    return EigenMetric(np.maximum(w, floor if floor > 0.0 else 1.0), V)  # all slopes and curvatures 0: any W will do

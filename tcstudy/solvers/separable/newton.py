@@ -22,7 +22,7 @@ every solution; solutions of other kinds are the business of path following.
 
 Literature: Gräser & Kornhuber, J. Comput. Math. 27 (2009) 1–44 (truncated nonsmooth Newton, convex case); Bertsekas,
 SIAM J. Control Optim. 20 (1982) 221–246 (projected Newton). Left out: a choice among several local minima
-(start from more than one point, and escape.py).
+(start from more than one point, and search.py).
 
 A start from coarser copies of a contact problem (nested iteration).
 
