@@ -4,6 +4,11 @@
 
 Differences of P1 functions on one mesh are integrated exactly; against a given function with the seven-point rule of
 degree five on every triangle. H¹ stands for the seminorm |·|₁: it has one physical dimension, the full norm has not.
+
+Norms on the contact line Γ_C: u_T is piecewise linear on its segments, ξ constant on the S_i around its nodes.
+
+A segment's two halves belong to the S_i of its two ends; where one end carries no unknown, both belong to the other
+(method §2). So ξ is an array (s, 2) of values on half segments, and a refinement of the line halves every segment.
 """
 
 from __future__ import annotations
@@ -153,3 +158,96 @@ def _strain_energy(grad_x: Array, grad_y: Array, lam: float, mu: float) -> Array
     shear = grad_x[1] + grad_y[0]
     density: Array = lam * divergence**2 + 2 * mu * (grad_x[0] ** 2 + grad_y[1] ** 2 + 0.5 * shear**2)
     return density
+
+
+LineFunction = Callable[[Array, Array, Array], Array]
+"""x, y (…) and normals (…, 2) → values (…)."""
+
+_GAUSS, _LINE_WEIGHTS = np.polynomial.legendre.leggauss(5)
+_AT, _W = 0.5 * (1 + _GAUSS), 0.5 * _LINE_WEIGHTS
+
+
+@dataclass(frozen=True)
+class Line:
+    """The contact line of one mesh.
+
+    points:   (n, 2) mesh nodes;  segments: (s, 2) nodes of its segments, in order
+    normals:  (s, 2, 2) outward unit normals of the exact curve at both ends of every segment
+    nodes:    (m,) mesh nodes with an unknown;  c: (m,) lengths of their S_i [m]
+    """
+
+    points: Array
+    segments: Indices
+    normals: Array
+    nodes: Indices
+    c: Array
+
+    @property
+    def next_to_held(self) -> NDArray[np.bool_]:
+        """(m,) contact nodes with a neighbour on the line that carries no unknown."""
+        free = np.zeros(len(self.points), dtype=bool)
+        free[self.nodes] = True
+        ends = self.segments[~free[self.segments].all(axis=1)]
+        return np.isin(self.nodes, ends)
+
+    @property
+    def lengths(self) -> Array:
+        """Lengths of the segments (s,) [m]."""
+        ends = self.points[self.segments]
+        return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+
+    def tangential(self, u_x: Array, u_y: Array) -> Array:
+        """u_T = u·t at both ends of every segment (s, 2), t = (−n₂, n₁)."""
+        n = self.normals
+        return np.asarray(-n[..., 1] * u_x[self.segments] + n[..., 0] * u_y[self.segments])
+
+    def halves(self, xi: Array) -> Array:
+        """ξ on both halves of every segment (s, 2) from its values at the contact nodes (m,)."""
+        at = np.full(len(self.points), np.nan)
+        at[self.nodes] = xi
+        both = at[self.segments]
+        return np.where(np.isnan(both), both[:, ::-1], both)
+
+    def linear_norm(self, ends: Array) -> float:
+        """L² norm of a function that is linear on every segment, from its end values (s, 2)."""
+        a, b = ends.T
+        return float(np.sqrt(self.lengths @ (a**2 + a * b + b**2) / 3))
+
+    def step_norm(self, halves: Array) -> float:
+        """L² norm of a function that is constant on half segments (s, 2)."""
+        return float(np.sqrt(0.5 * self.lengths @ (halves**2).sum(axis=1)))
+
+    def nodal_norm(self, values: Array) -> float:
+        """(Σ c_i v_i²)^½ of values at the contact nodes (m,)."""
+        return float(np.sqrt(self.c @ values**2))
+
+    def linear_from(self, ends: Array, function: LineFunction) -> tuple[float, float]:
+        """‖v − f‖ and ‖f‖ in L² for v linear on every segment."""
+        exact, weight = self._sampled(function, 0.0, 1.0)
+        error = ends[:, :1] * (1 - _AT) + ends[:, 1:] * _AT - exact
+        return float(np.sqrt((weight * error**2).sum())), float(np.sqrt((weight * exact**2).sum()))
+
+    def step_from(self, halves: Array, function: LineFunction) -> tuple[float, float]:
+        """‖v − f‖ and ‖f‖ in L² for v constant on half segments."""
+        error = size = 0.0
+        for side in (0, 1):
+            exact, weight = self._sampled(function, 0.5 * side, 0.5)
+            error += float((weight * (halves[:, side, None] - exact) ** 2).sum())
+            size += float((weight * exact**2).sum())
+        return float(np.sqrt(error)), float(np.sqrt(size))
+
+    def at_nodes(self, function: LineFunction) -> Array:
+        """f at the contact nodes (m,)."""
+        normals = np.zeros((len(self.points), 2))
+        normals[self.segments] = self.normals
+        x, y = self.points[self.nodes].T
+        return function(x, y, normals[self.nodes])
+
+    def _sampled(self, function: LineFunction, start: float, share: float) -> tuple[Array, Array]:
+        """Values and weights (s, q) of Gauss points on the part [start, start + share] of every segment."""
+        t = (start + share * _AT)[None, :, None]
+        a, b = self.points[self.segments[:, 0]][:, None], self.points[self.segments[:, 1]][:, None]
+        at = a + t * (b - a)
+        n = self.normals[:, :1] * (1 - t) + self.normals[:, 1:] * t
+        n /= np.linalg.norm(n, axis=2, keepdims=True)
+        return function(at[..., 0], at[..., 1], n), share * _W * self.lengths[:, None]

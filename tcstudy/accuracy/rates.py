@@ -5,6 +5,8 @@ Asymptotic levels:    the longest run of levels up to the finest over which the 
 Slope:                least squares of log e over log h on the asymptotic levels, with its standard error; on all
                       levels if no two rates agree, and then marked as not settled
 Extrapolation:        q(h) = q* + C h^p through the three finest levels
+
+What is worth its cost: the points that no other beats in cost and error together.
 """
 
 from __future__ import annotations
@@ -151,3 +153,17 @@ def _extrapolate(h: Array, q: Array) -> tuple[float, float]:
     p = float(brentq(mismatch, low, high, xtol=1e-12))
     b, c = (float(x) ** p for x in h[1:] / h[0])
     return p, float(q[2] + second * c / (b - c))
+
+
+def dominated(cost: Array, error: Array) -> NDArray[np.bool_]:
+    """(n,) points for which another costs no more and errs no more, and less in one of the two.
+
+    Points with NaN are dominated and dominate nothing.
+    """
+    known = np.isfinite(cost) & np.isfinite(error)
+    out = np.ones(len(cost), dtype=bool)
+    for i in np.flatnonzero(known):
+        no_worse = known & (cost <= cost[i]) & (error <= error[i])
+        better = no_worse & ((cost < cost[i]) | (error < error[i]))
+        out[i] = bool(better.any())
+    return out

@@ -16,7 +16,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from tcstudy.condense.ordering import Ints
+Ints = NDArray[np.integer]
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 WINDOW_ROWS = 1 << 13  # rows permuted at a time: bounds the memory, long enough for NumPy
 WINDOW_PANELS = 1 << 17  # numbers in the panels that are set up at a time: about what a cache holds

@@ -16,8 +16,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.line_norms import Function
-from tcstudy.accuracy.norms import Triangles
+from tcstudy.accuracy.norms import LineFunction, Triangles
 from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.scene.records import Body, Contact, Convection, Edge, Exact, Point, Scalar, Scene, Traction
@@ -55,7 +54,7 @@ def exact_energy(exact: Exact, scene: Scene, mesh: Triangles) -> float:
     return inside + sum(_on_edge(exact, scene, edge) for edge in _edges(scene.body))
 
 
-def exact_friction_resultant(scene: Scene, xi: Function) -> float:
+def exact_friction_resultant(scene: Scene, xi: LineFunction) -> float:
     """∫ξ over the exact Γ_C [N/m]; NaN for a body from a file."""
     if scene.body.outline is None:
         return float("nan")
@@ -219,7 +218,7 @@ def _points(edge: Edge, t: Array) -> Array:
     return np.asarray(np.array(arc.center) + arc.radius * np.column_stack([np.cos(angle), np.sin(angle)]))
 
 
-def exact_u_T(exact: Exact) -> Function:
+def exact_u_T(exact: Exact) -> LineFunction:
     """u·t with t = (−n₂, n₁) [m]."""
 
     def slip(x: Array, y: Array, n: Array) -> Array:
@@ -229,7 +228,7 @@ def exact_u_T(exact: Exact) -> Function:
     return slip
 
 
-def exact_xi(exact: Exact, scene: Scene) -> Function:
+def exact_xi(exact: Exact, scene: Scene) -> LineFunction:
     """−S_T [Pa]: as given, or −t·2με(u)n; λ and the temperature only act normally."""
     given, mu = exact.xi, scene.material.mu
     if given is not None:

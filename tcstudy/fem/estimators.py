@@ -5,7 +5,7 @@ Estimate:   η_K² = ‖σ* − σ_h‖²_{c⁻¹,K} + (h_K/π)²/(2μ) ‖f + d
             σ*n − g on Γ_N, σ*_T + ξ_h on Γ_C, the free components on rollers
 Contact:    + h_e/(2πμ) ‖dist(ξ_h, b̂(u_h,T))‖²_e, since the inclusion (4) holds at the nodes only
 Dirichlet:  + Σ_e 2πμ/h_e ‖u_D − u_h‖²_e, since given displacements hold at the nodes only
-Coupling:   + β²/(λ+μ) ‖θ − θ_h‖²_K, see heat_estimator.py
+Coupling:   + β²/(λ+μ) ‖θ − θ_h‖²_K, see below
 Why:        for v and an interpolant Iv, a(u − u_h, v) = ∫(σ* − σ_h):ε(v − Iv) + ∫(f + div σ*)·(v − Iv)
             − Σ_e ∫ r_e·(v − Iv), so that the sum bounds the error up to a constant; the second and third term hold the
             oscillation of f and g, because div σ* is constant on K, and are of higher order where u is smooth
@@ -31,8 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
-from tcstudy.fem.boundary import values_at
-from tcstudy.fem.contact_line import ContactLine
+from tcstudy.fem.boundary import ContactLine, values_at
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.records import Clamped, Contact, Convection, Role, Scene, Traction

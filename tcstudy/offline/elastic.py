@@ -15,11 +15,9 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, ForwardLoad, condense
 from tcstudy.condense.symbolic import EliminationPlan
-from tcstudy.fem.boundary import Frames
-from tcstudy.fem.contact_line import ContactLine
+from tcstudy.fem.boundary import ContactLine, Frames
 from tcstudy.fem.forms import ElasticForms
-from tcstudy.offline.cache import Recent
-from tcstudy.offline.loads import BasisLoad, LoadTerm
+from tcstudy.offline.loads import BasisLoad, LoadTerm, Recent
 from tcstudy.solvers.problem import least_eigenvalue
 
 Array = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""The condensed heat matrix of one mesh, and what must be undone where thin triangles spoil it.
+"""The condensed heat matrix of one mesh, its modes, and what must be undone where thin triangles spoil it.
 
 A uniform temperature makes no heat flow: K·1 = 0. Entries of K grow with the flatness of the triangles, and their
 rounding is heat that comes from nowhere: the factor's harmonic extension of 1 is not 1. Where it is off by more than
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
@@ -116,3 +117,33 @@ class HeatFactor:
             total += np.where(better, step, 0.0)
             before = np.where(better, size, 0.0)
         return total
+
+
+# -- modes -----------------------------------------------------------------------------------------
+
+
+def modes(A_tilde: Array, M: Array) -> tuple[Array, Array]:
+    """(μ, W): eigenpairs Ã w_k = μ_k M w_k with WᵀMW = I; the first made exactly 0 and constant."""
+    mu, W = scipy.linalg.eigh(A_tilde, M)
+    constant = np.full(len(M), 1.0 / np.sqrt(M.sum()))
+    W[:, 1:] -= np.outer(constant, constant @ M @ W[:, 1:])
+    W[:, 0] = constant
+    mu[0] = 0.0
+    return np.maximum(mu, 0.0), W
+
+
+ROUNDING = 1e-14
+"""Part of a variation that the columns of its family may miss, relative to the variation (norm of L²(Γ_θ))."""
+
+
+def basis_of(rows: Array) -> Array:
+    """(r, s) orthonormal columns from which every row (t, r) can be combined up to ROUNDING of its norm.
+
+    The row that is worst represented comes next; as many columns as rows say that nothing was saved.
+    """
+    norms = np.linalg.norm(rows, axis=1)
+    if not np.any(norms > 0.0):
+        return np.zeros((rows.shape[1], 0))
+    rest = (rows[norms > 0.0] / norms[norms > 0.0, None]).T
+    Q, R, _ = scipy.linalg.qr(rest, mode="economic", pivoting=True)
+    return np.asarray(Q[:, np.abs(R.diagonal()) > ROUNDING])

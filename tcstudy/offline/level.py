@@ -10,26 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense.symbolic import EliminationPlan
-from tcstudy.fem.boundary import Frames, constrain
-from tcstudy.fem.contact_line import contact_line
+from tcstudy.fem.boundary import Frames, constrain, contact_line
 from tcstudy.fem.forms import ElasticForms, GradientProducts, HeatForms
 from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.offline.cache import Recent
 from tcstudy.offline.elastic import Elastic, LoadMaker
 from tcstudy.offline.loads import (
     BasisLoad,
     BodyForce,
+    Column,
     EdgePressure,
     EdgeTraction,
     LoadTerm,
     Prescribed,
+    Recent,
     Roles,
     TemperatureField,
     UniformTemperature,
     mechanical_terms,
 )
-from tcstudy.offline.temperature import Temperature, Temperatures
-from tcstudy.offline.thermal import BATCH, Column
+from tcstudy.offline.thermal import BATCH, Temperature, Temperatures
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Clamped, Contact, Convection, Material, Scene
 from tcstudy.solvers.problem import ContactProblem

@@ -2,19 +2,41 @@
 
 l_θ is affine in f, g, p, q, θ̄ and β: every number of the scene becomes a coefficient, and only what changes the
 shape of a load (an expression, α, k, a region) becomes a new basis load. Basis loads are values: equal ones are one.
+
+Also here: the cache by value in which a sweep keeps what such loads become.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.forms import loads_something
-from tcstudy.offline.thermal import Column
-from tcstudy.scene.records import Convection, Role, Scalar, Traction
+from tcstudy.scene.records import Convection, Heat, Role, Scalar, Traction
 
 Roles = tuple[tuple[str, Role], ...]
+
+
+@dataclass(frozen=True)
+class FamilyKey:
+    """What a family belongs to: a source density of shape `data` in ω, or surroundings at `data` with no source."""
+
+    kind: str
+    data: Scalar
+    omega: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Column:
+    """Names one column of a family."""
+
+    family: FamilyKey
+    number: int
+
+
 Field = Expression | Column
 """A temperature field on the body: given, or a column of a heat problem."""
 
@@ -113,3 +135,57 @@ def mechanical_terms(f: tuple[Scalar, Scalar], boundary: Roles) -> Iterator[Load
         shape, factor = split(role.pressure)
         if factor != 0.0:
             yield LoadTerm(EdgePressure(name, shape), factor)
+
+
+def families_of(heat: Heat) -> list[FamilyKey]:
+    """The families that a heat record has part in."""
+    found = []
+    if isinstance(heat.theta_bar, Expression):
+        found.append(FamilyKey("surroundings", heat.theta_bar))
+    if isinstance(heat.q, Expression):
+        found.append(FamilyKey("source", heat.q, heat.omega))
+    elif heat.q != 0.0:
+        found.append(FamilyKey("source", 1.0, heat.omega))
+    return found
+
+
+T = TypeVar("T")
+
+
+class Recent(Generic[T]):
+    """Values by key, made on demand; the oldest go when the total size passes `budget` bytes.
+
+    Values that are still referenced elsewhere stay alive there: forgetting costs time later, never correctness.
+    """
+
+    def __init__(self, budget: float, size: Callable[[T], int]) -> None:
+        self._entries: OrderedDict[Hashable, T] = OrderedDict()
+        self._budget, self._size, self._total = budget, size, 0
+
+    def get(self, key: Hashable, make: Callable[[], T]) -> T:
+        """The value of `key`, made by `make` if it is not there."""
+        found = self.find(key)
+        if found is not None:
+            return found
+        value = make()
+        self.put(key, value)
+        return value
+
+    def find(self, key: Hashable) -> T | None:
+        """The value of `key` if it is there."""
+        if key not in self._entries:
+            return None
+        self._entries.move_to_end(key)
+        return self._entries[key]
+
+    def put(self, key: Hashable, value: T) -> None:
+        """Keep a value under a key that is not there; the oldest entries make room for it."""
+        self._entries[key] = value
+        self._total += self._size(value)
+        while self._total > self._budget and len(self._entries) > 1:
+            self._total -= self._size(self._entries.popitem(last=False)[1])
+
+    def clear(self) -> None:
+        """Forget everything, for values so large that two must not stand side by side."""
+        self._entries.clear()
+        self._total = 0

@@ -11,24 +11,36 @@ The variations that one q or one θ̄ gives for all α are a *family*, rational 
 rounding they span few dimensions (15 to 30), however many values of α there are. So a family is stored as a few
 *columns*, fields on the body, and α enters through their factors only.
 
-Families of temperatures: what one q or one θ̄ gives for all α, and the few columns that span them to rounding.
+Left out: any solve for what is constant or loads nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
+from tcstudy.fem.boundary import values_at
 from tcstudy.fem.forms import HeatForms
-from tcstudy.offline.cache import Recent
-from tcstudy.offline.heat_factor import HeatFactor, HeatLoad
-from tcstudy.scene.records import Heat, Scalar
+from tcstudy.offline.heat_factor import ROUNDING, HeatFactor, HeatLoad, basis_of, modes
+from tcstudy.offline.loads import (
+    Column,
+    FamilyKey,
+    Field,
+    LoadTerm,
+    Recent,
+    TemperatureField,
+    UniformTemperature,
+    families_of,
+    split,
+)
+from tcstudy.scene.needs import FELT
+from tcstudy.scene.points import distinct
+from tcstudy.scene.records import Convection, Heat, Scalar, Scene
 
 Array = NDArray[np.float64]
 
@@ -38,16 +50,21 @@ BATCH = 16
 
 @dataclass(frozen=True)
 class Part:
-    """One linear contribution to the temperature: θ = constant + Σ factor × column, and its heat through Γ_θ.
+    """One linear contribution to the temperature: θ = constant + Σ factor × field, and its heat through Γ_θ.
 
-    constant: a uniform temperature [K];  columns: (column, factor) of the variation on top of it [K]
+    constant: a uniform temperature [K];  fields: (field, factor) of the variation on top of it [K]
     heat_out: α∫_{Γ_θ}(θ − θ̄) of this part [W/m];  through: a bound of the heat that it moves, either way [W/m]
     """
 
     constant: float
-    columns: tuple[tuple[Column, float], ...]
-    heat_out: float
-    through: float
+    fields: tuple[tuple[Field, float], ...] = ()
+    heat_out: float = 0.0
+    through: float = 0.0
+
+    def times(self, factor: float) -> Part:
+        """The part of a source or surroundings that many times as strong."""
+        fields = tuple((name, factor * share) for name, share in self.fields)
+        return Part(factor * self.constant, fields, factor * self.heat_out, abs(factor) * self.through)
 
 
 @dataclass
@@ -90,26 +107,16 @@ class Conduction:
                     self._ratios.setdefault(key, {})[heat.alpha / k] = None
         self._families: dict[FamilyKey, _Family] = {}
         self._fields: Recent[Array] = Recent(memory, lambda field: field.nbytes)
-        self._means: dict[Column, float] = {}
-        self._kept: HeatFactor | None = None
         self._memory, self._prepared = memory, False
 
-    @property
+    @cached_property
     def _factor(self) -> HeatFactor:
-        if self._kept is None:
-            self._kept = HeatFactor(self._forms)
-        return self._kept
+        return HeatFactor(self._forms)
 
     @cached_property
     def _spectrum(self) -> tuple[Array, Array]:
-        """(μ, W): generalised eigenpairs, WᵀMW = I; the first made exactly 0 and constant."""
-        M = self._forms.robin_mass
-        mu, W = scipy.linalg.eigh(self._factor.A_tilde, M)
-        constant = np.full(len(M), 1.0 / np.sqrt(M.sum()))
-        W[:, 1:] -= np.outer(constant, constant @ M @ W[:, 1:])
-        W[:, 0] = constant
-        mu[0] = 0.0
-        return np.maximum(mu, 0.0), W
+        """(μ, W): generalised eigenpairs, WᵀMW = I; the first exactly 0 and constant."""
+        return modes(self._factor.A_tilde, self._forms.robin_mass)
 
     @cached_property
     def _integrals(self) -> Array:
@@ -131,7 +138,7 @@ class Conduction:
     def surroundings(self, theta_bar: Scalar, alpha: float, k: float) -> Part:
         """θ for q = 0: surroundings at θ̄. A constant θ̄ gives θ = θ̄ exactly; α = 0 gives the limit, the mean of θ̄."""
         if not isinstance(theta_bar, Expression):
-            return Part(float(theta_bar), (), 0.0, 0.0)
+            return Part(float(theta_bar))
         key, a = FamilyKey("surroundings", theta_bar), alpha / k
         family = self._family(key)
         mu, W = self._spectrum
@@ -210,7 +217,7 @@ class Conduction:
         if len(columns) * 8 * self._forms.mesh.n_points <= self._memory:
             for column in columns:
                 self.field(column)
-            self._kept = None
+            self.__dict__.pop("_factor", None)
 
     # -- columns on the body -----------------------------------------------------------------------
 
@@ -235,66 +242,99 @@ class Conduction:
         for c, one in zip(batch, values.T, strict=True):
             if self._fields.find(c) is None:
                 self._fields.put(c, one.copy())
-            self._means[c] = float(self._forms.nodal_area @ one) / float(self._forms.nodal_area.sum())
         return values[:, batch.index(column)].copy()
 
-    def mean(self, column: Column) -> float:
-        """Mean of a column over the body."""
-        if column not in self._means:
-            self.field(column)
-        return self._means[column]
-
-
-ROUNDING = 1e-14
-"""Part of a variation that the columns of its family may miss, relative to the variation (norm of L²(Γ_θ))."""
-
 
 @dataclass(frozen=True)
-class FamilyKey:
-    """What a family belongs to: a source density of shape `data` in ω, or surroundings at `data` with no source."""
+class Temperature:
+    """θ of one scene: its mean [K], and the defect of α∫(θ−θ̄) = ∫q relative to the heat that moves (NaN if unused)."""
 
-    kind: str
-    data: Scalar
-    omega: tuple[str, ...] = ()
+    mean: float
+    heat_balance: float
+    _nodal: Callable[[], Array] = field(repr=False)
 
-
-@dataclass(frozen=True)
-class Column:
-    """Names one column of a family."""
-
-    family: FamilyKey
-    number: int
+    @cached_property
+    def theta(self) -> Array:
+        """Nodal values (n,) [K], computed when asked for."""
+        return self._nodal()
 
 
-def families_of(heat: Heat) -> list[FamilyKey]:
-    """The families that a heat record has part in."""
-    found = []
-    if isinstance(heat.theta_bar, Expression):
-        found.append(FamilyKey("surroundings", heat.theta_bar))
-    if isinstance(heat.q, Expression):
-        found.append(FamilyKey("source", heat.q, heat.omega))
-    elif heat.q != 0.0:
-        found.append(FamilyKey("source", 1.0, heat.omega))
-    return found
+class Temperatures:
+    """θ of every scene of a study on one mesh, and the load β∫θ tr ε(v) that it makes, as basis terms."""
 
+    def __init__(self, forms: HeatForms, points: Array, scenes: Sequence[Scene], memory: float) -> None:
+        """points: (n, 2) nodes;  scenes: all to come, if known;  memory: bytes of fields kept, of either kind."""
+        heated = [s for s in distinct(scenes, *FELT) if s.material.beta != 0.0 and s.edges(Convection)]
+        self.conduction = Conduction(forms, ((s.heat, s.material.k) for s in heated), memory)
+        self._forms, self._points = forms, points
+        self._means: dict[Field, float] = {}
+        self._known: Recent[Array] = Recent(memory, lambda theta: theta.nbytes)
+        self._last: tuple[Scene, list[Part]] | None = None
 
-def basis_of(rows: Array) -> Array:
-    """(r, s) orthonormal columns from which every row (t, r) can be combined up to ROUNDING of its norm.
+    def of(self, scene: Scene) -> Temperature:
+        """θ of a scene with its mean and heat balance; zero where the scene has no heat."""
+        parts = self._parts(scene)
+        constant = sum(part.constant for part in parts)
+        fields = [item for part in parts for item in part.fields]
 
-    Gram-Schmidt, the row that is worst represented next; as many columns as rows say that nothing was saved.
-    """
-    norms = np.linalg.norm(rows, axis=1)
-    rest = (rows[norms > 0.0] / norms[norms > 0.0, None]).T
-    basis = np.zeros((rows.shape[1], 0))
-    while basis.shape[1] < rest.shape[1]:
-        missed = np.linalg.norm(rest, axis=0)
-        if missed.max() <= ROUNDING:
-            break
-        new = rest[:, missed.argmax()].copy()
-        new -= basis @ (basis.T @ new)
-        new /= np.linalg.norm(new)
-        new -= basis @ (basis.T @ new)
-        new /= np.linalg.norm(new)
-        basis = np.column_stack([basis, new])
-        rest -= np.outer(new, new @ rest)
-    return basis
+        def nodal() -> Array:
+            theta = np.full(len(self._points), constant)
+            for name, factor in fields:
+                theta += factor * self.field(name)
+            return theta
+
+        mean = constant + sum(factor * self._mean(name) for name, factor in fields)
+        balance = float("nan")
+        shape, factor = split(scene.heat.q)
+        if scene.heat.theta is None and scene.edges(Convection) and factor != 0.0:
+            # relative to all heat that moves, because sources and sinks may cancel, and little q pass much heat by
+            defect = sum(part.heat_out for part in parts) - factor * self.conduction.heat_in(shape, scene.heat.omega)
+            through = sum(part.through for part in parts)
+            balance = abs(defect) / through if through else 0.0
+        return Temperature(mean, balance, nodal)
+
+    def terms(self, scene: Scene) -> list[LoadTerm]:
+        """β∫θ tr ε(v): the uniform part through one vector, the rest through one for each temperature field."""
+        beta = scene.material.beta
+        if beta == 0.0:
+            return []
+        self.conduction.prepare()
+        parts = self._parts(scene)
+        terms = [LoadTerm(TemperatureField(name), beta * factor) for part in parts for name, factor in part.fields]
+        uniform = sum(part.constant for part in parts)
+        if uniform != 0.0:
+            terms.append(LoadTerm(UniformTemperature(), beta * uniform))
+        return terms
+
+    def field(self, name: Field) -> Array:
+        """Nodal values (n,) of a field."""
+        if isinstance(name, Column):
+            return self.conduction.field(name)
+        return self._known.get(name, lambda: values_at(name, self._points))
+
+    def _mean(self, name: Field) -> float:
+        """Mean of a field over the body."""
+        if name not in self._means:
+            area = self._forms.nodal_area
+            self._means[name] = float(area @ self.field(name)) / float(area.sum())
+        return self._means[name]
+
+    def _parts(self, scene: Scene) -> list[Part]:
+        """All parts of θ, once where the same scene is asked for again."""
+        if self._last is None or self._last[0] is not scene:
+            self._last = scene, list(self._new_parts(scene))
+        return self._last[1]
+
+    def _new_parts(self, scene: Scene) -> Iterator[Part]:
+        """Nothing is solved for what is constant or unused."""
+        heat, k = scene.heat, scene.material.k
+        if heat.theta is not None:
+            given = heat.theta
+            yield Part(0.0, ((given, 1.0),)) if isinstance(given, Expression) else Part(float(given))
+        elif scene.edges(Convection):
+            if isinstance(heat.theta_bar, Expression) or heat.theta_bar != 0.0:
+                yield self.conduction.surroundings(heat.theta_bar, heat.alpha, k or 1.0)
+            shape, factor = split(heat.q)
+            if factor != 0.0:
+                assert k is not None
+                yield self.conduction.source(shape, heat.omega, heat.alpha, k).times(factor)

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.fem.contact_line import ContactLine
+from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.scene.friction import UP, FrictionLaw, sticking
 from tcstudy.solvers.problem import ContactProblem

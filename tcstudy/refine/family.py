@@ -8,30 +8,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.locating import located
 from tcstudy.accuracy.norms import Triangles
-from tcstudy.fem.families import maker
-from tcstudy.fem.geometry import build
-from tcstudy.fem.grading import WEAK, singular_points
-from tcstudy.fem.meshes import PlaneMesh, doubled_areas, mesh_at, refine_marked
+from tcstudy.accuracy.transfer import located
+from tcstudy.fem.meshes import Meshes, PlaneMesh, doubled_areas, refine_marked
 from tcstudy.offline.level import Level
 from tcstudy.refine.ends import Hidden
 from tcstudy.refine.survey import Survey, marked
-from tcstudy.scene.families import GRADED
-from tcstudy.scene.records import Point
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
-
-
-def graded_points(study: Study) -> list[tuple[Point, float]]:
-    """Places that the meshes of a graded study are graded towards, each with its μ. Raises GeometryFailed."""
-    if study.mesh.strategy is not GRADED:
-        return []
-    scene = study.scenes[0]
-    found = singular_points(mesh_at(build(scene.body), study.mesh, 0, None), scene.boundary)
-    mus = np.where(found.weak, max(WEAK, study.mesh.grading), study.mesh.grading)
-    return [((float(x), float(y)), float(mu)) for (x, y), mu in zip(found.points, mus, strict=True)]
 
 
 ROUNDS = 12
@@ -67,8 +52,8 @@ ENOUGH = 1.05
 """The sum that ends the rounds, over the sum aimed at: no round for a rest of nothing."""
 
 
-class Family:
-    """The meshes of one run.
+class Family(Meshes):
+    """The meshes of one run, each of an adaptive family after the estimates on the one before.
 
     An adaptive mesh follows from the solutions on the mesh before and from nothing else, so that a run that is resumed
     comes to the same meshes.
@@ -76,27 +61,25 @@ class Family:
 
     def __init__(self, study: Study) -> None:
         """Raises GeometryFailed if the body cannot be made."""
-        self._scene, self._plan = study.scenes[0], study.mesh
-        self._scenes, self._exact = study.scenes, study.exact
-        self._make = maker(build(self._scene.body), study.mesh, self._scene.boundary)
-        self._mesh: PlaneMesh | None = None
+        super().__init__(study)
+        self._study = study
         self._survey: Survey | None = None
 
     def next(self, level: int) -> PlaneMesh:
         """The mesh of a level, after those of all levels before. Raises GeometryFailed if the mesher fails."""
-        if self._plan.strategy.adapts and level > 0:
-            assert self._mesh is not None
-            assert self._survey is not None
-            survey, marking = self._survey, self._plan.marking
-            self._mesh = bisected(self._mesh, survey.shares(), survey.aim(), marking, survey.hidden())
-        else:
-            self._mesh = self._make(level, self._mesh)
-        return self._mesh
+        plan, survey = self._study.mesh, self._survey
+        if not plan.strategy.adapts or level == 0:
+            return super().next(level)
+        assert self.mesh is not None
+        assert survey is not None
+        self.mesh = bisected(self.mesh, survey.shares(), survey.aim(), plan.marking, survey.hidden())
+        return self.mesh
 
     def survey(self, level: Level) -> Survey | None:
         """A new survey of a level, for its solutions; None if the study estimates no errors."""
-        if not self._plan.estimates:
+        study = self._study
+        if not study.mesh.estimates:
             return None
         before = self._survey.estimates if self._survey is not None else {}
-        self._survey = Survey(level, self._plan, dict(before), self._scenes, self._exact)
+        self._survey = Survey(level, study.mesh, dict(before), study.scenes, study.exact)
         return self._survey

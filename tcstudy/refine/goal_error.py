@@ -2,7 +2,7 @@
 
 Numbers:    J(u) − J(u_h) falls by 2^p when h is halved, so that it is (J(u_{h/2}) − J(u_h))/(1 − 2^{−p}). p = 2 where
             solution and dual solution are smooth (factor 4/3), 2λ in a corner where they are like r^λ. So the change
-            is taken apart by nodes (contributions.py), and every part has the factor of its place (corner_factors.py);
+            is taken apart by nodes (`contributions`), and every part has the factor of its place (`regions`);
             what the parts do not sum to, because the problem is not linear, has 4/3.
             All that distinguishes u_h from u is in it (given displacements between nodes, lumped friction,
             oscillating data, temperature, arcs), signs included
@@ -56,16 +56,15 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.corners import Vertex, vertices
 from tcstudy.expressions.expression import Expression
-from tcstudy.fem.contact_line import ContactLine
+from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.estimators import own_strain
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Condensed, Level
-from tcstudy.refine.contributions import contributions
 from tcstudy.refine.ends import end_cells
 from tcstudy.refine.fronts import fronts, slip_length
 from tcstudy.refine.goals import dual, goal_value, lost, lumping, torn
-from tcstudy.refine.halved import Halved
+from tcstudy.refine.halved import Halved, contributions
 from tcstudy.scene.friction import sticking
 from tcstudy.scene.needs import needs_heat_solve
 from tcstudy.scene.records import Body, Material, Point, Role, Scene

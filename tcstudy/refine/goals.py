@@ -22,7 +22,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.fem.contact_line import ContactLine
+from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.refine.fronts import slopes
 from tcstudy.scene.friction import sticking

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tcstudy.accuracy.front import dominated
+from tcstudy.accuracy.rates import dominated
 from tcstudy.data.cost import MEASURES
 from tcstudy.data.records import PointStatus
 from tcstudy.reports.style import DrawError

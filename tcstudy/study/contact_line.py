@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.line_norms import Line
+from tcstudy.accuracy.norms import Line
 from tcstudy.exact.numbers import exact_u_T
 from tcstudy.fem.boundary import curve_normals
 from tcstudy.offline.level import Level

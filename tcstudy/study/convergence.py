@@ -17,8 +17,8 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.accuracy.corners import vertices
 from tcstudy.accuracy.expected import Expected, HeldEnds, expected_orders, smooth_up_to, smoothness
-from tcstudy.accuracy.nesting import NotNested
 from tcstudy.accuracy.rates import ROUNDING, Fit, fit, richardson
+from tcstudy.accuracy.transfer import NotNested
 from tcstudy.data.convergence import (
     ERRORS,
     NUMBERS,
@@ -33,7 +33,7 @@ from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import ConvergenceError, StoreError
 from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_slip_length
-from tcstudy.refine.family import graded_points
+from tcstudy.fem.meshes import graded_points
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Point, Scene
 from tcstudy.scene.study import Acceptance, Study

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from tcstudy.accuracy.front import dominated
+from tcstudy.accuracy.rates import dominated
 from tcstudy.data.cost import MEASURES, STAGES, Cost, write_cost
 from tcstudy.data.files import check_writable
 from tcstudy.data.provenance import collect

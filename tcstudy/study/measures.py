@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import BALANCED, HEAT_BOUND, LIMITED, MET, NOT_JUDGED, UNBALANCED
 from tcstudy.offline.level import Condensed, CondensedBlock
-from tcstudy.offline.temperature import Temperature
+from tcstudy.offline.thermal import Temperature
 from tcstudy.online import BlockAnswers, RowLaws
 from tcstudy.scene.friction import UP, sticking
 from tcstudy.solvers.certificates import Certificate

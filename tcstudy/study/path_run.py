@@ -15,8 +15,8 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.path_records import ContactState, CurveRecord, LoopRecord, PathRecord, SolutionsRecord
 from tcstudy.data.path_store import write_path
 from tcstudy.data.provenance import collect
+from tcstudy.fem.meshes import Meshes
 from tcstudy.offline.level import Level
-from tcstudy.refine.family import Family
 from tcstudy.scene.friction import DOWN, FrictionLaw
 from tcstudy.scene.study import Acceptance, PathPlan, Study
 from tcstudy.scene.vary import path_scene
@@ -84,11 +84,11 @@ def _level(study: Study, plan: PathPlan) -> Level:
     """The mesh level of the path; coarser ones are only stations on the way."""
     if study.mesh.strategy.adapts:
         raise PathError("adaptive meshes follow from the solutions of a run; use mesh.family uniform or graded")
-    family = Family(study)
-    mesh = family.next(0)
+    meshes = Meshes(study)
+    mesh = meshes.next(0)
     last = study.mesh.levels - 1 if plan.level is None else plan.level
     for i in range(1, last + 1):
-        mesh = family.next(i)
+        mesh = meshes.next(i)
     return Level(mesh, plan.scene)
 
 

@@ -20,11 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tcstudy.accuracy.line_norms import Function as LineFunction
-from tcstudy.accuracy.line_norms import check_halved, refined_ends, refined_halves
-from tcstudy.accuracy.locating import interpolation, located
-from tcstudy.accuracy.nesting import Prolongation, prolongation
-from tcstudy.accuracy.norms import Function, Triangles
+from tcstudy.accuracy.norms import Function, LineFunction, Triangles
+from tcstudy.accuracy.transfer import (
+    Prolongation,
+    check_halved,
+    interpolation,
+    located,
+    prolongation,
+    refined_ends,
+    refined_halves,
+)
 from tcstudy.exact.numbers import exact_u_T, exact_xi
 from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.scene.records import Exact, Scalar, Scene

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.executors import Executor, Here
-from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.meshes import Meshes, PlaneMesh
 from tcstudy.offline.level import Level
 from tcstudy.offline.live import live_arrays
 from tcstudy.refine.family import Family
@@ -91,11 +91,11 @@ def stages(
 
     Raises GeometryFailed if the body cannot be meshed.
     """
-    family = Family(study)
+    meshes = Family(study) if study.mesh.estimates else Meshes(study)
     for i in range(study.mesh.levels):
         known = {number: block for (level, number), block in (finished or {}).items() if level == i}
         try:
-            mesh = family.next(i)
+            mesh = meshes.next(i)
             whole = sum(len(block) for block in known.values()) == len(study.scenes)
             if whole and not study.mesh.estimates:
                 continue
@@ -106,7 +106,7 @@ def stages(
             failed = all_failed(study, i, PointStatus.MESH_FAILED, str(error))
             yield Stage(None, None, iter(() if 0 in known else (failed,)), str)
             continue
-        survey = family.survey(level)
+        survey = meshes.survey(level) if isinstance(meshes, Family) else None
         who = executor(study, level.line.m) if executor is not None else Here()
         workshop = Workshop(study, level, Solutions(study, level.line.m), survey, who)
 

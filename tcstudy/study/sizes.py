@@ -15,11 +15,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tcstudy.errors import GeometryFailed
-from tcstudy.fem.boundary import constrain
-from tcstudy.fem.contact_line import contact_line
-from tcstudy.fem.families import Maker, maker
+from tcstudy.fem.boundary import constrain, contact_line
 from tcstudy.fem.geometry import Geometry, build
-from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.meshes import Meshes, PlaneMesh
 from tcstudy.scene.records import Clamped, Contact, Scene
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.shapes.edges import body_area, boundary_lengths
@@ -34,12 +32,11 @@ def sizes(study: Study) -> tuple[LevelForecast, ...]:
     Raises GeometryFailed where a run would before it solves anything.
     """
     scene, plan = study.scenes[0], study.mesh
-    geometry = build(scene.body)
-    rough = _rough(study, geometry)
+    meshes = Meshes(study)
+    rough = _rough(study, meshes.geometry)
     if rough[0].nodes > MOST_NODES and not plan.listed:
         return tuple(rough)
-    make = maker(geometry, plan, scene.boundary)
-    return tuple(_nested(make, scene, rough) if plan.nested else _one_by_one(make, plan, scene, rough))
+    return tuple(_nested(meshes, scene, rough) if plan.nested else _one_by_one(meshes, plan, scene, rough))
 
 
 def measured(study: Study) -> tuple[LevelForecast, ...]:
@@ -54,13 +51,13 @@ def _rough(study: Study, geometry: Geometry) -> list[LevelForecast]:
     return [predicted(study.scenes[0], geometry.area, lengths, h) for h in known_levels(study.mesh)]
 
 
-def _nested(make: Maker, scene: Scene, rough: list[LevelForecast]) -> list[LevelForecast]:
+def _nested(meshes: Meshes, scene: Scene, rough: list[LevelForecast]) -> list[LevelForecast]:
     """Uniform refinements of one mesh, exactly."""
-    coarse = make(0, None)
+    coarse = meshes.next(0)
     first = _counted(coarse, scene, rough[0].h)
     if len(rough) == 1:
         return [first]
-    second = _counted(make(1, coarse), scene, rough[1].h)
+    second = _counted(meshes.next(1), scene, rough[1].h)
     nodes, triangles = first.nodes, len(coarse.triangles)
     euler = first.nodes - (second.nodes - first.nodes) + triangles  # a new node for every edge
     fixed = [2 * one.nodes - one.n_dof for one in (first, second)]
@@ -73,18 +70,16 @@ def _nested(make: Maker, scene: Scene, rough: list[LevelForecast]) -> list[Level
     return found
 
 
-def _one_by_one(make: Maker, plan: MeshPlan, scene: Scene, rough: list[LevelForecast]) -> list[LevelForecast]:
+def _one_by_one(meshes: Meshes, plan: MeshPlan, scene: Scene, rough: list[LevelForecast]) -> list[LevelForecast]:
     """Counted as long as the meshes are small; a mesh of a list that cannot be made is a status of its points."""
     found: list[LevelForecast] = []
-    mesh: PlaneMesh | None = None
     for level, guess in enumerate(rough):
         size = guess
         if found:
             size = _other(found[-1], rough[level - 1], guess) if plan.listed else _finer(found[-1], guess.h)
         if size.nodes <= MOST_NODES:
             try:
-                mesh = make(level, mesh)
-                size = _counted(mesh, scene, guess.h)
+                size = _counted(meshes.next(level), scene, guess.h)
             except GeometryFailed:
                 if level == 0 or not plan.listed:
                     raise

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.line_norms import Line
-from tcstudy.accuracy.norms import Triangles
+from tcstudy.accuracy.norms import Line, Triangles
 from tcstudy.data.records import PointRecord, PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from tcstudy.accuracy.line_norms import Line, refined_ends, refined_halves
-from tcstudy.accuracy.nesting import NotNested, prolongation
-from tcstudy.accuracy.norms import Triangles
+from tcstudy.accuracy.norms import Line, Triangles
+from tcstudy.accuracy.transfer import NotNested, prolongation, refined_ends, refined_halves
 
 POINTS = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0], [0.7, 0.4]])
 TRIANGLES = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import linregress
 
-from tcstudy.accuracy.rates import fit, richardson
+from tcstudy.accuracy.rates import dominated, fit, richardson
 
 H = 0.5 ** np.arange(6)
 ALL = np.ones(6, dtype=bool)
@@ -85,3 +85,25 @@ def test_numbers_without_a_limit():
     assert swinging.uncertainty == pytest.approx(H[4] + H[5])
     assert np.isnan(swinging.order)
     assert np.isnan(richardson(H[:2], np.array([1.0, 2.0]), ALL[:2]).order)
+
+
+def test_only_points_that_nothing_beats_are_left() -> None:
+    cost = np.array([1.0, 2.0, 3.0, 2.5, 4.0, np.nan, 1.0])
+    error = np.array([9.0, 4.0, 4.0, 5.0, 1.0, 0.1, 9.5])
+    assert dominated(cost, error).tolist() == [False, False, True, True, False, True, True]
+
+
+def test_equal_points_do_not_dominate_each_other() -> None:
+    assert dominated(np.array([1.0, 1.0]), np.array([2.0, 2.0])).tolist() == [False, False]
+
+
+def test_against_the_definition_on_random_points() -> None:
+    rng = np.random.default_rng(0)
+    cost, error = rng.integers(0, 8, (2, 60)).astype(float)
+    found = dominated(cost, error)
+    for i in range(60):
+        beaten = any(
+            cost[k] <= cost[i] and error[k] <= error[i] and (cost[k], error[k]) != (cost[i], error[i])
+            for k in range(60)
+        )
+        assert found[i] == beaten

@@ -106,9 +106,9 @@ def _body(loads: int, levels: int) -> list[Case]:
     """The rectangle under random shear tractions on its top; the peak of b follows the condensed load."""
     # NGSolve is loaded only if the body takes part
     from tcstudy.fem.geometry import build
-    from tcstudy.fem.meshes import mesh_family
     from tcstudy.offline.level import Level
     from tcstudy.read.study import read_study_text
+    from tests.verification.scenes import mesh_family
 
     level, condensed = None, []
     for load in range(loads):

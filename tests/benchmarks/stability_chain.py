@@ -107,8 +107,8 @@ def _bodies(
     """The body under its random loads: one mesh and one factorisation. thinner: None for a mesh of the mesher."""
     # NGSolve is loaded only if real bodies take part
     from tcstudy.fem.geometry import build
-    from tcstudy.fem.meshes import mesh_family
     from tcstudy.offline.level import Level
+    from tests.verification.scenes import mesh_family
 
     level = None
     for load in range(loads):

@@ -10,11 +10,11 @@ import pytest
 from tcstudy.accuracy.norms import Triangles
 from tcstudy.exact.numbers import exact_energy, exact_slip_length, sliver_integral
 from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import mesh_family
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.scene.study import Study
 from tests.test_cli import CONFIGS
 from tests.verification import closed_forms
+from tests.verification.scenes import mesh_family
 
 MU, A, B = closed_forms.MU, closed_forms.A, closed_forms.B
 

@@ -9,8 +9,8 @@ import pytest
 from tcstudy.fem.boundary import Frames, constrain
 from tcstudy.fem.forms import GradientProducts, csr
 from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import PlaneMesh, mesh_family
-from tests.verification.scenes import HEATED_BRACKET, study_of
+from tcstudy.fem.meshes import PlaneMesh
+from tests.verification.scenes import HEATED_BRACKET, mesh_family, study_of
 
 
 @pytest.fixture(scope="module")

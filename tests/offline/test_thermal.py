@@ -7,10 +7,10 @@ import pytest
 
 from tcstudy.condense import Condensation
 from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import PlaneMesh, mesh_family
+from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.level import Level
 from tcstudy.scene.study import Study
-from tests.verification.scenes import HEATED_BRACKET, study_of
+from tests.verification.scenes import HEATED_BRACKET, mesh_family, study_of
 
 MANY = "sweep={alpha: {geomspace: [1e-8, 1e8, 200]}}"
 FEW = "sweep={alpha: [1e-8, 1, 1e8]}"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tcstudy.fem.contact_line import ContactLine
+from tcstudy.fem.boundary import ContactLine
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.refine.fronts import fronts, slip_length, slopes

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
-from tcstudy.accuracy.front import dominated
+from tcstudy.accuracy.rates import dominated
 from tcstudy.data.cost import STAGES, Cost, open_cost, write_cost
 from tcstudy.data.provenance import collect, kind_of
 from tcstudy.data.records import PointStatus

@@ -9,7 +9,7 @@ import pytest
 
 import tcstudy
 from tcstudy.data.records import PointStatus
-from tcstudy.fem import families as family_module
+from tcstudy.fem import meshes as family_module
 from tcstudy.fem.geometry import GeometryFailed
 from tests.verification.scenes import RECTANGLE, study_of
 

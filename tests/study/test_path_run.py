@@ -12,7 +12,6 @@ import pytest
 from tcstudy.data.path_records import PathRecord
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import mesh_family
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.scene.study import Study
@@ -20,7 +19,7 @@ from tcstudy.scene.vary import path_scene
 from tcstudy.study.path_affine import PathError, affine_load
 from tcstudy.study.path_run import follow_path, shortfalls
 from tcstudy.study.run import run
-from tests.verification.scenes import HEATED_BRACKET
+from tests.verification.scenes import HEATED_BRACKET, mesh_family
 
 PAD = Path(__file__).parents[2] / "configs" / "path.yaml"
 VALUES = (0.2e-3, 0.75e-3, 0.85e-3, 0.9e-3, 1.0e-3, 1.1e-3, 1.6e-3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tcstudy.fem import families as families_module
+from tcstudy.fem import meshes as families_module
 from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import mesh_family
+from collections.abc import Iterator
+
+from tcstudy.fem.geometry import Geometry, build
+from tcstudy.fem.meshes import PlaneMesh, mesh_at
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import MeshPlan, Study
 
 RECTANGLE = """
 units: none
@@ -43,6 +45,14 @@ heat: {alpha: 0.8, theta_bar: "0.2 + 0.1*x", q: 0.6, omega: heater}
 friction: {law: exponential, a: 0.004, b: 0.002, delta: 0.02}
 mesh: {maxh: 0.2, levels: 2}
 """
+
+
+def mesh_family(geometry: Geometry, plan: MeshPlan) -> Iterator[PlaneMesh]:
+    """The meshes of a plan, uniform or of given sizes, coarse to fine, made one at a time."""
+    mesh: PlaneMesh | None = None
+    for level in range(plan.levels):
+        mesh = mesh_at(geometry, plan, level, mesh)
+        yield mesh
 
 
 def levels_of(study: Study) -> list[Level]:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import mesh_family
 from tcstudy.offline.level import Level
 from tcstudy.solvers.contact import solve_contact
 from tests.verification import manufactured as exact
 from tests.verification.norms import l2_and_h1_errors
+from tests.verification.scenes import mesh_family
 
 
 @dataclass(frozen=True)

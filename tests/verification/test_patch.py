@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import mesh_family
 from tcstudy.offline.level import Level
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.separable.finish import finish
 from tests.verification.patch import CASES, HEIGHT, SOFTENING, Case, exact_energy, patch_study
+from tests.verification.scenes import mesh_family
 
 MESHES = (0.6, 0.35, 0.17)
 

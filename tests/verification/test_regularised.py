@@ -12,10 +12,9 @@ import numpy as np
 from ngsolve.solvers import NewtonMinimization
 
 from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import mesh_family
 from tcstudy.offline.level import Level
 from tcstudy.solvers.contact import solve_contact
-from tests.verification.scenes import study_of
+from tests.verification.scenes import mesh_family, study_of
 
 A, B, DELTA = 0.08, 0.05, 0.3
 STUDY = f"""

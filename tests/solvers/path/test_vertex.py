@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import mesh_family
 from tcstudy.offline.level import Level
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solvers.path.follow import Follower, ParametricProblem, PathStatus, follow
@@ -14,6 +13,7 @@ from tcstudy.solvers.path.query import solutions_at
 from tests.solvers import contact_cases as cases
 from tests.solvers.path.cases import a_solution, one_node
 from tests.verification.patch import DROPPING, SOFTENING, Case, exact_energy, patch_study
+from tests.verification.scenes import mesh_family
 
 
 def patch_line(law: str, maxh: float) -> tuple[ParametricProblem, float, object]:

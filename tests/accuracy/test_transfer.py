@@ -9,12 +9,11 @@ import pytest
 from scipy.spatial import Delaunay
 
 import tcstudy
-from tcstudy.accuracy.locating import interpolation, located
-from tcstudy.accuracy.nesting import prolongation
 from tcstudy.accuracy.norms import Triangles
+from tcstudy.accuracy.transfer import interpolation, located, prolongation
 from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import mesh_family
 from tcstudy.scene.study import MeshPlan
+from tests.verification.scenes import mesh_family
 
 
 def _unit_square(n: int, seed: int) -> Triangles:

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.fem.boundary import constrain
-from tcstudy.fem.contact_line import ContactLine, contact_line
+from tcstudy.fem.boundary import ContactLine, constrain, contact_line
 from tcstudy.fem.geometry import GeometryFailed, build
-from tcstudy.fem.meshes import mesh_family
 from tcstudy.scene.records import Clamped, Contact
-from tests.verification.scenes import RECTANGLE, study_of
+from tests.verification.scenes import RECTANGLE, mesh_family, study_of
 
 
 def line_of(text: str) -> ContactLine:

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from tcstudy.condense.ordering import _separators, along, nested_dissection, node_graph
+from tcstudy.condense.symbolic import _separators, along, nested_dissection, node_graph
 from tests.condense.meshes import heat, plate
 
 
