@@ -157,7 +157,7 @@ def run(
     example where the file holds the results of another study.
     """
     from tcstudy.reports.progress import progress as terminal
-    from tcstudy.study.execute import execute
+    from tcstudy.study.run import execute
 
     asked = _study(study)
 

@@ -41,7 +41,7 @@ def command(options: argparse.Namespace) -> int:
     from tcstudy.data.writer import sweep_points
     from tcstudy.reports.progress import progress
     from tcstudy.reports.select_point import naming
-    from tcstudy.study.execute import execute
+    from tcstudy.study.run import execute
 
     with closing(progress(naming=naming(sweep_points(study)), length=length_unit(study))) as watcher:
         result = execute(study, output, watcher, options.words, options.jobs)

@@ -4,7 +4,7 @@ What is wrong with a body, found before the mesher sees it.
 
 The mesher hangs, crashes or silently meshes something else when the outline is open, crossed, clockwise or has
 slivers; so a body is judged here first, and every fault is named with its place and its remedy.
-Left out: faces read from STEP or BREP files, whose shape only their reader knows (see tcstudy.study.built_body).
+Left out: faces read from STEP or BREP files, whose shape only their reader knows (see tcstudy.study.doubts).
 """
 
 from __future__ import annotations

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from tcstudy.executors import Executor, Here, Processes, available
 from tcstudy.scene.study import Study
-from tcstudy.study.blocks import in_blocks
-from tcstudy.study.run import Choice
 from tcstudy.study.sizes import LevelForecast
+from tcstudy.study.workshop import in_blocks
 
+Choice = Callable[[Study, int], Executor]
+"""(study, contact unknowns of a level) → who solves its blocks."""
 POINT, NODE = 0.1e-3, 6e-6
 """Seconds that a point takes, and more for each contact unknown (results/online.md): a rough figure is enough."""
 WORTH = 4.0

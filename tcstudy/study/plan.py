@@ -17,8 +17,8 @@ from tcstudy.read.document import located
 from tcstudy.scene.needs import FELT, idle_notes, needs_heat_solve, why_no_heat
 from tcstudy.scene.points import count_points, distinct
 from tcstudy.scene.study import MeshPlan, Study
-from tcstudy.study.doubts import doubts, locking_note
-from tcstudy.study.sizes import LevelForecast, forecast, refined
+from tcstudy.study.doubts import built_doubts, built_faults, doubts, locking_note
+from tcstudy.study.sizes import LevelForecast, forecast, measured, refined, sizes
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,6 @@ def plan(study: Study) -> Plan:
 
     Raises GeometryFailed where a run would before it solves anything.
     """
-    from tcstudy.study.sizes import sizes  # other questions to this module need no mesh
-
     materials = {(s.material.lam, s.material.mu) for s in distinct(study.scenes, "material")}
     heats = {(s.heat, s.material.k) for s in distinct(study.scenes, *FELT) if needs_heat_solve(s)}
     levels = sizes(study)
@@ -147,10 +145,6 @@ def warnings(study: Study) -> list[str]:
 
 def _doubts(study: Study) -> list[str]:
     """What the author may not have meant. Raises GeometryFailed if a file has no such face."""
-    if study.scenes[0].body.brep is None:
-        return doubts(study)
-    from tcstudy.study.built_body import built_doubts  # a file needs the geometry kernel, a polygon does not
-
     return [*built_doubts(study), *doubts(study)]
 
 
@@ -176,8 +170,6 @@ def expected_bytes(study: Study) -> int:
     """Rough size of the result file, for the check of free space."""
     if study.scenes[0].body.brep is None:
         return _bytes(study, forecast(study))
-    from tcstudy.study.sizes import measured
-
     try:
         return _bytes(study, measured(study))
     except GeometryFailed:  # which is said elsewhere
@@ -205,10 +197,6 @@ def fault_in(study: Study, fault: UserFault, name: str) -> str:
 
 
 def _body_faults(study: Study) -> list[str]:
-    if study.scenes[0].body.brep is None:
-        return []
-    from tcstudy.study.built_body import built_faults  # a file needs the geometry kernel, a polygon does not
-
     return [str(problem) for problem in located(study, built_faults(study))]
 
 

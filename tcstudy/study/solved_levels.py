@@ -17,9 +17,9 @@ from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.solvers.contact import TIE
 from tcstudy.solvers.separable.finish import finish
-from tcstudy.study.contact_line import contact_line, exact_at, segment_curves
 from tcstudy.study.point import solve_point
 from tcstudy.study.run import stages
+from tcstudy.study.starts import contact_line, exact_at, segment_curves
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]

@@ -1,6 +1,10 @@
 """A level at work: blocks are condensed here, solved by an executor, and become records.
 
 Solved one by one, here: points for which the study names several solvers, the bundle method or an iteration limit.
+
+A block depends on the study and on the size of the contact line alone, so that a run that was stopped, or that others
+help with, has the same blocks and in them the same numbers, to the bit. Points of a block share λ/μ; their loads are
+rows of one array and their laws rows of one table (tcstudy.online).
 """
 
 from __future__ import annotations
@@ -21,12 +25,12 @@ from tcstudy.offline.level import CondensedBlock, Level
 from tcstudy.online import CondensedBody, LawTables, Options, RowLaws
 from tcstudy.refine.survey import Survey
 from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.methods import SEPARABLE
+from tcstudy.scene.points import combinations
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.study.blocks import Block, Solutions, blocks_of, in_blocks
-from tcstudy.study.contact_line import exact_start
-from tcstudy.study.measures import block_numbers, line_values, point_status
-from tcstudy.study.point import solve_point
+from tcstudy.study.point import block_numbers, line_values, point_status, solve_point
+from tcstudy.study.starts import Solutions, exact_start
 
 Array = NDArray[np.float64]
 
@@ -51,10 +55,15 @@ class Workshop:
 
     study: Study
     level: Level
-    solutions: Solutions
     survey: Survey | None
     executor: Executor = field(default_factory=Here)
     bodies: dict[object, CondensedBody] = field(default_factory=dict)
+
+    @cached_property
+    def solutions(self) -> Solutions:
+        """Those found so far, where others begin from them."""
+        kept = self.study.solver.branch == "continued" or not in_blocks(self.study)
+        return Solutions(self.study, self.level.line.m, kept)
 
     @cached_property
     def exact(self) -> Array | None:
@@ -236,3 +245,70 @@ def _failed(study: Study, level: int, block: Block, status: PointStatus, reason:
         reasons=dict.fromkeys(range(count), reason),
         numbers={},
     )
+
+
+Places = NDArray[np.intp]
+
+POINTS, ENTRIES = 1024, 2**16
+"""Points of a block at most, and entries of its arrays (P, m) to aim at, so that many have a part in the work."""
+ENOUGH, MOST = 256, 2**18
+"""Points from which a larger block is hardly cheaper by the point, and entries at most."""
+FIELDS = 2**22
+"""Numbers of whole-body fields that a block holds at most."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Points that are solved together.
+
+    number: which block of its level;  points: their places in the sweep in C order
+    wave:   blocks that begin from solutions of other waves follow these;  ratio: which λ/μ, which all points share
+    """
+
+    number: int
+    points: Places
+    wave: int = 0
+    ratio: int = 0
+
+
+def in_blocks(study: Study) -> bool:
+    """Whether points are solved together."""
+    solver = study.solver
+    return solver.names == (SEPARABLE,) and solver.max_iterations is None
+
+
+def blocks_of(study: Study, m: int, n_points: int) -> list[Block]:
+    """The blocks of a level in the order in which they are solved.
+
+    m: contact unknowns;  n_points: nodes of the mesh
+    """
+    materials, of = combinations(study.scenes, "material")
+    numbers: dict[object, int] = {}
+    ratio = np.array([numbers.setdefault(("ratio", Level.ratio(s)), len(numbers)) for s in materials])[of]
+    mu = np.array([numbers.setdefault(("mu", s.material.mu), len(numbers)) for s in materials])[of]
+    laws = combinations(study.scenes, "friction")[1]
+    heats, of = combinations(study.scenes, "material", "heat")
+    keys = [numbers.setdefault(("thermal", s.heat.alpha, s.material.k), len(numbers)) for s in heats]
+    thermal = np.array(keys)[of]
+    places = np.arange(len(study.scenes))
+    wave = _waves(study)
+    order = np.lexsort((places, thermal, laws, mu, ratio, wave))
+    size = _size(study, m, n_points)
+    kind = wave[order] * (ratio.max(initial=0) + 1) + ratio[order]
+    cuts = np.flatnonzero(np.diff(kind)) + 1
+    parts = [part for whole in np.split(order, cuts) for part in np.array_split(whole, -(-len(whole) // size))]
+    return [Block(number, p, int(wave[p[0]]), int(ratio[p[0]])) for number, p in enumerate(parts)]
+
+
+def _size(study: Study, m: int, n_points: int) -> int:
+    if not in_blocks(study) or study.mesh.estimates:
+        return 1
+    size = max(1, min(POINTS, max(ENTRIES // max(1, m), min(ENOUGH, MOST // max(1, m)))))
+    return max(1, min(size, FIELDS // (3 * n_points))) if study.output.fields else size
+
+
+def _waves(study: Study) -> Places:
+    """(P,) how many steps back along the sweep a point has, where each begins from its neighbour's solution."""
+    if study.solver.branch != "continued" or not study.shape:
+        return np.zeros(len(study.scenes), dtype=np.intp)
+    return np.asarray(sum(np.indices(study.shape)), dtype=np.intp).ravel()

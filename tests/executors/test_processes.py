@@ -17,9 +17,8 @@ from tcstudy.data.journal import COMMIT_SECONDS
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.executors import Executor, Here, Processes, WorkersFailed
 from tcstudy.scene.study import Study
-from tcstudy.study import blocks
-from tcstudy.study.execute import execute
-from tcstudy.study.run import run
+from tcstudy.study import workshop
+from tcstudy.study.run import execute, run
 from tests.verification.scenes import RECTANGLE, study_of
 
 SWEPT = RECTANGLE + "\nsweep: {friction.tau: [0.005, 0.01, 0.02, 0.03]}\n"
@@ -30,7 +29,7 @@ ARRAYS = ("points", "status", "u_T", "xi", "sticks")
 
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blocks, "POINTS", 2)
+    monkeypatch.setattr(workshop, "POINTS", 2)
 
 
 @pytest.fixture(scope="module")
@@ -119,9 +118,10 @@ from functools import partial
 from pathlib import Path
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent in the background hands down one that is ignored
 from tcstudy.read.study import read_study
-from tcstudy.study import blocks, jobs
-from tcstudy.study.execute import execute
-blocks.POINTS = 2
+from tcstudy.study import workshop
+from tcstudy.study import jobs
+from tcstudy.study.run import execute
+workshop.POINTS = 2
 jobs.Processes = partial(jobs.Processes, worker=tuple(sys.argv[3:]))
 try:
     execute(read_study(Path(sys.argv[1])), Path(sys.argv[2]), jobs=2)

@@ -10,7 +10,7 @@ from tcstudy.fem.geometry import build
 from tcstudy.offline import heat_factor
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
-from tcstudy.study.measures import heat_status
+from tcstudy.study.point import heat_status
 from tests.benchmarks.stability_chain import layered
 from tests.verification.scenes import study_of
 

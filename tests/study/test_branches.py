@@ -10,7 +10,7 @@ import pytest
 import tcstudy
 from tcstudy.data.records import BlockRecord, PointRecord, PointStatus, block_of
 from tcstudy.scene.study import Study
-from tcstudy.study.blocks import Solutions, blocks_of
+from tcstudy.study.workshop import Solutions, blocks_of
 from tests.verification.patch import CASES, LENGTH, SOFTENING, patch_study
 from tests.verification.scenes import RECTANGLE, study_of
 
@@ -58,7 +58,7 @@ def test_energies_of_all_starts_are_kept(tmp_path: Path) -> None:
 
 def test_neighbour_is_one_step_back_along_the_last_dimension() -> None:
     study = study_of(RECTANGLE, "sweep={friction.tau: [1, 2, 3], E: [1, 2, 3]}", "solver={branch: continued}")
-    solutions = Solutions(study, 2)
+    solutions = Solutions(study, 2, kept=True)
     a, b = np.ones(2), np.zeros(2)
     solutions.take(solved(study, {(0, 1): a, (1, 0): b}, PointStatus.OK))
     solutions.take(solved(study, {(2, 2): a}, PointStatus.NOT_CONVERGED))  # a failed point starts nobody

@@ -21,7 +21,7 @@ from tcstudy.fem import forms as heat
 from tcstudy.offline import elastic as elastic_module
 from tcstudy.online import RowLaws
 from tcstudy.solvers.contact import solve_contact
-from tcstudy.study import blocks
+from tcstudy.study import workshop
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 
 SWEPT = (
@@ -128,9 +128,9 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent in the back
 from pathlib import Path
 from tcstudy.read.study import read_study
 from tcstudy.executors import protocol
-from tcstudy.study import blocks
-from tcstudy.study.execute import execute
-blocks.POINTS = 1
+from tcstudy.study import workshop
+from tcstudy.study.run import execute
+workshop.POINTS = 1
 original = protocol.solve_block
 calls = 0
 def slow(*a, **k):
@@ -170,10 +170,10 @@ def test_finished_points_survive(tmp_path: Path, kill: signal.Signals, monkeypat
         process.wait()
     assert partial.exists()
     assert not output.exists()
-    from tcstudy.study.execute import execute
+    from tcstudy.study.run import execute
 
     study = tcstudy.load(study_file)
-    monkeypatch.setattr(blocks, "POINTS", 1)
+    monkeypatch.setattr(workshop, "POINTS", 1)
     summary = execute(study, output)
     assert summary.resumed == 5
     assert summary.points == 12

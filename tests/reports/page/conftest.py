@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tcstudy.read.study import read_study_text
-from tcstudy.study.execute import execute
+from tcstudy.study.run import execute
 
 STUDY = """
 title: A block <on> a film

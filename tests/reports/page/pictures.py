@@ -9,7 +9,7 @@ from PIL import Image
 
 from tcstudy.read.study import read_study
 from tcstudy.reports.page import write_page
-from tcstudy.study.execute import execute
+from tcstudy.study.run import execute
 from tests.reports.page.browser import Browser
 
 ROOT = Path(__file__).parents[3]

@@ -10,7 +10,7 @@ import pytest
 from tcstudy.cli import main
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.page import write_page
-from tcstudy.study.execute import execute
+from tcstudy.study.run import execute
 from tests.reports import draw_cases
 from tests.reports.page.browser import Browser, missing
 from tests.reports.page.conftest import STUDY

@@ -1,0 +1,86 @@
+"""Where the points of a level begin from: solutions of their neighbours, and the exact solution where it is given.
+
+The contact line has the normals of the exact curve: the mesh cuts arcs into chords; errors, and the exact solution as a
+start, belong to the curve.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.accuracy.norms import Line
+from tcstudy.data.records import BlockRecord, PointStatus
+from tcstudy.exact.numbers import exact_u_T
+from tcstudy.fem.boundary import curve_normals
+from tcstudy.offline.level import Level
+from tcstudy.scene.records import Contact, Exact
+from tcstudy.scene.study import Study
+
+Array = NDArray[np.float64]
+Places = NDArray[np.intp]
+
+
+class Solutions:
+    """Contact solutions of a level found so far: where neighbours begin from."""
+
+    def __init__(self, study: Study, m: int, kept: bool) -> None:
+        """m: contact unknowns;  kept: whether anything begins from them"""
+        self._shape, self.kept = study.shape, kept
+        self._v = np.full((len(study.scenes), m), np.nan) if self.kept else np.empty((0, m))
+
+    def take(self, block: BlockRecord) -> None:
+        """Remember a block's solutions."""
+        if self.kept and block.u_T is not None:
+            ok = block.status == PointStatus.OK
+            self._v[block.points[ok]] = block.u_T[ok]
+
+    def beside(self, points: Places) -> Array | None:
+        """(P, m) the solutions one step back along the last sweep dimension that has a step back and a solution there.
+
+        NaN in rows without one; None if the study has no use for them.
+        """
+        if not self.kept:
+            return None
+        found = np.full((len(points), self._v.shape[1]), np.nan)
+        index = np.array(np.unravel_index(points, self._shape)) if self._shape else np.zeros((0, len(points)), int)
+        for d in range(len(self._shape)):  # the last dimension overwrites those before
+            back = index.copy()
+            back[d] -= 1
+            inside = np.flatnonzero(back[d] >= 0)
+            v = self._v[np.ravel_multi_index(tuple(back[:, inside]), self._shape)]
+            known = ~np.isnan(v).any(axis=1)
+            found[inside[known]] = v[known]
+        return found
+
+
+def exact_start(study: Study, level: Level) -> Array | None:
+    """(m,) u_T of the exact solution at the contact nodes [m]; None where the study gives none."""
+    return None if study.exact is None else exact_at(study.exact, contact_line(study, level))
+
+
+def exact_at(exact: Exact, line: Line) -> Array:
+    """(m,) u_T of the exact solution at the nodes of the line [m]."""
+    return line.at_nodes(exact_u_T(exact))
+
+
+def contact_line(study: Study, level: Level) -> Line:
+    """The contact line with the exact curve's normals at both ends of every segment."""
+    names, curve = study.scenes[0].edges(Contact), segment_curves(level)
+    mesh, segments = level.mesh, level.line.segments
+    normals = np.empty((len(segments), 2, 2))
+    for i, one in enumerate(mesh.geometry.curves):
+        if one.name in names:
+            nodes, at = curve_normals(mesh, i)
+            own = curve == i
+            normals[own] = at[np.searchsorted(nodes, segments[own])]
+    return Line(mesh.points, segments, normals, level.line.nodes, level.line.c)
+
+
+def segment_curves(level: Level) -> NDArray[np.intp]:
+    """(s,) index of the curve that every contact segment lies on."""
+    mesh, segments = level.mesh, level.line.segments
+    key = mesh.segments[:, 0] * mesh.n_points + mesh.segments[:, 1]
+    order = np.argsort(key)
+    wanted = segments[:, 0] * mesh.n_points + segments[:, 1]
+    return mesh.segment_curve[order[np.searchsorted(key[order], wanted)]]
