@@ -12,8 +12,7 @@ from dataclasses import fields
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from tcstudy.commands.draw import MEAN_SLIP, picture
-from tcstudy.commands.shared import usual_output
+from tcstudy.commands.shared import MEAN_SLIP, usual_output
 from tcstudy.errors import UsageError
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.scene import study as records
@@ -265,6 +264,8 @@ def draw(
 
     Raises StoreError, DrawError.
     """
+    from tcstudy.reports.draw import picture
+
     picture(FilePath(file), FilePath(target), at, level, response, error)
     return FilePath(target)
 

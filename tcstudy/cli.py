@@ -1,4 +1,4 @@
-"""Command line: the list of commands, and what becomes of faults, interrupts and missing memory.
+"""Command line: which module has which command, and what becomes of faults, interrupts and missing memory.
 
 Exit codes: 0 all points solved, 1 some points failed, 2 bad study or usage, 3 no memory or no room for what is
 printed, 130 interrupted.
@@ -9,25 +9,21 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 
-from tcstudy.commands import completion, converge, cost, draw, init, path, plan, report, run, schema, show
 from tcstudy.commands.shared import BAD_INPUT, OK
 from tcstudy.errors import UserFault
 from tcstudy.reports.outlet import guarded_streams, is_lost
 
-COMMANDS = {
-    "run": run,
-    "plan": plan,
-    "path": path,
-    "show": show,
-    "converge": converge,
-    "cost": cost,
-    "draw": draw,
-    "report": report,
-    "init": init,
-    "schema": schema,
-    "completion": completion,
+MODULES = {
+    **dict.fromkeys(("run", "plan"), "run"),
+    "path": "path",
+    "show": "results",
+    **dict.fromkeys(("converge", "cost"), "measure"),
+    **dict.fromkeys(("draw", "report"), "results"),
+    **dict.fromkeys(("init", "schema", "completion"), "writing"),
 }
+"""Which module of `commands` has which command, in the order of the list."""
 NO_ROOM, INTERRUPTED = 3, 130
 
 _EPILOG = (
@@ -57,10 +53,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _command(arguments: list[str]) -> int:
     """What the words ask for."""
-    options = parser_of_all().parse_args(arguments)
+    named = arguments[0] if arguments and arguments[0] in MODULES else None
+    options = parser_of(named).parse_args(arguments)
     options.words = ["tcstudy", *arguments]
     try:
-        return int(COMMANDS[options.command].command(options))
+        return int(options.run(options))
     except UserFault as fault:
         print(_said(options, fault), file=sys.stderr)
         raise SystemExit(BAD_INPUT) from None
@@ -95,19 +92,18 @@ def _memory_is_short(error: Exception) -> bool:
     return False
 
 
-def parser_of_all() -> argparse.ArgumentParser:
-    """The parser with all commands."""
+def parser_of(named: str | None = None) -> argparse.ArgumentParser:
+    """The parser with one command, or with all of them, of which only one is needed to do it."""
     parser = argparse.ArgumentParser(
         prog="tcstudy",
         description="Parametric studies of thermoelastic contact with nonmonotone, multivalued friction.",
         epilog=_EPILOG,
     )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND", dest="command")
-    for name, module in COMMANDS.items():
-        one = commands.add_parser(name, help=module.HELP, epilog=_EPILOG)
-        one.set_defaults(read=None, kept="nothing was written")
-        module.arguments(one)
-    parser.add_argument("--version", action="version", version=f"tcstudy {_version()}")
+    for name in MODULES if named is None else (named,):
+        command = import_module(f"tcstudy.commands.{MODULES[name]}").COMMANDS[name]
+        command.fill(commands.add_parser(name, help=command.help, epilog=_EPILOG))
+    parser.add_argument("--version", action="version", version=f"tcstudy {_version()}" if named is None else "")
     return parser
 
 

@@ -1,8 +1,8 @@
 """What each command takes and does: read a study or a file, call what works, print what it says, return the exit code.
 
-One file a command: HELP (its line in the list of commands), arguments(parser) and command(options) → exit code; the
-list of commands stands in cli. Everything heavy is imported when a command needs it, so that help and errors come at
-once. What the user can mend is raised (tcstudy.errors.UserFault) and said by cli.
+Each module has COMMANDS, `shared.Command` records by name; cli knows which module has which. Everything heavy is
+imported when a command needs it, so that help and errors come at once. What the user can mend is raised
+(tcstudy.errors.UserFault) and said by cli.
 
-Not here: catching faults and memory (cli), anything that computes (study) or words a result (report).
+Not here: catching faults and memory (cli), anything that computes (study) or words a result (reports).
 """

@@ -7,31 +7,23 @@ import sys
 from contextlib import closing
 
 from tcstudy.commands.shared import (
+    FORCE,
     MEAN_SLIP,
     OK,
+    RESPONSE,
     SOME_FAILED,
+    STUDY,
+    Command,
     checked,
     fail,
-    force_argument,
     is_there,
-    output_argument,
-    plot_argument,
-    response_argument,
-    study_arguments,
+    output_option,
+    plot_option,
 )
 
-HELP = "follow all solutions along one parameter"
 
-
-def arguments(parser: argparse.ArgumentParser) -> None:
-    study_arguments(parser)
-    output_argument(parser, "result file (default: results/<study>-path.nc)")
-    plot_argument(parser, "also draw it")
-    response_argument(parser)
-    force_argument(parser)
-
-
-def command(options: argparse.Namespace) -> int:
+def path(options: argparse.Namespace) -> int:
+    """Follow all solutions along one parameter."""
     study, output = checked(options, "path", swept=False)
     if study.path is None:
         remedy = "add path: {parameter: theta_bar, from: 0 K, to: 40 K}"
@@ -40,20 +32,34 @@ def command(options: argparse.Namespace) -> int:
     from tcstudy.reports.path_figure import draw_path
     from tcstudy.reports.path_summary import path_summary
     from tcstudy.reports.progress import PathProgress
-    from tcstudy.reports.style import check_target
     from tcstudy.study.path_run import execute_path
 
-    there = is_there(options, "path", study, output)
-    with closing(PathProgress()) as progress:
-        if options.plot is not None:
-            check_target(options.plot)
-        if study.axes:
-            names = ", ".join(axis.name for axis in study.axes)
-            note = f"note: a path is of one scene, that outside the sweep; the values of {names} are not used"
-            print(note, file=sys.stderr)
-        problems = stored_shortfalls(output) if there else execute_path(study, output, progress, options.words)
+    if study.axes:
+        names = ", ".join(axis.name for axis in study.axes)
+        note = f"note: a path is of one scene, that outside the sweep; the values of {names} are not used"
+        print(note, file=sys.stderr)
+    if is_there(options, "path", study, output):
+        problems = stored_shortfalls(output)
+    else:
+        with closing(PathProgress()) as progress:
+            problems = execute_path(study, output, progress, options.words)
     print(path_summary(output))
     if options.plot is not None:
         print(f"\n  {draw_path(output, options.plot, options.response or MEAN_SLIP)}")
     print("".join(f"\n  {problem}" for problem in problems) + f"\n  data in {output}")
     return SOME_FAILED if problems else OK
+
+
+COMMANDS = {
+    "path": Command(
+        "follow all solutions along one parameter",
+        (
+            *STUDY,
+            output_option("result file (default: results/<study>-path.nc)"),
+            plot_option("also draw it"),
+            RESPONSE,
+            FORCE,
+        ),
+        path,
+    )
+}

@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from tcstudy.errors import UsageError
 
@@ -24,47 +26,31 @@ def fail(text: str) -> NoReturn:
     raise UsageError(text)
 
 
-def study_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("study", type=Path, metavar="STUDY.yaml")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="overrides",
-        help="replace a value of the study, e.g. --set heat.alpha=50 (may be repeated)",
-    )
+class Option:
+    """An option or argument of a command, as argparse is told of it."""
+
+    def __init__(self, *flags: str, **told: Any) -> None:
+        self.flags, self.told = flags, told
 
 
-def output_argument(parser: argparse.ArgumentParser, what: str) -> None:
-    parser.add_argument("--output", type=file_name, metavar="FILE", help=what)
+@dataclass(frozen=True)
+class Command:
+    """One command: its line in the list of commands, what it takes, what it does.
 
+    run:  gets the options (with `words`, the whole command line) and returns the exit code
+    kept: what becomes of the work of a command that is stopped
+    """
 
-def plot_argument(parser: argparse.ArgumentParser, what: str) -> None:
-    parser.add_argument("--plot", type=file_name, metavar="PICTURE", help=f"{what}: a .png, .svg or .pdf file")
+    help: str
+    options: tuple[Option, ...]
+    run: Callable[[argparse.Namespace], int]
+    kept: str = "nothing was written"
 
-
-def at_argument(parser: argparse.ArgumentParser, what: str) -> None:
-    parser.add_argument("--at", action="append", default=[], metavar="NAME=VALUE", help=what)
-
-
-def format_argument(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--format", choices=("text", "markdown", "latex"), default="text", help="form of the tables")
-
-
-def response_argument(parser: argparse.ArgumentParser) -> None:
-    what = "what a path is drawn over: the mean (default) or largest slip, or the friction resultant"
-    parser.add_argument("--response", choices=("mean-slip", "max-slip", "friction"), help=what)
-
-
-def force_argument(parser: argparse.ArgumentParser) -> None:
-    what = "compute again what the result file holds already, and replace results of another study"
-    parser.add_argument("--force", action="store_true", help=what)
-
-
-def jobs_argument(parser: argparse.ArgumentParser) -> None:
-    what = "worker processes that solve contact problems, 1 for none (default: as many as pay)"
-    parser.add_argument("--jobs", type=count, metavar="N", help=what)
+    def fill(self, parser: argparse.ArgumentParser) -> None:
+        """Tell the parser of the options."""
+        parser.set_defaults(read=None, kept=self.kept, run=self.run)
+        for option in self.options:
+            parser.add_argument(*option.flags, **option.told)
 
 
 def count(text: str) -> int:
@@ -74,16 +60,41 @@ def count(text: str) -> int:
     return int(text)
 
 
-def error_argument(parser: argparse.ArgumentParser) -> None:
-    what = "error that accuracy against cost is of, e.g. u_L2, xi_L2, friction_resultant (default: u_energy)"
-    parser.add_argument("--error", metavar="NAME", help=what)
-
-
 def file_name(text: str) -> Path:
     """The name of a file to write; a Path would forget that the text named a folder."""
     if text.endswith(("/", os.sep)):
         raise argparse.ArgumentTypeError(f"{text} is a folder; give the name of a file in it")
     return Path(text)
+
+
+_SET = "replace a value of the study, e.g. --set heat.alpha=50 (may be repeated)"
+_FORCE = "compute again what the result file holds already, and replace results of another study"
+_JOBS = "worker processes that solve contact problems, 1 for none (default: as many as pay)"
+_RESPONSE = "what a path is drawn over: the mean (default) or largest slip, or the friction resultant"
+_ERROR = "error that accuracy against cost is of, e.g. u_L2, xi_L2, friction_resultant (default: u_energy)"
+
+STUDY = (
+    Option("study", type=Path, metavar="STUDY.yaml"),
+    Option("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides", help=_SET),
+)
+FILE = Option("file", type=Path, metavar="FILE.nc")
+FORMAT = Option("--format", choices=("text", "markdown", "latex"), default="text", help="form of the tables")
+FORCE = Option("--force", action="store_true", help=_FORCE)
+JOBS = Option("--jobs", type=count, metavar="N", help=_JOBS)
+RESPONSE = Option("--response", choices=("mean-slip", "max-slip", "friction"), help=_RESPONSE)
+ERROR = Option("--error", metavar="NAME", help=_ERROR)
+
+
+def output_option(what: str) -> Option:
+    return Option("--output", type=file_name, metavar="FILE", help=what)
+
+
+def plot_option(what: str) -> Option:
+    return Option("--plot", type=file_name, metavar="PICTURE", help=f"{what}: a .png, .svg or .pdf file")
+
+
+def at(what: str) -> Option:
+    return Option("--at", action="append", default=[], metavar="NAME=VALUE", help=what)
 
 
 def point_of(options: argparse.Namespace) -> dict[str, str]:
@@ -98,7 +109,7 @@ def point_of(options: argparse.Namespace) -> dict[str, str]:
 
 
 def checked(options: argparse.Namespace, kind: Kind = "run", swept: bool = True) -> tuple[Study, Path]:
-    """The study and the file that is asked for or usual for this kind, both found usable; raises UserFault.
+    """The study and the file that is asked for or usual for this kind, found usable as is a picture; raises UserFault.
 
     The study is kept in the options, where cli finds the place of a later fault.
     swept: whether the command uses the sweep
@@ -109,9 +120,12 @@ def checked(options: argparse.Namespace, kind: Kind = "run", swept: bool = True)
     from tcstudy.study.plan import faults  # needs the mesher, a fault in the text does not
 
     output = options.output or usual_output(kind, study)
-    problems = faults(study, output)
-    if problems:
+    if problems := faults(study, output):
         fail("\n".join(problems))
+    if getattr(options, "plot", None) is not None:
+        from tcstudy.reports.style import check_target
+
+        check_target(options.plot)
     return study, output
 
 

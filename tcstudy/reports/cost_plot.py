@@ -11,7 +11,7 @@ import numpy as np
 from tcstudy.data.cost import OWN, open_cost
 from tcstudy.reports import style
 from tcstudy.reports.convergence_plot import math_symbol
-from tcstudy.reports.cost_reading import EXACT, SYMBOLS, Setting, advice, best, curves_on_front, measure_of, settings
+from tcstudy.reports.cost import EXACT, SYMBOLS, Setting, advice, best, curves_on_front, measure_of, settings
 from tcstudy.scene.families import FAMILIES
 
 if TYPE_CHECKING:

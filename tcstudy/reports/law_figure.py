@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from tcstudy.reports import style
 from tcstudy.reports.text import number
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw
-from tcstudy.scene.laws import SHAPES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,19 +31,6 @@ LEGIBLE = (1e-2, 1e4)
 UP_STYLE: dict[str, Any] = {"color": style.BLUE, "linewidth": 3.2, "solid_capstyle": "butt"}
 DOWN_STYLE: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 2.2, "linestyle": (0, (2, 1.2))}
 CURVE_STYLE: dict[str, Any] = {"color": style.INK, "linewidth": 1.4}
-
-
-def example_laws() -> tuple[FrictionLaw, ...]:
-    """One law of every named shape, with parameters near 1."""
-    parameters: dict[str, dict[str, object]] = {
-        "tresca": {"tau": 1.0},
-        "slip-weakening": {"tau_s": 1.0, "tau_k": 0.3, "delta": 1.0},
-        "exponential": {"a": 1.0, "b": 0.3, "delta": 0.5},
-        "saw-tooth": {"tau": 1.0, "delta": 0.5, "teeth": 3, "drop": 0.6, "decay": 0.8},
-        "piecewise-linear": {"points": [(0.0, 0.0), (0.5, 1.0), (1.0, 1.0), (1.0, 0.4)]},
-        "linear": {"k": 0.5},
-    }
-    return tuple(shape.build(**parameters[name]) for name, shape in SHAPES.items())
 
 
 def draw_laws(laws: Sequence[FrictionLaw], target: Path) -> str:

@@ -16,9 +16,8 @@ import numpy as np
 
 from tcstudy.data.provenance import without_paths
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
-from tcstudy.reports.failures import kind, named
 from tcstudy.reports.outlet import Outlet, raw_terminal, visible
-from tcstudy.reports.text import counted, number, prefix
+from tcstudy.reports.text import counted, kind, named, number, prefix
 
 
 class Work(Protocol):

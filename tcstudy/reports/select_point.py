@@ -22,14 +22,11 @@ CLOSE = 1e-3
 """Relative distance at which a number is taken for a label: what tables print has four digits."""
 
 
-_DIMENSIONS = {
-    d.cf: d
-    for d in (
-        *(u.LENGTH, u.TRACTION, u.STIFFNESS, u.BODY_FORCE, u.HEAT_SOURCE, u.HEAT_TRANSFER, u.TEMPERATURE),
-        *(u.CONDUCTIVITY, u.EXPANSION, u.THERMAL_STRESS),
-    )
-}
-"""Physical dimensions by the units that stand in a result file."""
+_DIMENSIONS = (
+    *(u.LENGTH, u.TRACTION, u.STIFFNESS, u.BODY_FORCE, u.HEAT_SOURCE, u.HEAT_TRANSFER, u.TEMPERATURE),
+    *(u.CONDUCTIVITY, u.EXPANSION, u.THERMAL_STRESS),
+)
+"""Physical dimensions whose units stand in a result file."""
 
 
 def axis_names(data: Any) -> list[str]:
@@ -160,7 +157,7 @@ def _as_number(name: str, value: Value, units: str) -> float:
         return float(value)
     except ValueError:
         pass
-    quantity, dimension = u.split_quantity(str(value)), _DIMENSIONS.get(units)
+    quantity, dimension = u.split_quantity(str(value)), next((d for d in _DIMENSIONS if d.cf == units), None)
     if quantity is None or dimension is None:
         raise DrawError(f"{name} = {value!r} is not a number; give one{f' in {units}' if units != '1' else ''}")
     try:

@@ -13,10 +13,9 @@ import numpy as np
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, UNBALANCED
 from tcstudy.data.store import open_results
-from tcstudy.reports.failures import Failure, failure_lines
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.tables import plain_table
-from tcstudy.reports.text import number, prefix, scaled_labels
+from tcstudy.reports.text import Failure, failure_lines, number, prefix, scaled_labels
 
 MOST_ROWS = 48
 """Points shown; the file has them all."""

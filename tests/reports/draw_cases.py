@@ -12,8 +12,10 @@ from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.data.store import write
 from tcstudy.reports import style
-from tcstudy.reports.draw import point_figure
 from tcstudy.reports.picture import LineFields, Picture
+from tcstudy.reports.point_figure import point_figure
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
 
 if TYPE_CHECKING:
@@ -167,3 +169,16 @@ def png_size(path: Path) -> tuple[int, int]:
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     width, height = struct.unpack(">II", data[16:24])
     return width, height
+
+
+def example_laws() -> tuple[FrictionLaw, ...]:
+    """One law of every named shape, with parameters near 1."""
+    parameters: dict[str, dict[str, object]] = {
+        "tresca": {"tau": 1.0},
+        "slip-weakening": {"tau_s": 1.0, "tau_k": 0.3, "delta": 1.0},
+        "exponential": {"a": 1.0, "b": 0.3, "delta": 0.5},
+        "saw-tooth": {"tau": 1.0, "delta": 0.5, "teeth": 3, "drop": 0.6, "decay": 0.8},
+        "piecewise-linear": {"points": [(0.0, 0.0), (0.5, 1.0), (1.0, 1.0), (1.0, 0.4)]},
+        "linear": {"k": 0.5},
+    }
+    return tuple(shape.build(**parameters[name]) for name, shape in SHAPES.items())

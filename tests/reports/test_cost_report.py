@@ -19,9 +19,8 @@ from tcstudy.data.provenance import collect, kind_of
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import StoreError
 from tcstudy.reports import style
-from tcstudy.reports.cost import cost_report
+from tcstudy.reports.cost import advice, best, cost_report, curves_on_front, front, measure_of, settings, stretches
 from tcstudy.reports.cost_plot import _figure, plot_cost
-from tcstudy.reports.cost_reading import advice, best, curves_on_front, front, measure_of, settings, stretches
 from tcstudy.reports.style import DrawError
 from tests.data.compliance import cf_faults
 from tests.verification.scenes import RECTANGLE, study_of

@@ -11,11 +11,11 @@ pytest.importorskip("matplotlib")
 
 from matplotlib.image import imread
 
+from tcstudy.errors import DrawError
 from tcstudy.reports import style
-from tcstudy.reports.draw import DrawError, draw_laws
-from tcstudy.reports.law_figure import UP_STYLE, example_laws, law_figure
+from tcstudy.reports.law_figure import UP_STYLE, draw_laws, law_figure
 from tcstudy.scene.laws import SHAPES
-from tests.reports.draw_cases import crowded, png_size
+from tests.reports.draw_cases import crowded, example_laws, png_size
 
 
 def test_every_shape_is_drawn(tmp_path: Path) -> None:

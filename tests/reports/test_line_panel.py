@@ -16,8 +16,8 @@ from tcstudy.data.provenance import Provenance
 from tcstudy.data.store import open_results, write
 from tcstudy.reports import style
 from tcstudy.reports.body_panel import boundary_edges, contact_chains, drawn, loops
-from tcstudy.reports.line_panel import stick_ranges, stick_text
 from tcstudy.reports.picture import read_picture, sticking
+from tcstudy.reports.point_figure import stick_ranges, stick_text
 from tcstudy.reports.summary import summary
 from tests.reports.draw_cases import WIDTH, figure_of, level_record, line, point_record, result, study
 

@@ -12,8 +12,9 @@ pytest.importorskip("matplotlib")
 
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.store import write
-from tcstudy.reports.draw import DrawError, draw
+from tcstudy.errors import DrawError
 from tcstudy.reports.picture import read_picture
+from tcstudy.reports.point_figure import draw
 from tests.reports.draw_cases import ALPHA, level_record, point_record, result, study
 
 

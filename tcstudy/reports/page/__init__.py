@@ -1,6 +1,6 @@
 """`tcstudy report`: a result file as one HTML page that needs no network, from the stored data alone.
 
-`stored` reads what is kept, `run_part`, `line_part`, `body_part`, `law_part`, `live_part` and `other_kinds` pick what
+`stored` reads what is kept, `run_part`, `point_part`, `law_part` and `other_part` pick what
 the page shows, `container` packs it, `write` puts it together with the scripts in `assets`.
 """
 

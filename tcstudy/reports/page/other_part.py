@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.reports.page.container import Container, Json
-from tcstudy.reports.page.line_part import geometry
+from tcstudy.reports.page.point_part import geometry
 from tcstudy.reports.page.run_part import axes
 from tcstudy.reports.page.stored import (
     ERRORS,

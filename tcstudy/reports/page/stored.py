@@ -18,7 +18,7 @@ from tcstudy.data.writer import axis_places
 from tcstudy.errors import StoreError, StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.body_panel import boundary_edges
-from tcstudy.reports.cost_reading import advice, measure_of, settings
+from tcstudy.reports.cost import advice, measure_of, settings
 from tcstudy.reports.path_states import seen_folds
 from tcstudy.reports.picture import BodyFields, LineFields
 from tcstudy.reports.select_point import axis_names

@@ -9,12 +9,10 @@ from importlib import resources
 from pathlib import Path
 
 from tcstudy.errors import PageError
-from tcstudy.reports.page.body_part import body_part, drawn_level, outline, sources
 from tcstudy.reports.page.container import Container, Json, size_of
 from tcstudy.reports.page.law_part import law_part
-from tcstudy.reports.page.line_part import line_part
-from tcstudy.reports.page.live_part import live_part
 from tcstudy.reports.page.other_part import convergence_part, cost_part, path_part
+from tcstudy.reports.page.point_part import body_part, drawn_level, line_part, live_part, outline, sources
 from tcstudy.reports.page.run_part import run_part
 from tcstudy.reports.page.stored import Stored, StoreError, read, reading, replace_file
 

@@ -1,4 +1,7 @@
-"""What the page has of the body: its outline with roles, its mesh, temperature and displacement of every point."""
+"""What the page has of points: the body with its fields, the contact line with slip and traction, live data.
+
+Live data are what the page needs to solve contact problems by itself: those of one level, and every point's numbers.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.reports.page.container import Container, Json
-from tcstudy.reports.page.stored import BodyFields, Stored, Study, boundary_edges
+from tcstudy.reports.page.stored import BodyFields, Clamped, LineFields, Stored, Study, boundary_edges
 
 Array = NDArray[np.float64]
 
@@ -114,3 +117,93 @@ def _distance(places: Array, line: Array) -> Array:
         s = np.clip((places - a) @ t / max(float(t @ t), np.finfo(float).tiny), 0.0, 1.0)
         best = np.minimum(best, np.hypot(*(places - a - s[:, None] * t).T))
     return best
+
+
+NEAR = 1e-6
+"""Relative difference of two lengths that are one."""
+
+
+def line_part(stored: Stored, level: int, box: Container) -> Json:
+    """One level's contact line with u_T, ξ and states of all points, flattened in C order of the sweep."""
+    group = stored.groups[level]
+    dims = [str(d) for d in stored.data["status"].dims if d != "level"]
+    m = int(group.sizes["node"])
+
+    def flat(name: str) -> Any:
+        return group[name].transpose(*dims, "node").values.reshape(-1, m)
+
+    return {
+        **geometry(group, box),
+        "u_T": box.rows(flat("u_T")),
+        "xi": box.rows(flat("xi")),
+        "sticks": box.array(flat("sticks"), "i1") if "sticks" in group else None,
+        "u_T_units": str(group["u_T"].attrs["units"]),
+        "xi_units": str(group["xi"].attrs["units"]),
+        "rest": at_rest(stored.study),
+    }
+
+
+def geometry(group: Any, box: Container) -> Json:
+    """Where the nodes are and what each stands for; `held` says whether a part ends at a node without unknown."""
+    line = _line(group)
+    parts = []
+    for part in line.parts:
+        cells = line.cells(part)
+        closed = line.closed(part)
+        s = line.arclength[part]
+        span = float(line.c[part].sum())
+        held = [not closed and abs(cells[0] - s[0]) > NEAR * span, not closed and abs(cells[-1] - s[-1]) > NEAR * span]
+        parts.append({"a": part.start, "b": part.stop, "cells": box.array(cells), "closed": closed, "held": held})
+    return {
+        "arclength": box.array(line.arclength),
+        "x": box.array(line.x),
+        "y": box.array(line.y),
+        "c": box.array(line.c),
+        "edges": list(line.edge_names),
+        "parts": parts,
+    }
+
+
+def _line(group: Any) -> LineFields:
+    zero = np.zeros(group.sizes["node"])
+    values = {name: group[name].values for name in ("arclength", "x", "y", "c")}
+    edges = tuple(str(group["edge"].attrs.get("flag_meanings", "")).split())
+    return LineFields(**values, edge=group["edge"].values, edge_names=edges, u_T=zero, xi=zero, sticks=None,
+                length_units="m", traction_units="Pa")  # fmt: skip
+
+
+def at_rest(study: Study | None) -> bool:
+    """True if every held edge is held where it is, so that the slip is zero at a held end."""
+    if study is None:
+        return False
+    roles = {role for scene in study.scenes for _, role in scene.boundary if isinstance(role, Clamped)}
+    return all(component == 0.0 for role in roles for component in role.u)
+
+
+FUNCTIONS = ("mechanical_load", "held_load", *(f"{name}_{part}" for name in ("source", "surroundings")
+             for part in ("node", "weight", "load")))  # fmt: skip
+POINTWISE = ("stiffness", "mechanical", "held", "beta", "alpha", "k", "q", "theta_bar", "valid")
+
+
+def live_part(stored: Stored, box: Container) -> Json | None:
+    """The finest level that has live data; None where no point is valid or the run kept none.
+
+    A_tilde is symmetric: its lower triangle by rows.
+    """
+    usable = [n for n, data in stored.live.items() if np.any(data["valid"].values == 1.0)]
+    if not usable or stored.study is None:
+        return None
+    level = max(usable)
+    data = stored.live[level]
+    group = stored.groups[level]
+    dims = [str(d) for d in stored.data["status"].dims if d != "level"]
+    A_tilde: Any = data["A_tilde"].values
+    functions = {name: box.array(data[name].values) for name in FUNCTIONS if name in data and data[name].size}
+    points = {name: box.array(data[name].transpose(*dims).values.ravel()) for name in POINTWISE}
+    return {
+        "level": level,
+        "A": box.array(A_tilde[np.tril_indices(len(A_tilde))]),
+        "c": box.array(group["c"].values),
+        **functions,
+        **points,
+    }

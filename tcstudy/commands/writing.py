@@ -1,14 +1,15 @@
-"""tcstudy init: a commented starter study, and beside it the schema that its first line names to editors."""
+"""tcstudy init, schema, completion: what helps to write a study."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
 
-from tcstudy.commands.shared import OK, fail, file_name
+from tcstudy.commands.shared import OK, Command, Option, fail, file_name
 
-HELP = "write a commented starter study"
 SCHEMA = "study.schema.json"
+SHELLS = ("bash", "zsh", "tcsh")
 STARTER = f"""\
 # yaml-language-server: $schema={SCHEMA}
 # A block that is pushed along a film which weakens as it slips.
@@ -44,12 +45,8 @@ sweep:                              # every combination is solved
 """
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
-    what = "the study (default: study.yaml); a file that is there is kept"
-    parser.add_argument("file", type=file_name, nargs="?", default=Path("study.yaml"), metavar="FILE", help=what)
-
-
-def command(options: argparse.Namespace) -> int:
+def init(options: argparse.Namespace) -> int:
+    """Write the starter study and, beside it, the schema that its first line names to editors."""
     from tcstudy.read.schema import TITLE, schema_text
 
     study, schema = options.file, options.file.parent / SCHEMA
@@ -65,3 +62,57 @@ def command(options: argparse.Namespace) -> int:
         fail(f"{study}: cannot be written ({error.strerror or error}); name another file")
     print(f"{study} written; next: tcstudy plan {study}, tcstudy run {study}")
     return OK
+
+
+def schema(options: argparse.Namespace) -> int:
+    """Print the JSON Schema of a study file, for editors, or the table of its keys."""
+    if options.format == "json":
+        from tcstudy.read.schema import schema_text as text
+    else:
+        from tcstudy.read.key_table import markdown as text
+    print(text(), end="")
+    return OK
+
+
+def completion(options: argparse.Namespace) -> int:
+    """Print what makes a shell complete commands, options and file names."""
+    import shtab
+
+    from tcstudy.cli import parser_of
+
+    parser = parser_of()
+    for action in _actions(parser):
+        if action.type in (Path, file_name):
+            action.complete = shtab.FILE  # type: ignore[attr-defined]  # where shtab looks for it
+    print(shtab.complete(parser, shell=options.shell))
+    return OK
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """All options and arguments, those of the commands included."""
+    for action in parser._actions:  # the library has no public list
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for one in action.choices.values():
+                yield from _actions(one)
+
+
+_NEW = "the study (default: study.yaml); a file that is there is kept"
+_FORM = "json (default): the schema, draft 2020-12; markdown: the table of keys"
+COMMANDS = {
+    "init": Command(
+        "write a commented starter study",
+        (Option("file", type=file_name, nargs="?", default=Path("study.yaml"), metavar="FILE", help=_NEW),),
+        init,
+    ),
+    "schema": Command(
+        "print the JSON Schema of a study file, or the table of its keys",
+        (Option("--format", choices=("json", "markdown"), default="json", help=_FORM),),
+        schema,
+    ),
+    "completion": Command(
+        'print shell completion: eval "$(tcstudy completion bash)"',
+        (Option("shell", choices=SHELLS, help="the shell that is to complete"),),
+        completion,
+    ),
+}

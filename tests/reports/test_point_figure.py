@@ -15,10 +15,11 @@ pytest.importorskip("matplotlib")
 from matplotlib.image import imread
 
 from tcstudy.data.files import StoreError
+from tcstudy.errors import DrawError
 from tcstudy.reports import style
-from tcstudy.reports.draw import DrawError, draw, draw_laws
-from tcstudy.reports.law_figure import example_laws
-from tests.reports.draw_cases import png_size, result
+from tcstudy.reports.law_figure import draw_laws
+from tcstudy.reports.point_figure import draw
+from tests.reports.draw_cases import example_laws, png_size, result
 
 
 @pytest.mark.parametrize("fields", [True, False])

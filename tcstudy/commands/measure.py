@@ -1,0 +1,123 @@
+"""tcstudy converge, cost: errors over the levels, and accuracy against cost; both into a file and as tables."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from contextlib import closing
+from pathlib import Path
+
+from tcstudy.commands.shared import (
+    ERROR,
+    FORCE,
+    FORMAT,
+    OK,
+    SOME_FAILED,
+    STUDY,
+    Command,
+    Option,
+    at,
+    checked,
+    fail,
+    is_there,
+    output_option,
+    plot_option,
+    point_of,
+    stored,
+)
+
+
+def converge(options: argparse.Namespace) -> int:
+    """Errors, rates and limits over the levels."""
+    point = point_of(options)
+    if point and options.plot is None:
+        fail("--at: names the point of the picture, but there is none; add --plot PICTURE")
+    study, path = checked(options, "convergence")
+    from tcstudy.data.writer import sweep_points
+    from tcstudy.reports.convergence import convergence_report
+    from tcstudy.reports.convergence_plot import plot_convergence
+    from tcstudy.reports.select_point import locate
+    from tcstudy.study.convergence import converge_to_file, without_errors
+
+    if options.plot is not None:
+        locate(sweep_points(study), point, "study")
+        if lack := without_errors(study):
+            fail(f"--plot: there would be no errors to draw: {lack}")
+    there = is_there(options, "convergence", study, path)
+    failed = stored(path)[1] if there else converge_to_file(study, path, _say, options.words)
+    drawn = plot_convergence(path, options.plot, point) if options.plot is not None else None
+    return _end(convergence_report(path, options.format), drawn, path, failed)
+
+
+def cost(options: argparse.Namespace) -> int:
+    """Accuracy against cost of mesh families and solvers, at one sweep point."""
+    from tcstudy.data.cost import MEASURES
+
+    names = [measure.name for measure in MEASURES]
+    if options.error is not None and options.error not in names:
+        fail(f"--error: there is no error {options.error!r}; choose one of {', '.join(names)}")
+    if options.runs < 1:
+        fail(f"--runs: {options.runs} runs measure nothing; give 1 or more")
+    point = point_of(options)
+    study, path = checked(options, "cost")
+    from tcstudy.data.writer import sweep_points
+    from tcstudy.reports.cost import cost_report
+    from tcstudy.reports.cost_plot import plot_cost
+    from tcstudy.reports.progress import CostProgress
+    from tcstudy.reports.select_point import describe, locate
+    from tcstudy.study.cost import cost_to_file, unmeasured
+
+    points = sweep_points(study)
+    where = locate(points, point, "study")
+    words = describe(points, where)
+    if options.error is not None and (lack := unmeasured(study, options.error)):
+        fail(f"--error: {options.error} {lack}")
+    if is_there(options, "cost", study, path, point=words, runs=options.runs):
+        failed = stored(path)[1]
+    else:
+        with closing(CostProgress()) as progress:
+            failed = cost_to_file(study, tuple(where.values()), words, options.runs, path, progress, options.words)
+    drawn = plot_cost(path, options.plot, options.error) if options.plot is not None else None
+    return _end(cost_report(path, options.format, options.error), drawn, path, failed)
+
+
+def _end(text: str, drawn: str | None, path: Path, failed: int) -> int:
+    """The tables; beside them what was drawn and where the data are."""
+    print(text, end="")
+    for line in filter(None, (drawn, f"data in {path}")):
+        print(line, file=sys.stderr)
+    return SOME_FAILED if failed else OK
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+COMMANDS = {
+    "converge": Command(
+        "measure errors, rates and limits over the levels",
+        (
+            *STUDY,
+            output_option("convergence file (default: results/<study>.convergence.nc)"),
+            FORMAT,
+            plot_option("draw the errors"),
+            at("point of the plot (default: first)"),
+            FORCE,
+        ),
+        converge,
+    ),
+    "cost": Command(
+        "chart accuracy against cost: meshes and solvers compared",
+        (
+            *STUDY,
+            output_option("cost file (default: results/<study>.cost.nc)"),
+            Option("--runs", type=int, default=5, metavar="N", help="how often everything is timed (default: 5)"),
+            FORMAT,
+            plot_option("draw the chart"),
+            at("sweep point (default: first)"),
+            ERROR,
+            FORCE,
+        ),
+        cost,
+    ),
+}
