@@ -144,6 +144,17 @@ def test_usage_errors(folder: Path) -> None:
     assert "Traceback" not in not_results.stderr
 
 
+def test_a_command_loads_no_other(folder: Path) -> None:
+    code = (
+        "import sys; from tcstudy.cli import main\n"
+        "try: main(['run', 'missing.yaml'])\n"
+        "except SystemExit: pass\n"
+        "print(sorted(name.split('.')[-1] for name in sys.modules if name.startswith('tcstudy.commands.')))"
+    )
+    result = subprocess.run([sys.executable, "-c", code], cwd=folder, text=True, capture_output=True)
+    assert result.stdout == "['run', 'shared']\n"
+
+
 def test_failed_points_are_exit_code_1(folder: Path) -> None:
     smooth = "friction={law: exponential, a: 0.006, b: 0.004, delta: 0.05}"
     strict = "solver={name: separable-newton, tolerance: 1e-19}"  # below rounding, so that it cannot be met

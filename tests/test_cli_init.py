@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tcstudy.cli import COMMANDS, main
+from tcstudy.cli import MODULES, main
 
 
 def test_the_starter_is_planned_and_solved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -47,4 +47,4 @@ def test_the_schema_and_the_table_are_printed(capsys: pytest.CaptureFixture[str]
 def test_shells_complete_every_command(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["completion", shell]) == 0
     script = capsys.readouterr().out
-    assert all(name in script for name in COMMANDS)
+    assert all(name in script for name in MODULES)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from tcstudy import cli, commands
+from tcstudy import cli
+from tcstudy.commands.run import COMMANDS
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="shell redirections of POSIX")
 
@@ -71,7 +73,7 @@ def test_missing_memory_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pyt
     def greedy(options: object) -> int:
         raise MemoryError
 
-    monkeypatch.setattr(commands.run, "command", greedy)
+    monkeypatch.setitem(COMMANDS, "run", replace(COMMANDS["run"], run=greedy))
     assert cli.main(["run", "block.yaml"]) == cli.NO_ROOM
     captured = capsys.readouterr()
     assert captured.err.startswith("there is not enough memory; finished points are kept")
@@ -82,6 +84,6 @@ def test_other_errors_are_not_called_missing_memory(monkeypatch: pytest.MonkeyPa
     def wrong(options: object) -> int:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(commands.run, "command", wrong)
+    monkeypatch.setitem(COMMANDS, "run", replace(COMMANDS["run"], run=wrong))
     with pytest.raises(ZeroDivisionError):
         cli.main(["run", "block.yaml"])
