@@ -4,11 +4,9 @@ Not here: meshes, scenes, files. The single problem (solve) is its oracle.
 """
 
 from tcstudy.online.block import Options, solve_block
-from tcstudy.online.body import CondensedBody
 from tcstudy.online.law_tables import LawTables
-from tcstudy.online.problems import BlockAnswers, Certificates
+from tcstudy.online.problems import BlockAnswers, Certificates, CondensedBody
 from tcstudy.online.row_laws import RowLaws
-from tcstudy.online.sweep import solve_points
 
 __all__ = [
     "BlockAnswers",
@@ -18,5 +16,4 @@ __all__ = [
     "Options",
     "RowLaws",
     "solve_block",
-    "solve_points",
 ]

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online.body import CondensedBody
 from tcstudy.online.certify import (
     MARGIN,
     energy_gap,
@@ -29,7 +28,7 @@ from tcstudy.online.certify import (
     unique,
 )
 from tcstudy.online.descent import TOLERANCE, Descended, descend, descend_nested
-from tcstudy.online.problems import BlockAnswers, Certificates, Judged, Rows, judge
+from tcstudy.online.problems import BlockAnswers, Certificates, CondensedBody, Judged, Rows, judge
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.online.search import hull_starts, move_starts
 from tcstudy.scene.methods import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NAMES, ZERO, Branch
@@ -153,6 +152,8 @@ class _Block:
 
     def search(self, points: Index) -> None:
         """Look for less energy at points of which nothing is proved, as solvers/search.py does."""
+        if not len(points):
+            return
         points = self.improve(points, descend(self.rows.take(points), self.v[points], self.aim, minima=True), ZERO)
         rows = self.rows.take(points)
         frictionless = rows.loads @ rows.body.inverse

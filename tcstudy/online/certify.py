@@ -1,7 +1,7 @@
 """What can be proved about P points at once; the flags of tcstudy/solvers/certificates.py with the same meaning.
 
 Before any solution: convex (ω < λ₁) or convex on the box that holds all solutions → unique.
-At a solution v:     global minimum, if Ã − C diag D is positive definite with D of law_bends; that proves a strict one,
+At a solution v:     global minimum, if Ã − C diag D is positive definite with D below; that proves a strict one,
                      too. Else a strict minimum by the second-order test on the free nodes.
 
 Which of many matrices Ã + C diag(s_r − μ) are positive definite, with as few factorisations as may be.
@@ -9,19 +9,30 @@ Which of many matrices Ã + C diag(s_r − μ) are positive definite, with as fe
 If the matrix with the pointwise least diagonal of a group is positive definite, all of the group are. If its Cholesky
 factorisation breaks down, the direction d of negative curvature refutes every row with dᵀ(Ã + C diag(s_r − μ))d ≤ 0 at
 the price of a product; what is left is halved.
+
+How far j bends below its tangent at v, D_i of tcstudy/solvers/bounds.py:
+
+D_i = sup over s in [low_i, high_i] of 2 [j(v_i) + ζ_i (s − v_i) − j(s)] / (s − v_i)²,  ζ_i ∈ b̂(v_i)
+
+On a linear piece the quotient is a parabola in 1/(s − v_i). An exponential piece is cut into parts, on which b is
+bounded from below by a line through its value at the near end (the tangent where b is convex, the chord where it is
+concave), while j there is exact: an upper bound of D_i for any number of parts, so that few will do where they suffice.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.online.body import CondensedBody
-from tcstudy.online.law_bounds import PARTS
-from tcstudy.online.newton import factor_free, slopes, traction_scale
-from tcstudy.online.problems import Rows
+from tcstudy.online.law_tables import LawTables
+from tcstudy.online.newton import factor_free, slopes
+from tcstudy.online.problems import CondensedBody, Rows
+from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.friction import UP
+from tcstudy.solvers.bounds import quotient, start_excess
 from tcstudy.solvers.separable.pieces import cholesky
 
 Array = NDArray[np.float64]
@@ -127,7 +138,7 @@ def global_minimum(rows: Rows, v: Array, low: Array, high: Array) -> Flags:
     proved = np.zeros(len(v), dtype=bool)
     open_ = np.arange(len(v))
     for parts in (PARTS,) if rows.laws.tables.linear else (_FEW_PARTS, PARTS):
-        bend = rows.laws.take(open_).bend(v[open_], zeta[open_], low[open_], high[open_], parts)
+        bend = bend_below_tangent(rows.laws.take(open_), v[open_], zeta[open_], low[open_], high[open_], parts)
         finite = np.all(np.isfinite(bend), axis=1)
         proved[open_[finite]] = definite(rows.body, -bend[finite], MARGIN)
         bent = np.any(rows.laws.tables.a[rows.laws.law[open_]] != 0.0, axis=(1, 2))
@@ -140,7 +151,7 @@ def global_minimum(rows: Rows, v: Array, low: Array, high: Array) -> Flags:
 def strict_minimum(rows: Rows, v: Array) -> Flags:
     """(R,) the second-order test with nodes that rest without slack counted as free (sufficient, not necessary)."""
     body, xi = rows.body, rows.xi(v)
-    s = slopes(body, rows.laws, traction_scale(body, rows.laws, rows.loads), v, xi)
+    s = slopes(rows, v, xi)
     noise = 1e3 * np.finfo(float).eps * (np.diagonal(body.A_tilde) * np.abs(v) + np.abs(xi))
     on_up = rows.laws.kind(s.at) == UP
     held = on_up & (s.left < -noise) & (s.right > noise)
@@ -155,14 +166,92 @@ def strict_minimum(rows: Rows, v: Array) -> Flags:
 
 def resting_slack(rows: Rows, v: Array) -> tuple[Array, NDArray[np.intp]]:
     """(R,) least slack of the nodes on up-jumps relative to c·(scale of b), inf without any, and their number."""
-    scale = traction_scale(rows.body, rows.laws, rows.loads)
-    s = slopes(rows.body, rows.laws, scale, v, rows.xi(v))
+    s = slopes(rows, v, rows.xi(v))
     on = rows.laws.kind(s.at) == UP
     slack = np.where(on, np.minimum(-s.left, s.right) / rows.body.c, np.inf)
-    return np.min(slack, axis=1, initial=np.inf) / scale, np.count_nonzero(on, axis=1)
+    return np.min(slack, axis=1, initial=np.inf) / rows.scale, np.count_nonzero(on, axis=1)
 
 
 def energy_gap(rows: Rows, v: Array) -> Array:
     """(R,) ‖ξ/c − ζ‖²/(2μ): what rounding in v leaves open of a proof [J/m]."""
     traction, zeta = nearest_traction(rows, v)
     return np.asarray((traction - zeta) ** 2 @ rows.body.c / (2.0 * rows.body.shift(MARGIN)))
+
+
+PARTS = 48
+"""Parts of an exponential piece of the careful bound."""
+_DECAY, _ROUNDINGS = 16.0, 64.0
+"""Decay lengths that the parts cover (one more takes the rest), and roundings of j by which every D is enlarged."""
+
+
+def bend_below_tangent(laws: RowLaws, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS) -> Array:
+    """(R, m) upper bounds of D for slips between low and high [Pa/m]; inf where v_i sits on a down-jump.
+
+    zeta: elements of b̂(v), exactly b(v) off the kinks [Pa]
+    """
+    tables, law = laws.tables, np.broadcast_to(laws.law, v.shape).ravel()
+    v_own, low, high = (laws.own_slip(x).ravel() for x in (v, low, high))
+    zeta = laws.own_traction(zeta).ravel()
+    right = _one_side(tables, law, v_own, zeta, high, parts)
+    left = _one_side(tables.mirrored, law, -v_own, -zeta, -low, parts)
+    return laws.traction(np.maximum(right, left).reshape(v.shape), -1)
+
+
+@dataclass
+class _March:
+    """Nodes on their way from v to the right: where they are and the gap h = j(v) + ζ(s − v) − j(s) there."""
+
+    tables: LawTables
+    v: Array
+    zeta: Array
+    at: Array
+    gap: Array
+    D: Array
+    size: Array
+
+    def advance(self, nodes: Index, piece: Index, width: Array) -> None:
+        """Take the part [at, at + width] of the pieces (n,) of the named nodes into account and go to its end."""
+        tables, at, gap = self.tables, self.at[nodes], self.gap[nodes]
+        v, zeta = self.v[nodes], self.zeta[nodes]
+        value, slope = tables.value(at, piece), tables.slope(at, piece)
+        excess = np.where(at == v, start_excess(value, zeta), zeta - value)
+        concave = tables.a.take(piece) < 0.0
+        if np.any(concave):
+            chord = (tables.value(at + width, piece) - value) / np.where(width > 0.0, width, 1.0)
+            slope = np.where(concave & (width > 0.0), np.minimum(chord, slope), slope)
+        self.size[nodes] = np.maximum(self.size[nodes], np.abs(value))
+        distance = at - v
+        noise = np.zeros(len(nodes))  # of the quotient, which at v itself is a limit
+        np.divide(_ROUNDINGS * np.finfo(float).eps * self.size[nodes], distance, out=noise, where=distance > 0.0)
+        largest = quotient(gap, excess, slope, distance, width) + noise
+        self.D[nodes] = np.maximum(self.D[nodes], np.where(width > 0.0, largest, -np.inf))
+        self.gap[nodes] = gap + width * zeta - tables.piece_integral(piece, at, at + width)
+        self.at[nodes] = at + width
+
+
+def _one_side(tables: LawTables, law: Index, v: Array, zeta: Array, high: Array, parts: int) -> Array:
+    """sup of the quotient over s ∈ (v, high] (−∞ where that is empty)."""
+    at = tables.locate(law, v)
+    begin = at.piece + at.on
+    march = _March(tables, v, zeta, v.copy(), np.zeros(len(v)), np.full(len(v), -np.inf), np.abs(zeta))
+    for column in range(tables.q.shape[1]):
+        piece = tables.first[law] + column
+        end = np.minimum(tables.upper.take(piece), high)
+        active = np.flatnonzero((begin <= piece) & (march.at < end))
+        bent = tables.a.take(piece[active]) != 0.0
+        for nodes, count in ((active[~bent], 1), (active[bent], parts)):
+            if len(nodes):
+                for width in _parts(tables.r.take(piece[nodes]), end[nodes] - march.at[nodes], count):
+                    march.advance(nodes, piece[nodes], width)
+                march.at[nodes] = end[nodes]
+    return march.D
+
+
+def _parts(rate: Array, width: Array, count: int) -> list[Array]:
+    """Widths of the parts into which [at, at + width] is cut: fine on the side where b changes fast."""
+    if count == 1:
+        return [width]
+    with np.errstate(divide="ignore"):
+        fine = np.minimum(width, _DECAY / np.abs(rate))
+    rest, inner = width - fine, [fine / count] * count
+    return [np.where(rate < 0.0, rest, 0.0), *inner, np.where(rate > 0.0, rest, 0.0)]

@@ -13,11 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online.body import prolonged, restricted
 from tcstudy.online.law_tables import Place
-from tcstudy.online.newton import BlockSlopes, directions, slopes, traction_scale
-from tcstudy.online.problems import Rows
-from tcstudy.online.saddles import leave_saddles
+from tcstudy.online.newton import BlockSlopes, directions, leave_saddles, slopes
+from tcstudy.online.problems import Rows, prolonged, restricted
 from tcstudy.solvers.separable.descent import NodeEnergy
 
 Array = NDArray[np.float64]
@@ -56,7 +54,7 @@ def descend(rows: Rows, start: Array, tolerance: float = TOLERANCE, minima: bool
             break
         own, v = rows.take(open_), ended.v[open_]
         xi = own.xi(v)
-        s = slopes(own.body, own.laws, traction_scale(own.body, own.laws, own.loads), v, xi)
+        s = slopes(own, v, xi)
         v, left = leave_saddles(own, v, xi, s)
         open_ = open_[left]
         again = _descend(rows.take(open_), v[left], tolerance, minima)
@@ -68,13 +66,12 @@ def descend(rows: Rows, start: Array, tolerance: float = TOLERANCE, minima: bool
 
 def _descend(rows: Rows, start: Array, tolerance: float, careful: bool) -> Descended:
     """Newton's method to a first-order stationary point; careful: as newton.directions has it."""
-    body, scale = rows.body, traction_scale(rows.body, rows.laws, rows.loads)
     count = len(start)
     best, residual, taken = start.copy(), np.full(count, np.inf), np.zeros(count, dtype=np.intp)
     at, v, polished = np.arange(count), start, np.zeros(count, dtype=np.intp)
     for step in range(_STEPS + 1):
         xi = rows.xi(v)
-        s = slopes(body, rows.laws, scale, v, xi)
+        s = slopes(rows, v, xi)
         better = s.residual < residual[at]
         best[at[better]], residual[at[better]], taken[at] = v[better], s.residual[better], step
         going = (s.residual > tolerance) & (polished < _POLISHED) & ((polished == 0) | better)
@@ -82,7 +79,7 @@ def _descend(rows: Rows, start: Array, tolerance: float, careful: bool) -> Desce
             break
         if not np.all(going):
             on = np.flatnonzero(going)
-            s, rows, at, scale = s.take(on), rows.take(on), at[on], scale[on]
+            s, rows, at = s.take(on), rows.take(on), at[on]
             v, xi, polished = v[on], xi[on], polished[on]
         v, level = _step(rows, v, xi, s, careful)
         polished = np.where(level, polished + 1, 0)

@@ -8,6 +8,9 @@ on F, or, with the compliance G = Ã⁻¹, on the nodes K that rest or have b′
 A_FF + C b′ is positive definite exactly if G_KK + D has as many negative eigenvalues as b′ (Sylvester's law of inertia
 on both Schur complements of one block matrix). Where it is not, the falls of b are lifted to zero, as in
 tcstudy/solvers/separable/pieces.py.
+
+Where A_FF + C b′ of a stationary point is not positive definite, that is no minimum but for luck, and a direction d
+with dᵀ(A_FF + C b′)d ≤ 0 leads down from it; a row at a time, since few rows end so.
 """
 
 from __future__ import annotations
@@ -18,9 +21,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.online.body import CondensedBody
 from tcstudy.online.law_tables import Place
-from tcstudy.online.row_laws import RowLaws
+from tcstudy.online.problems import CondensedBody, Rows
 from tcstudy.scene.friction import BEND
 from tcstudy.solvers.separable.pieces import cholesky
 
@@ -71,8 +73,9 @@ class BlockSlopes:
         return BlockSlopes(at, left, right, descent, self.jump[rows], self.residual[rows])
 
 
-def slopes(body: CondensedBody, laws: RowLaws, scale: Array, v: Array, xi: Array) -> BlockSlopes:
-    """Slopes c b(v∓0) − ξ of rows; scale: (R,) of b [Pa]."""
+def slopes(rows: Rows, v: Array, xi: Array) -> BlockSlopes:
+    """Slopes c b(v∓0) − ξ of rows."""
+    body, laws = rows.body, rows.laws
     at = laws.locate(v)
     left = body.c * laws.value(v, at.piece) - xi
     right, jump = left, np.zeros(v.shape, dtype=bool)
@@ -81,18 +84,8 @@ def slopes(body: CondensedBody, laws: RowLaws, scale: Array, v: Array, xi: Array
         jump = laws.kind(at) != BEND
     climb_right, climb_left = np.maximum(-right, 0.0), np.maximum(left, 0.0)
     descent = np.where(jump, np.where(climb_right >= climb_left, -climb_right, climb_left), right)
-    return BlockSlopes(at, left, right, descent, jump, np.max(np.abs(descent) / body.c, axis=1, initial=0.0) / scale)
-
-
-def traction_scale(body: CondensedBody, laws: RowLaws, loads: Array) -> Array:
-    """(R,) scale of b as ContactProblem.traction_scale has it, 1 where that is 0 [Pa]."""
-    scale = laws.b_scale()
-    bare = np.flatnonzero(scale == 0.0)
-    if len(bare):
-        zero, own = np.zeros((len(bare), body.m)), laws.take(bare)
-        at_0 = np.maximum(*(np.abs(b) for b in own.interval(zero, own.locate(zero))))
-        scale[bare] = np.max(np.maximum(np.abs(loads[bare]) / body.c, at_0), axis=1, initial=0.0)
-    return np.where(scale > 0.0, scale, 1.0)
+    residual = np.max(np.abs(descent) / body.c, axis=1, initial=0.0) / rows.scale
+    return BlockSlopes(at, left, right, descent, jump, residual)
 
 
 def directions(body: CondensedBody, free: Flags, stiffness: Array, g: Array, careful: bool = False) -> Array:
@@ -188,3 +181,59 @@ def _on_held(body: CondensedBody, held: Flags, k: Array, y: Array) -> Array:
         return _on_held(body, held & (k >= 0.0), np.maximum(k, 0.0), y)
     z[nodes] = x
     return z
+
+
+_LENGTHS = 1.0, 0.25, 0.05
+"""Parts of the way to the next kink that are tried; exponential pieces may need the shorter ones."""
+_ROUNDINGS = 64.0
+"""Decreases of energy below this many roundings of the work of ξ are none."""
+
+
+def leave_saddles(rows: Rows, v: Array, xi: Array, s: BlockSlopes) -> tuple[Array, Flags]:
+    """(points of less energy where there are such, whether), for stationary points v (R, m)."""
+    body, free = rows.body, s.free
+    added = np.where(free, body.c * rows.laws.slope(v, s.piece), 0.0)
+    new, left = v.copy(), np.zeros(len(v), dtype=bool)
+    for i in np.flatnonzero(np.any(added < 0.0, axis=1)):
+        nodes = np.flatnonzero(free[i])
+        curvature = _negative_curvature(rows, nodes, added[i, nodes])
+        if curvature is not None:
+            direction = np.zeros(body.m)
+            direction[nodes] = curvature
+            new[i], left[i] = _lower_along(rows.take(np.array([i])), v[i], xi[i], s.take(np.array([i])), direction)
+    return new, left
+
+
+def _negative_curvature(rows: Rows, free: Index, added: Array) -> Array | None:
+    """(n,) d with dᵀ(A_FF + diag `added`)d ≤ 0, None if that matrix is positive definite."""
+    A = rows.body.A_tilde
+    diagonal = np.diagonal(A)[free]
+    direction = np.zeros(len(free))
+    if np.any(diagonal + added <= 0.0):
+        direction[np.argmin((diagonal + added) / diagonal)] = 1.0
+        return direction
+    factor, info = factor_free(rows.body, free, added)
+    if info == 0:
+        return None
+    k = info - 1
+    direction[k] = 1.0
+    direction[:k] = -scipy.linalg.lapack.dpotrs(np.asfortranarray(factor[:k, :k]), A[free[k], free[:k]], lower=1)[0]
+    return direction
+
+
+def _lower_along(row: Rows, v: Array, xi: Array, s: BlockSlopes, direction: Array) -> tuple[Array, bool]:
+    """(the point towards the first kink along ±direction, True) if it is lower, else (v, False)."""
+    first_order = np.where(direction > 0.0, s.right[0], s.left[0])
+    direction = -direction if float(first_order @ direction) > 0.0 else direction
+    low, high = row.laws.ends(s.piece)
+    end = np.where(direction > 0.0, high[0], low[0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(direction != 0.0, (end - v) / direction, np.inf)
+    length = float(np.min(reach[reach > 0.0], initial=np.inf))
+    if np.isfinite(length):
+        for part in _LENGTHS:
+            target = v + part * length * direction
+            change, work = row.energy_change(v[None], xi[None], target[None], s.at)
+            if change[0] < -_ROUNDINGS * np.finfo(float).eps * work[0]:
+                return target, True
+    return v, False

@@ -1,24 +1,112 @@
-"""Contact problems on one body as rows of arrays: their forces ξ and energies L̃.
+"""One condensed body, contact problems on it as rows of arrays, and what a block of them is answered with.
 
-What a block of points is answered with: arrays over its points, judged by the inclusion (21).
+Nothing here knows a load, a law or a mesh: the record is made once (offline), pickles, and serves any number of
+problems 0 ∈ Ãv − l̃ + ∂Ψ(v) on this body. A body whose E varies is one body, too: divide the problem by E.
+
+The coarse copies are Galerkin restrictions to every second contact node with linear interpolation P, Ã_c = PᵀÃP and
+c_c = Pᵀc (solvers/separable/newton.py), which give starts; another order of the nodes costs their quality, never
+correctness.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.online.body import CondensedBody
 from tcstudy.online.law_tables import Place
-from tcstudy.online.newton import traction_scale
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.extended import extended_residual
+from tcstudy.solvers.problem import least_eigenvalue
+from tcstudy.solvers.separable.newton import interpolation
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+COARSEST = 40
+"""Bodies with at most so many contact nodes have no coarser copy."""
+
+
+@dataclass(frozen=True, eq=False)
+class CondensedBody:
+    """What all contact problems on one body share.
+
+    A_tilde:  (m, m) symmetric positive definite, condensed stiffness [Pa]
+    c:        (m,) segment lengths meas(S_i) > 0 [m]
+    inverse:  (m, m) Ã⁻¹ [1/Pa]
+    lambda_1: λ_min(C^{−½}ÃC^{−½}) [Pa/m]
+    coarse:   its Galerkin copy on every second node, None for a small body
+    """
+
+    A_tilde: Array
+    c: Array
+    inverse: Array
+    lambda_1: float
+    coarse: CondensedBody | None
+
+    @classmethod
+    def of(cls, A_tilde: Array, c: Array) -> CondensedBody:
+        """The record of Ã (m, m) and c (m,); two factorisations and an eigenvalue.
+
+        Raises ValueError if Ã is not positive definite: then the body can move freely.
+        """
+        A, c = np.array(A_tilde, dtype=float, order="C"), np.array(c, dtype=float)
+        factor, info = scipy.linalg.lapack.dpotrf(A, lower=1)
+        if info != 0:
+            raise ValueError("the condensed stiffness is not positive definite: the body can move freely (clamp it)")
+        half = scipy.linalg.lapack.dpotri(factor, lower=1)[0] if len(c) else A
+        inverse = np.ascontiguousarray(np.tril(half) + np.tril(half, -1).T)
+        return cls(A, c, inverse, least_eigenvalue(A, c), _coarse(A, c) if len(c) > COARSEST else None)
+
+    @property
+    def m(self) -> int:
+        """Number of contact nodes."""
+        return len(self.c)
+
+    def shift(self, margin: float) -> float:
+        """μ = margin·λ₁, by how much a matrix must be positive definite, and no less than rounding [Pa/m].
+
+        As in tcstudy/solvers/certificates.py.
+        """
+        largest = float(np.max(np.diagonal(self.A_tilde) / self.c))
+        return max(margin * self.lambda_1, 8.0 * self.m * float(np.finfo(float).eps) * largest)
+
+    def inverse_rounding(self) -> float:
+        """Relative rounding of products with Ã⁻¹."""
+        condition = float(np.linalg.norm(self.A_tilde, 1) * np.linalg.norm(self.inverse, 1))
+        return 8.0 * self.m * float(np.finfo(float).eps) * condition
+
+
+def _coarse(A: Array, c: Array) -> CondensedBody:
+    P = interpolation(len(c))
+    coarse = P.T @ (P.T @ A).T
+    return CondensedBody.of(0.5 * (coarse + coarse.T), P.T @ c)
+
+
+def restricted(rows: Array) -> Array:
+    """Pᵀ of every row (R, m): loads of the coarser copy (R, ⌈m/2⌉)."""
+    coarse = np.array(rows[:, ::2])
+    half = 0.5 * rows[:, 1::2]
+    coarse[:, : half.shape[1]] += half
+    after = half[:, : coarse.shape[1] - 1]
+    coarse[:, 1 : 1 + after.shape[1]] += after
+    if half.shape[1] == coarse.shape[1]:
+        coarse[:, -1] += half[:, -1]  # m is even: the last node has one coarse neighbour only
+    return coarse
+
+
+def prolonged(rows: Array, m: int) -> Array:
+    """P of every row (R, ⌈m/2⌉): displacements of m nodes."""
+    fine = np.empty((len(rows), m))
+    fine[:, ::2] = rows
+    right = np.concatenate([rows[:, 1:], rows[:, -1:]], axis=1)
+    fine[:, 1::2] = 0.5 * (rows + right)[:, : m // 2]
+    return fine
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +120,17 @@ class Rows:
     def take(self, rows: Index) -> Rows:
         """The named rows."""
         return Rows(self.body, self.laws.take(rows), self.loads[rows])
+
+    @cached_property
+    def scale(self) -> Array:
+        """(R,) scale of b as ContactProblem.traction_scale has it, 1 where that is 0 [Pa]."""
+        scale = self.laws.b_scale()
+        bare = np.flatnonzero(scale == 0.0)
+        if len(bare):
+            zero, own = np.zeros((len(bare), self.body.m)), self.laws.take(bare)
+            at_0 = np.maximum(*(np.abs(b) for b in own.interval(zero, own.locate(zero))))
+            scale[bare] = np.max(np.maximum(np.abs(self.loads[bare]) / self.body.c, at_0), axis=1, initial=0.0)
+        return np.where(scale > 0.0, scale, 1.0)
 
     def xi(self, v: Array) -> Array:
         """ξ = l̃ − Ãv (R, m) [N/m]."""
@@ -53,9 +152,6 @@ class Rows:
         friction = self.body.c * self.laws.integral(x, target, at, self.laws.locate(target))
         change = np.sum(friction - work + 0.5 * move * (move @ self.body.A_tilde), axis=1)
         return change, np.abs(work).sum(axis=1)
-
-
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,26 +208,6 @@ class BlockAnswers:
     searched_singly: Flags
     certificates: Certificates
 
-    def take(self, points: NDArray[np.intp]) -> BlockAnswers:
-        """The named points, in this order."""
-        own = {f.name: getattr(self, f.name) for f in fields(self)}
-        proved = Certificates(*(getattr(self.certificates, f.name)[points] for f in fields(Certificates)))
-        reasons = tuple(self.reasons[int(p)] for p in points)
-        arrays = {name: x[points] for name, x in own.items() if isinstance(x, np.ndarray)}
-        return BlockAnswers(**arrays, reasons=reasons, certificates=proved)
-
-
-def joined(parts: list[BlockAnswers]) -> BlockAnswers:
-    """The answers of several blocks, one after the other."""
-
-    def together(records: list[object], names: list[str]) -> dict[str, NDArray]:
-        return {name: np.concatenate([getattr(record, name) for record in records]) for name in names}
-
-    proved = Certificates(**together([p.certificates for p in parts], [f.name for f in fields(Certificates)]))
-    names = [f.name for f in fields(BlockAnswers) if f.name not in ("reasons", "certificates")]
-    reasons = tuple(reason for part in parts for reason in part.reasons)
-    return BlockAnswers(**together(list(parts), names), reasons=reasons, certificates=proved)
-
 
 @dataclass(frozen=True, eq=False)
 class Judged:
@@ -149,7 +225,7 @@ def judge(rows: Rows, v: Array, acceptance: Acceptance) -> Judged:
     Where rounding of ξ leaves that open ξ is formed in extended precision.
     """
     body, laws, xi = rows.body, rows.laws, rows.xi(v)
-    scale, at = traction_scale(body, laws, rows.loads), laws.locate(v)
+    scale, at = rows.scale, laws.locate(v)
     low, high = laws.interval(v, at)
 
     def residual_of(force: Array, part: slice | NDArray[np.intp]) -> Array:

@@ -12,9 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online.law_bounds import bend_below_tangent, far, largest_push, least_slope, value_range
-from tcstudy.online.law_tables import LawTables, Place
-from tcstudy.online.node_places import best_places
+from tcstudy.online.law_tables import LawTables, Place, far, largest_push, least_slope, value_range
 from tcstudy.scene.friction import BEND, FrictionLaw
 
 Array = NDArray[np.float64]
@@ -72,28 +70,32 @@ class RowLaws:
         law = law.scaled(1.0 / sigma, 1.0 / beta)
         return replace(law, kinks=law.kinks + s_p, s_0=law.s_0 + s_p)
 
-    def _own(self, s: Array) -> Array:
+    def own_slip(self, s: Array) -> Array:
         """Slips as the tables count them."""
         s = s if self.moved is None else s - self.moved
         return s if self.stretched is None else s / self.stretched
 
-    def _slip(self, t: Array) -> Array:
+    def slip(self, t: Array) -> Array:
         """Slips of the nodes from those of the tables."""
         t = t if self.stretched is None else t * self.stretched
         return t if self.moved is None else t + self.moved
 
-    def _times(self, value: Array, slips: int = 0) -> Array:
+    def own_traction(self, value: Array) -> Array:
+        """Tractions as the tables count them."""
+        return value if self.stronger is None else value / self.stronger
+
+    def traction(self, value: Array, slips: int = 0) -> Array:
         """Tractions of the nodes from those of the tables, times σ to the power of `slips`."""
         value = value if self.stronger is None else value * self.stronger
         return value if self.stretched is None or slips == 0 else value * self.stretched**slips
 
     def b_scale(self) -> Array:
         """(R,) scale of b in every row [Pa]."""
-        return np.asarray(np.max(self._times(self.tables.b_scale[self.law]), axis=1))
+        return np.asarray(np.max(self.traction(self.tables.b_scale[self.law]), axis=1))
 
     def omega(self) -> Array:
         """(R,) steepest fall of b in every row [Pa/m]."""
-        return np.asarray(np.max(self._times(self.tables.omega[self.law], -1), axis=1))
+        return np.asarray(np.max(self.traction(self.tables.omega[self.law], -1), axis=1))
 
     def locate(self, s: Array) -> Place:
         """Where slips (R, m) sit; on a kink means bitwise on what `kink` gives."""
@@ -102,28 +104,28 @@ class RowLaws:
         piece = np.empty(s.shape, dtype=np.intp)
         piece[...] = self.tables.first[self.law]
         for kinks in self.tables.kinks.T:
-            piece += s > self._slip(kinks[self.law])
-        return Place(piece, s == self._slip(self.tables.upper.take(piece)))
+            piece += s > self.slip(kinks[self.law])
+        return Place(piece, s == self.slip(self.tables.upper.take(piece)))
 
     def value(self, s: Array, piece: Index) -> Array:
         """b of the addressed pieces (R, m) [Pa]."""
-        return self._times(self.tables.value(self._own(s), piece))
+        return self.traction(self.tables.value(self.own_slip(s), piece))
 
     def slope(self, s: Array, piece: Index) -> Array:
         """b′ of the addressed pieces (R, m) [Pa/m]."""
-        return self._times(self.tables.slope(self._own(s), piece), -1)
+        return self.traction(self.tables.slope(self.own_slip(s), piece), -1)
 
     def integral(self, x: Array, y: Array, x_at: Place, y_at: Place) -> Array:
         """∫_x^y b (R, m) [Pa·m]."""
-        return self._times(self.tables.integral(self._own(x), self._own(y), x_at, y_at), 1)
+        return self.traction(self.tables.integral(self.own_slip(x), self.own_slip(y), x_at, y_at), 1)
 
     def next_up_jump(self, at: Place, direction: Array) -> Array:
         """First up-jump strictly beyond the slips at `at` in the sign of `direction`, else ±∞ (R, m) [m]."""
-        return self._slip(self.tables.next_up_jump(at, direction))
+        return self.slip(self.tables.next_up_jump(at, direction))
 
     def ends(self, piece: Index) -> tuple[Array, Array]:
         """(left, right) ends of the addressed pieces (R, m) [m]."""
-        return self._slip(self.tables.lower.take(piece)), self._slip(self.tables.upper.take(piece))
+        return self.slip(self.tables.lower.take(piece)), self.slip(self.tables.upper.take(piece))
 
     def kind(self, at: Place) -> NDArray[np.int8]:
         """UP, BEND or DOWN where a slip sits on a kink, BEND elsewhere (R, m)."""
@@ -137,17 +139,17 @@ class RowLaws:
 
     def value_range(self, low: Array, high: Array) -> tuple[Array, Array]:
         """(least, largest) value of the filled graph of b on [low, high] (R, m) [Pa]."""
-        least, largest = value_range(self.tables, self.law, self._own(low), self._own(high))
-        return self._times(least), self._times(largest)
+        least, largest = value_range(self.tables, self.law, self.own_slip(low), self.own_slip(high))
+        return self.traction(least), self.traction(largest)
 
     def least_slope(self, low: Array, high: Array) -> Array:
         """Least slope of b on [low, high], −∞ with a down-jump in it (R, m) [Pa/m]."""
-        return self._times(least_slope(self.tables, self.law, self._own(low), self._own(high)), -1)
+        return self.traction(least_slope(self.tables, self.law, self.own_slip(low), self.own_slip(high)), -1)
 
     def largest_push(self) -> Array:
         """(R,) sup over s of −sign(s) b(s), at least 0 [Pa]."""
         if self.moved is None:
-            return np.asarray(np.max(self._times(largest_push(self.tables)[self.law]), axis=1))
+            return np.asarray(np.max(self.traction(largest_push(self.tables)[self.law]), axis=1))
         reach = np.abs(self.moved) + self._slip_reach()
         zero = np.zeros(reach.shape)
         least, _ = self.value_range(zero, reach)
@@ -158,16 +160,3 @@ class RowLaws:
         """Slips from `moved` within which b differs from its behaviour far away (R, 1) or (R, m) [m]."""
         own = far(self.tables)[self.law]
         return own if self.stretched is None else own * self.stretched
-
-    def bend(self, v: Array, zeta: Array, low: Array, high: Array, parts: int) -> Array:
-        """(R, m) how far j bends below its tangents at v, between low and high [Pa/m]; see law_bends."""
-        zeta = zeta if self.stronger is None else zeta / self.stronger
-        law = np.broadcast_to(self.law, v.shape).ravel()
-        s, low, high = (self._own(x).ravel() for x in (v, low, high))
-        return self._times(bend_below_tangent(self.tables, law, s, zeta.ravel(), low, high, parts).reshape(v.shape), -1)
-
-    def best_places(self, v: Array, force: Array, k: Array) -> tuple[Array, Array]:
-        """(gain per length, slip), (R, m): where single nodes would go; force = ξ/c [Pa], stiffness k [Pa/m]."""
-        beta, sigma = 1.0 if self.stronger is None else self.stronger, 1.0 if self.stretched is None else self.stretched
-        gain, place = best_places(self.tables, self.law, self._own(v), force / beta, k * (sigma / beta))
-        return self._times(gain, 1), np.where(gain < 0.0, self._slip(place), v)

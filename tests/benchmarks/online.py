@@ -3,7 +3,7 @@
 Body:    the quickstart's at five mesh sizes, m = 11 to 352 contact nodes; loads of 10 α × 25 θ̄
 Sweeps:  softening with 10 δ, the quickstart's four laws, and 1,000 random laws of all shapes; 1,000 points each
 Before:  tcstudy.solvers.contact with its certificates, λ₁ and Ã⁻¹ of the body given, on every 40th point
-Now:     tcstudy.online.solve_points, tables of the laws included; both in turns, CPU time of one thread, least of two
+Now:     tcstudy.online.solve_block in blocks as a study has them, tables of the laws included; CPU time, least of two
 Whole:   1,000 points from the condensed body to the finished file: loads, solve, certificates, journal, netCDF
 `--whole` measures that alone and keeps the other figures.
 `--check` compares every answer of 2,000 saw-tooth problems and of random problems with those of the single solve.
@@ -28,13 +28,14 @@ import scipy.linalg
 import xarray as xr
 from numpy.typing import NDArray
 
-from tcstudy.online import BlockAnswers, CondensedBody, LawTables, solve_points
+from tcstudy.online import BlockAnswers, CondensedBody, LawTables
 from tcstudy.reports.style import INK, WIDTH, inches, save, styled
 from tcstudy.scene import law_pieces
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.problem import ContactProblem
+from tests.online.rows import solve_points
 from tests.solvers.contact_cases import random_problem
 
 T = TypeVar("T")

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online import CondensedBody, LawTables
+from tcstudy.online import BlockAnswers, Certificates, CondensedBody, LawTables, Options, RowLaws, solve_block
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solvers.problem import ContactProblem
+from tcstudy.study.workshop import ENOUGH, ENTRIES, MOST, POINTS
 from tests.solvers import contact_cases as cases
 
 Array = NDArray[np.float64]
@@ -48,3 +50,29 @@ def block(
 def single(body: CondensedBody, load: Array, law: FrictionLaw) -> ContactProblem:
     """One point as the single solve takes it."""
     return ContactProblem(body.A_tilde, load, body.c, law)
+
+
+def solve_points(
+    body: CondensedBody, loads: Array, tables: LawTables, law: Index, options: Options | None = None
+) -> BlockAnswers:
+    """Any number of points, sorted by law and cut into blocks of the size that a study has; answers in their order."""
+    size = max(1, min(POINTS, max(ENTRIES // max(1, body.m), min(ENOUGH, MOST // max(1, body.m)))))
+    order = np.argsort(law, kind="stable")
+    parts = []
+    for own in np.array_split(order, -(-len(order) // size)):
+        used, rows = np.unique(law[own], return_inverse=True)
+        parts.append(solve_block(body, loads[own], RowLaws(tables.take(used), rows.reshape(-1, 1)), options))
+    return reordered(parts, np.argsort(order, kind="stable"))
+
+
+def reordered(parts: Sequence[BlockAnswers], points: Index) -> BlockAnswers:
+    """The named points of several blocks that follow each other."""
+
+    def together(records: Sequence[object], kind: type) -> dict[str, Array]:
+        names = [f.name for f in fields(kind) if f.name not in ("reasons", "certificates")]
+        return {name: np.concatenate([getattr(record, name) for record in records])[points] for name in names}
+
+    reasons = [reason for part in parts for reason in part.reasons]
+    proved = Certificates(**together([part.certificates for part in parts], Certificates))
+    own = together(parts, BlockAnswers)
+    return BlockAnswers(**own, reasons=tuple(reasons[p] for p in points), certificates=proved)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.online import BlockAnswers, CondensedBody, LawTables, Options, RowLaws, solve_block, solve_points
-from tcstudy.online.sweep import blocks, waves
+from tcstudy.online import BlockAnswers, CondensedBody, LawTables, Options, RowLaws, solve_block
 from tcstudy.scene.methods import NEIGHBOUR
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import Status
-from tests.online.rows import block, single, some_laws
+from tests.online.rows import block, reordered, single, solve_points, some_laws
 from tests.solvers import contact_cases as cases
 from tests.solvers.exhaustive import least_energy, small_problem
 
@@ -65,19 +64,10 @@ def test_a_block_is_the_same_to_the_bit_whoever_solves_it() -> None:
     body, loads, tables, law = block(44, some_laws(), 50)
     first = solve_points(body, loads, tables, law)
     assert same_bits(first, solve_points(body, loads, tables, law))
-    own = blocks(law, body.m)[0]
+    own = np.argsort(law, kind="stable")
     used, rows = np.unique(law[own], return_inverse=True)
     alone = solve_block(body, loads[own], RowLaws(tables.take(used), rows.reshape(-1, 1)))
-    assert same_bits(first.take(own), alone)
-
-
-def test_blocks_hold_all_points_once_and_are_bounded() -> None:
-    law = np.arange(5000) % 7
-    for m in (11, 352, 10**6):
-        parts = blocks(law, m)
-        assert sorted(np.concatenate(parts)) == list(range(5000))
-        assert max(map(len, parts)) == max(1, min(1024, 2**18 // m))
-        assert np.all(np.diff(law[np.concatenate(parts)]) >= 0)
+    assert same_bits(reordered([first], own), alone)
 
 
 def test_laws_by_node_agree_with_laws_by_row() -> None:
@@ -115,25 +105,17 @@ def test_a_moved_law_is_a_moved_problem() -> None:
     np.testing.assert_allclose(moved.v - passed, plain.v, atol=1e-11)
 
 
-def test_branch_continued_follows_its_neighbours_in_waves() -> None:
+def test_branch_continued_begins_from_its_neighbours() -> None:
     laws = [cases.slip_weakening(1.0, 0.2, 0.05)]
     body, loads, tables, _ = block(20, laws, 1)
-    loads = loads * np.linspace(0.2, 3.0, 12)[:, None]
-    neighbour = np.arange(12) - 1
-    law = np.zeros(12, dtype=np.intp)
-    answers = solve_points(body, loads, tables, law, Options(branch="continued"), neighbour)
-    v = None
-    for p in range(12):
-        expected = solve_contact(single(body, loads[p], laws[0]), branch="continued", neighbour=v)
+    rows, v = RowLaws(tables, np.zeros((1, 1), dtype=np.intp)), None
+    for p, size in enumerate(np.linspace(0.2, 3.0, 12)):
+        near = None if v is None else v[None]
+        answers = solve_block(body, size * loads, rows, Options(branch="continued"), near)
+        expected = solve_contact(single(body, size * loads[0], laws[0]), branch="continued", neighbour=v)
         v = expected.v
-        np.testing.assert_allclose(answers.v[p], v, atol=1e-9 * np.max(np.abs(v)))
-        assert answers.start[p] == expected.start == (0 if p == 0 else NEIGHBOUR)
-
-
-def test_waves_refuse_a_circle() -> None:
-    assert [list(w) for w in waves(np.array([-1, 0, 0, 1]))] == [[0], [1, 2], [3]]
-    with pytest.raises(ValueError, match="circle"):
-        waves(np.array([1, 0]))
+        np.testing.assert_allclose(answers.v[0], v, atol=1e-9 * np.max(np.abs(v)))
+        assert answers.start[0] == expected.start == (0 if p == 0 else NEIGHBOUR)
 
 
 def test_branch_from_zero_is_that_of_the_single_solve() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tcstudy.online import CondensedBody
-from tcstudy.online.body import prolonged, restricted
+from tcstudy.online.problems import prolonged, restricted
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.newton import interpolation
 from tcstudy.solvers.separable.newton import restricted as restricted_problem

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tcstudy.online import LawTables, RowLaws
-from tcstudy.online.law_bounds import bend_below_tangent as bends
-from tcstudy.online.law_bounds import largest_push, least_slope, value_range
+from tcstudy.online.certify import bend_below_tangent
 from tcstudy.online.law_hulls import proximal_hulls
+from tcstudy.online.law_tables import largest_push, least_slope, value_range
 from tcstudy.solvers import bounds as global_bound
 from tcstudy.solvers import bounds as solution_box
 from tcstudy.solvers.hull import proximal_hull
@@ -74,7 +74,7 @@ def test_bends_are_those_of_the_laws_and_few_parts_never_less(parts: int) -> Non
     law, v = law[0], v[0]
     low, high = v - rng.exponential(0.5, len(v)), v + rng.exponential(0.5, len(v))
     zeta = by_law(law, v, of=lambda b, s: np.mean(b.interval(s), axis=0))
-    found = bends(TABLES, law, v, zeta, low, high, parts)
+    found = bend_below_tangent(RowLaws(TABLES, law[None]), v[None], zeta[None], low[None], high[None], parts)[0]
     expected = by_law(law, v, zeta, low, high, of=global_bound.bend_below_tangent)
     if parts == 48:
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.online import CondensedBody, LawTables, solve_points
+from tcstudy.online import CondensedBody, LawTables
 from tcstudy.scene.law_pieces import slip_weakening, tresca
 from tcstudy.scene.study import TOLERANCE, Acceptance
 from tcstudy.solvers.certificates import certify
@@ -13,6 +13,7 @@ from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.finish import extended, refined
+from tests.online.rows import solve_points
 from tests.solvers.ill_conditioned import body
 
 
