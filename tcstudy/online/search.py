@@ -1,7 +1,7 @@
 """Starts of the search for less energy, for many rows at once: convexified problems, and moves of single nodes.
 
-The same two steps as tcstudy/solvers/search.py: descent on the problems with the laws' proximal hulls b_κ, κ growing from
-below λ₁, knows all wells of j; a move puts one node on another piece or up-jump of b while all others relax on theirs.
+The same two steps as tcstudy/solvers/search.py: descent on the problems with the laws' proximal hulls b_κ, κ growing
+from below λ₁, knows all wells of j; a move puts one node on another piece or up-jump of b while all others relax.
 Both give starts; what they are worth is found by descent.
 
 A single node goes where φ(s) = ½ k (s − v)² − f (s − v) + j(s) − j(v) per length of its segment is least, k its
