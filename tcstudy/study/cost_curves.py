@@ -1,27 +1,24 @@
 """The meshes that a chart of accuracy against cost compares, solved level by level and timed.
 
-One scene on the meshes of one family, timed stage by stage: what accuracy costs is measured on these steps.
-
-Every walk starts from nothing: geometry, meshes, assembly, factorisation and solutions are made anew, as a run of this
-one scene makes them. What a solver costs on top of the shared work is timed apart, so that solvers compare on the
-same mesh, factor and machine noise.
+Every walk is a run of one scene on the meshes of one family, from nothing: geometry, meshes, assembly, factorisation
+and solutions are made anew. What a solver costs on top of the shared work is timed apart, so that solvers compare on
+the same mesh, factor and machine noise.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 from tcstudy.data.cost import OWN
-from tcstudy.data.records import PointRecord, PointStatus
+from tcstudy.data.records import PointRecord
 from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level
-from tcstudy.refine.family import Family
 from tcstudy.scene.families import FAMILIES, FamilyName
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import MeshPlan, Study
+from tcstudy.scene.study import MeshPlan, SolverPlan, Study
 from tcstudy.study.point import solve_point
+from tcstudy.study.run import stages
 from tcstudy.study.solved_levels import SolvedLevel, empty_level, solution_of
 
 BEYOND = 4.2
@@ -149,13 +146,13 @@ def _keep(study: Study, scene: Scene, curve: CostCurve, step: MeasuredLevel) -> 
 def _too_slow(step: MeasuredLevel, curve: CostCurve, notes: list[str]) -> set[str]:
     """Solvers that are not worth waiting for on finer meshes of this family."""
     found = set()
-    for name, stages in list(step.stages.items())[1:]:
-        other = stages.total - stages.solve
-        if stages.solve > PATIENCE and stages.solve > WORTH * other:
+    for name, taken in list(step.stages.items())[1:]:
+        other = taken.total - taken.solve
+        if taken.solve > PATIENCE and taken.solve > WORTH * other:
             found.add(name)
             notes.append(
                 f"{name} is not followed beyond level {len(curve.steps) - 1} of the {curve.family} meshes: there its "
-                f"solution took {stages.solve:.1f} s, {stages.solve / other:.0f} times all other work."
+                f"solution took {taken.solve:.1f} s, {taken.solve / other:.0f} times all other work."
             )
     return found
 
@@ -220,71 +217,45 @@ class MeasuredLevel:
 
 
 def walk(study: Study, plan: MeshPlan, scene: Scene, wanted: Wanted) -> Iterator[MeasuredLevel]:
-    """Solve a scene level by level with the study's solvers; the first of them decides about meshes.
+    """Run a scene level by level; the first of the study's solvers decides about meshes, the others take turns there.
 
     wanted: which other solvers to run on which level. Raises GeometryFailed if the body cannot be meshed.
     """
     first, *others = study.solver.names
-    alone = replace(study, mesh=plan, scenes=(scene,), axes=(), output=replace(study.output, fields=True))
-    clock = time.perf_counter()
-    family = Family(alone)
-    geometry = time.perf_counter() - clock
+    output = replace(study.output, fields=True, live=False)
+    alone = replace(study, mesh=plan, scenes=(scene,), axes=(), output=output, solver=_only(study, first))
     meshing, before = 0.0, dict.fromkeys(study.solver.names, 0.0)
-    for i in range(plan.levels):
-        clock = time.perf_counter()
-        mesh = family.next(i)
-        own = time.perf_counter() - clock
-        meshing = own if plan.listed else meshing + own
-        clock = time.perf_counter()
-        level = Level(mesh, scene, (scene,))
-        assembly = time.perf_counter() - clock
-        solved = {first: _timed(alone, level, scene, first)}
-        solved |= {name: _timed(alone, level, scene, name) for name in others if wanted(name, i)}
-        shared = solved[first].total - solved[first].solve
-        estimation, estimate, stop = _estimate(alone, family, level, scene, solved[first].record, i)
-        stages, chained = {}, plan.open_ended
-        for name, timed in solved.items():
-            solve = timed.solve
-            made = geometry + (own if chained else meshing)
-            steps = before[name] + (estimation if plan.tolerance is not None else 0.0)
-            stages[name] = Stages(made, assembly, shared, solve, steps)
+    for i, stage in enumerate(stages(alone)):
+        level, times = stage.level, stage.times
+        if level is None:
+            raise GeometryFailed(next(stage.blocks).reasons[0])
+        [record] = [point for block in stage.blocks for point in block.one_by_one()]
+        stop = stage.stop()
+        records = {first: record}
+        for name in others:
+            if wanted(name, i):
+                records[name] = solve_point(replace(alone, solver=_only(study, name)), level, (), scene)
+        meshing = times.mesh if plan.listed else meshing + times.mesh
+        shared = times.points - _number(record, "time_solve")
+        taken, chained = {}, plan.open_ended
+        for name, one in records.items():
+            solve = _number(one, "time_solve")
+            made = times.geometry + (times.mesh if chained else meshing)
+            steps = before[name] + (times.estimate if plan.tolerance is not None else 0.0)
+            taken[name] = Stages(made, times.assemble, shared, solve, steps)
             if chained:
-                before[name] += own + assembly + shared + solve + estimation
-        records = {name: timed.record for name, timed in solved.items()}
-        yield MeasuredLevel(level, records, stages, estimate, stop)
+                before[name] += times.mesh + times.assemble + shared + solve + times.estimate
+        yield MeasuredLevel(level, records, taken, _number(record, "error_estimate"), stop)
         if stop:
             return
 
 
-@dataclass(frozen=True)
-class _Timed:
-    """The record of a solution, all it took, and the contact problem alone [s], NaN if it was not solved."""
-
-    record: PointRecord
-    total: float
-    solve: float
+def _only(study: Study, solver: str) -> SolverPlan:
+    return replace(study.solver, names=(solver,))
 
 
-def _timed(study: Study, level: Level, scene: Scene, solver: str) -> _Timed:
-    study = replace(study, solver=replace(study.solver, names=(solver,)))
-    clock = time.perf_counter()
-    record = solve_point(study, level, (), scene)
-    total = time.perf_counter() - clock
-    solve = record.numbers.get("time_solve", float("nan"))
-    assert isinstance(solve, float)
-    return _Timed(record, total, solve)
-
-
-def _estimate(
-    study: Study, family: Family, level: Level, scene: Scene, record: PointRecord, i: int
-) -> tuple[float, float, str]:
-    """Time of the error estimate, if the family needs one, the estimate, and why there is no further level."""
-    clock = time.perf_counter()
-    survey = family.survey(level)
-    if survey is None:
-        return 0.0, float("nan"), ""
-    estimate = float("nan")
-    if record.status == PointStatus.OK:
-        estimate = survey.look((), scene, level.condensed(scene), record.u_T)["error_estimate"]
-    stop = survey.stop(i + 1 == study.mesh.levels)
-    return time.perf_counter() - clock, estimate, stop
+def _number(record: PointRecord, name: str) -> float:
+    """A number of a point, NaN where it has none."""
+    value = record.numbers.get(name, float("nan"))
+    assert isinstance(value, float)
+    return value

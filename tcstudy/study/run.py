@@ -6,8 +6,10 @@ kept at once, and the netCDF file appears whole at the end.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -30,7 +32,7 @@ from tcstudy.refine.survey import Survey
 from tcstudy.scene.study import Study
 from tcstudy.study.jobs import Choice, choosing
 from tcstudy.study.plan import faults, output_of, warnings
-from tcstudy.study.workshop import Workshop, all_failed
+from tcstudy.study.workshop import Times, Workshop, all_failed
 
 Key = tuple[int, int]
 """A block: (level, number)."""
@@ -65,12 +67,14 @@ class Stage:
     record: what the data keep of it
     blocks: its points, each block as soon as it is solved
     stop:   asked when all are: why refinement ends here, in words; empty if it goes on
+    times:  what it took so far
     """
 
     level: Level | None
     record: LevelRecord | None
     blocks: Iterator[BlockRecord]
     stop: Callable[[], str]
+    times: Times = field(default_factory=Times)
 
 
 def run(
@@ -98,33 +102,64 @@ def stages(
 ) -> Iterator[Stage]:
     """The levels of a study one after the other; take all blocks of one before the next is asked for.
 
+    Where nothing is estimated, and neither points nor times are wanted, blocks may be left.
     Raises GeometryFailed if the body cannot be meshed.
     """
-    meshes = Family(study) if study.mesh.estimates else Meshes(study)
+    clock = time.perf_counter()
+    meshes = meshes_of(study)
+    geometry = time.perf_counter() - clock
     for i in range(study.mesh.levels):
         known = {number: block for (level, number), block in (finished or {}).items() if level == i}
+        times = Times(geometry)
         try:
+            clock = time.perf_counter()
             mesh = meshes.next(i)
+            times.mesh = time.perf_counter() - clock
             whole = sum(len(block) for block in known.values()) == len(study.scenes)
             if whole and not study.mesh.estimates:
                 continue
+            clock = time.perf_counter()
             level = Level(mesh, study.scenes[0], study.scenes)
+            times.assemble = time.perf_counter() - clock
         except GeometryFailed as error:
             if i == 0 or not study.mesh.listed:
                 raise
             failed = all_failed(study, i, PointStatus.MESH_FAILED, str(error))
             yield Stage(None, None, iter(() if 0 in known else (failed,)), str)
             continue
+        clock = time.perf_counter()
         survey = meshes.survey(level) if isinstance(meshes, Family) else None
+        times.estimate = time.perf_counter() - clock
         who = executor(study, level.line.m) if executor is not None else Here()
-        workshop = Workshop(study, level, survey, who)
-
-        def stop(survey: Survey | None = survey, last: bool = i + 1 == study.mesh.levels) -> str:
-            return survey.stop(last) if survey is not None else ""
-
-        yield Stage(level, level_record(study, mesh, level), workshop.work(known), stop)
+        workshop = Workshop(study, level, survey, who, times)
+        stop = partial(_stop, survey, i + 1 == study.mesh.levels, times)
+        yield Stage(level, level_record(study, mesh, level), _timed(workshop.work(known), times), stop, times)
         if stop() and study.mesh.open_ended:
             return
+
+
+def meshes_of(study: Study) -> Meshes:
+    """The meshes of a run. Raises GeometryFailed if the body cannot be made."""
+    return Family(study) if study.mesh.estimates else Meshes(study)
+
+
+def _timed(blocks: Iterator[BlockRecord], times: Times) -> Iterator[BlockRecord]:
+    """The blocks; what they took goes to `points`, estimates left out."""
+    while True:
+        clock, estimate = time.perf_counter(), times.estimate
+        block = next(blocks, None)
+        times.points += time.perf_counter() - clock - (times.estimate - estimate)
+        if block is None:
+            return
+        yield block
+
+
+def _stop(survey: Survey | None, last: bool, times: Times) -> str:
+    """Why refinement ends on this level; empty if it goes on."""
+    clock = time.perf_counter()
+    words = survey.stop(last) if survey is not None else ""
+    times.estimate += time.perf_counter() - clock
+    return words
 
 
 def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:

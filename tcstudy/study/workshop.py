@@ -9,6 +9,7 @@ rows of one array and their laws rows of one table (tcstudy.online).
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
@@ -35,6 +36,21 @@ from tcstudy.study.starts import Solutions, exact_start
 Array = NDArray[np.float64]
 
 
+@dataclass
+class Times:
+    """Wall times of a level [s]; the last two grow as its points are taken.
+
+    geometry: of the body, once a run;  mesh: of this mesh alone;  assemble: matrices and contact line
+    points:   all points, estimates left out;  estimate: of errors, and of what they say of the next mesh
+    """
+
+    geometry: float = 0.0
+    mesh: float = 0.0
+    assemble: float = 0.0
+    points: float = 0.0
+    estimate: float = 0.0
+
+
 @dataclass(frozen=True)
 class Prepared:
     """A block on its way: what is known of it beside the answers that an executor owes.
@@ -57,6 +73,7 @@ class Workshop:
     level: Level
     survey: Survey | None
     executor: Executor = field(default_factory=Here)
+    times: Times = field(default_factory=Times)
     bodies: dict[object, CondensedBody] = field(default_factory=dict)
 
     @cached_property
@@ -207,7 +224,9 @@ class Workshop:
         condensed = self.level.condensed(scene)
         numbers, fields = dict(point.numbers), dict(point.fields)
         if self.survey is not None:
+            clock = time.perf_counter()
             numbers |= self.survey.look(point.index, scene, condensed, point.u_T)
+            self.times.estimate += time.perf_counter() - clock
         if self.study.output.fields and not fields:
             fields = self.level.fields(scene, condensed, point.u_T)
         return replace(point, numbers=numbers, fields=fields)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from tcstudy.data.records import BlockRecord
+from tcstudy.fem.meshes import Meshes
 from tcstudy.scene.study import MeshPlan
-from tcstudy.study import cost_curves as cost_runs
+from tcstudy.study import run, workshop
 from tcstudy.study.cost_curves import CostCurve, MeasuredLevel, Stages, _too_slow, walk
 from tests.verification.scenes import RECTANGLE, study_of
 
@@ -38,24 +41,26 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    family, point = cost_runs.Family, cost_runs.solve_point
+    family, finish = run.Family, workshop.Workshop._finish
 
-    class SlowFamily(family):
-        def __init__(self, study: Any) -> None:
-            super().__init__(study)
-            clock.now += GEOMETRY
-            self.next = clock.timed(MESH, super().next)  # type: ignore[method-assign]
-            self.survey = clock.timed(ESTIMATE, super().survey)  # type: ignore[method-assign]
+    def make(study: Any) -> Any:
+        meshes = family(study) if study.mesh.estimates else Meshes(study)
+        clock.now += GEOMETRY
+        meshes.next = clock.timed(MESH, meshes.next)  # type: ignore[method-assign]
+        if isinstance(meshes, family):
+            meshes.survey = clock.timed(ESTIMATE, meshes.survey)  # type: ignore[method-assign]
+        return meshes
 
-    def solve(*arguments: Any) -> Any:
-        record = point(*arguments)
-        clock.now += POINT
-        return replace(record, numbers={**record.numbers, "time_solve": SOLVE})
+    def slow(*arguments: Any) -> Iterator[BlockRecord]:
+        for block in finish(*arguments):
+            clock.now += POINT
+            yield replace(block, numbers={**block.numbers, "time_solve": np.array([SOLVE])})
 
-    monkeypatch.setattr(cost_runs, "time", clock)
-    monkeypatch.setattr(cost_runs, "Family", SlowFamily)
-    monkeypatch.setattr(cost_runs, "Level", clock.timed(ASSEMBLY, cost_runs.Level))
-    monkeypatch.setattr(cost_runs, "solve_point", solve)
+    for module in (run, workshop):
+        monkeypatch.setattr(module, "time", clock)
+    monkeypatch.setattr(run, "meshes_of", make)
+    monkeypatch.setattr(run, "Level", clock.timed(ASSEMBLY, run.Level))
+    monkeypatch.setattr(workshop.Workshop, "_finish", slow)
     return clock
 
 
