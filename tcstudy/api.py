@@ -147,11 +147,13 @@ def run(
     progress: bool = False,
     force: bool = False,
     jobs: int | None = None,
+    dask: str | None = None,
 ) -> xarray.DataTree:
     """Run a study (or a study file), write its netCDF file and return its data, loaded into memory.
 
     progress: show progress on stderr;  force: compute again what the file holds already, replace what else it holds
-    jobs:     worker processes, None for as many as pay; the numbers are the same
+    jobs:     worker processes, None for as many as pay (`plan` of the command line says how many); same numbers
+    dask:     "tcp://host:port" of a dask scheduler, or "local", whose workers solve the contact problems instead
     Points that fail have a status and a reason in the data. Raises StudyError, GeometryFailed, or StoreError, for
     example where the file holds the results of another study.
     """
@@ -163,7 +165,7 @@ def run(
     def work(target: FilePath) -> None:
         watcher = terminal() if progress else None
         try:
-            execute(asked, target, watcher, ("tcstudy.run",), jobs)
+            execute(asked, target, watcher, ("tcstudy.run",), jobs, dask)
         finally:
             if watcher is not None:
                 watcher.close()

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tcstudy.commands.shared import (
+    DASK,
     FORCE,
     JOBS,
     OK,
@@ -39,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
     from tcstudy.study.run import execute
 
     with closing(progress(naming=lambda index: _named(study, index), length=length_unit(study))) as watcher:
-        result = execute(study, output, watcher, options.words, options.jobs)
+        result = execute(study, output, watcher, options.words, options.jobs, options.dask)
     return _say(options, result.output, result.points, result.failed, "found")
 
 
@@ -96,7 +97,7 @@ def plan(options: argparse.Namespace) -> int:
 COMMANDS = {
     "run": Command(
         "run a study and write its netCDF file",
-        (*STUDY, output_option("result file (default: results/<study>.nc)"), FORCE, JOBS),
+        (*STUDY, output_option("result file (default: results/<study>.nc)"), FORCE, JOBS, DASK),
         run,
         KEPT,
     ),

@@ -70,6 +70,7 @@ def file_name(text: str) -> Path:
 _SET = "replace a value of the study, e.g. --set heat.alpha=50 (may be repeated)"
 _FORCE = "compute again what the result file holds already, and replace results of another study"
 _JOBS = "worker processes that solve contact problems, 1 for none (default: as many as pay)"
+_DASK = "dask scheduler whose workers solve contact problems: tcp://host:port; local starts one with --jobs workers"
 _RESPONSE = "what a path is drawn over: the mean (default) or largest slip, or the friction resultant"
 _ERROR = "error that accuracy against cost is of, e.g. u_L2, xi_L2, friction_resultant (default: u_energy)"
 
@@ -80,6 +81,7 @@ STUDY = (
 FILE = Option("file", type=Path, metavar="FILE.nc")
 FORMAT = Option("--format", choices=("text", "markdown", "latex"), default="text", help="form of the tables")
 FORCE = Option("--force", action="store_true", help=_FORCE)
+DASK = Option("--dask", metavar="ADDRESS", help=_DASK)
 JOBS = Option("--jobs", type=count, metavar="N", help=_JOBS)
 RESPONSE = Option("--response", choices=("mean-slip", "max-slip", "friction"), help=_RESPONSE)
 ERROR = Option("--error", metavar="NAME", help=_ERROR)

@@ -1,4 +1,4 @@
-"""What an executor takes and gives."""
+"""What an executor takes and gives; the executor of a single process."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.errors import UserFault
 from tcstudy.online import BlockAnswers, CondensedBody, Options, RowLaws, solve_block
 
 Array = NDArray[np.float64]
@@ -19,8 +20,8 @@ class WorkerDied(RuntimeError):
     """A worker was killed, crashed or never answered over a block, as often as it was tried."""
 
 
-class WorkersFailed(RuntimeError):
-    """No worker can be started; says why and what to do."""
+class WorkersFailed(UserFault):
+    """There are no workers, or none any more; says why and what to do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +30,7 @@ class Task:
 
     loads:      (P, m) l̃ of every point [N/m];  laws: of every row
     neighbours: (P, m), exact: (m,) as in solve_block, None if there are none
+    name:       what people see of it where they watch the work
     """
 
     body: CondensedBody
@@ -37,6 +39,7 @@ class Task:
     options: Options
     neighbours: Array | None = None
     exact: Array | None = None
+    name: str = ""
 
     def solve(self) -> Solved:
         """Solve the block in this process."""
@@ -54,12 +57,12 @@ class Solved:
 
 
 class Executor(Protocol):
-    """Solves tasks, in whatever order; the numbers of a task depend on the task alone, to the bit.
+    """Solves tasks, in whatever order; the numbers of a task depend on the task alone, to the bit."""
 
-    ahead: how many tasks it likes to have beside the one that is waited for
-    """
-
-    ahead: int
+    @property
+    def ahead(self) -> int:
+        """How many tasks it likes to have beside the one that is waited for."""
+        ...
 
     def submit(self, task: Task, tries: int = 1) -> Future[Solved]:
         """Begin a task.
@@ -72,3 +75,21 @@ class Executor(Protocol):
     def close(self) -> None:
         """End all workers at once, whatever they do."""
         ...
+
+
+class Here:
+    """The executor of a single process."""
+
+    ahead = 0
+
+    def submit(self, task: Task, tries: int = 1) -> Future[Solved]:  # nobody dies here but all
+        """Solve the task at once."""
+        future: Future[Solved] = Future()
+        try:
+            future.set_result(task.solve())
+        except Exception as error:  # whoever asks for the result gets it
+            future.set_exception(error)
+        return future
+
+    def close(self) -> None:
+        """Nothing to end."""

@@ -1,4 +1,4 @@
-"""Who solves the blocks of a level: this process, or as many workers as pay."""
+"""Who solves the blocks of a level: this process, as many workers as pay, or a dask cluster."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
-from tcstudy.executors import Executor, Here, Processes, available
+from tcstudy.executors import Cluster, Executor, Here, Processes, available
 from tcstudy.scene.study import Study
 from tcstudy.study.sizes import LevelForecast
 from tcstudy.study.workshop import in_blocks
@@ -28,13 +28,14 @@ def workers(study: Study, m: int, jobs: int | None = None) -> int:
     """Worker processes for a level with m contact unknowns; 1 means that this process solves it itself.
 
     jobs: as the user asks, None for as many as pay
-    Points that are not solved in blocks, and meshes that wait for every point, leave workers nothing to do.
+    Points that are not solved in blocks leave workers nothing to do.
     """
-    if not in_blocks(study) or study.mesh.estimates or os.name != "posix":
+    if not in_blocks(study) or os.name != "posix":
         return 1
     if jobs is not None:
         return jobs
-    return max(1, min(available(), int(seconds(study, m) / WORTH)))
+    worth = int(seconds(study, m) / WORTH)
+    return min(available(), worth) if worth > 1 else 1
 
 
 def work_words(study: Study, levels: Sequence[LevelForecast], jobs: int | None) -> str:
@@ -49,15 +50,28 @@ def work_words(study: Study, levels: Sequence[LevelForecast], jobs: int | None) 
 
 
 @contextmanager
-def choosing(jobs: int | None) -> Iterator[Choice]:
-    """Who solves the blocks of each level; workers end with the context, whatever happens."""
-    here, pool = Here(), Processes(1)
+def choosing(jobs: int | None, dask: str | None = None) -> Iterator[Choice]:
+    """Who solves the blocks of each level; workers end with the context, whatever happens.
+
+    dask: address of a scheduler, whose workers solve all of them. Raises WorkersFailed if it does not answer.
+    """
+    here, cluster = Here(), Cluster(dask, jobs) if dask is not None else None
+    pools: list[Processes] = []
 
     def choose(study: Study, m: int) -> Executor:
+        if cluster is not None:
+            return cluster if in_blocks(study) else here
         count = workers(study, m, jobs)
-        return pool.grow(count) if count > 1 else here
+        if count == 1:
+            return here
+        if not pools:
+            pools.append(Processes(count))
+        return pools[0].grow(count)
 
     try:
         yield choose
     finally:
-        pool.close()
+        for pool in pools:
+            pool.close()
+        if cluster is not None:
+            cluster.close()

@@ -220,13 +220,15 @@ def execute(
     watcher: Watcher | None = None,
     command: Sequence[str] = ("tcstudy",),
     jobs: int | None = None,
+    dask: str | None = None,
 ) -> Summary:
     """Run all points of a study and write the result file.
 
-    jobs: worker processes, None for as many as pay; only this process writes, and the numbers are the same to the bit
+    jobs: worker processes, None for as many as pay;  dask: address of a scheduler whose workers are to do it instead
+    Only this process writes, and the numbers are the same to the bit.
     A run that was killed or interrupted leaves its finished points beside the output; the same study then goes on
     where it stopped. Raises StoreError if the results cannot be kept, GeometryFailed if the body has no mesh;
-    WorkersFailed if there are no worker processes; KeyboardInterrupt passes through after the
+    WorkersFailed if there are no workers; KeyboardInterrupt passes through after the
     finished points are on the disk.
     """
     output = output if output is not None else output_of(study)
@@ -238,7 +240,7 @@ def execute(
     with (
         threadpool_limits(1, user_api="blas"),
         Journal.open(output, study) as journal,
-        choosing(jobs) as executor,
+        choosing(jobs, dask) as executor,
     ):
         # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
         known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))

@@ -125,7 +125,8 @@ class Workshop:
             laws = row_laws([scene.friction for scene in scenes], factor)
             options = Options(self.study.solver.branch, self.study.solver.tolerance)
             loads, near = condensed.l_tilde / factor[:, None], self.solutions.beside(block.points)
-            task = Task(self._body(condensed, Level.ratio(scenes[0])), loads, laws, options, near, self.exact)
+            name = f"level-{self.level.mesh.level} points {block.points.min()}-{block.points.max()}"
+            task = Task(self._body(condensed, Level.ratio(scenes[0])), loads, laws, options, near, self.exact, name)
             return Prepared(block, None, condensed, laws, self.executor.submit(task, tries))
         except Exception as error:  # as in solve_point
             broken: Future[Solved] = Future()
@@ -272,6 +273,8 @@ POINTS, ENTRIES = 1024, 2**16
 """Points of a block at most, and entries of its arrays (P, m) to aim at, so that many have a part in the work."""
 ENOUGH, MOST = 256, 2**18
 """Points from which a larger block is hardly cheaper by the point, and entries at most."""
+ESTIMATED = 16
+"""Points of a block where the error of each is estimated, which takes longer than its solution."""
 FIELDS = 2**22
 """Numbers of whole-body fields that a block holds at most."""
 
@@ -320,8 +323,10 @@ def blocks_of(study: Study, m: int, n_points: int) -> list[Block]:
 
 
 def _size(study: Study, m: int, n_points: int) -> int:
-    if not in_blocks(study) or study.mesh.estimates:
+    if not in_blocks(study):
         return 1
+    if study.mesh.estimates:
+        return ESTIMATED
     size = max(1, min(POINTS, max(ENTRIES // max(1, m), min(ENOUGH, MOST // max(1, m)))))
     return max(1, min(size, FIELDS // (3 * n_points))) if study.output.fields else size
 

@@ -26,7 +26,7 @@ def four_processors(monkeypatch: pytest.MonkeyPatch) -> None:
         ((MANY,), 1, 1),
         ((), 2, 2),
         ((MANY, "solver=bundle-newton"), 2, 1),
-        ((MANY, "mesh={maxh: 0.1, levels: 3, estimate: true}"), 2, 1),
+        ((MANY, "mesh={maxh: 0.1, levels: 3, estimate: true}"), 2, 2),
     ],
 )
 def test_as_many_workers_as_pay(changes: tuple[str, ...], asked: int | None, expected: int) -> None:
