@@ -2,8 +2,9 @@
 
 A uniform temperature makes no heat flow: K·1 = 0. Entries of K grow with the flatness of the triangles, and their
 rounding is heat that comes from nowhere: the factor's harmonic extension of 1 is not 1. Where it is off by more than
-UNSOUND, loads and fields are refined iteratively with the residual in the form Σ_j k_ij(θ_j − θ_i), which conserves
-heat whatever is rounded. What remains is the rounding of the entries k_ij themselves.
+UNSOUND, loads and fields are refined iteratively. The residual comes from the coordinates of the corners, triangle by
+triangle, in the form ∫∇θ·∇φ_i of three flows that sum to zero: no entry k_ij, rounded, is in it, and heat is conserved
+whatever is rounded.
 Literature: N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2002, ch. 12.
 """
 
@@ -14,7 +15,6 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, ForwardLoad, condense
@@ -42,11 +42,10 @@ class HeatFactor:
 
     def __init__(self, forms: HeatForms) -> None:
         n = forms.mesh.n_points
-        self._kept = forms.robin_nodes
-        self._inner = np.ones(n, dtype=bool)
-        self._inner[self._kept] = False
-        self._K = forms.conduction
-        self._factor: Condensation = condense(self._K, forms.mesh.points, self._kept, self._inner, components=1)
+        self._mesh, self._kept = forms.mesh, forms.robin_nodes
+        inner = np.ones(n, dtype=bool)
+        inner[self._kept] = False
+        self._factor: Condensation = condense(forms.conduction, forms.mesh.points, self._kept, inner, components=1)
 
     @property
     def A_tilde(self) -> Array:
@@ -68,54 +67,54 @@ class HeatFactor:
         forward = self._factor.forward(source)
         if self.sound:
             return HeatLoad(source, forward.l_tilde, forward)
-        theta = self._factor.expand(np.zeros(len(self._kept)), forward)[:, None]
-        rest = self._rest(source[:, None], theta, self._correction(theta, source[:, None]))
-        return HeatLoad(source, rest[self._kept, 0], forward)
+        theta = self._factor.expand(np.zeros(len(self._kept)), forward)
+        rest = self._rest(source, theta, self._correction(theta, source))
+        return HeatLoad(source, self._factor.condense(rest), forward)
 
     def expand(self, on_line: Array, load: HeatLoad | None, carries: Array) -> Array:
         """Fields (n, s) with the values on_line (r, s) on Γ_θ; carries: (s,) how much of the load is in each."""
-        forward, sources = None, np.zeros((len(self._inner), on_line.shape[1]))
+        forward = None
         if load is not None:
             forward = ForwardLoad(load.l_tilde[:, None] * carries, load.forward.rows * carries)
         fields = self._factor.expand(on_line, forward)
         if self.sound:
             return fields
-        if load is not None:
-            sources = load.nodal[:, None] * carries
-        return fields + self._correction(fields, sources)
+        nodal = np.zeros(len(fields)) if load is None else load.nodal
+        return np.column_stack(
+            [theta + self._correction(theta, share * nodal) for theta, share in zip(fields.T, carries, strict=True)]
+        )
 
     # -- refinement --------------------------------------------------------------------------------
 
     @cached_property
-    def _pattern(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.longdouble]]:
-        """(starts, neighbours, g) of every node: heat flows to node `neighbours` with conductance g = −k_ij."""
-        upper = sp.triu(self._K, 1)
-        # mirrored, so that what leaves i for j is to the bit what j gets
-        both = sp.csr_array(upper + upper.T)
-        return both.indptr[:-1], both.indices, -both.data.astype(np.longdouble)
+    def _sides(self) -> tuple[Array, Array, Array]:
+        """(e, f, 2d) of every triangle: its sides from corner 0 to 1 and 2 (t, 2), and 2 e × f (t,)."""
+        corners = self._mesh.points[self._mesh.triangles]
+        e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        return e, f, 2 * (e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0])
 
-    def _rest(self, sources: Array, theta: Array, correction: Array) -> Array:
-        """sources − K(θ + δ), (n, s), in extended precision where the machine has it; its sum is that of sources."""
-        starts, neighbours, g = self._pattern
-        rows = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(g)))
-        rest = np.empty_like(theta)
-        for s in range(theta.shape[1]):
-            exact = theta[:, s].astype(np.longdouble) + correction[:, s]
-            rest[:, s] = sources[:, s] - np.add.reduceat(g * (exact[rows] - exact[neighbours]), starts)
+    def _rest(self, source: Array, theta: Array, correction: Array) -> Array:
+        """source − K(θ + δ), all (n,): its sum is that of the source but for rounding of the heat itself."""
+        e, f, twice = self._sides
+        triangles, rest = self._mesh.triangles, source.copy()
+        at, more = theta[triangles], correction[triangles]
+        to_1, to_2 = ((at[:, i] - at[:, 0]) + (more[:, i] - more[:, 0]) for i in (1, 2))
+        # ∇θ d, turned: large numbers cancel here, once, and what comes of it is the same heat for all three corners
+        turned = (to_1[:, None] * f - to_2[:, None] * e) / twice[:, None]
+        for i, side in enumerate((e - f, f, -e)):
+            np.subtract.at(rest, triangles[:, i], np.einsum("td,td->t", side, turned))
         return rest
 
-    def _correction(self, theta: Array, sources: Array) -> Array:
-        """What θ (n, s) lacks, zero on Γ_θ; kept apart because θ + δ, rounded, would make flows of its own."""
-        total, before = np.zeros_like(theta), np.full(theta.shape[1], np.inf)
-        line = np.zeros((len(self._kept), theta.shape[1]))
+    def _correction(self, theta: Array, source: Array) -> Array:
+        """What θ (n,) lacks, zero on Γ_θ; kept apart because θ + δ, rounded, would make flows of its own."""
+        total, before = np.zeros(len(theta)), np.inf
         for _ in range(MOST_STEPS):
-            step = self._factor.expand(line, self._rest(sources, theta, total))
-            size = np.max(np.abs(step), axis=0, initial=0.0)
-            better = size < 0.5 * before
-            if not better.any():
+            step = self._factor.expand(np.zeros(len(self._kept)), self._rest(source, theta, total))
+            size = float(np.max(np.abs(step), initial=0.0))
+            if not size < 0.5 * before:
                 break
-            total += np.where(better, step, 0.0)
-            before = np.where(better, size, 0.0)
+            total += step
+            before = size
         return total
 
 
