@@ -71,6 +71,11 @@ def fit(h: Array, error: Array, usable: NDArray[np.bool_], rounding: float = ROU
     return Fit(rates, slope, standard_error, int(run[0]) if len(run) else -1, settled, False)
 
 
+def log_share(h: Array) -> float:
+    """By how much the slope of h² (1 + log(1/h)) stays below 2; h: (levels,) over the size of the body."""
+    return -_slope(np.log(h), np.log1p(-np.log(h)))[0] if len(h) > 1 else 0.0
+
+
 def _asymptotic(levels: NDArray[np.intp], rates: Array) -> NDArray[np.intp]:
     """The finest levels whose rates lie within SETTLED of each other; two levels at least, if there are."""
     if len(levels) < 2:

@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.accuracy.corners import vertices
 from tcstudy.accuracy.expected import Expected, HeldEnds, expected_orders, smooth_up_to, smoothness
-from tcstudy.accuracy.rates import ROUNDING, Fit, fit, richardson
+from tcstudy.accuracy.rates import ROUNDING, Fit, fit, log_share, richardson
 from tcstudy.accuracy.transfer import NotNested
 from tcstudy.data.convergence import (
     ERRORS,
@@ -95,8 +95,8 @@ def own_error(order: float) -> float:
     return math.log2((1 - 2 ** (-order * (GAP + 1))) / (1 - 2 ** (-order * GAP)))
 
 
-def verdict(fitted: Fit, expected: float, nested: bool) -> str:
-    """What the rates say; see data.convergence.VERDICTS."""
+def verdict(fitted: Fit, expected: float, nested: bool, log: float = 0.0) -> str:
+    """What the rates say, see data.convergence.VERDICTS; log: how far below `expected` a factor |log h| puts them."""
     if fitted.exact:
         return "exact"
     if np.count_nonzero(np.isfinite(fitted.rates)) < 2:
@@ -104,7 +104,7 @@ def verdict(fitted: Fit, expected: float, nested: bool) -> str:
     if not fitted.settled:
         return "pre_asymptotic"
     margin = max(NEAR, 2 * fitted.standard_error if math.isfinite(fitted.standard_error) else 0.0)
-    if -margin <= fitted.slope - expected <= margin + (own_error(expected) if nested else 0.0):
+    if -margin - log <= fitted.slope - expected <= margin + (own_error(expected) if nested else 0.0):
         return "as_expected"
     return "faster" if fitted.slope > expected else "slower"
 
@@ -229,11 +229,12 @@ def _point(
     for i in np.flatnonzero(compared) if reference else ():
         assert reference is not None
         found[i] = with_meaning(reference.errors(int(i), index, scene), scene)
+    size = float(np.linalg.norm(np.ptp(levels[-1].mesh.points, axis=0)))
     errors = {}
     for measure in ERRORS:
         pairs = [one.get(measure.name) for one in found]
         nested, aim = study.exact is None, Acceptance(study.solver.tolerance).aim
-        series = _error_series(h, pairs, ok & compared, expected[measure.name], aim, nested)
+        series = _error_series(h / size, pairs, ok & compared, expected[measure.name], aim, nested)
         if series is not None:
             errors[measure.name] = series
     exact = {}
@@ -256,12 +257,13 @@ def _point(
 def _error_series(
     h: Array, found: list[tuple[float, float] | None], usable: Mask, expected: Expected, tolerance: float, nested: bool
 ) -> ErrorSeries | None:
-    """One error over the levels; None if it is nowhere measured or its reference vanishes."""
+    """One error over the levels, h over the size of the body; None if nowhere measured or if its reference vanishes."""
     size = next((pair[1] for pair in reversed(found) if pair is not None), 0.0)
     if size == 0.0:
         return None
     error = np.array([pair[0] / size if pair is not None else np.nan for pair in found])
     fitted = fit(h, error, usable, max(ROUNDING, tolerance))
+    log = log_share(h[usable & (np.arange(len(h)) >= fitted.first)]) if expected.log else 0.0
     return ErrorSeries(
         error=error,
         size=size,
@@ -269,7 +271,7 @@ def _error_series(
         slope=fitted.slope,
         slope_error=fitted.standard_error,
         first_level=fitted.first,
-        verdict=verdict(fitted, expected.order, nested),
+        verdict=verdict(fitted, expected.order, nested, log),
         expected=expected.order,
         reason=expected.reason,
     )

@@ -87,7 +87,8 @@ def test_given_exponents_and_held_ends():
     assert [smooth[n].order for n in ("u_H1", "u_L2", "u_T_L2", "u_T_max", "xi_L2", "xi_nodes", "xi_max")] == [
         1, 2, 2, 2, 1, 2, 2,
     ]  # fmt: skip
-    assert {e.reason for e in smooth.values()} == {"smooth"}
+    assert {e.reason for e in smooth.values() if not e.log} == {"smooth"}
+    assert {n for n, e in smooth.items() if e.log} == {"u_T_max", "xi_max"}  # h² |log h| and no better
     mixed = expected_orders(smooth_up_to(1.5, HeldEnds()))
     assert [mixed[n].order for n in ("u_H1", "u_T_L2", "u_T_max", "xi_L2", "xi_nodes", "xi_max")] == [
         1, 2, 1.5, 1, 1, 0.5,

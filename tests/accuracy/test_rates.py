@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import linregress
 
-from tcstudy.accuracy.rates import dominated, fit, richardson
+from tcstudy.accuracy.rates import dominated, fit, log_share, richardson
 
 H = 0.5 ** np.arange(6)
 ALL = np.ones(6, dtype=bool)
@@ -85,6 +85,13 @@ def test_numbers_without_a_limit():
     assert swinging.uncertainty == pytest.approx(H[4] + H[5])
     assert np.isnan(swinging.order)
     assert np.isnan(richardson(H[:2], np.array([1.0, 2.0]), ALL[:2]).order)
+
+
+def test_a_logarithm_in_the_error_is_told_by_its_share() -> None:
+    found = fit(H, H**2 * (1 + np.log(3 / H)), ALL)
+    assert found.slope == pytest.approx(2 - log_share(H[found.first :] / 3), rel=1e-12)
+    assert 1.6 < found.slope < 1.9
+    assert log_share(H[:1]) == 0.0
 
 
 def test_only_points_that_nothing_beats_are_left() -> None:
