@@ -3,7 +3,7 @@
 Every step is the same for all rows (rest, Newton's equations, clipped path with Armijo's rule, node by node where that
 gives no decrease, and on request the step along negative curvature at a saddle); rows that are done drop out. Where
 energies can no longer tell two points apart the residual judges, and a row ends with the best point that it has seen.
-Left out: the straight step of thin layers; rows that would need it end unsolved and are left to the single solve.
+Left out: the convex model of thin layers; rows that would need it end unsolved and are left to the single solve.
 """
 
 from __future__ import annotations

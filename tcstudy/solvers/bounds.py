@@ -37,17 +37,20 @@ _ROUNDINGS = 64.0
 roundings of j by which every D is enlarged."""
 
 
-def bend_below_tangent(law: FrictionLaw, v: Array, zeta: Array, low: Array, high: Array) -> Array:
+def bend_below_tangent(law: FrictionLaw, v: Array, zeta: Array, low: Array, high: Array, parts: int = _PARTS) -> Array:
     """Upper bounds of D_i for slips between low and high (m,) [Pa/m]; inf where v_i sits on a down-jump.
 
-    zeta: (m,) elements of b̂(v), exactly b(v) off the kinks [Pa]
+    zeta:  (m,) elements of b̂(v), exactly b(v) off the kinks [Pa]
+    parts: of an exponential piece
     """
-    return np.maximum(*bends_by_side(law, v, zeta, low, high))
+    return np.maximum(*bends_by_side(law, v, zeta, low, high, parts))
 
 
-def bends_by_side(law: FrictionLaw, v: Array, zeta: Array, low: Array, high: Array) -> tuple[Array, Array]:
+def bends_by_side(
+    law: FrictionLaw, v: Array, zeta: Array, low: Array, high: Array, parts: int = _PARTS
+) -> tuple[Array, Array]:
     """(right, left): the same with s > v_i and with s < v_i alone, −∞ where the box has no such s."""
-    return _one_side(law, v, zeta, high), _one_side(mirrored(law), -v, -zeta, -low)
+    return _one_side(law, v, zeta, high, parts), _one_side(mirrored(law), -v, -zeta, -low, parts)
 
 
 def mirrored(law: FrictionLaw) -> FrictionLaw:
@@ -66,7 +69,7 @@ class _March:
     size: Array
 
 
-def _one_side(law: FrictionLaw, v: Array, zeta: Array, high: Array) -> Array:
+def _one_side(law: FrictionLaw, v: Array, zeta: Array, high: Array, parts: int) -> Array:
     """sup of the quotient over s ∈ (v, high] (−∞ where that is empty)."""
     first = law.piece(v, +1)
     ends = np.append(law.kinks, np.inf)
@@ -76,18 +79,18 @@ def _one_side(law: FrictionLaw, v: Array, zeta: Array, high: Array) -> Array:
         active = np.flatnonzero((first <= piece) & (march.at < end))
         if not len(active):
             continue
-        for width in _parts(law, piece, end[active] - march.at[active]):
+        for width in _parts(law, piece, end[active] - march.at[active], parts):
             _advance(law, piece, march, active, v, zeta, width)
         march.at[active] = end[active]
     return march.D
 
 
-def _parts(law: FrictionLaw, piece: int, width: Array) -> list[Array]:
+def _parts(law: FrictionLaw, piece: int, width: Array, number: int) -> list[Array]:
     """Widths of the parts into which [at, at + width] is cut: one for a linear piece, fine where b changes fast."""
     if law.a[piece] == 0.0:
         return [width]
     fine = np.minimum(width, _DECAY / abs(float(law.r[piece])))
-    parts = [fine / _PARTS] * _PARTS
+    parts = [fine / number] * number
     return [*parts, width - fine] if law.r[piece] > 0.0 else [width - fine, *parts]
 
 

@@ -26,7 +26,7 @@ from tcstudy.scene.friction import UP
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.bounds import bend_below_tangent, least_slope, solution_box
 from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.separable.pieces import cholesky, relative_residual, slopes, submatrix
+from tcstudy.solvers.separable.pieces import cholesky, slopes, submatrix
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -85,7 +85,7 @@ def certify(
     margin:    μ/λ₁, by how much a matrix must be positive definite
     """
     threshold = problem.lambda_1 if lambda_1 is None else lambda_1
-    residual, omega = relative_residual(problem, v) if residual is None else residual, problem.law.omega
+    residual, omega = problem.inclusion_residual(v) if residual is None else residual, problem.law.omega
     slack, resting = _resting_slack(problem, v)
     convex = omega < (1.0 - margin) * threshold
     if problem.m == 0:

@@ -72,12 +72,7 @@ class Method(Protocol):
     def line(self, state: Any, iteration: int) -> str: ...
 
 
-def iterate(
-    method: Method,
-    problem: Any,
-    x0: NDArray[np.float64],
-    log: Callable[[str], None] | None = None,
-) -> Outcome:
+def iterate(method: Method, problem: Any, x0: NDArray[np.float64], log: Callable[[str], None] | None = None) -> Outcome:
     """Run `method` on `problem` from x0 until its verdict or its iteration limit.
 
     log: called with one aligned line an iteration (numerics never print by themselves).

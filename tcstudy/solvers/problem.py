@@ -88,23 +88,14 @@ class ContactProblem:
 
         xi: ξ if it is known better than double precision gives it (`xi_extended`)
         """
-        if self.m == 0:
-            return 0.0
-        worst = float(np.max(self.distance(v, tolerance, xi)))
-        if not np.isfinite(worst):
-            return float("inf")
+        return self.relative(self.distance(v, tolerance, xi))
+
+    def relative(self, traction: Array) -> float:
+        """max |traction_i| / (scale of b); infinite where that is no number."""
+        worst = float(np.max(np.abs(traction), initial=0.0))
         if worst == 0.0:
             return 0.0
-        return worst / self.traction_scale if self.traction_scale > 0.0 else float("inf")
-
-    def one_sided_slopes(self, v: Array) -> tuple[Array, Array]:
-        """(left, right): derivatives of L̃ along −e_i and +e_i direction signs kept, i.e. c b(v∓0) − ξ [N/m].
-
-        `right_i` is dL̃/dv_i from the right, `left_i` dL̃/dv_i from the left; v_i is stationary
-        at an up-jump if left_i ≤ 0 ≤ right_i.
-        """
-        xi = self.xi(v)
-        return self.c * self.law.b(v, -1) - xi, self.c * self.law.b(v, +1) - xi
+        return worst / self.traction_scale if np.isfinite(worst) and self.traction_scale > 0.0 else float("inf")
 
     @cached_property
     def lambda_1(self) -> float:

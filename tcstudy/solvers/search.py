@@ -49,8 +49,8 @@ _ROUNDING, _NO_GAIN = 1e-12, 1e-10
 """Differences of energy, and gains of a move, below this part of their terms are none."""
 _SAFELY, _ITERATIONS, _TURNS = 0.9, 4, np.array([0.0, 2.0, 0.7])
 """Share of the estimate of λ₁ that is below it; steps of the estimate, and angles that draw its first vectors."""
-_NEWTON = 5
-"""Newton steps for the stationary point on an exponential piece; a linear one needs one."""
+_NEWTON, _PARTS = 5, 4
+"""Of an exponential piece: Newton steps to the stationary point, parts on which its bend is bounded."""
 
 Solve = Callable[[ContactProblem, Array, float], Outcome]
 """Descent on a problem from a start, and from nowhere else, to a tolerance."""
@@ -109,7 +109,7 @@ def seems_global(problem: ContactProblem, v: Array, lambda_1: float) -> bool:
         return True
     low, high = first_box(problem, below)
     zeta = np.clip(problem.xi(v) / problem.c, *law.interval(v))
-    bend = bend_below_tangent(law, v, zeta, np.minimum(low, v), np.maximum(high, v))
+    bend = bend_below_tangent(law, v, zeta, np.minimum(low, v), np.maximum(high, v), _PARTS)
     return bool(np.all(np.isfinite(bend))) and positive_definite(problem, -bend, lambda_1, 0.0)
 
 

@@ -67,9 +67,9 @@ def test_bend_bounds_every_sampled_quotient(smooth: bool) -> None:
     for seed in range(25):
         rng = np.random.default_rng([seed, int(smooth)])
         law = cases.random_law(rng, 1.0, 9, smooth)
-        for v in (law.kinks[0], *rng.uniform(-1.0, 1.5, 3)):
-            zeta = law.b(v)
-            bend = bend_below_tangent(law, *(np.array([x]) for x in (v, zeta, v - 2.0, v + 2.0)))[0]
+        slips = np.array([law.kinks[0], *rng.uniform(-1.0, 1.5, 3)])
+        bends = bend_below_tangent(law, slips, law.b(slips), slips - 2.0, slips + 2.0)
+        for v, zeta, bend in zip(slips, law.b(slips), bends, strict=True):
             kinks = law.kinks[(np.abs(law.kinks - v) > 3e-5) & (np.abs(law.kinks - v) < 2.0)]
             u = np.concatenate([reach, kinks - v])
             gap = zeta * u - integral(law, np.full(len(u), v), v + u)

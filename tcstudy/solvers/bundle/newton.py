@@ -112,14 +112,7 @@ class BundleNewton:
         used = state.factorisations + step.factorisations
         # `step.lam` belongs to `pieces`, in their order
         return replace(
-            state,
-            pieces=pieces,
-            lam=step.lam,
-            radius=radius,
-            model=model,
-            step=step,
-            kind=kind,
-            factorisations=used,
+            state, pieces=pieces, lam=step.lam, radius=radius, model=model, step=step, kind=kind, factorisations=used
         )
 
     def select(self, state: State, new: Piece, serious: bool) -> tuple[tuple[Piece, ...], Array]:
@@ -209,14 +202,7 @@ class BundleNewton:
     def outcome(self, problem: Oracle, state: State, status: Status, reason: str, iterations: int) -> Outcome:
         """The final state as an Outcome; accuracy is the predicted decrease relative to |f|."""
         return Outcome(
-            state.x,
-            state.f,
-            status,
-            reason,
-            iterations,
-            state.evaluations,
-            state.factorisations,
-            state.accuracy,
+            state.x, state.f, status, reason, iterations, state.evaluations, state.factorisations, state.accuracy
         )
 
     def line(self, state: State, iteration: int) -> str:

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solvers.path.record import Path
 from tcstudy.solvers.separable.finish import ActivePieces, finish, solve_on
-from tcstudy.solvers.separable.pieces import relative_residual
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -141,7 +140,7 @@ def _places(path: Path, piece: int, t: float) -> list[float]:
 def _solution(path: Path, piece: int, s: float, t: float, stable: bool) -> PathSolution:
     v = path.u[piece + 1] if s == 1.0 else path.u[piece] + s * (path.u[piece + 1] - path.u[piece])
     problem = path.problem.at(t)
-    residual = relative_residual(problem, v)
+    residual = problem.inclusion_residual(v)
     return PathSolution(v, problem.energy(v), stable and bool(path.stable[piece]), piece, residual)
 
 
@@ -171,7 +170,7 @@ def solutions_of(law: FrictionLaw, path: Path, t: float, newton_steps: int = 12)
     found: list[PathSolution] = []
     for solution in solutions_at(path, t):
         v = solve_on(problem, _pieces(law, path, solution), solution.v, newton_steps)
-        residual = float("inf") if v is None else relative_residual(problem, v)
+        residual = float("inf") if v is None else problem.inclusion_residual(v)
         if v is None or not residual <= 1e-9:
             other, other_residual = finish(problem, solution.v, newton_steps=newton_steps)
             if v is None or other_residual < residual:

@@ -145,7 +145,7 @@ class _InteriorPoint:
         self.factorisations += 1
         if info != 0:
             return False
-        balance = self.load - self.matrix_times(self.w) - self.c * np.sum(el.sign * self.e, axis=0)
+        balance = self.load - self.matrix @ self.w - self.c * np.sum(el.sign * self.e, axis=0)
         gap = el.sign * (self.w - el.s) - el.gamma * self.e - self.above + self.below
 
         def direction(low: Array, high: Array) -> tuple[Array, Array, Array, Array]:
@@ -173,10 +173,6 @@ class _InteriorPoint:
         self.room = np.where(self.capped, room - length * de, 1.0)  # h − e would lose its digits
         self.above, self.below = self.above + length * d_above, self.below + length * d_below
         return True
-
-    def matrix_times(self, w: Array) -> Array:
-        """(Ã + C·slope) w."""
-        return np.asarray(self.matrix @ w)
 
     def _length(self, room: Array, de: Array, d_above: Array, d_below: Array, share: float) -> float:
         """Longest step, at most 1, that keeps e, h − e, x⁺ and x⁻ positive."""

@@ -1,10 +1,7 @@
 """The moves of the separable Newton method: clipped path, node by node, escape from saddles, refinement.
 
-One iterate of the separable Newton method with all that the next step needs.
-
-Node-by-node descent of L̃: one-dimensional minimisations on the exact pieces, one node after the other.
-
-Slow but certain: used only where a Newton path gives no decrease.
+Node by node (one-dimensional minimisations on the exact pieces, one node after the other) is slow but certain, and
+used only where a Newton path gives no decrease.
 """
 
 from __future__ import annotations
@@ -18,17 +15,10 @@ from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.convex_step import convex_step
-from tcstudy.solvers.separable.pieces import (
-    FreeSystem,
-    Slopes,
-    energy_change,
-    factorise,
-    integral,
-    next_up_jump,
-    slopes,
-)
+from tcstudy.solvers.separable.pieces import FreeSystem, Slopes, energy_change, integral, next_up_jump, slopes
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 STALLED = (
     "no node can lower the energy although the inclusion does not hold; the data span too many orders of magnitude "
@@ -38,11 +28,64 @@ ROUNDING = (
     "the inclusion residual stays at rounding level above the tolerance; the displacements are large against those "
     "that friction causes: allow a larger tolerance or use a coarser contact mesh"
 )
-_REFINEMENTS = 8
+_REFINEMENTS, _MAJORANT_STEPS = 8, 8
+"""Of a solution at rounding level; and with a curvature majorant inside an exponential piece, where each descends."""
+_ROUNDING = 64.0
+"""Residuals below this many roundings of the largest terms of ξ count as rounding."""
 _WHOLE = ("newton/1", "escape", "model")
 """Steps after which progress is not called slow."""
 _PUT_OFF = 20
 """Slow steps more before a step on the convex model is tried again that was of no use."""
+
+
+@dataclass(frozen=True)
+class SeparableState:
+    """One iterate.
+
+    v, xi:          displacements [m] and nodal friction forces ξ = l̃ − Ãv [N/m], (m,)
+    slopes:         one-sided slopes at v
+    piece:          (m,) smooth piece of every node, at a kink the one on its descending side
+    residual:       max |descending slope|/c over the scale of b: zero at a first-order stationary point
+    rounding:       the same for one rounding of the largest terms of ξ
+    f:              L̃(v) [J/m]
+    moved:          what the last step was, for the log
+    second_order:   what the second-order test found, None while untested
+    evaluations, factorisations: work so far
+    slow:           steps since the last whole one, or since all nodes were moved together
+    stopped:        (status, reason) if the last step could not be made
+    """
+
+    v: Array
+    xi: Array
+    slopes: Slopes
+    piece: Index
+    residual: float
+    rounding: float
+    f: float
+    moved: str = "start"
+    second_order: str | None = None
+    evaluations: int = 1
+    factorisations: int = 0
+    slow: int = 0
+    stopped: tuple[Status, str] | None = None
+
+    @property
+    def at_rounding(self) -> bool:
+        """True if the residual is no more than rounding."""
+        return self.residual <= _ROUNDING * self.rounding
+
+
+def new_state(problem: ContactProblem, v: Array) -> SeparableState:
+    """The state at v."""
+    xi = problem.xi(v)
+    s = slopes(problem, v, xi)
+    piece = np.where(s.descent <= 0.0, problem.law.piece(v, +1), problem.law.piece(v, -1))
+    terms = np.diagonal(problem.A_tilde) * np.abs(v) + np.abs(problem.l_tilde) + np.abs(xi)
+    residual = problem.relative(s.descent / problem.c)
+    rounding = problem.relative(np.finfo(float).eps * terms / problem.c)
+    f = float(-0.5 * v @ (xi + problem.l_tilde) + problem.c @ integral(problem.law, np.zeros(problem.m), v))
+    second_order = "every node rests" if np.all(s.at_rest) else None
+    return SeparableState(v, xi, s, piece, residual, rounding, f, second_order=second_order)
 
 
 def along_path(
@@ -70,40 +113,6 @@ def along_path(
                 new = replace(new, second_order="a local minimum")
             return new
     return None
-
-
-def straight(problem: ContactProblem, state: SeparableState, halvings: int) -> SeparableState | None:
-    """The lowest point of a straight Newton step of all nodes together, None if none is lower than the state.
-
-    On the clipped path a node that has stopped is overtaken by neighbours that its stop should hold back; where the
-    body couples neighbours far more stiffly than all of them together (a thin layer), that raises the energy and only
-    ever shorter steps remain. Here nodes that sit on a jump and would go uphill are held from the outset, the
-    equations are solved without them, and of the lengths ½, ¼, … and those at which a node meets an up-jump the best
-    is taken.
-    """
-    s, free, direction = state.slopes, np.flatnonzero(~state.slopes.at_rest), np.zeros(problem.m)
-    while len(free):
-        system = factorise(problem, free, problem.law.slope(state.v[free], state.piece[free]))
-        state = replace(state, factorisations=state.factorisations + system.factorisations)
-        direction = np.zeros(problem.m)
-        direction[free] = -system.solve(s.descent[free])
-        uphill = s.at_jump & (direction != 0.0) & (np.where(direction > 0.0, s.right, -s.left) > 0.0)
-        if not np.any(uphill):
-            break
-        free = free[~uphill[free]]
-    stop = next_up_jump(problem.law, state.v, direction)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reach = np.where(direction != 0.0, (stop - state.v) / direction, np.inf)
-    lengths = np.unique(np.concatenate([reach[reach < 1.0], 0.5 ** np.arange(halvings + 1)]))
-    targets = state.v + lengths[:, None] * direction
-    targets = np.where(lengths[:, None] == reach, stop, targets)
-    steps = targets - state.v
-    here = np.broadcast_to(state.v, targets.shape)
-    friction = problem.c * integral(problem.law, here.ravel(), targets.ravel()).reshape(targets.shape)
-    changes = np.sum(friction - state.xi * steps + 0.5 * steps * (steps @ problem.A_tilde), axis=1)
-    best = int(np.argmin(changes))
-    state = replace(state, evaluations=state.evaluations + len(lengths))
-    return moved(problem, state, targets[best], "straight") if changes[best] < 0.0 else None
 
 
 def on_model(problem: ContactProblem, state: SeparableState, halvings: int) -> SeparableState:
@@ -187,74 +196,6 @@ def moved(problem: ContactProblem, state: SeparableState, v: Array, how: str) ->
     new = new_state(problem, v)
     slow = 0 if how in _WHOLE else state.slow + 1
     return replace(new, moved=how, evaluations=state.evaluations + 1, factorisations=state.factorisations, slow=slow)
-
-
-Index = NDArray[np.intp]
-
-_ROUNDING = 64.0
-"""Residuals below this many roundings of the largest terms of ξ count as rounding."""
-
-
-@dataclass(frozen=True)
-class SeparableState:
-    """One iterate.
-
-    v, xi:          displacements [m] and nodal friction forces ξ = l̃ − Ãv [N/m], (m,)
-    slopes:         one-sided slopes at v
-    piece:          (m,) smooth piece of every node, at a kink the one on its descending side
-    residual:       max |descending slope|/c over the scale of b: zero at a first-order stationary point
-    rounding:       the same for one rounding of the largest terms of ξ
-    f:              L̃(v) [J/m]
-    moved:          what the last step was, for the log
-    second_order:   what the second-order test found, None while untested
-    evaluations, factorisations: work so far
-    slow:           steps since the last whole one, or since all nodes were moved together
-    stopped:        (status, reason) if the last step could not be made
-    """
-
-    v: Array
-    xi: Array
-    slopes: Slopes
-    piece: Index
-    residual: float
-    rounding: float
-    f: float
-    moved: str = "start"
-    second_order: str | None = None
-    evaluations: int = 1
-    factorisations: int = 0
-    slow: int = 0
-    stopped: tuple[Status, str] | None = None
-
-    @property
-    def at_rounding(self) -> bool:
-        """True if the residual is no more than rounding."""
-        return self.residual <= _ROUNDING * self.rounding
-
-
-def new_state(problem: ContactProblem, v: Array) -> SeparableState:
-    """The state at v."""
-    xi = problem.xi(v)
-    s = slopes(problem, v, xi)
-    piece = np.where(s.descent <= 0.0, problem.law.piece(v, +1), problem.law.piece(v, -1))
-    terms = np.diagonal(problem.A_tilde) * np.abs(v) + np.abs(problem.l_tilde) + np.abs(xi)
-    residual = _relative(problem, s.descent)
-    rounding = _relative(problem, np.finfo(float).eps * terms)
-    f = float(-0.5 * v @ (xi + problem.l_tilde) + problem.c @ integral(problem.law, np.zeros(problem.m), v))
-    second_order = "every node rests" if np.all(s.at_rest) else None
-    return SeparableState(v, xi, s, piece, residual, rounding, f, second_order=second_order)
-
-
-def _relative(problem: ContactProblem, force: Array) -> float:
-    """max |force_i|/c_i over the scale of b; infinite if b has no scale and the force is not zero."""
-    worst = float(np.max(np.abs(force) / problem.c, initial=0.0))
-    if worst == 0.0:
-        return 0.0
-    return worst / problem.traction_scale if problem.traction_scale > 0.0 else float("inf")
-
-
-_MAJORANT_STEPS = 8
-"""Steps with a curvature majorant inside an exponential piece; each descends, so none needs to be exact."""
 
 
 def descend_nodes(problem: ContactProblem, v: Array, xi: Array, descent: Array) -> Array:

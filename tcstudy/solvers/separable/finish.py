@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from tcstudy.scene.friction import UP
 from tcstudy.solvers.extended import two_sum
 from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.separable.pieces import cholesky, next_up_jump, relative_residual, slopes, submatrix
+from tcstudy.solvers.separable.pieces import cholesky, next_up_jump, slopes, submatrix
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -142,7 +142,7 @@ def finish(problem: ContactProblem, v: Array, rounds: int = 10, newton_steps: in
 
     The point is a stationary point near v, not necessarily the one with the least energy.
     """
-    best, least = np.array(v, dtype=float), relative_residual(problem, v)
+    best, least = np.array(v, dtype=float), problem.inclusion_residual(v)
     seen: set[bytes] = set()
     current = best
     for _ in range(rounds):
@@ -154,7 +154,7 @@ def finish(problem: ContactProblem, v: Array, rounds: int = 10, newton_steps: in
         if solved is None:
             break
         current = solved
-        residual = relative_residual(problem, current)
+        residual = problem.inclusion_residual(current)
         if residual < least:
             best, least = current, residual
     return best, least

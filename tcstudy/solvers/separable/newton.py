@@ -5,11 +5,10 @@
   2. solves Newton's equations on the pieces of all others (falls of b lifted where the matrix is indefinite),
   3. goes along that direction, each node stopping on the first up-jump it would cross, and accepts by Armijo's
      rule on the exact energy difference; if the path gives no decrease within a few halvings,
-  4. minimises node by node along the descending one-sided slopes, which always lowers the energy; where that would be
-     done twice in a row, it first goes straight, all nodes together, as far as that pays (under thin layers step 4
-     alone crawls),
+  4. minimises node by node along the descending one-sided slopes, which always lowers the energy,
   5. after several steps that were shortened or node by node it goes to the minimum of a convex model (convex_step),
-     by interior points: where Ã is dense and badly conditioned steps 3 and 4 settle few nodes at a time.
+     by interior points: under thin layers, and where Ã is dense and badly conditioned, steps 3 and 4 settle few nodes
+     at a time.
 Every accepted step lowers L̃, so no iterate returns and cycles are impossible. (Only at rounding level, where L̃ can no
 longer tell two points apart, is the residual the judge.) A point at which no node descends is first-order
 stationary in every direction, because L̃′(v; d) is the sum of the nodes' one-sided slopes.
@@ -24,11 +23,10 @@ Literature: Gräser & Kornhuber, J. Comput. Math. 27 (2009) 1–44 (truncated no
 SIAM J. Control Optim. 20 (1982) 221–246 (projected Newton). Left out: a choice among several local minima
 (start from more than one point, and search.py).
 
-A start from coarser copies of a contact problem (nested iteration).
-
-The coarse problem is the Galerkin restriction to every second contact node with linear interpolation P:
-Ã_c = PᵀÃP, l̃_c = Pᵀl̃, c_c = Pᵀc and the same law; it is a contact problem again and costs an eighth. The nodes are
-taken in the order of their numbers, along Γ_C; another order costs quality of the start, never correctness.
+Large problems start from coarser copies of themselves (nested iteration): the Galerkin restriction to every second
+contact node with linear interpolation P, Ã_c = PᵀÃP, l̃_c = Pᵀl̃, c_c = Pᵀc and the same law, is a contact problem again
+and costs an eighth. The nodes are taken in the order of their numbers, along Γ_C; another order costs quality of the
+start, never correctness.
 """
 
 from __future__ import annotations
@@ -50,11 +48,19 @@ from tcstudy.solvers.separable.descent import (
     node_by_node,
     on_model,
     refine,
-    straight,
 )
-from tcstudy.solvers.separable.pieces import IndefiniteSystem, energy_change, factorise, relative_residual
+from tcstudy.solvers.separable.pieces import IndefiniteSystem, energy_change, factorise
 
 Array = NDArray[np.float64]
+
+NOT_FINITE = (
+    "the energy is not a finite number; check the loads, the stiffness and the law for values that are not finite "
+    "or for units that overflow"
+)
+NOT_POSITIVE_DEFINITE = (
+    "the condensed stiffness is not positive definite; the body can move freely (clamp it) or its elastic "
+    "constants are wrong"
+)
 
 
 @dataclass(frozen=True)
@@ -111,8 +117,6 @@ class SeparableNewton:
             return refine(problem, moved, system, self.tolerance)
         if state.at_rounding:
             return refine(problem, state, system, self.tolerance)
-        if moved is None and state.moved in ("nodes", "straight"):  # node by node again would crawl
-            moved = straight(problem, state, self.halvings)
         return moved if moved is not None else node_by_node(problem, state)
 
     def verdict(self, problem: ContactProblem, state: SeparableState) -> tuple[Status, str] | None:
@@ -127,7 +131,7 @@ class SeparableNewton:
         self, problem: ContactProblem, state: SeparableState, status: Status, reason: str, iterations: int
     ) -> Outcome:
         """Pack the state; `accuracy` is the inclusion residual."""
-        accuracy = relative_residual(problem, state.v)
+        accuracy = problem.inclusion_residual(state.v)
         return Outcome(state.v, state.f, status, reason, iterations, state.evaluations, state.factorisations, accuracy)
 
     def line(self, state: SeparableState, iteration: int) -> str:
@@ -137,16 +141,6 @@ class SeparableNewton:
             f"{iteration:4d}  L = {state.f: .12e}  residual = {state.residual:.2e}  at rest = {rest:5d}  "
             f"factorisations = {state.factorisations:3d}  {state.moved}"
         )
-
-
-NOT_FINITE = (
-    "the energy is not a finite number; check the loads, the stiffness and the law for values that are not finite "
-    "or for units that overflow"
-)
-NOT_POSITIVE_DEFINITE = (
-    "the condensed stiffness is not positive definite; the body can move freely (clamp it) or its elastic "
-    "constants are wrong"
-)
 
 
 def interpolation(m: int) -> scipy.sparse.csr_matrix:
@@ -161,12 +155,8 @@ def interpolation(m: int) -> scipy.sparse.csr_matrix:
 def restricted(problem: ContactProblem, P: scipy.sparse.csr_matrix) -> ContactProblem:
     """The Galerkin restriction of a problem to the columns of P."""
     A_coarse = P.T @ (P.T @ problem.A_tilde).T
-    return ContactProblem(
-        np.ascontiguousarray(0.5 * (A_coarse + A_coarse.T)),
-        P.T @ problem.l_tilde,
-        P.T @ problem.c,
-        problem.law,
-    )
+    A_coarse = np.ascontiguousarray(0.5 * (A_coarse + A_coarse.T))
+    return ContactProblem(A_coarse, P.T @ problem.l_tilde, P.T @ problem.c, problem.law)
 
 
 def coarse_start(

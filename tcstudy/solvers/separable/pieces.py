@@ -97,15 +97,6 @@ def energy_change(problem: ContactProblem, v: Array, xi: Array, step: Array, A_s
     return float(np.sum(friction - xi * step + 0.5 * step * A_step))
 
 
-def relative_residual(problem: ContactProblem, v: Array) -> float:
-    """Inclusion residual with nothing counted as "near a kink"; infinite if it is nonzero and b has no scale."""
-    if problem.m == 0:
-        return 0.0
-    if problem.traction_scale == 0.0:
-        return float("inf") if np.any(problem.distance(v) != 0.0) else 0.0
-    return problem.inclusion_residual(v)
-
-
 class IndefiniteSystem(ValueError):
     """Ã itself (with all falls of b lifted to zero) has no Cholesky factor."""
 

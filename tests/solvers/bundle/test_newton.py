@@ -43,6 +43,13 @@ def run(number: int) -> Outcome:
     return iterate(BundleNewton(), problem.oracle, problem.x0)
 
 
+@cache
+def plain(number: int) -> list[State]:
+    """Every state of that run."""
+    problem = PROBLEMS[number - 1]
+    return centres(problem.oracle, problem.x0)
+
+
 def error(outcome: Outcome, problem: Reference) -> float:
     return abs(outcome.f - problem.f_star) / (1.0 + abs(problem.f_star))
 
@@ -175,13 +182,13 @@ def test_binary_scaling_is_exact(problem: Reference, a: float, b: float) -> None
     Not bit for bit, because dense kernels round differently in differently aligned memory; later states of a long
     run may therefore drift apart.
     """
-    plain = centres(problem.oracle, problem.x0)
+    own = plain(problem.number)
     other = centres(scaled(problem.oracle, a, b), b * problem.x0)
-    for p, q in zip(plain[:6], other[:6], strict=True):
+    for p, q in zip(own[:6], other[:6], strict=True):
         assert q.kind == p.kind
         assert q.f == pytest.approx(a * p.f, rel=1e-10)
         assert np.allclose(q.x / b, p.x, rtol=0, atol=1e-10 * np.linalg.norm(p.x))
-    assert abs(len(plain) - len(other)) <= max(2, 0.2 * len(plain))
+    assert abs(len(own) - len(other)) <= max(2, 0.2 * len(own))
     assert abs(other[-1].f / a - problem.f_star) <= ACCURACY * (1 + abs(problem.f_star))
 
 
@@ -189,12 +196,11 @@ def test_binary_scaling_is_exact(problem: Reference, a: float, b: float) -> None
 @pytest.mark.parametrize("name", ["CB2", "QL", "Rosen–Suzuki", "Shor", "Maxquad"])
 def test_decimal_scaling_gives_the_same_iterates_to_rounding(name: str, a: float, b: float) -> None:
     problem = PROBLEMS[NAMES.index(name)]
-    plain = centres(problem.oracle, problem.x0)
     other = centres(scaled(problem.oracle, a, b), b * problem.x0)
     # below a predicted decrease of 1e-9 |f| rounding decides the last steps
-    plain, other = ([s for s in run if s.accuracy > 1e-9] for run in (plain, other))
-    assert len(other) == len(plain) >= 3
-    for p, q in zip(plain, other, strict=True):
+    own, other = ([s for s in run if s.accuracy > 1e-9] for run in (plain(problem.number), other))
+    assert len(other) == len(own) >= 3
+    for p, q in zip(own, other, strict=True):
         assert p.kind == q.kind
         assert q.f == pytest.approx(a * p.f, rel=1e-7)
         assert np.allclose(q.x / b, p.x, rtol=0, atol=1e-6 * np.linalg.norm(p.x))
