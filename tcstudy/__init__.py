@@ -6,7 +6,7 @@
     tree["level_1"]["u_T"]                                                # tangential displacements on the second mesh
 
 Studies:  load, Study (from_dict, with_), plan, run, converge, cost, path
-Results:  open_results, draw, report
+Results:  open_results, draw, report, merge
 Matrices: ContactProblem, law, solve, certify, follow
 
     problem = tcstudy.ContactProblem(A_tilde, l_tilde, c, tcstudy.law("tresca", tau=1.0))
@@ -34,7 +34,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tcstudy.api import Study, converge, cost, draw, load, open_results, path, plan, report, run
+    from tcstudy.api import Study, converge, cost, draw, load, merge, open_results, path, plan, report, run
     from tcstudy.errors import (
         ConvergenceError,
         CostError,
@@ -74,6 +74,7 @@ __all__ = [
     "follow",
     "law",
     "load",
+    "merge",
     "open_results",
     "path",
     "plan",

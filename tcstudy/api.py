@@ -13,7 +13,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from tcstudy.commands.shared import MEAN_SLIP, usual_output
-from tcstudy.errors import UsageError
+from tcstudy.errors import StoreError, UsageError
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.scene import study as records
 from tcstudy.scene.keys import rows
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tcstudy.data.provenance import Kind
     from tcstudy.study.plan import Plan
 
-__all__ = ["Study", "converge", "cost", "draw", "load", "open_results", "path", "plan", "report", "run"]
+__all__ = ["Study", "converge", "cost", "draw", "load", "merge", "open_results", "path", "plan", "report", "run"]
 
 Changes = Sequence[str] | Mapping[str, object]
 """Texts "key=value" as of --set, or values by key."""
@@ -148,12 +148,16 @@ def run(
     force: bool = False,
     jobs: int | None = None,
     dask: str | None = None,
+    append: bool = False,
+    retry: bool = False,
 ) -> xarray.DataTree:
     """Run a study (or a study file), write its netCDF file and return its data, loaded into memory.
 
     progress: show progress on stderr;  force: compute again what the file holds already, replace what else it holds
     jobs:     worker processes, None for as many as pay (`plan` of the command line says how many); same numbers
     dask:     "tcp://host:port" of a dask scheduler, or "local", whose workers solve the contact problems instead
+    append:   keep the points that the file has of the study with another sweep, and add those of this one
+    retry:    keep the solutions that the file has, and solve its points without one again
     Points that fail have a status and a reason in the data. Raises StudyError, GeometryFailed, or StoreError, for
     example where the file holds the results of another study.
     """
@@ -161,16 +165,42 @@ def run(
     from tcstudy.study.run import execute
 
     asked = _study(study)
+    if force + append + retry > 1:
+        raise UsageError("force computes all points again, append and retry keep them; give one of these")
 
     def work(target: FilePath) -> None:
+        whole, kept = asked, None
+        if append or retry:
+            from tcstudy.study.grow import appended, retried
+
+            whole, kept = (appended if append else retried)(target, asked)
+            if not kept.todo.any():
+                return
         watcher = terminal() if progress else None
         try:
-            execute(asked, target, watcher, ("tcstudy.run",), jobs, dask)
+            execute(whole, target, watcher, ("tcstudy.run",), jobs, dask, kept)
         finally:
             if watcher is not None:
                 watcher.close()
 
-    return _loaded(_made("run", asked, output, force, work))
+    return _loaded(_made("run", asked, output, force or append or retry, work))
+
+
+def merge(files: Sequence[str | FilePath], output: str | FilePath, *, force: bool = False) -> xarray.DataTree:
+    """The points of several result files of one study with different sweeps, in one file and loaded into memory.
+
+    The sweep becomes the grid of all values, or the list of all points where one of the files has a list; a point of
+    the grid that no file has keeps the status "not_run". Of a point that several have, the first solution is kept.
+    Raises StoreError where the studies differ in more than their sweeps, files have other numbers for one point, or
+    the output is there (force replaces it).
+    """
+    from tcstudy.study.grow import merge as join
+
+    target = FilePath(output)
+    if target.exists() and not force:
+        raise StoreError(f"{target} exists; give another output, or force=True to replace it")
+    join([FilePath(file) for file in files], target)
+    return _loaded(target)
 
 
 def converge(

@@ -16,7 +16,7 @@ from tcstudy.errors import UserFault
 from tcstudy.reports.outlet import guarded_streams, is_lost
 
 MODULES = {
-    **dict.fromkeys(("run", "plan"), "run"),
+    **dict.fromkeys(("run", "plan", "merge"), "run"),
     "path": "path",
     "show": "results",
     **dict.fromkeys(("converge", "cost"), "measure"),

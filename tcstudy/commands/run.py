@@ -1,9 +1,10 @@
-"""tcstudy run, plan: every sweep point on every level, into a netCDF file; and what that would be."""
+"""tcstudy run, plan, merge: all points on all levels into a netCDF file; what that would be; several files in one."""
 
 from __future__ import annotations
 
 import argparse
 import shlex
+import sys
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +17,10 @@ from tcstudy.commands.shared import (
     SOME_FAILED,
     STUDY,
     Command,
+    Option,
     checked,
+    fail,
+    file_name,
     is_there,
     length_unit,
     output_option,
@@ -32,15 +36,25 @@ KEPT = "finished points are kept, the same command goes on from there"
 
 def run(options: argparse.Namespace) -> int:
     """Run a study and write its netCDF file."""
+    if options.force and (options.append or options.retry):
+        fail("--force computes all points again, --append and --retry keep them; give one of these")
     study, output = checked(options)
-    if is_there(options, "run", study, output):
+    kept = None
+    if options.append or options.retry:
+        from tcstudy.study.grow import appended, retried
+
+        study, kept = (appended if options.append else retried)(output, study)
+    there = is_there(options, "run", study, output) if kept is None else not kept.todo.any()
+    if there and kept is not None:
+        print(f"{output} {'has all these points' if options.append else 'has no failed point'}", file=sys.stderr)
+    if there:
         points, failed = stored(output)
         return _say(options, output, points, failed, "found before")
     from tcstudy.reports.progress import progress
     from tcstudy.study.run import execute
 
     with closing(progress(naming=lambda index: _named(study, index), length=length_unit(study))) as watcher:
-        result = execute(study, output, watcher, options.words, options.jobs, options.dask)
+        result = execute(study, output, watcher, options.words, options.jobs, options.dask, kept)
     return _say(options, result.output, result.points, result.failed, "found")
 
 
@@ -94,10 +108,33 @@ def plan(options: argparse.Namespace) -> int:
     return OK
 
 
+def merge(options: argparse.Namespace) -> int:
+    """Join result files of one study that have different points of its sweep."""
+    output = options.output
+    if len(options.files) < 2:
+        fail("merge joins files; name two or more, for example tcstudy merge A.nc B.nc -o C.nc")
+    if output.exists() and not options.force:
+        fail(f"{output} exists; give another --output, or --force to replace it")
+    from tcstudy.study.grow import merge as join
+
+    points, failed, absent = join(options.files, output, options.words)
+    print(f"{points - failed} of {points} solutions of {len(options.files)} files; data in {output}")
+    if absent:
+        print(f"  not run: {absent} places of the grid, whose points no file has")
+    return SOME_FAILED if failed else OK
+
+
+_RETRY = "keep the result file's solutions and solve again only its points without one"
+_APPEND = "keep the points of the result file and add those that the study's sweep has beside them"
+GROW = (
+    Option("--retry", choices=("failed",), help=_RETRY),
+    Option("--append", action="store_true", help=_APPEND),
+)
+
 COMMANDS = {
     "run": Command(
         "run a study and write its netCDF file",
-        (*STUDY, output_option("result file (default: results/<study>.nc)"), FORCE, JOBS, DASK),
+        (*STUDY, output_option("result file (default: results/<study>.nc)"), FORCE, JOBS, DASK, *GROW),
         run,
         KEPT,
     ),
@@ -105,5 +142,14 @@ COMMANDS = {
         "check a study and say what a run would do",
         (*STUDY, output_option("result file that a run would write"), JOBS),
         plan,
+    ),
+    "merge": Command(
+        "join result files of one study that have different points of its sweep",
+        (
+            Option("files", type=Path, nargs="+", metavar="FILE.nc"),
+            Option("-o", "--output", type=file_name, required=True, metavar="FILE", help="the file of all points"),
+            Option("--force", action="store_true", help="replace the output if it is there"),
+        ),
+        merge,
     ),
 }

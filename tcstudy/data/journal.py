@@ -53,8 +53,10 @@ class Journal:
         self._closed = False
 
     @classmethod
-    def open(cls, output: Path, study: Study) -> Journal:
+    def open(cls, output: Path, study: Study, beside: str = "") -> Journal:
         """Create the journal of `output`, or resume it if it is of the same study and numerics.
+
+        beside: digest of the file whose points the run leaves alone, if any
 
         Raises StoreError if another run is writing to the same output or the directory cannot be written.
         """
@@ -67,7 +69,7 @@ class Journal:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise StoreError(f"cannot make {path.parent}: {error.strerror}. choose another output") from error
-        header = _header(study)
+        header = _header(study) | ({"beside": beside} if beside else {})
         warnings: tuple[str, ...] = ()
         connection, why = connect(path, header, _Check(study))
         if why:

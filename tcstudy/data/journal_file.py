@@ -111,6 +111,8 @@ def _look_into(connection: sqlite3.Connection, header: dict[str, str], check: Ca
     found = dict(connection.execute("SELECT key, value FROM header").fetchall())
     if found.get("study_sha256") != header["study_sha256"]:
         return "is of another study or other overrides"
+    if found.get("beside") != header.get("beside"):
+        return "is of a run that began from another file"
     if found != header:
         return "was made by other versions of the program"
     for kind in ("level", "block"):

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,12 +19,12 @@ from tcstudy.data.files import FINISHED, StoreError, new_dataset, replace_file
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
 from tcstudy.data.reading import attributes
 from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, block_of, check_block, check_level
-from tcstudy.data.schema import MISSING_COUNT, SWEEP, FileVariable, edge_flags
+from tcstudy.data.schema import MISSING_COUNT, SWEEP, FileVariable, PointStatus, edge_flags
 from tcstudy.data.writer import (
     CHUNK,
-    axis_places,
     axis_problems,
     define,
+    file_places,
     in_file_order,
     put,
     put_all,
@@ -53,8 +54,10 @@ def write(
     levels: Sequence[LevelRecord],
     records: Records,
     provenance: Provenance,
-) -> None:
+) -> tuple[int, int]:
     """Write all results of a run to `path`, replacing an old file in one step.
+
+    Returns how many solutions were sought, on all levels, and how many of them failed.
 
     records: all of them, or a function that gives them anew for every pass: neither they nor the results need fit
              into memory. Of two records of one point the last one counts; points without any stay "not run"
@@ -65,7 +68,10 @@ def write(
     problems = axis_problems(study)
     if problems:
         raise StoreError("; ".join(problems))
-    replace_file(path, lambda aside: _write_file(aside, study, levels, records, provenance), KEPT)
+    count: Counter[int] = Counter()
+    replace_file(path, lambda aside: count.update(_write_file(aside, study, levels, records, provenance)), KEPT)
+    sought = count.total() - count[PointStatus.NOT_RUN]
+    return sought, sought - count[PointStatus.OK]
 
 
 def open_results(path: Path) -> xarray.DataTree:
@@ -114,8 +120,9 @@ class Window:
 
 def _write_file(
     file: Path, study: Study, levels: Sequence[LevelRecord], records: Records, provenance: Provenance
-) -> None:
-    """One complete file: the sweep from front to back, every chunk once."""
+) -> Counter[int]:
+    """One complete file: the sweep from front to back, every chunk once. Returns how many points have each status."""
+    count: Counter[int] = Counter()
     with new_dataset(file) as nc:
         nc.setncatts(global_attributes(study, provenance))
         _put_dimensions(nc, study)
@@ -134,14 +141,18 @@ def _write_file(
             sections.append(_section(level.level, groups[level.level], study, schema.CONTACT, sizes))
         for number, windows in enumerate(_passes(sections, study)):
             for block in _blocks(records, study, known):
-                places = _places(study, block)
+                places = file_places(study, block.points)
                 for window in windows:
                     _take_block(window, block, places)
                 if not number:
                     _put_fields(groups.get(block.level), study, block, places)
             for window in windows:
+                if window.section.level is None:
+                    found, times = np.unique(window.arrays["status"], return_counts=True)
+                    count.update(dict(zip(found.tolist(), times.tolist(), strict=True)))
                 _put_window(window, study)
         nc.setncattr(FINISHED, np.int32(1))
+    return count
 
 
 def _blocks(records: Records, study: Study, levels: Mapping[int, LevelRecord]) -> Iterator[BlockRecord]:
@@ -283,15 +294,6 @@ def _put_live(level_group: netCDF4.Group, study: Study, fields: Mapping[str, np.
     if arrays:
         values = {name: in_file_order(study, array) if name in by_point else array for name, array in arrays.items()}
         put_all(level_group.createGroup("live"), schema.LIVE, values, study)
-
-
-def _places(study: Study, block: BlockRecord) -> Places:
-    """(P,) where the points of a block stand in the file, counted in C order of its dimensions."""
-    if study.mode != "grid" or not study.shape:
-        return block.points
-    index = np.unravel_index(block.points, study.shape)
-    moved = tuple(axis_places(axis)[i] for axis, i in zip(study.axes, index, strict=True))
-    return np.ravel_multi_index(moved, study.shape)
 
 
 def _put_fields(group: netCDF4.Group | None, study: Study, block: BlockRecord, places: Places) -> None:

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     import xarray
 
 
+Places = NDArray[np.intp]
+
+
 def sweep_dims(study: Study) -> tuple[str, ...]:
     """Names of the sweep dimensions, in the order of `study.shape`."""
     if not study.axes:
@@ -72,6 +75,15 @@ def axis_places(axis: Axis) -> np.ndarray[Any, Any]:
 def axis_order(axis: Axis) -> np.ndarray[Any, Any]:
     """Which of its labels stands at each place of the file's dimension."""
     return np.argsort(axis_places(axis))
+
+
+def file_places(study: Study, points: Places) -> Places:
+    """(P,) where points of the sweep stand in the file, both counted in C order."""
+    if study.mode != "grid" or not study.shape:
+        return points
+    index = np.unravel_index(points, study.shape)
+    moved = tuple(axis_places(axis)[i] for axis, i in zip(study.axes, index, strict=True))
+    return np.ravel_multi_index(moved, study.shape)
 
 
 def axis_problems(study: Study) -> list[str]:

@@ -228,6 +228,13 @@ def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, st
     return root
 
 
+def tree_of(study: Study, errors: Collector | None = None) -> Node:
+    """The text of a study as a tree, with its `--set` options put in."""
+    errors = errors if errors is not None else Collector()
+    file = str(study.source) if study.source is not None else "<text>"
+    return apply_overrides(compose(study.text, file, errors), study.overrides, SHORT, errors)
+
+
 Found = tuple[Keys, str, str]
 """A fault: key path ("body", "regions", "heater"), what is wrong, what to do."""
 
@@ -237,8 +244,7 @@ def located(study: Study, faults: Sequence[Found]) -> list[Problem]:
     if not faults:
         return []
     errors = Collector()
-    file = str(study.source) if study.source is not None else "<text>"
-    root = apply_overrides(compose(study.text, file, errors), study.overrides, SHORT, errors)
+    root = tree_of(study, errors)
     for keys, what, remedy in faults:
         if keys[:2] == ("mesh", "maxh") and holds(root, ("sweep", "h")):
             keys = ("sweep", "h", *keys[2:])  # where the sizes may stand as well

@@ -30,7 +30,7 @@ def summary(path: Path) -> str:
     with open_results(path) as tree:
         data = tree.to_dataset().load()
     parts = [data.attrs["title"], _levels(data), _stop(data), _points(data), solver_table(data), _failures(data)]
-    parts += [_rounding(data), _heat(data)]
+    parts += [_not_run(data), _rounding(data), _heat(data)]
     return "\n\n".join(part for part in parts if part)
 
 
@@ -138,9 +138,9 @@ def _points(data: Any) -> str:
 
 
 def _certified(at: Any) -> str:
-    """The strongest statement that is proved of a solution; "failed" where there is none."""
-    if int(at["status"]) != int(PointStatus.OK):
-        return "failed"
+    """The strongest statement that is proved of a solution; "failed" or "not run" where there is none."""
+    if (status := PointStatus(int(at["status"]))) != PointStatus.OK:
+        return "not run" if status == PointStatus.NOT_RUN else "failed"
     for name, text in (("unique", "unique"), ("global_minimum", "global"), ("strict_minimum", "local")):
         if int(at[name]) == 1:
             return text
@@ -162,9 +162,19 @@ def _change(values: Any) -> str:
 def _failures(data: Any) -> str:
     """One line for each kind of failure."""
     status, reason = data["status"], data["reason"].values
-    places = np.argwhere(status.values != int(PointStatus.OK))
+    places = np.argwhere((status.values != PointStatus.OK) & (status.values != PointStatus.NOT_RUN))
     failed = [(PointStatus(int(status.values[tuple(p)])), str(reason[tuple(p)]), _point(data, p)) for p in places]
     return "\n".join(f"  {line}" for line in failure_lines(Failure(*one) for one in failed))
+
+
+def _not_run(data: Any) -> str:
+    """Points that the grid of a file has, but that no run was asked for."""
+    places = np.argwhere(data["status"].values == PointStatus.NOT_RUN)
+    if not len(places):
+        return ""
+    return (
+        f"  not run: {len(places)} of {data['status'].size} places of the grid (for example {_point(data, places[0])})"
+    )
 
 
 def _rounding(data: Any) -> str:

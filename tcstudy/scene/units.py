@@ -89,6 +89,30 @@ def to_si(number: str, unit: str, dimension: Dimension) -> float:
     return value
 
 
+DIMENSIONS = (
+    *(NONE, LENGTH, TRACTION, STIFFNESS, BODY_FORCE, LINE_FORCE, HEAT_SOURCE, HEAT_TRANSFER, TEMPERATURE),
+    *(CONDUCTIVITY, EXPANSION, THERMAL_STRESS),
+)
+
+
+def same_quantity(one: object, two: object) -> bool:
+    """Whether two values of a study are one, whatever their units: "50 um", "0.05 mm" and 5e-5 are."""
+    if isinstance(one, bool) or isinstance(two, bool):
+        return one is two
+    return one == two or any(_in_si(one, d) == _in_si(two, d) for d in DIMENSIONS)
+
+
+def _in_si(value: object, dimension: Dimension) -> float:
+    """A value in SI units of a dimension; NaN if it is none."""
+    if isinstance(value, int | float):
+        return float(value)
+    parts = split_quantity(value) if isinstance(value, str) else None
+    try:
+        return to_si(*parts, dimension) if parts is not None else float("nan")
+    except UnitError:
+        return float("nan")
+
+
 @lru_cache(maxsize=1024)
 def _factor(unit: str, dimension: Dimension) -> float:
     """How many SI units one `unit` is."""

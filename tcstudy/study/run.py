@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Protocol
 
@@ -30,9 +31,10 @@ from tcstudy.offline.live import live_arrays
 from tcstudy.refine.family import Family
 from tcstudy.refine.survey import Survey
 from tcstudy.scene.study import Study
+from tcstudy.study.grow import Kept
 from tcstudy.study.jobs import Choice, choosing
 from tcstudy.study.plan import faults, output_of, warnings
-from tcstudy.study.workshop import Times, Workshop, all_failed
+from tcstudy.study.workshop import Times, Workshop, all_failed, keeps_solutions
 
 Key = tuple[int, int]
 """A block: (level, number)."""
@@ -78,18 +80,22 @@ class Stage:
 
 
 def run(
-    study: Study, finished: Mapping[Key, BlockRecord] | None = None, executor: Choice | None = None
+    study: Study,
+    finished: Mapping[Key, BlockRecord] | None = None,
+    executor: Choice | None = None,
+    kept: Kept | None = None,
 ) -> Iterator[LevelRecord | BlockRecord]:
     """Yield each level's record, then its points, block by block.
 
     finished: blocks to leave out; their solutions start their neighbours as if they had been found in this run
     executor: who solves the blocks of a level; None for this process
+    kept:     what a file has of the study; only the other points are solved
 
     A point that fails is recorded with its status and reason, and the rest goes on. Points come in an order that
     reuses factors and loads, not in the order of the sweep.
     Raises GeometryFailed if the body cannot be meshed, WorkersFailed if the executor has no workers.
     """
-    for stage in stages(study, finished, executor):
+    for stage in stages(study, finished, executor, kept):
         if stage.record is not None:
             yield stage.record
         yield from stage.blocks
@@ -98,7 +104,10 @@ def run(
 
 
 def stages(
-    study: Study, finished: Mapping[Key, BlockRecord] | None = None, executor: Choice | None = None
+    study: Study,
+    finished: Mapping[Key, BlockRecord] | None = None,
+    executor: Choice | None = None,
+    kept: Kept | None = None,
 ) -> Iterator[Stage]:
     """The levels of a study one after the other; take all blocks of one before the next is asked for.
 
@@ -111,12 +120,13 @@ def stages(
     for i in range(study.mesh.levels):
         known = {number: block for (level, number), block in (finished or {}).items() if level == i}
         times = Times(geometry)
+        todo = np.arange(len(study.scenes)) if kept is None else np.flatnonzero(kept.todo[:, i])
         try:
             clock = time.perf_counter()
             mesh = meshes.next(i)
             times.mesh = time.perf_counter() - clock
-            whole = sum(len(block) for block in known.values()) == len(study.scenes)
-            if whole and not study.mesh.estimates:
+            whole = sum(len(block) for block in known.values()) == len(todo)
+            if whole and not study.mesh.estimates and (kept is None or not study.output.live):
                 continue
             clock = time.perf_counter()
             level = Level(mesh, study.scenes[0], study.scenes)
@@ -124,14 +134,17 @@ def stages(
         except GeometryFailed as error:
             if i == 0 or not study.mesh.listed:
                 raise
-            failed = all_failed(study, i, PointStatus.MESH_FAILED, str(error))
+            failed = all_failed(study, i, todo, PointStatus.MESH_FAILED, str(error))
             yield Stage(None, None, iter(() if 0 in known else (failed,)), str)
             continue
         clock = time.perf_counter()
         survey = meshes.survey(level) if isinstance(meshes, Family) else None
         times.estimate = time.perf_counter() - clock
         who = executor(study, level.line.m) if executor is not None else Here()
-        workshop = Workshop(study, level, survey, who, times)
+        workshop = Workshop(study, level, survey, who, times, todo=todo)
+        if kept is not None and workshop.solutions.kept:
+            for block in kept.blocks(study, i):
+                workshop.solutions.take(block)
         stop = partial(_stop, survey, i + 1 == study.mesh.levels, times)
         yield Stage(level, level_record(study, mesh, level), _timed(workshop.work(known), times), stop, times)
         if stop() and study.mesh.open_ended:
@@ -221,10 +234,12 @@ def execute(
     command: Sequence[str] = ("tcstudy",),
     jobs: int | None = None,
     dask: str | None = None,
+    kept: Kept | None = None,
 ) -> Summary:
     """Run all points of a study and write the result file.
 
     jobs: worker processes, None for as many as pay;  dask: address of a scheduler whose workers are to do it instead
+    kept: what the output has of the study already and keeps (study.grow), None for nothing
     Only this process writes, and the numbers are the same to the bit.
     A run that was killed or interrupted leaves its finished points beside the output; the same study then goes on
     where it stopped. Raises StoreError if the results cannot be kept, GeometryFailed if the body has no mesh;
@@ -239,14 +254,16 @@ def execute(
     # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
     with (
         threadpool_limits(1, user_api="blas"),
-        Journal.open(output, study) as journal,
+        Journal.open(output, study, kept.digest if kept is not None else "") as journal,
         choosing(jobs, dask) as executor,
     ):
         # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
         known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
-        finished = {(block.level, block.number): without_fields(block) for block in known}
-        watcher.begin(_work(study, finished), [*journal.warnings, *warnings(study)])
-        for record in run(study, finished, executor):
+        finished = {(block.level, block.number): as_start(study, block) for block in known}
+        watcher.begin(_work(study, finished, kept), [*journal.warnings, *warnings(study)])
+        for record in run(study, finished, executor, kept):
+            if isinstance(record, LevelRecord):
+                record = record if kept is None else kept.joined(record)
             journal.add(record)
             if isinstance(record, LevelRecord):
                 if not record.stop:  # one that says why the level was the last follows its points
@@ -254,12 +271,13 @@ def execute(
             else:
                 watcher.block(record)
         journal.flush()
-        statuses = np.concatenate([np.empty(0, dtype=np.int8), *(block.status for block in journal.blocks())])
-        levels = journal.levels()
-        write(output, _with_levels(study, levels), levels, journal.blocks, collect(study, command))
+        levels, records, provenance = journal.levels(), journal.blocks, collect(study, command)
+        if kept is not None:
+            levels, provenance = kept.with_levels(levels), kept.before(provenance)
+            records = lambda: chain(kept.blocks(study), journal.blocks())  # noqa: E731
+        points, failed = write(output, _with_levels(study, levels), levels, records, provenance)
         journal.discard()
-    failed = int(np.count_nonzero(statuses != PointStatus.OK))
-    return Summary(output, len(statuses), failed, sum(len(block) for block in finished.values()))
+    return Summary(output, points, failed, sum(len(block) for block in finished.values()))
 
 
 def _with_levels(study: Study, levels: Sequence[LevelRecord]) -> Study:
@@ -269,15 +287,29 @@ def _with_levels(study: Study, levels: Sequence[LevelRecord]) -> Study:
     return replace(study, mesh=replace(study.mesh, levels=levels[-1].level + 1))
 
 
-def without_fields(block: BlockRecord) -> BlockRecord:
-    """A block as a start for others: its whole-body fields stay on the disk."""
-    return replace(block, fields={}, numbers={})
+def as_start(study: Study, block: BlockRecord) -> BlockRecord:
+    """What the run needs of a finished block: which points, and their solutions if others begin from them.
+
+    Copies, since a journal's arrays are views of all that the block has; the rest stays on the disk.
+    """
+    needed = block.u_T is not None and (study.mesh.estimates or keeps_solutions(study))
+    return replace(
+        block,
+        points=block.points.copy(),
+        status=block.status.copy(),
+        numbers={},
+        u_T=block.u_T.copy() if needed and block.u_T is not None else None,
+        xi=None,
+        sticks=None,
+        fields={},
+    )
 
 
-def _work(study: Study, finished: Mapping[Key, BlockRecord]) -> list[LevelWork]:
+def _work(study: Study, finished: Mapping[Key, BlockRecord], kept: Kept | None) -> list[LevelWork]:
     """Points of every level; a point costs about as much as its mesh has nodes."""
-    mesh, points = study.mesh, len(study.scenes)
+    mesh = study.mesh
+    points = [len(study.scenes)] * mesh.levels if kept is None else kept.todo.sum(axis=0).tolist()
     done = [sum(len(block) for block in finished.values() if block.level == i) for i in range(mesh.levels)]
     growth = mesh.strategy.growth
     finer = [(mesh.maxh[0] / mesh.maxh[i]) ** 2 if mesh.listed else growth**i for i in range(mesh.levels)]
-    return [LevelWork(points, done[i], finer[i], not mesh.open_ended) for i in range(mesh.levels)]
+    return [LevelWork(points[i], done[i], finer[i], not mesh.open_ended) for i in range(mesh.levels)]

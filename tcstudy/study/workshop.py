@@ -67,7 +67,7 @@ class Prepared:
 
 @dataclass(frozen=True)
 class Workshop:
-    """A level at work: what its blocks are solved with."""
+    """A level at work: what its blocks are solved with. todo: places of the points to solve, None for all."""
 
     study: Study
     level: Level
@@ -75,12 +75,12 @@ class Workshop:
     executor: Executor = field(default_factory=Here)
     times: Times = field(default_factory=Times)
     bodies: dict[object, CondensedBody] = field(default_factory=dict)
+    todo: Places | None = None
 
     @cached_property
     def solutions(self) -> Solutions:
         """Those found so far, where others begin from them."""
-        kept = self.study.solver.branch == "continued" or not in_blocks(self.study)
-        return Solutions(self.study, self.level.line.m, kept)
+        return Solutions(self.study, self.level.line.m, keeps_solutions(self.study))
 
     @cached_property
     def exact(self) -> Array | None:
@@ -95,7 +95,7 @@ class Workshop:
         A few blocks are prepared ahead, so that whoever solves them need not wait for loads.
         """
         waiting: deque[Prepared] = deque()
-        for block in blocks_of(self.study, self.level.line.m, self.level.mesh.n_points):
+        for block in blocks_of(self.study, self.level.line.m, self.level.mesh.n_points, self.todo):
             while waiting and (len(waiting) > self.executor.ahead or self._must_wait(waiting[-1].block, block)):
                 yield from self._finish(waiting.popleft())
             known = finished.get(block.number)
@@ -248,9 +248,9 @@ def row_laws(laws: list[FrictionLaw], factor: Array) -> RowLaws:
     return RowLaws(LawTables.of(scaled), np.array(rows, dtype=np.intp)[:, None])
 
 
-def all_failed(study: Study, level: int, status: PointStatus, reason: str) -> BlockRecord:
+def all_failed(study: Study, level: int, points: Places, status: PointStatus, reason: str) -> BlockRecord:
     """All points of a level that could not be made."""
-    return _failed(study, level, Block(0, np.arange(len(study.scenes))), status, reason)
+    return _failed(study, level, Block(0, points), status, reason)
 
 
 def _failed(study: Study, level: int, block: Block, status: PointStatus, reason: str) -> BlockRecord:
@@ -299,11 +299,18 @@ def in_blocks(study: Study) -> bool:
     return solver.names == (SEPARABLE,) and solver.max_iterations is None
 
 
-def blocks_of(study: Study, m: int, n_points: int) -> list[Block]:
+def keeps_solutions(study: Study) -> bool:
+    """Whether points begin from solutions of their neighbours."""
+    return study.solver.branch == "continued" or not in_blocks(study)
+
+
+def blocks_of(study: Study, m: int, n_points: int, todo: Places | None = None) -> list[Block]:
     """The blocks of a level in the order in which they are solved.
 
-    m: contact unknowns;  n_points: nodes of the mesh
+    m: contact unknowns;  n_points: nodes of the mesh;  todo: places of the points to solve, None for all
     """
+    if todo is not None and not len(todo):
+        return []
     materials, of = combinations(study.scenes, "material")
     numbers: dict[object, int] = {}
     ratio = np.array([numbers.setdefault(("ratio", Level.ratio(s)), len(numbers)) for s in materials])[of]
@@ -315,6 +322,8 @@ def blocks_of(study: Study, m: int, n_points: int) -> list[Block]:
     places = np.arange(len(study.scenes))
     wave = _waves(study)
     order = np.lexsort((places, thermal, laws, mu, ratio, wave))
+    if todo is not None:
+        order = order[np.isin(order, todo)]
     size = _size(study, m, n_points)
     kind = wave[order] * (ratio.max(initial=0) + 1) + ratio[order]
     cuts = np.flatnonzero(np.diff(kind)) + 1

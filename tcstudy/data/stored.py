@@ -1,0 +1,190 @@
+"""A finished run's file read back as the records that it was written of, block by block, to the bit.
+
+For studies that grow, are mended or are joined: what is read here goes through the one writer again. Not here: which
+points of which study these are (`tcstudy.study.grow`), and the group `live`, which is made of the whole sweep.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data import schema
+from tcstudy.data.reading import reading
+from tcstudy.data.records import BlockRecord, LevelRecord
+from tcstudy.data.schema import MISSING_COUNT, PointStatus
+from tcstudy.data.writer import tile_shape, tiles
+from tcstudy.scene.study import Study
+
+if TYPE_CHECKING:
+    import netCDF4
+
+Places = NDArray[np.intp]
+Values = NDArray[Any]
+
+VALUES = 2**22
+"""Numbers of one variable that are in memory at a time."""
+SAME = 1e-9
+"""Difference of two solutions of one point, relative to the largest value of the level, that is none: blocks of other
+points round otherwise, and a solution is one to 1e-10."""
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file, by which a journal knows what it goes on from."""
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[netCDF4.Dataset]:
+    import netCDF4
+
+    with reading(path), netCDF4.Dataset(path) as nc:
+        nc.set_auto_mask(False)
+        yield nc
+
+
+def read_status(path: Path) -> NDArray[np.int8]:
+    """(P, levels) PointStatus in the order of the file. Raises StoreError."""
+    with _opened(path) as nc:
+        status: NDArray[np.int8] = nc["status"][...]
+    return status.reshape(-1, status.shape[-1])
+
+
+def read_levels(path: Path) -> dict[int, LevelRecord]:
+    """The records of the levels that have a mesh, without what a page needs to solve by itself. Raises StoreError."""
+    with _opened(path) as nc:
+        return {int(group.level): _level(nc, group) for group in nc.groups.values()}
+
+
+def _level(nc: netCDF4.Dataset, group: netCDF4.Group) -> LevelRecord:
+    i = int(group.level)
+    values: dict[str, Any] = {name: group[name][...] for name in ("arclength", "x", "y", "c", "edge")}
+    values |= {name: nc[name][i].item() for name in ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")}
+    meanings = str(getattr(group["edge"], "flag_meanings", ""))
+    return LevelRecord(
+        level=i,
+        **values,
+        edge_names=tuple(meanings.split()),
+        fields={v.name: group[v.name][...] for v in schema.MESH if v.name in group.variables},
+        stop=str(nc["stop"][i]) if "stop" in nc.variables else "",
+    )
+
+
+def read_blocks(path: Path, study: Study, places: Places, wanted: NDArray[np.bool_]) -> Iterator[BlockRecord]:
+    """The points of a file as blocks of another study.
+
+    places: (P,) where the points of the file, in its order, stand in the sweep of `study`
+    wanted: (points of study, levels) which of them are given; those that were not run never are
+    """
+    with _opened(path) as nc:
+        shape = nc["status"].shape[:-1]
+        own = [v for v in schema.root_variables(study) if v.name in schema.NUMBERS and v.name in nc.variables]
+        number = 0
+        for level in range(nc["status"].shape[-1]):
+            group = nc.groups.get(f"level_{level}")
+            for cut, start, stop in tiles(shape, tile_shape(shape, _points(group))):
+                at, status = places[start:stop], _flat(nc["status"][(*cut, level)], 0)
+                rows = np.flatnonzero((status != PointStatus.NOT_RUN) & wanted[at, level])
+                if not len(rows):
+                    continue
+                words = _flat(nc["reason"][(*cut, level)], 0)
+                more = {v.name: _number(nc[v.name], cut, level)[rows] for v in own}
+                yield BlockRecord(
+                    number=number,
+                    level=level,
+                    shape=study.shape,
+                    points=at[rows],
+                    status=status[rows],
+                    reasons={row: str(words[i]) for row, i in enumerate(rows) if words[i]},
+                    numbers=more,
+                    **_on_line(group, cut, rows),
+                )
+                number += 1
+
+
+def _points(group: netCDF4.Group | None) -> int:
+    """How many points may be in memory at a time."""
+    widths = [1] if group is None else [int(d.size) for name, d in group.dimensions.items() if name.endswith("node")]
+    return max(1, VALUES // max(32, *widths))
+
+
+def _flat(values: Values, after: int) -> Values:
+    """Values by point; after: how many dimensions follow those of the sweep."""
+    array = np.asarray(values)
+    return array.reshape(-1, *array.shape[array.ndim - after :])
+
+
+def _number(variable: netCDF4.Variable, cut: tuple[slice, ...], level: int) -> Values:
+    """(P,) or (P, k) numbers of a level as records have them: NaN is missing."""
+    after = len(variable.dimensions) - len(cut) - 1
+    values = _flat(variable[(*cut, level)], after).astype(float)
+    if variable.dtype == np.int32:
+        values[values == MISSING_COUNT] = np.nan
+    return values
+
+
+def _on_line(group: netCDF4.Group | None, cut: tuple[slice, ...], rows: Places) -> dict[str, Any]:
+    """What points have on the contact line and in the body."""
+    if group is None:
+        return {}
+    found: dict[str, Any] = {name: _flat(group[name][cut], 1)[rows] for name in ("u_T", "xi", "sticks")}
+    fields = {v.name: _flat(group[v.name][cut], 1)[rows] for v in schema.FIELDS if v.name in group.variables}
+    return found | {"fields": fields}
+
+
+def disagreement(first: Path, second: Path, rows: tuple[Places, Places]) -> tuple[int, str] | None:
+    """The first point that two files have solved otherwise: which of the rows, and what differs; None if all agree.
+
+    rows: places of the same points in either file, in its order
+    Compared are energy, mean temperature, u_T and xi of points that both have solved.
+    """
+    with _opened(first) as one, _opened(second) as two:
+        for level in range(one["status"].shape[-1]):
+            ok = [
+                _flat(nc["status"][..., level], 0)[at] == PointStatus.OK
+                for nc, at in zip((one, two), rows, strict=True)
+            ]
+            both = np.flatnonzero(ok[0] & ok[1])
+            kept = (rows[0][both], rows[1][both])
+            for name in ("energy", "theta_mean"):
+                pair = [_flat(nc[name][..., level], 0)[at] for nc, at in zip((one, two), kept, strict=True)]
+                if (worst := _apart(*pair)) is not None:
+                    return int(both[worst]), f"on level {level}: {name} {pair[0][worst]:.12g} | {pair[1][worst]:.12g}"
+            groups = [nc.groups[name] for nc in (one, two) if (name := f"level_{level}") in nc.groups]
+            if len(both) and (found := _on_lines(groups, kept)) is not None:
+                return int(both[found[0]]), f"on level {level}: {found[1]}"
+    return None
+
+
+def _on_lines(groups: list[netCDF4.Group], rows: tuple[Places, Places]) -> tuple[int, str] | None:
+    """As `disagreement`, of some nodes at a time: all points of them fit into memory."""
+    m = groups[0].dimensions["node"].size
+    points = max(int(np.prod(group["u_T"].shape[:-1])) for group in groups)
+    step = max(1, VALUES // max(1, points))
+    for name in ("u_T", "xi"):
+        for j in range(0, m, step):
+            pair = [_flat(group[name][..., j : j + step], 1)[at] for group, at in zip(groups, rows, strict=True)]
+            if (worst := _apart(*pair)) is not None:
+                row, node = np.unravel_index(worst, pair[0].shape)
+                values = " | ".join(f"{values[row, node]:.12g}" for values in pair)
+                return int(row), f"{name} at node {j + int(node)} {values}"
+    return None
+
+
+def _apart(one: Values, two: Values) -> int | None:
+    """Where two arrays differ most, if that is more than rounding; both unknown is no difference."""
+    if not one.size:
+        return None
+    gap = np.abs(one - two)
+    gap[np.isnan(one) & np.isnan(two)] = 0.0
+    gap[np.isnan(gap)] = np.inf
+    scale = max(float(np.nanmax(np.abs(values), initial=0.0)) for values in (one, two))
+    worst = int(np.argmax(gap))
+    return worst if gap.flat[worst] > SAME * scale else None

@@ -1,0 +1,231 @@
+"""Finished files that grow: points are added to them, failed ones solved again, several are joined.
+
+What a file has is read back as records and written again, to the bit. Not here: what makes two studies one but for
+their sweep (`study.union`), solving (`study.run`), reading files (`data.stored`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import chain, combinations, islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.files import check_writable
+from tcstudy.data.provenance import Provenance, collect, program, study_sha256
+from tcstudy.data.reading import attributes
+from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
+from tcstudy.data.store import write
+from tcstudy.data.stored import digest, disagreement, read_blocks, read_levels, read_status
+from tcstudy.data.writer import file_places
+from tcstudy.errors import StoreError, StudyError, shortened
+from tcstudy.read.study import read_study_text
+from tcstudy.scene.study import Study
+from tcstudy.study.union import differences, places_in, points_of, union
+
+Places = NDArray[np.intp]
+Label = float | str
+
+
+@dataclass(frozen=True)
+class StoredRun:
+    """A finished run's file and the study that it holds."""
+
+    path: Path
+    study: Study
+    history: str
+
+    @cached_property
+    def status(self) -> NDArray[np.int8]:
+        """(P, levels) in the order of the file."""
+        return read_status(self.path)
+
+    def places_in(self, study: Study) -> Places:
+        """(P,) where the points of the file, in its order, stand in the sweep of a study that has them all."""
+        places = np.empty(len(self.status), dtype=np.intp)
+        places[file_places(self.study, np.arange(len(places)))] = places_in(study, self.study)
+        return places
+
+
+def stored_run(path: Path, source: Path | None = None) -> StoredRun:
+    """A run's file with its study. source: file of a study beside which its geometry lies, if any.
+
+    Raises StoreError if it is no run, was computed by another version, or if its study cannot be read again.
+    """
+    found = attributes(path)
+    if "content" in found or "reference" in found:
+        raise StoreError(f"{path} holds results of another command; name the file of a run")
+    if found.get("program") != program():
+        what = "was computed by another version of the program or its libraries"
+        raise StoreError(f"{path} {what}; run its study again with --force")
+    overrides = tuple(filter(None, str(found["overrides"]).split("\n")))
+    try:
+        study = read_study_text(str(found["study_yaml"]), str(path), overrides, source)
+    except StudyError as error:
+        what = shortened(str(error).splitlines()[0], 300)
+        raise StoreError(
+            f"the study in {path} cannot be read again ({what}); a geometry must be in its place"
+        ) from error
+    if study.scenes[0].body.brep is not None and study_sha256(study) != found["study_sha256"]:
+        raise StoreError(f"{path} was computed for another geometry file; run its study again with --force")
+    if study.mesh.open_ended:
+        why = "its meshes follow from the solutions at all points of its sweep"
+        raise StoreError(f"{path} cannot be added to, mended or joined: {why}; run the whole study with --force")
+    return StoredRun(path, study, str(found["history"]))
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """What a finished file has of a study, and what is still to be solved.
+
+    places: (P of the file,) where its points stand in the study;  todo: (points of the study, levels)
+    """
+
+    file: StoredRun
+    places: Places
+    todo: NDArray[np.bool_]
+
+    @cached_property
+    def levels(self) -> dict[int, LevelRecord]:
+        """The levels that the file has, by number."""
+        return read_levels(self.file.path)
+
+    @cached_property
+    def digest(self) -> str:
+        """By which a journal knows that it went on from this file."""
+        return digest(self.file.path)
+
+    def blocks(self, study: Study, level: int | None = None) -> Iterator[BlockRecord]:
+        """The points that are not solved again, of one level or of all."""
+        wanted = ~self.todo
+        if level is not None:
+            wanted &= np.arange(self.todo.shape[1]) == level
+        return read_blocks(self.file.path, study, self.places, wanted)
+
+    def with_levels(self, new: Sequence[LevelRecord]) -> tuple[LevelRecord, ...]:
+        """The levels of the file and those of the journal, coarse to fine."""
+        levels = self.levels | {level.level: level for level in new}
+        return tuple(levels[i] for i in sorted(levels))
+
+    def before(self, provenance: Provenance) -> Provenance:
+        """The provenance with the file's history before it."""
+        return replace(provenance, history=f"{self.file.history}\n{provenance.history}")
+
+    def joined(self, record: LevelRecord) -> LevelRecord:
+        """The file's record of a level, with what a page needs of all points. Raises StoreError for another mesh."""
+        old = self.levels.get(record.level)
+        if old is None:
+            return record
+        same = old.n_dof == record.n_dof and all(
+            np.array_equal(getattr(old, name), getattr(record, name)) for name in ("arclength", "x", "y", "c", "edge")
+        )
+        if not same:
+            what = f"the mesh of level {record.level} is not that of {self.file.path}, whose points stay"
+            raise StoreError(f"{what}; run the whole study with --force")
+        return replace(old, fields=record.fields)
+
+
+def appended(path: Path, new: Study) -> tuple[Study, Kept]:
+    """The study with the points of a finished file and of `new`, and what the file has of it.
+
+    Raises StoreError if they differ in more than the sweep.
+    """
+    file = stored_run(path, new.source)
+    _refuse_other(path, file.study, new)
+    study = union(file.study, new)
+    places = file.places_in(study)
+    todo = np.zeros((len(study.scenes), study.mesh.levels), dtype=bool)
+    todo[places_in(study, new)] = True
+    todo[places] &= file.status == PointStatus.NOT_RUN
+    return study, Kept(file, places, todo)
+
+
+def retried(path: Path, new: Study) -> tuple[Study, Kept]:
+    """The study of a finished file, and all it has but those points of `new` that have no solution.
+
+    Raises StoreError if the file does not hold the study.
+    """
+    file = stored_run(path, new.source)
+    _refuse_other(path, file.study, new)
+    asked = places_in(file.study, new, absent=-1)
+    if np.any(asked < 0):
+        count = np.count_nonzero(asked < 0)
+        raise StoreError(f"{path} does not hold {count} of the study's {len(asked)} points; add them by --append")
+    study = new if len(asked) == len(file.status) else file.study
+    places = file.places_in(study)
+    todo = np.zeros((len(study.scenes), study.mesh.levels), dtype=bool)
+    todo[places_in(study, new)] = True
+    todo[places] &= file.status != PointStatus.OK
+    return study, Kept(file, places, todo)
+
+
+def _refuse_other(path: Path, old: Study, new: Study) -> None:
+    if found := differences(old, new):
+        remedy = "give another --output, or --force to compute all anew"
+        raise StoreError(f"{path} holds another study, not only another sweep ({'; '.join(found[:5])}); {remedy}")
+
+
+def merge(files: Sequence[Path], output: Path, command: Sequence[str] = ("tcstudy.merge",)) -> tuple[int, int, int]:
+    """Write the points of several files of one study into one file, each from the first file that has it solved.
+
+    Returns how many solutions were sought, how many of them failed, and how many places of the sweep no file has.
+    Raises StoreError if the studies differ in more than their sweeps, or files have solved a point otherwise.
+    """
+    runs = [stored_run(path) for path in files]
+    study = runs[0].study
+    for run in runs[1:]:
+        if found := differences(runs[0].study, run.study):
+            raise StoreError(f"{runs[0].path} and {run.path} hold different studies: {'; '.join(found[:5])}")
+        study = union(study, run.study)
+    study = replace(study, title=runs[0].study.title, output=replace(study.output, live=False))
+    if problems := check_writable(output, sum(path.stat().st_size for path in files)):
+        raise StoreError("\n".join(problems))
+    places = [run.places_in(study) for run in runs]
+    for k, j in combinations(range(len(runs)), 2):
+        _refuse_disagreement(study, (runs[k], places[k]), (runs[j], places[j]))
+    owner = _owners(study, runs, places)
+    kept = [Kept(run, at, owner != k) for k, (run, at) in enumerate(zip(runs, places, strict=True))]
+    levels: dict[int, LevelRecord] = {}
+    for one in kept:
+        levels |= {i: record for i, record in one.levels.items() if i not in levels}
+        for record in levels.values():
+            one.joined(record)
+    provenance = collect(study, command)
+    history = "\n".join([*(run.history for run in runs), provenance.history])
+    ordered = [levels[i] for i in sorted(levels)]
+    records = lambda: chain.from_iterable(one.blocks(study) for one in kept)  # noqa: E731
+    points, failed = write(output, study, ordered, records, replace(provenance, history=history))
+    return points, failed, owner.size - points
+
+
+def _owners(study: Study, runs: Sequence[StoredRun], places: Sequence[Places]) -> NDArray[np.int32]:
+    """(points, levels) the first file that has solved each, or else has run it; -1 for none."""
+    owner = np.full((len(study.scenes), study.mesh.levels), -1, dtype=np.int32)
+    held = np.zeros(owner.shape, dtype=np.int8)
+    for k, (run, at) in enumerate(zip(runs, places, strict=True)):
+        status = np.zeros_like(held)
+        status[at] = run.status
+        better = (held == PointStatus.NOT_RUN) | ((held != PointStatus.OK) & (status == PointStatus.OK))
+        better &= status != PointStatus.NOT_RUN
+        owner[better], held[better] = k, status[better]
+    return owner
+
+
+def _refuse_disagreement(study: Study, one: tuple[StoredRun, Places], two: tuple[StoredRun, Places]) -> None:
+    """Raise StoreError if two files have other numbers for a point that both have."""
+    (run, places), (other, others) = one, two
+    where = np.full(len(study.scenes), -1, dtype=np.intp)
+    where[places] = np.arange(len(places))
+    shared = np.flatnonzero(where[others] >= 0)
+    if not len(shared):
+        return
+    if (found := disagreement(run.path, other.path, (where[others[shared]], shared))) is not None:
+        row, what = found
+        point = next(islice(points_of(study, study.axes), int(others[shared[row]]), None))[0]
+        names = (f"{axis.name} = {label}" for axis, label in zip(study.axes, point, strict=True))
+        name = ", ".join(names) or "the point"
+        raise StoreError(f"{run.path} and {other.path} have other numbers for {name} {what}; run one of them anew")

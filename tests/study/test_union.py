@@ -1,0 +1,97 @@
+"""Studies that differ only in their sweep: what else differs is said; the union has every point once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tcstudy.errors import StoreError
+from tcstudy.study.union import differences, places_in, union
+from tests.verification.scenes import RECTANGLE, study_of
+
+SI = RECTANGLE.replace("units: none", "units: SI").replace("tau: 0.01", "tau: 50 kPa")
+LAWS = "sweep={friction: {soft: {law: tresca, tau: 0.01}, hard: {law: tresca, tau: 0.02}}}"
+
+
+def test_what_differs_is_said_by_key_in_the_words_of_both() -> None:
+    one = study_of(SI, "sweep={E: [1 GPa, 2 GPa]}")
+    assert differences(one, study_of(SI, "sweep={E: [3 GPa]}", "title=Another", "output=elsewhere.nc")) == []
+    assert differences(one, study_of(SI, "sweep={E: [3 GPa]}", "friction.tau=60 kPa", "mesh.levels=2")) == [
+        "friction.tau: 50 kPa | 60 kPa",
+        "mesh.levels: 3 | 2",
+    ]
+    assert differences(one, study_of(SI, "sweep={nu: [0.1]}")) == ["swept parameters: material.E | material.nu"]
+    assert differences(one, study_of(SI, "sweep={E: [3 GPa]}", "solver.tolerance=1e-9")) == [
+        "solver.tolerance: not given | 1e-09"
+    ]
+
+
+@pytest.mark.parametrize("written", ["0.05 MPa", "5e4 Pa", "50000", "5e+4"])
+def test_a_quantity_may_be_written_otherwise(written: str) -> None:
+    assert differences(study_of(SI), study_of(SI, f"friction.tau={written}")) == []
+
+
+def test_a_law_of_one_name_must_be_one_law() -> None:
+    other = LAWS.replace("tau: 0.02", "tau: 0.03")
+    assert differences(study_of(RECTANGLE, LAWS), study_of(RECTANGLE, LAWS)) == []
+    (line,) = differences(study_of(RECTANGLE, LAWS), study_of(RECTANGLE, other))
+    assert line.startswith("friction.hard: ")
+    assert "0.02" in line
+    assert "0.03" in line
+
+
+def test_the_sizes_in_a_sweep_are_compared() -> None:
+    text = RECTANGLE.replace("mesh: {maxh: 0.1, levels: 3}\n", "")
+    one, two = (study_of(text, f"sweep={{E: [1], h: [0.5, {h}]}}") for h in (0.25, 0.2))
+    assert differences(one, two) == ["sweep.h[1]: 0.25 | 0.2"]
+    both = union(one, study_of(text, "sweep={E: [2], h: [0.5, 0.25]}"))
+    assert both.mesh.maxh == (0.5, 0.25)
+
+
+def test_the_union_of_grids_is_the_grid_of_all_values() -> None:
+    old = study_of(RECTANGLE, "sweep={E: [1, 2], tau: [0.01, 0.02]}")
+    new = study_of(RECTANGLE, "sweep={tau: [0.03], E: [2, 1.5]}")
+    both = union(old, new)
+    assert [(axis.name, axis.labels) for axis in both.axes] == [
+        ("E", (1.0, 2.0, 1.5)),
+        ("tau", (0.01, 0.02, 0.03)),
+    ]
+    assert places_in(both, old).tolist() == [0, 1, 3, 4]
+    assert places_in(both, new).tolist() == [5, 8]
+    for study in (old, new):
+        for place, scene in zip(places_in(both, study), study.scenes, strict=True):
+            assert both.scenes[int(place)] == scene
+    assert places_in(old, new, absent=-1).tolist() == [-1, -1]
+
+
+def test_one_study_that_has_all_points_is_the_union() -> None:
+    small, large = (study_of(RECTANGLE, f"sweep={{E: {values}}}") for values in ("[1, 2]", "[2, 3, 1]"))
+    assert union(small, large) is large
+    assert union(large, small) is large
+
+
+@pytest.mark.parametrize("grid", [True, False])
+def test_the_union_with_a_list_is_a_list(grid: bool) -> None:
+    first = "{E: [1, 2], tau: [0.02]}" if grid else "{mode: zip, E: [1, 2], tau: [0.02, 0.02]}"
+    old = study_of(RECTANGLE, f"sweep={first}")
+    new = study_of(RECTANGLE, "sweep={mode: list, points: [{tau: 0.02, E: 2}, {tau: 0.03, E: 4}]}")
+    both = union(old, new)
+    assert both.mode == "list"
+    assert [axis.labels for axis in both.axes] == [(1.0, 2.0, 4.0), (0.02, 0.02, 0.03)]
+    assert places_in(both, new).tolist() == [1, 2]
+    assert np.array_equal(places_in(both, old), [0, 1])
+
+
+def test_lists_keep_the_names_of_laws() -> None:
+    points = "{mode: list, points: [{E: 1, friction: {soft: {law: tresca, tau: 0.01}}}]}"
+    new = points.replace("soft", "hard").replace("0.01", "0.02")
+    both = union(study_of(RECTANGLE, f"sweep={points}"), study_of(RECTANGLE, f"sweep={new}"))
+    assert [axis.labels for axis in both.axes] == [(1.0, 1.0), ("soft", "hard")]
+    assert both.scenes[0].friction != both.scenes[1].friction
+
+
+def test_a_grid_that_would_be_too_large_is_refused() -> None:
+    wide = "sweep={E: {linspace: [1, 2, 1000]}, tau: [0.01]}"
+    high = "sweep={E: [3], tau: {linspace: [0.02, 0.03, 1000]}}"
+    with pytest.raises(StoreError, match="1002001 points"):
+        union(study_of(RECTANGLE, wide), study_of(RECTANGLE, high))
