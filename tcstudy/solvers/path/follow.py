@@ -107,8 +107,8 @@ def follow(problem: ParametricProblem, v: Array, t: float, t_min: float = -np.in
 def _nowhere(problem: ParametricProblem, walk: Walk) -> Path:
     """A path of one vertex: the start is so degenerate that no direction exists."""
     record = Recorder()
-    u = walk.u
-    record.add(walk.t, u, walk.traction(u))
+    record.add(walk.t, walk.x, walk.codes)
+    record.on_graph(walk.graph, walk.units.weight)
     record.residual.append(walk.residual())
     end = PathEnd.of(PathStatus.SINGULAR)
     return joined(problem, [(record, walk.codes.copy(), end)], walk.tableau.factorisations)
@@ -116,6 +116,9 @@ def _nowhere(problem: ParametricProblem, walk: Walk) -> Path:
 
 BLURRED = 3e-14
 """Relative error of a direction above which the matrix is factored anew."""
+
+HALF = 0.5
+"""Part of the accuracy aimed at above which vertices are checked more often."""
 
 AIM = 0.1
 """Part of the tolerance that is worked for with fresh factorisations, as far as rounding lets it be reached."""
@@ -156,8 +159,7 @@ class Run:
         self._store()
 
     def _store(self) -> None:
-        u = self.walk.u
-        self.record.add(self.walk.t, u, self.walk.traction(u))
+        self.record.add(self.walk.t, self.walk.x, self.walk.codes)
 
     def follow(self) -> PathEnd:
         """Piece after piece until something ends the path."""
@@ -197,12 +199,12 @@ class Run:
         at = walk.arrive(step, steps)
         record.stable.append(stable)
         self._store()
-        before = walk.codes.copy()
+        before = walk.codes[at]
         try:
             cross(walk, at)
         except SingularCellError:
             return PathStatus.SINGULAR
-        record.changed(at, before[at], walk.codes[at])
+        record.changed(at, before, walk.codes[at])
         if len(at) > 1:
             self._settle()
         return self._entered()
@@ -250,8 +252,8 @@ class Run:
         first = len(record.residual)
         if first == record.count:
             return True
-        load = p.l_0 + np.array(record.t[first:])[:, None] * p.l_1
-        defect = load - np.array(record.u[first:]) @ p.A_tilde - p.c * np.array(record.traction[first:])
+        u, traction = record.on_graph(self.walk.graph, self.units.weight)
+        defect = p.l_0 + np.array(record.t[first:])[:, None] * p.l_1 - u @ p.A_tilde - p.c * traction
         residual = np.max(np.abs(defect) / p.c, axis=1) / self.units.traction
         record.residual.extend(float(r) for r in residual)
         worst, noise = float(np.max(residual)), self._noise(first + int(np.argmax(residual)))
@@ -262,7 +264,7 @@ class Run:
             if worst > 0.01 * good:
                 self._steady()
             self.every = (
-                max(1, self.every // 2) if worst > 0.1 * good else min(2 * self.every, self.options.check_every)
+                max(1, self.every // 2) if worst > HALF * good else min(2 * self.every, self.options.check_every)
             )
             self._mark()
             return True
@@ -296,7 +298,7 @@ class Run:
         except SingularCellError:
             return  # the check of the residuals judges the point as it is
         walk.x = np.where(keep, x, walk.x)
-        self.record.replace_last(walk.t, walk.u, walk.traction(walk.u))
+        self.record.replace_last(walk.t, walk.x, walk.codes)
 
     def _steady(self) -> None:
         """Correct the present point and its direction; with a fresh factorisation where the old one no longer helps."""

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solvers.path.problem import ParametricProblem, law_graph
+from tcstudy.solvers.path.problem import LawGraph, ParametricProblem, law_graph
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -151,6 +151,7 @@ class Recorder:
         self.u: list[Array] = []
         self.traction: list[Array] = []
         self.residual: list[float] = []
+        self.waiting: list[tuple[Array, Codes]] = []
         self.stable: list[bool] = []
         self.events: list[tuple[int, Index, Codes, Codes]] = []
 
@@ -159,15 +160,24 @@ class Recorder:
         """Vertices so far."""
         return len(self.t)
 
-    def add(self, t: float, u: Array, traction: Array) -> None:
-        """A vertex; its residual is filled in when it is checked."""
+    def add(self, t: float, x: Array, codes: Codes) -> None:
+        """A vertex by its moving coordinates; the rest is filled in when it is checked."""
         self.t.append(t)
-        self.u.append(u)
-        self.traction.append(traction)
+        self.waiting.append((x.copy(), codes.copy()))
 
-    def replace_last(self, t: float, u: Array, traction: Array) -> None:
+    def replace_last(self, t: float, x: Array, codes: Codes) -> None:
         """The last vertex, known better."""
-        self.t[-1], self.u[-1], self.traction[-1] = t, u, traction
+        self.t[-1], self.waiting[-1] = t, (x.copy(), codes.copy())
+
+    def on_graph(self, graph: LawGraph, weight: Array) -> tuple[Array, Array]:
+        """(u, ξ/c) of all vertices that waited for them, (w, m) each; weight: c in the units of x."""
+        x, codes = (np.array(rows) for rows in zip(*self.waiting, strict=True))
+        self.waiting.clear()
+        u = np.where(graph.free[codes], x, graph.kink[codes])
+        traction = graph.traction(codes, u, x / weight)
+        self.u.extend(u)
+        self.traction.extend(traction)
+        return u, traction
 
     def changed(self, nodes: Index, before: Codes, after: Codes) -> None:
         """Codes that change at the last vertex."""

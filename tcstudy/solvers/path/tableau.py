@@ -20,6 +20,9 @@ Haynsworth's formula, Linear Algebra Appl. 1 (1968) 73–81.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
@@ -29,6 +32,7 @@ from tcstudy.solvers.separable.pieces import cholesky, submatrix
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
+_dgesv = scipy.linalg.lapack.dgesv
 
 CAPACITY = 48
 """Nodes that may differ from the base: small systems below, matrix products of good width above."""
@@ -102,6 +106,7 @@ class Tableau:
         self.position = np.full(self.m, -1, dtype=np.intp)
         self.columns = np.zeros((self.m, CAPACITY), order="F")
         self.own, self.gain = np.zeros(CAPACITY), np.zeros(CAPACITY)
+        self.small = np.zeros((CAPACITY, CAPACITY), order="F")
 
     def _swept(self, base: Mask, inverse: Array) -> Array:
         """P from H⁻¹."""
@@ -171,7 +176,10 @@ class Tableau:
             at = self.size
             self.size += 1
             self.nodes[at], self.position[i] = i, at
-            np.multiply(self.sign, self.P[:, i], out=self.columns[:, at])
+            column = self.columns[:, at]
+            np.multiply(self.sign, self.P[:, i], out=column)
+            self.small[at, : at + 1] = self.columns[i, : at + 1]
+            self.small[:at, at] = column[self.nodes[:at]]
         if not free:
             self.own[at], self.gain[at] = 0.0, 1.0
         elif base_free:
@@ -179,15 +187,16 @@ class Tableau:
         else:
             self.own[at], self.gain[at] = k, 1.0
 
-    def change_many(self, nodes: Index, free: Mask, k: Array) -> None:
-        """Move several nodes; with more than fit beside the base it is made anew."""
-        if len(nodes) > CAPACITY // 2:
-            self.free[nodes], self.k[nodes] = free, k
+    def change_many(self, changes: Sequence[tuple[int, bool, float]]) -> None:
+        """Move several nodes, (i, free, k) each; with more than fit beside the base it is made anew."""
+        if len(changes) > CAPACITY // 2:
+            for i, free, k in changes:
+                self.free[i], self.k[i] = free, k
             return self.refactor()
-        if self.size + len(nodes) > CAPACITY:
+        if self.size + len(changes) > CAPACITY:
             self.rebase()
-        for i, is_free, stiffness in zip(nodes, free, k, strict=True):
-            self.change(int(i), bool(is_free), float(stiffness))
+        for change in changes:
+            self.change(*change)
         return None
 
     def _drop(self, at: int) -> None:
@@ -197,6 +206,8 @@ class Tableau:
             self.nodes[at] = self.nodes[last]
             self.position[self.nodes[at]] = at
             self.columns[:, at] = self.columns[:, last]
+            self.small[at, :last], self.small[:last, at] = self.small[last, :last], self.small[:last, last]
+            self.small[at, at] = self.small[last, last]
             self.own[at], self.gain[at] = self.own[last], self.gain[last]
         self.size = last
 
@@ -213,7 +224,7 @@ class Tableau:
 
     def _solve(self, z: Array | None, node: int | None, speed: float) -> tuple[Array, float]:
         n = self.size
-        K = self.nodes[:n]
+        K, gain = self.nodes[:n], self.gain[:n]
         columns = self.columns[:, :n]
         unit = self.load_size  # scales the column of t, so that a small pivot means a lost rank
         system = np.zeros((n + 1, n + 1), order="F")
@@ -228,21 +239,23 @@ class Tableau:
         elif self.position[node] >= 0:
             system[n, self.position[node]] = 1.0
         else:
-            system[n, :n], system[n, n] = -columns[node] * self.gain[:n], self.y[node] / unit
+            system[n, :n], system[n, n] = -columns[node] * gain, self.y[node] / unit
             if z is not None:
                 rhs[n] -= z[node]
-        largest = np.max(np.abs(system), axis=1)
-        if not np.all(largest > 0.0):
+        largest = np.abs(system).max(axis=1)
+        if not largest.min() > 0.0:
             raise SingularCellError
-        lu, _, solution, info = scipy.linalg.lapack.dgesv(system / largest[:, None], rhs / largest, overwrite_b=1)
-        if info != 0 or not np.min(np.abs(np.diagonal(lu))) > LOST_RANK:
+        system /= largest[:, None]
+        rhs /= largest
+        lu, _, solution, info = _dgesv(system, rhs, overwrite_a=1, overwrite_b=1)
+        if info != 0 or not np.abs(lu.diagonal()).min() > LOST_RANK:
             raise SingularCellError
         dt = float(solution[n] / unit)
-        dx = self.y * dt - columns @ (self.gain[:n] * solution[:n])
+        dx = self.y * dt - columns @ (gain * solution[:n])
         if z is not None:
             dx += z
         dx[K] = solution[:n]
-        if not (np.isfinite(dt) and np.all(np.isfinite(dx))):
+        if not (math.isfinite(dt) and np.isfinite(dx).all()):
             raise SingularCellError
         return dx, dt
 
@@ -253,8 +266,8 @@ class Tableau:
         another stiffness has ε = Δk z, one that is held z = 0 with its force ε, one that is free z = k ε.
         """
         n = self.size
-        system: Array = self.columns[self.nodes[:n], :n] * self.gain[:n]
-        system[np.arange(n), np.arange(n)] += self.own[:n]
+        system: Array = self.small[:n, :n] * self.gain[:n]
+        system.reshape(-1, order="A")[:: n + 1] += self.own[:n]
         return system
 
     def _respond(self, r: Array) -> Array:
@@ -332,16 +345,15 @@ def indefinite_inverse(H: Array, limit: float) -> tuple[Array, int]:
 
 def sound_pivots(matrix: Array, size: Array) -> Index:
     """Rows of a symmetric matrix that can be pivoted on one after the other without loss; `size`: their own terms."""
-    rest = matrix.copy()
-    open_rows = np.ones(len(rest), dtype=bool)
+    rest, weight = np.asfortranarray(matrix), 1.0 / size
     chosen: list[int] = []
     for _ in range(len(rest)):
-        sound = np.where(open_rows, np.abs(np.diagonal(rest)) / size, 0.0)
-        i = int(np.argmax(sound))
+        sound = np.abs(rest.diagonal()) * weight
+        i = int(sound.argmax())
         if not sound[i] > SOUND:
             break
         chosen.append(i)
-        open_rows[i] = False
+        weight[i] = 0.0
         column = rest[:, i].copy()
-        rest -= np.outer(column, column / column[i])
+        rest = scipy.linalg.blas.dger(-1.0 / column[i], column, column, a=rest, overwrite_a=1)
     return np.array(chosen, dtype=np.intp)

@@ -59,77 +59,43 @@ def corner(walk: Walk, nodes: Index) -> Corner:
 
 def cross(walk: Walk, at: Index) -> None:
     """Continue the path beyond the vertex where the nodes `at` stand on their bounds; raises SingularCellError."""
-    c = corner(walk, at)
     if len(at) == 1:
-        over = _Over(walk, c)
-        over.go(0)
-        return
+        node, graph = int(at[0]), walk.graph
+        near, upper = int(walk.codes[node]), walk.x[node] == walk.high[node]
+        far = int(graph.after_high[near] if upper else graph.after_low[near])
+        turn = float(graph.sense[near] * graph.sense[far])
+        return _go_over(walk, node, far, turn if upper else -turn)
+    c = corner(walk, at)
     movers = c.near_sign * walk.dx[at] > 0.0
     if not _together(walk, c, movers):
         along_perturbation(walk, c)
+    return None
 
 
-class _Over:
-    """Single changes of side at a corner, with the inertia counted along."""
+def _go_over(walk: Walk, node: int, new: int, speed: float) -> None:
+    """The node goes on to another piece, its coordinate there with this speed; the inertia is counted along.
 
-    def __init__(self, walk: Walk, c: Corner) -> None:
-        self.walk, self.corner = walk, c
-        self.on_far = np.zeros(len(c.nodes), dtype=bool)
-
-    def go(self, i: int) -> None:
-        """Tied node number i changes sides; the direction follows from it.
-
-        The sign of the pivot, and with it the inertia, follows from whether t turns: at an up-jump a node that is
-        let go (or held) without a fold adds (or takes) a positive eigenvalue, with a fold a negative one; a
-        down-jump has the signs exchanged; between two segments one eigenvalue changes sign at a fold.
-        """
-        walk, c = self.walk, self.corner
-        to_far = not self.on_far[i]
-        old, new = (c.near[i], c.far[i]) if to_far else (c.far[i], c.near[i])
-        speed = c.far_sign[i] if to_far else -c.near_sign[i]
-        node, graph = int(c.nodes[i]), walk.graph
-        before = walk.dt
-        stiffer = graph.slope[new] > graph.slope[old]
-        place(walk, c.nodes[i : i + 1], np.array([new], dtype=np.int32))
-        move(walk, node, float(speed))
-        self.on_far[i] = to_far
-        was_free, is_free = bool(graph.free[old]), bool(graph.free[new])
-        if walk.dt == 0.0 or before == 0.0:
-            walk.negatives = walk.tableau.negatives()
-            return
-        fold = walk.dt * before < 0.0
-        if was_free and is_free:
-            walk.negatives += (-1 if stiffer else 1) if fold else 0
-        else:
-            side = graph.sense[new] if was_free else graph.sense[old]
-            if fold == (side > 0):
-                walk.negatives += -1 if was_free else 1
-
-
-def place(walk: Walk, nodes: Index, codes: Codes) -> None:
-    """Put nodes on other pieces, at the kink where they stand."""
-    graph = walk.graph
-    moved = walk.codes[nodes] != codes
-    if not np.all(moved):
-        nodes, codes = nodes[moved], codes[moved]
-    old = walk.codes[nodes]
-    walk.downs += int(np.count_nonzero(graph.sense[codes] < 0)) - int(np.count_nonzero(graph.sense[old] < 0))
-    was_free, free = graph.free[old], graph.free[codes]
-    kink = np.where(was_free, np.where(free, walk.x[nodes], graph.kink[codes]), graph.kink[old])
-    # Onto a vertical side: the traction it begins with is that of the segment the node comes from.
-    force = walk.units.weight[nodes] * graph.on_segment(old, kink)
-    walk.x[nodes] = np.where(free, kink, force)
-    walk.codes[nodes] = codes
-    walk.set_bounds(nodes)
-    x, low, high = walk.x[nodes], walk.low[nodes], walk.high[nodes]
-    walk.x[nodes] = np.where(high - x < x - low, high, low)
-    walk.tableau.change_many(nodes, free, walk.stiffness(codes, nodes))
+    The sign of the pivot, and with it the inertia, follows from whether t turns: at an up-jump a node that is let go
+    (or held) without a fold adds (or takes) a positive eigenvalue, with a fold a negative one; a down-jump has the
+    signs exchanged; between two segments one eigenvalue changes sign at a fold.
+    """
+    graph, old, before = walk.graph, int(walk.codes[node]), walk.dt
+    walk.place([node], [new])
+    move(walk, node, speed)
+    if walk.dt == 0.0 or before == 0.0:
+        walk.negatives = walk.tableau.negatives()
+        return
+    fold, was_free = walk.dt * before < 0.0, bool(graph.free[old])
+    if was_free and graph.free[new]:
+        walk.negatives += (-1 if graph.slope[new] > graph.slope[old] else 1) if fold else 0
+    elif fold == (graph.sense[new if was_free else old] > 0):
+        walk.negatives += -1 if was_free else 1
 
 
 def move(walk: Walk, node: int | None, speed: float) -> None:
     """The direction in the present cell in which `node` has this speed (None: t has it)."""
     dx, dt = walk.tableau.direction(node, speed)
-    largest = int(np.argmax(np.abs(dx)))
+    largest = int(np.abs(dx).argmax())
     if node is not None and abs(dx[largest]) > 100.0 * abs(speed):
         dx, dt = walk.tableau.direction(largest, float(np.sign(dx[largest])))
     walk.turn(dx, dt)
@@ -142,7 +108,7 @@ def _together(walk: Walk, c: Corner, movers: NDArray[np.bool_]) -> bool:
     before = walk.dx, walk.dt
     lead = np.flatnonzero(movers)[np.argmax(np.abs(walk.dx[c.nodes[movers]]))]
     try:
-        place(walk, c.nodes[movers], c.far[movers])
+        walk.place(c.nodes[movers].tolist(), c.far[movers].tolist())
         move(walk, int(c.nodes[lead]), float(c.far_sign[lead]))
         speeds = walk.dx[c.nodes]
         leaves = np.where(movers, c.far_sign * speeds > 0.0, c.near_sign * speeds <= 0.0)
@@ -151,7 +117,7 @@ def _together(walk: Walk, c: Corner, movers: NDArray[np.bool_]) -> bool:
             return True
     except SingularCellError:
         pass
-    place(walk, c.nodes[movers], c.near[movers])
+    walk.place(c.nodes[movers].tolist(), c.near[movers].tolist())
     walk.dx, walk.dt = before
     return False
 
@@ -164,14 +130,14 @@ def along_perturbation(walk: Walk, c: Corner, resting: bool = False) -> None:
     """
     n = len(c.nodes)
     walk.negatives = walk.tableau.negatives()
-    over = _Over(walk, c)
+    on_far = np.zeros(n, dtype=bool)
     speeds = c.near_sign * walk.dx[c.nodes]
     typical = float(np.max(np.abs(speeds))) or 1.0
     times = 1.0 + np.arange(n) + 0.5 * np.modf(0.6180339887498949 * (1 + np.arange(n)))[0]
     offset = -times * (typical if resting else np.where(speeds > 0.0, speeds, typical))
     for _ in range(1000 + 100 * n):
-        speeds = np.where(over.on_far, c.far_sign, c.near_sign) * walk.dx[c.nodes]
-        hits = np.where(over.on_far, speeds < 0.0, speeds > 0.0)
+        speeds = np.where(on_far, c.far_sign, c.near_sign) * walk.dx[c.nodes]
+        hits = np.where(on_far, speeds < 0.0, speeds > 0.0)
         if not np.any(hits):
             return
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -179,7 +145,9 @@ def along_perturbation(walk: Walk, c: Corner, resting: bool = False) -> None:
         i = int(np.argmin(wait))
         offset = offset + wait[i] * speeds
         offset[i] = 0.0
-        over.go(i)
+        on_far[i] = not on_far[i]
+        new, speed = (c.far[i], c.far_sign[i]) if on_far[i] else (c.near[i], -c.near_sign[i])
+        _go_over(walk, int(c.nodes[i]), int(new), float(speed))
     raise SingularCellError
 
 
@@ -292,7 +260,7 @@ def _uniform(walk: Walk, c: Corner) -> tuple[Ray, Ray] | None:
     """Ways out with all tied nodes on one side: kept together, as a symmetric solution wants it."""
     found: list[Ray] = []
     for side, sign, leave in ((c.near, c.near_sign, -1.0), (c.far, c.far_sign, 1.0)):
-        place(walk, c.nodes, side)
+        walk.place(c.nodes.tolist(), side.tolist())
         try:
             _any_direction(walk)
         except SingularCellError:
@@ -303,7 +271,7 @@ def _uniform(walk: Walk, c: Corner) -> tuple[Ray, Ray] | None:
         elif np.all(speeds <= 0.0):
             walk.turn(-walk.dx, -walk.dt)
             found.append(_ray(walk))
-    place(walk, c.nodes, c.near)
+    walk.place(c.nodes.tolist(), c.near.tolist())
     return (found[0], found[1]) if len(found) == 2 else None
 
 
@@ -313,7 +281,7 @@ def _perturbed(walk: Walk, c: Corner) -> tuple[Ray, Ray]:
     start = _ray(walk)
     along_perturbation(walk, c, resting=True)
     one = _ray(walk)
-    place(walk, c.nodes, c.near)
+    walk.place(c.nodes.tolist(), c.near.tolist())
     walk.turn(-start.dx, -start.dt)
     along_perturbation(walk, c, resting=True)
     return one, _ray(walk)

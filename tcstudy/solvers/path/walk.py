@@ -7,6 +7,7 @@ a vertical side.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,36 +103,50 @@ class Walk:
         self.graph: LawGraph = law_graph(problem.law)
         self.codes, self.x, self.t = codes.copy(), x.copy(), t
         self.tie = max(TIE, min(BLURS * units.blur, LARGEST_TIE))
-        free = self.graph.free[codes]
-        self.tableau = Tableau(units.A, units.load, units.compliance, free, self.stiffness(codes, slice(None)))
+        self.free, self.kink = self.graph.free[codes], self.graph.kink[codes]
+        unit = np.where(self.free, 1.0, units.weight)
+        self.own = np.where(self.free, 1.0, units.diagonal)
+        self.low, self.high = self.graph.low[codes] * unit, self.graph.high[codes] * unit
+        stiffness = units.weight * self.graph.slope[codes]
+        self.tableau = Tableau(units.A, units.load, units.compliance, self.free, stiffness)
         self.negatives = self.tableau.negatives()
         self.dx, self.dt = np.zeros(problem.m), 0.0
-        self.set_bounds(np.arange(problem.m))
         self.downs = int(np.count_nonzero(self.graph.sense[codes] < 0))
 
-    def stiffness(self, codes: Codes, nodes: Index | slice) -> Array:
-        """c × slope of b on the given pieces, working units."""
-        return self.units.weight[nodes] * self.graph.slope[codes]
+    def place(self, nodes: Sequence[int], codes: Sequence[int]) -> None:
+        """Put nodes on other pieces, at the kink where they stand."""
+        changes: list[tuple[int, bool, float]] = []
+        for i, code in zip(nodes, codes, strict=True):
+            if self.codes[i] != code:
+                changes.append(self._place(i, code))
+        self.tableau.change_many(changes)
 
-    def set_bounds(self, nodes: Index) -> None:
-        """Bounds of the moving coordinate of these nodes, after their codes have changed."""
-        if len(nodes) == self.problem.m:
-            self.low, self.high, self.own = (np.empty(self.problem.m) for _ in range(3))
-        codes = self.codes[nodes]
-        free = self.graph.free[codes]
-        unit = np.where(free, 1.0, self.units.weight[nodes])
-        self.own[nodes] = np.where(free, 1.0, self.units.diagonal[nodes])
-        self.low[nodes] = self.graph.low[codes] * unit
-        self.high[nodes] = self.graph.high[codes] * unit
+    def _place(self, i: int, code: int) -> tuple[int, bool, float]:
+        """Put one node on another piece: (node, whether it is free there, c × slope of b there)."""
+        graph, old = self.graph, int(self.codes[i])
+        was_free, free = bool(graph.free[old]), bool(graph.free[code])
+        weight = float(self.units.weight[i])
+        self.downs += int(graph.sense[code] < 0) - int(graph.sense[old] < 0)
+        kink = float(graph.kink[old] if not was_free else self.x[i] if free else graph.kink[code])
+        # Onto a vertical side: the traction it begins with is that of the segment the node comes from.
+        x = kink if free else weight * float(graph.start[old] + graph.slope[old] * (kink - graph.anchor[old]))
+        unit = 1.0 if free else weight
+        low, high = float(graph.low[code]) * unit, float(graph.high[code]) * unit
+        self.codes[i], self.free[i], self.kink[i] = code, free, graph.kink[code]
+        self.own[i] = 1.0 if free else self.units.diagonal[i]
+        self.low[i], self.high[i] = low, high
+        self.x[i] = high if high - x < x - low else low
+        return i, free, weight * float(graph.slope[code])
 
     @property
     def u(self) -> Array:
         """(m,) displacements; held nodes sit on their kink bitwise."""
-        return np.where(self.graph.free[self.codes], self.x, self.graph.kink[self.codes])
+        return np.where(self.free, self.x, self.kink)
 
-    def traction(self, u: Array) -> Array:
+    @property
+    def traction(self) -> Array:
         """(m,) ξ/c on the graph [Pa]."""
-        return self.graph.traction(self.codes, u, self.x / self.units.weight)
+        return self.graph.traction(self.codes, self.x, self.x / self.units.weight)
 
     @property
     def stable(self) -> bool:
@@ -141,40 +156,47 @@ class Walk:
     def turn(self, dx: Array, dt: float) -> None:
         """Take a direction; speeds at rounding level become zero."""
         size = np.abs(dx)
-        largest = float(np.max(size))
+        largest = float(size.max())
         dx[size <= STILL * largest] = 0.0
-        rate = float(np.max(np.abs(self.units.load))) * abs(dt)
-        self.dx, self.dt = dx, dt if rate > STILL * largest else 0.0
+        self.dx, self.dt = dx, dt if self.tableau.load_size * abs(dt) > STILL * largest else 0.0
 
     def reach(self) -> tuple[float, Array]:
         """(step to the first bound, inf if none; all nodes' steps)."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            steps = (np.where(self.dx > 0.0, self.high, self.low) - self.x) / self.dx
-        steps[self.dx == 0.0] = np.inf
-        return max(0.0, float(np.min(steps))), steps
+        way = np.where(self.dx > 0.0, self.high, self.low)
+        way -= self.x
+        steps = np.full(len(way), np.inf)
+        np.divide(way, self.dx, out=steps, where=self.dx != 0.0)
+        return max(0.0, float(steps.min())), steps
 
     def arrive(self, step: float, steps: Array) -> Index:
         """Advance by `step`; nodes that have reached a bound (or rested on one) are put on it and returned."""
         self.x += step * self.dx
         self.t += step * self.dt
-        first = int(np.argmin(steps))
+        first = int(steps.argmin())
         self.x[first] = self.high[first] if self.dx[first] > 0.0 else self.low[first]
-        upper = self.high - self.x < self.x - self.low
-        leaving = np.where(upper, self.dx < 0.0, self.dx > 0.0)  # from a bound it has only just left
-        at = np.flatnonzero((self.gaps() <= self.tie) & ~leaving)
-        if len(at) > 1:
-            self.x[at] = np.where(upper[at], self.high[at], self.low[at])
-        return at if len(at) else np.array([first])
+        near = self.gaps() <= self.tie
+        if np.count_nonzero(near) > 1:
+            upper = self.high - self.x < self.x - self.low
+            near &= ~np.where(upper, self.dx < 0.0, self.dx > 0.0)  # from a bound it has only just left
+            at = np.flatnonzero(near)
+            if len(at):
+                self.x[at] = np.where(upper[at], self.high[at], self.low[at])
+                return at
+        return np.array([first])
 
     def gaps(self) -> Array:
         """(m,) distance of every node from its nearer bound, relative to slip and traction there."""
+        size = np.abs(self.u)
+        size += self.units.slip
+        size *= self.own
         gap = np.minimum(self.high - self.x, self.x - self.low)
-        return np.asarray(gap / ((np.abs(self.u) + self.units.slip) * self.own))
+        gap /= size
+        return gap
 
     def defect(self) -> Array:
         """l̃ − Ãu − ξ at the present point, working units (m,)."""
         p, u = self.problem, self.u
-        return (p.load(self.t) - p.A_tilde @ u - p.c * self.traction(u)) / self.units.stiffness
+        return (p.load(self.t) - p.A_tilde @ u - p.c * self.traction) / self.units.stiffness
 
     def residual(self) -> float:
         """Largest defect per length, relative to the scale of b."""
@@ -182,9 +204,8 @@ class Walk:
 
     def direction_defect(self) -> float:
         """How far the direction is from satisfying the equations of the cell, relative to its speeds."""
-        free = self.graph.free[self.codes]
-        force = np.where(free, self.tableau.k * self.dx, self.dx)
-        defect = self.units.A @ np.where(free, self.dx, 0.0) + force - self.dt * self.units.load
+        force = np.where(self.free, self.tableau.k * self.dx, self.dx)
+        defect = self.units.A @ np.where(self.free, self.dx, 0.0) + force - self.dt * self.units.load
         return float(np.max(np.abs(defect)) / np.max(np.abs(self.dx)))
 
     def refine(self, node: int | None) -> None:
