@@ -117,9 +117,6 @@ def _nowhere(problem: ParametricProblem, walk: Walk) -> Path:
 BLURRED = 3e-14
 """Relative error of a direction above which the matrix is factored anew."""
 
-HALF = 0.5
-"""Part of the accuracy aimed at above which vertices are checked more often."""
-
 AIM = 0.1
 """Part of the tolerance that is worked for with fresh factorisations, as far as rounding lets it be reached."""
 
@@ -154,19 +151,18 @@ class Run:
         self.seen, self.own = seen, [_key(ray.codes)]
         self.home, self.start_x, self.start_t = _key(ray.codes), ray.x.copy(), t
         self.seen.setdefault(self.home, 0)
-        self.checked, self.every, self.returned = 0, options.check_every, -1
-        self.reached = 0.0
+        self.every, self.returned, self.reached = options.check_every, -1, 0.0
         self._store()
+        self.trail = [self._here()]
 
     def _store(self) -> None:
         self.record.add(self.walk.t, self.walk.x, self.walk.codes)
 
     def follow(self) -> PathEnd:
         """Piece after piece until something ends the path."""
-        self._mark()
         while True:
             status = self._piece()
-            if status is not None or self.record.count - self.checked >= self.every:
+            if status is not None or len(self.trail) > self.every:
                 try:
                     accurate = self._check()
                 except SingularCellError:
@@ -207,6 +203,7 @@ class Run:
         record.changed(at, before, walk.codes[at])
         if len(at) > 1:
             self._settle()
+        self.trail.append(self._here())
         return self._entered()
 
     def _last_step(self, step: float) -> tuple[float, PathStatus] | None:
@@ -241,10 +238,9 @@ class Run:
 
     # -- accuracy ----------------------------------------------------------------------------------
 
-    def _mark(self) -> None:
+    def _here(self) -> Checkpoint:
         walk = self.walk
-        self.checked = self.record.count
-        self.mark = Checkpoint(self.record.count, walk.codes.copy(), walk.x.copy(), walk.t, walk.dx.copy())
+        return Checkpoint(self.record.count, walk.codes.copy(), walk.x.copy(), walk.t, walk.dx)
 
     def _check(self) -> bool | None:
         """Residuals of the new vertices. True: all accurate; False: gone back to refine; None: hopeless."""
@@ -256,25 +252,23 @@ class Run:
         defect = p.l_0 + np.array(record.t[first:])[:, None] * p.l_1 - u @ p.A_tilde - p.c * traction
         residual = np.max(np.abs(defect) / p.c, axis=1) / self.units.traction
         record.residual.extend(float(r) for r in residual)
-        worst, noise = float(np.max(residual)), self._noise(first + int(np.argmax(residual)))
+        worst, noise = float(residual.max()), self._noise(first + int(residual.argmax()))
         limit = self.options.acceptance.limit(noise)
         good = min(limit, max(AIM * self.options.acceptance.aim, 0.5 * noise, self.reached))
-        if worst <= good or (worst <= limit and self.returned == self.mark.count):
+        mark = self.trail[max(0, first + int(np.argmax(residual > good)) - self.trail[0].count)]
+        if worst <= good or (worst <= limit and self.returned == mark.count):
             self.reached = 0.0 if worst <= good else 2.0 * worst
             if worst > 0.01 * good:
                 self._steady()
-            self.every = (
-                max(1, self.every // 2) if worst > HALF * good else min(2 * self.every, self.options.check_every)
-            )
-            self._mark()
+            self.every, self.walk.tie = min(2 * self.every, self.options.check_every), self.units.tie
+            self.trail = [self._here()]
             return True
-        if self.returned == self.mark.count:
-            record.cut(max(1, self.mark.count))
+        if self.returned == mark.count:
+            record.cut(max(1, mark.count))
             return None
-        self.returned = self.mark.count
-        self._return(self.mark)
-        self.walk.tie = max(1e-2 * self.walk.tie, 1e-14)  # it may have been no tie
-        self.every = 1
+        self._return(mark)
+        self.walk.tie = max(1e-2 * self.units.tie, 1e-14)  # it may have been no tie
+        self.returned, self.every, self.trail = mark.count, 1, [mark]
         return False
 
     def _noise(self, vertex: int) -> float:
@@ -323,10 +317,9 @@ class Run:
                 self.seen.pop(key, None)
         del self.own[mark.count :]
         self.record.cut(mark.count)
-        tie, used = self.walk.tie, self.walk.tableau.factorisations
+        used = self.walk.tableau.factorisations
         ray = Ray(mark.codes, mark.x, mark.dx, 0.0)
         self.walk = depart(self.problem, self.units, ray, mark.t)
-        self.walk.tie = tie
         self.walk.tableau.factorisations += used
         self._steady()
 

@@ -8,6 +8,7 @@ a vertical side.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.solvers.path.problem import LawGraph, ParametricProblem, law_graph
-from tcstudy.solvers.path.tableau import Tableau
+from tcstudy.solvers.path.tableau import SingularCellError, Tableau
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int32]
@@ -30,6 +31,9 @@ BLURS = 64.0
 
 LARGEST_TIE = 1e-9
 """Whatever rounding is, nodes farther from their bound have not reached it."""
+
+DRIFTED = 1e3
+"""How many times farther than a tie nodes are looked at again, with the point corrected first."""
 
 STILL = 1e-14
 """Speeds below this part of the largest one are rounding, and zero."""
@@ -58,6 +62,11 @@ class Units:
     traction: float
     slip: Array
     blur: float
+
+    @property
+    def tie(self) -> float:
+        """Relative distance from a bound at which a node has reached it."""
+        return max(TIE, min(BLURS * self.blur, LARGEST_TIE))
 
 
 def units_of(problem: ParametricProblem, t: float) -> Units:
@@ -102,7 +111,7 @@ class Walk:
         self.problem, self.units = problem, units
         self.graph: LawGraph = law_graph(problem.law)
         self.codes, self.x, self.t = codes.copy(), x.copy(), t
-        self.tie = max(TIE, min(BLURS * units.blur, LARGEST_TIE))
+        self.tie = units.tie
         self.free, self.kink = self.graph.free[codes], self.graph.kink[codes]
         unit = np.where(self.free, 1.0, units.weight)
         self.own = np.where(self.free, 1.0, units.diagonal)
@@ -174,7 +183,12 @@ class Walk:
         self.t += step * self.dt
         first = int(steps.argmin())
         self.x[first] = self.high[first] if self.dx[first] > 0.0 else self.low[first]
-        near = self.gaps() <= self.tie
+        gaps = self.gaps()
+        if np.count_nonzero(gaps <= DRIFTED * self.tie) > 1:  # are they there, or has the point drifted?
+            with suppress(SingularCellError):
+                self.refine(first)
+                gaps = self.gaps()
+        near = gaps <= self.tie
         if np.count_nonzero(near) > 1:
             upper = self.high - self.x < self.x - self.low
             near &= ~np.where(upper, self.dx < 0.0, self.dx > 0.0)  # from a bound it has only just left
