@@ -68,8 +68,6 @@ class Tableau:
         self.factorisations = 0
         self.refactor()
 
-    # -- the base ----------------------------------------------------------------------------------
-
     def refactor(self) -> None:
         """A new base at the present cell, from Ã itself.
 
@@ -160,8 +158,6 @@ class Tableau:
         self.y, self.base_negatives = y, negatives
         self._new_base(self.free.copy(), self.k.copy())
 
-    # -- the present cell --------------------------------------------------------------------------
-
     def change(self, i: int, free: bool, k: float) -> None:
         """Move node i to a piece on which it is free with stiffness k, or held."""
         if self.position[i] < 0 and self.size == CAPACITY:
@@ -211,18 +207,13 @@ class Tableau:
             self.own[at], self.gain[at] = self.own[last], self.gain[last]
         self.size = last
 
-    def direction(self, node: int | None, speed: float) -> tuple[Array, float]:
+    def direction(self, node: int | None, speed: float, r: Array | None = None) -> tuple[Array, float]:
         """(dx, dt): motion of the moving coordinates and of t along the path, with dx[node] = speed.
 
-        node: None fixes dt = speed instead. Raises SingularCellError if the cell has no such direction.
+        node: None fixes dt = speed instead;  r: residual of Ãu + g = l̃ that the motion removes
+        Raises SingularCellError if the cell has no such direction.
         """
-        return self._solve(None, node, speed)
-
-    def correction(self, r: Array, node: int | None) -> tuple[Array, float]:
-        """(δx, δt) that removes the residual r of Ãu + g = l̃ with node (or t, if None) held where it is."""
-        return self._solve(self._respond(r), node, 0.0)
-
-    def _solve(self, z: Array | None, node: int | None, speed: float) -> tuple[Array, float]:
+        z = None if r is None else self._respond(r)
         n = self.size
         K, gain = self.nodes[:n], self.gain[:n]
         columns = self.columns[:, :n]

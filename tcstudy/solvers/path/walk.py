@@ -224,6 +224,6 @@ class Walk:
 
     def refine(self, node: int | None) -> None:
         """One correction of the present point, with `node` (or t, if None) held where it is."""
-        dx, dt = self.tableau.correction(self.defect(), node)
+        dx, dt = self.tableau.direction(node, 0.0, self.defect())
         self.x += dx
         self.t += dt

@@ -41,9 +41,9 @@ def test_directions_and_inertia_after_random_changes(seed: int) -> None:
         dx, dt = tableau.direction(node, -2.0)
         assert dx == pytest.approx(exact * (-2.0 / exact[node]), rel=1e-8, abs=1e-9)
         r = rng.normal(size=m)
-        fixed, _ = tableau.correction(r, None)
+        fixed, _ = tableau.direction(None, 0.0, r)
         assert fixed == pytest.approx(np.linalg.solve(M, r), rel=1e-7, abs=1e-8 * np.max(np.abs(exact)))
-        held, shift = tableau.correction(r, node)
+        held, shift = tableau.direction(node, 0.0, r)
         assert held[node] == pytest.approx(0.0, abs=1e-10)
         assert M @ held - shift * load == pytest.approx(r, abs=1e-7)
         H = (A + np.diag(k))[np.ix_(free, free)]
