@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -46,6 +47,30 @@ def test_run_writes_the_file_and_a_table(folder: Path) -> None:
     shown = tcstudy_command("show", "results/block.nc", cwd=folder)
     assert shown.returncode == 0
     assert shown.stdout.strip() in result.stdout
+
+
+def test_one_line_one_object_and_narrow_tables(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    quiet = tcstudy_command("run", "block.yaml", "-q", cwd=folder)
+    assert (quiet.returncode, quiet.stderr) == (0, "")
+    assert quiet.stdout.startswith("results/block.nc: 2 of 2 solved")
+    assert quiet.stdout.count("\n") == 1
+    found = json.loads(tcstudy_command("show", "results/block.nc", "--json", cwd=folder).stdout)
+    with tcstudy.open_results(folder / "results" / "block.nc") as tree:
+        assert [point["u_T_max"] for point in found["points"]] == tree["u_T_max"].values.tolist()
+    wide = tcstudy_command("show", "results/block.nc", cwd=folder).stdout
+    monkeypatch.setenv("COLUMNS", "80")
+    assert max(map(len, wide.splitlines())) > 80
+    assert max(map(len, tcstudy_command("show", "results/block.nc", cwd=folder).stdout.splitlines())) <= 80
+    assert tcstudy_command("show", "results/block.nc", "-v", cwd=folder).stdout == wide
+
+
+def test_show_says_what_other_files_are(folder: Path) -> None:
+    results = CONFIGS.parent / "results"
+    said = tcstudy_command("show", results / "peers.nc", cwd=folder)
+    assert said.returncode == 0, said.stderr
+    assert "data of a benchmark" in said.stdout
+    assert "made by python -m tests.benchmarks.peers" in said.stdout
+    assert tcstudy_command("show", results / "peers.nc", "--json", cwd=folder).returncode == 2
 
 
 def test_draw(folder: Path) -> None:

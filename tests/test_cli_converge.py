@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -36,7 +37,7 @@ def test_the_study_with_derived_loads(tmp_path: Path) -> None:
     assert planned.returncode == 0, planned.stderr
     said = "derived from the exact solution: f, u_x and u_y on top, g on left, g on right, q, theta_bar on left, right"
     assert said in planned.stdout
-    result = tcstudy_command("converge", config, "--set", "mesh.levels=4", cwd=tmp_path)
+    result = tcstudy_command("converge", config, "--set", "mesh.levels=4", "--full", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert result.stdout.count("  exact ") == 2
     with xarray.open_dataset(tmp_path / "results" / "manufactured.convergence.nc") as data:
@@ -54,7 +55,7 @@ def test_a_load_that_would_be_derived_is_refused(tmp_path: Path) -> None:
 
 def test_nested_levels_and_formats(folder: Path) -> None:
     for form, sign in (("text", "tau = 0.005\n──"), ("markdown", "## tau = 0.005"), ("latex", "\\begin{tabular}")):
-        result = tcstudy_command("converge", "block.yaml", "--format", form, "--output", "a.nc", cwd=folder)
+        result = tcstudy_command("converge", "block.yaml", "--format", form, "--output", "a.nc", "--full", cwd=folder)
         assert result.returncode == 0, result.stderr
         assert sign in result.stdout
         assert "level 3, the finest" in result.stdout
@@ -68,7 +69,9 @@ def test_nested_levels_and_formats(folder: Path) -> None:
         (("--set", "mesh.levls=4"), "mesh.levls"),
         (("--plot", "a.txt"), ".png"),
         (("--at", "tau"), "NAME=VALUE"),
-        (("--at", "tau=0.01"), "--at: names the point of the picture, but there is none; add --plot"),
+        (("--at", "tau=0.7"), "no point of the study has tau = 0.7"),
+        (("--quiet", "--json"), "--quiet and --json exclude each other"),
+        (("--json", "--format", "latex"), "--json and --format exclude each other"),
         (("--plot", "a.png", "--at", "tau=0.7"), "no point of the study has tau = 0.7"),
         (("--output", "block.yaml/a.nc"), "block.yaml"),
     ],
@@ -136,3 +139,24 @@ def test_a_plot_without_errors_is_refused_before_the_work(folder: Path, levels: 
     assert "--plot: there would be no errors to draw: two levels must be 4 times coarser" in result.stderr
     assert result.stderr.count("\n") == 1
     assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
+
+
+def test_a_sweep_gets_one_row_of_orders_a_point(folder: Path) -> None:
+    """Full tables of a sweep were two thousand lines long."""
+    said = {}
+    for words in ((), ("--at", "tau=0.01"), ("--full",), ("--json",), ("--quiet",)):
+        result = tcstudy_command("converge", "block.yaml", *words, cwd=folder)
+        assert result.returncode == 0, result.stderr
+        said[words] = result.stdout
+    rows = [line for line in said[()].splitlines() if line.split()[:1] in (["0.005"], ["0.01"], ["expected"])]
+    assert len(rows) == 3
+    assert "Relative error" not in said[()]
+    assert "\ntau = 0.01\n" in said["--at", "tau=0.01"]
+    assert "\ntau = 0.005\n" not in said["--at", "tau=0.01"]
+    assert said["--full",].count("Relative error of u (") == 2
+    assert said["--quiet",].count("\n") == 1
+    points = json.loads(said["--json",])["points"]
+    with xarray.open_dataset(folder / "results" / "block.convergence.nc") as data:
+        slopes = [point["errors"]["u_H1"]["slope"] for point in points]
+        assert slopes == data["slope_u_H1"].values.tolist()
+    assert all(f"{slope:.2f}" in row for slope, row in zip(slopes, rows[1:], strict=True))

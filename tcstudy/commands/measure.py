@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -11,6 +10,8 @@ from tcstudy.commands.shared import (
     ERROR,
     FORCE,
     FORMAT,
+    FULL,
+    MANNER,
     OK,
     SOME_FAILED,
     STUDY,
@@ -20,9 +21,11 @@ from tcstudy.commands.shared import (
     checked,
     fail,
     is_there,
+    note,
     output_option,
     plot_option,
     point_of,
+    say,
     stored,
 )
 
@@ -30,8 +33,6 @@ from tcstudy.commands.shared import (
 def converge(options: argparse.Namespace) -> int:
     """Errors, rates and limits over the levels."""
     point = point_of(options)
-    if point and options.plot is None:
-        fail("--at: names the point of the picture, but there is none; add --plot PICTURE")
     study, path = checked(options, "convergence")
     from tcstudy.data.writer import sweep_points
     from tcstudy.reports.convergence import convergence_report
@@ -39,14 +40,16 @@ def converge(options: argparse.Namespace) -> int:
     from tcstudy.reports.select_point import locate
     from tcstudy.study.convergence import converge_to_file, without_errors
 
-    if options.plot is not None:
-        locate(sweep_points(study), point, "study")
-        if lack := without_errors(study):
-            fail(f"--plot: there would be no errors to draw: {lack}")
+    locate(sweep_points(study), point, "study")
+    if options.plot is not None and (lack := without_errors(study)):
+        fail(f"--plot: there would be no errors to draw: {lack}")
     there = is_there(options, "convergence", study, path)
-    failed = stored(path)[1] if there else converge_to_file(study, path, _say, options.words)
+    tell = lambda text: note(options, text)  # noqa: E731
+    failed = stored(path)[1] if there else converge_to_file(study, path, tell, options.words)
     drawn = plot_convergence(path, options.plot, point) if options.plot is not None else None
-    return _end(convergence_report(path, options.format), drawn, path, failed)
+    full = options.full or options.verbose
+    say(options, path, lambda: convergence_report(path, options.format, point, full))
+    return _end(options, drawn, path, failed)
 
 
 def cost(options: argparse.Namespace) -> int:
@@ -75,22 +78,19 @@ def cost(options: argparse.Namespace) -> int:
     if is_there(options, "cost", study, path, point=words, runs=options.runs):
         failed = stored(path)[1]
     else:
-        with closing(CostProgress()) as progress:
+        with closing(CostProgress()) as bar:
+            progress = (lambda what, left: None) if options.quiet else bar
             failed = cost_to_file(study, tuple(where.values()), words, options.runs, path, progress, options.words)
     drawn = plot_cost(path, options.plot, options.error) if options.plot is not None else None
-    return _end(cost_report(path, options.format, options.error), drawn, path, failed)
+    say(options, path, lambda: cost_report(path, options.format, options.error))
+    return _end(options, drawn, path, failed)
 
 
-def _end(text: str, drawn: str | None, path: Path, failed: int) -> int:
-    """The tables; beside them what was drawn and where the data are."""
-    print(text, end="")
+def _end(options: argparse.Namespace, drawn: str | None, path: Path, failed: int) -> int:
+    """What was drawn and where the data are."""
     for line in filter(None, (drawn, f"data in {path}")):
-        print(line, file=sys.stderr)
+        note(options, line)
     return SOME_FAILED if failed else OK
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
 
 
 COMMANDS = {
@@ -100,8 +100,10 @@ COMMANDS = {
             *STUDY,
             output_option("convergence file (default: results/<study>.convergence.nc)"),
             FORMAT,
+            *MANNER,
             plot_option("draw the errors"),
-            at("point of the plot (default: first)"),
+            at("the point of tables and picture (default: orders of all, picture of the first)"),
+            FULL,
             FORCE,
         ),
         converge,
@@ -113,6 +115,7 @@ COMMANDS = {
             output_option("cost file (default: results/<study>.cost.nc)"),
             Option("--runs", type=int, default=5, metavar="N", help="how often everything is timed (default: 5)"),
             FORMAT,
+            *MANNER,
             plot_option("draw the chart"),
             at("sweep point (default: first)"),
             ERROR,

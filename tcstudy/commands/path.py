@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from contextlib import closing
 
 from tcstudy.commands.shared import (
     FORCE,
+    MANNER,
     MEAN_SLIP,
     OK,
     RESPONSE,
@@ -17,8 +17,10 @@ from tcstudy.commands.shared import (
     checked,
     fail,
     is_there,
+    note,
     output_option,
     plot_option,
+    say,
 )
 
 
@@ -32,21 +34,20 @@ def path(options: argparse.Namespace) -> int:
     from tcstudy.reports.path_figure import draw_path
     from tcstudy.reports.path_summary import path_summary
     from tcstudy.reports.progress import PathProgress
+    from tcstudy.reports.tables import wrapped
     from tcstudy.study.path_run import execute_path
 
     if study.axes:
         names = ", ".join(axis.name for axis in study.axes)
-        note = f"note: a path is of one scene, that outside the sweep; the values of {names} are not used"
-        print(note, file=sys.stderr)
+        note(options, f"note: a path is of one scene, that outside the sweep; the values of {names} are not used")
     if is_there(options, "path", study, output):
         problems = stored_shortfalls(output)
     else:
         with closing(PathProgress()) as progress:
-            problems = execute_path(study, output, progress, options.words)
-    print(path_summary(output))
-    if options.plot is not None:
-        print(f"\n  {draw_path(output, options.plot, options.response or MEAN_SLIP)}")
-    print("".join(f"\n  {problem}" for problem in problems) + f"\n  data in {output}")
+            problems = execute_path(study, output, None if options.quiet else progress, options.words)
+    drawn = [draw_path(output, options.plot, options.response or MEAN_SLIP)] if options.plot is not None else []
+    said = (*drawn, *problems, f"data in {output}")
+    say(options, output, lambda: wrapped("\n".join([path_summary(output), "", *(f"  {line}" for line in said)])))
     return SOME_FAILED if problems else OK
 
 
@@ -58,6 +59,7 @@ COMMANDS = {
             output_option("result file (default: results/<study>-path.nc)"),
             plot_option("also draw it"),
             RESPONSE,
+            *MANNER,
             FORCE,
         ),
         path,

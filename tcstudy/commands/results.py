@@ -3,27 +3,69 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
-from tcstudy.commands.shared import ERROR, FILE, MEAN_SLIP, OK, RESPONSE, Command, Option, at, fail, file_name, point_of
+from tcstudy.commands.shared import (
+    ERROR,
+    FILE,
+    FULL,
+    MANNER,
+    MEAN_SLIP,
+    OK,
+    RESPONSE,
+    Command,
+    Option,
+    at,
+    check_manner,
+    fail,
+    file_name,
+    point_of,
+    say,
+    spoken,
+)
 
 DRAWN_BY = {"run": ("at", "level"), "path": ("response",), "convergence": ("at",), "cost": ("error",)}
 """Options that a picture of each kind of file depends on."""
 
 
 def show(options: argparse.Namespace) -> int:
-    """Print again what run, converge, cost or path said."""
-    from tcstudy.data.provenance import kind_of
+    """Print again what run, converge, cost or path said; of another file with data, what it is."""
+    check_manner(options)
     from tcstudy.data.reading import reading
+    from tcstudy.errors import StoreError
+
+    try:
+        with reading(options.file):
+            _show(options, options.file)
+    except StoreError:
+        from tcstudy.reports.other_file import other_text
+
+        with spoken(options):
+            text = "" if options.json or options.quiet else other_text(options.file)
+        if not text:
+            raise
+        print(text)
+    return OK
+
+
+def _show(options: argparse.Namespace, file: Path) -> None:
+    from tcstudy.data.provenance import kind_of
     from tcstudy.reports.convergence import convergence_report
     from tcstudy.reports.cost import cost_report
     from tcstudy.reports.path_summary import path_summary
-    from tcstudy.reports.summary import summary
+    from tcstudy.reports.summary import MOST_ROWS, summary
+    from tcstudy.reports.tables import wrapped
 
-    reports = {"run": summary, "path": path_summary, "convergence": convergence_report, "cost": cost_report}
-    with reading(options.file):
-        text = reports[kind_of(options.file)](options.file).rstrip("\n")
-    print(text)
-    return OK
+    point, full, kind = point_of(options), options.full or options.verbose, kind_of(file)
+    if (point or options.full) and kind != "convergence":
+        fail("--at and --full choose tables of a file of tcstudy converge, which this is not; leave them out")
+    texts = {
+        "run": lambda: summary(file, None if options.verbose else MOST_ROWS),
+        "path": lambda: wrapped(path_summary(file)),
+        "convergence": lambda: convergence_report(file, "text", point, full),
+        "cost": lambda: cost_report(file),
+    }
+    say(options, file, texts[kind])
 
 
 def draw(options: argparse.Namespace) -> int:
@@ -54,10 +96,15 @@ def report(options: argparse.Namespace) -> int:
     return OK
 
 
+_TABLES = "of a convergence file: the point whose tables to show"
 _PAGE = "the page (default: FILE.html)"
 _WITHOUT = "leave out what makes a page large: levels, live, body or lines (may be repeated)"
 COMMANDS = {
-    "show": Command("print the summary of a result file", (FILE,), show),
+    "show": Command(
+        "print the summary of a result file",
+        (FILE, *MANNER, at(_TABLES), FULL),
+        show,
+    ),
     "draw": Command(
         "draw a result file: a point, a path, errors, costs",
         (

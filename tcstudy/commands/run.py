@@ -13,6 +13,7 @@ from tcstudy.commands.shared import (
     DASK,
     FORCE,
     JOBS,
+    MANNER,
     OK,
     SOME_FAILED,
     STUDY,
@@ -24,6 +25,7 @@ from tcstudy.commands.shared import (
     is_there,
     length_unit,
     output_option,
+    say,
     stored,
 )
 
@@ -54,7 +56,9 @@ def run(options: argparse.Namespace) -> int:
     from tcstudy.study.run import execute
 
     with closing(progress(naming=lambda index: _named(study, index), length=length_unit(study))) as watcher:
-        result = execute(study, output, watcher, options.words, options.jobs, options.dask, kept)
+        result = execute(
+            study, output, None if options.quiet else watcher, options.words, options.jobs, options.dask, kept
+        )
     return _say(options, result.output, result.points, result.failed, "found")
 
 
@@ -68,12 +72,18 @@ def _named(study: Study, index: tuple[int, ...]) -> str:
 
 def _say(options: argparse.Namespace, output: Path, points: int, failed: int, found: str) -> int:
     """The summary of a run, where its data are and what could be asked next."""
-    from tcstudy.reports.summary import summary
-
-    print(summary(output))
-    print(f"\n  {points - failed} of {points} solutions {found}; data in {output}")
     again = shlex.join(["tcstudy", "cost", str(options.study), *(f"--set={text}" for text in options.overrides)])
-    print(f"  what accuracy costs here: {again} --plot cost.png")
+
+    def text() -> str:
+        from tcstudy.reports.summary import MOST_ROWS, summary
+
+        return (
+            f"{summary(output, None if options.verbose else MOST_ROWS)}\n\n"
+            f"  {points - failed} of {points} solutions {found}; data in {output}\n"
+            f"  what accuracy costs here: {again} --plot cost.png"
+        )
+
+    say(options, output, text)
     return SOME_FAILED if failed else OK
 
 
@@ -134,13 +144,13 @@ GROW = (
 COMMANDS = {
     "run": Command(
         "run a study and write its netCDF file",
-        (*STUDY, output_option("result file (default: results/<study>.nc)"), FORCE, JOBS, DASK, *GROW),
+        (*STUDY, output_option("result file (default: results/<study>.nc)"), *MANNER, FORCE, JOBS, DASK, *GROW),
         run,
         KEPT,
     ),
     "plan": Command(
         "check a study and say what a run would do",
-        (*STUDY, output_option("result file that a run would write"), JOBS),
+        (*STUDY, output_option("result file that a run would write"), *MANNER, JOBS),
         plan,
     ),
     "merge": Command(

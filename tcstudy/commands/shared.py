@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 OK, SOME_FAILED, BAD_INPUT = 0, 1, 2
 """Exit codes of commands."""
 MEAN_SLIP = "mean-slip"
+NARROWEST = 40
+"""Characters below which nothing is fitted."""
 
 
 def fail(text: str) -> NoReturn:
@@ -74,6 +77,17 @@ _DASK = "dask scheduler whose workers solve contact problems: tcp://host:port; l
 _RESPONSE = "what a path is drawn over: the mean (default) or largest slip, or the friction resultant"
 _ERROR = "error that accuracy against cost is of, e.g. u_L2, xi_L2, friction_resultant (default: u_energy)"
 
+_QUIET = "print one line: what came of it"
+_VERBOSE = "print all columns and rows, whatever the width of the terminal"
+_JSON = "print one JSON object instead of tables: the same numbers, not rounded, in SI units"
+
+MANNER = (
+    Option("-q", "--quiet", action="store_true", help=_QUIET),
+    Option("-v", "--verbose", action="store_true", help=_VERBOSE),
+    Option("--json", action="store_true", help=_JSON),
+)
+"""How a command prints what it has to say."""
+FULL = Option("--full", action="store_true", help="the tables of every sweep point, not the orders alone")
 STUDY = (
     Option("study", type=Path, metavar="STUDY.yaml"),
     Option("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides", help=_SET),
@@ -99,6 +113,45 @@ def at(what: str) -> Option:
     return Option("--at", action="append", default=[], metavar="NAME=VALUE", help=what)
 
 
+@contextmanager
+def spoken(options: argparse.Namespace) -> Iterator[None]:
+    """Tables fit the terminal for the time of a `with`: $COLUMNS or its width; files, pipes and --verbose have all."""
+    from tcstudy.reports.tables import fitting
+
+    columns = os.environ.get("COLUMNS", "")
+    width = int(columns) if columns.isascii() and columns.isdigit() else 0
+    if not width and sys.stdout.isatty():
+        width = os.get_terminal_size(sys.stdout.fileno()).columns
+    with fitting(max(width, NARROWEST) if width and not options.verbose else None):
+        yield
+
+
+def say(options: argparse.Namespace, path: Path, text: Callable[[], str]) -> None:
+    """Print what a result file says in the manner asked for: its tables (`text`), one line, or one JSON object."""
+    if not (options.quiet or options.json):
+        with spoken(options):
+            print(text().rstrip("\n"))
+        return
+    from tcstudy.reports.brief import brief, json_text
+
+    found = brief(path)
+    print(json_text(found) if options.json else f"{path}: {found['verdict']}")
+
+
+def note(options: argparse.Namespace, text: str) -> None:
+    """A line on standard error, unless one line is all that was asked for."""
+    if not options.quiet:
+        print(text, file=sys.stderr, flush=True)
+
+
+def check_manner(options: argparse.Namespace) -> None:
+    """Raise UsageError for manners that exclude each other."""
+    given = [name for name in ("quiet", "verbose", "json") if getattr(options, name)]
+    given += ["format"] if getattr(options, "format", "text") != "text" else []
+    if len(given) > 1 and given != ["verbose", "format"]:
+        fail(f"--{given[0]} and --{given[1]} exclude each other; leave one out")
+
+
 def point_of(options: argparse.Namespace) -> dict[str, str]:
     """The sweep point that --at names; raises UsageError if it cannot be read."""
     words = [text.partition("=") for text in options.at]
@@ -116,6 +169,7 @@ def checked(options: argparse.Namespace, kind: Kind = "run", swept: bool = True)
     The study is kept in the options, where cli finds the place of a later fault.
     swept: whether the command uses the sweep
     """
+    check_manner(options)
     from tcstudy.read.study import read_study
 
     study = options.read = read_study(options.study, options.overrides, swept=swept)
@@ -150,7 +204,7 @@ def is_there(options: argparse.Namespace, kind: Kind, study: Study, output: Path
 
     there = holds(output, identity(kind, study, **asked))
     if there:
-        print(f"{output} holds these results already; --force computes them again", file=sys.stderr)
+        note(options, f"{output} holds these results already; --force computes them again")
     return there
 
 

@@ -12,9 +12,9 @@ import numpy as np
 from tcstudy.data.convergence import ERRORS, NUMBERS, VERDICTS, Measure
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
-from tcstudy.reports.select_point import describe
+from tcstudy.reports.select_point import Value, axis_names, describe, locate
 from tcstudy.reports.tables import Heading, Part, Table, render
-from tcstudy.reports.text import number, prefix
+from tcstudy.reports.text import number, prefix, scaled_labels
 
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("θ", "temperature", ("theta_L2", "theta_H1")),
@@ -46,30 +46,82 @@ STEADY = 1e-12
 """Relative uncertainty that is rounding and not worth a word."""
 
 
-def convergence_report(path: Path, form: str = "text") -> str:
-    """The report in one of tables.FORMATS, from the file alone. Raises StoreError if it is not one."""
+def convergence_report(
+    path: Path, form: str = "text", point: Mapping[str, Value] | None = None, full: bool = True
+) -> str:
+    """The report in one of tables.FORMATS, from the file alone.
+
+    point: the sweep point whose tables to show;  full: the tables of every point where none is named, else of a sweep
+           the orders alone
+
+    Raises StoreError if it is no such file, DrawError if it has no such point.
+    """
     with open_results(path) as tree:
         data = tree.to_dataset().load()
-    return render(list(parts(data)), form)
+    return render(list(parts(data, point, full)), form)
 
 
-def parts(data: Any) -> Iterator[Part]:
+def parts(data: Any, point: Mapping[str, Value] | None = None, full: bool = True) -> Iterator[Part]:
     """Everything the report says, in order."""
     yield Heading(f"Convergence: {data.attrs['title']}", 1)
     yield f"Reference: {data.attrs['reference']}."
     yield _levels(data)
     dims = sweep_dims(data)
-    for index in np.ndindex(*(data.sizes[d] for d in dims)):
-        where = dict(zip(dims, index, strict=True))
+    points = [dict(zip(dims, index, strict=True)) for index in np.ndindex(*(data.sizes[d] for d in dims))]
+    if point:
+        points = [locate(data, point)]
+    elif len(points) > 1 and not full:
+        yield from _overview(data, points)
+        points = []
+    for where in points:
         at = data.isel(where)
-        place = "".join(f"-{i}" for i in index)
+        place = "".join(f"-{where[d]}" for d in dims)
         if dims:
             yield Heading(describe(data, where))
         for part in _point(at, data.attrs["reference"]):
             yield replace(part, label=part.label + place) if isinstance(part, Table) else part
-    yield LEGEND
+    if points:
+        yield LEGEND
     for note in filter(None, str(data.attrs["notes"]).split("\n")):
         yield f"Note: {note}"
+
+
+MARKS = {"exact": "exact", "slower": " <", "faster": " >", "pre_asymptotic": " ~"}
+"""What stands in place of an order that is rounding, and behind one that is not as expected."""
+OVERVIEW = (
+    "Orders fitted over the levels. < slower and > faster than expected, ~ not yet settled (pre-asymptotic), exact: "
+    "all errors are rounding, (order): some level was not solved. Tables of a point: --at NAME=VALUE; of all: --full."
+)
+_RANKS = {"u_H1": 1, "xi_L2": 2, "u_L2": 3, "theta_H1": 4, "u_energy": 5, "theta_L2": 6, "u_T_L2": 7, "xi_nodes": 8}
+"""Importance of errors where there is no room for all."""
+
+
+def _overview(data: Any, points: list[dict[str, int]]) -> Iterator[Part]:
+    """The orders of all points in one table, below the order expected of each error."""
+    names = [name for _, _, group in GROUPS for name in group if shown(data, name)]
+    if not names:
+        yield "There is no reference, and so no errors; what the numbers tend to: --full."
+        return
+    swept = [
+        (name, *scaled_labels(data[name].values.tolist(), str(data[name].attrs["units"]))) for name in axis_names(data)
+    ]
+    rows = []
+    for where in points:
+        labels = [texts[where[str(data[name].dims[0])]] for name, texts, _ in swept]
+        rows.append((*labels, *(_order(data.isel(where), name) for name in names)))
+    expected = [np.unique(np.round(data[f"expected_{name}"].values, 2)) for name in names]
+    first = ("expected", *("" for _ in swept[1:]))
+    rows.insert(0, (*first, *(_fixed(e[0]) if len(e) == 1 else f"{_fixed(e[0])}…{_fixed(e[-1])}" for e in expected)))
+    header = (*(_unit(name, unit) for name, _, unit in swept), *(_BY_NAME[name].symbol for name in names))
+    ranks = (*(0 for _ in swept), *(_RANKS.get(name, 9) for name in names))
+    yield Table("Orders of convergence", header, tuple(rows), label="orders", ranks=ranks)
+    yield OVERVIEW
+
+
+def _order(at: Any, name: str) -> str:
+    verdict, slope = VERDICTS[int(at[f"verdict_{name}"])], float(at[f"slope_{name}"])
+    text = MARKS["exact"] if verdict == "exact" else _fixed(slope) + MARKS.get(verdict, "")
+    return text if bool((at["status"] == int(PointStatus.OK)).all()) else f"({text})"
 
 
 def sweep_dims(data: Any) -> tuple[str, ...]:
@@ -124,7 +176,8 @@ def _errors(at: Any, symbol: str, words: str, names: tuple[str, ...], reference:
             row.append(_fixed(rate))
         rows.append(tuple(row))
     caption = f"Relative error of {symbol} ({words}); reference: {reference.split(' (')[0]}"
-    return Table(caption, tuple(header), tuple(rows), label=f"error-{names[0].rsplit('_', 1)[0]}")
+    ranks = (0, *(0, 2, 1) * len(names))
+    return Table(caption, tuple(header), tuple(rows), label=f"error-{names[0].rsplit('_', 1)[0]}", ranks=ranks)
 
 
 def _orders(at: Any, names: tuple[str, ...]) -> Table:
@@ -148,7 +201,7 @@ def _orders(at: Any, names: tuple[str, ...]) -> Table:
             )
         )
     header = ("error", "order", "levels", "expected", "verdict", "reason of the expected order")
-    return Table("Orders of convergence", header, tuple(rows), label="orders")
+    return Table("Orders of convergence", header, tuple(rows), label="orders", ranks=(0, 0, 3, 2, 1, 4))
 
 
 def _numbers(at: Any, measures: list[Measure]) -> Table:

@@ -301,7 +301,8 @@ def _family(data: Any, family: str, found: list[Setting], measure: str) -> Table
             row += [f"{s.time:.3g}{_mark(s)}", f"{s.upper:.3g}"] if s is not None else ["–", "–"]
         rows.append(tuple(row))
     notes = ("* on the front   † the study's own settings   (error) not solved",)
-    return Table(TITLES[family], tuple(header), tuple(rows), notes=notes, label=f"cost-{family}")
+    ranks = (2, 0, 3, 0, *(1, 4) * len(solvers))
+    return Table(TITLES[family], tuple(header), tuple(rows), notes, f"cost-{family}", ranks)
 
 
 def _mark(setting: Setting) -> str:

@@ -14,7 +14,7 @@ from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, UNBALANCED
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import describe
-from tcstudy.reports.tables import plain_table
+from tcstudy.reports.tables import plain_table, wrapped
 from tcstudy.reports.text import Failure, failure_lines, number, prefix, scaled_labels
 
 MOST_ROWS = 48
@@ -25,13 +25,16 @@ SIZES = "h_max: longest edge; mesh.maxh is what the mesher aims at, its longest 
 """Measured on all uniform meshes in configs/ and eight more."""
 
 
-def summary(path: Path) -> str:
-    """Text for the terminal, read from the result file alone. Raises StoreError if it is not one."""
+def summary(path: Path, most: int | None = MOST_ROWS) -> str:
+    """Text for the terminal, read from the result file alone. Raises StoreError if it is not one.
+
+    most: points that are listed, None for all
+    """
     with open_results(path) as tree:
         data = tree.to_dataset().load()
-    parts = [data.attrs["title"], _levels(data), _stop(data), _points(data), solver_table(data), _failures(data)]
+    parts = [data.attrs["title"], _levels(data), _stop(data), _points(data, most), solver_table(data), _failures(data)]
     parts += [_not_run(data), _rounding(data), _heat(data)]
-    return "\n\n".join(part for part in parts if part)
+    return wrapped("\n\n".join(part for part in parts if part))
 
 
 def _sweep_dims(data: Any) -> tuple[str, ...]:
@@ -68,13 +71,17 @@ def _levels(data: Any) -> str:
         )
     header = ["level", _bracketed("h_max", unit), "dofs", "contact", "ok", "worst residual"]
     header += [_bracketed("λ₁", stiffness_unit), "mesh+assembly [s]", "condense [s]", "solve [s]"]
-    shown = plain_table(header + [_bracketed(title, unit) for _, title, _, unit in estimated], rows)
+    header += [_bracketed(title, unit) for _, title, _, unit in estimated]
+    shown = plain_table(header, rows, (*_LEVEL_RANKS, *range(1, len(estimated) + 1)))
     return f"{shown}\n\n  {SIZES}"
 
 
 def _scale(data: Any, name: str) -> tuple[float, str]:
     return prefix(data[name].values.ravel().tolist(), data[name].attrs.get("units", "1"))
 
+
+_LEVEL_RANKS = (0, 2, 1, 7, 0, 0, 6, 9, 10, 8)
+"""Importance of the columns of the table of levels."""
 
 _ESTIMATED = (
     ("error_estimate", "est. rel. error"),
@@ -94,35 +101,36 @@ def _stop(data: Any) -> str:
 
 
 _COLUMNS = (
-    ("u_T_max", "max |u_T|"),
-    ("slip_length", "slip length"),
-    ("friction_resultant", "∫ξ"),
-    ("energy", "energy"),
-    ("theta_mean", "mean θ"),
+    ("u_T_max", "max |u_T|", 0),
+    ("slip_length", "slip length", 3),
+    ("friction_resultant", "∫ξ", 2),
+    ("energy", "energy", 5),
+    ("theta_mean", "mean θ", 6),
 )
+"""Numbers of a point, their titles, and their importance where there is no room for all."""
 
 
-def _points(data: Any) -> str:
+def _points(data: Any, most: int | None) -> str:
     """One row per point on the finest level, with what changed in ∫ξ since the level before."""
     dims = _sweep_dims(data)
     shape = tuple(data.sizes[d] for d in dims)
     fine = data.isel(level=-1)
-    columns = [(name, title) for name, title in _COLUMNS if np.isfinite(fine[name].values).any()]
+    columns = [one for one in _COLUMNS if np.isfinite(fine[one[0]].values).any()]
     axes = [name for name in data.coords if data[name].dims and set(data[name].dims) <= set(dims)]
-    scales = {name: prefix(fine[name].values.ravel().tolist(), fine[name].attrs["units"]) for name, _ in columns}
+    scales = {name: prefix(fine[name].values.ravel().tolist(), fine[name].attrs["units"]) for name, _, _ in columns}
     labelled = {axis: scaled_labels(data[axis].values.tolist(), data[axis].attrs.get("units", "1")) for axis in axes}
     header = [_bracketed(axis, labelled[axis][1]) for axis in axes]
-    header += [_bracketed(title, scales[name][1]) for name, title in columns]
+    header += [_bracketed(title, scales[name][1]) for name, title, _ in columns]
     refined = data.sizes["level"] > 1
     header += ["certified", *(["Δ∫ξ to last level"] if refined else [])]
     rows, failed = [], False
-    for index in list(np.ndindex(shape))[:MOST_ROWS]:
+    for index in list(np.ndindex(shape))[:most]:
         where = dict(zip(dims, index, strict=True))
         at = fine.isel(where)
         row = [labelled[axis][0][where[str(data[axis].dims[0])]] for axis in axes]
         solved = int(at["status"]) == int(PointStatus.OK)
         failed = failed or not solved
-        cells = [number(at[name] / scales[name][0]) for name, _ in columns]
+        cells = [number(at[name] / scales[name][0]) for name, _, _ in columns]
         row += cells if solved else [cell if cell == "–" else f"({cell})" for cell in cells]
         row.append(_certified(at))
         if refined:
@@ -134,7 +142,8 @@ def _points(data: Any) -> str:
     legend = "  certified: what is proved of the solution (unique, global or local minimum of the energy)"
     if failed:
         legend += "\n  failed: no solution; the numbers in (parentheses) are those of the last step"
-    return title + "\n\n" + plain_table(header, rows) + "\n\n" + legend
+    ranks = (*(0 for _ in axes), *(rank for _, _, rank in columns), 1, 4)
+    return title + "\n\n" + plain_table(header, rows, ranks) + "\n\n" + legend
 
 
 def _certified(at: Any) -> str:

@@ -6,7 +6,9 @@ import itertools
 import re
 import textwrap
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 
 FORMATS = ("text", "markdown", "latex")
@@ -17,13 +19,17 @@ WIDTH = 110
 
 @dataclass(frozen=True)
 class Table:
-    """A table: caption, header and rows of equal length; `notes` stand below it; `label` is for LaTeX."""
+    """A table: caption, header and rows of equal length; `notes` stand below it; `label` is for LaTeX.
+
+    ranks: as of `plain_table`
+    """
 
     caption: str
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     notes: tuple[str, ...] = ()
     label: str = ""
+    ranks: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -36,6 +42,22 @@ class Heading:
 
 Part = Table | Heading | str
 
+_WORDS = re.compile(r" *[^ ─]+(?: [^ ]+)+$")
+"""A line of words; columns of a table are two spaces or more apart."""
+
+
+_width: ContextVar[int | None] = ContextVar("width", default=None)
+
+
+@contextmanager
+def fitting(width: int | None) -> Iterator[None]:
+    """For the time of a `with`, plain text fits lines of so many characters; None: tables are as wide as they are."""
+    token = _width.set(width)
+    try:
+        yield
+    finally:
+        _width.reset(token)
+
 
 def render(parts: Sequence[Part], form: str) -> str:
     """All parts in one of FORMATS. LaTeX needs the packages booktabs, amsmath and amssymb."""
@@ -47,14 +69,51 @@ def _text(part: Part) -> str:
     if isinstance(part, Heading):
         return part.text if part.level == 1 else f"{part.text}\n{'─' * len(part.text)}"
     if isinstance(part, str):
-        return textwrap.fill(part, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
-    notes = [f"  {note}" for note in part.notes]
-    return "\n".join([f"  {part.caption}", "", plain_table(part.header, part.rows), *notes])
+        return _filled(part, min(WIDTH, _width.get() or WIDTH), "  ")
+    table = plain_table(part.header, part.rows, part.ranks)
+    return "\n".join([wrapped(f"  {part.caption}"), "", table, *(wrapped(f"  {note}") for note in part.notes)])
 
 
-def plain_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Plain text: columns aligned right where every cell looks like a number, left otherwise."""
+def _filled(text: str, width: int, indent: str) -> str:
+    return textwrap.fill(text, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+
+
+def wrapped(text: str) -> str:
+    """The text with its lines of words filled to the width; lines of tables stay."""
+    width = _width.get()
+    if width is None:
+        return text
+    return "\n".join(_filled(line, width, "    ") if _WORDS.match(line) else line for line in text.split("\n"))
+
+
+def plain_table(header: Sequence[str], rows: Sequence[Sequence[str]], ranks: Sequence[int] = ()) -> str:
+    """Plain text: columns aligned right where every cell looks like a number, left otherwise.
+
+    ranks: importance of each column: where the width is too small for all, the highest numbers go first, those of 0
+           never, and a line says which went (without ranks, columns go from the right, and the first one stays)
+    """
     cells = list(zip(header, *rows, strict=True))
+    kept = _fitting(cells, ranks or range(len(cells)))
+    gone = [name for i, name in enumerate(header) if i not in kept]
+    text = _aligned([cells[i] for i in kept])
+    return "\n".join([text, wrapped(f"  no room for {', '.join(gone)} (-v has all)")] if gone else [text])
+
+
+def _fitting(cells: Sequence[Sequence[str]], ranks: Sequence[int]) -> list[int]:
+    """The columns that stay."""
+    width = _width.get()
+    widths = [max(len(cell) for cell in column) for column in cells]
+    kept = list(range(len(cells)))
+    while width is not None and sum(widths[i] + 2 for i in kept) > width:
+        last = max(kept, key=lambda i: (ranks[i], i))
+        if ranks[last] == 0:
+            break
+        kept.remove(last)
+    return kept
+
+
+def _aligned(cells: Sequence[Sequence[str]]) -> str:
+    header, *rows = zip(*cells, strict=True)
     widths = [max(len(cell) for cell in column) for column in cells]
     right = [_numeric(column[1:]) for column in cells]
     lines = [

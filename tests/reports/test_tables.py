@@ -2,7 +2,7 @@
 
 import pytest
 
-from tcstudy.reports.tables import Heading, Table, latex, render
+from tcstudy.reports.tables import Heading, Table, fitting, latex, plain_table, render, wrapped
 
 TABLE = Table(
     "Error of u_T",
@@ -48,3 +48,32 @@ def test_latex():
 )
 def test_latex_signs(plain, tex):
     assert latex(plain) == tex
+
+
+def test_columns_go_by_importance_and_are_named():
+    header, rows = ("point", "less", "most", "least"), [("1" * 10, "2" * 10, "3" * 10, "4" * 10)]
+    ranks = (0, 2, 1, 3)
+    whole = plain_table(header, rows, ranks)
+    for width, gone in (
+        (48, []),
+        (47, ["least"]),
+        (40, ["least"]),
+        (30, ["less", "least"]),
+        (5, ["less", "most", "least"]),
+    ):
+        with fitting(width):
+            lines = plain_table(header, rows, ranks).splitlines()
+        assert ("\n".join(lines) == whole) == (not gone)
+        assert [name for name in header if name not in lines[0].split()] == gone
+        if gone and width > 20:
+            assert f"no room for {', '.join(gone)}" in " ".join(line.strip() for line in lines[3:])
+            assert max(map(len, lines)) <= width
+
+
+def test_words_are_filled_and_tables_are_not():
+    table = "  a" + "  1" * 40
+    with fitting(40):
+        text = wrapped("  " + "word " * 20 + "end\n" + table)
+    assert table in text
+    assert max(len(line) for line in text.splitlines()[:-1]) <= 40
+    assert wrapped("  " + "word " * 20 + "end") == "  " + "word " * 20 + "end"
