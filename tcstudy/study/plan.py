@@ -13,6 +13,7 @@ from tcstudy.data import schema
 from tcstudy.data.files import check_writable
 from tcstudy.errors import GeometryFailed, StoreError, UserFault
 from tcstudy.exact.loads import description
+from tcstudy.fem.meshes import SAMPLE, triangles_a_second
 from tcstudy.read.document import located
 from tcstudy.scene.needs import FELT, idle_notes, needs_heat_solve, why_no_heat
 from tcstudy.scene.points import count_points, distinct
@@ -102,8 +103,6 @@ def _levels_not_needed(mesh: MeshPlan, unit: str) -> str:
     )
 
 
-MESHER = 7_000
-"""Triangles that Netgen makes in a second, as measured on one processor (5,800 to 7,900; refinement: a million)."""
 WORTH_SAYING = 2.0
 """Seconds of meshing from which on a forecast says so."""
 
@@ -112,8 +111,8 @@ def _meshing_note(study: Study, levels: tuple[LevelForecast, ...]) -> list[str]:
     """What meshing will cost, where it costs much, and how it would cost little."""
     mesh = study.mesh
     meshed = levels if mesh.listed else levels[:1]
-    seconds = sum(2 * level.nodes for level in meshed) / 4**mesh.refine / MESHER
-    if seconds < WORTH_SAYING:
+    triangles = sum(2 * level.nodes for level in meshed) / 4**mesh.refine
+    if triangles <= SAMPLE or (seconds := triangles / triangles_a_second()) < WORTH_SAYING:
         return []
     more = math.ceil(math.log(seconds / WORTH_SAYING, 4)) + 1
     what = f"meshing takes about {seconds:.0f} s"
