@@ -222,6 +222,13 @@ class ContactLine:
         """Number of contact unknowns."""
         return len(self.nodes)
 
+    @property
+    def unknowns(self) -> Indices:
+        """(s, 2) the contact unknown at both ends of every segment, −1 at held nodes."""
+        number = np.full(int(self.segments.max()) + 1, -1, dtype=np.intp)
+        number[self.nodes] = np.arange(self.m)
+        return number[self.segments]
+
 
 def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> ContactLine:
     """Order the contact nodes of the study edges `names` and measure their segments S_i.

@@ -255,23 +255,13 @@ def heat_estimate(triangles: ElementGeometry, theta: Array, scene: Scene) -> Arr
     assert k is not None
     own = triangles.gradient(theta)
     recovered = triangles.recovery @ own
+    excess = recovered[triangles.mesh.triangles] - own[:, None]
+    squares = np.einsum("tkd,tkd->t", excess, excess) + np.einsum("tkd,tjd->t", excess, excess)
     return (
-        k * gradient_product(triangles, *(2 * (excess(triangles, theta),)))
+        k * triangles.area / 12.0 * squares
         + _element_residual(triangles, recovered, scene, k)
         + _edge_residual(triangles, recovered, theta, scene, k)
     )
-
-
-def excess(triangles: ElementGeometry, theta: Array) -> Array:
-    """(t, 3, 2) the recovered gradient at the corners of each triangle, less its own."""
-    own = triangles.gradient(theta)
-    return (triangles.recovery @ own)[triangles.mesh.triangles] - own[:, None]
-
-
-def gradient_product(triangles: ElementGeometry, a: Array, b: Array) -> Array:
-    """(t,) ∫_K a·b of vectors that are linear on K and given at its corners (t, 3, 2)."""
-    total = np.einsum("tkd,tkd->t", a, b) + np.einsum("td,td->t", a.sum(axis=1), b.sum(axis=1))
-    return triangles.area / 12.0 * total
 
 
 def _element_residual(triangles: ElementGeometry, recovered: Array, scene: Scene, k: float) -> Array:
@@ -285,21 +275,13 @@ def _element_residual(triangles: ElementGeometry, recovered: Array, scene: Scene
 
 
 def _edge_residual(triangles: ElementGeometry, recovered: Array, theta: Array, scene: Scene, k: float) -> Array:
-    mesh = triangles.mesh
-    ends = mesh.points[mesh.segments]
-    along = ends[:, 1] - ends[:, 0]
-    length = np.linalg.norm(along, axis=1)
-    normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
-    at = ends[:, None, 0] + GAUSS[None, :, None] * along[:, None]
-    ends_flux = k * np.einsum("skd,sd->sk", recovered[mesh.segments], normal)
-    flux = ends_flux[:, :1] + GAUSS * (ends_flux[:, 1:] - ends_flux[:, :1])
-    ends_theta = theta[mesh.segments]
-    theta_at = ends_theta[:, :1] + GAUSS * (ends_theta[:, 1:] - ends_theta[:, :1])
+    mesh, edges = triangles.mesh, boundary_edges(triangles)
+    flux = k * np.einsum("sqd,sd->sq", _on_segments(recovered, mesh.segments), edges.normal)
     curves = [i for i, c in enumerate(mesh.geometry.curves) if c.name in scene.edges(Convection)]
     robin = np.isin(mesh.segment_curve, curves)
-    theta_bar = values_at(scene.heat.theta_bar, at[robin].reshape(-1, 2)).reshape(-1, 2)
-    flux[robin] += scene.heat.alpha * (theta_at[robin] - theta_bar)
-    weighted = length / (np.pi * k) * length * np.mean(flux**2, axis=1)
+    theta_bar = values_at(scene.heat.theta_bar, edges.at[robin].reshape(-1, 2)).reshape(-1, 2)
+    flux[robin] += scene.heat.alpha * (_on_segments(theta, mesh.segments)[robin] - theta_bar)
+    weighted = edges.length**2 / (np.pi * k) * np.mean(flux**2, axis=1)
     return triangles.from_segments(weighted)
 
 

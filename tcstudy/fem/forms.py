@@ -141,7 +141,7 @@ class GradientProducts:
         return sp.csr_array((G[0, 0] + G[1, 1], graph.columns, graph.starts), shape=(n, n))
 
     def stiffness(self, lam: float, mu: float, frames: Frames | None = None) -> sp.csr_array:
-        """∫λ div φ_i div φ_j + 2μ ε(φ_i):ε(φ_j), (2n, 2n) [Pa], in x and y, or in local rows RᵀAR of `frames`."""
+        """a(φ_i, φ_j) = ∫λ div φ_i div φ_j + 2μ ε(φ_i):ε(φ_j), (2n, 2n) [Pa], in x and y, or RᵀAR in local rows."""
         graph, G = self._assembled
         A = np.empty_like(G)
         for c, d in ((0, 1), (1, 0)):
@@ -164,7 +164,7 @@ class GradientProducts:
         return both[:t], both[t:]
 
     def expansion(self, theta: Array) -> Array:
-        """∫θ div φ_i for nodal values θ (n,) or (n, r): (2n,) or (2n, r) [K m]; exact, θ has its mean in a triangle."""
+        """∫θ div φ_i for nodal values θ (n,) or (n, r): (2n,) or (2n, r) [K m]; the load is β times that."""
         mean = theta[self.mesh.triangles].mean(axis=1)
         return np.concatenate([D.T @ mean for D in self.element_gradients])
 
@@ -199,27 +199,12 @@ def _component_blocked(A: Array, graph: NodeGraph) -> sp.csr_array:
 
 
 @dataclass(frozen=True)
-class ElasticForms:
+class ElasticForms(GradientProducts):
     """The matrices and loads of the elastic problem on one mesh, in x and y (2n rows)."""
-
-    gradients: GradientProducts
-
-    @property
-    def mesh(self) -> PlaneMesh:
-        """The mesh."""
-        return self.gradients.mesh
 
     @cached_property
     def _space(self) -> Any:
         return ngs.H1(self.mesh.mesh, order=1, dim=2)  # one vector a node: cheaper than the compound VectorH1
-
-    def stiffness(self, lam: float, mu: float, frames: Frames | None = None) -> sp.csr_array:
-        """a(φ_i, φ_j) for Lamé moduli lam, mu [Pa], (2n, 2n) [Pa]; in the local rows of `frames` if given."""
-        return self.gradients.stiffness(lam, mu, frames)
-
-    def thermal_load(self, theta: Array) -> Array:
-        """∫θ div φ_i for nodal values θ (n,) or (n, r), (2n,) or (2n, r) [K m]; the load is β times that."""
-        return self.gradients.expansion(theta)
 
     def body_force(self, f: tuple[Scalar, Scalar]) -> Array:
         """∫f·φ_i, (2n,) [N/m] for f in N/m³."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tcstudy.condense.symbolic import EliminationPlan
 from tcstudy.fem.boundary import Frames, constrain, contact_line
-from tcstudy.fem.forms import ElasticForms, GradientProducts, HeatForms
+from tcstudy.fem.forms import ElasticForms, HeatForms
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.elastic import Elastic, LoadMaker
 from tcstudy.offline.loads import (
@@ -109,9 +109,8 @@ class Level:
         """
         start = time.perf_counter()
         self.mesh = mesh
-        gradients = GradientProducts(mesh)
-        self.elastic = ElasticForms(gradients)
-        self.heat = HeatForms(gradients, scene.edges(Convection))
+        self.elastic = ElasticForms(mesh)
+        self.heat = HeatForms(self.elastic, scene.edges(Convection))
         self.temperatures = Temperatures(self.heat, mesh.points, scenes, MEMORY)
         self._groups = _groups(scenes)
         self._frames: dict[Hashable, Frames] = {}
@@ -120,7 +119,7 @@ class Level:
         self._rows: Recent[tuple[Array, float, float, float]] = Recent(MEMORY / 8, lambda row: row[0].nbytes + 1000)
         self.frames = self._frames_of(scene.boundary)
         self.line = contact_line(mesh, self.frames, scene.edges(Contact))
-        gradients.assemble()
+        self.elastic.assemble()
         self.time_assemble = time.perf_counter() - start
 
     # -- displacement constraints ------------------------------------------------------------------
@@ -274,8 +273,8 @@ class Level:
             case BodyForce():
                 return self.elastic.body_force(load.f)
             case UniformTemperature():
-                return self.elastic.thermal_load(np.ones(self.mesh.n_points))
+                return self.elastic.expansion(np.ones(self.mesh.n_points))
             case TemperatureField():
-                return self.elastic.thermal_load(self.temperatures.field(load.field))
+                return self.elastic.expansion(self.temperatures.field(load.field))
         assert isinstance(load, EdgeTraction | EdgePressure)  # what is prescribed belongs to a factorised body
         return self.elastic.traction(load.edge, load.role)

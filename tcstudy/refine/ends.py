@@ -58,9 +58,7 @@ def end_cells(line: ContactLine, problem: ContactProblem, v: Array, u: Array) ->
     """The end cells in which a solution v (m,) with the displacement u (2n,) may hide something."""
     if not len(problem.law.kinks):
         return []
-    unknown = np.full(int(line.segments.max()) + 1, -1, dtype=np.intp)
-    unknown[line.nodes] = np.arange(line.m)
-    own, across = unknown[line.segments], u.reshape(2, -1)
+    own, across = line.unknowns, u.reshape(2, -1)
     along = line.ends[:, 1] - line.ends[:, 0]
     width, stick = np.linalg.norm(along, axis=1), sticking(problem.law, v)
     traction, noise, found = problem.xi(v) / problem.c, ROUNDINGS * float(np.abs(u).max()), []

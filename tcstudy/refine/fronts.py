@@ -63,15 +63,13 @@ def fronts(line: ContactLine, problem: ContactProblem, v: Array) -> list[SlipFro
     if not len(problem.law.kinks):
         return []
     stick = sticking(problem.law, v)
-    unknown = np.full(int(line.segments.max()) + 1, HELD, dtype=np.intp)
-    unknown[line.nodes] = np.arange(line.m)
-    ends = unknown[line.segments]
+    ends = line.unknowns
     held = ends == HELD
     sticks = stick[ends] & ~held
     seen = np.flatnonzero(~held.any(axis=1) & (sticks[:, 0] != sticks[:, 1]))
-    found = [_front(line, problem, v, stick, unknown, int(i), 1 if sticks[i, 0] else -1) for i in seen]
+    found = [_front(line, problem, v, stick, ends, int(i), 1 if sticks[i, 0] else -1) for i in seen]
     at_held = np.flatnonzero((held[:, 0] != held[:, 1]) & ~sticks.any(axis=1))
-    hidden = [_front(line, problem, v, stick, unknown, int(i), 1 if held[i, 0] else -1) for i in at_held]
+    hidden = [_front(line, problem, v, stick, ends, int(i), 1 if held[i, 0] else -1) for i in at_held]
     return [front for front in (*found, *hidden) if front is not None]
 
 
@@ -95,19 +93,19 @@ def _front(
     problem: ContactProblem,
     v: Array,
     stick: NDArray[np.bool_],
-    unknown: NDArray[np.intp],
+    ends: NDArray[np.intp],
     segment: int,
     towards: int,
 ) -> SlipFront | None:
     """The front in a segment whose slipping side is its end (towards = 1) or its start (−1)."""
     lengths = np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1)
-    rests, slides = unknown[line.segments[segment]][::towards]
+    rests, slides = ends[segment, ::towards]
     kink = problem.law.nearest_kink(v[slides] if rests == HELD else v[rests])
     slip = v - problem.law.kinks[kink]
     nodes: list[int] = []
     at = [0.0]
     for i in _outwards(line, segment, towards):
-        node = int(unknown[line.segments[i, 1 if towards > 0 else 0]])
+        node = int(ends[i, 1 if towards > 0 else 0])
         if node == HELD or stick[node] or (nodes and slip[node] * slip[nodes[0]] <= 0.0) or len(nodes) == 3:
             break
         nodes.append(node)

@@ -47,7 +47,6 @@ def goal_value(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array)
 
 def point_weights(line: ContactLine, at: Point) -> Array:
     """w (m,) with u_T(at) = wᵀv for the point of Γ_C nearest to `at`; held nodes have no weight."""
-    unknown = {int(node): i for i, node in enumerate(line.nodes)}
     ends = line.ends
     along = ends[:, 1] - ends[:, 0]
     offset = np.asarray(at) - ends[:, 0]
@@ -55,9 +54,9 @@ def point_weights(line: ContactLine, at: Point) -> Array:
     distance = np.linalg.norm(offset - t[:, None] * along, axis=1)
     nearest = int(np.argmin(distance))
     w = np.zeros(line.m)
-    for node, share in zip(line.segments[nearest].tolist(), (1.0 - t[nearest], t[nearest]), strict=True):
-        if node in unknown:
-            w[unknown[node]] = share
+    for unknown, share in zip(line.unknowns[nearest], (1.0 - t[nearest], t[nearest]), strict=True):
+        if unknown >= 0:
+            w[unknown] = share
     return w
 
 
@@ -68,9 +67,7 @@ def lost(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
     node's cell c_i reaches up to the held node.
     """
     stick, xi = sticking(problem.law, v), problem.xi(v)
-    unknown = np.full(int(line.segments.max()) + 1, -1, dtype=np.intp)
-    unknown[line.nodes] = np.arange(line.m)
-    own = unknown[line.segments]
+    own = line.unknowns
     node, width = own.max(axis=1), np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1)
     at_held = (own.min(axis=1) < 0) & stick[node]
     hat = line.c.copy()
@@ -85,10 +82,7 @@ def torn(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
     there. So does a fall from a sticking node to one that has passed it all, and a turn of the slip from one node to
     the next. Bends between nodes close to each other leave O(h²).
     """
-    law = problem.law
-    unknown = np.full(int(line.segments.max()) + 1, -1, dtype=np.intp)
-    unknown[line.nodes] = np.arange(line.m)
-    own = unknown[line.segments]
+    law, own = problem.law, line.unknowns
     low, high = np.sort(v[own], axis=1).T
     first, last = law.b(low, 1), law.b(high, -1)
     free = np.all(own >= 0, axis=1)
