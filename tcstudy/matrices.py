@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from tcstudy.errors import ProblemError
 from tcstudy.scene.friction import FrictionLaw, GrowthError
 from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.methods import BRANCHES, SOLVERS, Branch
+from tcstudy.scene.study import BRANCHES, SOLVERS, Branch
 from tcstudy.solvers import certificates
 from tcstudy.solvers.certificates import Certificate
 from tcstudy.solvers.contact import Answer, solve_contact

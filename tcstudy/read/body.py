@@ -7,10 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from tcstudy.read import walker
-from tcstudy.read.fields import Fields
+from tcstudy.read.fields import Context, Fields
 from tcstudy.read.node import Node, deepest, split_path
-from tcstudy.read.walker import Context
 from tcstudy.scene.keys import rows
 from tcstudy.scene.records import Body, BrepFace, Edge, Loop, Point, Region
 from tcstudy.scene.units import LENGTH, UnitError, to_si
@@ -107,10 +105,10 @@ def _outline(ctx: Context, node: Node) -> Loop:
     starts: list[Point] = []
     names: list[str] = []
     middles: list[Point | None] = []
-    for item in walker.items(ctx, node, "a list of edges", least=2):
+    for item in ctx.items(node, "a list of edges", least=2):
         fields = Fields(ctx, item, "outline")
         starts.append(fields.point("from"))
-        names.append(walker.name(ctx, fields["edge"], "an edge name") if fields["edge"] else "")
+        names.append(ctx.name(fields["edge"], "an edge name") if fields["edge"] else "")
         middles.append(fields.point("through") if fields["through"] else None)
     if len(starts) == 2 and middles == [None, None]:
         ctx.errors.at(node, "two straight edges enclose nothing", "give a third edge, or an arc by `through: [x, y]`")
@@ -123,7 +121,7 @@ def _rectangle_body(ctx: Context, node: Node) -> Loop:
     names = dict(zip(SIDES, SIDES, strict=True))
     if edges := fields["edges"]:
         given = Fields(ctx, edges, "sides")
-        names |= {side: walker.name(ctx, value, "an edge name") for side in SIDES if (value := given[side])}
+        names |= {side: ctx.name(value, "an edge name") for side in SIDES if (value := given[side])}
     bottom, right, top, left = names.values()
     return _rectangle(fields, (bottom, right, top, left), fields.point("corner", (0.0, 0.0)))
 
@@ -155,7 +153,7 @@ def _one_shape(ctx: Context, node: Node, section: str) -> tuple[str, Node] | Non
 
 def _holes(ctx: Context, node: Node | None) -> tuple[Loop, ...]:
     holes: list[Loop] = []
-    for item in walker.items(ctx, node, "a list of holes") if node else ():
+    for item in ctx.items(node, "a list of holes") if node else ():
         shape = _one_shape(ctx, item, "hole")
         if shape is None:
             holes.append(_unknown(""))
@@ -171,7 +169,7 @@ def _simple_shape(ctx: Context, kind: str, node: Node, edge: str | None) -> Loop
     names = [name for name in rows(kind) if edge is None or name != "edge"]
     fields = Fields(ctx, node, kind, names, ())
     if edge is None:
-        edge = walker.name(ctx, value, "an edge name") if (value := fields["edge"]) else ""
+        edge = ctx.name(value, "an edge name") if (value := fields["edge"]) else ""
     if kind == "circle":
         radius = fields.quantity("radius")
         return shapes.circle_loop(fields.point("center"), radius, edge) if radius > 0.0 else _unknown(edge)
@@ -185,7 +183,7 @@ def read_region(ctx: Context, node: Node, name: str) -> Region:
         return Region(name, Loop(()))
     if shape[0] != "polygon":
         return Region(name, _simple_shape(ctx, *shape, edge=name))
-    points = tuple(walker.point(ctx, item) for item in walker.items(ctx, shape[1], "a list of points", least=3))
+    points = tuple(ctx.point(item) for item in ctx.items(shape[1], "a list of points", least=3))
     return Region(name, shapes.polygon_loop(points, name))
 
 
@@ -217,7 +215,7 @@ def _file(ctx: Context, node: Node) -> BrepFace | None:
     elif path and value and not _is_file(target):
         ctx.errors.at(value, f"there is no file {path!r}", "give its path relative to the folder of the study")
     face = fields.integer("face", 0)
-    other = walker.name(ctx, value, "an edge name") if (value := fields["other"]) else None
+    other = ctx.name(value, "an edge name") if (value := fields["other"]) else None
     edges = _named_points(ctx, fields["edges"])
     return BrepFace(target, face, _scale(ctx, fields["unit"], FORMATS.get(suffix, "m")), edges, other)
 
@@ -232,7 +230,7 @@ def _is_file(path: Path) -> bool:
 
 def _scale(ctx: Context, node: Node | None, usual: str) -> float:
     """Length of the file's unit; 1 in a dimensionless study that names none."""
-    unit = walker.text(ctx, node, "a unit of length") if node else ""
+    unit = ctx.text(node, "a unit of length") if node else ""
     if ctx.units == "none" and not unit:
         return 1.0
     try:
@@ -254,6 +252,6 @@ def _named_points(ctx: Context, node: Node | None) -> tuple[tuple[str, tuple[Poi
     named = []
     for name, item in node.value.items():
         check_name(ctx, name, item)
-        points = walker.items(ctx, item, "a list of points", least=1)
-        named.append((name, tuple(walker.point(ctx, entry) for entry in points)))
+        points = ctx.items(item, "a list of points", least=1)
+        named.append((name, tuple(ctx.point(entry) for entry in points)))
     return tuple(named)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from tcstudy.read import walker
-from tcstudy.read.fields import Fields
+from tcstudy.read.fields import Context, Fields, nearest
 from tcstudy.read.node import COMPONENTS, Node
-from tcstudy.read.walker import Context
 from tcstudy.scene.keys import of_role, row, rows
 from tcstudy.scene.records import Clamped, Contact, Convection, Free, Role, Scalar, Traction
 from tcstudy.scene.units import LENGTH
@@ -51,7 +49,7 @@ def _check_edges(ctx: Context, node: Node, given: Mapping[str, Node], names: tup
     guessed = set()
     for edge, item in given.items():
         if edge not in names:
-            near = walker.nearest(edge, without) or walker.nearest(edge, names)
+            near = nearest(edge, without) or nearest(edge, names)
             guessed.add(near)
             remedy = f"did you mean {near!r}?" if near else f"the edges are {', '.join(names)}"
             ctx.errors.at(item, f"the body has no edge {edge!r}", remedy, on_key=True)
@@ -64,13 +62,13 @@ def _check_edges(ctx: Context, node: Node, given: Mapping[str, Node], names: tup
 def _role(ctx: Context, node: Node) -> Role:
     """The role of one edge, given as a word or a mapping."""
     if not isinstance(node.value, Mapping):
-        return _build(ctx, node, walker.choice(ctx, node, ROLES), None)
+        return _build(ctx, node, ctx.choice(node, ROLES), None)
     word = node.child("role")
     if word is None:
         Fields(ctx, node, "boundary")
         return Free()
     before = len(ctx.errors)
-    kind = walker.choice(ctx, word, ROLES)
+    kind = ctx.choice(word, ROLES)
     if len(ctx.errors) > before:
         return Free()
     foreign = [key for key in ALL_KEYS if key in node.value and key not in KEYS[kind]]
@@ -118,7 +116,7 @@ def _clamped(ctx: Context, node: Node, fields: Fields) -> Clamped:
         parts = [_component(ctx, value) if (value := fields[key]) else None for key in keys]
         result = Clamped((parts[0], parts[1]), "nt" if frame == "nt" else "xy")
     elif whole:
-        both = walker.pair(ctx, whole, "a pair of displacements", "[0 mm, free]")
+        both = ctx.pair(whole, "a pair of displacements", "[0 mm, free]")
         result = Clamped((_component(ctx, both[0]), _component(ctx, both[1]))) if both else Clamped()
     else:
         result = Clamped()
@@ -131,4 +129,4 @@ def _component(ctx: Context, node: Node) -> Scalar | None:
     """One displacement component; None for the word free."""
     if node.value == "free":
         return None
-    return walker.scalar(ctx, node, LENGTH, varies=True)
+    return ctx.scalar(node, LENGTH, varies=True)

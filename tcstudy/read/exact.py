@@ -16,10 +16,9 @@ from dataclasses import replace
 from tcstudy.exact.checks import Checks, SolutionFault
 from tcstudy.exact.loads import Derivation
 from tcstudy.read.checks import check_finite
-from tcstudy.read.fields import Fields
+from tcstudy.read.fields import Context, Fields
 from tcstudy.read.node import COMPONENTS, Node, deepest
 from tcstudy.read.sweep import Sweep
-from tcstudy.read.walker import Context
 from tcstudy.scene.keys import of_role, rows
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Body, Convection, Exact, Scene

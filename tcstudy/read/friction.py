@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from tcstudy.read import walker
-from tcstudy.read.fields import Fields
+from tcstudy.read.fields import Context, Fields, nearest
 from tcstudy.read.node import Node
-from tcstudy.read.walker import Context
 from tcstudy.scene.friction import FrictionLaw, GrowthError
 from tcstudy.scene.law_pieces import LawError
 from tcstudy.scene.laws import SHAPES, LawParameter
@@ -39,13 +37,13 @@ def read_friction(ctx: Context, node: Node) -> FrictionLaw | None:
     if word is None:
         Fields(ctx, node, "friction")
         return None
-    name = walker.choice(ctx, word, tuple(SHAPES))
+    name = ctx.choice(word, tuple(SHAPES))
     if len(ctx.errors) > before:
         return None
     parameters = SHAPES[name].parameters
     fields = Fields(ctx, node, "friction", ("law",), (p.name for p in parameters))
     for p in parameters:
-        misspelt = any(walker.nearest(key, (p.name,)) for key in fields.values if key not in _known(parameters))
+        misspelt = any(nearest(key, (p.name,)) for key in fields.values if key not in _known(parameters))
         if p.required and fields[p.name] is None and not misspelt:
             example = LAW_EXAMPLES.get(p.kind, LAW_EXAMPLES[p.dimension])
             ctx.errors.at(
@@ -81,23 +79,23 @@ def _value(ctx: Context, node: Node, parameter: LawParameter) -> object:
     dimension = LAW_DIMENSIONS[parameter.dimension]
     match parameter.kind:
         case "number":
-            return walker.quantity(ctx, node, dimension)
+            return ctx.quantity(node, dimension)
         case "integer":
-            return walker.integer(ctx, node, 1)
+            return ctx.integer(node, 1)
         case "flag":
-            return walker.flag(ctx, node)
+            return ctx.flag(node)
         case "numbers":
-            entries = walker.items(ctx, node, "a list of numbers", least=1)
-            return [walker.quantity(ctx, item, dimension) for item in entries]
+            entries = ctx.items(node, "a list of numbers", least=1)
+            return [ctx.quantity(item, dimension) for item in entries]
         case "points":
-            entries = walker.items(ctx, node, "a list of pairs [s, b]", least=1)
+            entries = ctx.items(node, "a list of pairs [s, b]", least=1)
             return [_point(ctx, item) for item in entries]
     raise AssertionError(parameter.kind)
 
 
 def _point(ctx: Context, node: Node) -> tuple[float, float]:
     """A point [s, b] of a law: slip and traction."""
-    both = walker.pair(ctx, node, "a pair [s, b] of slip and traction", "[40 um, 5 MPa]")
+    both = ctx.pair(node, "a pair [s, b] of slip and traction", "[40 um, 5 MPa]")
     if both is None:
         return math.nan, math.nan
-    return walker.quantity(ctx, both[0], LENGTH), walker.quantity(ctx, both[1], TRACTION)
+    return ctx.quantity(both[0], LENGTH), ctx.quantity(both[1], TRACTION)

@@ -8,17 +8,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tcstudy.expressions.expression import Expression
-from tcstudy.read import walker
 from tcstudy.read.checks import check_corners
-from tcstudy.read.fields import Fields
+from tcstudy.read.fields import Context, Fields, nearest
 from tcstudy.read.node import Collector, Node
-from tcstudy.read.walker import Context
 from tcstudy.scene.keys import rows
-from tcstudy.scene.parameters import SHORT, sweepable
+from tcstudy.scene.parameters import SHORT, affine_numbers, path_scene, sweepable
 from tcstudy.scene.records import Clamped, Convection, Scalar, Scene, Traction
 from tcstudy.scene.study import MeshPlan, PathPlan
 from tcstudy.scene.units import NONE, TEMPERATURE, Dimension
-from tcstudy.scene.vary import affine_numbers, path_scene
 
 SHORTER = SHORT | {name: f"loads.{name}" for one in rows("loads").values() for name in one.numbers}
 
@@ -89,7 +86,7 @@ def _affine(scene: Scene) -> Iterator[tuple[tuple[str, ...], _Affine]]:
 
 def _parameter(ctx: Context, node: Node, scene: Scene) -> tuple[str, ...] | None:
     """Key path of the parameter; None after a fault."""
-    word = walker.text(ctx, node, "the name of a parameter")
+    word = ctx.text(node, "the name of a parameter")
     if not word:
         return None
     name = SHORTER.get(word, word)
@@ -104,7 +101,7 @@ def _parameter(ctx: Context, node: Node, scene: Scene) -> tuple[str, ...] | None
         else:
             shorter = {short: full for short, full in SHORTER.items() if full in names}
             same = [name for name in names if name.split(".")[-1] == word]
-            near = same[0] if same else walker.nearest(word, [*names, *shorter])
+            near = same[0] if same else nearest(word, [*names, *shorter])
             remedy = f"did you mean {near!r}?" if near else f"a path runs along {', '.join(names)}"
             ctx.errors.at(node, f"the scene has no parameter {word!r} for a path", remedy)
         return None
@@ -124,10 +121,10 @@ def _within(ctx: Context, fields: Fields, dimension: Dimension, begin: float, en
     low, high = min(begin, end), max(begin, end)
     if node is None:
         return low - (high - low), high + (high - low)
-    both = walker.pair(ctx, node, "a pair [low, high]", "[-10 K, 60 K]" if dimension == TEMPERATURE else "[-1, 2]")
+    both = ctx.pair(node, "a pair [low, high]", "[-10 K, 60 K]" if dimension == TEMPERATURE else "[-1, 2]")
     if both is None:
         return low, high
-    first, last = (walker.quantity(ctx, item, dimension) for item in both)
+    first, last = (ctx.quantity(item, dimension) for item in both)
     if first > low or last < high:
         ctx.errors.at(node, "does not contain the range from … to", "widen it, or leave it out")
     return first, last
@@ -141,7 +138,7 @@ def _at(ctx: Context, fields: Fields, dimension: Dimension, plan: PathPlan) -> t
     nodes = node.value if isinstance(node.value, tuple) else (node,)
     found: list[float] = []
     for item in nodes:
-        value = walker.quantity(ctx, item, dimension)
+        value = ctx.quantity(item, dimension)
         low, high = plan.within
         if not math.isnan(value) and not low <= value <= high:
             remedy = f"choose a value from {low:g} to {high:g}, or widen from, to or within"
@@ -164,7 +161,7 @@ def _options(ctx: Context, fields: Fields, mesh: MeshPlan | None) -> dict[str, A
         remedy = "use family: uniform or graded for a path, for example --set mesh.family=graded"
         ctx.errors.at(fields.node, "adaptive meshes follow from the solutions of a run", remedy, on_key=True)
     elif node := fields["level"]:
-        found["level"] = walker.integer(ctx, node, 0, mesh.levels - 1 if mesh else walker.MOST)
+        found["level"] = ctx.integer(node, 0, mesh.levels - 1 if mesh else None)
     return found
 
 

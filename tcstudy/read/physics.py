@@ -11,11 +11,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from tcstudy.read import walker
 from tcstudy.read.body import REGION_SHAPES, read_region
-from tcstudy.read.fields import Fields
+from tcstudy.read.fields import Context, Fields, choose, nearest
 from tcstudy.read.node import Node
-from tcstudy.read.walker import Context
 from tcstudy.scene.records import Body, Heat, Material, Scalar
 
 
@@ -49,7 +47,7 @@ def _elastic(ctx: Context, fields: Fields) -> tuple[float, float, float, float]:
     if not fields.is_mapping:
         return (math.nan,) * 4
     first, second = ("lambda", "mu") if lame else ("E", "nu")
-    misspelt = {walker.nearest(key, fields.rows) for key in fields.values if key not in fields.rows}
+    misspelt = {nearest(key, fields.rows) for key in fields.values if key not in fields.rows}
     for key in (first, second):
         if fields[key] is None and key not in misspelt:
             fields.missing(key)
@@ -141,14 +139,10 @@ def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> 
         return ()
     names = []
     for item in node.value if isinstance(node.value, tuple) else (node,):
-        name = walker.text(ctx, item, "the name of a region")
+        name = ctx.text(item, "the name of a region")
         if name and regions is not None and name not in regions:
             shapes = f"one of {', '.join(REGION_SHAPES)}"
-            known = (
-                walker.choose(name, regions, "one of")
-                if regions
-                else f"add it under body.regions, or write {shapes} here"
-            )
+            known = choose(name, regions, "one of") if regions else f"add it under body.regions, or write {shapes} here"
             ctx.errors.at(item, f"the body has no region {name!r}", known)
         if name in names:
             ctx.errors.at(item, f"the region {name!r} is given twice", "name each region once")

@@ -12,14 +12,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, get_args
 
-from tcstudy.read import walker
-from tcstudy.read.fields import Fields
+from tcstudy.read.fields import Context, Fields
 from tcstudy.read.node import Node
-from tcstudy.read.walker import Context
 from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.keys import rows
-from tcstudy.scene.methods import SOLVERS
-from tcstudy.scene.study import MOST_REFINE, Goal, MeshPlan, OutputPlan, Quantity, SolverPlan
+from tcstudy.scene.study import MOST_REFINE, SOLVERS, Goal, MeshPlan, OutputPlan, Quantity, SolverPlan
 from tcstudy.scene.units import LENGTH, LINE_FORCE
 
 ROWS = rows("mesh")
@@ -42,7 +39,7 @@ class _Options:
 
     def choice(self, key: str) -> Any:
         """The word of a key that is given."""
-        return walker.choice(self.ctx, self.values[key], ROWS[key].words)
+        return self.ctx.choice(self.values[key], ROWS[key].words)
 
     def fault(self, key: str, what: str, remedy: str) -> None:
         self.ctx.errors.at(self.values[key], what, remedy, on_key=True)
@@ -82,7 +79,7 @@ def _plan(options: _Options, sizes: tuple[float, ...], single: bool) -> MeshPlan
     most = FAMILIES[family].max_levels
     key = "levels" if tolerance is None else "max_levels"
     usual = 1 if tolerance is None else min(LEVELS_TO_TOLERANCE, most)
-    levels = walker.integer(ctx, node, 1, most) if (node := options[key]) else usual
+    levels = ctx.integer(node, 1, most) if (node := options[key]) else usual
     basic = MeshPlan(sizes, levels if single else len(sizes))
     return MeshPlan(
         maxh=basic.maxh,
@@ -92,9 +89,9 @@ def _plan(options: _Options, sizes: tuple[float, ...], single: bool) -> MeshPlan
         marking=_fraction(options, "marking", basic.marking),
         goal=_goal(options),
         tolerance=tolerance,
-        max_dofs=walker.integer(ctx, node, 1) if (node := options["max_dofs"]) else basic.max_dofs,
-        estimate=walker.flag(ctx, node) if (node := options["estimate"]) else False,
-        refine=walker.integer(ctx, node, 0, MOST_REFINE) if (node := options["refine"]) else basic.refine,
+        max_dofs=ctx.integer(node, 1) if (node := options["max_dofs"]) else basic.max_dofs,
+        estimate=ctx.flag(node) if (node := options["estimate"]) else False,
+        refine=ctx.integer(node, 0, MOST_REFINE) if (node := options["refine"]) else basic.refine,
     )
 
 
@@ -138,7 +135,7 @@ def _fraction(options: _Options, key: str, default: float) -> float:
     if node is None:
         return default
     known = ROWS[key]
-    value, least = walker.quantity(options.ctx, node, known.dimension, known.sign), known.least or 0.0
+    value, least = options.ctx.quantity(node, known.dimension, known.sign), known.least or 0.0
     if value >= 1.0 or value < least:
         bound = "less than 1" if value >= 1.0 else f"{least:g} or more"
         options.ctx.errors.at(node, f"must be {bound}, but is {value:g}", f"write for example {known.example}")
@@ -154,7 +151,7 @@ def _goal(options: _Options) -> Goal:
         fields = Fields(ctx, node, "goal")
         goal = Goal("u_T", fields.point("u_T"))
     elif node:
-        goal = Goal(walker.choice(ctx, node, QUANTITIES))
+        goal = Goal(ctx.choice(node, QUANTITIES))
         if goal.quantity == "u_T":
             ctx.errors.at(node, "u_T needs its point on a contact edge", "write {u_T: [20 mm, 0 mm]}")
     known = options["known"]
@@ -164,15 +161,15 @@ def _goal(options: _Options) -> Goal:
         options.fault("known", "a known value needs a goal that is a number", "add goal: friction_resultant")
         return goal
     dimension = LINE_FORCE if goal.quantity == "friction_resultant" else LENGTH
-    value = walker.quantity(ctx, known, dimension)
+    value = ctx.quantity(known, dimension)
     return Goal(goal.quantity, goal.at, None if math.isnan(value) else value)
 
 
 def _sizes(ctx: Context, node: Node) -> tuple[float, ...]:
     """One element size, or a decreasing list of them."""
     if not isinstance(node.value, tuple):
-        return (walker.quantity(ctx, node, LENGTH, "positive"),)
-    sizes = [walker.quantity(ctx, item, LENGTH, "positive") for item in walker.items(ctx, node, "a list of sizes", 1)]
+        return (ctx.quantity(node, LENGTH, "positive"),)
+    sizes = [ctx.quantity(item, LENGTH, "positive") for item in ctx.items(node, "a list of sizes", 1)]
     for i in range(1, len(sizes)):
         if sizes[i] >= sizes[i - 1]:
             remedy = "order the sizes from coarse to fine, each once"
@@ -202,8 +199,8 @@ def read_solver(ctx: Context, node: Node | None) -> SolverPlan | None:
 def _solvers(ctx: Context, node: Node) -> tuple[str, ...]:
     """One solver by name, or a list of several to compare."""
     if not isinstance(node.value, tuple):
-        return (walker.choice(ctx, node, SOLVERS),)
-    names = tuple(walker.choice(ctx, item, SOLVERS) for item in walker.items(ctx, node, "a list of solvers", 1))
+        return (ctx.choice(node, SOLVERS),)
+    names = tuple(ctx.choice(item, SOLVERS) for item in ctx.items(node, "a list of solvers", 1))
     if len(set(names)) < len(names):
         ctx.errors.at(node, "names a solver twice", "name each solver once")
     return names
@@ -215,7 +212,7 @@ def read_output(ctx: Context, node: Node | None) -> OutputPlan | None:
         return OutputPlan()
     before = len(ctx.errors)
     if not isinstance(node.value, Mapping):
-        plan = OutputPlan(Path(walker.text(ctx, node, "a path")))
+        plan = OutputPlan(Path(ctx.text(node, "a path")))
     else:
         fields = Fields(ctx, node, "output")
         path = fields.text("path", "a path")

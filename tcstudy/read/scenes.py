@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from tcstudy.read.body import BodyReading, check_shape, read_body
 from tcstudy.read.boundary import read_boundary
 from tcstudy.read.checks import check_corners, check_finite, check_heat, check_support, supports
+from tcstudy.read.fields import Context
 from tcstudy.read.friction import read_friction
 from tcstudy.read.node import Node, put
 from tcstudy.read.physics import read_heat, read_inline_region, read_loads, read_material
 from tcstudy.read.sweep import Sweep, SweptAxis
-from tcstudy.read.walker import Context
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Body, Scene
 

@@ -7,19 +7,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tcstudy.errors import StudyError
-from tcstudy.read import walker
 from tcstudy.read.boundary import ALL_KEYS, keys_of
 from tcstudy.read.checks import check_goal, check_mesh
 from tcstudy.read.document import apply_overrides, compose, load_text
 from tcstudy.read.exact import derived_scenes, read_exact, without_loads
-from tcstudy.read.fields import Fields
+from tcstudy.read.fields import Context, Fields
 from tcstudy.read.node import Collector, Mark, Node, deepest, holds, put, split_path
 from tcstudy.read.path import read_path
 from tcstudy.read.physics import read_heat, read_material
 from tcstudy.read.plans import read_mesh, read_output, read_solver
 from tcstudy.read.scenes import SECTIONS, SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, records
-from tcstudy.read.walker import Context
 from tcstudy.scene.keys import row, rows
 from tcstudy.scene.parameters import SHORT, sweepable
 from tcstudy.scene.records import Exact, Scene
@@ -105,9 +103,9 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
 def _read_header(ctx: Context, root: Node, default: str) -> _Header:
     """Title and institution; sets the system of units, on which every number depends."""
     if units := root.child("units"):
-        ctx.units = "none" if walker.choice(ctx, units, row("", "units").words) == "none" else "SI"
-    title = walker.text(ctx, node) if (node := root.child("title")) else default
-    return _Header(title, walker.text(ctx, node) if (node := root.child("institution")) else "")
+        ctx.units = "none" if ctx.choice(units, row("", "units").words) == "none" else "SI"
+    title = ctx.text(node) if (node := root.child("title")) else default
+    return _Header(title, ctx.text(node) if (node := root.child("institution")) else "")
 
 
 def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:

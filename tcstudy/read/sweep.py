@@ -12,10 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from tcstudy.read import walker
-from tcstudy.read.fields import Fields
+from tcstudy.read.fields import Context, Fields, nearest
 from tcstudy.read.node import Node
-from tcstudy.read.walker import Context
 from tcstudy.scene import keys as table
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.parameters import FIXED, SHORT, Keys, Parameter
@@ -62,7 +60,7 @@ def read_sweep(ctx: Context, node: Node | None, known: Mapping[Keys, Parameter],
         remedy = "write one PARAMETER: [values] per line, for example alpha: [25, 100]"
         ctx.errors.at(node, f"must be a mapping of parameters to values, but is {node.kind()}", remedy)
         return None
-    mode = walker.choice(ctx, item, MODES) if (item := node.child("mode")) else "grid"
+    mode = ctx.choice(item, MODES) if (item := node.child("mode")) else "grid"
     given = {key: item for key, item in node.value.items() if key not in ("mode", "h")}
     axes = _point_list(ctx, node, given, known) if mode == "list" else _axes(ctx, given, known)
     _check_axes(ctx, node, axes, mode)
@@ -96,10 +94,10 @@ def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Paramete
     else:
         same = [".".join(keys) for keys, p in known.items() if keys[-1] == path[-1] and not p.idle]
         if path[1:] and same:
-            same = [walker.nearest(key, same) or same[0]]
+            same = [nearest(key, same) or same[0]]
         remedy = f"did you mean {' or '.join(map(repr, same))}?" if same else ""
         if not same:
-            near = walker.nearest(key, [*SHORT, *names, "mode"])
+            near = nearest(key, [*SHORT, *names, "mode"])
             remedy = f"did you mean {near!r}?" if near else "use a key path such as heat.alpha or friction.delta"
         what = f"the study has no parameter {key!r} to sweep"
     ctx.errors.at(item, what, remedy, on_key=True)
@@ -120,7 +118,7 @@ def _point_list(
         ctx.errors.at(node, "is missing", "add points: [{alpha: 25}, {alpha: 100}]", key=f"{node.path}.points")
     if points is None:
         return []
-    rows = walker.items(ctx, points, "a list of points {PARAMETER: value, ...}", least=1)
+    rows = ctx.items(points, "a list of points {PARAMETER: value, ...}", least=1)
     first = rows[0].value if rows else {}
     for row in rows:
         if not isinstance(row.value, Mapping) or not row.value:
@@ -261,8 +259,8 @@ def _spaced(ctx: Context, node: Node, dimension: Dimension) -> tuple[Node, ...]:
     if not isinstance(item.value, tuple) or len(item.value) != 3:
         ctx.errors.at(item, f"must be [a, b, n], but is {item.kind()}", f"write {{{kind}: [a, b, n]}}")
         return ()
-    a, b = (walker.quantity(ctx, end, dimension) for end in item.value[:2])
-    n = walker.integer(ctx, item.value[2], 2, MAX_POINTS)
+    a, b = (ctx.quantity(end, dimension) for end in item.value[:2])
+    n = ctx.integer(item.value[2], 2, MAX_POINTS)
     if kind == "geomspace" and a * b <= 0.0:
         remedy = "give two positive numbers, or use linspace"
         ctx.errors.at(item, f"geomspace needs two ends of one sign, not {a:g} and {b:g}", remedy)
@@ -290,7 +288,7 @@ def axis_labels(ctx: Context, values: tuple[Node, ...], parameter: Parameter) ->
     if parameter.free and any(value.value == "free" for value in values):
         return tuple(value.text() for value in values)
     varies = parameter.kind == "field"
-    labels = [walker.scalar(ctx, value, parameter.dimension, varies=varies) for value in values]
+    labels = [ctx.scalar(value, parameter.dimension, varies=varies) for value in values]
     if all(isinstance(label, float) for label in labels):
         return tuple(label for label in labels if isinstance(label, float))
     return tuple(value.text() for value in values)

@@ -66,7 +66,7 @@ from tcstudy.refine.fronts import fronts, slip_length
 from tcstudy.refine.goals import dual, goal_value, lost, lumping, torn
 from tcstudy.refine.halved import Halved, contributions
 from tcstudy.scene.friction import sticking
-from tcstudy.scene.needs import needs_heat_solve
+from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import Body, Material, Point, Role, Scene
 from tcstudy.scene.study import Goal
 from tcstudy.solvers.contact import solve_contact

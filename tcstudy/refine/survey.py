@@ -32,7 +32,7 @@ from tcstudy.refine.ends import Hidden, hidden_on
 from tcstudy.refine.goal_error import goal_error
 from tcstudy.refine.goals import goal_value
 from tcstudy.refine.halved import Halved
-from tcstudy.scene.needs import needs_heat_solve
+from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import Exact, Scene
 from tcstudy.scene.study import MeshPlan
 

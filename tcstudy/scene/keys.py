@@ -2,8 +2,8 @@
 
 One row makes a key known: to the reader of its section, which then also suggests it for a misspelt one and reads it in
 its dimension and within its bounds (`read.fields`); to `--set`; to the README's table and to the JSON Schema
-(`read.schema`). With `swept=True` a sweep may vary it, by its path and by its last word (`scene.parameters`), and data
-carry its units; with `affine=True` a path may run along it (`scene.vary`). What a row cannot say is where the key acts:
+(`read.schema`). With `swept=True` a sweep may vary it, by its path and by its last word, and data carry its
+units; with `affine=True` a path may run along it (`scene.parameters`). What a row cannot say is where the key acts:
 the record of its section gets a field, the reader of its section fills it, and something uses it.
 
 Parameters of friction laws are not here but with their laws (`scene.laws.SHAPES`), which make rows of them.
@@ -20,8 +20,7 @@ from tcstudy.scene import units as u
 from tcstudy.scene.families import FAMILIES
 from tcstudy.scene.key import Key
 from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.methods import BRANCHES, SOLVERS
-from tcstudy.scene.study import MOST_REFINE, Direction, MeshPlan, PathPlan, SolverPlan, Start
+from tcstudy.scene.study import BRANCHES, MOST_REFINE, SOLVERS, Direction, MeshPlan, PathPlan, SolverPlan, Start
 
 
 def _in(section: str, *found: Key) -> Iterable[Key]:

@@ -1,14 +1,20 @@
-"""What a sweep may vary, out of the table of keys: key paths with their kind and dimension, and the short names."""
+"""What a sweep may vary, out of the table of keys: key paths with their kind and dimension, and the short names.
+
+The scene of one value of a path's parameter.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
+from tcstudy.expressions.expression import Expression, parse
 from tcstudy.scene import keys
 from tcstudy.scene.key import Key
+from tcstudy.scene.keys import rows
 from tcstudy.scene.laws import SHAPES
+from tcstudy.scene.records import Clamped, Convection, Role, Scalar, Scene, Traction
 from tcstudy.scene.units import NONE, Dimension
 
 Keys = tuple[str, ...]
@@ -84,3 +90,70 @@ def _short_names() -> dict[str, str]:
 
 SHORT = _short_names()
 """Short names: alpha for heat.alpha, k for material.k (a law's k is friction.k)."""
+
+
+def path_scene(scene: Scene, parameter: tuple[str, ...], t: float) -> Scene:
+    """The scene with the value t [SI] put at a parameter's key path (see records.PathPlan).
+
+    ("load",) multiplies f, g and pressure by t; everything else is replaced. Raises KeyError for a parameter that the
+    scene does not have.
+    """
+    section, key = parameter[0], parameter[-1]
+    if parameter == ("load",):
+        boundary = tuple((name, _scaled_role(role, t)) for name, role in scene.boundary)
+        return replace(scene, f=(_scaled(scene.f[0], t), _scaled(scene.f[1], t)), boundary=boundary)
+    if section == "heat":
+        return replace(scene, heat=_put(scene.heat, section, key, t))
+    if section == "loads":
+        return replace(scene, f=_put(scene, section, key, t).f)
+    if section == "boundary" and len(parameter) == 3:
+        edge = parameter[1]
+        boundary = tuple((name, _role(role, key, t) if name == edge else role) for name, role in scene.boundary)
+        return replace(scene, boundary=boundary)
+    raise KeyError(".".join(parameter))
+
+
+def affine_numbers(record: object, section: str) -> Iterator[tuple[Key, str, Scalar]]:
+    """(key, name, value) of every number of a record in which the load is affine; u of a clamped edge is not among
+    them, as its names depend on the frame."""
+    for row in rows(section).values():
+        if row.affine and hasattr(record, row.name):
+            value = getattr(record, row.name)
+            for name, part in zip(row.numbers, value if row.kind == "vector" else (value,), strict=True):
+                yield row, name, part
+
+
+def _put(record: Any, section: str, key: str, t: float) -> Any:
+    """The record with one number put in."""
+    found = {row.name: (row, name) for row, name, _ in affine_numbers(record, section) if name == key}
+    if not found:
+        raise KeyError(key)
+    [(row, name)] = found.values()
+    if row.kind != "vector":
+        return replace(record, **{row.name: t})
+    parts = zip(row.numbers, getattr(record, row.name), strict=True)
+    return replace(record, **{row.name: tuple(t if part == name else value for part, value in parts)})
+
+
+def _role(role: Role, key: str, t: float) -> Role:
+    """The role with one number put in."""
+    if isinstance(role, Clamped) and key in ("u_x", "u_N"):
+        return replace(role, u=(t, role.u[1]))
+    if isinstance(role, Clamped) and key in ("u_y", "u_T"):
+        return replace(role, u=(role.u[0], t))
+    found: Role = _put(role, "boundary", key, t)
+    return found
+
+
+def _scaled_role(role: Role, factor: float) -> Role:
+    if not isinstance(role, Traction | Convection):
+        return role
+    g = (_scaled(role.g[0], factor), _scaled(role.g[1], factor))
+    return replace(role, g=g, pressure=_scaled(role.pressure, factor))
+
+
+def _scaled(scalar: Scalar, factor: float) -> Scalar:
+    """factor × a number or an expression."""
+    if not isinstance(scalar, Expression):
+        return factor * scalar
+    return 0.0 if factor == 0.0 else parse(f"{float(factor)!r}*({scalar.text})")

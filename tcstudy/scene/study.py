@@ -6,6 +6,10 @@ A tolerance that a study writes is strict. The default is TOLERANCE or what roun
 larger: √m ε max_i (|l̃| + |Ã||v|)_i/c_i over the scale of b (`ContactProblem.xi_rounding`), which is what rounding v to
 doubles, Ã and l̃ being doubles too, does to ξ. Where that exceeds LOST there is no friction left to solve for, and the
 default goes no further.
+
+How a contact problem may be solved, by name: solvers, where they start, and which solution is kept.
+
+The one place of these names: the reader offers them, the solvers obey them, the data tell them.
 """
 
 from __future__ import annotations
@@ -13,10 +17,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 from tcstudy.scene.families import FAMILIES, LISTED, PLAIN, FamilyName, MeshFamily
-from tcstudy.scene.methods import SEPARABLE, Branch
 from tcstudy.scene.records import Exact, Point, Scene
 
 TOLERANCE = 1e-10
@@ -176,6 +179,20 @@ class PathPlan:
     def name(self) -> str:
         """Dotted name of the parameter."""
         return ".".join(self.parameter)
+
+
+SEPARABLE, BUNDLE = SOLVERS = ("separable-newton", "bundle-newton")
+"""Names that a study may give under `solver`."""
+
+Branch = Literal["lowest", "continued", "from-zero"]
+"""Which solution is stored where several are found; see `SolverPlan`."""
+BRANCHES: tuple[Branch, ...] = get_args(Branch)
+
+START_NAMES = ("zero", "frictionless", "neighbour", "escape", "exact")
+"""Starts: no displacement, the solution without friction, the solution of a neighbouring problem, where these may not
+have led to the least energy the convexified problem and moves of single nodes (solvers/search/escape.py), and the exact
+solution of the continuous problem where the study gives one."""
+ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE, EXACT = range(len(START_NAMES))
 
 
 @dataclass(frozen=True)

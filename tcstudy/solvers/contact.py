@@ -10,8 +10,18 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.methods import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, SEPARABLE, SOLVERS, START_NAMES, ZERO, Branch
-from tcstudy.scene.study import Acceptance
+from tcstudy.scene.study import (
+    ESCAPE,
+    EXACT,
+    FRICTIONLESS,
+    NEIGHBOUR,
+    SEPARABLE,
+    SOLVERS,
+    START_NAMES,
+    ZERO,
+    Acceptance,
+    Branch,
+)
 from tcstudy.solvers.loop import Outcome, Status, iterate
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.search import escape

@@ -27,10 +27,9 @@ from tcstudy.data.records import PointStatus
 from tcstudy.errors import CostError, GeometryFailed, StoreError
 from tcstudy.exact.numbers import exact_friction_resultant
 from tcstudy.scene.families import TO_TOLERANCE
-from tcstudy.scene.methods import SOLVERS
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Goal, Study
+from tcstudy.scene.study import SOLVERS, Goal, Study
 from tcstudy.study.cost_curves import CostCurve, Progress, family_plan, first_run, time_again, walk
 from tcstudy.study.doubts import locking_note
 from tcstudy.study.reference import Errors, ExactReference, FineReference, with_meaning

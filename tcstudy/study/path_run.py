@@ -18,8 +18,8 @@ from tcstudy.data.provenance import collect
 from tcstudy.fem.meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.scene.friction import DOWN, FrictionLaw
+from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.study import Acceptance, PathPlan, Study
-from tcstudy.scene.vary import path_scene
 from tcstudy.solvers.bounds import solution_box
 from tcstudy.solvers.certificates import Certificate, certify
 from tcstudy.solvers.contact import TIE, solve_contact

@@ -15,8 +15,7 @@ from tcstudy.errors import GeometryFailed, StoreError, UserFault
 from tcstudy.exact.loads import description
 from tcstudy.fem.meshes import SAMPLE, triangles_a_second
 from tcstudy.read.document import located
-from tcstudy.scene.needs import FELT, idle_notes, needs_heat_solve, why_no_heat
-from tcstudy.scene.points import count_points, distinct
+from tcstudy.scene.points import FELT, count_points, distinct, idle_notes, needs_heat_solve, why_no_heat
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.study.doubts import built_doubts, built_faults, doubts, locking_note
 from tcstudy.study.sizes import LevelForecast, forecast, measured, refined, sizes

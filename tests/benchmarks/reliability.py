@@ -16,7 +16,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tcstudy.scene.methods import ESCAPE
+from tcstudy.scene.study import ESCAPE
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import iterate
 from tcstudy.solvers.separable.newton import SeparableNewton

@@ -17,8 +17,7 @@ from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, PointSta
 from tcstudy.data.schema import FileVariable
 from tcstudy.data.store import open_results, write
 from tcstudy.data.writer import CHUNK, storage, tile_shape, tiles
-from tcstudy.scene.methods import START_NAMES
-from tcstudy.scene.study import Axis, MeshPlan, Study
+from tcstudy.scene.study import START_NAMES, Axis, MeshPlan, Study
 
 STARTS = np.arange(len(START_NAMES)) % 3
 

@@ -6,8 +6,8 @@ import pytest
 
 from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
+from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Clamped, Traction
-from tcstudy.scene.vary import path_scene
 
 STUDY = """
 body: {rectangle: {width: 2 m, height: 1 m}}

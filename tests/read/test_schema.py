@@ -13,8 +13,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from tcstudy.errors import StudyError
-from tcstudy.read.key_table import markdown
-from tcstudy.read.schema import FRAGMENTS, schema, schema_text
+from tcstudy.read.schema import FRAGMENTS, markdown, schema, schema_text
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.keys import ROWS, rows
 from tests.benchmarks.mutated import EVERY_KEY, sources, spoil, tree_of, yaml_of

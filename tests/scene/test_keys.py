@@ -21,10 +21,10 @@ keys.ROWS += (Key("rho", "number", "density", DENSITY, section="material", above
 from tcstudy.errors import StudyError
 from tcstudy.read.document import compose
 from tcstudy.read.fields import Fields
-from tcstudy.read.key_table import markdown
+from tcstudy.read.schema import markdown
 from tcstudy.read.node import Collector
 from tcstudy.read.schema import schema
-from tcstudy.read.walker import Context
+from tcstudy.read.fields import Context
 from tcstudy.read.study import read_study_text
 
 STUDY = '''

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.methods import ESCAPE
+from tcstudy.scene.study import ESCAPE
 from tcstudy.solvers.certificates import Certificate, certify
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.problem import ContactProblem

@@ -14,8 +14,8 @@ from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study, read_study_text
+from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.study import Study
-from tcstudy.scene.vary import path_scene
 from tcstudy.study.path_affine import PathError, affine_load
 from tcstudy.study.path_run import follow_path, shortfalls
 from tcstudy.study.run import run
