@@ -22,8 +22,7 @@ from tcstudy.exact.fields import body_edges, edge_samples, kinks, sides
 from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.expressions.expression import Expression
 from tcstudy.scene.records import Body, Clamped, Contact, Convection, Exact, Free, Scalar, Scene, Traction
-from tcstudy.shapes.edges import body_size
-from tcstudy.shapes.sampling import INWARD, inside
+from tcstudy.shapes.edges import INWARD, body_size, inside
 
 Array = NDArray[np.float64]
 

@@ -19,8 +19,7 @@ from tcstudy.expressions.derivative import Algebra, Scalar
 from tcstudy.expressions.expression import Expression, of_tree
 from tcstudy.expressions.tree import Call, Number, TreeNode
 from tcstudy.scene.records import Body, Edge
-from tcstudy.shapes.edges import Arc, body_size, edge_arc, edge_length, edge_normal
-from tcstudy.shapes.sampling import INWARD, grid
+from tcstudy.shapes.edges import INWARD, Arc, body_size, edge_arc, edge_length, edge_normal, grid
 
 Array = NDArray[np.float64]
 Vector = tuple[TreeNode, TreeNode]

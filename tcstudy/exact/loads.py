@@ -26,7 +26,7 @@ from tcstudy.expressions.tree import TreeNode
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Body, Clamped, Convection, Exact, Heat, Material, Role, Scene, Traction
 from tcstudy.scene.study import Study
-from tcstudy.shapes.sampling import inside
+from tcstudy.shapes.edges import inside
 
 Array = NDArray[np.float64]
 

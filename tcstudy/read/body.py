@@ -107,9 +107,9 @@ def _outline(ctx: Context, node: Node) -> Loop:
     middles: list[Point | None] = []
     for item in ctx.items(node, "a list of edges", least=2):
         fields = Fields(ctx, item, "outline")
-        starts.append(fields.point("from"))
-        names.append(ctx.name(fields["edge"], "an edge name") if fields["edge"] else "")
-        middles.append(fields.point("through") if fields["through"] else None)
+        starts.append(fields.value("from"))
+        names.append(fields.value("edge"))
+        middles.append(fields.value("through"))
     if len(starts) == 2 and middles == [None, None]:
         ctx.errors.at(node, "two straight edges enclose nothing", "give a third edge, or an arc by `through: [x, y]`")
     ends = [*starts[1:], *starts[:1]]
@@ -120,14 +120,13 @@ def _rectangle_body(ctx: Context, node: Node) -> Loop:
     fields = Fields(ctx, node, "block")
     names = dict(zip(SIDES, SIDES, strict=True))
     if edges := fields["edges"]:
-        given = Fields(ctx, edges, "sides")
-        names |= {side: ctx.name(value, "an edge name") for side in SIDES if (value := given[side])}
+        names |= Fields(ctx, edges, "sides").given()
     bottom, right, top, left = names.values()
-    return _rectangle(fields, (bottom, right, top, left), fields.point("corner", (0.0, 0.0)))
+    return _rectangle(fields, (bottom, right, top, left), fields.value("corner"))
 
 
 def _rectangle(fields: Fields, names: tuple[str, str, str, str], corner: Point) -> Loop:
-    width, height = (fields.quantity(key) for key in ("width", "height"))
+    width, height = fields.value("width"), fields.value("height")
     if width > 0.0 and height > 0.0:
         return shapes.rectangle_loop(corner, width, height, names)
     return _unknown(*names)
@@ -169,11 +168,11 @@ def _simple_shape(ctx: Context, kind: str, node: Node, edge: str | None) -> Loop
     names = [name for name in rows(kind) if edge is None or name != "edge"]
     fields = Fields(ctx, node, kind, names, ())
     if edge is None:
-        edge = ctx.name(value, "an edge name") if (value := fields["edge"]) else ""
+        edge = str(fields.value("edge"))
     if kind == "circle":
-        radius = fields.quantity("radius")
-        return shapes.circle_loop(fields.point("center"), radius, edge) if radius > 0.0 else _unknown(edge)
-    return _rectangle(fields, (edge, edge, edge, edge), fields.point("corner"))
+        radius = fields.value("radius")
+        return shapes.circle_loop(fields.value("center"), radius, edge) if radius > 0.0 else _unknown(edge)
+    return _rectangle(fields, (edge, edge, edge, edge), fields.value("corner"))
 
 
 def read_region(ctx: Context, node: Node, name: str) -> Region:
@@ -183,8 +182,7 @@ def read_region(ctx: Context, node: Node, name: str) -> Region:
         return Region(name, Loop(()))
     if shape[0] != "polygon":
         return Region(name, _simple_shape(ctx, *shape, edge=name))
-    points = tuple(ctx.point(item) for item in ctx.items(shape[1], "a list of points", least=3))
-    return Region(name, shapes.polygon_loop(points, name))
+    return Region(name, shapes.polygon_loop(ctx.value(shape[1], rows("region")["polygon"]), name))
 
 
 def read_regions(ctx: Context, node: Node | None) -> tuple[Region, ...]:
@@ -208,16 +206,14 @@ def check_name(ctx: Context, name: str, item: Node) -> None:
 
 def _file(ctx: Context, node: Node) -> BrepFace | None:
     fields = Fields(ctx, node, "file")
-    value, path = fields["path"], fields.text("path", "a path") or ""
+    value, path = fields["path"], fields.value("path")
     target, suffix = ctx.folder / path, ("." + path.rpartition(".")[2].lower())
     if path and value and suffix not in FORMATS:
         ctx.errors.at(value, f"{path!r} is not a geometry file", f"give a file ending in {', '.join(FORMATS)}")
     elif path and value and not _is_file(target):
         ctx.errors.at(value, f"there is no file {path!r}", "give its path relative to the folder of the study")
-    face = fields.integer("face", 0)
-    other = ctx.name(value, "an edge name") if (value := fields["other"]) else None
-    edges = _named_points(ctx, fields["edges"])
-    return BrepFace(target, face, _scale(ctx, fields["unit"], FORMATS.get(suffix, "m")), edges, other)
+    scale = _scale(ctx, fields["unit"], FORMATS.get(suffix, "m"))
+    return BrepFace(target, fields.value("face"), scale, _named_points(ctx, fields["edges"]), fields.value("other"))
 
 
 def _is_file(path: Path) -> bool:

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
-from tcstudy.read.boundary import Boundary
 from tcstudy.read.fields import Context
 from tcstudy.read.node import Node, deepest
+from tcstudy.read.physics import Boundary
 from tcstudy.scene.records import Body, Clamped, Contact, Convection, Edge, Heat, Material, Point, Role, Scalar
 from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_normal, edge_points, loop_size

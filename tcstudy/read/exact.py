@@ -16,7 +16,7 @@ from dataclasses import replace
 from tcstudy.exact.checks import Checks, SolutionFault
 from tcstudy.exact.loads import Derivation
 from tcstudy.read.checks import check_finite
-from tcstudy.read.fields import Context, Fields
+from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import COMPONENTS, Node, deepest
 from tcstudy.read.sweep import Sweep
 from tcstudy.scene.keys import of_role, rows
@@ -188,19 +188,15 @@ def _word(label: float | str) -> str:
     return label if isinstance(label, str) else f"{label:g}"
 
 
+@none_after_fault
 def read_exact(ctx: Context, node: Node | None, root: Node, body: Body | None) -> Exact | None:
     """The exact solution; None without the section and after a fault."""
     if node is None:
         return None
     before = len(ctx.errors)
     fields = Fields(ctx, node, "exact")
-    exact = Exact(
-        fields.vector("u"),
-        fields.field("theta") if fields["theta"] else None,
-        fields.field("xi") if fields["xi"] else None,
-        fields.quantity("exponent") if fields["exponent"] else None,
-        fields.choice("loads") == DERIVED,
-    )
+    u, theta, xi, exponent = (fields.value(key) for key in ("u", "theta", "xi", "exponent"))
+    exact = Exact(u, theta, xi, exponent, fields.value("loads") == DERIVED)
     if body is not None and len(ctx.errors) == before:
         check_finite(ctx, root, "exact", exact, body)
-    return exact if len(ctx.errors) == before else None
+    return exact

@@ -10,38 +10,37 @@ from __future__ import annotations
 
 import difflib
 import math
+import operator
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from functools import lru_cache
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache, wraps
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
 from tcstudy.expressions import expression as expressions
-from tcstudy.read.node import Collector, Node
-from tcstudy.scene import keys
+from tcstudy.read.node import Collector, Node, nearest
+from tcstudy.scene.key import Key
+from tcstudy.scene.keys import rows, short_of
 from tcstudy.scene.records import Point, Scalar
-from tcstudy.scene.units import LENGTH, NUMBER, Dimension, UnitError, split_quantity, to_si
+from tcstudy.scene.units import LENGTH, NUMBER, TRACTION, Dimension, UnitError, split_quantity, to_si
 
+P = ParamSpec("P")
 T = TypeVar("T", bound=str)
-Sign = Literal["any", "positive", "not negative"]
+V = TypeVar("V")
 
 
-def nearest(word: str, known: Iterable[str]) -> str | None:
-    """The known word most like the given one, if any is."""
-    known = list(known)
-    lowered = {name.lower(): name for name in known}
-    if word.lower() in lowered:
-        return lowered[word.lower()]
-    near = difflib.get_close_matches(word, known, n=1, cutoff=0.55)
-    return near[0] if near else None
+def none_after_fault(reader: Callable[Concatenate[Context, P], V]) -> Callable[Concatenate[Context, P], V | None]:
+    """The reader of a section, with None in place of its value where it recorded a fault."""
 
+    @wraps(reader)
+    def read(ctx: Context, *args: P.args, **kwargs: P.kwargs) -> V | None:
+        before = len(ctx.errors)
+        value = reader(ctx, *args, **kwargs)
+        return value if len(ctx.errors) == before else None
 
-def choose(word: str, known: Iterable[str], noun: str) -> str:
-    """Remedy for a word that is not known: the nearest one, or all."""
-    known = list(known)
-    near = nearest(word, known)
-    return f"did you mean {near!r}?" if near else f"use {noun} {', '.join(known)}"
+    return read
 
 
 @lru_cache(maxsize=4096)
@@ -71,42 +70,38 @@ class Context:
         if isinstance(value, str):
             return self._from_text(node, value, dimension, varies)
         if isinstance(value, bool) or not isinstance(value, int | float):
-            self.errors.at(node, f"must be {dimension.name}, but is {node.kind()}", self._example(dimension, varies))
-            return math.nan
+            what = f"must be {dimension.name}, but is {node.kind()}"
+            return self._none(node, what, self._example(dimension, varies))
         return self._finite(node, value)
 
+    def _none(self, node: Node, what: str, remedy: str) -> float:
+        """NaN, after the fault is recorded."""
+        self.errors.at(node, what, remedy)
+        return math.nan
+
     def _finite(self, node: Node, value: float) -> float:
-        try:
-            number = float(value)
-        except OverflowError:
-            number = math.inf
-        if not math.isfinite(number):
-            self.errors.at(node, f"{node.brief()} is not a finite number", "write a finite number")
-            return math.nan
-        return number
+        if not abs(value) <= sys.float_info.max:  # before the conversion, which whole numbers can be too large for
+            return self._none(node, f"{node.brief()} is not a finite number", "write a finite number")
+        return float(value)
 
     def _example(self, dimension: Dimension, varies: bool) -> str:
-        return f"write for example {self.example(dimension.example)}" + (
-            " or an expression such as 2*sin(pi*x)" if varies else ""
-        )
+        expression = " or an expression such as 2*sin(pi*x)" if varies else ""
+        return f"write for example {self.example(dimension.example)}{expression}"
 
     def _from_text(self, node: Node, text: str, dimension: Dimension, varies: bool) -> Scalar:
         """The value of a text: number and unit, or an expression."""
         parts = split_quantity(text)
         if parts and self.units == "none":
             remedy = "write the plain number, or drop `units: none`"
-            self.errors.at(node, f"{node.brief()!r} has a unit, but the study says units: none", remedy)
-            return math.nan
+            return self._none(node, f"{node.brief()!r} has a unit, but the study says units: none", remedy)
         if parts:
             try:
                 return to_si(*parts, dimension)
             except UnitError as error:
-                self.errors.at(node, str(error), error.remedy)
-                return math.nan
+                return self._none(node, str(error), error.remedy)
         if comma := re.match(r"\s*[-+]?\d+,\d", text):
             remedy = f"write a decimal point: {text.replace(',', '.', 1).strip()}"
-            self.errors.at(node, f"{comma[0].strip()!r} has a decimal comma", remedy)
-            return math.nan
+            return self._none(node, f"{comma[0].strip()!r} has a decimal comma", remedy)
         try:
             expression = _expression(text)
         except expressions.ExpressionError as error:
@@ -114,24 +109,34 @@ class Context:
             if not varies or not remedy:
                 what = f"{node.brief()!r} is not {dimension.name}" if not varies else what
                 remedy = self._example(dimension, varies)
-            self.errors.at(node, what, remedy)
-            return math.nan
+            return self._none(node, what, remedy)
         if expression.constant is not None:
             return self._finite(node, expression.constant)
         if not varies:
-            self.errors.at(node, "may not vary with x and y", self._example(dimension, varies))
-            return math.nan
+            return self._none(node, "may not vary with x and y", self._example(dimension, varies))
         return expression
 
-    def quantity(self, node: Node, dimension: Dimension, sign: Sign = "any") -> float:
+    def quantity(self, node: Node, dimension: Dimension) -> float:
         """A number in SI that is the same everywhere; NaN after a fault."""
         value = self.scalar(node, dimension, varies=False)
         assert isinstance(value, float)
-        if (sign == "positive" and value <= 0.0) or (sign == "not negative" and value < 0.0):
-            bound = "greater than 0" if sign == "positive" else "0 or more"
-            self.errors.at(node, f"must be {bound}, but is {node.brief()}", self._example(dimension, False))
-            return math.nan
         return value
+
+    def bounded(self, node: Node, row: Key, dimension: Dimension) -> float:
+        """A number in SI within the bounds of a row; NaN after a fault."""
+        value = self.quantity(node, dimension)
+        bounds = (
+            (row.above, operator.le, "be greater than {:g}"),
+            (row.below, operator.ge, "be less than {:g}"),
+            (row.least, operator.lt, "be {:g} or more"),
+            (row.most, operator.gt, "be {:g} or less"),
+        )
+        said = [text.format(bound) for bound, breaks, text in bounds if bound is not None and breaks(value, bound)]
+        if not said:
+            return value
+        what = f"lie between {row.above:g} and {row.below:g}" if row.above and row.below else said[0]
+        remedy = f"write for example {self.example(row.example or dimension.example)}"
+        return self._none(node, f"must {what}, but is {node.brief()}", remedy)
 
     def items(self, node: Node, content: str, least: int = 0) -> tuple[Node, ...]:
         """The entries of a list; empty after a fault."""
@@ -151,19 +156,10 @@ class Context:
         self.errors.at(node, f"must be {content}, but is {node.kind()}", remedy)
         return None
 
-    def vector(self, node: Node, dimension: Dimension) -> tuple[Scalar, Scalar]:
-        """Two components, each a number or an expression."""
-        both = self.pair(node, "a pair of components", f"[0, {dimension.example}]")
-        if both is None:
-            return math.nan, math.nan
-        return self.scalar(both[0], dimension, varies=True), self.scalar(both[1], dimension, varies=True)
-
     def point(self, node: Node) -> Point:
         """A point [x, y] in metres."""
         both = self.pair(node, "a point [x, y]", "[0 mm, 20 mm]")
-        if both is None:
-            return math.nan, math.nan
-        return self.quantity(both[0], LENGTH), self.quantity(both[1], LENGTH)
+        return (self.quantity(both[0], LENGTH), self.quantity(both[1], LENGTH)) if both else (math.nan, math.nan)
 
     def integer(self, node: Node, least: int, most: int | None = None) -> int:
         """A whole number within limits; the lower limit after a fault."""
@@ -205,7 +201,7 @@ class Context:
         self.errors.at(node, what, f"did you mean {near!r}?" if near else f"write for example {words[0]}")
         return words[0]
 
-    def name(self, node: Node, content: str = "a name") -> str:
+    def name(self, node: Node, content: str = "an edge name") -> str:
         """A name of an edge or a region: letters, digits and underscores; empty after a fault."""
         value = node.value
         if not isinstance(value, str) or not value.isascii() or not value.replace("_", "a").isalnum():
@@ -213,6 +209,63 @@ class Context:
             self.errors.at(node, f"must be {content} of letters, digits and _, but is {node.kind()}", remedy)
             return ""
         return value
+
+    def value(self, node: Node, row: Key, dimension: Dimension | None = None) -> Any:
+        """What a row of the table says that a value is; after a fault a stand-in.
+
+        dimension: where another key decides about it
+        """
+        dimension = dimension or row.dimension
+        match row.kind:
+            case "number" | "quantity":
+                return self.bounded(node, row, dimension)
+            case "integer":
+                return self.integer(node, int(row.least or 0), None if row.most is None else int(row.most))
+            case "field":
+                return self.scalar(node, dimension, varies=True)
+            case "component":
+                return None if node.value == "free" else self.scalar(node, dimension, varies=True)
+            case "vector" | "displacement":
+                what, other = ("components", dimension.example) if row.kind == "vector" else ("displacements", "free")
+                both = self.pair(node, f"a pair of {what}", f"[0, {other}]")
+                one = replace(row, kind="field" if row.kind == "vector" else "component")
+                return tuple(self.value(part, one, dimension) for part in both) if both else (math.nan, math.nan)
+            case "point":
+                return self.point(node)
+            case "points" | "law points" | "numbers":
+                return self._several(node, row, dimension)
+            case "choice":
+                return self.choice(node, row.words)
+            case "one or more":
+                entries = self.items(node, "a list of words", 1) if isinstance(node.value, tuple) else (node,)
+                return tuple(self.choice(entry, row.words) for entry in entries)
+            case "sizes":
+                entries = self.items(node, "a list of sizes", 1) if isinstance(node.value, tuple) else (node,)
+                return tuple(self.bounded(entry, row, dimension) for entry in entries)
+            case "flag":
+                return self.flag(node)
+            case "name":
+                return self.name(node)
+            case "text":
+                return self.text(node, "a path" if row.name == "path" else "a text")
+        raise AssertionError(row.kind)
+
+    def _several(self, node: Node, row: Key, dimension: Dimension) -> tuple[Any, ...]:
+        """Points [x, y] of a body, points [s, b] of a law, or numbers."""
+        least = int(row.least or 1)
+        if row.kind == "points":
+            return tuple(self.point(entry) for entry in self.items(node, "a list of points", least))
+        if row.kind == "numbers":
+            return tuple(self.quantity(entry, dimension) for entry in self.items(node, "a list of numbers", least))
+        return tuple(self._law_point(entry) for entry in self.items(node, "a list of pairs [s, b]", least))
+
+    def _law_point(self, node: Node) -> tuple[float, float]:
+        both = self.pair(node, "a pair [s, b] of slip and traction", "[40 um, 5 MPa]")
+        return (self.quantity(both[0], LENGTH), self.quantity(both[1], TRACTION)) if both else (math.nan, math.nan)
+
+
+UNREAD = {"point": (math.nan, math.nan), "name": "", "text": ""}
+"""What stands for a missing value by its kind, where it is not NaN."""
 
 
 class Fields:
@@ -222,27 +275,25 @@ class Fields:
         self,
         ctx: Context,
         node: Node,
-        section: str,
+        section: str | Mapping[str, Key],
         required: Iterable[str] | None = None,
         optional: Iterable[str] | None = None,
     ) -> None:
-        """required, optional: keys, where they depend on others; else those of the table."""
-        self.ctx, self.node, self.rows = ctx, node, keys.rows(section)
+        """section: its name in the table, or its rows.  required, optional: keys, where they depend on others."""
+        self.ctx, self.node, self.rows = ctx, node, rows(section) if isinstance(section, str) else section
         required = [row.name for row in self.rows.values() if row.required] if required is None else list(required)
         rest = (name for name in self.rows if name not in required) if optional is None else optional
-        known = [*required, *rest]
+        self.required, known = required, [*required, *rest]
+        short = short_of(section) if isinstance(section, str) else ""
+        if short and not isinstance(node.value, Mapping):
+            node = replace(node, value={short: node})
         self.values: Mapping[str, Node] = {}
         if not isinstance(node.value, Mapping):
-            example = (
-                f"for example {{{required[0]}: {ctx.example(self.rows[required[0]].suggestion)}}}"
-                if required
-                else "key: value"
-            )
-            remedy = f"write a mapping with the keys {', '.join(known)}, {example}"
+            first = required[0] if required else "key"
+            example = f"{first}: {ctx.example(self.rows[first].suggestion) if required else 'value'}"
+            remedy = f"write a mapping with the keys {', '.join(known)}, for example {{{example}}}"
             ctx.errors.at(node, f"must be a mapping, but is {node.kind()}", remedy)
-            self.is_mapping = False
             return
-        self.is_mapping = True
         self.values = node.value
         wrong = [key for key in node.value if key not in known]
         free = [name for name in known if name not in node.value]
@@ -267,49 +318,19 @@ class Fields:
     def __getitem__(self, key: str) -> Node | None:
         return self.values.get(key)
 
-    def quantity(self, key: str, default: float = math.nan, dimension: Dimension | None = None) -> float:
-        """A number, the same everywhere in the body.
+    def value(self, key: str, dimension: Dimension | None = None) -> Any:
+        """The value of a key; if it is not given its default, or a stand-in where it is required.
 
         dimension: where another key decides about it
         """
         node, row = self[key], self.rows[key]
-        return self.ctx.quantity(node, dimension or row.dimension, row.sign) if node else default
+        if node is not None:
+            return self.ctx.value(node, row, dimension)
+        return UNREAD.get(row.kind, math.nan) if key in self.required else row.default
 
-    def field(self, key: str, default: Scalar = 0.0) -> Scalar:
-        """A number or an expression in x and y."""
-        node = self[key]
-        return self.ctx.scalar(node, self.rows[key].dimension, varies=True) if node else default
-
-    def vector(self, key: str) -> tuple[Scalar, Scalar]:
-        """Two components, each a number or an expression; zero if the key is not given."""
-        node = self[key]
-        return self.ctx.vector(node, self.rows[key].dimension) if node else (0.0, 0.0)
-
-    def point(self, key: str, default: Point = (math.nan, math.nan)) -> Point:
-        """A point [x, y]."""
-        node = self[key]
-        return self.ctx.point(node) if node else default
-
-    def choice(self, key: str, default: Any = None) -> Any:
-        """One of the words of the key, by default its own default."""
-        node, row = self[key], self.rows[key]
-        return self.ctx.choice(node, row.words) if node else (row.default if default is None else default)
-
-    def integer(self, key: str, default: int | None = None, most: int | None = None) -> Any:
-        """A whole number within its bounds, of which the upper one may depend on others."""
-        node, row = self[key], self.rows[key]
-        bounds = int(row.least or 0), (int(row.most) if row.most else None) if most is None else most
-        return self.ctx.integer(node, *bounds) if node else default
-
-    def flag(self, key: str) -> bool:
-        """true or false, by default its own default."""
-        node = self[key]
-        return self.ctx.flag(node) if node else bool(self.rows[key].default)
-
-    def text(self, key: str, content: str = "a text") -> str | None:
-        """A text, None if the key is not given."""
-        node = self[key]
-        return self.ctx.text(node, content) if node else None
+    def given(self, names: Iterable[str] | None = None) -> dict[str, Any]:
+        """The values of the keys that are given; of all keys, or of those named."""
+        return {name: self.value(name) for name in (self.rows if names is None else names) if self[name] is not None}
 
 
 def _meant(key: str, free: list[str], known: list[str]) -> str | None:

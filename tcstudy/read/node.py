@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
+import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from tcstudy.errors import Problem
-from tcstudy.scene.keys import of_role
+from tcstudy.scene.keys import of_role, short_of
 
 Scalar: TypeAlias = "bool | int | float | str | None"
 Keys: TypeAlias = "tuple[str | int, ...]"
-
-WORDS = {("boundary", "*"): "role", ("solver",): "name", ("output",): "path"}
-"""Places where a single word is short for a mapping, and the key the word stands for."""
 
 
 COMPONENTS = of_role("clamped")
@@ -136,6 +134,23 @@ class Collector:
             self.problems.append(problem)
 
 
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """The known word most like the given one, if any is."""
+    known = list(known)
+    lowered = {name.lower(): name for name in known}
+    if word.lower() in lowered:
+        return lowered[word.lower()]
+    near = difflib.get_close_matches(word, known, n=1, cutoff=0.55)
+    return near[0] if near else None
+
+
+def choose(word: str, known: Iterable[str], noun: str) -> str:
+    """Remedy for a word that is not known: the nearest one, or all."""
+    known = list(known)
+    near = nearest(word, known)
+    return f"did you mean {near!r}?" if near else f"use {noun} {', '.join(known)}"
+
+
 def split_path(path: str) -> Keys | None:
     """The keys of a path such as "body.outline[2].edge"; None if it is not one."""
     if not re.fullmatch(r"[^.\[\]\s]+(\[\d{1,6}\])*(\.[^.\[\]\s]+(\[\d{1,6}\])*)*", path):
@@ -208,7 +223,7 @@ def _children(node: Node, here: str, done: Keys) -> dict[str, Node]:
         return dict(node.value)
     if node.value is None:
         return {}
-    word = WORDS.get((str(done[0]), "*") if len(done) == 2 else tuple(map(str, done)))
-    if word is None or not isinstance(node.value, str):
+    word = short_of(str(done[0])) if len(done) == (2 if done[:1] == ("boundary",) else 1) else ""
+    if not word or not isinstance(node.value, str):
         raise KeyError(f"{here} is {node.kind()}, not a mapping with keys")
     return {word: node}

@@ -1,70 +1,153 @@
-"""Reads the sections `material` and `loads`.
+"""Reads the sections that make up a scene beside its body: boundary, material, loads, heat, friction.
 
 The plane problem: plane strain keeps lam and mu, beta = (3 lam + 2 mu) alpha_T, eq. (3);
 plane stress has lam → 2 lam mu/(lam + 2 mu), beta = E alpha_T/(1 − nu).
-
-Reads the section `heat`: a known temperature, or conduction with a source in ω and exchange on Γ_θ (eqs. 2, 5).
+Heat is a known temperature, or conduction with a source in ω and exchange on Γ_θ (eqs. 2, 5).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import Literal
 
 from tcstudy.read.body import REGION_SHAPES, read_region
-from tcstudy.read.fields import Context, Fields, choose, nearest
-from tcstudy.read.node import Node
-from tcstudy.scene.records import Body, Heat, Material, Scalar
+from tcstudy.read.fields import Context, Fields, none_after_fault
+from tcstudy.read.node import COMPONENTS, Node, choose, nearest
+from tcstudy.scene.friction import FrictionLaw, GrowthError
+from tcstudy.scene.keys import of_role, row, rows
+from tcstudy.scene.laws import SHAPES, LawError
+from tcstudy.scene.records import Body, Clamped, Contact, Convection, Free, Heat, Material, Role, Scalar, Traction
+
+ROLES = row("boundary", "role").words
+RECORDS: dict[str, type[Role]] = {
+    **{"traction": Traction, "contact": Contact, "convection": Convection, "free": Free, "clamped": Clamped}
+}
+ALL_KEYS = tuple(name for name in rows("boundary") if name != "role")
+FRAMES: tuple[tuple[Literal["xy", "nt"], str, str], ...] = (("xy", "u_x", "u_y"), ("nt", "u_N", "u_T"))
+
+Boundary = tuple[tuple[str, Role], ...]
 
 
-def read_material(ctx: Context, node: Node) -> Material | None:
-    """The material of the plane problem; None after a fault."""
+@none_after_fault
+def read_boundary(ctx: Context, node: Node, names: tuple[str, ...] | None) -> Boundary:
+    """The roles of all edges in the order of the study; None after a fault.
+
+    names: the edges of the body; None if they are not known
+    """
     before = len(ctx.errors)
-    fields = Fields(ctx, node, "material")
-    E, nu, lam, mu = _elastic(ctx, fields)
-    plane = fields.choice("plane")
-    k = fields.quantity("k") if fields["k"] else None
+    if not isinstance(node.value, Mapping):
+        remedy = f"write one EDGE: role per line; roles are {', '.join(ROLES)}"
+        ctx.errors.at(node, f"must be a mapping of edges to roles, but is {node.kind()}", remedy)
+        return ()
+    roles = {edge: _role(ctx, item) for edge, item in node.value.items()}
+    if names is not None:
+        _check_edges(ctx, node, node.value, names)
+    if not any(isinstance(role, Contact) for role in roles.values()) and len(ctx.errors) == before:
+        remedy = "give the role contact to the edges that touch the foundation"
+        ctx.errors.at(node, "no edge is in contact, so there is no friction to study", remedy)
+    return tuple(roles.items())
+
+
+def keys_of(node: Node) -> tuple[str, ...]:
+    """The keys that the role of an edge takes; all of them if it has none that is known."""
+    word = node.child("role") if isinstance(node.value, Mapping) else node
+    return of_role(str(word.value)) if word is not None and word.value in ROLES else ALL_KEYS
+
+
+def _check_edges(ctx: Context, node: Node, given: Mapping[str, Node], names: tuple[str, ...]) -> None:
+    """Every edge has a role and every role an edge; a misspelt edge is one fault, not two."""
+    without = [name for name in names if name not in given]
+    guessed = set()
+    for edge, item in given.items():
+        if edge not in names:
+            near = nearest(edge, without) or nearest(edge, names)
+            guessed.add(near)
+            remedy = f"did you mean {near!r}?" if near else f"the edges are {', '.join(names)}"
+            ctx.errors.at(item, f"the body has no edge {edge!r}", remedy, on_key=True)
+    for edge in without:
+        if edge not in guessed:
+            remedy = f"add {edge}: free, or one of {', '.join(ROLES[:-1])}"
+            ctx.errors.at(node, "the edge has no role", remedy, key=f"{node.path}.{edge}")
+
+
+def _role(ctx: Context, node: Node) -> Role:
+    """The role of one edge, given as a word or a mapping."""
+    if not isinstance(node.value, Mapping):
+        node = replace(node, value={"role": node})
+    word, before = node.child("role"), len(ctx.errors)
+    if word is None:
+        Fields(ctx, node, "boundary")
+        return Free()
+    kind = ctx.choice(word, ROLES)
+    if len(ctx.errors) > before:
+        return Free()
+    foreign = [key for key in ALL_KEYS if node.child(key) and key not in of_role(kind)]
+    fields = Fields(ctx, node, "boundary", ("role",), (*of_role(kind), *foreign))
+    for key in foreign:
+        ctx.errors.at(fields.values[key], f"the role {kind} takes no {key}", _home(key), on_key=True)
+    if kind == "clamped":
+        return _clamped(ctx, node, fields)
+    if kind == "traction" and len(fields.values) == 1:
+        remedy = "write {role: traction, g: [gx, gy]} or {role: traction, pressure: p}, or the role free"
+        ctx.errors.at(node, "a traction edge needs g or pressure", remedy)
+    return RECORDS[kind](**fields.given(of_role(kind)))
+
+
+def _home(key: str) -> str:
+    """Where a key of another role belongs."""
+    if key in COMPONENTS:
+        given = "u: [a, free]" if key == "u" else f"{key}: a"
+        return f"a held displacement is {{role: clamped, {given}}}, which leaves what is not given free of traction"
+    return "give the edge the role traction or convection, which take g and pressure"
+
+
+def _clamped(ctx: Context, node: Node, fields: Fields) -> Clamped:
+    """Prescribed displacement: u, or components in x and y or in the edge's frame; "free" leaves one free."""
+    given = [frame for frame in FRAMES if fields[frame[1]] or fields[frame[2]]]
+    if len(given) + (fields["u"] is not None) > 1:
+        remedy = "give either u: [u_x, u_y], or u_x and u_y, or u_N and u_T"
+        ctx.errors.at(node, "the displacement is given in two ways", remedy)
+        return Clamped()
+    result = Clamped(**fields.given(("u",)))
+    if given:
+        frame, first, second = given[0]
+        result = Clamped((fields.value(first), fields.value(second)), frame)
+    if result.u == (None, None):
+        ctx.errors.at(node, "both components are free, so nothing is clamped", "give the edge the role free")
+    return result
+
+
+@none_after_fault
+def read_material(ctx: Context, node: Node) -> Material:
+    """The material of the plane problem; None after a fault."""
+    pairs = [pair for pair in (("E", "nu"), ("lambda", "mu")) if any(node.child(key) for key in pair)]
+    fields = Fields(ctx, node, "material", (pairs or [("E", "nu")])[0] if len(pairs) < 2 else ())
+    if len(pairs) == 2:
+        odd = next(fields.values[key] for key in ("lambda", "mu") if fields[key])
+        ctx.errors.once(odd, "the material is given in two ways", "give either E and nu, or lambda and mu")
+        E = nu = lam = mu = math.nan
+    else:
+        E, nu, lam, mu = (_from_lame if pairs == [("lambda", "mu")] else _from_engineering)(ctx, fields)
     if fields["alpha_T"] and fields["beta"]:
         ctx.errors.once(fields.values["beta"], "both alpha_T and beta are given", "give one of the two")
-    alpha_T = fields.quantity("alpha_T", 0.0)
-    beta = fields.quantity("beta")
-    if len(ctx.errors) > before:
-        return None
-    if not fields["beta"]:
+    plane, alpha_T, beta = (fields.value(key) for key in ("plane", "alpha_T", "beta"))
+    if beta is None:
         beta = (3 * lam + 2 * mu) * alpha_T if plane == "strain" else E * alpha_T / (1 - nu)
     if plane == "stress":
         lam = 2 * lam * mu / (lam + 2 * mu)
-    return Material(lam, mu, beta, k, E, nu, plane)
+    return Material(lam, mu, beta, fields.value("k"), E, nu, plane)
 
 
-def _elastic(ctx: Context, fields: Fields) -> tuple[float, float, float, float]:
-    """E, nu and the three-dimensional Lamé moduli, from either pair; NaN after a fault."""
-    engineering, lame = (bool(fields[a] or fields[b]) for a, b in (("E", "nu"), ("lambda", "mu")))
-    if engineering and lame:
-        odd = next(fields.values[key] for key in ("lambda", "mu") if fields[key])
-        ctx.errors.once(odd, "the material is given in two ways", "give either E and nu, or lambda and mu")
-        return (math.nan,) * 4
-    if not fields.is_mapping:
-        return (math.nan,) * 4
-    first, second = ("lambda", "mu") if lame else ("E", "nu")
-    misspelt = {nearest(key, fields.rows) for key in fields.values if key not in fields.rows}
-    for key in (first, second):
-        if fields[key] is None and key not in misspelt:
-            fields.missing(key)
-    return _from_lame(ctx, fields) if lame else _from_engineering(ctx, fields)
-
-
-def _from_engineering(ctx: Context, fields: Fields) -> tuple[float, float, float, float]:
-    E, nu = fields.quantity("E"), fields.quantity("nu")
-    if nu >= 0.5 or nu <= -1.0:
-        remedy = "write for example 0.3; for a nearly incompressible body stay below 0.5, e.g. 0.49"
-        ctx.errors.at(fields.values["nu"], f"must lie between -1 and 0.5, but is {nu:g}", remedy)
-        nu = math.nan
+def _from_engineering(_: Context, fields: Fields) -> tuple[float, float, float, float]:
+    """E, nu and the three-dimensional Lamé moduli."""
+    E, nu = fields.value("E"), fields.value("nu")
     return E, nu, E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
 
 
 def _from_lame(ctx: Context, fields: Fields) -> tuple[float, float, float, float]:
-    lam, mu = fields.quantity("lambda"), fields.quantity("mu")
+    lam, mu = fields.value("lambda"), fields.value("mu")
     if 3 * lam + 2 * mu <= 0.0:
         remedy = f"3 lambda + 2 mu must be positive: lambda greater than {-2 * mu / 3:g}"
         ctx.errors.at(fields.values["lambda"], f"{lam:g} makes the bulk modulus zero or negative", remedy)
@@ -72,13 +155,11 @@ def _from_lame(ctx: Context, fields: Fields) -> tuple[float, float, float, float
     return mu * (3 * lam + 2 * mu) / (lam + mu), lam / (2 * (lam + mu)), lam, mu
 
 
-def read_loads(ctx: Context, node: Node | None) -> tuple[Scalar, Scalar] | None:
+@none_after_fault
+def read_loads(ctx: Context, node: Node | None) -> tuple[Scalar, Scalar]:
     """The body force f, zero without the section; None after a fault."""
-    if node is None:
-        return 0.0, 0.0
-    before = len(ctx.errors)
-    f = Fields(ctx, node, "loads").vector("f")
-    return f if len(ctx.errors) == before else None
+    f: tuple[Scalar, Scalar] = (0.0, 0.0) if node is None else Fields(ctx, node, "loads").value("f")
+    return f
 
 
 INLINE = "omega"
@@ -97,7 +178,8 @@ def read_inline_region(ctx: Context, heat: Node | None, body: Body) -> Body:
     return Body(body.outline, body.holes, (*body.regions, read_region(ctx, node, INLINE)), body.brep)
 
 
-def read_heat(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> Heat | None:
+@none_after_fault
+def read_heat(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> Heat:
     """The heat problem; zero temperature without the section; None after a fault.
 
     regions: names of the regions of the body; None if they are not known
@@ -111,17 +193,13 @@ def read_heat(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) 
         if others:
             what = f"theta is the known temperature, so {', '.join(others)} would not be used"
             ctx.errors.once(fields.values["theta"], what, "keep theta alone, or remove it to compute the temperature")
-        heat = Heat(theta=fields.field("theta"))
-    else:
-        fields = Fields(ctx, node, "heat", ("alpha", "theta_bar"))
-        alpha = fields.quantity("alpha")
-        theta_bar, q = fields.field("theta_bar"), fields.field("q")
-        heat = Heat(None, alpha, theta_bar, q, _omega(ctx, fields["omega"], regions))
-        if alpha == 0.0 and q != 0.0 and len(ctx.errors) == before:
-            remedy = "give alpha > 0, or q: 0"
-            what = "with alpha = 0 the heat of q cannot leave the body, so there is no steady state"
-            ctx.errors.at(fields.values["alpha"], what, remedy)
-    return heat if len(ctx.errors) == before else None
+        return Heat(**fields.given(("theta",)))
+    fields = Fields(ctx, node, "heat", ("alpha", "theta_bar"))
+    heat = Heat(**fields.given(("alpha", "theta_bar", "q")), omega=_omega(ctx, fields["omega"], regions))
+    if heat.alpha == 0.0 and heat.q != 0.0 and len(ctx.errors) == before:
+        what = "with alpha = 0 the heat of q cannot leave the body, so there is no steady state"
+        ctx.errors.at(fields.values["alpha"], what, "give alpha > 0, or q: 0")
+    return heat
 
 
 def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> tuple[str, ...]:
@@ -148,3 +226,29 @@ def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> 
             ctx.errors.at(item, f"the region {name!r} is given twice", "name each region once")
         names.append(name)
     return tuple(names)
+
+
+@none_after_fault
+def read_friction(ctx: Context, node: Node) -> FrictionLaw | None:
+    """The friction law; None after a fault."""
+    word, before = node.child("law"), len(ctx.errors)
+    if word is None:
+        Fields(ctx, node, "friction", ("law",))
+        return None
+    name = ctx.choice(word, tuple(SHAPES))
+    if len(ctx.errors) > before:
+        return None
+    shape = SHAPES[name]
+    fields = Fields(ctx, node, {one.name: one for one in (row("friction", "law"), *shape.parameters)})
+    values = fields.given()
+    try:
+        return (
+            shape.build(**{key: values[key] for key in values if key != "law"}) if len(ctx.errors) == before else None
+        )
+    except LawError as error:
+        what, _, remedy = error.message.partition("; ")
+        ctx.errors.at(node.child(error.parameter) or node, what, remedy or f"the law {name}: {shape.summary}")
+    except GrowthError as error:
+        remedy = "let the last values and slopes of b have the sign of the slip"
+        ctx.errors.at(node.child("points") or node, str(error), remedy)
+    return None

@@ -1,220 +1,294 @@
-"""Reads the section `mesh` (or `h` of a sweep): element sizes, the family of meshes, and when refinement stops.
-
-Reads the sections that say how a study is run: `solver`, `output`; read_mesh.py has `mesh`.
-"""
+"""Reads the sections that say how a study is run: `mesh` (or `h` of a sweep), `solver`, `output`, `path`."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, get_args
 
-from tcstudy.read.fields import Context, Fields
-from tcstudy.read.node import Node
+from tcstudy.expressions.expression import Expression
+from tcstudy.read.checks import check_corners
+from tcstudy.read.fields import Context, Fields, none_after_fault
+from tcstudy.read.node import Collector, Node, nearest
 from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.keys import rows
-from tcstudy.scene.study import MOST_REFINE, SOLVERS, Goal, MeshPlan, OutputPlan, Quantity, SolverPlan
-from tcstudy.scene.units import LENGTH, LINE_FORCE
+from tcstudy.scene.parameters import SHORT, affine_numbers, path_scene, sweepable
+from tcstudy.scene.records import Clamped, Convection, Scalar, Scene, Traction
+from tcstudy.scene.study import Goal, MeshPlan, OutputPlan, PathPlan, Quantity, SolverPlan
+from tcstudy.scene.units import LENGTH, LINE_FORCE, NONE, TEMPERATURE, Dimension
 
-ROWS = rows("mesh")
-LEVELS_TO_TOLERANCE = 30
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
-OPTIONS = tuple(name for name in ROWS if name != "maxh")
 IN_SWEEP = ("tolerance", "of", "max_levels", "known")
 """Keys that h: {tolerance: …} of a sweep may hold."""
+SINGLE = ("levels", "family", "tolerance", "max_levels", "grading", "marking", "max_dofs")
+"""Keys of `mesh` that a list of sizes has no use for."""
 
 
-@dataclass(frozen=True)
-class _Options:
-    """Where each option stands: the section `mesh`, with the keys of the sweep's `h` put in."""
-
-    ctx: Context
-    values: Mapping[str, Node]
-
-    def __getitem__(self, key: str) -> Node | None:
-        return self.values.get(key)
-
-    def choice(self, key: str) -> Any:
-        """The word of a key that is given."""
-        return self.ctx.choice(self.values[key], ROWS[key].words)
-
-    def fault(self, key: str, what: str, remedy: str) -> None:
-        self.ctx.errors.at(self.values[key], what, remedy, on_key=True)
-
-
+@none_after_fault
 def read_mesh(ctx: Context, node: Node | None, h: Node | None) -> MeshPlan | None:
     """The meshes, coarse to fine; None after a fault.
 
     h: of the sweep: a list of sizes in place of maxh, or a mapping {tolerance, of, …}
     """
-    before = len(ctx.errors)
     listed = h if h and isinstance(h.value, tuple) else None
-    required, optional = ((), ("maxh", *OPTIONS)) if listed else (("maxh",), OPTIONS)
-    if node is None and not listed:  # the missing section is recorded already
+    section = node or (replace(listed, value={}) if listed else None)
+    if section is None:  # which is recorded already
         return None
-    fields = Fields(ctx, node, "mesh", required, optional) if node else None
-    given = listed or (fields["maxh"] if fields else None)
-    values = dict(fields.values) if fields else {}
-    if h and not listed:
+    fields = Fields(ctx, section, "mesh", () if listed else ("maxh",))
+    values = dict(fields.values)
+    if listed:
+        values["maxh"] = listed
+    elif h:
         swept = Fields(ctx, h, "mesh", ("tolerance",), IN_SWEEP[1:])
         for key in sorted(swept.values.keys() & values.keys()):
             ctx.errors.at(swept.values[key], f"mesh.{key} is given, too", "give it once", on_key=True)
         values |= swept.values
-    options = _Options(ctx, values)
-    sizes = () if given is None else _sizes(ctx, given)
-    single = given is not None and not isinstance(given.value, tuple)
-    plan = _plan(options, sizes, single or len(sizes) == 1)
-    return plan if len(ctx.errors) == before and sizes else None
+    fields.values = values
+    sizes = _sizes(ctx, fields)
+    return _plan(ctx, fields, sizes) if sizes else None
 
 
-def _plan(options: _Options, sizes: tuple[float, ...], single: bool) -> MeshPlan:
-    ctx = options.ctx
-    tolerance = _fraction(options, "tolerance", 0.0) or None
-    default = PLAIN if tolerance is None else TO_TOLERANCE
-    family: FamilyName = options.choice("family") if options["family"] else default
-    _check_keys(options, family, sizes, single)
+def _plan(ctx: Context, fields: Fields, sizes: tuple[float, ...]) -> MeshPlan:
+    listed, to_tolerance = len(sizes) > 1, fields["tolerance"] is not None
+    family: FamilyName = fields.value("family") if fields["family"] else TO_TOLERANCE if to_tolerance else PLAIN
+    for key, what, remedy in _contradictions(fields, family, listed):
+        ctx.errors.at(fields.values[key], what, remedy, on_key=True)
     most = FAMILIES[family].max_levels
-    key = "levels" if tolerance is None else "max_levels"
-    usual = 1 if tolerance is None else min(LEVELS_TO_TOLERANCE, most)
-    levels = ctx.integer(node, 1, most) if (node := options[key]) else usual
-    basic = MeshPlan(sizes, levels if single else len(sizes))
-    return MeshPlan(
-        maxh=basic.maxh,
-        levels=basic.levels,
-        family=family,
-        grading=_fraction(options, "grading", basic.grading),
-        marking=_fraction(options, "marking", basic.marking),
-        goal=_goal(options),
-        tolerance=tolerance,
-        max_dofs=ctx.integer(node, 1) if (node := options["max_dofs"]) else basic.max_dofs,
-        estimate=ctx.flag(node) if (node := options["estimate"]) else False,
-        refine=ctx.integer(node, 0, MOST_REFINE) if (node := options["refine"]) else basic.refine,
-    )
+    key = "max_levels" if to_tolerance else "levels"
+    levels = ctx.integer(node, 1, most) if (node := fields[key]) else min(fields.value(key), most)
+    options = fields.given(("grading", "marking", "tolerance", "max_dofs", "estimate", "refine"))
+    return MeshPlan(sizes, len(sizes) if listed else levels, family, goal=_goal(ctx, fields), **options)
 
 
-def _check_keys(options: _Options, family: FamilyName, sizes: tuple[float, ...], single: bool) -> None:
-    """Keys that contradict one another."""
-    to_tolerance = "tolerance" in options.values
-    if not single:
-        if not sizes or any(not b < a for a, b in pairwise(sizes)):  # the sizes have faults of their own
-            return
-        remedy = "give one maxh and levels (nested meshes), or a list of maxh alone"
-        for key in ("levels", "family", "tolerance", "max_levels"):
-            one_level = key == "levels" and (node := options[key]) is not None and node.value == 1
-            if key in options.values and not one_level:
-                what = "levels go with a single maxh" if key == "levels" else f"{key} goes with a single maxh"
-                options.fault(key, what, remedy)
-        return
-    wrong = {
-        one.option: (one is not FAMILIES[family], f"is for {name} meshes", f"add family: {name}, or remove it")
-        for name, one in FAMILIES.items()
-        if one.option
-    } | {
-        "levels": (to_tolerance, "the tolerance decides how many levels there are", "use max_levels for the most"),
-        "max_levels": (not to_tolerance, "is for a tolerance", "use levels, or add tolerance: 1e-3"),
-        "of": (not to_tolerance, "says what the tolerance is of, but there is none", "use goal, or add tolerance"),
-    }
-    if "goal" in options.values:
-        estimated = FAMILIES[family].adapts or to_tolerance or "estimate" in options.values
-        wrong["goal"] = (
-            ("of" in options.values, "of names the goal already", "keep one of the two")
-            if "of" in options.values
-            else (not estimated, "no error is estimated here, so the goal is not used", "add estimate: true")
-        )
-    for key, (bad, what, remedy) in wrong.items():
-        if bad and key in options.values:
-            options.fault(key, what, remedy)
+def _contradictions(fields: Fields, family: FamilyName, listed: bool) -> Iterator[tuple[str, str, str]]:
+    """(key, what, remedy) of the keys that contradict others or would not be used."""
+    strategy, to_tolerance = FAMILIES[family], fields["tolerance"] is not None
+    used = {one.option: f"is for {name} meshes; add family: {name}, or remove it" for name, one in FAMILIES.items()}
+    used.pop(strategy.option)
+    if to_tolerance:
+        used["levels"] = "the tolerance decides how many levels there are; use max_levels for the most"
+    else:
+        used["max_levels"] = "is for a tolerance; use levels, or add tolerance: 1e-3"
+        used["of"] = "says what the tolerance is of, but there is none; use goal, or add tolerance"
+        if not strategy.adapts:
+            used["max_dofs"] = "ends adaptive meshes and those for a tolerance; remove it, or add family: adaptive"
+    if listed:
+        one = "with a single maxh; give one maxh and levels (nested meshes), or a list of maxh alone"
+        used |= {key: f"{key} {'go' if key == 'levels' else 'goes'} {one}" for key in SINGLE}
+        if (levels := fields["levels"]) and levels.value == 1:
+            del used["levels"]
+    if fields["of"]:
+        used["goal"] = "of names the goal already; keep one of the two"
+    elif not (strategy.adapts or to_tolerance or fields["estimate"]):
+        used["goal"] = "no error is estimated here, so the goal is not used; add estimate: true"
+    for key, said in used.items():
+        if key and fields[key]:
+            what, _, remedy = said.partition("; ")
+            yield key, what, remedy
 
 
-def _fraction(options: _Options, key: str, default: float) -> float:
-    """A number between 0 and 1."""
-    node = options[key]
-    if node is None:
-        return default
-    known = ROWS[key]
-    value, least = options.ctx.quantity(node, known.dimension, known.sign), known.least or 0.0
-    if value >= 1.0 or value < least:
-        bound = "less than 1" if value >= 1.0 else f"{least:g} or more"
-        options.ctx.errors.at(node, f"must be {bound}, but is {value:g}", f"write for example {known.example}")
-    return value
-
-
-def _goal(options: _Options) -> Goal:
+def _goal(ctx: Context, fields: Fields) -> Goal:
     """The quantity by name, or {u_T: [x, y]}; with its known value."""
-    ctx = options.ctx
-    node = options["of"] or options["goal"]
-    goal = Goal()
+    node, goal = fields["of"] or fields["goal"], Goal()
     if node and isinstance(node.value, Mapping):
-        fields = Fields(ctx, node, "goal")
-        goal = Goal("u_T", fields.point("u_T"))
+        goal = Goal("u_T", Fields(ctx, node, "goal").value("u_T"))
     elif node:
         goal = Goal(ctx.choice(node, QUANTITIES))
         if goal.quantity == "u_T":
             ctx.errors.at(node, "u_T needs its point on a contact edge", "write {u_T: [20 mm, 0 mm]}")
-    known = options["known"]
-    if known is None:
+    if not fields["known"]:
         return goal
     if goal.quantity == "energy":
-        options.fault("known", "a known value needs a goal that is a number", "add goal: friction_resultant")
+        what = "a known value needs a goal that is a number"
+        ctx.errors.at(fields.values["known"], what, "add goal: friction_resultant", on_key=True)
         return goal
-    dimension = LINE_FORCE if goal.quantity == "friction_resultant" else LENGTH
-    value = ctx.quantity(known, dimension)
-    return Goal(goal.quantity, goal.at, None if math.isnan(value) else value)
+    return replace(goal, known=fields.value("known", LINE_FORCE if goal.quantity == "friction_resultant" else LENGTH))
 
 
-def _sizes(ctx: Context, node: Node) -> tuple[float, ...]:
-    """One element size, or a decreasing list of them."""
-    if not isinstance(node.value, tuple):
-        return (ctx.quantity(node, LENGTH, "positive"),)
-    sizes = [ctx.quantity(item, LENGTH, "positive") for item in ctx.items(node, "a list of sizes", 1)]
-    for i in range(1, len(sizes)):
-        if sizes[i] >= sizes[i - 1]:
+def _sizes(ctx: Context, fields: Fields) -> tuple[float, ...]:
+    """One element size, or a decreasing list of them; empty after a fault."""
+    before, node = len(ctx.errors), fields["maxh"]
+    sizes: tuple[float, ...] = fields.value("maxh") if node else ()
+    for i, (coarse, fine) in enumerate(pairwise(sizes), start=1):
+        if fine >= coarse:
+            where = node.value[i] if node and isinstance(node.value, tuple) else fields.node
             remedy = "order the sizes from coarse to fine, each once"
-            ctx.errors.at(node.value[i], f"{sizes[i]:g} does not decrease after {sizes[i - 1]:g}", remedy)
-    return tuple(sizes)
+            ctx.errors.at(where, f"{fine:g} does not decrease after {coarse:g}", remedy)
+    return sizes if len(ctx.errors) == before else ()
 
 
-def read_solver(ctx: Context, node: Node | None) -> SolverPlan | None:
-    """The solver by name, with its options; None after a fault."""
-    default = SolverPlan()
+@none_after_fault
+def read_solver(ctx: Context, node: Node | None) -> SolverPlan:
+    """The solver by name, or several to compare, with its options; None after a fault."""
     if node is None:
-        return default
-    before = len(ctx.errors)
-    if not isinstance(node.value, Mapping):
-        names = _solvers(ctx, node)
-        return SolverPlan(names) if len(ctx.errors) == before else None
+        return SolverPlan()
     fields = Fields(ctx, node, "solver")
-    names = _solvers(ctx, value) if (value := fields["name"]) else default.names
-    tolerance = fields.quantity("tolerance", 0.0) or default.tolerance
-    if tolerance is not None and tolerance >= 1.0:
-        remedy = "write for example 1e-10"
-        ctx.errors.at(fields.values["tolerance"], f"must be less than 1, but is {tolerance:g}", remedy)
-    limit, branch = fields.integer("max_iterations"), fields.choice("branch")
-    return SolverPlan(names, tolerance, limit, branch) if len(ctx.errors) == before else None
-
-
-def _solvers(ctx: Context, node: Node) -> tuple[str, ...]:
-    """One solver by name, or a list of several to compare."""
-    if not isinstance(node.value, tuple):
-        return (ctx.choice(node, SOLVERS),)
-    names = tuple(ctx.choice(item, SOLVERS) for item in ctx.items(node, "a list of solvers", 1))
+    given = fields.given()
+    names = given.pop("name", SolverPlan().names)
     if len(set(names)) < len(names):
-        ctx.errors.at(node, "names a solver twice", "name each solver once")
-    return names
+        ctx.errors.at(fields.values["name"], "names a solver twice", "name each solver once")
+    return SolverPlan(names, **given)
 
 
-def read_output(ctx: Context, node: Node | None) -> OutputPlan | None:
+@none_after_fault
+def read_output(ctx: Context, node: Node | None) -> OutputPlan:
     """Where the data go; None after a fault."""
+    given = Fields(ctx, node, "output").given() if node else {}
+    return OutputPlan(**(given | {"path": Path(given["path"])} if "path" in given else given))
+
+
+@dataclass(frozen=True)
+class _Affine:
+    """A parameter that enters the load affinely: its dimension, its value in the scene, why it would do nothing."""
+
+    dimension: Dimension
+    value: Scalar
+    idle: str = ""
+
+
+@none_after_fault
+def read_path(ctx: Context, node: Node | None, scene: Scene | None, mesh: MeshPlan | None) -> PathPlan | None:
+    """The path; None without the section or after a fault.
+
+    scene: the scene without the sweep, mesh: the meshes; None if they have faults of their own
+    """
     if node is None:
-        return OutputPlan()
+        return None
     before = len(ctx.errors)
-    if not isinstance(node.value, Mapping):
-        plan = OutputPlan(Path(ctx.text(node, "a path")))
-    else:
-        fields = Fields(ctx, node, "output")
-        path = fields.text("path", "a path")
-        plan = OutputPlan(None if path is None else Path(path), fields.flag("fields"), fields.flag("live"))
-    return plan if len(ctx.errors) == before else None
+    fields = Fields(ctx, node, "path")
+    if len(ctx.errors) > before or scene is None:
+        return None
+    keys = _parameter(ctx, fields.values["parameter"], scene)
+    if keys is None:
+        return None
+    dimension = dict(_affine(scene))[keys].dimension
+    begin, end = (fields.value(key, dimension) for key in ("from", "to"))
+    if begin == end:
+        ctx.errors.at(fields.values["to"], "is the same value as from", "give a range, from: A, to: B")
+        return None
+    within = _within(ctx, fields, dimension, begin, end)
+    plan = PathPlan(keys, dimension.cf if ctx.units == "SI" else "1", begin, end, within, scene)
+    plan = replace(plan, at=_at(ctx, fields, dimension, plan), **_options(ctx, fields, mesh))
+    if len(ctx.errors) == before:
+        _check_corners(ctx, fields, plan)
+    return plan
+
+
+def _affine(scene: Scene) -> Iterator[tuple[tuple[str, ...], _Affine]]:
+    """All parameters of the scene that a path may run along, by key path."""
+    heat = scene.heat
+    idle = "" if scene.material.beta else "beta is 0, so temperature does not load the body"
+    acts = {"theta"} if heat.theta is not None else {"theta_bar"} if scene.edges(Convection) else set()
+    if "theta_bar" in acts and heat.alpha > 0.0:
+        acts.add("q")
+    for row, name, value in affine_numbers(heat, "heat"):
+        if name in acts:
+            yield ("heat", name), _Affine(row.dimension, value, idle)
+    for row, name, value in affine_numbers(scene, "loads"):
+        yield ("loads", name), _Affine(row.dimension, value)
+    loads: list[Scalar] = [*scene.f]
+    for edge, role in scene.boundary:
+        if isinstance(role, Clamped):
+            names = ("u_x", "u_y") if role.frame == "xy" else ("u_N", "u_T")
+            for name, held in zip(names, role.u, strict=True):
+                if held is not None:
+                    yield ("boundary", edge, name), _Affine(rows("boundary")[name].dimension, held)
+        elif isinstance(role, Traction | Convection):
+            loads += [*role.g, role.pressure]
+            for row, name, value in affine_numbers(role, "boundary"):
+                yield ("boundary", edge, name), _Affine(row.dimension, value)
+    no_load = "" if any(isinstance(x, Expression) or x != 0.0 for x in loads) else "the study has no f, g or pressure"
+    yield ("load",), _Affine(NONE, 1.0, no_load)
+
+
+def _parameter(ctx: Context, node: Node, scene: Scene) -> tuple[str, ...] | None:
+    """Key path of the parameter; None after a fault."""
+    word = ctx.text(node, "the name of a parameter")
+    if not word:
+        return None
+    short = SHORT | {name: f"loads.{name}" for one in rows("loads").values() for name in one.numbers}
+    name = short.get(word, word)
+    known = dict(_affine(scene))
+    keys = tuple(name.split("."))
+    if keys not in known:
+        usable = (path for path, p in known.items() if not p.idle and not isinstance(p.value, Expression))
+        names = [".".join(path) for path in usable]
+        if keys in sweepable({}, None) and keys[0] in ("heat", "material", "friction"):
+            what = f"the load is not affine in {name} in this study, so no path can be followed along it"
+            ctx.errors.at(node, what, f"use a sweep over it; a path runs along {', '.join(names)}")
+        else:
+            shorter = {name: full for name, full in short.items() if full in names}
+            same = [name for name in names if name.split(".")[-1] == word]
+            near = same[0] if same else nearest(word, [*names, *shorter])
+            remedy = f"did you mean {near!r}?" if near else f"a path runs along {', '.join(names)}"
+            ctx.errors.at(node, f"the scene has no parameter {word!r} for a path", remedy)
+        return None
+    if known[keys].idle:
+        ctx.errors.at(node, f"{known[keys].idle}, so the solution does not depend on {name}", "choose another")
+        return None
+    if isinstance(known[keys].value, Expression):
+        what = f"{name} varies in space ({known[keys].value}), but along a path it is one number"
+        ctx.errors.at(node, what, f"give {name} a number, or use parameter: load for a factor of all mechanical loads")
+        return None
+    return keys
+
+
+def _within(ctx: Context, fields: Fields, dimension: Dimension, begin: float, end: float) -> tuple[float, float]:
+    """Where the path may go: by default as far again on both sides, since folds may lie outside the range."""
+    node = fields["within"]
+    low, high = min(begin, end), max(begin, end)
+    if node is None:
+        return low - (high - low), high + (high - low)
+    both = ctx.pair(node, "a pair [low, high]", "[-10 K, 60 K]" if dimension == TEMPERATURE else "[-1, 2]")
+    if both is None:
+        return low, high
+    first, last = (ctx.quantity(item, dimension) for item in both)
+    if first > low or last < high:
+        ctx.errors.at(node, "does not contain the range from … to", "widen it, or leave it out")
+    return first, last
+
+
+def _at(ctx: Context, fields: Fields, dimension: Dimension, plan: PathPlan) -> tuple[float, ...]:
+    """The values at which solutions are wanted, each once and where the path may go."""
+    node = fields["at"]
+    if node is None:
+        return ()
+    nodes = node.value if isinstance(node.value, tuple) else (node,)
+    found: list[float] = []
+    for item in nodes:
+        value = ctx.quantity(item, dimension)
+        low, high = plan.within
+        if not math.isnan(value) and not low <= value <= high:
+            remedy = f"choose a value from {low:g} to {high:g}, or widen from, to or within"
+            ctx.errors.at(item, f"{item.brief()} is outside the range of the path", remedy)
+        if value in found:
+            ctx.errors.at(item, f"the value {item.brief()} is repeated", "give every value once")
+        found.append(value)
+    return tuple(found)
+
+
+def _options(ctx: Context, fields: Fields, mesh: MeshPlan | None) -> dict[str, Any]:
+    """The other keys that are given."""
+    found = fields.given(("start", "direction", "max_pieces", "hysteresis", "law_error"))
+    if mesh and mesh.strategy.adapts:
+        remedy = "use family: uniform or graded for a path, for example --set mesh.family=graded"
+        ctx.errors.at(fields.node, "adaptive meshes follow from the solutions of a run", remedy, on_key=True)
+    elif node := fields["level"]:
+        found["level"] = ctx.integer(node, 0, mesh.levels - 1 if mesh else None)
+    return found
+
+
+def _check_corners(ctx: Context, fields: Fields, plan: PathPlan) -> None:
+    """A prescribed displacement must agree with its neighbours at common corners all along the path."""
+    if plan.parameter[0] != "boundary":
+        return
+    for key, t in (("from", plan.begin), ("to", plan.end)):
+        probe = Context(Collector(), ctx.units)
+        check_corners(probe, fields.node, plan.scene.body, path_scene(plan.scene, plan.parameter, t).boundary)
+        if probe.errors.problems:
+            what = f"with {plan.name} = {t:g} {probe.errors.problems[0].what}"
+            ctx.errors.at(fields.values[key], what, "free a component of one of the two edges")
+            return

@@ -15,12 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.read.body import BodyReading, check_shape, read_body
-from tcstudy.read.boundary import read_boundary
 from tcstudy.read.checks import check_corners, check_finite, check_heat, check_support, supports
 from tcstudy.read.fields import Context
-from tcstudy.read.friction import read_friction
 from tcstudy.read.node import Node, put
-from tcstudy.read.physics import read_heat, read_inline_region, read_loads, read_material
+from tcstudy.read.physics import read_boundary, read_friction, read_heat, read_inline_region, read_loads, read_material
 from tcstudy.read.sweep import Sweep, SweptAxis
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Body, Scene
@@ -185,4 +183,4 @@ class SceneReader:
 
 def _shown(axis: SweptAxis, index: int) -> str:
     """A value of an axis: its text, or its label where that is a name."""
-    return str(axis.labels[index]) if axis.parameter.kind == "law" else axis.values[index].brief()
+    return str(axis.labels[index]) if axis.parameter.is_law else axis.values[index].brief()

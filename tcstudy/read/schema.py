@@ -9,7 +9,7 @@ The table of keys in words: the README's table of the study file, in Markdown.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import Any, get_args
 
 from tcstudy.scene.key import Key
@@ -24,8 +24,6 @@ Schema = dict[str, Any]
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 TITLE = "A study of tcstudy"
 NAME = "^[A-Za-z0-9_]+$"
-FEW = {"outline": 2, "polygon": 3, "points": 1}
-"""Least number of entries of a list."""
 ONE_OF = ("hole", "region", "values")
 """Sections that hold one of their keys."""
 SOME_TEXT: Schema = {"type": "string", "pattern": r"\S"}
@@ -195,14 +193,8 @@ def _goal(one: Key) -> Schema:  # noqa: ARG001
 
 def _sub_section(one: Key) -> Schema:
     """A section; where a word may stand for it, also that."""
-    short: Mapping[str, Schema] = {"solver": _fragment(row("solver", "name")), "output": SOME_TEXT}
     inner = _ref(one.of[0])
-    return {"anyOf": [short[one.name], inner]} if not one.section and one.name in short else inner
-
-
-def _sub_sections(one: Key) -> Schema:
-    inner = _ref(one.of[0])
-    return {"anyOf": [_words(row("boundary", "role")), inner]} if one.of == ("boundary",) else inner
+    return {"anyOf": [_fragment(row(one.of[0], one.short)), inner]} if one.short else inner
 
 
 def _sizes_or_tolerance(one: Key) -> Schema:
@@ -228,11 +220,11 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "vector": lambda one: {"anyOf": [{"const": "derived"}, _list(_field(one), 2, 2)]},
     "displacement": lambda one: {"anyOf": [{"const": "derived"}, _list(_field(one), 2, 2)]},
     "point": _point,
-    "points": lambda one: _list(_point(one), FEW[one.name]),
+    "points": lambda one: _list(_point(one), int(one.least or 0)),
     "named points": lambda one: _named(_list(_point(one), 1)),
     "section": _sub_section,
-    "sections": lambda one: _list(_sub_sections(one), FEW.get(one.name, 0)),
-    "named sections": lambda one: _named(_sub_sections(one)),
+    "sections": lambda one: _list(_sub_section(one), int(one.least or 0)),
+    "named sections": lambda one: _named(_sub_section(one)),
     "names": lambda one: {"anyOf": [SOME_TEXT, _list(SOME_TEXT, 1), _ref("region")]},
     "one or more": lambda one: {"anyOf": [_words(one), _list(_words(one), 1)]},
     "sizes": lambda one: {"anyOf": [_number(one), _list(_number(one), 1)]},

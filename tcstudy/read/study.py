@@ -7,15 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tcstudy.errors import StudyError
-from tcstudy.read.boundary import ALL_KEYS, keys_of
 from tcstudy.read.checks import check_goal, check_mesh
 from tcstudy.read.document import apply_overrides, compose, load_text
 from tcstudy.read.exact import derived_scenes, read_exact, without_loads
 from tcstudy.read.fields import Context, Fields
 from tcstudy.read.node import Collector, Mark, Node, deepest, holds, put, split_path
-from tcstudy.read.path import read_path
-from tcstudy.read.physics import read_heat, read_material
-from tcstudy.read.plans import read_mesh, read_output, read_solver
+from tcstudy.read.physics import ALL_KEYS, keys_of, read_heat, read_material
+from tcstudy.read.plans import read_mesh, read_output, read_path, read_solver
 from tcstudy.read.scenes import SECTIONS, SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, records
 from tcstudy.scene.keys import row, rows

@@ -12,11 +12,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from tcstudy.read.fields import Context, Fields, nearest
-from tcstudy.read.node import Node
+from tcstudy.read.fields import Context, Fields
+from tcstudy.read.node import Node, nearest
 from tcstudy.scene import keys as table
 from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.parameters import FIXED, SHORT, Keys, Parameter
+from tcstudy.scene.parameters import FIXED, NUMBERS, SHORT, Keys, Parameter
 from tcstudy.scene.study import Axis
 from tcstudy.scene.units import Dimension
 
@@ -134,8 +134,8 @@ def _point_list(
         parameter = _parameter(ctx, key, item, known)
         if parameter is not None:
             values = tuple(row.value[key] for row in rows if isinstance(row.value, Mapping))
-            names = tuple(_law_name(value) for value in values) if parameter.kind == "law" else ()
-            values = tuple(_law_node(value) for value in values) if parameter.kind == "law" else values
+            names = tuple(_law_name(value) for value in values) if parameter.is_law else ()
+            values = tuple(_law_node(value) for value in values) if parameter.is_law else values
             axes.append(SweptAxis(key, points, parameter, values, names or axis_labels(ctx, values, parameter)))
     return axes
 
@@ -181,10 +181,10 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
 
 def _check_law_parameters(ctx: Context, axes: list[SweptAxis], law: Node | None) -> None:
     """A swept parameter of the law must belong to every law of the study."""
-    laws = [value for axis in axes if axis.parameter.kind == "law" for value in axis.values] or ([law] if law else [])
+    laws = [value for axis in axes if axis.parameter.is_law for value in axis.values] or ([law] if law else [])
     words = [str(word.value) for node in laws if (word := node.child("law"))]
     for axis in axes:
-        for law_name in words if axis.parameter.path[0] == "friction" and axis.parameter.kind != "law" else ():
+        for law_name in words if axis.parameter.path[0] == "friction" and not axis.parameter.is_law else ():
             names = [p.name for p in SHAPES[law_name].parameters] if law_name in SHAPES else None
             if names is not None and axis.parameter.path[-1] not in names:
                 remedy = f"it has {', '.join(names)}; sweep the whole law by friction: {{NAME: {{law: ...}}, ...}}"
@@ -216,7 +216,7 @@ def records(sweep: Sweep, units: str) -> tuple[Axis, ...]:
         path = axis.parameter.path
         name = path[-1] if last.count(path[-1]) == 1 else "_".join(path)
         numbers = all(isinstance(label, float) for label in axis.labels)
-        cf = axis.parameter.dimension.cf if numbers and units == "SI" else "1"
+        cf = axis.parameter.row.dimension.cf if numbers and units == "SI" else "1"
         values = tuple(value.plain() for value in axis.values)
         axes.append(Axis(name, path, values, axis.labels, cf))
     return tuple(axes)
@@ -227,7 +227,8 @@ MAX_POINTS = 1_000_000
 
 def axis_values(ctx: Context, node: Node, parameter: Parameter) -> tuple[tuple[Node, ...], tuple[str, ...]]:
     """The values of an axis, and their names if they are laws."""
-    if parameter.kind == "law":
+    row = parameter.row
+    if row.kind == "law":
         if isinstance(node.value, Mapping) and "law" not in node.value and node.value:
             return tuple(node.value.values()), tuple(node.value)
         remedy = ctx.example("write {NAME: {law: tresca, tau: 20 MPa}, NAME: ...}")
@@ -236,12 +237,11 @@ def axis_values(ctx: Context, node: Node, parameter: Parameter) -> tuple[tuple[N
         return (), ()
     if isinstance(node.value, tuple) and node.value:
         return node.value, ()
-    if isinstance(node.value, Mapping) and parameter.kind != "text":
-        return _spaced(ctx, node, parameter.dimension), ()
-    example = ctx.example(parameter.dimension.example) if parameter.kind != "text" else "..."
-    remedy = f"write a list such as [{example}, ...]" + (
-        "" if parameter.kind == "text" else " or {linspace: [a, b, n]}"
-    )
+    spaced = row.kind in NUMBERS
+    if isinstance(node.value, Mapping) and spaced:
+        return _spaced(ctx, node, row.dimension), ()
+    example = f"{ctx.example(row.dimension.example)}, ...] or {{linspace: [a, b, n]}}" if spaced else "..., ...]"
+    remedy = f"write a list such as [{example}"
     what = "has no values" if node.value in (None, (), {}) else f"must be a list of values, but is {node.kind()}"
     ctx.errors.at(node, what, remedy)
     return (), ()
@@ -283,12 +283,10 @@ def _between(kind: str, a: float, b: float, t: float) -> float:
 
 def axis_labels(ctx: Context, values: tuple[Node, ...], parameter: Parameter) -> tuple[float | str, ...]:
     """Numbers in SI, or texts if any value is none."""
-    if parameter.kind == "text":
-        return tuple(value.text() for value in values)
-    if parameter.free and any(value.value == "free" for value in values):
-        return tuple(value.text() for value in values)
-    varies = parameter.kind == "field"
-    labels = [ctx.scalar(value, parameter.dimension, varies=varies) for value in values]
-    if all(isinstance(label, float) for label in labels):
-        return tuple(label for label in labels if isinstance(label, float))
-    return tuple(value.text() for value in values)
+    texts = tuple(value.text() for value in values)
+    row = parameter.row
+    if row.kind not in NUMBERS or (row.kind == "component" and "free" in texts):
+        return texts
+    labels = [ctx.scalar(value, row.dimension, varies=row.kind in ("field", "component")) for value in values]
+    numbers = tuple(label for label in labels if isinstance(label, float))
+    return numbers if len(numbers) == len(labels) else texts

@@ -59,6 +59,7 @@ class Key:
     affine:    whether the load is affine in it, so that a path may run along it
     roles:     roles of an edge that take it
     of:        the section, or sections, that its value is
+    short:     of a section: the key that a word in its place stands for
     """
 
     name: str
@@ -79,6 +80,7 @@ class Key:
     affine: bool = False
     roles: tuple[str, ...] = ()
     of: tuple[str, ...] = ()
+    short: str = ""
 
     @property
     def sign(self) -> Literal["any", "positive", "not negative"]:

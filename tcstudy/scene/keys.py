@@ -31,6 +31,14 @@ def _component(name: str, meaning: str) -> Key:
     return Key(name, "component", meaning, u.LENGTH, swept=True, affine=True, roles=("clamped",))
 
 
+def _shape(name: str) -> Key:
+    return Key(name, "sections", "", least=2, of=(name,)) if name == "outline" else Key(name, "section", "", of=(name,))
+
+
+def _share(name: str, meaning: str, least: float, default: float) -> Key:
+    return Key(name, "number", meaning, u.NONE, f"{default}", default=default, least=least, above=0.0, below=1.0)
+
+
 _MOST_LEVELS = max(family.max_levels for family in FAMILIES.values())
 _MESH, _SOLVER, _ROLES = MeshPlan((), 1), SolverPlan(), ("clamped", "traction", "contact", "convection", "free")
 _PATH = {name: field.default for name, field in PathPlan.__dataclass_fields__.items()}
@@ -60,6 +68,7 @@ ROWS: tuple[Key, ...] = (
             example="{bottom: contact, left: clamped, top: free, right: free}",
             required=True,
             of=("boundary",),
+            short="role",
         ),
         Key(
             *("material", "section", "isotropic: `E`, `nu` or `lambda`, `mu`"),
@@ -95,6 +104,7 @@ ROWS: tuple[Key, ...] = (
             *("solver", "section", "a name, a list of names, which the summary compares, or its keys"),
             fixed="write one study for each solver, or use --set",
             of=("solver",),
+            short="name",
         ),
         Key(
             "sweep",
@@ -111,11 +121,16 @@ ROWS: tuple[Key, ...] = (
             of=("exact",),
         ),
         Key("path", "section", "[all solutions along one parameter](#all-solutions-along-a-parameter)", of=("path",)),
-        Key("output", "section", "a path, or its keys", fixed="the data of a study go to one place", of=("output",)),
+        Key(
+            *("output", "section", "a path, or its keys"),
+            fixed="the data of a study go to one place",
+            of=("output",),
+            short="path",
+        ),
     ),
     *_in(
         "body",
-        Key("outline", "sections", "its edges, a list, counter-clockwise", of=("outline",)),
+        Key("outline", "sections", "its edges, a list, counter-clockwise", of=("outline",), least=2),
         Key("rectangle", "section", "with the edges bottom, right, top, left", of=("block",)),
         Key("file", "section", "a plane face of a STEP or BREP file", of=("file",)),
         Key("holes", "sections", "a list of shapes, each with the name of its edge", of=("hole",)),
@@ -124,11 +139,7 @@ ROWS: tuple[Key, ...] = (
     *_in(
         "outline",
         Key(
-            "from",
-            "point",
-            "where the edge begins; it ends where the next one begins",
-            u.LENGTH,
-            "[0 mm, 0 mm]",
+            *("from", "point", "where the edge begins; it ends where the next one begins", u.LENGTH, "[0 mm, 0 mm]"),
             required=True,
         ),
         Key("edge", "name", "its name; several edges may share one", example="NAME", required=True),
@@ -150,9 +161,9 @@ ROWS: tuple[Key, ...] = (
         Key("unit", "text", "its unit of length (default: mm, m for .brep)", example="mm"),
         Key("other", "name", "name of all other edges", example="NAME"),
     ),
-    *_in("hole", *(Key(shape, "sections" if shape == "outline" else "section", "", of=(shape,)) for shape in _HOLE)),
+    *_in("hole", *map(_shape, _HOLE)),
     *_in("region", *(Key(shape, "section", "", of=(shape,)) for shape in ("circle", "rectangle"))),
-    *_in("region", Key("polygon", "points", "its corners", u.LENGTH, "[[0 mm, 0 mm], ...]")),
+    *_in("region", Key("polygon", "points", "its corners", u.LENGTH, "[[0 mm, 0 mm], ...]", least=3)),
     *_in(
         "circle",
         Key("center", "point", "", u.LENGTH, "[0 mm, 0 mm]", required=True),
@@ -170,10 +181,7 @@ ROWS: tuple[Key, ...] = (
         "boundary",
         Key("role", "choice", "of the edge", example="clamped", required=True, words=_ROLES),
         Key(
-            "u",
-            "displacement",
-            "both components (default: 0; `free` frees one)",
-            u.LENGTH,
+            *("u", "displacement", "both components (default: 0; `free` frees one)", u.LENGTH),
             swept=True,
             roles=("clamped",),
         ),
@@ -183,10 +191,7 @@ ROWS: tuple[Key, ...] = (
         _component("u_T", "displacement along the edge"),
         Key("g", "vector", "traction", u.TRACTION, swept=True, affine=True, roles=_LOADED),
         Key(
-            "pressure",
-            "field",
-            "on the edge, positive when it pushes",
-            u.TRACTION,
+            *("pressure", "field", "on the edge, positive when it pushes", u.TRACTION),
             swept=True,
             affine=True,
             roles=_LOADED,
@@ -221,34 +226,14 @@ ROWS: tuple[Key, ...] = (
         Key("maxh", "sizes", "element size, or a list of them", u.LENGTH, "10 mm", required=True, above=0.0),
         Key("levels", "integer", "number of meshes", default=1, least=1, most=_MOST_LEVELS),
         Key(
-            "refine",
-            "integer",
-            "refinements that make the mesh of size maxh",
+            *("refine", "integer", "refinements that make the mesh of size maxh"),
             default=_MESH.refine,
             least=0,
             most=MOST_REFINE,
         ),
         Key("family", "choice", "how they are refined", words=tuple(FAMILIES), default=_MESH.family),
-        Key(
-            "grading",
-            "number",
-            "exponent of graded meshes",
-            example="0.3",
-            default=_MESH.grading,
-            least=0.1,
-            above=0.0,
-            below=1.0,
-        ),
-        Key(
-            "marking",
-            "number",
-            "share of the error refined",
-            example="0.5",
-            default=_MESH.marking,
-            least=0.05,
-            above=0.0,
-            below=1.0,
-        ),
+        _share("grading", "exponent of graded meshes", 0.1, _MESH.grading),
+        _share("marking", "share of the error refined", 0.05, _MESH.marking),
         Key("goal", "goal", "what errors are estimated of", default=_MESH.goal.quantity),
         Key("tolerance", "number", "relative error to reach", example="0.001", above=0.0, below=1.0),
         Key("of", "goal", "what the tolerance is of"),
@@ -268,7 +253,14 @@ ROWS: tuple[Key, ...] = (
     *_in(
         "sweep",
         Key("mode", "choice", "`zip` reads lists together", words=("grid", "zip", "list"), default="grid"),
-        Key("points", "sections", "of `mode: list`: `[{alpha: 1, E: 2 GPa}, …]`", example="[...]", of=("point",)),
+        Key(
+            "points",
+            "sections",
+            "of `mode: list`: `[{alpha: 1, E: 2 GPa}, …]`",
+            example="[...]",
+            least=1,
+            of=("point",),
+        ),
         Key("h", "sizes or tolerance", "element sizes, or `{tolerance, of, max_levels, known}`", u.LENGTH, above=0.0),
     ),
     *_in(
@@ -318,19 +310,7 @@ def _by_section() -> dict[str, dict[str, Key]]:
 
 def law_rows(law: str) -> tuple[Key, ...]:
     """The rows of a law's parameters."""
-    return tuple(
-        Key(
-            p.name,
-            "law points" if p.kind == "points" else p.kind,
-            f"parameter of {law}",
-            u.LAW_DIMENSIONS[p.dimension],
-            section="friction",
-            default=p.default,
-            least=1 if p.kind == "integer" else None,
-            swept=True,
-        )
-        for p in SHAPES[law].parameters
-    )
+    return SHAPES[law].parameters
 
 
 def rows(section: str) -> dict[str, Key]:
@@ -341,6 +321,12 @@ def rows(section: str) -> dict[str, Key]:
 def row(section: str, name: str) -> Key:
     """One row; raises KeyError."""
     return _by_section()[section][name]
+
+
+def short_of(section: str) -> str:
+    """The key that a word in place of a section stands for; empty if it must be a mapping."""
+    top = rows("").get(section)
+    return top.short if top else ""
 
 
 def of_role(role: str) -> tuple[str, ...]:

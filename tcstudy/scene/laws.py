@@ -1,6 +1,8 @@
-"""The named shapes of friction laws: from the parameters of a study to a FrictionLaw.
+"""The named shapes of friction laws: their parameters, the checks of their values, and the pieces of the law.
 
-`tcstudy.scene.law_pieces` says what the shapes are; here stand their parameters and the checks of their values.
+Every shape but a non-odd piecewise-linear one is odd, b(−s) = −b(s), and is written down for s > 0 only;
+the mirror image changes signs and nothing else, so the symmetry holds to the bit. b(0+) > 0 is the sticking
+up-jump: the filled interval at 0 is [−b(0+), b(0+)], eq. (4) of Šestak & Jovanović (2010).
 Left out on purpose: laws that depend on the place on Γ_C or on the normal stress.
 """
 
@@ -8,49 +10,96 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Mapping, Sequence
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from functools import partial
+from itertools import pairwise
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from tcstudy.scene import law_pieces as pieces
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.law_pieces import LawError
+from tcstudy.scene.key import Key, Kind
+from tcstudy.scene.units import LENGTH, NONE, STIFFNESS, TRACTION, Dimension
 
-LawDimension = Literal["traction", "length", "stiffness", "none"]
+MAX_TEETH = 10_000
+ROUNDING = 2 * float(np.finfo(float).eps)
+"""Corners nearer than this to the straight line between their neighbours, relative to b there, are none."""
 
-Kind = Literal["number", "integer", "points", "flag", "numbers"]
+
+Builder = TypeVar("Builder", bound=Callable[..., FrictionLaw])
 
 
-@dataclass(frozen=True)
-class LawParameter:
-    """One parameter of a shape.
+class LawError(ValueError):
+    """A parameter of a friction law is missing, unknown or has no meaning; the text gives the remedy.
 
-    name:      key in the study
-    dimension: traction [Pa], length [m], stiffness [Pa/m] or none; points are (length, traction) pairs
-    required:  whether the study must give it
-    default:   value if it does not
-    kind:      number, integer, points, flag or numbers
+    parameter: its name
     """
 
-    name: str
-    dimension: LawDimension
-    required: bool = True
-    default: object = None
-    kind: Kind = "number"
+    def __init__(self, parameter: str, message: str) -> None:
+        super().__init__(f"{parameter}: {message}")
+        self.parameter = parameter
+        self.message = message
+
+    def __reduce__(self) -> tuple[type[LawError], tuple[str, str]]:
+        return type(self), (self.parameter, self.message)
+
+
+class _Piece(NamedTuple):
+    """b(s) = b_0 + q (s − s_0) + a exp(−r (s − s_0))."""
+
+    s_0: float
+    b_0: float
+    q: float = 0.0
+    a: float = 0.0
+    r: float = 0.0
+
+    def mirrored(self) -> _Piece:
+        """The piece −b(−s)."""
+        return _Piece(-self.s_0, -self.b_0, self.q, -self.a, -self.r)
+
+    def goes_on_as(self, other: _Piece) -> bool:
+        """True if both are the same function; a constant has no anchor."""
+        return self[1:] == other[1:] and (self.s_0 == other.s_0 or (self.q == 0.0 and self.a == 0.0))
+
+
+def _law(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> FrictionLaw:
+    """A law from its kinks and pieces; a kink between two equal pieces is none and is left out."""
+    keep = [i for i in range(len(kinks)) if not pieces[i].goes_on_as(pieces[i + 1])]
+    kept = [pieces[0], *(pieces[i + 1] for i in keep)]
+    columns = (np.array(column, dtype=float) + 0.0 for column in zip(*kept, strict=True))
+    return FrictionLaw(name, np.array([kinks[i] for i in keep], dtype=float), *columns)
+
+
+def _odd(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> FrictionLaw:
+    """The odd law whose kinks and pieces for s > 0 are given."""
+    left = [piece.mirrored() for piece in reversed(pieces)]
+    return _law(name, [*(-s for s in reversed(kinks)), 0.0, *kinks], [*left, *pieces])
+
+
+def _parameter(
+    name: str, meaning: str, dimension: Dimension = NONE, example: str = "", kind: Kind = "number", **more: Any
+) -> Key:
+    """The row of a parameter that every law of the shape needs, unless `required` is false."""
+    return Key(name, kind, meaning, dimension, example, "friction", **{"required": True, "swept": True, **more})
+
+
+_TAU = _parameter("tau", "traction, of a saw-tooth its first peak", TRACTION)
+_DELTA = _parameter("delta", "slip over which b falls, of a saw-tooth the width of a tooth", LENGTH, "40 um")
+_optional = partial(_parameter, required=False)
 
 
 @dataclass(frozen=True)
 class Shape:
     """A family of laws under one name.
 
-    parameters: what it takes, in the order of the documentation
-    summary:    one line with the formula for s > 0
+    parameters: their rows in the table of keys, in the order of the documentation
+    summary:    the formula for s > 0
     """
 
     name: str
-    parameters: tuple[LawParameter, ...]
+    parameters: tuple[Key, ...]
     summary: str
     builder: Callable[..., FrictionLaw]
 
@@ -61,26 +110,23 @@ class Shape:
         growth condition (15) or (16).
         """
         names = [parameter.name for parameter in self.parameters]
-        for name in values:
-            if name not in names:
-                near = difflib.get_close_matches(name, names, n=1)
-                hint = f"did you mean {near[0]!r}? " if near else ""
-                raise LawError(name, f"{self.name} has no such parameter; {hint}it takes {', '.join(names)}")
-        law = self.builder(**{p.name: _checked(self.name, p, values) for p in self.parameters})
+        if name := next((name for name in values if name not in names), ""):
+            near = difflib.get_close_matches(name, names, n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            raise LawError(name, f"{self.name} has no such parameter; {hint}it takes {', '.join(names)}")
+        law = self.builder(**{p.name: _checked(self.name, p, values.get(p.name)) for p in self.parameters})
         law.check_growth()
         return law
 
 
-def _checked(shape: str, parameter: LawParameter, values: Mapping[str, object]) -> Any:
+def _checked(shape: str, parameter: Key, value: object) -> Any:
     """The value of a parameter as its kind asks for, or its default."""
-    if parameter.name not in values or (values[parameter.name] is None and not parameter.required):
+    name = parameter.name
+    if value is None:
         if parameter.required:
-            raise LawError(parameter.name, f"is missing; the law {shape} needs it")
+            raise LawError(name, f"is missing; the law {shape} needs it")
         return parameter.default
-    value, name = values[parameter.name], parameter.name
     match parameter.kind:
-        case "number":
-            return _number(name, value)
         case "integer":
             number = _number(name, value)
             if not number.is_integer():
@@ -92,10 +138,12 @@ def _checked(shape: str, parameter: LawParameter, values: Mapping[str, object]) 
             return value
         case "numbers":
             return [_number(name, item) for item in _items(name, value, "numbers, [left, right]")]
-    pairs = [_items(name, item, "pairs [s, b]") for item in _items(name, value, "pairs [s, b]")]
-    if not pairs or any(len(pair) != 2 for pair in pairs):
-        raise LawError(name, "must be a list of at least one pair [s, b] of slip and traction")
-    return [(_number(name, s), _number(name, b)) for s, b in pairs]
+        case "law points":
+            pairs = [_items(name, item, "pairs [s, b]") for item in _items(name, value, "pairs [s, b]")]
+            if not pairs or any(len(pair) != 2 for pair in pairs):
+                raise LawError(name, "must be a list of at least one pair [s, b] of slip and traction")
+            return [(_number(name, s), _number(name, b)) for s, b in pairs]
+    return _number(name, value)
 
 
 def _items(name: str, value: object, what: str) -> list[object]:
@@ -107,57 +155,196 @@ def _items(name: str, value: object, what: str) -> list[object]:
 def _number(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise LawError(name, f"must be a number, not {value!r}")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
+    if not -sys.float_info.max <= value <= sys.float_info.max:
         raise LawError(name, "must be a finite number")
-    return number
+    return float(value)
 
 
-SHAPES: dict[str, Shape] = {
-    shape.name: shape
-    for shape in (
-        Shape("tresca", (LawParameter("tau", "traction"),), "b = tau", pieces.tresca),
-        Shape(
-            "slip-weakening",
-            (LawParameter("tau_s", "traction"), LawParameter("tau_k", "traction"), LawParameter("delta", "length")),
-            "b falls linearly from tau_s to tau_k over the slip delta (rises if tau_k > tau_s), then b = tau_k",
-            pieces.slip_weakening,
-        ),
-        Shape(
-            "exponential",
-            (LawParameter("a", "traction"), LawParameter("b", "traction"), LawParameter("delta", "length")),
-            "b = (a - b) exp(-s/delta) + b",
-            pieces.exponential,
-        ),
-        Shape(
-            "saw-tooth",
-            (
-                LawParameter("tau", "traction"),
-                LawParameter("delta", "length"),
-                LawParameter("teeth", "none", kind="integer"),
-                LawParameter("drop", "none"),
-                LawParameter("decay", "none", required=False, default=1.0),
-            ),
-            "teeth i = 0, 1, ... of width delta: b rises linearly from (1 - drop) tau decay^i to tau decay^i and falls "
-            "down at the end; after the last tooth b = (1 - drop) tau decay^teeth",
-            pieces.saw_tooth,
-        ),
-        Shape(
-            "piecewise-linear",
-            (
-                LawParameter("points", "none", kind="points"),
-                LawParameter("odd", "none", required=False, default=True, kind="flag"),
-                LawParameter("slope", "stiffness", required=False),
-                LawParameter("slopes", "stiffness", required=False, kind="numbers"),
-            ),
-            "b straight between the points [s, b], a jump where two have the same s, then on with the slope(s), "
-            "by default 0; odd: given for s >= 0 and mirrored",
-            pieces.piecewise_linear,
-        ),
-        Shape("linear", (LawParameter("k", "stiffness"),), "b = k s, a spring", pieces.linear),
-    )
-}
+SHAPES: dict[str, Shape] = {}
 """The shapes by name, as a study writes them."""
+
+
+def _shape(*parameters: Key) -> Callable[[Builder], Builder]:
+    """Puts a builder of laws among the shapes, under its name; its docstring is the summary."""
+
+    def register(builder: Builder) -> Builder:
+        name = builder.__name__.replace("_", "-")
+        SHAPES[name] = Shape(name, parameters, " ".join((builder.__doc__ or "").split()), builder)
+        return builder
+
+    return register
+
+
+@_shape(_TAU)
+def tresca(tau: float) -> FrictionLaw:
+    """b = tau"""
+    _not_negative(tau=tau)
+    return _odd("tresca", [], [_Piece(0.0, tau)])
+
+
+@_shape(_parameter("tau_s", "traction of rest", TRACTION), _parameter("tau_k", "of slip", TRACTION), _DELTA)
+def slip_weakening(tau_s: float, tau_k: float, delta: float) -> FrictionLaw:
+    """b falls linearly from tau_s to tau_k over the slip delta (rises if tau_k > tau_s), then b = tau_k"""
+    _not_negative(tau_s=tau_s, tau_k=tau_k)
+    _positive(delta=delta)
+    return _odd("slip-weakening", [delta], [_Piece(0.0, tau_s, (tau_k - tau_s) / delta), _Piece(delta, tau_k)])
+
+
+@_shape(_parameter("a", "traction of rest", TRACTION), _parameter("b", "of much slip", TRACTION), _DELTA)
+def exponential(a: float, b: float, delta: float) -> FrictionLaw:
+    """b = (a - b) exp(-s/delta) + b"""
+    _not_negative(a=a, b=b)
+    _positive(delta=delta)
+    piece = _Piece(0.0, b) if a == b else _Piece(0.0, b, 0.0, a - b, 1.0 / delta)
+    return _odd("exponential", [], [piece])
+
+
+@_shape(
+    _TAU,
+    _DELTA,
+    _parameter("teeth", "their number", example="3", kind="integer", least=1),
+    _parameter("drop", "share of its peak that b falls by after a tooth", example="0.5"),
+    _optional("decay", "each peak over the one before", example="0.5", default=1.0),
+)
+def saw_tooth(tau: float, delta: float, teeth: int, drop: float, decay: float) -> FrictionLaw:
+    """teeth i = 0, 1, ... of width delta: b rises linearly from (1 - drop) tau decay^i to tau decay^i and falls down at
+    the end; after the last tooth b = (1 - drop) tau decay^teeth
+    """
+    _not_negative(tau=tau)
+    _positive(delta=delta)
+    if not 1 <= teeth <= MAX_TEETH:
+        raise LawError("teeth", f"must be from 1 to {MAX_TEETH}, not {teeth}")
+    for name, value in (("drop", drop), ("decay", decay)):
+        if not 0.0 < value <= 1.0:
+            raise LawError(name, f"must be above 0 and at most 1, not {value:g}; it is a fraction of the peak")
+    peaks = [tau * decay**i for i in range(teeth + 1)]
+    pieces = [_Piece(i * delta, (1.0 - drop) * peak, drop * peak / delta) for i, peak in enumerate(peaks[:-1])]
+    pieces.append(_Piece(teeth * delta, (1.0 - drop) * peaks[-1]))
+    return _odd("saw-tooth", [i * delta for i in range(1, teeth + 1)], pieces)
+
+
+class _Vertex(NamedTuple):
+    """A corner of a polygonal law: b on both sides of s; equal where b only bends."""
+
+    s: float
+    left: float
+    right: float
+
+
+@_shape(
+    _parameter("points", "[s, b]", NONE, "[[0 um, 20 MPa], [40 um, 5 MPa]]", "law points"),
+    _optional("odd", "given for s >= 0 and mirrored", example="true", kind="flag", default=True),
+    _optional("slope", "beyond the last point", STIFFNESS),
+    _optional("slopes", "beyond both ends where odd is false", STIFFNESS, "[0, 0]", "numbers"),
+)
+def piecewise_linear(
+    points: list[tuple[float, float]], odd: bool, slope: float | None, slopes: list[float] | None
+) -> FrictionLaw:
+    """b straight between the points [s, b], a jump where two have the same s, then on with the slope(s), by default 0;
+    odd: given for s >= 0 and mirrored
+    """
+    vertices = _vertices(points)
+    if not odd:
+        if slope is not None:
+            raise LawError("slope", "belongs to odd laws; with odd: false give slopes: [left, right]")
+        if slopes is not None and len(slopes) != 2:
+            raise LawError("slopes", f"must be two numbers, [left, right], not {len(slopes)}")
+        kinks, pieces = _polygon(vertices, *(slopes or (0.0, 0.0)))
+        return _law("piecewise-linear", kinks, pieces)
+    if slopes is not None:
+        raise LawError("slopes", "belongs to laws with odd: false; an odd law takes one slope")
+    first = vertices[0]
+    if first.s != 0.0:
+        raise LawError("points", f"an odd law is given from s = 0 on, but the first point has s = {first.s:g}; "
+                       "start with [0, b], or write odd: false and give b for all s")  # fmt: skip
+    if first.left not in (0.0, first.right, -first.right):
+        raise LawError("points", f"an odd law jumps at s = 0 between -b and b, but the points say from "
+                       f"{first.left:g} to {first.right:g}; give one point [0, b]")  # fmt: skip
+    kinks, pieces = _polygon([first._replace(left=first.right), *vertices[1:]], None, slope or 0.0)
+    return _odd("piecewise-linear", kinks, pieces)
+
+
+def _vertices(points: list[tuple[float, float]]) -> list[_Vertex]:
+    """The points in one vertex per slip; raises LawError if they are out of order."""
+    vertices: list[_Vertex] = []
+    for number, (s, b) in enumerate(points, start=1):
+        if vertices and s < vertices[-1].s:
+            raise LawError("points", f"s must not decrease, but point {number} has s = {s:g} after "
+                           f"{vertices[-1].s:g}; put the points in order of s")  # fmt: skip
+        if not vertices or s > vertices[-1].s:
+            vertices.append(_Vertex(s, b, b))
+        elif number > 2 and points[number - 3][0] == s:
+            raise LawError("points", f"three points have the same s = {s:g}; a jump has two, before and after")
+        else:
+            vertices[-1] = vertices[-1]._replace(right=b)
+    return vertices
+
+
+def _polygon(vertices: list[_Vertex], left: float | None, right: float) -> tuple[list[float], list[_Piece]]:
+    """Kinks and pieces of a polygonal law, without corners that are straight to rounding.
+
+    left, right: slopes beyond the ends; without a left one the law begins at the first vertex, which is no kink
+    """
+    corners = _corners(vertices)
+    lines = [_line(a, b) for a, b in pairwise(corners)]
+    first, last = corners[0], corners[-1]
+    outer = [] if left is None else [(first, _Piece(first.s, first.left, left))]
+    pieces = [line for _, line in outer] + lines + [_Piece(last.s, last.right, right)]
+    kinks = [corner.s for corner in (corners if outer else corners[1:])]
+    if len(pieces) > 1 and last.left == last.right and pieces[-2].q == right:  # a slope goes on beyond its end
+        del pieces[-1], kinks[-1]
+    if outer and len(pieces) > 1 and first.left == first.right and pieces[1].q == left:
+        del pieces[0], kinks[0]
+    return kinks, pieces
+
+
+def _corners(vertices: list[_Vertex]) -> list[_Vertex]:
+    """The vertices without those that lie on the straight line between the corners beside them, to ROUNDING.
+
+    From every corner the slopes that pass all later vertices closely enough form an interval that shrinks; the next
+    corner is the last vertex that is seen within it. The line drawn is the one through both corners, so that what is
+    left out costs no other vertex anything.
+    """
+    corners, at = [vertices[0]], 0
+    while at + 1 < len(vertices):
+        begin, low, high, end = vertices[at], -math.inf, math.inf, at + 1
+        for i in range(at + 1, len(vertices)):
+            vertex = vertices[i]
+            apart, rise = vertex.s - begin.s, vertex.left - begin.right
+            if low <= rise / apart <= high:
+                end = i
+            slack = ROUNDING * max(abs(vertex.left), abs(begin.right))
+            low, high = max(low, (rise - slack) / apart), min(high, (rise + slack) / apart)
+            if low > high or vertex.left != vertex.right:
+                break
+        at = end
+        corners.append(vertices[at])
+    return corners
+
+
+def _line(a: _Vertex, b: _Vertex) -> _Piece:
+    """The line between two vertices, anchored at the one nearer to s = 0, so that mirror images stay mirror images."""
+    slope = (b.left - a.right) / (b.s - a.s)
+    if a.s == -b.s and a.right == -b.left:
+        return _Piece(0.0, 0.0, slope)
+    return _Piece(a.s, a.right, slope) if abs(a.s) <= abs(b.s) else _Piece(b.s, b.left, slope)
+
+
+@_shape(_parameter("k", "stiffness", STIFFNESS))
+def linear(k: float) -> FrictionLaw:
+    """b = k s, a spring"""
+    _not_negative(k=k)
+    return _law("linear", [], [_Piece(0.0, 0.0, k)])
+
+
+def _not_negative(**values: float) -> None:
+    for name, value in values.items():
+        if value < 0.0:
+            raise LawError(name, f"must be at least 0, not {value:g}: friction opposes the slip; "
+                           "for other laws use piecewise-linear")  # fmt: skip
+
+
+def _positive(**values: float) -> None:
+    for name, value in values.items():
+        if value <= 0.0:
+            raise LawError(name, f"must be above 0, not {value:g}; it is the slip over which the law changes")

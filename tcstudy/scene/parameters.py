@@ -7,58 +7,48 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 from tcstudy.expressions.expression import Expression, parse
-from tcstudy.scene import keys
 from tcstudy.scene.key import Key
-from tcstudy.scene.keys import rows
+from tcstudy.scene.keys import ROWS, law_rows, rows
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.records import Clamped, Convection, Role, Scalar, Scene, Traction
-from tcstudy.scene.units import NONE, Dimension
 
 Keys = tuple[str, ...]
 
 
+NUMBERS = ("number", "integer", "field", "component")
+"""Kinds of keys whose values are numbers, or texts where they are none."""
+
+
 @dataclass(frozen=True)
 class Parameter:
-    """A key that can be swept.
+    """A key that can be swept, and where.
 
-    kind: "number" or "field" have numbers as labels where they are numbers, "text" and "law" have texts
-    free: whether the word `free` may stand for a value
     idle: whether the role of its edge has no use for it, so that it is none to propose
     """
 
     path: Keys
-    kind: Literal["number", "field", "text", "law"]
-    dimension: Dimension = NONE
-    free: bool = False
+    row: Key
     idle: bool = False
 
+    @property
+    def is_law(self) -> bool:
+        """Whether its values are whole laws, by name."""
+        return self.row.kind == "law"
 
-_KINDS: dict[str, Literal["number", "field", "text", "law"]] = {
-    **{"number": "number", "integer": "number"},
-    **{"field": "field", "component": "field", "law": "law"},
+
+PLAIN: dict[Keys, Parameter] = {
+    path: Parameter(path, row)
+    for row in ROWS
+    if row.swept and row.section != "boundary" and (path := (row.section, row.name) if row.section else (row.name,))
 }
-"""Kinds of keys whose values are more than texts."""
-
-
-def _parameter(path: Keys, row: Key) -> Parameter:
-    return Parameter(path, _KINDS.get(row.kind, "text"), row.dimension, row.kind == "component")
-
-
-def _plain() -> dict[Keys, Parameter]:
-    """Parameters of every study but those of the law and of the edges."""
-    places = ((row.section, row.name) if row.section else (row.name,) for row in keys.ROWS if row.swept)
-    rows = (row for row in keys.ROWS if row.swept)
-    return {path: _parameter(path, row) for path, row in zip(places, rows, strict=True) if path[0] != "boundary"}
-
-
-PLAIN = _plain()
-EDGE = {row.name: row for row in keys.rows("boundary").values() if row.swept}
+"""Parameters of every study but those of the law and of the edges."""
+EDGE = {row.name: row for row in rows("boundary").values() if row.swept}
 """Parameters of one edge."""
 
-FIXED = {row.name: row.fixed for row in keys.rows("").values() if row.fixed}
+FIXED = {row.name: row.fixed for row in rows("").values() if row.fixed}
 """Sections that cannot be swept, and what to do instead."""
 
 
@@ -70,22 +60,20 @@ def sweepable(edges: Mapping[str, Sequence[str]], law: str | None) -> dict[Keys,
     """
     found = dict(PLAIN)
     for name in (*([law] if law in SHAPES else []), *SHAPES):
-        for row in keys.law_rows(str(name)):
-            path = ("friction", row.name)
-            found.setdefault(path, _parameter(path, row))
+        for row in law_rows(str(name)):
+            path: Keys = ("friction", row.name)
+            found.setdefault(path, Parameter(path, row))
     for edge, taken in edges.items():
         for name, row in EDGE.items():
-            own: Keys = ("boundary", edge, name)
-            found[own] = replace(_parameter(own, row), idle=name not in taken)
+            path = ("boundary", edge, name)
+            found[path] = Parameter(path, row, idle=name not in taken)
     return found
 
 
 def _short_names() -> dict[str, str]:
     names = {path[-1]: ".".join(path) for path in PLAIN if len(path) == 2}
-    for path, parameter in sweepable({}, None).items():
-        if path[0] == "friction" and len(path) == 2 and parameter.kind == "number":
-            names.setdefault(path[-1], ".".join(path))
-    return names
+    laws = (path for path, one in sweepable({}, None).items() if path[0] == "friction" and one.row.kind in NUMBERS)
+    return {path[-1]: ".".join(path) for path in laws} | names
 
 
 SHORT = _short_names()

@@ -39,9 +39,6 @@ CONDUCTIVITY = Dimension("a thermal conductivity", "W/(m*K)", "W m-1 K-1", "45 W
 EXPANSION = Dimension("a coefficient of thermal expansion", "1/K", "K-1", "12e-6 1/K")
 THERMAL_STRESS = Dimension("a stress per temperature", "Pa/K", "Pa K-1", "6 MPa/K")
 
-LAW_DIMENSIONS = {"none": NONE, "length": LENGTH, "traction": TRACTION, "stiffness": STIFFNESS}
-"""Dimensions of friction parameters by the names that the shapes of laws use."""
-
 USUAL = ("nm", "um", "mm", "cm", "m", "Pa", "kPa", "MPa", "GPa", "N", "kN", "mW", "W", "kW", "K", "kg", "s", "J")
 """Units that are suggested when one is misspelt in upper and lower case."""
 

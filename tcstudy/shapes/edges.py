@@ -1,4 +1,6 @@
-"""Plane shapes: loops of lines and circular arcs, their exact measures, distances and normals."""
+"""Plane shapes: loops of lines and circular arcs, their exact measures, distances and normals;
+polygons close to them, and points inside a body at which expressions are looked at.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +9,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
 
 from tcstudy.scene.records import Body, Edge, Loop, Point
 
 Array = NDArray[np.float64]
+
+FLATNESS = 1e-7
+"""Largest distance of an arc from its polygon in the checks, relative to the size of the body."""
+
+MAX_SEGMENTS = 20_000
+"""Most straight pieces of one arc in the checks."""
+
+GRID = 40
+SHIFT = 0.38
+"""Where the points lie between lines of the grid: not in the middle, where symmetric functions vanish or bend."""
+
+INWARD = 1e-10
+"""Share of the body's size, or of a grid's width, by which points lie off edges and kinks where slopes are taken: there
+abs(y) or atan2 may round to the other side."""
 
 
 @dataclass(frozen=True)
@@ -192,3 +210,40 @@ def _extremes(edge: Edge) -> list[Point]:
     unit = ((1, 0), (0, 1), (-1, 0), (0, -1))
     (x, y), r = arc.center, arc.radius
     return [(x + r * unit[i % 4][0], y + r * unit[i % 4][1]) for i in quarters]
+
+
+def edge_line(edge: Edge, size: float) -> BaseGeometry:
+    """The edge as a fine polygonal line: no farther than FLATNESS · size from an arc."""
+    arc = edge_arc(edge)
+    count = 1
+    if arc is not None:
+        count = 8 + math.ceil(abs(arc.sweep) * math.sqrt(arc.radius / (8.0 * FLATNESS * size)))
+        count = min(count, MAX_SEGMENTS)
+    return shapely.linestrings(edge_points(edge, count))
+
+
+def loop_polygon(loop: Loop, size: float) -> BaseGeometry:
+    """The loop as a polygon; arcs deviate by at most FLATNESS·size."""
+    lines = [shapely.get_coordinates(edge_line(edge, size))[:-1] for edge in loop.edges]
+    polygon = shapely.polygons(np.vstack(lines))
+    shapely.prepare(polygon)
+    return polygon
+
+
+def grid(body: Body, count: int = GRID) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """A grid over the bounding box, x and y (count, count), and which of its points lie inside the body."""
+    assert body.outline is not None
+    polygon = loop_polygon(body.outline, loop_size(body.outline))
+    x0, y0, x1, y1 = polygon.bounds
+    t = (np.arange(count) + SHIFT) / count
+    x, y = np.meshgrid(x0 + t * (x1 - x0), y0 + t * (y1 - y0))
+    within = shapely.contains_xy(polygon, x, y)
+    for hole in body.holes:
+        within &= ~shapely.contains_xy(loop_polygon(hole, loop_size(hole)), x, y)
+    return x, y, np.asarray(within)
+
+
+def inside(body: Body) -> Array:
+    """(n, 2) points inside the body."""
+    x, y, within = grid(body)
+    return np.column_stack([x[within], y[within]])

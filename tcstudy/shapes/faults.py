@@ -19,19 +19,13 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from tcstudy.scene.records import Body, Edge, Loop, Region
-from tcstudy.shapes.edges import edge_arc, edge_normal, edge_points, loop_area
+from tcstudy.scene.records import Body, Loop, Region
+from tcstudy.shapes.edges import edge_line, edge_normal, loop_area, loop_polygon
 
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-6
 """Shortest edge and smallest gap, relative to the size of the body."""
-
-FLATNESS = 1e-7
-"""Largest distance of an arc from its polygon in the checks, relative to the size of the body."""
-
-MAX_SEGMENTS = 20_000
-"""Most straight pieces of one arc in the checks."""
 
 MAX_FAULTS = 20
 """Most faults of one kind that are named for one loop."""
@@ -148,28 +142,10 @@ def _sorted_pairs(pairs: NDArray[np.intp]) -> list[tuple[int, int]]:
     return sorted((int(i), int(j)) for i, j in pairs.T if i < j)
 
 
-def _line(edge: Edge, size: float) -> BaseGeometry:
-    """The edge as a fine polygonal line: no farther than FLATNESS · size from an arc."""
-    arc = edge_arc(edge)
-    count = 1
-    if arc is not None:
-        count = 8 + math.ceil(abs(arc.sweep) * math.sqrt(arc.radius / (8.0 * FLATNESS * size)))
-        count = min(count, MAX_SEGMENTS)
-    return shapely.linestrings(edge_points(edge, count))
-
-
-def loop_polygon(loop: Loop, size: float) -> BaseGeometry:
-    """The loop as a polygon; arcs deviate by at most FLATNESS·size."""
-    lines = [shapely.get_coordinates(_line(edge, size))[:-1] for edge in loop.edges]
-    polygon = shapely.polygons(np.vstack(lines))
-    shapely.prepare(polygon)
-    return polygon
-
-
 def _crossing_faults(loop: Loop, place: str, size: float) -> list[Fault]:
     """Pairs of edges that cross, touch or come closer than the tolerance away from a common vertex."""
     gap = TOLERANCE * size
-    lines = [_line(edge, size) for edge in loop.edges]
+    lines = [edge_line(edge, size) for edge in loop.edges]
     pairs = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap)
     faults: list[Fault] = []
     for i, j in _sorted_pairs(pairs):

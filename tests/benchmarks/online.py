@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from tcstudy.online import BlockAnswers, CondensedBody, LawTables
 from tcstudy.reports.style import INK, WIDTH, inches, save, styled
-from tcstudy.scene import law_pieces
+from tcstudy.scene import laws as shapes
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import solve_contact
@@ -90,9 +90,9 @@ def bodies(levels: Sequence[int] = LEVELS) -> Iterator[tuple[CondensedBody, Arra
 def laws_of(name: str) -> list[FrictionLaw]:
     """The laws of a sweep; tractions and slips about those of the quickstart."""
     if name == "softening":
-        return [law_pieces.slip_weakening(40e6, 10e6, delta) for delta in np.linspace(20e-6, 60e-6, 10)]
+        return [shapes.slip_weakening(40e6, 10e6, delta) for delta in np.linspace(20e-6, 60e-6, 10)]
     if name == "saw-tooth":
-        return [law_pieces.saw_tooth(tau, 20e-6, 3, drop, 0.7) for tau in (30e6, 40e6) for drop in (0.3, 0.5)]
+        return [shapes.saw_tooth(tau, 20e-6, 3, drop, 0.7) for tau in (30e6, 40e6) for drop in (0.3, 0.5)]
     if name == "four laws":
         return [_law(shape, 40e6, 10e6, 40e-6) for shape in range(4)]
     rng = np.random.default_rng(0)
@@ -101,12 +101,12 @@ def laws_of(name: str) -> list[FrictionLaw]:
 
 def _law(shape: int, peak: float, rest: float, slip: float) -> FrictionLaw:
     if shape == 0:
-        return law_pieces.tresca(peak)
+        return shapes.tresca(peak)
     if shape == 1:
-        return law_pieces.slip_weakening(peak, rest, slip)
+        return shapes.slip_weakening(peak, rest, slip)
     if shape == 2:
-        return law_pieces.exponential(peak, rest, 0.375 * slip)
-    return law_pieces.piecewise_linear(
+        return shapes.exponential(peak, rest, 0.375 * slip)
+    return shapes.piecewise_linear(
         [(0.0, peak), (0.25 * slip, peak), (0.25 * slip, rest)], odd=True, slope=None, slopes=None
     )
 

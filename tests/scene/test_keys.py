@@ -43,7 +43,7 @@ except StudyError as error:
     print(error)
 for text in ("{rho: 2 g/cm^3}", "{rho: -1}", "{rho: 5 mm}"):
     ctx = Context(Collector())
-    print(Fields(ctx, compose(text, "s", ctx.errors), "material").quantity("rho"), *ctx.errors.problems)
+    print(Fields(ctx, compose(text, "s", ctx.errors), "material").value("rho"), *ctx.errors.problems)
 print("`rho` density [kg/m^3]" in markdown())
 print(schema()["$defs"]["material"]["properties"]["rho"]["anyOf"][0])
 print("material.rho" in schema()["$defs"]["sweep"]["properties"])
@@ -77,7 +77,7 @@ def test_what_a_path_may_run_along_can_be_swept(one) -> None:  # type: ignore[no
 
 def test_what_sweeps_take_follows_from_the_table() -> None:
     found = sweepable({"top": of_role("traction")}, "linear")
-    assert found["heat", "theta_bar"].dimension == row("heat", "theta_bar").dimension
+    assert found["heat", "theta_bar"].row == row("heat", "theta_bar")
     assert [name for name in rows("boundary") if not found.get(("boundary", "top", name), found["friction",]).idle]
     assert (SHORT["k"], SHORT["delta"]) == ("material.k", "friction.delta")
     assert set(FIXED) >= {"body", "mesh", "solver", "output", "units", "exact"}

@@ -13,8 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tcstudy.scene.friction import BEND, DOWN, UP, FrictionLaw, GrowthError
-from tcstudy.scene.law_pieces import MAX_TEETH, LawError
-from tcstudy.scene.laws import SHAPES
+from tcstudy.scene.laws import MAX_TEETH, SHAPES, LawError
 
 
 def build(name: str, **values: Any) -> FrictionLaw:
@@ -154,7 +153,7 @@ REFUSED: list[tuple[str, dict[str, Any], str, str]] = [
     ("tresca", {"tau": 1, "tua": 1}, "tua", "did you mean 'tau'"),
     ("slip-weakening", {"tau_s": 1, "tau_k": 1, "delta": 0}, "delta", "above 0"),
     ("slip-weakening", {"tau_s": 1, "tau_k": -1, "delta": 1}, "tau_k", "at least 0"),
-    ("slip-weakening", {"tau_s": None, "tau_k": 1, "delta": 1}, "tau_s", "number"),
+    ("slip-weakening", {"tau_s": None, "tau_k": 1, "delta": 1}, "tau_s", "missing"),
     ("exponential", {"a": 1, "b": 1, "delta": -1}, "delta", "above 0"),
     ("exponential", {"a": 1, "b": -0.1, "delta": 1}, "b", "at least 0"),
     ("saw-tooth", {**SAW, "teeth": 0}, "teeth", "from 1"),
@@ -211,8 +210,10 @@ def test_parameters_are_described() -> None:
         assert shape.name == name
         assert shape.summary
         for parameter in shape.parameters:
-            assert parameter.dimension in ("traction", "length", "stiffness", "none")
-            assert parameter.kind in ("number", "integer", "points", "flag", "numbers")
+            assert parameter.section == "friction"
+            assert parameter.swept
+            assert parameter.meaning
+            assert parameter.kind in ("number", "integer", "law points", "flag", "numbers")
             assert parameter.required or parameter.name in ("decay", "odd", "slope", "slopes")
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.law_pieces import linear, piecewise_linear, tresca
+from tcstudy.scene.laws import linear, piecewise_linear, tresca
 from tcstudy.scene.study import LOST, TOLERANCE, Acceptance
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import Status

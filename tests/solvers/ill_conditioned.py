@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.law_pieces import piecewise_linear, tresca
+from tcstudy.scene.laws import piecewise_linear, tresca
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
