@@ -69,7 +69,7 @@ def schema(options: argparse.Namespace) -> int:
     if options.format == "json":
         from tcstudy.read.schema import schema_text as text
     else:
-        from tcstudy.read.key_table import markdown as text
+        from tcstudy.read.schema import markdown as text
     print(text(), end="")
     return OK
 

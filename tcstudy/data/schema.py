@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from tcstudy.scene.methods import START_NAMES
-from tcstudy.scene.study import Goal, Study
+from tcstudy.scene.study import START_NAMES, Goal, Study
 
 if TYPE_CHECKING:
     from tcstudy.data.records import LevelRecord

@@ -38,8 +38,7 @@ from tcstudy.offline.loads import (
     families_of,
     split,
 )
-from tcstudy.scene.needs import FELT
-from tcstudy.scene.points import distinct
+from tcstudy.scene.points import FELT, distinct
 from tcstudy.scene.records import Convection, Heat, Scalar, Scene
 
 Array = NDArray[np.float64]

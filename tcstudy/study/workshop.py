@@ -26,10 +26,9 @@ from tcstudy.offline.level import CondensedBlock, Level
 from tcstudy.online import CondensedBody, LawTables, Options, RowLaws
 from tcstudy.refine.survey import Survey
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.methods import SEPARABLE
 from tcstudy.scene.points import combinations
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import SEPARABLE, Study
 from tcstudy.study.point import block_numbers, line_values, point_status, solve_point
 from tcstudy.study.starts import Solutions, exact_start
 

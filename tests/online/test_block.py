@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tcstudy.online import BlockAnswers, CondensedBody, LawTables, Options, RowLaws, solve_block
-from tcstudy.scene.methods import NEIGHBOUR
+from tcstudy.scene.study import NEIGHBOUR
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import Status

@@ -5,7 +5,7 @@ import pytest
 
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.methods import ESCAPE, Branch
+from tcstudy.scene.study import ESCAPE, Branch
 from tcstudy.solvers import search as escape_module
 from tcstudy.solvers.contact import Answer, solve_contact
 from tcstudy.solvers.loop import Outcome, Status, iterate

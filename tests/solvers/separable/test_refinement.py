@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tcstudy.online import CondensedBody, LawTables
-from tcstudy.scene.law_pieces import slip_weakening, tresca
+from tcstudy.scene.laws import slip_weakening, tresca
 from tcstudy.scene.study import TOLERANCE, Acceptance
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import solve_contact
