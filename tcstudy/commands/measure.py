@@ -54,7 +54,7 @@ def converge(options: argparse.Namespace) -> int:
 
 def cost(options: argparse.Namespace) -> int:
     """Accuracy against cost of mesh families and solvers, at one sweep point."""
-    from tcstudy.data.cost import MEASURES
+    from tcstudy.data.measured import MEASURES
 
     names = [measure.name for measure in MEASURES]
     if options.error is not None and options.error not in names:

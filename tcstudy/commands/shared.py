@@ -187,12 +187,12 @@ def checked(options: argparse.Namespace, kind: Kind = "run", swept: bool = True)
 
 def usual_output(kind: Kind, study: Study) -> Path:
     """Where a file of this kind is written unless another place is asked for."""
-    from tcstudy.data import convergence, cost
+    from tcstudy.data.provenance import measured_path
     from tcstudy.study.plan import output_of, path_output
 
-    usual = {"path": path_output, "convergence": lambda s: convergence.default_path(output_of(s)),
-             "cost": lambda s: cost.default_path(output_of(s))}  # fmt: skip
-    return usual.get(kind, output_of)(study)
+    if kind == "path":
+        return path_output(study)
+    return output_of(study) if kind == "run" else measured_path(output_of(study), kind)
 
 
 def is_there(options: argparse.Namespace, kind: Kind, study: Study, output: Path, **asked: object) -> bool:

@@ -11,10 +11,12 @@ import os
 import shutil
 import stat
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from tcstudy.data.reading import FINISHED, PARTIAL, is_foreign, put_seal
 from tcstudy.errors import StoreError, printable, shortened
@@ -33,6 +35,7 @@ __all__ = [
     "replace_file",
     "special_file",
     "sync_directory",
+    "write_dataset",
 ]
 
 LONGEST_NAME = 255 - 32
@@ -200,6 +203,23 @@ def new_dataset(file: Path) -> netCDF4.Dataset:
         return netCDF4.Dataset(file, "w", format="NETCDF4")
     except OSError as error:
         raise OSError(errno.EIO, "the netCDF library cannot make the file") from error
+
+
+def write_dataset(
+    path: Path, attributes: Mapping[str, Any], fill: Callable[[netCDF4.Dataset], None], kept: str = ""
+) -> None:
+    """Write a result file, replacing an old one in one step: its global attributes, then what `fill` puts into it.
+
+    kept: as in `replace_file`. Raises StoreError if it cannot be written; the old one is then untouched.
+    """
+
+    def make(aside: Path) -> None:
+        with new_dataset(aside) as nc:
+            nc.setncatts(attributes)
+            fill(nc)
+            nc.setncattr(FINISHED, np.int32(1))
+
+    replace_file(path, make, kept)
 
 
 def _refuse_protected(path: Path) -> None:

@@ -11,16 +11,28 @@ from __future__ import annotations
 import os
 import sqlite3
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from tcstudy.data.files import PARTIAL, StoreError, remove_stale, sync_directory
-from tcstudy.data.journal_file import SELECT, Row, connect, decode_block, decode_level, encode, rollback_file, set_aside
+from tcstudy.data.files import PARTIAL, StoreError, remove_stale, special_file, sync_directory
 from tcstudy.data.provenance import program, study_sha256
-from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, block_of, check_block, check_level
+from tcstudy.data.records import (
+    BlockRecord,
+    LevelRecord,
+    PointRecord,
+    Row,
+    block_of,
+    check_block,
+    check_level,
+    checksum,
+    decode_block,
+    decode_level,
+    encode,
+)
 from tcstudy.data.writer import axis_problems
+from tcstudy.errors import shortened
 from tcstudy.scene.study import Study
 
 COMMIT_SECONDS = 0.25
@@ -71,11 +83,11 @@ class Journal:
             raise StoreError(f"cannot make {path.parent}: {error.strerror}. choose another output") from error
         header = _header(study) | ({"beside": beside} if beside else {})
         warnings: tuple[str, ...] = ()
-        connection, why = connect(path, header, _Check(study))
+        connection, why = connect(path, header, _check_of(study))
         if why:
             kept = set_aside(path, connection)
             warnings = (f"{path.name} {why}; it is kept as {kept.name} and the run starts anew",)
-            connection, why = connect(path, header, _Check(study))
+            connection, why = connect(path, header, _check_of(study))
         if connection is None or why:
             raise StoreError(f"cannot start the journal {path}: {why}. Choose another output")
         remove_stale(output)
@@ -185,26 +197,153 @@ class Journal:
             self.flush()
 
 
-class _Check:
-    """Raises an error unless a row is a record with a place in the file of this study; levels come before blocks."""
+def _check_of(study: Study) -> Callable[[Row], None]:
+    """What raises an error for a row that is no record with a place in this study's file; levels come before blocks."""
+    levels: dict[int, LevelRecord] = {}
 
-    def __init__(self, study: Study) -> None:
-        self._study = study
-        self._levels: dict[int, LevelRecord] = {}
-
-    def __call__(self, row: Row) -> None:
+    def check(row: Row) -> None:
         if row[0] == "level":
-            level = decode_level(row)
-            check_level(level, self._study)
-            self._levels[level.level] = level
+            level = levels[row[2]] = decode_level(row)
+            check_level(level, study)
             named = ("", level.level)
         else:
             block = decode_block(row)
-            check_block(block, self._study, self._levels.get(block.level))
+            check_block(block, study, levels.get(block.level))
             named = (str(block.number), block.level)
         if row[1:3] != named:
             raise ValueError(f"a {row[0]} named {row[1]} of level {row[2]} is another")
 
+    return check
+
 
 def _header(study: Study) -> dict[str, str]:
     return {"format": FORMAT, "study_sha256": study_sha256(study), "program": program()}
+
+
+SMALLEST_PAGE = 512
+"""Bytes of the smallest SQLite file that holds anything."""
+
+_TABLES = """
+CREATE TABLE header (key TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE record (kind TEXT, place TEXT, level INTEGER, scalars TEXT NOT NULL, layout TEXT NOT NULL,
+                     arrays BLOB NOT NULL, crc INTEGER NOT NULL, PRIMARY KEY (kind, place, level));
+"""
+
+# NOT INDEXED: a scan in the order of rowid streams; by the index SQLite would first sort all arrays in memory
+SELECT = "SELECT kind, place, level, scalars, layout, arrays, crc FROM record NOT INDEXED WHERE kind = ? ORDER BY rowid"
+
+
+class _Damaged(Exception):
+    """The journal cannot be trusted; the text says why."""
+
+
+_FAULTS = (sqlite3.DatabaseError, _Damaged, ValueError, TypeError, LookupError, AttributeError, OverflowError)
+"""What a journal with damaged or foreign content may raise."""
+
+
+def connect(path: Path, header: dict[str, str], check: Callable[[Row], None]) -> tuple[sqlite3.Connection | None, str]:
+    """An open, locked journal with this header, and why it cannot be used ("" if it can).
+
+    check: raises an error for a row that is no record of this run, whatever its checksum says; gets levels first
+    """
+    connection: sqlite3.Connection | None = None
+    if what := special_file(path):
+        raise StoreError(f"{path} is {what}, no file. Remove it or choose another output")
+    # SQLite takes a file shorter than a page for an empty one and writes over it. Only its size is looked at: to open
+    # and close it here would drop the locks that this process has on it
+    if path.is_file() and 0 < path.stat().st_size < SMALLEST_PAGE:
+        return None, "is cut short"
+    try:
+        connection = sqlite3.connect(path, timeout=0.2, isolation_level=None, check_same_thread=False)
+        # locked before anything is judged: what another run is writing must not be set aside
+        connection.execute("PRAGMA locking_mode=EXCLUSIVE")
+        connection.execute("PRAGMA synchronous=FULL")
+        connection.execute("BEGIN EXCLUSIVE")
+        connection.execute("COMMIT")
+        return connection, _look_into(connection, header, check)
+    except _FAULTS as error:
+        obstacle = _obstacle(path, error)
+        if connection is not None and not obstacle:
+            return connection, f"is damaged ({_line(error)})"
+        if connection is not None:
+            connection.close()
+        raise StoreError(obstacle) from error
+
+
+def _line(error: Exception) -> str:
+    """The first line of an error, cut to a readable length."""
+    return shortened((str(error).splitlines() or [type(error).__name__])[0], 100)
+
+
+def _obstacle(path: Path, error: Exception) -> str:
+    """What keeps a sound journal from being used; empty if the error speaks of damage."""
+    if not isinstance(error, sqlite3.Error):
+        return ""
+    text = str(error)
+    if "locked" in text:
+        return f"another run is writing to the same output ({path} is locked). Wait for it or choose another output"
+    # SQLite also calls a file with a damaged header read-only
+    if "readonly" in text and os.access(path, os.W_OK):
+        return ""
+    if isinstance(error, sqlite3.OperationalError) and any(
+        word in text for word in ("unable to open", "readonly", "full", "I/O")
+    ):
+        return f"cannot use the journal {path}: {text}. Make room there or choose another output"
+    return ""
+
+
+def _look_into(connection: sqlite3.Connection, header: dict[str, str], check: Callable[[Row], None]) -> str:
+    """Make the tables of an empty journal; say why a filled one does not belong to this run."""
+    tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    if not tables:
+        with connection:
+            connection.execute("BEGIN IMMEDIATE")
+            for statement in _TABLES.strip().split(";\n"):
+                connection.execute(statement)
+            connection.executemany("INSERT INTO header VALUES (?, ?)", header.items())
+        return ""
+    if tables != {"header", "record"}:
+        return "is not a journal of tcstudy"
+    verdict = connection.execute("PRAGMA quick_check").fetchone()[0]
+    if verdict != "ok":
+        raise _Damaged(verdict)
+    found = dict(connection.execute("SELECT key, value FROM header").fetchall())
+    if found.get("study_sha256") != header["study_sha256"]:
+        return "is of another study or other overrides"
+    if found.get("beside") != header.get("beside"):
+        return "is of a run that began from another file"
+    if found != header:
+        return "was made by other versions of the program"
+    for kind in ("level", "block"):
+        for row in connection.execute(SELECT, (kind,)):
+            if checksum(row) != row[-1]:
+                raise _Damaged(f"wrong checksum of {kind} {row[1]} on level {row[2]}")
+            check(row)
+    # a write, because SQLite opens a file that it must not write without a word, locking or not
+    connection.execute("PRAGMA user_version = 1")
+    return ""
+
+
+def set_aside(path: Path, connection: sqlite3.Connection | None) -> Path:
+    """Rename a journal to the first free name .partial.old, .partial.old2, …"""
+    number = 1
+    while (kept := path.with_name(f"{path.name}.old{number if number > 1 else ''}")).exists():
+        number += 1
+    if connection is not None and os.name == "nt":  # an open file cannot be renamed there
+        connection.close()
+    # renamed before the lock goes, so that no other run can resume it in between
+    try:
+        os.rename(path, kept)
+    except OSError as error:
+        raise StoreError(f"cannot set {path} aside: {error.strerror}. Remove it or choose another output") from error
+    finally:
+        if connection is not None:
+            connection.close()
+    with suppress(FileNotFoundError):
+        os.rename(rollback_file(path), rollback_file(kept))
+    return kept
+
+
+def rollback_file(path: Path) -> Path:
+    """SQLite's own journal: it belongs to its database and must go wherever that goes."""
+    return path.with_name(path.name + "-journal")

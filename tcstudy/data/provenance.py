@@ -204,6 +204,11 @@ def kind_from(found: Mapping[str, Any]) -> Kind:
     return "convergence" if "reference" in found else "run"
 
 
+def measured_path(output: Path, kind: Kind) -> Path:
+    """The file of convergence or cost beside a result file."""
+    return output.with_name(f"{output.stem}.{kind}.nc")
+
+
 @dataclass(frozen=True)
 class Identity:
     """All that decides what stands in a file.

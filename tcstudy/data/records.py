@@ -1,11 +1,14 @@
 """What a run hands to the store: blocks of solved points of a level, and what a level knows of its contact line.
 
 A block is a few arrays, because a point of a long sweep costs less to solve than a record of its own costs to keep.
+As a row of the journal a record is its scalars as JSON, its arrays as their bytes, and a checksum over both.
 """
 
 from __future__ import annotations
 
+import json
 import math
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
@@ -220,3 +223,63 @@ def check_level(level: LevelRecord, study: Study) -> None:
     corners = level.fields.get("triangle", np.empty((0, 3))).shape
     if any(v.dtype.kind not in "iuf" for v in numbers) or len({*mesh}) > 1 or corners[1:] != (3,):
         raise ValueError(f"the mesh of level {level.level} has not one number for each node")
+
+
+Row = tuple[str, str, int, str, str, bytes, int]
+"""(kind, place, level, scalars, layout, arrays, checksum)"""
+
+
+def checksum(row: Row) -> int:
+    """Of everything in a row but its last entry."""
+    scalars, layout, arrays = row[3:6]
+    return zlib.crc32(arrays, zlib.crc32(f"{row[:3]}{scalars}{layout}".encode()))
+
+
+def encode(record: BlockRecord | LevelRecord) -> Row:
+    """A record as a row: scalars as JSON (exact for floats), arrays as their bytes one after the other."""
+    values = vars(record)
+    groups = {name: values[name] for name in ("numbers", "fields") if name in values}
+    arrays = {name: v for name, v in values.items() if isinstance(v, np.ndarray)}
+    arrays |= {f"{group}.{name}": array for group, named in groups.items() for name, array in named.items()}
+    scalars = {name: v for name, v in values.items() if name not in arrays and name not in groups and v is not None}
+    kind, place = ("level", "") if isinstance(record, LevelRecord) else ("block", str(record.number))
+    layout = json.dumps([(name, array.dtype.str, array.shape) for name, array in arrays.items()])
+    blob = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays.values())
+    row = (kind, place, int(record.level), json.dumps(scalars, default=_plain), layout, blob)
+    return (*row, checksum((*row, 0)))
+
+
+def _plain(value: Any) -> Any:
+    """A NumPy scalar as a plain one, for JSON."""
+    return value.item()
+
+
+def decode_level(row: Row) -> LevelRecord:
+    """The level record that a row was made of."""
+    scalars, arrays, groups = _decode(row)
+    scalars["edge_names"] = tuple(scalars["edge_names"])
+    return LevelRecord(**scalars, **arrays, fields=groups["fields"])
+
+
+def decode_block(row: Row) -> BlockRecord:
+    """The block that a row was made of."""
+    scalars, arrays, groups = _decode(row)
+    scalars["shape"] = tuple(scalars["shape"])
+    scalars["reasons"] = {int(i): words for i, words in scalars["reasons"].items()}
+    return BlockRecord(**scalars, **arrays, numbers=groups["numbers"], fields=groups["fields"])
+
+
+def _decode(row: Row) -> tuple[dict[str, Any], dict[str, Any], dict[str, dict[str, NDArray[Any]]]]:
+    """Scalars, arrays, and the arrays that stand in `numbers` and `fields` of a row."""
+    scalars, layout, blob = row[3:6]
+    arrays: dict[str, Any] = {}
+    groups: dict[str, dict[str, NDArray[Any]]] = {"numbers": {}, "fields": {}}
+    start = 0
+    for name, dtype, shape in json.loads(layout):
+        count = int(np.prod(shape, dtype=np.int64))
+        group, _, key = name.rpartition(".")
+        place, key = (groups[group], key) if group else (arrays, name)
+        found = np.frombuffer(blob, dtype, count, start) if count else np.empty(0, dtype)
+        place[key] = found.reshape(shape)  # a view: nobody writes into a record
+        start += count * np.dtype(dtype).itemsize
+    return json.loads(scalars), arrays, groups

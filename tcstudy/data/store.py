@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tcstudy.data import schema
-from tcstudy.data.files import FINISHED, StoreError, new_dataset, replace_file
+from tcstudy.data.files import StoreError, write_dataset
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
 from tcstudy.data.reading import attributes
 from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, block_of, check_block, check_level
@@ -69,7 +69,8 @@ def write(
     if problems:
         raise StoreError("; ".join(problems))
     count: Counter[int] = Counter()
-    replace_file(path, lambda aside: count.update(_write_file(aside, study, levels, records, provenance)), KEPT)
+    fill = lambda nc: count.update(_fill(nc, study, levels, records))  # noqa: E731
+    write_dataset(path, global_attributes(study, provenance), fill, KEPT)
     sought = count.total() - count[PointStatus.NOT_RUN]
     return sought, sought - count[PointStatus.OK]
 
@@ -118,40 +119,35 @@ class Window:
     arrays: Arrays
 
 
-def _write_file(
-    file: Path, study: Study, levels: Sequence[LevelRecord], records: Records, provenance: Provenance
-) -> Counter[int]:
+def _fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], records: Records) -> Counter[int]:
     """One complete file: the sweep from front to back, every chunk once. Returns how many points have each status."""
     count: Counter[int] = Counter()
-    with new_dataset(file) as nc:
-        nc.setncatts(global_attributes(study, provenance))
-        _put_dimensions(nc, study)
-        variables = schema.root_variables(study)
-        for variable in variables:
-            if variable.dims == ("level",):
-                put(nc, variable, study, _by_level(variable, study, levels))
-        known = {level.level: level for level in levels}
-        for level in levels:
-            check_level(level, study)
-        groups = {level.level: _make_group(nc, study, level) for level in levels}
-        sizes = {"level": study.mesh.levels, "start": len(schema.START_NAMES), "solver": len(study.solver.names)}
-        sections = [_section(None, nc, study, variables, sizes)]
-        for level in levels:
-            sizes = {"node": len(level.arclength)}
-            sections.append(_section(level.level, groups[level.level], study, schema.CONTACT, sizes))
-        for number, windows in enumerate(_passes(sections, study)):
-            for block in _blocks(records, study, known):
-                places = file_places(study, block.points)
-                for window in windows:
-                    _take_block(window, block, places)
-                if not number:
-                    _put_fields(groups.get(block.level), study, block, places)
+    _put_dimensions(nc, study)
+    variables = schema.root_variables(study)
+    for variable in variables:
+        if variable.dims == ("level",):
+            put(nc, variable, study, _by_level(variable, study, levels))
+    known = {level.level: level for level in levels}
+    for level in levels:
+        check_level(level, study)
+    groups = {level.level: _make_group(nc, study, level) for level in levels}
+    sizes = {"level": study.mesh.levels, "start": len(schema.START_NAMES), "solver": len(study.solver.names)}
+    sections = [_section(None, nc, study, variables, sizes)]
+    for level in levels:
+        sizes = {"node": len(level.arclength)}
+        sections.append(_section(level.level, groups[level.level], study, schema.CONTACT, sizes))
+    for number, windows in enumerate(_passes(sections, study)):
+        for block in _blocks(records, study, known):
+            places = file_places(study, block.points)
             for window in windows:
-                if window.section.level is None:
-                    found, times = np.unique(window.arrays["status"], return_counts=True)
-                    count.update(dict(zip(found.tolist(), times.tolist(), strict=True)))
-                _put_window(window, study)
-        nc.setncattr(FINISHED, np.int32(1))
+                _take_block(window, block, places)
+            if not number:
+                _put_fields(groups.get(block.level), study, block, places)
+        for window in windows:
+            if window.section.level is None:
+                found, times = np.unique(window.arrays["status"], return_counts=True)
+                count.update(dict(zip(found.tolist(), times.tolist(), strict=True)))
+            _put_window(window, study)
     return count
 
 

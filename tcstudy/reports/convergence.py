@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tcstudy.data.convergence import ERRORS, NUMBERS, VERDICTS, Measure
+from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS, Measure
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import Value, axis_names, describe, locate

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.convergence import ERRORS, VERDICTS
+from tcstudy.data.measured import ERRORS, VERDICTS
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
 from tcstudy.reports import style

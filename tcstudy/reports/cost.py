@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.accuracy.rates import dominated
-from tcstudy.data.cost import MEASURES, OWN, STAGES, open_cost
+from tcstudy.data.measured import MEASURES, OWN, STAGES, open_cost
 from tcstudy.data.records import PointStatus
 from tcstudy.reports.style import DrawError
 from tcstudy.reports.tables import Heading, Part, Table, render

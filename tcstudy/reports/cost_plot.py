@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tcstudy.data.cost import OWN, open_cost
+from tcstudy.data.measured import OWN, open_cost
 from tcstudy.reports import style
 from tcstudy.reports.convergence_plot import math_symbol
 from tcstudy.reports.cost import EXACT, SYMBOLS, Setting, advice, best, curves_on_front, measure_of, settings

@@ -19,7 +19,8 @@ from tcstudy.accuracy.corners import vertices
 from tcstudy.accuracy.expected import Expected, HeldEnds, expected_orders, smooth_up_to, smoothness
 from tcstudy.accuracy.rates import ROUNDING, Fit, fit, log_share, richardson
 from tcstudy.accuracy.transfer import NotNested
-from tcstudy.data.convergence import (
+from tcstudy.data.files import check_writable
+from tcstudy.data.measured import (
     ERRORS,
     NUMBERS,
     Convergence,
@@ -28,7 +29,6 @@ from tcstudy.data.convergence import (
     PointConvergence,
     write_convergence,
 )
-from tcstudy.data.files import check_writable
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import ConvergenceError, StoreError
@@ -96,7 +96,7 @@ def own_error(order: float) -> float:
 
 
 def verdict(fitted: Fit, expected: float, nested: bool, log: float = 0.0) -> str:
-    """What the rates say, see data.convergence.VERDICTS; log: how far below `expected` a factor |log h| puts them."""
+    """What the rates say, see data.measured.VERDICTS; log: how far below `expected` a factor |log h| puts them."""
     if fitted.exact:
         return "exact"
     if np.count_nonzero(np.isfinite(fitted.rates)) < 2:

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.accuracy.rates import dominated
-from tcstudy.data.cost import MEASURES, STAGES, Cost, write_cost
 from tcstudy.data.files import check_writable
+from tcstudy.data.measured import MEASURES, STAGES, Cost, write_cost
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import CostError, GeometryFailed, StoreError

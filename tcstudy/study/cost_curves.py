@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
-from tcstudy.data.cost import OWN
+from tcstudy.data.measured import OWN
 from tcstudy.data.records import PointRecord
 from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level

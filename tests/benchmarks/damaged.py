@@ -28,7 +28,7 @@ import numpy as np
 
 from tcstudy.cli import main
 from tcstudy.data.journal import Journal
-from tcstudy.data.journal_file import checksum
+from tcstudy.data.records import checksum
 from tcstudy.read.study import read_study
 from tcstudy.study.run import run
 

@@ -8,17 +8,16 @@ import netCDF4
 import numpy as np
 import pytest
 
-from tcstudy.data.convergence import (
+from tcstudy.data.measured import (
     ERRORS,
     NUMBERS,
     Convergence,
     ErrorSeries,
     NumberSeries,
     PointConvergence,
-    default_path,
     write_convergence,
 )
-from tcstudy.data.provenance import collect
+from tcstudy.data.provenance import collect, measured_path
 from tcstudy.data.records import PointStatus
 from tcstudy.read.study import read_study_text
 from tests.data.compliance import cf_faults
@@ -51,7 +50,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     counts = np.arange(3, dtype=np.int32)
     what = Convergence(h, counts, counts, "the exact solution", np.ones(3, dtype=bool), points, ("Mind it.",))
-    path = default_path(tmp_path_factory.mktemp("convergence") / "a.nc")
+    path = measured_path(tmp_path_factory.mktemp("convergence") / "a.nc", "convergence")
     write_convergence(path, study, what, collect(study, ("tcstudy", "converge")))
     return path
 

@@ -21,9 +21,8 @@ from tcstudy.data import journal as journal_module
 from tcstudy.data import store
 from tcstudy.data.files import StoreError
 from tcstudy.data.journal import Journal
-from tcstudy.data.journal_file import checksum
 from tcstudy.data.provenance import Provenance
-from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.records import LevelRecord, PointRecord, PointStatus, checksum
 from tcstudy.scene.study import Study
 from tests.data.conftest import make_level
 
@@ -139,7 +138,7 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from conftest import long, make_level, make_point, make_study
 from tcstudy.data.journal import Journal
-from tcstudy.data.journal_file import checksum
+from tcstudy.data.journal import checksum
 import numpy as np
 study = make_study()
 journal = Journal.open(Path(sys.argv[1]), study)
@@ -366,7 +365,7 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from conftest import long, make_level, make_point, make_study
 from tcstudy.data.journal import Journal
-from tcstudy.data.journal_file import checksum
+from tcstudy.data.journal import checksum
 from tcstudy.data.files import StoreError
 from dataclasses import replace
 import numpy as np

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from tcstudy.data.convergence import Convergence, ErrorSeries, NumberSeries, PointConvergence, write_convergence
 from tcstudy.data.files import StoreError
+from tcstudy.data.measured import Convergence, ErrorSeries, NumberSeries, PointConvergence, write_convergence
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results

@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from tcstudy.accuracy.rates import dominated
-from tcstudy.data.cost import STAGES, Cost, open_cost, write_cost
+from tcstudy.data.measured import STAGES, Cost, open_cost, write_cost
 from tcstudy.data.provenance import collect, kind_of
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import StoreError

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.data.cost import STAGES, Cost
+from tcstudy.data.measured import STAGES, Cost
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import StoreError
 from tcstudy.scene.study import Study

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.data.convergence import Convergence
+from tcstudy.data.measured import Convergence
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
 from tcstudy.study.convergence import converge, own_error

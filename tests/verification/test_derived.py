@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from tcstudy.data.convergence import Convergence
+from tcstudy.data.measured import Convergence
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text

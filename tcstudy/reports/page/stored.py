@@ -6,11 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from tcstudy.data.convergence import ERRORS, NUMBERS, VERDICTS
-from tcstudy.data.convergence import default_path as convergence_path
-from tcstudy.data.cost import default_path as cost_path
 from tcstudy.data.files import replace_file
-from tcstudy.data.provenance import kind_of
+from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS
+from tcstudy.data.provenance import kind_of, measured_path
 from tcstudy.data.reading import reading
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
@@ -82,7 +80,7 @@ def _study(data: Any) -> Study | None:
 def _beside(run: Stored) -> list[Stored]:
     """Convergence and cost files of the same study text beside a run's file."""
     found = []
-    for path in (convergence_path(run.path), cost_path(run.path)):
+    for path in (measured_path(run.path, "convergence"), measured_path(run.path, "cost")):
         if not path.is_file():
             continue
         try:
