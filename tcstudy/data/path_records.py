@@ -38,19 +38,9 @@ class ContactState(IntEnum):
 
 @dataclass(frozen=True)
 class CurveRecord:
-    """A polygon of solutions with k vertices and k − 1 pieces; every quantity is linear in between.
+    """A polygon of solutions with k vertices and k − 1 pieces; shapes, units and meanings are those of CURVE.
 
-    parameter: (k,) t;  u_T: (k, m) [m];  xi: (k, m) −S_T [Pa]
-    energy:    (k,) total potential energy [J/m];  energy_rate: (k,) its derivative by t along the path
-    residual:  (k,) distance from balance relative to the scale of b
-    stable:    (k−1,) strict local minimum of the energy inside the piece
-    state:     (k−1, m) ContactState
-    slip_length: (k−1,) length of the contact line that does not stick [m]
-    fold_vertex, fold_size, fold_maximum, fold_stable_before, fold_stable_after: (f,) turning points of t; size: how far
-        t steps back there
-    event_vertex, event_node, event_before, event_after: (e,) changes of a node's state: the fronts of slip and stick
-    lowest_begin, lowest_end, lowest_piece, lowest_certified: (n,) which piece has the least energy on the path for t
-        from begin to end; certified: proved at the middle to have the least energy of all states
+    u_T and xi are (k, m), state (k−1, m); fold_* (f,), event_* (e,) and lowest_* (n,) are lists beside the polygon.
     """
 
     parameter: Array
@@ -79,13 +69,9 @@ class CurveRecord:
 
 @dataclass(frozen=True)
 class SolutionsRecord:
-    """All solutions on the path at the requested values.
+    """All solutions on the path at the requested values, in the order of `at` and along the path; see SOLUTIONS.
 
-    at, solution_count: (a,) requested values, and how many solutions each has
-    solution_*: (s,) one entry a solution, in the order of `at` and along the path; at: index of its value; piece: where
-                it lies; energy [J/m]; residual: inclusion residual, and what rounding of the problem
-                allows of it (rounding); stable: on the path; lowest: least energy among
-                those of its value; unique, strict_minimum, global_minimum: certificates; u_T, xi: (s, m)
+    at, solution_count: (a,);  solution_u_T, solution_xi: (s, m);  the rest: (s,) one entry a solution
     """
 
     at: Array
@@ -106,13 +92,10 @@ class SolutionsRecord:
 
 @dataclass(frozen=True)
 class LoopRecord:
-    """The quasi-static hysteresis loop: stable branches one after the other, and the falls between them.
+    """The quasi-static hysteresis loop: stable branches one after the other, and the falls between them; see LOOP.
 
-    loop_parameter, loop_branch, loop_energy: (v,);  loop_u_T, loop_xi: (v, m)
-    jump_parameter, jump_vertex, jump_rising, jump_drop: (j,) falls: t, last vertex before it, whether t was growing,
-        energy lost [J/m]
-    energy_lost: sum of the drops;  loop_area: −∮W dt of the branches, the same if the loop is closed [J/m]
-    loop_closed, loop_complete: flags;  loop_reason: why it ended
+    loop_*: (v,), u_T and xi (v, m);  jump_*: (j,) falls;  loop_area: −∮W dt of the branches [J/m]
+    loop_reason: why it ended
     """
 
     loop_parameter: Array
@@ -137,9 +120,7 @@ class PathRecord:
 
     start:         vertex from which the path was followed
     begin, end:    why it ends at the first and at the last vertex: (name of the status, sentence)
-    lambda_1, omega: uniqueness threshold of the body and steepest fall of the law [Pa/m]
-    law_error:     |b − b_h| of the piecewise-linear stand-in of a smooth law, relative to the scale of b; 0 without
-    affine_defect: how far the load is from affine in t, relative
+    The rest is in LEVEL.
     """
 
     line: LevelRecord

@@ -28,6 +28,14 @@ GREEN = "#009e73"
 LOW, LOWER = "#c3dff2", "#5aa9dc"
 """The least energy on the path, and proved to be the least of all."""
 
+Look = dict[str, Any]
+STABLE: Look = {"color": style.INK, "linewidth": 1.3}
+UNSTABLE: Look = {"color": style.VERMILLION, "linewidth": 0.9, "linestyle": (0, (4, 2))}
+FOLD: Look = {"color": style.VERMILLION, "marker": "o", "markersize": 3.2, "markerfacecolor": "white"}
+FOLD |= {"markeredgewidth": 0.9, "linestyle": "none"}
+ASKED: Look = {"color": style.BLUE, "marker": "D", "markersize": 5.5, "linestyle": "none"}
+"""How the lines and points of the response curve look, there and in its legend."""
+
 SYMBOLS = {
     "theta_bar": r"$\bar\theta$",
     "theta": r"$\theta$",
@@ -114,17 +122,10 @@ def _draw_curve(axes: Axes, picture: PathPicture, divisor: float) -> None:
     axes.axhline(0.0, color=style.SHADE, linewidth=0.8, zorder=0)
     _lowest(axes, picture, divisor, size)
     stable = data["stable"].values.astype(bool)
-    _pieces(axes, t, y, ~stable, color=style.VERMILLION, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
-    _pieces(axes, t, y, stable, color=style.INK, linewidth=1.3, zorder=4)
+    _pieces(axes, t, y, ~stable, zorder=3, **UNSTABLE)
+    _pieces(axes, t, y, stable, zorder=4, **STABLE)
     folds, _ = seen_folds(data)
-    dot: dict[str, Any] = {
-        "marker": "o",
-        "markersize": 3.2,
-        "markerfacecolor": "white",
-        "linestyle": "none",
-        "zorder": 5,
-    }
-    axes.plot(t[folds], y[folds], color=style.VERMILLION, markeredgewidth=0.9, **dot)
+    axes.plot(t[folds], y[folds], zorder=5, **FOLD)
     if picture.loop is not None:
         _loop(axes, picture, divisor, size)
     _asked(axes, picture, divisor, size)
@@ -216,9 +217,8 @@ def _asked(axes: Axes, picture: PathPicture, divisor: float, size: float) -> Non
     stable = data["solution_stable"].values.astype(bool)
     for value in data["at"].values:
         axes.axvline(value / divisor, color=style.PALE, linewidth=0.6, linestyle=":", zorder=0)
-    shape: dict[str, Any] = {"marker": "D", "markersize": 5.5, "linestyle": "none", "color": style.BLUE, "zorder": 7}
-    axes.plot(t[stable], y[stable], **shape)
-    axes.plot(t[~stable], y[~stable], markerfacecolor="white", **shape)
+    axes.plot(t[stable], y[stable], zorder=7, **ASKED)
+    axes.plot(t[~stable], y[~stable], zorder=7, markerfacecolor="white", **ASKED)
 
 
 def _legend(axes: Axes, picture: PathPicture) -> None:
@@ -226,21 +226,15 @@ def _legend(axes: Axes, picture: PathPicture) -> None:
 
     data = picture.data
     proved = data["lowest_certified"].values.astype(bool) if "lowest_certified" in data else np.zeros(0, dtype=bool)
-    entries: list[tuple[Line2D, str]] = [(Line2D([], [], color=style.INK, linewidth=1.3), "stable")]
-    if not data["stable"].values.all():
-        entries.append((Line2D([], [], color=style.VERMILLION, linewidth=0.9, linestyle=(0, (4, 2))), "unstable"))
-    if proved.any():
-        entries.append((Line2D([], [], color=LOWER, linewidth=6.0), "global minimum (proved)"))
-    if not proved.all():
-        entries.append((Line2D([], [], color=LOW, linewidth=6.0), "least energy on the path"))
-    if len(seen_folds(data)[0]):
-        ring: dict[str, Any] = {"markerfacecolor": "white", "markeredgewidth": 0.9, "linestyle": "none"}
-        entries.append((Line2D([], [], color=style.VERMILLION, marker="o", markersize=3.2, **ring), "fold"))
-    if data.sizes.get("solution", 0):
-        entries.append(
-            (Line2D([], [], color=style.BLUE, marker="D", markersize=5, linestyle="none"), "requested (open: unstable)")
-        )
-    if picture.loop is not None:
-        entries.append((Line2D([], [], color=GREEN, marker=">", markersize=6), "slow loading and unloading"))
-    lines, texts = zip(*entries, strict=True)
+    entries: list[tuple[bool, Look, str]] = [
+        (True, STABLE, "stable"),
+        (not data["stable"].values.all(), UNSTABLE, "unstable"),
+        (bool(proved.any()), {"color": LOWER, "linewidth": 6.0}, "global minimum (proved)"),
+        (not proved.all(), {"color": LOW, "linewidth": 6.0}, "least energy on the path"),
+        (bool(len(seen_folds(data)[0])), FOLD, "fold"),
+        (bool(data.sizes.get("solution", 0)), ASKED | {"markersize": 5}, "requested (open: unstable)"),
+        (picture.loop is not None, {"color": GREEN, "marker": ">", "markersize": 6}, "slow loading and unloading"),
+    ]
+    lines = [Line2D([], [], **look) for there, look, _ in entries if there]
+    texts = [text for there, _, text in entries if there]
     axes.legend(lines, texts, loc="best", fontsize=8, frameon=True, framealpha=0.9, edgecolor="none", ncols=1)

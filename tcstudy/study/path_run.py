@@ -21,7 +21,7 @@ from tcstudy.scene.friction import DOWN, FrictionLaw
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.study import Acceptance, PathPlan, Study
 from tcstudy.solvers.bounds import solution_box
-from tcstudy.solvers.certificates import Certificate, certify
+from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import TIE, solve_contact
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path
@@ -166,10 +166,6 @@ def contact_states(law: FrictionLaw) -> NDArray[np.int8]:
     return states
 
 
-def _certificate(setting: _Setting, problem: ParametricProblem, v: Array, t: float) -> Certificate:
-    return certify(problem.at(t), v, setting.lambda_1, setting.tolerance)
-
-
 def _solutions(setting: _Setting, path: Path) -> SolutionsRecord:
     """All solutions at the requested values; those of a smooth law by Newton's method from those of its stand-in."""
     law, at = setting.true.law, setting.plan.at
@@ -177,7 +173,7 @@ def _solutions(setting: _Setting, path: Path) -> SolutionsRecord:
         solutions_at(path, t) if law.piecewise_linear else solutions_of(law, path, t) for t in at
     ]
     rows = [(i, s) for i, group in enumerate(found) for s in group]
-    proofs = [_certificate(setting, setting.true, s.v, at[i]) for i, s in rows]
+    proofs = [certify(setting.true.at(at[i]), s.v, setting.lambda_1, setting.tolerance) for i, s in rows]
     energies = np.array([s.energy for _, s in rows])
     least = [min((s.energy for s in group), default=np.nan) for group in found]
     slack = TIE * float(np.max(np.abs(energies), initial=0.0))
