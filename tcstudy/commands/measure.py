@@ -78,6 +78,13 @@ def cost(options: argparse.Namespace) -> int:
     if is_there(options, "cost", study, path, point=words, runs=options.runs):
         failed = stored(path)[1]
     else:
+        from tcstudy.reports.forecast import expected_words
+        from tcstudy.study.expected import of_cost
+        from tcstudy.study.plan import plan
+
+        forecast = plan(study)
+        expected = of_cost(study, forecast.levels, bool(forecast.heat_solves), options.runs, len(study.solver.names))
+        note(options, f"expected: {expected_words(expected.seconds, expected.memory)}")
         with closing(CostProgress()) as bar:
             progress = (lambda what, left: None) if options.quiet else bar
             failed = cost_to_file(study, tuple(where.values()), words, options.runs, path, progress, options.words)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import sys
 from contextlib import closing
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,13 +24,17 @@ from tcstudy.commands.shared import (
     file_name,
     is_there,
     length_unit,
+    note,
     output_option,
     say,
+    spoken,
     stored,
 )
 
 if TYPE_CHECKING:
     from tcstudy.scene.study import Study
+    from tcstudy.study.expected import Resources
+    from tcstudy.study.plan import Plan
 
 KEPT = "finished points are kept, the same command goes on from there"
 """What becomes of the work of a run that is stopped."""
@@ -48,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
         study, kept = (appended if options.append else retried)(output, study)
     there = is_there(options, "run", study, output) if kept is None else not kept.todo.any()
     if there and kept is not None:
-        print(f"{output} {'has all these points' if options.append else 'has no failed point'}", file=sys.stderr)
+        note(options, f"{output} {'has all these points' if options.append else 'has no failed point'}")
     if there:
         points, failed = stored(output)
         return _say(options, output, points, failed, "found before")
@@ -91,31 +95,49 @@ def plan(options: argparse.Namespace) -> int:
     """Every check that a run makes, and what the run would do."""
     study, output = checked(options)
     from tcstudy.data.provenance import already_there
-    from tcstudy.reports.forecast import forecast_text
+    from tcstudy.reports.forecast import expected_words, forecast_text
+    from tcstudy.study.expected import of_run
     from tcstudy.study.jobs import work_words
     from tcstudy.study.plan import plan as forecast_of
 
     forecast = forecast_of(study)
-    axes = [(axis.name, axis.labels, axis.units) for axis in study.axes]
-    print(
-        forecast_text(
-            study.title,
-            axes,
-            forecast.points,
-            forecast.factorisations,
-            forecast.heat_solves,
-            forecast.levels,
-            study.mesh.levels,
-            forecast.left_out,
-            (*forecast.notes, *already_there(output, study)),
-            str(output),
-            forecast.bytes,
-            study.mesh.open_ended,
-            length_unit(study),
-            work_words(study, forecast.levels, options.jobs),
-        )
-    )
+    expected = of_run(study, forecast.levels, forecast.factorisations, forecast.heat_solves)
+    time = expected_words(expected.seconds, expected.memory, study.mesh.open_ended)
+    if options.json:
+        print(_plan_json(study, output, forecast, expected))
+    elif options.quiet:
+        print(f"{options.study}: {forecast.points} × {study.mesh.levels} solutions: {time}")
+    else:
+        axes = [(axis.name, axis.labels, axis.units) for axis in study.axes]
+        with spoken(options):
+            print(
+                forecast_text(
+                    study.title,
+                    axes,
+                    forecast.points,
+                    forecast.factorisations,
+                    forecast.heat_solves,
+                    forecast.levels,
+                    study.mesh.levels,
+                    forecast.left_out,
+                    (*forecast.notes, *already_there(output, study)),
+                    str(output),
+                    forecast.bytes,
+                    study.mesh.open_ended,
+                    length_unit(study),
+                    work_words(study, forecast.levels, options.jobs),
+                    time,
+                )
+            )
     return OK
+
+
+def _plan_json(study: Study, output: Path, forecast: Plan, expected: Resources) -> str:
+    from tcstudy.reports.brief import json_text
+
+    axes = [{"name": axis.name, "units": axis.units, "values": axis.labels} for axis in study.axes]
+    about = {"kind": "plan", "title": study.title, "output": str(output), "axes": axes}
+    return json_text({**about, "most_levels": study.mesh.levels, **asdict(forecast), **asdict(expected)})
 
 
 def merge(options: argparse.Namespace) -> int:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from tcstudy.reports.tables import plain_table
-from tcstudy.reports.text import counted, number, prefix, scaled_labels
+from tcstudy.reports.tables import plain_table, wrapped
+from tcstudy.reports.text import counted, number, prefix, scaled_labels, span
 
 
 class _Level(Protocol):
@@ -35,10 +35,12 @@ def forecast_text(
     at_most: bool = False,
     length: str = "1",
     work: str = "",
+    time: str = "",
 ) -> str:
     """Counts, sizes, what is left out and why.
 
     axes: (name, values, units);  length: the unit of h;  work: who solves the contact problems, in words
+    time: what a run would take, in words
     """
     lines = [title, ""]
     for name, values, units in axes:
@@ -62,7 +64,14 @@ def forecast_text(
     lines += [f"  left out: {text}" for text in left_out]
     lines += [f"  note: {text}" for text in notes]
     lines.append(f"  output: {output} ({'up to ' if at_most else ''}about {size / 1e6:.2g} MB)")
-    return "\n".join(lines)
+    lines += [f"  {time}"] * bool(time)
+    return wrapped("\n".join(lines))
+
+
+def expected_words(seconds: float, memory: float, at_most: bool = False) -> str:
+    """Time and memory to expect, in words: rough figures."""
+    most = "up to " if at_most else ""
+    return f"{most}about {span(seconds)} of one process on this machine when idle, {most}about {memory / 1e9:.1g} GB"
 
 
 def _count(value: int, level: _Level) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 from tcstudy.data.provenance import without_paths
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.reports.outlet import Outlet, raw_terminal, visible
-from tcstudy.reports.text import counted, kind, named, number, prefix
+from tcstudy.reports.text import counted, kind, named, number, prefix, span
 
 
 class Work(Protocol):
@@ -217,9 +217,9 @@ class CostProgress:
         """Called with what begins now and the seconds left, if they are known."""
         text = visible(text)
         if left is not None:
-            text += f", about {_span(left)} left"
+            text += f", about {span(left)} left"
         if self._terminal:
-            elapsed = _span(time.monotonic() - self._start)
+            elapsed = span(time.monotonic() - self._start)
             self._stream.write(f"\r\x1b[K{text} ({elapsed} so far)")
             self._open = True
         else:
@@ -232,9 +232,3 @@ class CostProgress:
             self._stream.write("\r\x1b[K")
             self._stream.flush()
             self._open = False
-
-
-def _span(seconds: float) -> str:
-    """A duration, "8 s" or "2 min 5 s"."""
-    whole = max(0, round(seconds))
-    return f"{whole} s" if whole < 90 else f"{whole // 60} min {whole % 60} s"

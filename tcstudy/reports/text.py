@@ -26,6 +26,14 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
+def span(seconds: float) -> str:
+    """A duration, "8 s", "2 min 5 s" or "3.5 h"."""
+    whole = max(0, round(seconds))
+    if whole >= 7200:
+        return f"{whole / 3600:.2g} h"
+    return f"{whole} s" if whole < 90 else f"{whole // 60} min {whole % 60} s"
+
+
 EXACT = 1e-12
 """Relative difference that counts as the rounding of a value computed from others (0.1 + 0.2 is shown as 0.3)."""
 MOST_DIGITS = 15

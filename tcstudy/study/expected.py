@@ -1,0 +1,86 @@
+"""Time and memory that a run or a chart of costs may take, scaled to this machine by a probe of a fifth of a second.
+
+The stages' times are those of results/speed.md: t = c Nᵖ for N displacement unknowns, one thread of an idle machine.
+Left out: estimates of errors, the bundle method's many steps, and what other work on the machine costs.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from tcstudy.scene.study import Study
+from tcstudy.study.jobs import seconds as contact_seconds
+from tcstudy.study.sizes import LevelForecast, refined
+
+PROBES = (6.0e-3, 1.2e-2)
+"""Seconds of the two probes on the machine of results/speed.md: arithmetic, and scattered memory."""
+REPEATS = 7
+START, LEVEL = 2.0, 0.3
+"""Seconds that starting takes, and a level whatever its size."""
+MESHER = 1.4e-4
+"""Seconds of Netgen for each unknown; refinement costs hardly more than assembly."""
+ASSEMBLY, FACTOR, HEAT, LOADS = (1.25e-6, 1.08), (8.6e-7, 1.12), (1.04e-6, 1.07), (1.05e-6, 1.08)
+"""(c, p) of the stages: mesh refinement with assembly, Ã, the heat problem, loads."""
+MEMORY, UNKNOWN = 270e6, 2700.0
+"""Bytes of the program, and more for each unknown of the finest mesh (2.79 GB at N = 939,518)."""
+FAMILIES, REFERENCE = 3, 10.0
+"""Mesh families of a chart of costs, and how many times as many unknowns its reference has."""
+
+
+@dataclass(frozen=True)
+class Resources:
+    """Wall time [s] of one process on an idle machine, and peak memory [byte]."""
+
+    seconds: float
+    memory: float
+
+
+def of_run(study: Study, levels: Sequence[LevelForecast], factorisations: int, heat_solves: int) -> Resources:
+    """What a run is expected to take; the most, where an estimate decides about meshes."""
+    all_levels = refined(tuple(levels), study.mesh)
+    spent = START + sum(_level(v.n_dof, factorisations, bool(heat_solves)) for v in all_levels)
+    made = all_levels[:1] if study.mesh.nested else all_levels
+    spent += MESHER * sum(v.n_dof for v in made)
+    spent = spent * slowness() + sum(contact_seconds(study, v.n_contact) for v in all_levels)
+    return Resources(spent, MEMORY + UNKNOWN * max((v.n_dof for v in all_levels), default=0))
+
+
+def of_cost(study: Study, levels: Sequence[LevelForecast], heat: bool, runs: int, solvers: int) -> Resources:
+    """What a chart of costs is expected to take: every family to one refinement beyond the study, and the reference."""
+    sizes = [v.n_dof for v in refined(tuple(levels), study.mesh)]
+    sizes = [*sizes, 4 * max(sizes, default=0)]
+    reference = round(REFERENCE * max(sizes))
+    each = sum(_level(n, 1, heat) for n in sizes) + MESHER * sizes[0]
+    # an adaptive reference passes meshes that double: twice its finest
+    spent = START + runs * solvers * FAMILIES * each + 2.0 * _level(reference, 1, heat) + MESHER * sizes[0]
+    return Resources(spent * slowness(), MEMORY + UNKNOWN * reference)
+
+
+def _level(n_dof: int, factorisations: int, heat: bool) -> float:
+    """Seconds of one level from its mesh to the loads, on the machine of results/speed.md."""
+    spent = [(1, ASSEMBLY), (factorisations, FACTOR), (factorisations, LOADS), (int(heat), HEAT)]
+    return LEVEL + sum(count * c * float(n_dof) ** p for count, (c, p) in spent)
+
+
+@lru_cache(maxsize=1)
+def slowness() -> float:
+    """How many times as long this machine takes: the mean of two probes, the best of a few repeats each."""
+    rng = np.random.default_rng(0)
+    weights, places = rng.random(1_000_000), rng.integers(0, 1_000_000, 1_000_000)
+    taken = (_best(lambda: np.exp(weights)), _best(lambda: np.bincount(places, weights)))  # both use one thread
+    return float(np.mean(np.divide(taken, PROBES)))
+
+
+def _best(work: Callable[[], object]) -> float:
+    """The least processor time of some repeats: what other programs take does not count."""
+    least = np.inf
+    for _ in range(REPEATS):
+        begin = time.process_time()
+        work()
+        least = min(least, time.process_time() - begin)
+    return float(least)
