@@ -56,6 +56,14 @@ class Vertex:
         return self.angle / math.pi
 
 
+@dataclass(frozen=True)
+class Side:
+    """One side of a corner: the name of its edge, and its unit tangent there, away from the corner."""
+
+    name: str
+    away: Point
+
+
 def vertices(body: Body, boundary: tuple[tuple[str, Role], ...], material: Material, sticks: Sticks) -> list[Vertex]:
     """All corners of a body given by edges; none for a body from a file, whose corners are not looked at."""
     if body.outline is None:
@@ -65,8 +73,9 @@ def vertices(body: Body, boundary: tuple[tuple[str, Role], ...], material: Mater
     for loop, hole in [(body.outline, False), *((hole, True) for hole in body.holes)]:
         for before, after in zip(_previous(loop), loop.edges, strict=True):
             # The body lies counter-clockwise of the edge at φ = 0: the one that leaves an outline's corner.
-            zero, far = (before, after) if hole else (after, before)
-            found.append(_vertex(after.start, zero, far, roles, kappa, sticks))
+            edges, at = (before, after) if hole else (after, before), after.start
+            zero, far = (Side(edge.name, _away(edge, at)) for edge in edges)
+            found.append(vertex(at, zero, far, roles, kappa, sticks))
     return found
 
 
@@ -74,18 +83,15 @@ def _previous(loop: Loop) -> tuple[Edge, ...]:
     return (loop.edges[-1], *loop.edges[:-1])
 
 
-def _vertex(at: Point, zero: Edge, far: Edge, roles: dict[str, Role], kappa: float, sticks: Sticks) -> Vertex:
-    start, end = _away(zero, at), _away(far, at)
-    angle = (math.atan2(end[1], end[0]) - math.atan2(start[1], start[0])) % (2 * math.pi)
+def vertex(at: Point, zero: Side, far: Side, roles: dict[str, Role], kappa: float, sticks: Sticks) -> Vertex:
+    """The corner between two sides; the body lies counter-clockwise of `zero`, kappa = (λ+3μ)/(λ+μ)."""
+    (a, b), (c, d) = zero.away, far.away
+    angle = (math.atan2(d, c) - math.atan2(b, a)) % (2 * math.pi)
     angle = 2 * math.pi if angle < 1e-9 else angle
-    held, words = [], []
-    for edge, direction in ((zero, start), (far, end)):
-        one, word = _condition(roles[edge.name], edge, at, direction, sticks)
-        held.append(one)
-        words.append(word)
-    exponent = corner_exponent(round(angle, 12), held[0], held[1], kappa)
-    contact = any(isinstance(roles[edge.name], Contact) for edge in (zero, far))
-    return Vertex(at, angle, (zero.name, far.name), (words[0], words[1]), exponent, contact)
+    (first, said), (second, told) = (_condition(roles[side.name], side, at, sticks) for side in (zero, far))
+    exponent = corner_exponent(round(angle, 12), first, second, kappa)
+    contact = any(isinstance(roles[side.name], Contact) for side in (zero, far))
+    return Vertex(at, angle, (zero.name, far.name), (said, told), exponent, contact)
 
 
 def _away(edge: Edge, at: Point) -> tuple[float, float]:
@@ -95,12 +101,10 @@ def _away(edge: Edge, at: Point) -> tuple[float, float]:
     return forward if edge.start == at else (-forward[0], -forward[1])
 
 
-def _condition(
-    role: Role, edge: Edge, at: Point, e_r: tuple[float, float], sticks: Sticks
-) -> tuple[tuple[Direction, ...], str]:
+def _condition(role: Role, side: Side, at: Point, sticks: Sticks) -> tuple[tuple[Direction, ...], str]:
     """Held directions in the polar frame of a side, and the condition in words."""
     if isinstance(role, Contact):
-        return (CLAMPED, "sticking contact") if sticks(edge.name, at) else (SLIDING, "slipping contact")
+        return (CLAMPED, "sticking contact") if sticks(side.name, at) else (SLIDING, "slipping contact")
     if not isinstance(role, Clamped):
         return FREE, "traction"
     if None not in role.u:
@@ -108,6 +112,7 @@ def _condition(
     if role.frame == "nt":
         return (SLIDING, "roller") if role.u[0] is not None else (((1.0, 0.0),), "guided")
     d = (1.0, 0.0) if role.u[0] is not None else (0.0, 1.0)
+    e_r = side.away
     e_phi = (-e_r[1], e_r[0])
     local = (round(d[0] * e_r[0] + d[1] * e_r[1], 12), round(d[0] * e_phi[0] + d[1] * e_phi[1], 12))
     return (local,), "roller"

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tcstudy.errors import GeometryFailed
 from tcstudy.expressions.expression import Expression
-from tcstudy.fem.meshes import PlaneMesh, curve_normals
+from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.scene.records import Clamped, Contact, Role, Scalar
 
 Array = NDArray[np.float64]
@@ -132,6 +132,19 @@ def values_at(scalar: Scalar, points: Array) -> Array:
             raise GeometryFailed(f"the expression {str(scalar)!r} is not finite at every node; correct it", ())
         return np.array(value, dtype=float)
     return np.full(len(points), float(scalar))
+
+
+def curve_normals(mesh: PlaneMesh, curve: int) -> tuple[Indices, Array]:
+    """Nodes of a boundary curve and the outward unit normals of the exact curve there."""
+    segments = mesh.segments[mesh.segment_curve == curve]
+    nodes = np.unique(segments)
+    normals = mesh.geometry.curves[curve].normal(mesh.points[nodes])
+    tangent = mesh.points[segments[:, 1]] - mesh.points[segments[:, 0]]
+    outward = np.zeros((mesh.n_points, 2))
+    for side in (0, 1):  # the body is on a segment's left, so its outward normal is (t₂, −t₁)
+        np.add.at(outward, segments[:, side], np.column_stack([tangent[:, 1], -tangent[:, 0]]))
+    sign = np.sign(np.einsum("ij,ij->i", outward[nodes], normals))
+    return nodes, normals * sign[:, None]
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -180,17 +180,37 @@ def orient(segments: Indices, triangles: Indices, n_points: int) -> Indices:
     return np.where((directed[position] == key)[:, None], segments, segments[:, ::-1])
 
 
-def curve_normals(mesh: PlaneMesh, curve: int) -> tuple[Indices, Array]:
-    """Nodes of a boundary curve and the outward unit normals of the exact curve there."""
-    segments = mesh.segments[mesh.segment_curve == curve]
-    nodes = np.unique(segments)
-    normals = mesh.geometry.curves[curve].normal(mesh.points[nodes])
-    tangent = mesh.points[segments[:, 1]] - mesh.points[segments[:, 0]]
-    outward = np.zeros((mesh.n_points, 2))
-    for side in (0, 1):  # the body is on a segment's left, so its outward normal is (t₂, −t₁)
-        np.add.at(outward, segments[:, side], np.column_stack([tangent[:, 1], -tangent[:, 0]]))
-    sign = np.sign(np.einsum("ij,ij->i", outward[nodes], normals))
-    return nodes, normals * sign[:, None]
+@dataclass(frozen=True)
+class CurveEnd:
+    """A node where one curve of the boundary ends and the next begins, the body on the left of both.
+
+    curves: index of the one that ends and of the one that begins;  normals: outward unit normals of both there
+    """
+
+    node: int
+    curves: tuple[int, int]
+    normals: tuple[Point, Point]
+
+
+def curve_ends(mesh: PlaneMesh) -> list[CurveEnd]:
+    """All of them, in the order of the curves that begin there."""
+    ending = {int(b): i for i, (_, b) in enumerate(mesh.segments)}
+    found = []
+    for after, (node, _) in enumerate(mesh.segments.tolist()):
+        pair = ending[node], after
+        curves = int(mesh.segment_curve[pair[0]]), int(mesh.segment_curve[after])
+        if curves[0] != curves[1]:
+            first, second = (_normal(mesh, i, node) for i in pair)
+            found.append(CurveEnd(node, curves, (first, second)))
+    return sorted(found, key=lambda end: end.curves[1])
+
+
+def _normal(mesh: PlaneMesh, segment: int, node: int) -> Point:
+    """Outward unit normal of the exact curve of a segment at one of its nodes."""
+    along = mesh.points[mesh.segments[segment, 1]] - mesh.points[mesh.segments[segment, 0]]
+    x, y = mesh.geometry.curves[mesh.segment_curve[segment]].normal(mesh.points[[node]])[0]
+    outward = along[1] * x - along[0] * y > 0.0
+    return (float(x), float(y)) if outward else (-float(x), -float(y))
 
 
 def _check(geometry: Geometry, points: Array, segments: Indices, curve: Indices, area: float) -> None:
@@ -239,29 +259,17 @@ class Singular:
 
 def singular_points(mesh: PlaneMesh, boundary: Boundary) -> Singular:
     """Corners of the body where stresses may be infinite."""
-    roles = dict(boundary)
-    support = [_support(roles[curve.name]) for curve in mesh.geometry.curves]
-    normals = [dict(zip(*_normals(mesh, i), strict=True)) for i in range(len(support))]
-    incoming, outgoing = mesh.segments[:, 1], mesh.segments[:, 0]
-    before = dict(zip(incoming.tolist(), mesh.segment_curve.tolist(), strict=True))
+    support = [_support(dict(boundary)[curve.name]) for curve in mesh.geometry.curves]
     found: dict[int, bool] = {}
-    for node, after in zip(outgoing.tolist(), mesh.segment_curve.tolist(), strict=True):
-        first = before[node]
-        if first == after:
-            continue
-        (a, b), (c, d) = normals[first][node], normals[after][node]
+    for corner in curve_ends(mesh):
+        (a, b), (c, d) = corner.normals
         angle = np.pi - np.arctan2(a * d - b * c, a * c + b * d)
-        pair = {support[first], support[after]}
+        pair = {support[i] for i in corner.curves}
         if angle > _critical(pair) + SLACK:
-            found[node] = False
+            found[corner.node] = False
         elif pair == {"contact", "free"}:
-            found[node] = True
+            found[corner.node] = True
     return Singular(mesh.points[list(found)].reshape(-1, 2), np.array(list(found.values()), dtype=bool))
-
-
-def _normals(mesh: PlaneMesh, curve: int) -> tuple[list[int], list[tuple[float, float]]]:
-    nodes, normals = curve_normals(mesh, curve)
-    return nodes.tolist(), [(float(x), float(y)) for x, y in normals]
 
 
 def _support(role: Role) -> Support:

@@ -41,24 +41,22 @@ By how much the change from h to h/2 is smaller than the error, corner by corner
 In a corner where u ~ r^λ the error of a number falls by 2^{2λ} at halving (λ from the solution, λ from the dual
 solution), so that it is the change times 1/(1 − 2^{−2λ}): 2 in a crack's tip, 13 where two slipping edges meet at 170°
 (λ = 1/17). Refinement towards a corner makes its part of the change small, not its factor.
-Left out: corners of a body from a file, which nothing looks at
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.corners import Vertex, vertices
+from tcstudy.accuracy.corners import Side, Sticks, vertex
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.estimators import own_strain
-from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.meshes import CurveEnd, PlaneMesh, curve_ends
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Condensed, Level
 from tcstudy.refine.ends import end_cells
@@ -67,7 +65,7 @@ from tcstudy.refine.goals import dual, goal_value, lost, lumping, torn
 from tcstudy.refine.halved import Halved, contributions
 from tcstudy.scene.friction import sticking
 from tcstudy.scene.points import needs_heat_solve
-from tcstudy.scene.records import Body, Material, Point, Role, Scene
+from tcstudy.scene.records import Material, Point, Scene
 from tcstudy.scene.study import Goal
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import Status
@@ -277,46 +275,26 @@ def regions(halved: Halved, scene: Scene, sticks: NDArray[np.bool_], more: Array
     sticks: (m,) whether the contact nodes stick;  more: (k, 2) other places with nodes of their own, beside curve ends
     """
     coarse, fine, line = halved.coarse.mesh, halved.level.mesh, halved.coarse.line
-    ends = [end for name in line.edge_names for end in _ends(scene.body, name)]
-    stuck = frozenset((name, at) for name, at in ends if _sticks_near(line, sticks, name, at))
-    factors = np.full(fine.n_points, SMOOTH)
-    places = np.concatenate([fine.points[curve_ends(fine)], more])
+    found, factors = curve_ends(coarse), np.full(fine.n_points, SMOOTH)
+    places = np.concatenate([coarse.points[[corner.node for corner in found]], more])
     region = np.argmin(np.linalg.norm(fine.points[:, None] - places[None], axis=2), axis=1)
-    for vertex in _vertices(scene.body, scene.boundary, scene.material, stuck):
-        if vertex.exponent < 1.0:
-            node = int(np.argmin(np.linalg.norm(coarse.points - np.array(vertex.at), axis=1)))
-            around = fine.triangles[np.any(coarse.triangles == node, axis=1)[halved.parent]]
-            factors[around] = np.maximum(factors[around], 1.0 / (1.0 - 2.0 ** (-2.0 * vertex.exponent)))
+    for corner in found:
+        exponent = _exponent(coarse, corner, scene, lambda edge, at: _sticks_near(line, sticks, edge, at))
+        if exponent < 1.0:
+            around = fine.triangles[np.any(coarse.triangles == corner.node, axis=1)[halved.parent]]
+            factors[around] = np.maximum(factors[around], 1.0 / (1.0 - 2.0 ** (-2.0 * exponent)))
             region[around] = region.max() + 1
     return Regions(factors, region)
 
 
-def curve_ends(mesh: PlaneMesh) -> NDArray[np.intp]:
-    """Nodes at which one curve of the boundary ends and another begins."""
-    own = np.full(mesh.n_points, -1)
-    own[mesh.segments[:, 0]] = mesh.segment_curve
-    return mesh.segments[own[mesh.segments[:, 1]] != mesh.segment_curve, 1]
-
-
-@lru_cache(maxsize=256)
-def _vertices(
-    body: Body, boundary: tuple[tuple[str, Role], ...], material: Material, stuck: frozenset[tuple[str, Point]]
-) -> tuple[Vertex, ...]:
-    """The corners, given which (edge, end) stick; their exponents are roots that take longer than a small solution."""
-    return tuple(vertices(body, boundary, material, lambda edge, at: (edge, at) in stuck))
-
-
-def _ends(body: Body, name: str) -> list[tuple[str, Point]]:
-    """(name, point) of both ends of the edges with this name; none for a body from a file."""
-    if body.outline is None:
-        return []
-    found = []
-    for loop in (body.outline, *body.holes):
-        after = (*loop.edges[1:], loop.edges[0])
-        found += [
-            (name, at) for a, b in zip(loop.edges, after, strict=True) if a.name == name for at in (a.start, b.start)
-        ]
-    return found
+def _exponent(mesh: PlaneMesh, corner: CurveEnd, scene: Scene, sticks: Sticks) -> float:
+    """λ of u ~ r^λ in a corner; with the body on the left of its edges it lies between the next one and the last."""
+    (a, b), (c, d) = corner.normals
+    before, after = (mesh.geometry.curves[i].name for i in corner.curves)
+    x, y = mesh.points[corner.node]
+    kappa = (scene.material.lam + 3 * scene.material.mu) / (scene.material.lam + scene.material.mu)
+    zero, far = Side(after, (-d, c)), Side(before, (b, -a))
+    return vertex((float(x), float(y)), zero, far, dict(scene.boundary), kappa, sticks).exponent
 
 
 def _sticks_near(line: ContactLine, sticks: NDArray[np.bool_], edge: str, at: Point) -> bool:

@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.linalg
+from netgen import occ
 
 from tcstudy.data.records import LevelRecord
 from tcstudy.exact.numbers import known_goal
 from tcstudy.fem.meshes import doubled_areas
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
+from tcstudy.read.study import read_study
 from tcstudy.refine import goal_error as goal_error_module
 from tcstudy.refine.family import Family
 from tcstudy.refine.goal_error import SMOOTH, regions
@@ -153,6 +156,40 @@ def test_factors_are_those_of_smooth_solutions_and_of_corners() -> None:
     lam = 180.0 / 174.21486877 - 1.0  # π/ω − 1 between slipping edges
     assert found.factors[around] == pytest.approx(1.0 / (1.0 - 2.0 ** (-2.0 * lam)), rel=1e-6)
     assert set(np.flatnonzero(found.region == found.region[node])) == set(around)
+
+
+L_SHAPE = """
+units: none
+body: {outline: [OUTLINE]}
+boundary: {foot: contact, side: clamped, rest: {role: traction, g: [0.02, -0.01]}}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: 0.01}
+mesh: {maxh: 0.5, levels: 1}
+"""
+L_CORNERS = ((0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2))
+L_EDGES = ("foot", "rest", "rest", "rest", "rest", "side")
+
+
+def test_corners_of_a_body_from_a_file_have_the_factors_of_the_same_outline(tmp_path: Path) -> None:
+    outline = ", ".join(f"{{from: [{x}, {y}], edge: {e}}}" for (x, y), e in zip(L_CORNERS, L_EDGES, strict=True))
+    plane = occ.WorkPlane().MoveTo(0, 0)
+    for x, y in (*L_CORNERS[1:], (0, 0)):
+        plane = plane.LineTo(x, y)
+    plane.Close().Face().WriteBrep(str(tmp_path / "body.brep"))
+    given = L_SHAPE.replace("outline: [OUTLINE]", f"outline: [{outline}]")
+    edges = "edges: {foot: [[1, 0]], side: [[0, 1]]}, other: rest"
+    (tmp_path / "s.yaml").write_text(
+        L_SHAPE.replace("outline: [OUTLINE]", f"file: {{path: body.brep, unit: m, {edges}}}")
+    )
+    found = []
+    for study in (study_of(given), read_study(tmp_path / "s.yaml")):
+        level = Level(Family(study).next(0), study.scenes[0])
+        parted = regions(
+            Halved(level, study.scenes[0]), study.scenes[0], np.zeros(level.line.m, bool), np.zeros((0, 2))
+        )
+        found.append(np.unique(parted.factors))
+    assert len(found[0]) > 2
+    assert found[1] == pytest.approx(found[0], rel=1e-9)
 
 
 def test_goals_of_exact_solutions() -> None:
