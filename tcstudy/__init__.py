@@ -5,7 +5,7 @@
     tree = tcstudy.run(study.with_(friction_delta="60 um"), "coarse.nc")  # xarray.DataTree; also written to the file
     tree["level_1"]["u_T"]                                                # tangential displacements on the second mesh
 
-Studies:  load, Study (from_dict, with_), plan, run, converge, cost, path
+Studies:  init, schema, load, Study (from_dict, with_), plan, run, converge, cost, path
 Results:  open_results, draw, report, merge
 Matrices: ContactProblem, law, solve, certify, follow
 
@@ -34,7 +34,21 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tcstudy.api import Study, converge, cost, draw, load, merge, open_results, path, plan, report, run
+    from tcstudy.api import (
+        Study,
+        converge,
+        cost,
+        draw,
+        init,
+        load,
+        merge,
+        open_results,
+        path,
+        plan,
+        report,
+        run,
+        schema,
+    )
     from tcstudy.errors import (
         ConvergenceError,
         CostError,
@@ -72,6 +86,7 @@ __all__ = [
     "cost",
     "draw",
     "follow",
+    "init",
     "law",
     "load",
     "merge",
@@ -80,6 +95,7 @@ __all__ = [
     "plan",
     "report",
     "run",
+    "schema",
     "solve",
 ]
 

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from tcstudy.data.provenance import Kind
     from tcstudy.study.plan import Plan
 
-__all__ = ["Study", "converge", "cost", "draw", "load", "merge", "open_results", "path", "plan", "report", "run"]
-
 Changes = Sequence[str] | Mapping[str, object]
 """Texts "key=value" as of --set, or values by key."""
 
@@ -114,6 +112,20 @@ def _plain(value: object) -> object:
     if isinstance(value, FilePath):
         return str(value)
     raise UsageError(f"{value!r} is a {type(value).__name__}, which a study cannot hold; give numbers, texts or lists")
+
+
+def init(file: str | FilePath = "study.yaml") -> FilePath:
+    """Write a commented starter study and the schema that its first line names; raises UsageError if it is there."""
+    from tcstudy.commands.writing import starter
+
+    return starter(FilePath(file))
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema (draft 2020-12) of a study file: what it refuses `load` and `Study.from_dict` refuse, too."""
+    from tcstudy.read.schema import schema as whole
+
+    return dict(whole())
 
 
 def load(path: str | FilePath, overrides: Changes = ()) -> Study:

@@ -70,3 +70,13 @@ def test_faults_are_one_line(study: tcstudy.Study, tmp_path: Path) -> None:
     with pytest.raises(tcstudy.UsageError, match="no part"):
         tcstudy.report(tmp_path / "run.nc", without=["nothing"])
     assert not list(tmp_path.iterdir())
+
+
+def test_a_starter_study_and_the_schema_it_names(tmp_path: Path) -> None:
+    file = tcstudy.init(tmp_path / "mine.yaml")
+    assert len(tcstudy.load(file).scenes) == 6
+    assert (tmp_path / "study.schema.json").exists()
+    with pytest.raises(tcstudy.UsageError, match="is there already"):
+        tcstudy.init(file)
+    schema = tcstudy.schema()
+    assert set(schema["properties"]) > {"body", "boundary", "material", "friction", "mesh", "sweep"}

@@ -46,10 +46,17 @@ sweep:                              # every combination is solved
 
 
 def init(options: argparse.Namespace) -> int:
-    """Write the starter study and, beside it, the schema that its first line names to editors."""
+    """Write the starter study and say what comes next."""
+    study = starter(options.file)
+    print(f"{study} written; next: tcstudy plan {study}, tcstudy run {study}")
+    return OK
+
+
+def starter(study: Path) -> Path:
+    """Write the starter study and, beside it, the schema that its first line names to editors. Raises UsageError."""
     from tcstudy.read.schema import TITLE, schema_text
 
-    study, schema = options.file, options.file.parent / SCHEMA
+    schema = study.parent / SCHEMA
     try:
         ours = not schema.exists() or TITLE in schema.read_text(encoding="utf-8", errors="replace")
         with open(study, "x", encoding="utf-8") as file:
@@ -60,8 +67,7 @@ def init(options: argparse.Namespace) -> int:
         fail(f"{study}: is there already, and is kept; name another file")
     except OSError as error:
         fail(f"{study}: cannot be written ({error.strerror or error}); name another file")
-    print(f"{study} written; next: tcstudy plan {study}, tcstudy run {study}")
-    return OK
+    return study
 
 
 def schema(options: argparse.Namespace) -> int:

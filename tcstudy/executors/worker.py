@@ -6,6 +6,7 @@ answered by a Solved or by the exception of the solve. It writes nothing.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
@@ -20,7 +21,8 @@ from tcstudy.online import CondensedBody
 def serve(parent: Connection) -> None:
     """Answer tasks until the parent hangs up."""
     body: CondensedBody | None = None
-    parent.send("ready")
+    with contextlib.suppress(OSError):  # one that has gone is noticed below
+        parent.send("ready")
     while True:
         try:
             message = parent.recv()

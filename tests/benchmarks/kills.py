@@ -1,0 +1,130 @@
+"""Random kills of workers and of the run itself: `python -m tests.benchmarks.kills [KILLS] [SEED]`; 100 kills.
+
+A run of many small blocks with two workers is started again and again. At random times a worker or the run itself gets
+SIGKILL; a run that was killed is started again and goes on from what it kept. The file in the end is compared with that
+of a run in one process that nobody kills: every array to the bit, no point failed.
+
+Writes results/kills.md.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from tcstudy.data.records import PointStatus
+from tests.verification.scenes import RECTANGLE
+
+RESULTS = Path(__file__).parents[2] / "results"
+STUDY = RECTANGLE.replace("levels: 3", "levels: 1") + "\nsweep: {friction.tau: {linspace: [0.005, 0.03, POINTS]}}\n"
+RUN = """
+import sys, time
+from pathlib import Path
+from tcstudy.read.study import read_study
+from tcstudy.study import workshop
+from tcstudy.study.run import execute
+workshop.POINTS = 2
+class Slow:
+    def begin(self, *_): print("begun", flush=True)
+    def level(self, _): ...
+    def block(self, _):
+        print("block", flush=True)
+        time.sleep(float(sys.argv[4]))
+execute(read_study(Path(sys.argv[1])), Path(sys.argv[2]), Slow(), jobs=int(sys.argv[3]))
+"""
+PAUSE = 0.02
+"""Seconds between blocks, so that kills find the run at work however fast it is."""
+
+
+@dataclass
+class Kills:
+    """What was done: kills of workers and of runs, and how often a run was started."""
+
+    workers: int = 0
+    runs: int = 0
+    starts: int = 0
+
+
+def survive(folder: Path, kills: int, seed: int, points: int) -> Kills:
+    """Kill so often, let the last run end, and compare; raises AssertionError if anything was lost or differs."""
+    study, output, plain = folder / "study.yaml", folder / "killed.nc", folder / "plain.nc"
+    study.write_text(STUDY.replace("POINTS", str(points)))
+    chance, done = random.Random(seed), Kills()
+    while not output.exists():
+        assert done.starts < kills + 10, "runs end without a result"
+        done.starts += 1
+        _one_run(study, output, kills, chance, done)
+    words = [sys.executable, "-c", RUN, str(study), str(plain), "1", "0"]
+    subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
+    assert_same(plain, output)
+    return done
+
+
+def _one_run(study: Path, output: Path, kills: int, chance: random.Random, done: Kills) -> None:
+    """One run, until it ends or is killed."""
+    words = [sys.executable, "-c", RUN, str(study), str(output), "2", str(PAUSE)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as run:
+        assert run.stdout is not None
+        until = chance.randint(1, 9)  # blocks to be seen before the next kill
+        for line in run.stdout:
+            until -= line == "block\n"
+            if until > 0 or done.workers + done.runs >= kills:
+                continue
+            time.sleep(chance.uniform(0.0, 2 * PAUSE))
+            workers = children(run.pid)
+            if chance.random() < 0.2 or not workers:
+                run.kill()
+                done.runs += 1
+                return
+            os.kill(chance.choice(workers), signal.SIGKILL)
+            done.workers += 1
+            until = chance.randint(5, 9)  # those that wait for the killed one, and some more
+        assert run.wait() == 0, f"a run ended with {run.returncode}"
+
+
+def children(parent: int) -> list[int]:
+    """Its worker processes, whichever thread started them."""
+    found = [
+        Path(f"/proc/{parent}/task/{task}/children").read_text().split() for task in os.listdir(f"/proc/{parent}/task")
+    ]
+    return [int(pid) for pids in found for pid in pids]
+
+
+def assert_same(one: Path, other: Path) -> None:
+    """Whether two result files hold the same numbers, times aside."""
+    with xr.open_datatree(one) as a, xr.open_datatree(other) as b:
+        assert [node.path for node in a.subtree] == [node.path for node in b.subtree]
+        for node in a.subtree:
+            for name, values in node.data_vars.items():
+                if not str(name).startswith("time"):
+                    equal = np.array_equal(values.values, b[node.path][name].values, equal_nan=values.dtype.kind == "f")
+                    assert equal, f"{node.path}/{name} differs"
+        assert np.all(a["status"].values == int(PointStatus.OK))
+
+
+def main() -> None:
+    """Kill, compare and write what came of it."""
+    kills, seed = (int(word) for word in (*sys.argv[1:], *("100", "0")[len(sys.argv) - 1 :]))
+    with tempfile.TemporaryDirectory() as folder:
+        done = survive(Path(folder), kills, seed, 20 * kills)
+    text = (
+        f"Made by `python -m tests.benchmarks.kills {kills} {seed}`: {done.workers} workers and {done.runs} runs "
+        f"killed at random, {done.starts} starts of one study of {20 * kills} points in blocks of two.\n"
+        "Nothing lost: every number equal to the bit to that of a run in one process, no point failed.\n"
+    )
+    (RESULTS / "kills.md").write_text(text, encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,14 @@
+"""Random kills of workers and of the run itself lose nothing; `python -m tests.benchmarks.kills` does it more often."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.benchmarks.kills import survive
+
+
+def test_five_random_kills_lose_nothing(tmp_path: Path) -> None:
+    done = survive(tmp_path, kills=5, seed=3, points=200)
+    assert done.workers + done.runs == 5
+    assert done.workers > 0
+    assert done.runs > 0
