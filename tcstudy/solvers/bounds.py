@@ -1,4 +1,4 @@
-"""How far j bends below its tangent at a solution: the numbers D_i of the global-minimum certificate.
+"""How far j bends below its tangent at a solution, on a box that holds all solutions: what certificates are made of.
 
 D_i = sup over s in [low_i, high_i] of 2 [j(v_i) + ζ_i (s − v_i) − j(s)] / (s − v_i)²,  ζ_i ∈ b̂(v_i), so that
 j(s) ≥ j(v_i) + ζ_i (s − v_i) − ½ D_i (s − v_i)² there. Summed over the nodes:
@@ -9,10 +9,8 @@ piece is cut into parts; on each b is bounded from below by a line through its v
 where b is convex, the chord where it is concave), while j at the near end is exact. A smaller b makes the
 quotient larger, so the result is an upper bound of D_i, too large by O(part length²).
 
-A box that holds every solution of a contact problem, and the range and steepest fall of b on intervals.
-
-Every solution satisfies v = Ã⁻¹(l̃ − Cζ) with ζ_i ∈ b̂(v_i), so a box for v gives an interval for ζ and that gives a
-better box; the iteration starts from what the energy allows. All bounds are widened by the rounding of the
+The box: every solution satisfies v = Ã⁻¹(l̃ − Cζ) with ζ_i ∈ b̂(v_i), so a box for v gives an interval for ζ and that
+gives a better box; the iteration starts from what the energy allows. All bounds are widened by the rounding of the
 inverse, so that a box is never too small.
 """
 

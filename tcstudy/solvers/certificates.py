@@ -122,7 +122,7 @@ def positive_definite(
 
 def _resting_slack(problem: ContactProblem, v: Array) -> tuple[float, int]:
     """(least relative slack of the nodes on up-jumps, their number)."""
-    on = _on_up_jump(problem, v)
+    on = np.isin(v, problem.law.kinks[problem.law.kinds == UP])
     if not np.any(on):
         return float("inf"), 0
     s = slopes(problem, v, problem.xi(v))
@@ -130,20 +130,12 @@ def _resting_slack(problem: ContactProblem, v: Array) -> tuple[float, int]:
     return float(np.min(slack)) / problem.traction_scale, int(np.count_nonzero(on))
 
 
-def _on_up_jump(problem: ContactProblem, v: Array) -> NDArray[np.bool_]:
-    """Nodes that sit bitwise on an up-jump."""
-    if not len(problem.law.kinks):
-        return np.zeros(problem.m, dtype=bool)
-    near = problem.law.nearest_kink(v)
-    return (problem.law.kinks[near] == v) & (problem.law.kinds[near] == UP)
-
-
 def _strict_minimum(problem: ContactProblem, v: Array, lambda_1: float, margin: float) -> bool:
     """Second-order test with the nodes that rest without slack counted as free (sufficient, not necessary)."""
     law, xi = problem.law, problem.xi(v)
     s = slopes(problem, v, xi)
     noise = 1e3 * np.finfo(float).eps * (np.diagonal(problem.A_tilde) * np.abs(v) + np.abs(xi))
-    on_up = _on_up_jump(problem, v)
+    on_up = np.isin(v, law.kinks[law.kinds == UP])
     held = on_up & (s.left < -noise) & (s.right > noise)
     if np.any(s.at_jump & ~on_up):
         return False

@@ -105,10 +105,10 @@ def solve_contact(
     answers: list[Answer] = []
     for start, x0 in _starts(problem, branch, neighbour):
         stay = branch == "continued" and start == NEIGHBOUR
-        solves = (
-            stay and problem.inclusion_residual(x0) <= acceptance.aim
-        )  # a descent would leave one that is no minimum
-        outcome = _unmoved(problem, x0) if solves else run(problem, x0, accuracy, max_iterations, stay, log)
+        if stay and problem.inclusion_residual(x0) <= acceptance.aim:
+            outcome = _unmoved(problem, x0)  # a descent would leave one that is no minimum
+        else:
+            outcome = run(problem, x0, accuracy, max_iterations, stay, log)
         answers.append(replace(_judge(problem, outcome, acceptance), start=start))
         if branch != "lowest" and answers[-1].status == Status.CONVERGED:
             break
@@ -162,12 +162,7 @@ def _separable(
 
 
 def _bundle(
-    problem: ContactProblem,
-    x0: Array,
-    accuracy: float,
-    max_iterations: int | None,
-    stay: bool,  # noqa: ARG001
-    log: Log | None,
+    problem: ContactProblem, x0: Array, accuracy: float, max_iterations: int | None, _: bool, log: Log | None
 ) -> Outcome:
     from tcstudy.solvers.bundle.contact import solve_with_bundle  # needs the QP library
 

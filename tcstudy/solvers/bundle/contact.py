@@ -70,11 +70,8 @@ class IdentifyingBundle(BundleNewton):
         step = v - state.x
         change = energy_change(self.contact, state.x, self.contact.xi(state.x), step, self.contact.A_tilde @ step)
         left = self.identify * state.scale
-        return (
-            (v, residual)
-            if residual <= max(self.inclusion, self.contact.xi_rounding(v)) and -left <= change <= 0.0
-            else None
-        )
+        found = residual <= max(self.inclusion, self.contact.xi_rounding(v)) and -left <= change <= 0.0
+        return (v, residual) if found else None
 
     def verdict(self, problem: Oracle, state: State) -> tuple[Status, str] | None:
         """As bundle-Newton's, or converged on the active pieces."""
@@ -114,11 +111,6 @@ def solve_with_bundle(
 
     inclusion: inclusion residual to work for
     """
-    plain = contact_method(problem)
-    method = IdentifyingBundle(
-        tolerance=plain.tolerance, max_iterations=plain.max_iterations, x_unit=plain.x_unit, contact=problem
-    )
-    method = replace(method, inclusion=inclusion)
-    if max_iterations is not None:
-        method = replace(method, max_iterations=max_iterations)
+    plain = contact_method(problem, max_iterations=max_iterations or 2000)
+    method = IdentifyingBundle(**vars(plain), contact=problem, inclusion=inclusion)
     return iterate(method, contact_oracle(problem), x0, log)

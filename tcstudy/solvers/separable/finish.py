@@ -7,12 +7,10 @@ an inclusion residual at rounding level, whatever method came before.
 Method: active-set identification as in Hintermüller, Ito & Kunisch, SIAM J. Optim. 13 (2002) 865–888, without its
 globalisation; a start too far away is returned unchanged.
 
-The digits of a solution that double precision does not hold: v as a sum of two doubles, ξ in twice the precision.
-
-From a point near a solution, Newton's method on the pieces that its nodes are on, (A_FF + C b_F′) d_F = (ξ − c b)_F,
-with the right-hand side in two doubles and the factor in one: iterative refinement. One step turns a residual of 1e-10
-into 1e-14 where v keeps its low part, and into little less than it was where v is rounded to one double.
-Literature: Wilkinson, Rounding Errors in Algebraic Processes, HMSO 1963 (iterative refinement).
+Digits that double precision does not hold: the same Newton step (A_FF + C b_F′) d_F = (ξ − c b)_F with v as a sum of
+two doubles, ξ in twice the precision and the factor in one is iterative refinement (Wilkinson, Rounding Errors in
+Algebraic Processes, HMSO 1963). One step turns a residual of 1e-10 into 1e-14 where v keeps its low part, and into
+little less than it was where v is rounded to one double.
 """
 
 from __future__ import annotations
@@ -47,7 +45,7 @@ class ActivePieces:
     @property
     def key(self) -> bytes:
         """Equal for equal identifications."""
-        return bytes(np.where(self.kink >= 0, 2 * self.kink + 1, 2 * self.piece).tobytes())
+        return np.where(self.kink >= 0, 2 * self.kink + 1, 2 * self.piece).tobytes()
 
 
 def identify(problem: ContactProblem, v: Array) -> ActivePieces:
@@ -96,24 +94,17 @@ def solve_on(problem: ContactProblem, active: ActivePieces, v: Array, newton_ste
     resting = active.kink >= 0
     v = np.where(resting, problem.law.kinks[active.kink], v) if np.any(resting) else v.copy()
     free = np.flatnonzero(~resting)
-    if not len(free):
-        return v
-    # Outside its piece an exponential may overflow; the test on finite numbers catches it.
-    with np.errstate(over="ignore", invalid="ignore"):
-        return _newton(problem, free, active.piece[free], v, newton_steps)
-
-
-def _newton(problem: ContactProblem, free: Index, piece: Index, v: Array, newton_steps: int) -> Array | None:
-    """Newton's method for the free nodes on fixed pieces; v is overwritten. One factor serves a linear law."""
-    law, c, solver = problem.law, problem.c[free], None
-    for _ in range(newton_steps):
-        defect = c * law.value(v[free], piece) - problem.xi(v)[free]
-        if solver is None or not law.piecewise_linear:
-            solver = linear_solver(problem, free, c * law.slope(v[free], piece))
-        if solver is None:
-            return None
-        correction = solver(defect)
-        v[free] -= correction
+    law, c, piece, solver = problem.law, problem.c[free], active.piece[free], None
+    for _ in range(newton_steps if len(free) else 0):
+        # Outside its piece an exponential may overflow; the test on finite numbers catches it.
+        with np.errstate(over="ignore", invalid="ignore"):
+            defect = c * law.value(v[free], piece) - problem.xi(v)[free]
+            if solver is None or not law.piecewise_linear:  # one factor serves a linear law
+                solver = linear_solver(problem, free, c * law.slope(v[free], piece))
+            if solver is None:
+                return None
+            correction = solver(defect)
+            v[free] -= correction
         if not np.all(np.isfinite(v)):
             return None
         if np.max(np.abs(correction)) <= 4 * np.finfo(float).eps * np.max(np.abs(v)):

@@ -4,11 +4,9 @@
 Differences of energy are summed from small terms instead of subtracting two energies: near a solution the
 difference is far below the rounding of L̃ itself.
 
-Newton's equations on the free nodes, (A_FF + C q_F) d_F = −g_F, made positive definite where b falls.
-
-A falling piece contributes a negative slope q. Where that makes the matrix indefinite the falls are lifted to
-zero; Ã alone is positive definite. (Lifting them in halves first saved no iterations in trials and cost more
-factorisations.)
+Newton's equations on the free nodes are (A_FF + C q_F) d_F = −g_F. A falling piece contributes a negative slope q;
+where that makes the matrix indefinite the falls are lifted to zero, since Ã alone is positive definite. (Lifting them
+in halves first saved no iterations in trials and cost more factorisations.)
 """
 
 from __future__ import annotations

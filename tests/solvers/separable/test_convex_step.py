@@ -36,6 +36,17 @@ def test_random_laws(family: Family) -> None:
             assert not answer.limited
 
 
+def test_failure_on_a_dense_body_names_its_own_reason() -> None:
+    """Five hundred nodes, condition 1e5, any law: solved; and stopped too early it is not put down to rounding."""
+    rng = np.random.default_rng([0, 500])
+    problem = next(f for f in FAMILIES if f.name == "one-sided-any-driven").problem(rng, 500, 1e5)
+    assert solve_contact(problem, branch="from-zero").status == Status.CONVERGED
+    stopped = solve_contact(problem, branch="from-zero", max_iterations=1)
+    assert stopped.inclusion_residual > 1e3 * stopped.rounding
+    assert stopped.status == Status.ITERATION_LIMIT
+    assert "rounding" not in stopped.reason
+
+
 def test_convex_model_of_a_convex_law_is_the_problem() -> None:
     """Slopes that rise and fall but stay positive, and jumps, seen from anywhere: one step is the solution."""
     law = piecewise_linear(
