@@ -5,6 +5,7 @@ What a study that names several solvers says of them: one row per solver over al
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ from tcstudy.reports.select_point import describe
 from tcstudy.reports.tables import plain_table, wrapped
 from tcstudy.reports.text import Failure, failure_lines, number, prefix, scaled_labels
 
+NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "omega", "uniqueness_margin")
+"""Variables of which a summary says nothing: of a long sweep they need not be in memory."""
 MOST_ROWS = 48
 """Points shown; the file has them all."""
 
@@ -31,7 +34,7 @@ def summary(path: Path, most: int | None = MOST_ROWS) -> str:
     most: points that are listed, None for all
     """
     with open_results(path) as tree:
-        data = tree.to_dataset().load()
+        data = tree.to_dataset().drop_vars(NOT_SAID, errors="ignore").load()
     parts = [data.attrs["title"], _levels(data), _stop(data), _points(data, most), solver_table(data), _failures(data)]
     parts += [_not_run(data), _rounding(data), _heat(data)]
     return wrapped("\n\n".join(part for part in parts if part))
@@ -124,7 +127,7 @@ def _points(data: Any, most: int | None) -> str:
     refined = data.sizes["level"] > 1
     header += ["certified", *(["Δ∫ξ to last level"] if refined else [])]
     rows, failed = [], False
-    for index in list(np.ndindex(shape))[:most]:
+    for index in islice(np.ndindex(shape), most):
         where = dict(zip(dims, index, strict=True))
         at = fine.isel(where)
         row = [labelled[axis][0][where[str(data[axis].dims[0])]] for axis in axes]

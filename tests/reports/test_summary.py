@@ -117,7 +117,7 @@ def test_a_point_of_a_study_without_a_sweep_is_named_by_its_level(tmp_path: Path
     text = summary(tmp_path / "plate.nc")
     assert "1 solution failed: inclusion violated" in text
     assert "(level 1)" in text
-    assert "1 solution failed: not run: run the study again to resume it (level 0)" in text
+    assert "not run: 1 of 2 places of the grid (for example level 0)" in text
 
 
 def test_what_rounding_limits_is_one_line(text_of) -> None:  # type: ignore[no-untyped-def]
