@@ -63,6 +63,8 @@ _STYLE: dict[Any, Any] = {
     "axes.spines.right": False,
     "axes.unicode_minus": True,
     "svg.hashsalt": "tcstudy",
+    "svg.fonttype": "none",  # text that other programs can edit and search
+    "pdf.fonttype": 42,  # TrueType: journals refuse Type 3
 }
 
 

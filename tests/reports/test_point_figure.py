@@ -110,3 +110,13 @@ def test_without_matplotlib(grid: Path, tmp_path: Path, monkeypatch: pytest.Monk
             call()
         assert "\n" not in str(caught.value)
     assert not (tmp_path / "p.png").exists()
+
+
+def test_text_stays_text_and_fonts_are_truetype(grid: Path, tmp_path: Path) -> None:
+    """Journals refuse fonts of Type 3; letters as outlines can be neither edited nor found."""
+    draw(grid, tmp_path / "p.svg")
+    assert "Contact line: " in (tmp_path / "p.svg").read_text(encoding="utf-8")
+    draw(grid, tmp_path / "p.pdf")
+    written = (tmp_path / "p.pdf").read_bytes()
+    assert b"/Subtype /Type3" not in written
+    assert b"/FontFile2" in written
