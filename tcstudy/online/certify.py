@@ -132,19 +132,28 @@ def nearest_traction(rows: Rows, v: Array) -> tuple[Array, Array]:
 
 
 def global_minimum(rows: Rows, v: Array, low: Array, high: Array) -> Flags:
-    """(R,) whether v is proved to be a global minimum; low, high: the boxes of all solutions."""
+    """(R,) whether v is proved to be a global minimum; low, high: the boxes of all solutions.
+
+    A few parts of exponential pieces prove most rows, and lower bounds of D refute most others; nodes of what is left
+    whose bounds lie apart are bounded again with more parts.
+    """
     _, zeta = nearest_traction(rows, v)
     low, high = np.minimum(low, v), np.maximum(high, v)
-    proved = np.zeros(len(v), dtype=bool)
-    open_ = np.arange(len(v))
-    for parts in (PARTS,) if rows.laws.tables.linear else (_FEW_PARTS, PARTS):
-        bend = bend_below_tangent(rows.laws.take(open_), v[open_], zeta[open_], low[open_], high[open_], parts)
-        finite = np.all(np.isfinite(bend), axis=1)
-        proved[open_[finite]] = definite(rows.body, -bend[finite], MARGIN)
-        bent = np.any(rows.laws.tables.a[rows.laws.law[open_]] != 0.0, axis=(1, 2))
-        open_ = open_[bent & finite & ~proved[open_]]
-        if not len(open_):
-            break
+    few = PARTS if rows.laws.tables.linear else _FEW_PARTS
+    upper, lower = bends_below_tangent(rows.laws, v, zeta, low, high, few)
+    proved = np.all(np.isfinite(upper), axis=1)
+    open_ = np.flatnonzero(proved)
+    proved[open_] = definite(rows.body, -upper[open_], MARGIN)
+    if few < PARTS:
+        rigid = 1e6 * np.max(np.diagonal(rows.body.A_tilde) / rows.body.c)
+        open_ = open_[~proved[open_]]
+        open_ = open_[definite(rows.body, -np.maximum(lower[open_], -rigid), MARGIN)]
+        row, node = np.nonzero(lower[open_] < upper[open_])
+        row = open_[row]
+        own_v, own_zeta, own_low, own_high = (x[row, node][:, None] for x in (v, zeta, low, high))
+        again, _ = bends_below_tangent(rows.laws.nodes(row, node), own_v, own_zeta, own_low, own_high)
+        upper[row, node] = again[:, 0]
+        proved[open_] = definite(rows.body, -upper[open_], MARGIN)
     return proved
 
 
@@ -184,8 +193,10 @@ _DECAY, _ROUNDINGS = 16.0, 64.0
 """Decay lengths that the parts cover (one more takes the rest), and roundings of j by which every D is enlarged."""
 
 
-def bend_below_tangent(laws: RowLaws, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS) -> Array:
-    """(R, m) upper bounds of D for slips between low and high [Pa/m]; inf where v_i sits on a down-jump.
+def bends_below_tangent(
+    laws: RowLaws, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS
+) -> tuple[Array, Array]:
+    """(upper, lower) bounds of D (R, m) for slips between low and high [Pa/m]; inf where v_i sits on a down-jump.
 
     zeta: elements of b̂(v), exactly b(v) off the kinks [Pa]
     """
@@ -194,7 +205,8 @@ def bend_below_tangent(laws: RowLaws, v: Array, zeta: Array, low: Array, high: A
     zeta = laws.own_traction(zeta).ravel()
     right = _one_side(tables, law, v_own, zeta, high, parts)
     left = _one_side(tables.mirrored, law, -v_own, -zeta, -low, parts)
-    return laws.traction(np.maximum(right, left).reshape(v.shape), -1)
+    upper, lower = (laws.traction(np.maximum(*sides).reshape(v.shape), -1) for sides in zip(right, left, strict=True))
+    return upper, lower
 
 
 @dataclass
@@ -207,6 +219,7 @@ class _March:
     at: Array
     gap: Array
     D: Array
+    least: Array
     size: Array
 
     def advance(self, nodes: Index, piece: Index, width: Array) -> None:
@@ -215,6 +228,7 @@ class _March:
         v, zeta = self.v[nodes], self.zeta[nodes]
         value, slope = tables.value(at, piece), tables.slope(at, piece)
         excess = np.where(at == v, start_excess(value, zeta), zeta - value)
+        tangent = np.where((at == v) & (excess == 0.0) & (width > 0.0), -slope, -np.inf)
         concave = tables.a.take(piece) < 0.0
         if np.any(concave):
             chord = (tables.value(at + width, piece) - value) / np.where(width > 0.0, width, 1.0)
@@ -225,15 +239,26 @@ class _March:
         np.divide(_ROUNDINGS * np.finfo(float).eps * self.size[nodes], distance, out=noise, where=distance > 0.0)
         largest = quotient(gap, excess, slope, distance, width) + noise
         self.D[nodes] = np.maximum(self.D[nodes], np.where(width > 0.0, largest, -np.inf))
-        self.gap[nodes] = gap + width * zeta - tables.piece_integral(piece, at, at + width)
-        self.at[nodes] = at + width
+        gap = gap + width * zeta - tables.piece_integral(piece, at, at + width)
+        at = at + width
+        self.gap[nodes], self.at[nodes] = gap, at
+        self.least[nodes] = np.maximum(self.least[nodes], np.maximum(tangent, self._at_end(nodes, gap, at - v)))
+
+    def _at_end(self, nodes: Index, gap: Array, distance: Array) -> Array:
+        """The quotient at a point, lowered by rounding; −∞ at v itself and infinitely far away."""
+        quotient = np.full(len(gap), -np.inf)
+        lowered = gap - _ROUNDINGS * np.finfo(float).eps * self.size[nodes] * distance
+        known = (distance > 0.0) & np.isfinite(distance)
+        np.divide(2.0 * lowered, distance**2, out=quotient, where=known)
+        return quotient
 
 
-def _one_side(tables: LawTables, law: Index, v: Array, zeta: Array, high: Array, parts: int) -> Array:
-    """sup of the quotient over s ∈ (v, high] (−∞ where that is empty)."""
+def _one_side(tables: LawTables, law: Index, v: Array, zeta: Array, high: Array, parts: int) -> tuple[Array, Array]:
+    """(upper, lower) bounds of the sup of the quotient over s ∈ (v, high] (−∞ where that is empty)."""
     at = tables.locate(law, v)
     begin = at.piece + at.on
-    march = _March(tables, v, zeta, v.copy(), np.zeros(len(v)), np.full(len(v), -np.inf), np.abs(zeta))
+    none = np.full(len(v), -np.inf)
+    march = _March(tables, v, zeta, v.copy(), np.zeros(len(v)), none, none.copy(), np.abs(zeta))
     for column in range(tables.q.shape[1]):
         piece = tables.first[law] + column
         end = np.minimum(tables.upper.take(piece), high)
@@ -244,7 +269,7 @@ def _one_side(tables: LawTables, law: Index, v: Array, zeta: Array, high: Array,
                 for width in _parts(tables.r.take(piece[nodes]), end[nodes] - march.at[nodes], count):
                     march.advance(nodes, piece[nodes], width)
                 march.at[nodes] = end[nodes]
-    return march.D
+    return march.D, march.least
 
 
 def _parts(rate: Array, width: Array, count: int) -> list[Array]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tcstudy.online.law_tables import Place
 from tcstudy.online.newton import BlockSlopes, directions, leave_saddles, slopes
-from tcstudy.online.problems import Rows, prolonged, restricted
+from tcstudy.online.problems import Rows, prolonged
 from tcstudy.solvers.separable.descent import NodeEnergy
 
 Array = NDArray[np.float64]
@@ -97,10 +97,10 @@ def descend_nested(
 
     coarse: tolerance on the coarser bodies
     """
-    body = rows.body
-    if body.coarse is not None:
-        copies = Rows(body.coarse, rows.laws.every_second(), restricted(rows.loads))
-        v = prolonged(descend_nested(copies, start[:, ::2], max(tolerance, coarse), minima, coarse).v, body.m)
+    copies = rows.coarse()
+    if copies is not None:
+        ended = descend_nested(copies, start[:, ::2], max(tolerance, coarse), minima, coarse)
+        v = prolonged(ended.v, rows.body.m)
         lower = rows.energy(v) < rows.energy(start)
         start = np.where(lower[:, None], v, start)
     return descend(rows, start, tolerance, minima)

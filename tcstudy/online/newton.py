@@ -31,7 +31,7 @@ Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 STACKED = 64
-"""Up to so many nodes linear systems are stacked for one call, above they are solved row by row."""
+"""Up to so many unknowns linear systems are stacked for one call, above they are solved row by row."""
 _WIDTH = 8
 """Stacked systems are padded to multiples of this."""
 _INDEFINITE_COST = 1.5
@@ -101,7 +101,7 @@ def directions(body: CondensedBody, free: Flags, stiffness: Array, g: Array, car
     d, size = np.zeros(free.shape), np.count_nonzero(free, axis=1)
     other = np.count_nonzero(held, axis=1)
     falls = np.any(loaded & (stiffness < 0.0), axis=1)
-    stack = ~(falls & careful) & (free.shape[1] <= STACKED)
+    stack = ~(falls & careful) & (np.minimum(size, other) <= STACKED)
     compliant = np.where(falls & ~stack, _INDEFINITE_COST, 1.0) * other < size
     g = np.where(free, g, 0.0)
     y = np.zeros(free.shape)

@@ -132,6 +132,11 @@ class Rows:
             scale[bare] = np.max(np.maximum(np.abs(self.loads[bare]) / self.body.c, at_0), axis=1, initial=0.0)
         return np.where(scale > 0.0, scale, 1.0)
 
+    def coarse(self) -> Rows | None:
+        """The same problems on the body's coarse copy, if it has one."""
+        copy = self.body.coarse
+        return None if copy is None else Rows(copy, self.laws.every_second(), restricted(self.loads))
+
     def xi(self, v: Array) -> Array:
         """ξ = l̃ − Ãv (R, m) [N/m]."""
         return np.asarray(self.loads - v @ self.body.A_tilde)

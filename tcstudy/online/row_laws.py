@@ -50,6 +50,15 @@ class RowLaws:
         parts = (x if x is None else x[rows] for x in (self.moved, self.stretched, self.stronger))
         return RowLaws(self.tables, self.law[rows], *parts)
 
+    def nodes(self, row: Index, node: Index) -> RowLaws:
+        """The laws of single nodes (n,), each as a row of its own."""
+        law = self.law[row, np.minimum(node, self.law.shape[1] - 1)][:, None]
+        parts = (
+            x if x is None else x[row, np.minimum(node, x.shape[1] - 1)][:, None]
+            for x in (self.moved, self.stretched, self.stronger)
+        )
+        return RowLaws(self.tables, law, *parts)
+
     def every_second(self) -> RowLaws:
         """The laws of the nodes 0, 2, 4, …"""
         parts = (x if x is None or x.shape[1] == 1 else x[:, ::2] for x in (self.moved, self.stretched, self.stronger))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tcstudy.online import LawTables, RowLaws
-from tcstudy.online.certify import bend_below_tangent
+from tcstudy.online.certify import bends_below_tangent
 from tcstudy.online.law_hulls import proximal_hulls
 from tcstudy.online.law_tables import largest_push, least_slope, value_range
 from tcstudy.solvers import bounds as global_bound
@@ -74,7 +74,12 @@ def test_bends_are_those_of_the_laws_and_few_parts_never_less(parts: int) -> Non
     law, v = law[0], v[0]
     low, high = v - rng.exponential(0.5, len(v)), v + rng.exponential(0.5, len(v))
     zeta = by_law(law, v, of=lambda b, s: np.mean(b.interval(s), axis=0))
-    found = bend_below_tangent(RowLaws(TABLES, law[None]), v[None], zeta[None], low[None], high[None], parts)[0]
+    upper, lower = bends_below_tangent(RowLaws(TABLES, law[None]), v[None], zeta[None], low[None], high[None], parts)
+    found = upper[0]
+    exact = bends_below_tangent(RowLaws(TABLES, law[None]), v[None], zeta[None], low[None], high[None], 4000)[0]
+    assert np.all(lower <= upper)
+    assert np.all(lower <= exact + 1e-7 * np.abs(exact))
+    assert np.count_nonzero(np.isclose(lower, exact)) > 100
     expected = by_law(law, v, zeta, low, high, of=global_bound.bend_below_tangent)
     if parts == 48:
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
