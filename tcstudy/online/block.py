@@ -8,7 +8,7 @@ Order:     1. unique or not, before any solution;
            5. what still has no proven minimum: the single solve.
 The search takes the same steps from the same starts as tcstudy.solvers.contact, so that it ends where that ends.
 A block's numbers depend on its own points and their order only, not on what else is solved where.
-Left out:  the single solve for laws moved or stretched by node, which has one law for all nodes.
+Left out:  the single solve for rows with several laws, which has one law for all nodes.
 """
 
 from __future__ import annotations
@@ -34,7 +34,6 @@ from tcstudy.online.search import hull_starts, move_starts
 from tcstudy.scene.study import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NAMES, ZERO, Acceptance, Branch
 from tcstudy.solvers.contact import TIE, Answer, solve_contact
 from tcstudy.solvers.loop import Status
-from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.search import MOVES
 from tcstudy.solvers.separable.finish import finish, refined
 
@@ -191,7 +190,7 @@ class _Block:
         open_ = np.flatnonzero(self.solved & ~proved)
         self.strict = proved
         self.strict[open_] = strict_minimum(self.rows.take(open_), self.v[open_])
-        if not self.rows.laws.plain:
+        if self.rows.laws.law.shape[1] > 1:
             return
         asked = np.flatnonzero(~self.strict)
         changed = asked[[self._ask_single(int(p)) for p in asked]] if len(asked) else asked
@@ -207,8 +206,7 @@ class _Block:
         self.energies[only, EXACT] = self.energy[only]
         for p in np.flatnonzero(~only):
             rows = self.rows
-            problem = ContactProblem(rows.body.A_tilde, rows.loads[p], rows.body.c, rows.laws.single(int(p)))
-            v, residual = finish(problem, exact)
+            v, residual = finish(rows.single(int(p)), exact)
             ended = Descended(v[None], np.array([residual]), np.zeros(1, dtype=np.intp))
             if self.offer(np.array([p]), ended, EXACT)[0]:
                 self.single.pop(int(p), None)
@@ -218,21 +216,25 @@ class _Block:
 
     def _ask_single(self, p: int) -> bool:
         """Solve one point by tcstudy.solvers.contact; whether its answer is taken."""
-        body, options = self.rows.body, self.options
-        problem = ContactProblem(body.A_tilde, self.rows.loads[p], body.c, self.rows.laws.single(p))
+        row, options = self.rows.take(np.array([p])), self.options
         near = self.neighbours[p] if np.all(np.isfinite(self.neighbours[p])) else None
         if options.branch == "lowest":
             near = self.v[p] if self.solved[p] else None
-        answer = solve_contact(problem, tolerance=options.tolerance, branch=options.branch, neighbour=near)
-        converged = answer.status == Status.CONVERGED
+        near = None if near is None else row.laws.own_slip(near[None])[0]
+        answer = solve_contact(row.single(0), tolerance=options.tolerance, branch=options.branch, neighbour=near)
+        converged, v, energy = answer.status == Status.CONVERGED, answer.v, answer.energy
+        if not row.laws.plain:
+            v = row.laws.slip(v[None])[0]
+            energy = float(row.energy(v[None])[0])
         if self.solved[p]:
-            slack = TIE * max(abs(answer.energy), abs(self.energy[p])) if options.branch == "lowest" else -np.inf
-            if not converged or answer.energy >= self.energy[p] - slack:
+            slack = TIE * max(abs(energy), abs(self.energy[p])) if options.branch == "lowest" else -np.inf
+            if not converged or energy >= self.energy[p] - slack:
                 return False
-        self.single[p] = answer
-        self.v[p], self.energy[p], self.solved[p] = answer.v, answer.energy, converged
+        if row.laws.plain:
+            self.single[p] = answer
+        self.v[p], self.energy[p], self.solved[p] = v, energy, converged
         self.start[p], self.steps[p] = answer.start, answer.iterations
-        self.energies[p] = np.fmin(self.energies[p], answer.energies)
+        self.energies[p] = np.fmin(self.energies[p], np.array(answer.energies) + (energy - answer.energy))
         return converged
 
     def answers(self) -> BlockAnswers:
@@ -269,8 +271,7 @@ class _Block:
         for p in np.flatnonzero(judged.residual > aim) if rows.laws.plain else ():
             if int(p) in self.single:
                 continue
-            problem = ContactProblem(rows.body.A_tilde, rows.loads[p], rows.body.c, rows.laws.single(int(p)))
-            point = refined(problem, self.v[p], aim)
+            point = refined(rows.single(int(p)), self.v[p], aim)
             if point.residual < judged.residual[p]:
                 self.v[p], v_low[p], judged.xi[p], judged.residual[p] = point.v, point.v_low, point.xi, point.residual
                 judged.accepted[p] = self.options.acceptance.accepts(point.residual, float(judged.rounding[p]))

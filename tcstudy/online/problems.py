@@ -21,7 +21,7 @@ from tcstudy.online.law_tables import Place
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.extended import extended_residual
-from tcstudy.solvers.problem import least_eigenvalue
+from tcstudy.solvers.problem import ContactProblem, least_eigenvalue
 from tcstudy.solvers.separable.newton import interpolation
 
 Array = NDArray[np.float64]
@@ -136,6 +136,24 @@ class Rows:
         """The same problems on the body's coarse copy, if it has one."""
         copy = self.body.coarse
         return None if copy is None else Rows(copy, self.laws.every_second(), restricted(self.loads))
+
+    def single(self, row: int) -> ContactProblem:
+        """One row as the single solve takes it, for w in v = s_p + σw where its law is moved and stretched by node.
+
+        0 ∈ ΣÃΣw − Σ(l̃ − Ãs_p) + ∂Σ c_i β_i σ_i j(w_i), Σ = diag σ. Raises ValueError if the row has several laws.
+        """
+        laws, body = self.laws, self.body
+        if laws.law.shape[1] > 1:
+            raise ValueError("the single solve takes rows with one law for all nodes")
+        law = laws.table_law(int(laws.law[row, 0]))
+        if laws.plain:
+            return ContactProblem(body.A_tilde, self.loads[row], body.c, law)
+        s_p, sigma, beta = (
+            np.broadcast_to(fill if x is None else x[row], body.m)
+            for x, fill in ((laws.moved, 0.0), (laws.stretched, 1.0), (laws.stronger, 1.0))
+        )
+        load = sigma * (self.loads[row] - body.A_tilde @ s_p)
+        return ContactProblem(sigma[:, None] * body.A_tilde * sigma, load, body.c * beta * sigma, law)
 
     def xi(self, v: Array) -> Array:
         """ξ = l̃ − Ãv (R, m) [N/m]."""

@@ -59,17 +59,33 @@ class RowLaws:
         )
         return RowLaws(self.tables, law, *parts)
 
+    def tabulated(self) -> RowLaws:
+        """The same laws with tables that hold those in use, stretched and stronger as they are, and are moved only."""
+        if self.stretched is None and self.stronger is None:
+            used, law = np.unique(self.law, return_inverse=True)
+            return RowLaws(self.tables.take(used), law.reshape(self.law.shape), self.moved)
+        parts = (np.ones((1, 1)) if x is None else x for x in (self.stretched, self.stronger))
+        each = np.broadcast_arrays(self.law, *parts)
+        rows = np.stack([x.ravel() for x in each], axis=1).astype(float)
+        used, law = np.unique(rows, axis=0, return_inverse=True)
+        sigma, beta = np.asarray(used[:, 1], dtype=float), np.asarray(used[:, 2], dtype=float)
+        tables = self.tables.take(used[:, 0].astype(np.intp)).scaled(sigma, beta)
+        return RowLaws(tables, law.reshape(each[0].shape), self.moved)
+
     def every_second(self) -> RowLaws:
         """The laws of the nodes 0, 2, 4, …"""
         parts = (x if x is None or x.shape[1] == 1 else x[:, ::2] for x in (self.moved, self.stretched, self.stronger))
         return RowLaws(self.tables, self.law if self.law.shape[1] == 1 else self.law[:, ::2], *parts)
 
+    def table_law(self, k: int) -> FrictionLaw:
+        """Row k of the tables as a record of its own."""
+        t, used = self.tables, np.isfinite(self.tables.kinks[k])
+        pieces = np.concatenate([[True], used])
+        return FrictionLaw("row", t.kinks[k][used], *(x[k][pieces] for x in (t.s_0, t.b_0, t.q, t.a, t.r)))
+
     def single(self, row: int, node: int = 0) -> FrictionLaw:
         """The law of one node as a record of its own."""
-        t, k = self.tables, int(self.law[row, min(node, self.law.shape[1] - 1)])
-        used = np.isfinite(t.kinks[k])
-        pieces = np.concatenate([[True], used])
-        law = FrictionLaw("row", t.kinks[k][used], *(x[k][pieces] for x in (t.s_0, t.b_0, t.q, t.a, t.r)))
+        law = self.table_law(int(self.law[row, min(node, self.law.shape[1] - 1)]))
         if self.plain:
             return law
         s_p, sigma, beta = (

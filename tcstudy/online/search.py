@@ -35,22 +35,18 @@ _BELOW = 0.9
 def hull_starts(rows: Rows, v: Array) -> tuple[Array, Flags]:
     """(starts (R, m), whether the first, convex problem is the original one at its solution, which then is the lowest).
 
-    v: (R, m) where the first problem begins. Rows whose laws are moved or stretched by node start at v: hulls of such
-    laws would be another table for every node.
+    v: (R, m) where the first problem begins
     """
     lowest = np.zeros(len(v), dtype=bool)
-    if rows.laws.moved is not None or rows.laws.stretched is not None or rows.laws.stronger is not None:
-        return v, lowest
     found, at, kappa, nested = v.copy(), np.arange(len(v)), _BELOW * rows.body.lambda_1, True
     stiffest = float(np.max(np.diagonal(rows.body.A_tilde) / rows.body.c))
     ceiling = np.minimum(rows.laws.omega(), stiffest)
     while len(at):
-        used, law = np.unique(rows.laws.law, return_inverse=True)
-        law = law.reshape(rows.laws.law.shape)
-        hulls, bridges = proximal_hulls(rows.laws.tables.take(used), kappa)
-        smooth = Rows(rows.body, RowLaws(hulls, law), rows.loads)
+        laws = rows.laws.tabulated()
+        hulls, bridges = proximal_hulls(laws.tables, kappa)
+        smooth = Rows(rows.body, RowLaws(hulls, laws.law, laws.moved), rows.loads)
         ended = descend_nested(smooth, v, LOOSE, coarse=LOOSE) if nested else descend(smooth, v, LOOSE, minima=True)
-        on_bridge = np.any(bridges.cover(law, ended.v), axis=1)
+        on_bridge = np.any(bridges.cover(laws.law, laws.own_slip(ended.v)), axis=1)
         found[at] = ended.v
         if nested:
             lowest[at] = ~on_bridge & (ended.residual <= LOOSE)

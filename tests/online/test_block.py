@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from tcstudy.online import BlockAnswers, CondensedBody, LawTables, Options, RowLaws, solve_block
+from tcstudy.online.problems import Rows
+from tcstudy.online.search import hull_starts
 from tcstudy.scene.study import NEIGHBOUR
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import solve_contact
@@ -50,6 +52,46 @@ def test_the_least_energy_of_all_is_found(m: int) -> None:
         found += answers.energy[0] <= least + slack
         assert not answers.certificates.global_minimum[0] or answers.energy[0] <= least + slack
     assert found >= 39
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_the_least_energy_is_found_for_laws_moved_stretched_and_stronger_by_node(several: bool) -> None:
+    """v = s_p + σw: a problem for w whose least energy is enumerated, with other units, origins and tables by node."""
+    found, m = 0, 3
+    for seed in range(40):
+        problem = small_problem(seed, m)
+        rng = np.random.default_rng(seed)
+        s_p, sigma, beta = rng.normal(size=m), rng.uniform(0.5, 2.0, m), rng.uniform(0.5, 2.0, m)
+        A_tilde = problem.A_tilde / np.outer(sigma, sigma)
+        body = CondensedBody.of(A_tilde, problem.c / (beta * sigma))
+        load = problem.l_tilde / sigma + A_tilde @ s_p
+        tables, law = LawTables.of([problem.law, problem.law.scaled(2.0, 3.0)]), np.array([[0]])
+        if several:  # at every second node the law in other units, which its factors undo
+            law = np.array([[0, 1, 0]])
+            sigma, beta = np.where(law[0] == 1, 2.0, 1.0) * sigma, np.where(law[0] == 1, 3.0, 1.0) * beta
+        laws = RowLaws(tables, law, s_p[None], sigma[None], beta[None])
+        answers = solve_block(body, load[None], laws)
+        assert answers.status[0] == Status.CONVERGED
+        w = (answers.v[0] - s_p) / np.where(law[0] == 1, sigma / 2.0, sigma)
+        least = least_energy(problem)
+        slack = 1e-10 * (abs(least) + float(problem.c @ np.abs(problem.law.j(w))))
+        found += problem.energy(w) <= least + slack
+        assert not answers.certificates.global_minimum[0] or problem.energy(w) <= least + slack
+    assert found >= 39
+
+
+def test_convexified_starts_do_not_depend_on_units_and_origins() -> None:
+    """v = s_p + σw: the starts for v are those for w."""
+    body, loads, tables, law = block(20, [cases.sawtooth()], 12)
+    sigma, beta = 1.7, 0.6
+    other = CondensedBody.of(body.A_tilde / sigma**2, body.c / (beta * sigma))
+    s_p = np.full((12, 20), 0.3)
+    moved = RowLaws(tables, law[:, None], s_p, np.full((12, 1), sigma), np.full((12, 20), beta))
+    w, lowest = hull_starts(Rows(body, RowLaws(tables, law[:, None]), loads), np.zeros(loads.shape))
+    v, proved = hull_starts(Rows(other, moved, loads / sigma + s_p @ other.A_tilde), s_p)
+    assert np.any(np.abs(w) > 0.1)
+    np.testing.assert_allclose((v - s_p) / sigma, w, atol=1e-6)
+    assert np.array_equal(proved, lowest)
 
 
 def same_bits(one: BlockAnswers, other: BlockAnswers) -> bool:
