@@ -50,7 +50,7 @@ def probe(file: Path) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=16)
-def _probe(file: str, inode: int, size: int, changed: int) -> dict[str, Any]:  # noqa: ARG001
+def _probe(file: str, *_stamp: int) -> dict[str, Any]:
     command = [sys.executable, "-m", __name__, file]
     environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONWARNINGS": "ignore"}
     try:
@@ -150,11 +150,11 @@ def put_seal(file: Path) -> None:
 def seal_of(file: Path) -> Seal:
     """What the seal of a regular file says. Raises OSError."""
     now = file.stat()
-    return _seal_of(os.path.realpath(file), now.st_ino, now.st_size, now.st_mtime_ns)
+    return _seal_of(os.path.realpath(file), now.st_size, now.st_ino, now.st_mtime_ns)
 
 
 @lru_cache(maxsize=16)
-def _seal_of(file: str, inode: int, size: int, changed: int) -> Seal:  # noqa: ARG001
+def _seal_of(file: str, size: int, *_stamp: int) -> Seal:
     """Computed once while the file stays as it is: one command opens it several times."""
     if size < _LENGTH:
         return Seal.NONE

@@ -25,7 +25,6 @@ from tcstudy.scene.records import Body, Convection, Exact, Scene
 
 DERIVED = "derived"
 TRACTIONS = of_role("traction")
-HEAT = (*(row.name for row in rows("heat").values() if row.affine), "omega")
 REMEDY = "leave it out, or remove exact.loads to give all loads yourself"
 
 
@@ -45,7 +44,7 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
     if loads := root.child("loads"):
         sections["loads"] = _with(_stripped(ctx, loads, ("f",)), "f", (_zero(loads), _zero(loads)))
     if heat := root.child("heat"):
-        sections["heat"] = _with(_stripped(ctx, heat, HEAT), "theta_bar", 0)
+        sections["heat"] = _with(_stripped(ctx, heat, _of_heat()), "theta_bar", 0)
         if heat.child("theta") and not heat.child("alpha"):  # that theta is given is the fault, not that alpha is not
             sections["heat"] = _with(sections["heat"], "alpha", 1)
     boundary = root.child("boundary")
@@ -66,9 +65,14 @@ def _refuse(ctx: Context, root: Node, sweep: Sweep) -> None:
         ctx.errors.at(path, what, "remove path, or give the loads", on_key=True)
     for axis in sweep.axes:
         section, last = axis.parameter.path[0], axis.parameter.path[-1]
-        if section in ("boundary", "loads") or (section == "heat" and last in HEAT):
+        if section in ("boundary", "loads") or (section == "heat" and last in _of_heat()):
             what = f"{axis.key} is swept, but exact.loads: derived makes it follow from the exact solution"
             ctx.errors.at(axis.node, what, "remove it from the sweep, or give the loads", on_key=True)
+
+
+def _of_heat() -> tuple[str, ...]:
+    """The keys of `heat` that are derived."""
+    return (*(row.name for row in rows("heat").values() if row.affine), "omega")
 
 
 def _given(ctx: Context, node: Node) -> None:
@@ -189,10 +193,8 @@ def _word(label: float | str) -> str:
 
 
 @none_after_fault
-def read_exact(ctx: Context, node: Node | None, root: Node, body: Body | None) -> Exact | None:
-    """The exact solution; None without the section and after a fault."""
-    if node is None:
-        return None
+def read_exact(ctx: Context, node: Node, root: Node, body: Body | None) -> Exact:
+    """The exact solution; None after a fault."""
     before = len(ctx.errors)
     fields = Fields(ctx, node, "exact")
     u, theta, xi, exponent = (fields.value(key) for key in ("u", "theta", "xi", "exponent"))

@@ -150,13 +150,11 @@ class _Affine:
 
 
 @none_after_fault
-def read_path(ctx: Context, node: Node | None, scene: Scene | None, mesh: MeshPlan | None) -> PathPlan | None:
+def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | None) -> PathPlan | None:
     """The path; None without the section or after a fault.
 
     scene: the scene without the sweep, mesh: the meshes; None if they have faults of their own
     """
-    if node is None:
-        return None
     before = len(ctx.errors)
     fields = Fields(ctx, node, "path")
     if len(ctx.errors) > before or scene is None:

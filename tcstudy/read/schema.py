@@ -174,7 +174,7 @@ def _named(items: Schema) -> Schema:
     return {"type": "object", "propertyNames": {"pattern": NAME}, "additionalProperties": items}
 
 
-def _value(one: Key) -> Schema:  # noqa: ARG001
+def _value(_: Key) -> Schema:
     """A number with any unit."""
     return {"anyOf": [{"type": "number"}, NUMBER_TEXT]}
 
@@ -187,7 +187,7 @@ def _words(one: Key) -> Schema:
     return {"enum": list(one.words)}
 
 
-def _goal(one: Key) -> Schema:  # noqa: ARG001
+def _goal(_: Key) -> Schema:
     return {"anyOf": [{"enum": [word for word in get_args(Quantity) if word != "u_T"]}, _ref("goal")]}
 
 

@@ -67,7 +67,8 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
         raise StudyError(ctx.errors.problems)
     header = _read_header(ctx, root, source.stem if source else file)
     sweep = _read_sweep(ctx, root, overrides if swept else ())
-    base = _with_swept_keys(without_loads(ctx, root, sweep), sweep)
+    given = without_loads(ctx, root, sweep) if root.child("exact") else root
+    base = _with_swept_keys(given, sweep)
     _check_keys(ctx, base, sweep)
     reader = SceneReader(ctx, base, sweep)
     scenes = reader.read()
@@ -86,7 +87,7 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
         source=source,
         units=ctx.units,
         mode=sweep.mode,
-        axes=records(sweep, ctx.units),
+        axes=records(sweep, ctx.units) if sweep.axes else (),
         scenes=scenes,
         mesh=plans.mesh,
         solver=plans.solver,
@@ -108,12 +109,15 @@ def _read_header(ctx: Context, root: Node, default: str) -> _Header:
 
 def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
     """The sweep; none after a fault in its form, so that the base study is still checked."""
+    node = root.child("sweep")
+    if node is None or node.value == {}:
+        return Sweep()
     boundary, friction = root.child("boundary"), root.child("friction")
     roles = boundary.value if boundary and isinstance(boundary.value, Mapping) else {}
     law = word.value if friction and (word := friction.child("law")) else None
-    edges = {edge: keys_of(node) for edge, node in roles.items()} if boundary else _swept_edges(root.child("sweep"))
+    edges = {edge: keys_of(node) for edge, node in roles.items()} if boundary else _swept_edges(node)
     known = sweepable(edges, law if isinstance(law, str) else None)
-    sweep = _of_sections(ctx, root, read_sweep(ctx, root.child("sweep"), known, friction) or Sweep())
+    sweep = _of_sections(ctx, root, read_sweep(ctx, node, known, friction) or Sweep())
     for option in (text for text in overrides if "=" in text):
         key = SHORT.get(option.partition("=")[0].strip(), option.partition("=")[0].strip())
         keys = split_path(key) or ()
@@ -201,5 +205,6 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
         if scenes and (goal := given or next(words, None)):
             check_goal(ctx, goal, mesh.goal, body, scenes[0].boundary)
     solver, output = read_solver(ctx, root.child("solver")), read_output(ctx, root.child("output"))
-    path = read_path(ctx, root.child("path"), reader.base, mesh)
-    return _Plans(mesh, solver, output, read_exact(ctx, root.child("exact"), root, body), path)
+    path = read_path(ctx, node, reader.base, mesh) if (node := root.child("path")) else None
+    exact = read_exact(ctx, node, root, body) if (node := root.child("exact")) else None
+    return _Plans(mesh, solver, output, exact, path)

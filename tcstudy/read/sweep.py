@@ -47,14 +47,12 @@ class Sweep:
     h: Node | None = None
 
 
-def read_sweep(ctx: Context, node: Node | None, known: Mapping[Keys, Parameter], law: Node | None) -> Sweep | None:
+def read_sweep(ctx: Context, node: Node, known: Mapping[Keys, Parameter], law: Node | None) -> Sweep | None:
     """The sweep; None after a fault.
 
     known: the parameters that can be swept
     law:   the friction section of the base study
     """
-    if node is None:
-        return Sweep()
     before = len(ctx.errors)
     if not isinstance(node.value, Mapping):
         remedy = "write one PARAMETER: [values] per line, for example alpha: [25, 100]"

@@ -128,7 +128,10 @@ def _factor(unit: str, dimension: Dimension) -> float:
     if not one.is_compatible_with(dimension.si or "dimensionless"):
         raise UnitError(f"{unit!r} is not a unit of {dimension.name}{_si(dimension)}", example)
     if dimension == TEMPERATURE and zero.to("K").magnitude != 0.0:
-        raise UnitError(f"{unit!r} has its own zero", "write K; temperatures are counted from the stress-free state")
+        difference = f"delta_{registry.parse_units(spelt)}".replace("degree_Celsius", "degC")
+        difference = difference.replace("degree_Fahrenheit", "degF")
+        remedy = f"write K or {difference}: temperatures are differences to the stress-free state"
+        raise UnitError(f"{unit!r} has its own zero", remedy)
     factor = float(one.to(dimension.si or "dimensionless").magnitude)
     return float(f"{factor:.15g}")
 

@@ -109,7 +109,7 @@ def _steps(
     """Solve the levels of a curve for the first time and keep them, as far as the caller goes on."""
     dropped: set[str] = set()
 
-    def wanted(name: str, level: int) -> bool:  # noqa: ARG001
+    def wanted(name: str, _: int) -> bool:
         return name not in dropped
 
     curve.stages.append([])
