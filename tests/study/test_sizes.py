@@ -1,9 +1,17 @@
-"""Sizes of meshes before a run: those that are counted are those of the run, the others near them."""
+"""Sizes of meshes before a run: counted ones are those of the run, others near them; meshes that cannot be made.
+
+Such a mesh ends a run before work if it is the first, and is a status of its points if it is not.
+"""
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
+import tcstudy
+from tcstudy.data.records import PointStatus
 from tcstudy.fem import meshes as families_module
 from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.offline.level import Level
@@ -89,8 +97,7 @@ def test_no_mesh_that_is_large_already_is_made(monkeypatch: pytest.MonkeyPatch) 
     assert not any(v.exact for v in sizes(study))
 
 
-@pytest.mark.parametrize("bad", [0, 1])
-def test_a_mesh_that_cannot_be_made(monkeypatch: pytest.MonkeyPatch, bad: int) -> None:
+def fail_at(monkeypatch: pytest.MonkeyPatch, bad: int) -> None:
     original = families_module.mesh_at
 
     def mesh_at(geometry: object, plan: object, level: int, coarser: object) -> object:
@@ -99,6 +106,11 @@ def test_a_mesh_that_cannot_be_made(monkeypatch: pytest.MonkeyPatch, bad: int) -
         return original(geometry, plan, level, coarser)  # type: ignore[arg-type]
 
     monkeypatch.setattr(families_module, "mesh_at", mesh_at)
+
+
+@pytest.mark.parametrize("bad", [0, 1])
+def test_a_mesh_that_cannot_be_made(monkeypatch: pytest.MonkeyPatch, bad: int) -> None:
+    fail_at(monkeypatch, bad)
     with pytest.raises(GeometryFailed, match="gave up"):
         sizes(study_of(RECTANGLE))
     listed = study_of(RECTANGLE, "mesh={maxh: [0.5, 0.3, 0.2]}")
@@ -107,6 +119,21 @@ def test_a_mesh_that_cannot_be_made(monkeypatch: pytest.MonkeyPatch, bad: int) -
             sizes(listed)
     else:
         assert [v.exact for v in sizes(listed)] == [True, False, True]
+
+
+def test_a_later_mesh_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fail_at(monkeypatch, 1)
+    tree = tcstudy.run(study_of(RECTANGLE, "mesh={maxh: [0.5, 0.3, 0.2]}"), tmp_path / "out.nc")
+    assert tree["status"].values.tolist() == [1, int(PointStatus.MESH_FAILED), 1]
+    assert tree["reason"].values[1] == "the mesher gave up"
+    assert np.isnan(tree["energy"].values[1])
+
+
+def test_the_first_mesh_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fail_at(monkeypatch, 0)
+    with pytest.raises(GeometryFailed, match="gave up"):
+        tcstudy.run(study_of(RECTANGLE), tmp_path / "out.nc")
+    assert not (tmp_path / "out.nc").exists()
 
 
 def test_meshes_after_the_known_ones_are_bounded() -> None:
