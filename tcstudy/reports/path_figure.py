@@ -194,7 +194,6 @@ def _loop(axes: Axes, picture: PathPicture, divisor: float, size: float) -> None
         _arrow(axes, (middle - step, float(ends[0])), (middle + step, float(ends[1])), 15.0, 0.0)
     for vertex in data["jump_vertex"].values if "jump_vertex" in data else []:
         _arrow(axes, (t[vertex], y[vertex]), (t[vertex + 1], y[vertex + 1]), 12.0, 1.1)
-        axes.plot(t[vertex : vertex + 2], y[vertex : vertex + 2], linestyle="none")  # keeps the legend off the arrow
 
 
 def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], head: float, shaft: float) -> None:
