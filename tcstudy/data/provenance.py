@@ -17,7 +17,7 @@ import re
 import shlex
 import subprocess
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
@@ -73,6 +73,7 @@ def global_attributes(study: Study, provenance: Provenance) -> dict[str, Any]:
         "solver_tolerance": Acceptance(study.solver.tolerance).aim,
         "unit_system": study.units,
         "sweep_mode": study.mode,
+        **({f"design_{name}": value for name, value in asdict(study.design).items()} if study.design else {}),
         "study_yaml": study.text,
         "study_sha256": study_sha256(study),
         "overrides": "\n".join(without_directories(study.overrides)),

@@ -48,6 +48,7 @@ def axis_name(axis: Axis) -> str:
 def axis_attributes(axis: Axis) -> dict[str, Any]:
     """Attributes of the coordinate variable of a swept parameter."""
     attrs = {"long_name": f"swept parameter {'.'.join(axis.path)}", "units": axis.units}
+    attrs |= {"distribution": axis.distribution} if axis.distribution else {}
     return attrs | dict(DIFFERENCE) if axis.units == "K" else attrs
 
 

@@ -86,11 +86,13 @@ class Collector:
     """The problems found so far. Faults are collected, never raised one by one.
 
     point: text that names the sweep point being read; empty while the base study is read
+    drawn: whether the values of sweep points stand nowhere in the file, so that every fault must name the point
     """
 
     def __init__(self) -> None:
         self.problems: list[Problem] = []
         self.point = ""
+        self.drawn = False
         self._count = 0
         self._places: set[tuple[Mark, str]] = set()
         self._said: set[str] = set()
@@ -125,7 +127,7 @@ class Collector:
         if self.point:
             if (mark, key) in self._places:
                 return
-            if not key.startswith("sweep"):
+            if self.drawn or not key.startswith("sweep"):
                 what = f"{what} (at the sweep point {self.point})"
         problem = Problem(mark.file, mark.line, mark.column, key, what, remedy)
         self._places.add((mark, key))

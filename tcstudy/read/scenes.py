@@ -52,6 +52,7 @@ class SceneReader:
         self.values: dict[tuple[str, Indices], Any] = {}
         self.supports: set[tuple[object, ...]] = set()
         self.base: Scene | None = None
+        ctx.errors.drawn = sweep.design is not None
 
     def _body(self, reading: BodyReading) -> Body | None:
         """The body with all its regions; None after a fault."""
@@ -128,9 +129,11 @@ class SceneReader:
         return Scene(self.body, **{_FIELD.get(s, s): value for s, value in values.items()})
 
     def _text(self, key: Indices, axes: list[int]) -> str:
-        """Values of some axes in words."""
-        named = zip(axes, key, strict=True)
-        return ", ".join(f"{self.sweep.axes[i].key} = {_shown(self.sweep.axes[i], at)}" for i, at in named)
+        """Values of some axes in words; of a drawn point all, after its number from 0."""
+        drawn = self.sweep.design is not None and bool(key)
+        named = ((i, key[0]) for i in self.order) if drawn else zip(axes, key, strict=True)
+        words = ", ".join(f"{self.sweep.axes[i].key} = {_shown(self.sweep.axes[i], at)}" for i, at in named)
+        return f"{key[0]}: {words}" if drawn else words
 
     def _put(self, section: str, key: Indices) -> Node | None:
         """The section with swept values put in."""

@@ -24,7 +24,7 @@ Schema = dict[str, Any]
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 TITLE = "A study of tcstudy"
 NAME = "^[A-Za-z0-9_]+$"
-ONE_OF = ("hole", "region", "values")
+ONE_OF = ("hole", "region", "values", "distribution")
 """Sections that hold one of their keys."""
 SOME_TEXT: Schema = {"type": "string", "pattern": r"\S"}
 TEXTS: dict[str, Schema] = {
@@ -51,14 +51,15 @@ def schema_text() -> str:
 def schema() -> Schema:
     """The whole schema (draft 2020-12)."""
     sections = dict.fromkeys(name for one in _all_rows() for name in one.of)
-    made = {section: _section(section) for section in (*sections, "values", "goal") if section != "point"}
+    drawn = ("distribution", *(name for one in rows("distribution").values() for name in one.of))
+    made = {section: _section(section) for section in (*sections, "values", *drawn, "goal") if section != "point"}
     made["boundary"] |= {"allOf": [_takes("role", role, of_role(role)) for role in row("boundary", "role").words]}
     laws = {law: tuple(one.name for one in law_rows(law)) for law in SHAPES}
     made["friction"] |= {"allOf": [_takes("law", law, names) for law, names in laws.items()]}
     made["body"] |= {"oneOf": [{"required": [name]} for name in ("outline", "rectangle", "file")]}
     for shape in ("circle", "rectangle"):  # of a region they have no edge
         made["hole"]["properties"][shape] |= {"required": ["edge"]}
-    made["sweep"] = _sweep(_swept, ("mode", "points", "h"))
+    made["sweep"] = _sweep(_swept, ("mode", "points", "seed", "h"))
     made["point"] = _sweep(_at_point, ()) | {"minProperties": 1}
     return {
         "$schema": DRAFT,
@@ -127,7 +128,8 @@ def _swept(one: Key) -> Schema:
     if one.kind == "law":
         return {"type": "object", "minProperties": 1, "additionalProperties": _ref("friction")}
     listed = _list(_at_point(one), 1)
-    return {"anyOf": [listed, _ref("values")]} if one.kind in ("number", "integer", "field", "component") else listed
+    numbers = one.kind in ("number", "integer", "field", "component")
+    return {"anyOf": [listed, *([_ref("values")] if numbers else []), _ref("distribution")]}
 
 
 def _at_point(one: Key) -> Schema:
@@ -233,6 +235,8 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "law": lambda one: _ref("friction"),
     "law points": lambda one: _list(_point(one), 1),
     "numbers": lambda one: _list(_value(one), 1),
+    "sweep points": lambda one: {"anyOf": [_list(_sub_section(one), 1), {"type": "integer", "minimum": 1}]},
+    "any values": lambda one: {"type": "array", "minItems": 1},
 }
 """What each kind of key may hold."""
 

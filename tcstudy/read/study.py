@@ -96,6 +96,7 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
         overrides=overrides,
         exact=plans.exact,
         path=plans.path,
+        design=sweep.design,
     )
 
 

@@ -12,9 +12,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from tcstudy.read.designs import draw, read_design
 from tcstudy.read.fields import Context, Fields
 from tcstudy.read.node import Node, nearest
 from tcstudy.scene import keys as table
+from tcstudy.scene.designs import DESIGNS, Design
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.parameters import FIXED, NUMBERS, SHORT, Keys, Parameter
 from tcstudy.scene.study import Axis
@@ -32,6 +34,7 @@ class SweptAxis:
     parameter: Parameter
     values: tuple[Node, ...]
     labels: tuple[float | str, ...]
+    distribution: str = ""
 
 
 @dataclass(frozen=True)
@@ -40,11 +43,13 @@ class Sweep:
 
     mode: "grid" for the product of the axes, "list" for axes that are read together
     h:    the list of element sizes, if the sweep has one
+    design: how the points were drawn, if they were
     """
 
     mode: Literal["grid", "list"] = "grid"
     axes: tuple[SweptAxis, ...] = ()
     h: Node | None = None
+    design: Design | None = None
 
 
 def read_sweep(ctx: Context, node: Node, known: Mapping[Keys, Parameter], law: Node | None) -> Sweep | None:
@@ -60,12 +65,33 @@ def read_sweep(ctx: Context, node: Node, known: Mapping[Keys, Parameter], law: N
         return None
     mode = ctx.choice(item, MODES) if (item := node.child("mode")) else "grid"
     given = {key: item for key, item in node.value.items() if key not in ("mode", "h")}
-    axes = _point_list(ctx, node, given, known) if mode == "list" else _axes(ctx, given, known)
+    design = None
+    if mode in DESIGNS:
+        design, axes = _drawn(ctx, node, given, known, mode)
+    else:
+        axes = _point_list(ctx, node, given, known) if mode == "list" else _axes(ctx, given, known)
     _check_axes(ctx, node, axes, mode)
     _check_law_parameters(ctx, axes, law)
     if len(ctx.errors) > before:
         return None
-    return Sweep("grid" if mode == "grid" else "list", tuple(axes), node.child("h"))
+    return Sweep("grid" if mode == "grid" else "list", tuple(axes), node.child("h"), design)
+
+
+def _drawn(
+    ctx: Context, node: Node, given: Mapping[str, Node], known: Mapping[Keys, Parameter], mode: str
+) -> tuple[Design | None, list[SweptAxis]]:
+    """The axes of a design, whose values are drawn and read together."""
+    items = {key: item for key, item in given.items() if key not in ("points", "seed")}
+    found = {key: (item, p) for key, item in items.items() if (p := _parameter(ctx, key, item, known))}
+    if not items:
+        ctx.errors.at(node, "has no parameter to draw", "add one, for example alpha: {uniform: [25, 100]}")
+    design = read_design(ctx, node, mode, MAX_POINTS, len(items))
+    axes = []
+    for key, drawn in draw(ctx, design, found).items() if design else ():
+        item, parameter = found[key]
+        labels = drawn.names or axis_labels(ctx, drawn.values, parameter)
+        axes.append(SweptAxis(key, item, parameter, drawn.values, labels, drawn.distribution))
+    return design, axes
 
 
 def _axes(ctx: Context, given: Mapping[str, Node], known: Mapping[Keys, Parameter]) -> list[SweptAxis]:
@@ -87,8 +113,9 @@ def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Paramete
     names = [".".join(path) for path in known]
     if path[0] in FIXED:
         what, remedy = f"{path[0]} cannot be swept", FIXED[path[0]]
-    elif key == "points":
-        what, remedy = "points are for mode: list", "add mode: list"
+    elif key in ("points", "seed"):
+        what = f"{key} {'are' if key == 'points' else 'is'} for modes that list or draw points"
+        remedy = f"add mode: list, or one of {', '.join(DESIGNS)}"
     else:
         same = [".".join(keys) for keys, p in known.items() if keys[-1] == path[-1] and not p.idle]
         if path[1:] and same:
@@ -216,7 +243,7 @@ def records(sweep: Sweep, units: str) -> tuple[Axis, ...]:
         numbers = all(isinstance(label, float) for label in axis.labels)
         cf = axis.parameter.row.dimension.cf if numbers and units == "SI" else "1"
         values = tuple(value.plain() for value in axis.values)
-        axes.append(Axis(name, path, values, axis.labels, cf))
+        axes.append(Axis(name, path, values, axis.labels, cf, axis.distribution))
     return tuple(axes)
 
 

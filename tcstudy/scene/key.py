@@ -29,6 +29,8 @@ Kind = Literal[
     "named sections",
     "names",
     "one or more",
+    "sweep points",
+    "any values",
     "sizes",
     "sizes or tolerance",
     "goal",
@@ -39,7 +41,8 @@ Kind = Literal[
 """number: one for the whole body; quantity, quantities, span: one, some, two of a dimension that another key decides;
 field: a number or an expression in x and y; component: that or `free`; vector: two fields; displacement: two
 components; section: a mapping of its own; sections, points: a list of them, or by name; names: of regions, or a shape;
-one or more: of the words; sizes: one or more numbers; law: a friction law."""
+one or more: of the words; sweep points: a list of them, or their number;
+sizes: one or more numbers; law: a friction law."""
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from functools import cache
 from typing import get_args
 
 from tcstudy.scene import units as u
+from tcstudy.scene.designs import DESIGNS, DISTRIBUTIONS
 from tcstudy.scene.families import FAMILIES
 from tcstudy.scene.key import Key
 from tcstudy.scene.laws import SHAPES
@@ -112,7 +113,9 @@ ROWS: tuple[Key, ...] = (
             "any number of parameters of `material`, `loads`, `heat`, `friction` or of an edge's role by path or short "
             "name (not of `body`, which the mesh belongs to, nor of `solver` and `exact`): `alpha: [1, 10]`, "
             "`friction.delta: {linspace: [10 um, 50 um, 9]}`, `E: {geomspace: [1 GPa, 100 GPa, 5]}`, "
-            "`boundary.top.pressure: [0, 1 MPa]`; whole laws by name under `friction`",
+            "`boundary.top.pressure: [0, 1 MPa]`; whole laws by name under `friction`. In a mode that draws points "
+            "`alpha: {uniform: [1, 10]}`, `log-uniform`, `normal: {mean, sigma}`, `truncated-normal: {mean, sigma, "
+            "from, to}`, `lognormal: {median, sigma}`, `triangular: {from, mode, to}` or `choice: [1, 2]`",
             of=("sweep",),
         ),
         Key(
@@ -252,15 +255,18 @@ ROWS: tuple[Key, ...] = (
     ),
     *_in(
         "sweep",
-        Key("mode", "choice", "`zip` reads lists together", words=("grid", "zip", "list"), default="grid"),
         Key(
-            "points",
-            "sections",
-            "of `mode: list`: `[{alpha: 1, E: 2 GPa}, …]`",
+            *("mode", "choice", "`zip` reads lists together; the last four draw points"),
+            words=("grid", "zip", "list", *DESIGNS),
+            default="grid",
+        ),
+        Key(
+            *("points", "sweep points", "of `mode: list`: `[{alpha: 1, E: 2 GPa}, …]`; else how many are drawn"),
             example="[...]",
             least=1,
             of=("point",),
         ),
+        Key("seed", "integer", "of the drawn points", example="7", default=0, least=0),
         Key("h", "sizes or tolerance", "element sizes, or `{tolerance, of, max_levels, known}`", u.LENGTH, above=0.0),
     ),
     *_in(
@@ -268,6 +274,7 @@ ROWS: tuple[Key, ...] = (
         Key("linspace", "span", "`[a, b, n]`: n values from a to b, equally spaced", example="[a, b, n]"),
         Key("geomspace", "span", "the same with equal ratios", example="[a, b, n]"),
     ),
+    *DISTRIBUTIONS,
     *_in(
         "exact",
         Key("u", "vector", "displacement", u.LENGTH, '["0.1*sin(pi*x)", "0"]', required=True),

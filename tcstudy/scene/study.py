@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, get_args
 
+from tcstudy.scene.designs import Design
 from tcstudy.scene.families import FAMILIES, LISTED, PLAIN, FamilyName, MeshFamily
 from tcstudy.scene.records import Exact, Point, Scene
 
@@ -223,6 +224,7 @@ class Axis:
     values: what is put at the path, point by point (plain YAML values)
     labels: numbers (SI) or texts that stand in the data's coordinate
     units:  units of the labels, "1" for texts
+    distribution: that the values were drawn from, in words; empty if they were not drawn
     """
 
     name: str
@@ -230,6 +232,7 @@ class Axis:
     values: tuple[object, ...]
     labels: tuple[float | str, ...]
     units: str
+    distribution: str = ""
 
 
 @dataclass(frozen=True)
@@ -254,6 +257,7 @@ class Study:
     scenes: one per point, in C order of the axes; each is complete (scene.points.Scenes for a sweep)
     text:   the exact YAML text;  source: its file, if any
     units:  "SI" or "none" (dimensionless)
+    design: how the points were drawn, None if the study lists them
     """
 
     title: str
@@ -270,6 +274,7 @@ class Study:
     overrides: tuple[str, ...] = field(default=())
     exact: Exact | None = None
     path: PathPlan | None = None
+    design: Design | None = None
 
     def __repr__(self) -> str:
         """One line: a whole study would fill pages."""

@@ -120,6 +120,8 @@ def _meshing_note(study: Study, levels: tuple[LevelForecast, ...]) -> list[str]:
 
 def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> list[str]:
     notes = [*idle_notes(study), *_doubts(study), *_mesh_notes(study.mesh), *_other_commands(study)]
+    if study.design is not None:
+        notes.insert(0, study.design.note)
     if (derived := description(study)) is not None:
         notes.insert(0, derived)
     notes += [*_locking(study), *_meshing_note(study, levels)]

@@ -99,6 +99,9 @@ def union(old: Study, new: Study) -> Study:
         return new
     if all(places_in(old, new, absent=-1) >= 0):
         return old
+    if old.design is not None or new.design is not None:
+        keep = "keep mode, seed and distributions, and double the points of a latin-hypercube"
+        raise StoreError(f"the points of the file are not the first of this design; {keep}, or give another --output")
     sweep = _grid(old, new) if old.mode == new.mode == "grid" else _list(old, new)
     if (h := tree_of(new).child("sweep")) is not None and (sizes := h.child("h")) is not None:
         sweep["h"] = sizes.plain()

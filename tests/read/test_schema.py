@@ -15,6 +15,7 @@ from ruamel.yaml.error import YAMLError
 from tcstudy.errors import StudyError
 from tcstudy.read.schema import FRAGMENTS, markdown, schema, schema_text
 from tcstudy.read.study import read_study_text
+from tcstudy.scene.designs import PARAMETERS
 from tcstudy.scene.keys import ROWS, rows
 from tests.benchmarks.mutated import EVERY_KEY, sources, spoil, tree_of, yaml_of
 
@@ -106,6 +107,6 @@ def test_schema_and_readme_know_every_key() -> None:
         assert list(made["$defs"][section]["properties"]) == list(rows(section))
     assert list(made["properties"]) == list(rows(""))
     assert set(rows("sweep")) < set(made["$defs"]["sweep"]["properties"])
-    hidden = {"values", "goal"}
+    hidden = {"values", "goal", "distribution", *PARAMETERS}
     assert not [one.name for one in ROWS if f"`{one.name}`" not in table and one.section not in ("", *hidden)]
     assert {one.kind for one in ROWS} <= set(FRAGMENTS)

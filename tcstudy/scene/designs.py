@@ -1,0 +1,188 @@
+"""Designs of experiments: points of the unit cube, and the distributions that turn them into values of parameters.
+
+The same seed gives the same points to the bit, and the first points of a longer design are those of a shorter one: a
+design can grow. A Latin hypercube grows by doubling only; one of n points is a hypercube of the odd part of n, doubled
+(every old point lies in a cell of the finer one, the new points fill the other cells; Sallaberry, Helton & Hora,
+Reliab. Eng. Syst. Saf. 93 (2008) 1047, doi 10.1016/j.ress.2007.04.005).
+
+Not here: which parameter has which distribution, and in which unit (`read.designs`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.scene.key import Key
+
+Cube = NDArray[np.float64]
+
+SALTELLI = "saltelli"
+DESIGNS = ("random", "latin-hypercube", "sobol", SALTELLI)
+"""Modes of a sweep whose points are drawn."""
+LEAST = 2.0**-54
+"""In place of 0, where a distribution may have no finite value; no generator tells the two apart."""
+
+
+@dataclass(frozen=True)
+class Design:
+    """How the points of a study were drawn.
+
+    mode:   one of DESIGNS;  seed: of its random numbers
+    points: n of the study; saltelli has n (d + 2) points for d parameters
+    """
+
+    mode: str
+    points: int
+    seed: int
+
+    @property
+    def note(self) -> str:
+        """One sentence for those who plan a study."""
+        said = f"{self.points} points drawn by {self.mode}, seed {self.seed}: a longer design begins with them"
+        power = 2 ** math.ceil(math.log2(self.points))
+        if self.mode in ("sobol", SALTELLI) and power != self.points:
+            return f"{said}; a Sobol sequence is balanced at powers of two only: {power} points cover evenly"
+        return f"{said} if it has 2, 4, 8 … times as many" if self.mode == "latin-hypercube" else said
+
+
+def count(mode: str, points: int, d: int) -> int:
+    """Points of a design of d parameters."""
+    return points * (d + 2) if mode == SALTELLI else points
+
+
+def cube(design: Design, d: int) -> Cube:
+    """(P, d) points in (0, 1), P = `count`.
+
+    saltelli: d + 2 rows for each base point, A, B, and A with column i from B for i = 0 … d − 1, where [A B] is a Sobol
+    sequence in 2 d dimensions (Saltelli et al., Comput. Phys. Commun. 181 (2010) 259, doi 10.1016/j.cpc.2009.09.018).
+    """
+    rng, n = np.random.default_rng(design.seed), design.points
+    if design.mode == "random":
+        u = rng.random((n, d))
+    elif design.mode == "latin-hypercube":
+        u = _latin_hypercube(n, d, design.seed)
+    elif design.mode == "sobol":
+        u = _sobol(n, d, rng)
+    else:
+        both = _sobol(n, 2 * d, rng)
+        rows = np.repeat(both[:, None, :d], d + 2, axis=1)
+        rows[:, 1] = both[:, d:]
+        for i in range(d):
+            rows[:, 2 + i, i] = both[:, d + i]
+        u = rows.reshape(n * (d + 2), d)
+    return np.maximum(u, LEAST)
+
+
+def _sobol(n: int, d: int, rng: np.random.Generator) -> Cube:
+    """The first n points of a scrambled sequence; drawn up to a power of two, which the library has no doubts about."""
+    from scipy.stats import qmc
+
+    points: Cube = qmc.Sobol(d, scramble=True, seed=rng).random_base2(math.ceil(math.log2(n)))[:n]
+    return points
+
+
+def _latin_hypercube(n: int, d: int, seed: int) -> Cube:
+    from scipy.stats import qmc
+
+    doublings = (n & -n).bit_length() - 1
+    u: Cube = qmc.LatinHypercube(d, seed=np.random.default_rng(seed)).random(n >> doublings)
+    for step in range(doublings):
+        rng, cells = np.random.default_rng((seed, step)), 2 * len(u)
+        taken = np.minimum((u * cells).astype(np.intp), cells - 1)
+        new = np.empty_like(u)
+        for j in range(d):
+            free = np.setdiff1d(np.arange(cells), taken[:, j], assume_unique=True)
+            new[:, j] = (rng.permutation(free) + rng.random(len(free))) / cells
+        u = np.concatenate([u, new])
+    return u
+
+
+PARAMETERS: dict[str, tuple[str, ...]] = {
+    "uniform": ("from", "to"),
+    "log-uniform": ("from", "to"),
+    "normal": ("mean", "sigma"),
+    "truncated-normal": ("mean", "sigma", "from", "to"),
+    "lognormal": ("median", "sigma"),
+    "triangular": ("from", "mode", "to"),
+}
+"""Names of the numbers of each distribution; all have the parameter's dimension but the sigma of a logarithm."""
+ENDS = ("from", "to")
+DISTRIBUTIONS = (
+    *(
+        Key(kind, "span", "", example="[a, b]", section="distribution")
+        for kind in PARAMETERS
+        if PARAMETERS[kind] == ENDS
+    ),
+    *(
+        Key(kind, "section", "", example="{" + ": 1, ".join(names) + ": 1}", section="distribution", of=(kind,))
+        for kind, names in PARAMETERS.items()
+        if names != ENDS
+    ),
+    Key("choice", "any values", "equally likely", example="[a, b]", section="distribution", least=1),
+    *(
+        Key(name, "quantity", "", section=kind, required=True)
+        for kind, names in PARAMETERS.items()
+        if names != ENDS
+        for name in names
+    ),
+)
+"""Rows of the table of keys: {NAME: [from, to]} or {NAME: {its numbers}} in place of the values of a parameter."""
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A distribution of one number.
+
+    kind: one of PARAMETERS;  numbers: its parameters by name, in SI
+    """
+
+    kind: str
+    numbers: tuple[tuple[str, float], ...]
+
+    def __str__(self) -> str:
+        return f"{self.kind}({', '.join(f'{name}={value:.15g}' for name, value in self.numbers)})"
+
+    @property
+    def fault(self) -> tuple[str, str]:
+        """What is wrong with the numbers, and what to do; empty texts if nothing is."""
+        has = dict(self.numbers)
+        low, high, sigma = has.get("from", -math.inf), has.get("to", math.inf), has.get("sigma", 1.0)
+        if not low < high:
+            return f"ends at {high:g}, but begins at {low:g}", "give two ends, the lower one first"
+        if not sigma > 0.0:
+            return f"has the standard deviation {sigma:g}", "give sigma > 0, or leave the parameter out of the sweep"
+        if self.kind == "log-uniform" and not low > 0.0:
+            return f"begins at {low:g}, which has no logarithm", "give two positive ends, or use uniform"
+        if self.kind == "lognormal" and not has["median"] > 0.0:
+            return f"has the median {has['median']:g}", "give a positive median, or use normal"
+        if self.kind == "triangular" and not low <= has["mode"] <= high:
+            return f"has its mode {has['mode']:g} outside its ends", "give from ≤ mode ≤ to"
+        return "", ""
+
+    def at(self, u: Cube) -> Cube:
+        """Values at which the distribution function is u; to 15 digits, which all machines agree about."""
+        from scipy import stats
+
+        has = dict(self.numbers)
+        low, high, sigma = has.get("from", 0.0), has.get("to", 0.0), has.get("sigma", 1.0)
+        law: Any
+        match self.kind:
+            case "uniform":
+                law = stats.uniform(low, high - low)
+            case "log-uniform":
+                law = stats.loguniform(low, high)
+            case "normal":
+                law = stats.norm(has["mean"], sigma)
+            case "truncated-normal":
+                mean = has["mean"]
+                law = stats.truncnorm((low - mean) / sigma, (high - mean) / sigma, mean, sigma)
+            case "lognormal":
+                law = stats.lognorm(sigma, scale=has["median"])
+            case _:
+                law = stats.triang((has["mode"] - low) / (high - low), low, high - low)
+        return np.array([float(f"{value:.15g}") for value in law.ppf(u)])

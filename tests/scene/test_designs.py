@@ -1,0 +1,83 @@
+"""Points of the unit cube cover it as their design says and grow; distributions have their quantiles."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import special
+
+from tcstudy.scene.designs import DESIGNS, Design, Distribution, count, cube
+
+
+@pytest.mark.parametrize("mode", DESIGNS)
+@pytest.mark.parametrize(("few", "many"), [(12, 24), (8, 64), (1, 4)])
+def test_a_longer_design_begins_with_the_shorter_one(mode: str, few: int, many: int) -> None:
+    one, two = (cube(Design(mode, n, 7), 3) for n in (few, many))
+    assert len(two) == count(mode, many, 3)
+    assert np.array_equal(two[: len(one)], one)
+    assert np.all((two > 0.0) & (two < 1.0))
+    assert not np.array_equal(cube(Design(mode, few, 8), 3), one)
+
+
+@pytest.mark.parametrize("n", [1, 5, 20, 96])
+def test_a_latin_hypercube_has_one_point_in_each_row(n: int) -> None:
+    u = cube(Design("latin-hypercube", n, 3), 4)
+    assert np.array_equal(np.sort((u * n).astype(int), axis=0), np.tile(np.arange(n)[:, None], 4))
+
+
+def test_a_sobol_sequence_is_balanced() -> None:
+    u = cube(Design("sobol", 64, 1), 2)
+    boxes = (u * 8).astype(int)
+    assert np.array_equal(np.unique(boxes @ [8, 1], return_counts=True)[1], np.ones(64))
+    assert "64 points cover" in Design("sobol", 50, 1).note
+    assert "balanced" not in Design("sobol", 64, 1).note
+
+
+def test_saltelli_takes_one_column_at_a_time_from_the_other_matrix() -> None:
+    rows = cube(Design("saltelli", 8, 1), 3).reshape(8, 5, 3)
+    for i in range(3):
+        others = [j for j in range(3) if j != i]
+        assert np.array_equal(rows[:, 2 + i, i], rows[:, 1, i])
+        assert np.array_equal(rows[:, 2 + i][:, others], rows[:, 0][:, others])
+
+
+U = np.array([0.1, 0.25, 0.5, 0.9])
+Z = special.ndtri(U)
+
+
+@pytest.mark.parametrize(
+    ("kind", "numbers", "expected"),
+    [
+        ("uniform", {"from": 100.0, "to": 400.0}, 100.0 + 300.0 * U),
+        ("log-uniform", {"from": 1.0, "to": 1e4}, 10.0 ** (4.0 * U)),
+        ("normal", {"mean": 5.0, "sigma": 2.0}, 5.0 + 2.0 * Z),
+        ("lognormal", {"median": 2e6, "sigma": 0.3}, 2e6 * np.exp(0.3 * Z)),
+        (
+            "truncated-normal",
+            {"mean": 5.0, "sigma": 2.0, "from": 5.0, "to": 1e3},
+            5.0 + 2.0 * special.ndtri(0.5 + 0.5 * U),
+        ),
+        ("triangular", {"from": 0.0, "mode": 1.0, "to": 1.0}, np.sqrt(U)),
+    ],
+)
+def test_values_are_quantiles(kind: str, numbers: dict[str, float], expected: np.ndarray) -> None:
+    one = Distribution(kind, tuple(numbers.items()))
+    assert one.fault == ("", "")
+    np.testing.assert_allclose(one.at(U), expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("kind", "numbers", "what"),
+    [
+        ("uniform", {"from": 2.0, "to": 1.0}, "ends at 1"),
+        ("normal", {"mean": 2.0, "sigma": 0.0}, "standard deviation"),
+        ("log-uniform", {"from": 0.0, "to": 1.0}, "logarithm"),
+        ("lognormal", {"median": -1.0, "sigma": 1.0}, "median"),
+        ("triangular", {"from": 0.0, "mode": 2.0, "to": 1.0}, "mode"),
+        ("uniform", {"from": math.nan, "to": 1.0}, "begins"),
+    ],
+)
+def test_impossible_numbers_are_said(kind: str, numbers: dict[str, float], what: str) -> None:
+    assert what in Distribution(kind, tuple(numbers.items())).fault[0]
