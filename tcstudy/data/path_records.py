@@ -7,7 +7,6 @@ combination; piece i lies between the vertices i and i + 1. Flags are bytes with
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -15,25 +14,11 @@ from numpy.typing import NDArray
 
 from tcstudy.data.records import LevelRecord
 from tcstudy.data.schema import CONTACT, RATE, FileVariable, T, flags
+from tcstudy.scene.contact_states import ContactState
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int32]
 Flag = NDArray[np.int8]
-
-
-class ContactState(IntEnum):
-    """What a contact node does on a piece of the path."""
-
-    STICK = 0
-    """at rest on an up-jump of b"""
-    SLIP = 1
-    """on a part of b that does not fall and has not fallen since s = 0"""
-    SOFTEN = 2
-    """on a falling part of b"""
-    DROP = 3
-    """at rest on a down-jump of b"""
-    WEAKENED = 4
-    """on a part of b that does not fall, beyond one that does"""
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.path_records import ContactState
 from tcstudy.data.path_store import open_path
 from tcstudy.reports import style
 from tcstudy.reports.text import number
+from tcstudy.scene.contact_states import ContactState
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -149,7 +149,7 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
             n_dof=int(at["n_dof"]),
             residual=float(at["inclusion_residual"]),
             line=_line(group, float(at["slip_length"])),
-            body=_body(group),
+            body=body_fields(group),
         )
 
 
@@ -187,7 +187,7 @@ def _line(group: Any, slip_length: float) -> LineFields:
     )
 
 
-def _body(group: Any) -> BodyFields | None:
+def body_fields(group: Any) -> BodyFields | None:
     """The fields of the whole body, None if the file has none for this point."""
     if not {"node_x", "triangle", "u_x", "u_y"} <= set(group.variables):
         return None

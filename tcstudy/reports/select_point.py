@@ -63,6 +63,18 @@ def locate(data: Any, point: Mapping[str, Value] | None, holder: str = "file") -
     return {"point": int(np.argmax(together))}
 
 
+def matching(data: Any, point: Mapping[str, Value]) -> NDArray[np.bool_]:
+    """(points,) those that have all the given labels, in the order of the file. Raises DrawError as `locate`, and
+    where no point has them together."""
+    locate(data, point)
+    dims = [str(d) for d in data["status"].dims if d != "level"]
+    fits = np.ones([int(data.sizes[d]) for d in dims], dtype=bool)
+    for name, value in _by_name(data, point, "file").items():
+        own = str(data[name].dims[0])
+        fits &= _fits(name, data[name], value, "file").reshape([-1 if d == own else 1 for d in dims])
+    return fits.ravel()
+
+
 def _by_name(data: Any, point: Mapping[str, Value], holder: str) -> dict[str, Value]:
     """The wanted values by the names that the axes have in the data."""
     names = axis_names(data)

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.data.path_records import ContactState, CurveRecord, LoopRecord, PathRecord, SolutionsRecord
+from tcstudy.data.path_records import CurveRecord, LoopRecord, PathRecord, SolutionsRecord
 from tcstudy.data.path_store import write_path
 from tcstudy.data.provenance import collect
 from tcstudy.fem.meshes import Meshes
 from tcstudy.offline.level import Level
-from tcstudy.scene.friction import DOWN, FrictionLaw
+from tcstudy.scene.contact_states import ContactState, contact_states
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.study import Acceptance, PathPlan, Study
 from tcstudy.solvers.bounds import solution_box
@@ -152,18 +152,6 @@ def _curve(setting: _Setting, path: Path) -> CurveRecord:
         lowest_piece=low.piece.astype(np.int32),
         lowest_certified=proved_minima(path, low, setting.lambda_1, Acceptance(setting.tolerance)).astype(np.int8),
     )
-
-
-def contact_states(law: FrictionLaw) -> NDArray[np.int8]:
-    """ContactState by piece code of a piecewise-linear law (tcstudy.solvers.path.problem)."""
-    states = np.full(2 * len(law.kinks) + 1, ContactState.STICK, dtype=np.int8)
-    states[0::2] = np.where(law.q < 0.0, ContactState.SOFTEN, ContactState.SLIP)
-    states[1::2][law.kinds == DOWN] = ContactState.DROP
-    for side, outward in ((1, 1), (-1, -1)):
-        way = states[2 * int(law.piece(0.0, side)) :: outward]  # a view: the pieces from s = 0 outwards
-        fallen = np.logical_or.accumulate((way == ContactState.SOFTEN) | (way == ContactState.DROP))
-        way[fallen & (way == ContactState.SLIP)] = ContactState.WEAKENED
-    return states
 
 
 def _solutions(setting: _Setting, path: Path) -> SolutionsRecord:

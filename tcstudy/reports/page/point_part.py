@@ -145,7 +145,7 @@ def line_part(stored: Stored, level: int, box: Container) -> Json:
 
 def geometry(group: Any, box: Container) -> Json:
     """Where the nodes are and what each stands for; `held` says whether a part ends at a node without unknown."""
-    line = _line(group)
+    line = contact_line(group)
     parts = []
     for part in line.parts:
         cells = line.cells(part)
@@ -164,7 +164,8 @@ def geometry(group: Any, box: Container) -> Json:
     }
 
 
-def _line(group: Any) -> LineFields:
+def contact_line(group: Any) -> LineFields:
+    """The contact line of a level, with zero slip and traction."""
     zero = np.zeros(group.sizes["node"])
     values = {name: group[name].values for name in ("arclength", "x", "y", "c")}
     edges = tuple(str(group["edge"].attrs.get("flag_meanings", "")).split())

@@ -65,11 +65,12 @@ def read(path: Path) -> Stored:
         levels = {n: tree[f"level_{n}"] for n in range(data.sizes.get("level", 0)) if f"level_{n}" in tree.children}
         groups = {n: group.to_dataset().load() for n, group in levels.items()}
         live = {n: group["live"].to_dataset().load() for n, group in levels.items() if "live" in group.children}
-    found = Stored(path, kind, data, groups, live, _study(data))
+    found = Stored(path, kind, data, groups, live, stored_study(data))
     return replace(found, beside=tuple(_beside(found))) if kind == "run" else found
 
 
-def _study(data: Any) -> Study | None:
+def stored_study(data: Any) -> Study | None:
+    """The study in a file, by its root; None if its text can no longer be read here."""
     text, overrides = str(data.attrs.get("study_yaml", "")), str(data.attrs.get("overrides", ""))
     try:
         return read_study_text(text, "study", [one for one in overrides.split("\n") if one])

@@ -1,0 +1,64 @@
+"""tcstudy export: results for other programs."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from tcstudy.commands.shared import FILE, OK, Command, Option, at, fail, point_of
+
+TABLES = ("csv", "json")
+FORMS = ("vtu", *TABLES)
+
+
+def export(options: argparse.Namespace) -> int:
+    """Write a result file in another form."""
+    forms = [form for form in FORMS if getattr(options, form)]
+    if len(forms) != 1:
+        fail("choose one form: --vtu for the fields of every point, --csv or --json for the table of points")
+    if options.level is not None and forms != ["vtu"]:
+        fail("--level: a table has all levels; leave it out")
+    target, lines = exported(options.file, forms[0], options.output, point_of(options), options.level)
+    print("\n".join((f"{target}: {lines[0]}", *lines[1:])))
+    return OK
+
+
+def exported(
+    file: Path, form: str, target: Path | None, point: Mapping[str, Any] | None, level: int | None
+) -> tuple[Path, list[str]]:
+    """Write a result file in one of FORMS; what was written, and what there is to say of it."""
+    if form in TABLES:
+        from tcstudy.reports.export_table import write_csv, write_json
+
+        table = target if target is not None else file.with_suffix(f".{form}")
+        if table.suffix != f".{form}":
+            fail(f"{table}: a table of this form has a name that ends in .{form}; what else is there stays")
+        rows = (write_csv if form == "csv" else write_json)(file, table, point)
+        return table, [f"{rows} {'row' if rows == 1 else 'rows'}"]
+    from tcstudy.reports.export_fields import write_fields
+
+    folder = target if target is not None else file.with_suffix("")
+    if folder.exists() and not folder.is_dir():
+        fail(f"{folder} is a file; name a folder with -o")
+    written = write_fields(file, folder, point, -1 if level is None else level)
+    return written.path, [f"{written.points} {'point' if written.points == 1 else 'points'}", *written.lacks]
+
+
+_OUTPUT = "folder of the fields (default: FILE), or the table (default: FILE.csv, FILE.json)"
+COMMANDS = {
+    "export": Command(
+        "write a result file for other programs: fields for ParaView, a table as CSV or JSON",
+        (
+            FILE,
+            Option("--vtu", action="store_true", help="body and contact line of every point, and one PVD (ParaView)"),
+            Option("--csv", action="store_true", help="a row a point and level, columns `name [unit]`"),
+            Option("--json", action="store_true", help="the same rows as objects"),
+            Option("-o", "--output", type=Path, metavar="TARGET", help=_OUTPUT),
+            at("only points with this value (may be repeated)"),
+            Option("--level", type=int, metavar="N", help="mesh level of --vtu (default: the finest)"),
+        ),
+        export,
+    ),
+}
