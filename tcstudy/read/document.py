@@ -7,6 +7,7 @@ Where in a study's text something stands, for faults that are found after the st
 
 from __future__ import annotations
 
+import json
 import re
 import warnings
 from collections.abc import Mapping, Sequence
@@ -226,6 +227,14 @@ def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, st
         except KeyError as error:
             errors.at_mark(Mark(file, 0, 0), key, str(error.args[0]), "set a key that the study can have there")
     return root
+
+
+def with_sweep(overrides: Sequence[str], sweep: Mapping[str, object]) -> tuple[str, ...]:
+    """The options with another section `sweep`, in place of all that change it."""
+    kept = (
+        text for text in overrides if SHORT.get(key := text.partition("=")[0].strip(), key).split(".")[0] != "sweep"
+    )
+    return (*kept, f"sweep={json.dumps(sweep, ensure_ascii=False)}")
 
 
 def tree_of(study: Study, errors: Collector | None = None) -> Node:

@@ -235,7 +235,7 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "law": lambda one: _ref("friction"),
     "law points": lambda one: _list(_point(one), 1),
     "numbers": lambda one: _list(_value(one), 1),
-    "sweep points": lambda one: {"anyOf": [_list(_sub_section(one), 1), {"type": "integer", "minimum": 1}]},
+    "sweep points": lambda one: {"anyOf": [_list(_sub_section(one), 1), {"type": "integer", "minimum": 1}, SOME_TEXT]},
     "any values": lambda one: {"type": "array", "minItems": 1},
 }
 """What each kind of key may hold."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tcstudy.errors import StudyError
 from tcstudy.read.checks import check_goal, check_mesh
-from tcstudy.read.document import apply_overrides, compose, load_text
+from tcstudy.read.document import apply_overrides, compose, load_text, with_sweep
 from tcstudy.read.exact import derived_scenes, read_exact, without_loads
 from tcstudy.read.fields import Context, Fields
 from tcstudy.read.node import Collector, Mark, Node, deepest, holds, put, split_path
@@ -93,7 +93,7 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
         solver=plans.solver,
         output=plans.output,
         institution=header.institution,
-        overrides=overrides,
+        overrides=with_sweep(overrides, sweep.written()) if sweep.tabled else overrides,
         exact=plans.exact,
         path=plans.path,
         design=sweep.design,

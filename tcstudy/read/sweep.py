@@ -15,6 +15,7 @@ from typing import Literal
 from tcstudy.read.designs import draw, read_design
 from tcstudy.read.fields import Context, Fields
 from tcstudy.read.node import Node, nearest
+from tcstudy.read.table import read_table
 from tcstudy.scene import keys as table
 from tcstudy.scene.designs import DESIGNS, Design
 from tcstudy.scene.laws import SHAPES
@@ -44,12 +45,20 @@ class Sweep:
     mode: "grid" for the product of the axes, "list" for axes that are read together
     h:    the list of element sizes, if the sweep has one
     design: how the points were drawn, if they were
+    tabled: whether the points stand in a table
     """
 
     mode: Literal["grid", "list"] = "grid"
     axes: tuple[SweptAxis, ...] = ()
     h: Node | None = None
     design: Design | None = None
+    tabled: bool = False
+
+    def written(self) -> dict[str, object]:
+        """The section `sweep` with all points listed."""
+        points = zip(*([value.plain() for value in axis.values] for axis in self.axes), strict=True)
+        listed = [dict(zip((axis.key for axis in self.axes), values, strict=True)) for values in points]
+        return {"mode": "list", "points": listed} | ({"h": self.h.plain()} if self.h else {})
 
 
 def read_sweep(ctx: Context, node: Node, known: Mapping[Keys, Parameter], law: Node | None) -> Sweep | None:
@@ -63,7 +72,9 @@ def read_sweep(ctx: Context, node: Node, known: Mapping[Keys, Parameter], law: N
         remedy = "write one PARAMETER: [values] per line, for example alpha: [25, 100]"
         ctx.errors.at(node, f"must be a mapping of parameters to values, but is {node.kind()}", remedy)
         return None
-    mode = ctx.choice(item, MODES) if (item := node.child("mode")) else "grid"
+    table = node.child("points")
+    tabled = table is not None and isinstance(table.value, str)
+    mode = ctx.choice(item, MODES) if (item := node.child("mode")) else "list" if tabled else "grid"
     given = {key: item for key, item in node.value.items() if key not in ("mode", "h")}
     design = None
     if mode in DESIGNS:
@@ -74,7 +85,7 @@ def read_sweep(ctx: Context, node: Node, known: Mapping[Keys, Parameter], law: N
     _check_law_parameters(ctx, axes, law)
     if len(ctx.errors) > before:
         return None
-    return Sweep("grid" if mode == "grid" else "list", tuple(axes), node.child("h"), design)
+    return Sweep("grid" if mode == "grid" else "list", tuple(axes), node.child("h"), design, tabled)
 
 
 def _drawn(
@@ -143,6 +154,12 @@ def _point_list(
         ctx.errors.at(node, "is missing", "add points: [{alpha: 25}, {alpha: 100}]", key=f"{node.path}.points")
     if points is None:
         return []
+    if isinstance(points.value, str):
+        columns = read_table(ctx, points, lambda key, cell: _parameter(ctx, key, cell, known))
+        return [
+            SweptAxis(key, cell, parameter, values, axis_labels(ctx, values, parameter))
+            for key, cell, parameter, values in columns
+        ]
     rows = ctx.items(points, "a list of points {PARAMETER: value, ...}", least=1)
     first = rows[0].value if rows else {}
     for row in rows:

@@ -261,7 +261,11 @@ ROWS: tuple[Key, ...] = (
             default="grid",
         ),
         Key(
-            *("points", "sweep points", "of `mode: list`: `[{alpha: 1, E: 2 GPa}, …]`; else how many are drawn"),
+            *(
+                "points",
+                "sweep points",
+                "`[{alpha: 1, E: 2 GPa}, …]` of `mode: list`, a table (.csv), or how many are drawn",
+            ),
             example="[...]",
             least=1,
             of=("point",),

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.errors import StoreError, shortened
-from tcstudy.read.document import tree_of
+from tcstudy.read.document import tree_of, with_sweep
 from tcstudy.read.node import Node
 from tcstudy.read.study import read_study_text
 from tcstudy.read.sweep import MAX_POINTS
@@ -105,12 +105,8 @@ def union(old: Study, new: Study) -> Study:
     sweep = _grid(old, new) if old.mode == new.mode == "grid" else _list(old, new)
     if (h := tree_of(new).child("sweep")) is not None and (sizes := h.child("h")) is not None:
         sweep["h"] = sizes.plain()
-    kept = [
-        text for text in new.overrides if SHORT.get(key := text.partition("=")[0].strip(), key).split(".")[0] != "sweep"
-    ]
-    text = json.dumps(sweep, ensure_ascii=False)
     name = str(new.source) if new.source is not None else "<text>"
-    return read_study_text(new.text, name, (*kept, f"sweep={text}"), new.source)
+    return read_study_text(new.text, name, with_sweep(new.overrides, sweep), new.source)
 
 
 def _grid(old: Study, new: Study) -> dict[str, object]:

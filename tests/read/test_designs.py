@@ -91,3 +91,52 @@ def test_a_law_that_a_draw_makes_inadmissible_is_refused_with_its_point() -> Non
         swept("{mode: random, points: 50, seed: 1, tau_k: {normal: {mean: 0 MPa, sigma: 1 MPa}}}")
     assert "at the sweep point" in str(caught.value)
     assert len(caught.value.problems) == 1
+
+
+def tabled(folder: Path, table: str, sweep: str = "{points: points.csv}") -> Study:
+    (folder / "points.csv").write_text(table, encoding="utf-8")
+    return swept(sweep, folder / "study.yaml")
+
+
+def test_points_stand_in_a_table_and_then_in_the_study(tmp_path: Path) -> None:
+    table = '\N{BYTE ORDER MARK}E [GPa], friction.delta [um],boundary.top.pressure\n# measured\n1,500,0\n\n2e0, 700,"1 MPa"\n'
+    text = BASE.replace("top: free", "top: {role: traction, g: [0, 0]}") + "sweep: {points: points.csv}\n"
+    (tmp_path / "points.csv").write_text(table, encoding="utf-8")
+    study = read_study_text(text, "test", ("sweep.points=points.csv",), tmp_path / "study.yaml")
+    labels = [axis.labels for axis in study.axes]
+    assert labels == [(1e9, 2e9), (5e-4, 7e-4), (0.0, 1e6)]
+    assert study.mode == "list"
+    again = read_study_text(study.text, "elsewhere", study.overrides)
+    assert [axis.labels for axis in again.axes] == labels
+    assert list(again.scenes) == list(study.scenes)
+
+
+@pytest.mark.parametrize(
+    ("table", "what"),
+    [
+        ("E [GPa],nu\n1,0.2\n2\n", "points.csv:3:1: has 1 entries, but the header 2"),
+        ("E [GPa],nu\n1,0.2,\n", "points.csv:2:7: has 3 entries"),
+        ("E [GPa],nu\n1,\n", "points.csv:2:3: is empty"),
+        ("E [GPa],nu\n1,0.7\n", "points.csv:2:3: must be less than 0.5, but is 0.7"),
+        ("E [GPa],nu\n1,abc\n", "points.csv:2:3: 'abc' is not a plain number"),
+        ("E [GPa],nu\n1 MPa,0.2\n", "points.csv:2:1: '1 MPa' has a unit beside"),
+        ("E [m],nu\n1,0.2\n", "points.csv:1:1: E: 'm' is not a unit of a stress"),
+        ("E,  nuu\n1,0.2\n", "points.csv:1:5: the study has no parameter 'nuu'"),
+        ("E;nu\n1;0.2\n", "points.csv:1:1: 'E;nu' is no parameter; write a key and its unit, separated by commas"),
+        ("E,nu\n1,0.2\n2,0.2\n1.0,0.2\n", "points.csv:4:1: the value 1.0 is repeated"),
+        ("E,E\n1,2\n", "points.csv:1:3: sweeps the same parameter as 'E'"),
+        ("friction\nsoft\n", "points.csv:1:1: friction: whole laws cannot"),
+        ('E,nu\n"1,0.2\n', "points.csv:2:1: a quote is not"),
+        ("E,nu\n", "points.csv has no points"),
+    ],
+)
+def test_every_fault_of_a_table_has_its_line_and_column(tmp_path: Path, table: str, what: str) -> None:
+    with pytest.raises(StudyError) as caught:
+        tabled(tmp_path, table)
+    assert what in str(caught.value)
+    assert len(caught.value.problems) == 1
+
+
+def test_a_table_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match=r"test:7:17: sweep.points: .*no.csv: there is no such file"):
+        swept("{points: no.csv}", tmp_path / "study.yaml")
