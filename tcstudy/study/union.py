@@ -19,7 +19,6 @@ from tcstudy.read.document import tree_of, with_sweep
 from tcstudy.read.node import Node
 from tcstudy.read.study import read_study_text
 from tcstudy.read.sweep import MAX_POINTS
-from tcstudy.scene.parameters import SHORT
 from tcstudy.scene.study import Axis, Study
 from tcstudy.scene.units import same_quantity
 

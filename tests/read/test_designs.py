@@ -99,7 +99,8 @@ def tabled(folder: Path, table: str, sweep: str = "{points: points.csv}") -> Stu
 
 
 def test_points_stand_in_a_table_and_then_in_the_study(tmp_path: Path) -> None:
-    table = '\N{BYTE ORDER MARK}E [GPa], friction.delta [um],boundary.top.pressure\n# measured\n1,500,0\n\n2e0, 700,"1 MPa"\n'
+    table = "\N{BYTE ORDER MARK}E [GPa], friction.delta [um],boundary.top.pressure\n# measured\n1,500,0\n\n"
+    table += '2e0, 700,"1 MPa"\n'
     text = BASE.replace("top: free", "top: {role: traction, g: [0, 0]}") + "sweep: {points: points.csv}\n"
     (tmp_path / "points.csv").write_text(table, encoding="utf-8")
     study = read_study_text(text, "test", ("sweep.points=points.csv",), tmp_path / "study.yaml")
@@ -117,7 +118,7 @@ def test_points_stand_in_a_table_and_then_in_the_study(tmp_path: Path) -> None:
         ("E [GPa],nu\n1,0.2\n2\n", "points.csv:3:1: has 1 entries, but the header 2"),
         ("E [GPa],nu\n1,0.2,\n", "points.csv:2:7: has 3 entries"),
         ("E [GPa],nu\n1,\n", "points.csv:2:3: is empty"),
-        ("E [GPa],nu\n1,0.7\n", "points.csv:2:3: must be less than 0.5, but is 0.7"),
+        ("E [GPa],nu\n1,0.7\n", "points.csv:2:3: must lie between -1 and 0.5, but is 0.7"),
         ("E [GPa],nu\n1,abc\n", "points.csv:2:3: 'abc' is not a plain number"),
         ("E [GPa],nu\n1 MPa,0.2\n", "points.csv:2:1: '1 MPa' has a unit beside"),
         ("E [m],nu\n1,0.2\n", "points.csv:1:1: E: 'm' is not a unit of a stress"),
