@@ -1,0 +1,118 @@
+"""The gallery's studies against the numbers that stand in them: closed forms, balances (sources in the studies)."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tcstudy
+from tests.test_cli import CONFIGS
+from tests.verification.gallery_forms import Law, bar, ring_slip
+
+FIELDS = "output.fields=true"
+LAWS = {
+    "held": [(0.0, 2e5)],
+    "softening": [(0.0, 2e5), (5e-3, 1e5)],
+    "brittle": [(0.0, 0.0), (4e-6, 8e6), (4e-6, 2e6)],
+    "drag": [(0.0, 7080.0)],
+    "bonded": [(0.0, 35400.0), (1e-3, 7080.0)],
+}
+
+
+def run(name: str, target: Path, *changes: str) -> xr.DataTree:
+    """The study of the gallery; every one of its points is solved."""
+    tree = tcstudy.run(tcstudy.load(str(CONFIGS / f"{name}.yaml"), list(changes)), target / f"{name}.nc")
+    assert np.all(tree["status"] == 1)
+    return tree
+
+
+def told(name: str, line: str) -> list[float]:
+    """Numbers with three or more decimals in the line of a study's comment that has the text."""
+    text = (CONFIGS / f"{name}.yaml").read_text(encoding="utf-8")
+    found = next(one for one in text.splitlines() if one.startswith("#") and line in one)
+    return [float(number) for number in re.findall(r"(?<![\d.])\d+\.\d{3,}(?![\d.])", found.replace(line, ""))]
+
+
+@pytest.mark.parametrize(
+    ("name", "line", "law", "bar_of", "strains", "scale"),
+    [
+        ("welded_rail", "plastic      u =", [(0, 224250.33)], (210e9 * 0.172, 140), (2.4e-4, 4.8e-4, 7.2e-4), 1e3),
+        (
+            *("welded_rail", "peaked       plastic", [(0, 448500.66), (2e-3, 224250.33)]),
+            *((210e9 * 0.172, 140), (2.4e-4, 4.8e-4, 7.2e-4), 1e3),
+        ),
+        ("die", "    u_end = alpha ΔT", [(0, 0), (1e-3, 2e9)], (84.5e6, 5e-3), (3.6e-4, 7.2e-4, 1.44e-3, 2.16e-3), 1e6),
+        ("die", "a = 3.07981, 1.97388 mm,", LAWS["brittle"], (84.5e6, 5e-3), (1.44e-3, 2.16e-3), 1e6),
+        ("slab", "drag    u_end", LAWS["drag"], (6e9, 60), (1e-4, 3e-4), 1e3),
+        ("slab", "bonded  35.4", LAWS["bonded"], (6e9, 60), (1e-4, 3e-4), 1e3),
+    ],
+)
+def test_the_bar_has_the_numbers_that_the_studies_tell(
+    name: str, line: str, law: Law, bar_of: tuple[float, float], strains: tuple[float, ...], scale: float
+) -> None:
+    found = [scale * float(bar(law, *bar_of, strain, np.array([bar_of[1]]))[0]) for strain in strains]
+    assert found == pytest.approx(told(name, line), rel=1e-6)
+
+
+def test_heat_of_the_bracket(tmp_path: Path) -> None:
+    """What the heater gives, 500 W/m, leaves through the 272.111 mm of cooled edge at every point of the sweep."""
+    tree = run("quickstart", tmp_path, "mesh.levels=2", "sweep.friction={tresca: {law: tresca, tau: 40 MPa}}", FIELDS)
+    data = tree["level_1"].dataset.isel(friction=0)
+    triangles = data["triangle"].values
+    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    edges, count = np.unique(sides, axis=0, return_counts=True)
+    x, y = (data[name].values[edges[count == 1]] for name in ("node_x", "node_y"))
+    sides_of_air = (x - 0.2, y - 0.1, y - 0.1 + (x - 0.14) / 1.5)
+    cooled = np.any([(np.abs(side) < 1e-9).all(axis=1) for side in sides_of_air], axis=0)
+    lengths = np.hypot(*(np.diff(one[cooled], axis=1)[:, 0] for one in (x, y)))
+    assert lengths.sum() == pytest.approx(0.14 + 0.06 + np.hypot(0.06, 0.04))
+    theta = data["theta"].values[..., edges[count == 1][cooled]].mean(axis=-1) @ lengths / lengths.sum()
+    alpha, theta_bar = data["alpha"].values[:, None], data["theta_bar"].values[None]
+    assert theta == pytest.approx(theta_bar + 500.0 / (alpha * lengths.sum()), rel=1e-10)
+    assert theta[1, 1] == pytest.approx(told("quickstart", "mean temperature")[-1], rel=1e-6)
+
+
+def test_slab(tmp_path: Path) -> None:
+    """Ends with one temperature over the height; with a warmer surface, the stress of the curling that is held back."""
+    tree = run("slab", tmp_path, FIELDS)
+    data = tree.to_dataset().isel(level=0)
+    ends = [told("slab", "drag    u_end"), told("slab", "bonded  35.4")]
+    slips = 1e3 * data["u_T_max"].values
+    for law, told_ends in enumerate(ends):
+        assert slips[:2, law] == pytest.approx(told_ends, rel=2e-5)
+        assert slips[2, law] == pytest.approx(told_ends[1], rel=4e-4)
+    level = tree["level_0"].dataset
+    top = np.flatnonzero(level["node_y"].values > 0.2 - 1e-9)
+    top = top[np.argsort(level["node_x"].values[top])]
+    x, u = level["node_x"].values[top], level["u_x"].values[2, 0][top]
+    stress = 30e9 * (np.diff(u) / np.diff(x) - 1e-5 * 36.0)
+    assert np.interp(20.0, 0.5 * (x[1:] + x[:-1]), stress) == pytest.approx(-3.216e6, rel=1e-3)
+
+
+def test_die(tmp_path: Path) -> None:
+    """Suhir's compliance is nearer than the plain shear lag; where the attach breaks, the front's bar."""
+    data = run("die", tmp_path)["u_T_max"]
+    plain, better = told("die", "    u_end = alpha ΔT"), told("die", "k'/k")
+    for level in (0, 1):
+        found = 1e6 * data.isel(level=level).values
+        assert found[:, 0] == pytest.approx(better, rel=2e-3)
+        assert found[:, 0] == pytest.approx(plain, rel=6e-3)
+        assert np.all(np.abs(found[:, 0] - plain) > np.abs(found[:, 0] - better))
+        assert found[2:, 1] == pytest.approx(told("die", "a = 3.07981, 1.97388 mm,"), rel=1e-3)
+
+
+def test_ring(tmp_path: Path) -> None:
+    """Torque against turn of the housing: errors of the polygons fall like h²."""
+    data = run("ring", tmp_path)
+    torque = -0.02 * data["friction_resultant"].values  # the hole's edge runs clockwise
+    for law, name in enumerate(("held", "softening")):
+        line = told("ring", "held  " if law == 0 else "softening   to")
+        exact = [2 * np.pi * 0.02**2 * ring_slip(LAWS[name], 1e6, 0.02, 0.04, u)[1] for u in (1e-3, 2e-3, 4e-3, 8e-3)]
+        assert exact == pytest.approx(line, rel=1e-6)
+        errors = np.abs(torque[:, law] / np.array(exact)[:, None] - 1.0)
+        assert np.all(errors <= [8e-3, 2.2e-3, 6e-4])
+        assert np.all(errors[:, :-1] >= 2.8 * errors[:, 1:])
