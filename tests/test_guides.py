@@ -45,3 +45,40 @@ def test_a_wheel_has_the_guides() -> None:
     text = (Path(ROOT) / "pyproject.toml").read_text(encoding="utf-8")
     assert '"tcstudy" = ["py.typed", "*.md"]' in text
     assert (PACKAGE / "py.typed").exists()
+
+
+GUIDES = ("README.md", "configs/README.md", "results/README.md", "tcstudy/README.md")
+
+
+def anchors(text: str) -> set[str]:
+    """Names under which a page's headings are linked to: small letters, no punctuation, hyphens."""
+    return {
+        re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    }
+
+
+def test_links_of_the_guides_lead_somewhere() -> None:
+    wrong = []
+    for name in GUIDES:
+        text = (ROOT / name).read_text(encoding="utf-8")
+        for link in re.findall(r"\]\((?!https?:)([^)]+)\)", re.sub(r"```.*?```", "", text, flags=re.DOTALL)):
+            path, _, anchor = link.partition("#")
+            target = (ROOT / name).parent / path if path else ROOT / name
+            if not target.exists() or (anchor and anchor not in anchors(target.read_text(encoding="utf-8"))):
+                wrong.append(f"{name}: {link}")
+    assert not wrong
+
+
+def test_the_first_page_is_short() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) < 200
+
+
+def test_the_gallery_has_short_studies_and_small_pictures() -> None:
+    index = (ROOT / "configs" / "README.md").read_text(encoding="utf-8").split("# More studies")[0]
+    names = re.findall(r"^\*\*(\w+)\.yaml\*\*", index, re.MULTILINE)
+    assert len(names) == 8
+    for name in names:
+        lines = (ROOT / "configs" / f"{name}.yaml").read_text(encoding="utf-8").splitlines()
+        assert sum(bool(line.strip()) and not line.startswith("#") for line in lines) < 40, name
+        assert f"../results/gallery-{name}.png" in index
+        assert (ROOT / "results" / f"gallery-{name}.png").stat().st_size < 150_000

@@ -22,7 +22,7 @@ STARTER = f"""\
 
 title: My first study
 
-body:                               # sides: bottom, right, top, left; any outline, holes and arcs: see the README
+body:                               # sides: bottom, right, top, left; outlines, holes, arcs: see configs/README.md
   rectangle: {{width: 200 mm, height: 100 mm}}
 
 boundary:                           # one role an edge: clamped, traction, contact, convection, free

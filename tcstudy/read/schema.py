@@ -3,7 +3,7 @@
 What the schema refuses the reader refuses as well; the reader finds much more (units, expressions, geometry, what
 contradicts what). A key that a sweep or derived loads may supply is asked for only in studies without them.
 
-The table of keys in words: the README's table of the study file, in Markdown.
+The table of keys in words: the table of the study file in configs/README.md.
 """
 
 from __future__ import annotations

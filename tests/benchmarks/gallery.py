@@ -127,7 +127,7 @@ def slab(tree: xr.DataTree) -> Figure:
     title(
         figure,
         "Concrete slab on a hot afternoon",
-        "warm by 10 and 30 K, 12 K more at the surface than at the base; circles: closed form",
+        "left: 10 and 30 K warmer; right: 30 K, surface 12 K warmer than the base; circles: closed form",
     )
     left, right = inches(figure, 0.75, 0.5, 3.2, 2.5), inches(figure, 4.75, 0.5, 3.05, 2.5)
     places = np.linspace(0.0, 60.0, MARKS + 1)[1:]

@@ -1,4 +1,4 @@
-"""Table of keys, JSON Schema and README agree; what the schema refuses the reader refuses."""
+"""Table of keys, JSON Schema and the guide to studies agree; what the schema refuses the reader refuses."""
 
 from __future__ import annotations
 
@@ -96,12 +96,12 @@ def test_an_editor_says_at_once(old: str, new: str) -> None:
     assert not CHECK.is_valid(data(EVERY_KEY.replace(old, new)))
 
 
-def test_the_readme_has_the_table_of_keys() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+def test_the_guide_has_the_table_of_keys() -> None:
+    text = (ROOT / "configs" / "README.md").read_text(encoding="utf-8")
     assert markdown() in text, "put it in again: tcstudy schema --format markdown"
 
 
-def test_schema_and_readme_know_every_key() -> None:
+def test_schema_and_guide_know_every_key() -> None:
     made, table = schema(), markdown()
     for section in {one.section for one in ROWS} - {"", "sweep"}:
         assert list(made["$defs"][section]["properties"]) == list(rows(section))
