@@ -6,7 +6,7 @@
     tree["level_1"]["u_T"]                                                # tangential displacements on the second mesh
 
 Studies:  init, schema, load, Study (from_dict, with_), plan, run, converge, cost, path
-Results:  open_results, draw, report, merge
+Results:  open_results, draw, report, export, compare, merge
 Matrices: ContactProblem, law, solve, certify, follow
 
     problem = tcstudy.ContactProblem(A_tilde, l_tilde, c, tcstudy.law("tresca", tau=1.0))
@@ -36,9 +36,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tcstudy.api import (
         Study,
+        compare,
         converge,
         cost,
         draw,
+        export,
         init,
         load,
         merge,
@@ -82,9 +84,11 @@ __all__ = [
     "UserFault",
     "__version__",
     "certify",
+    "compare",
     "converge",
     "cost",
     "draw",
+    "export",
     "follow",
     "init",
     "law",

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import xarray
 
     from tcstudy.data.provenance import Kind
+    from tcstudy.study.compare import Comparison
     from tcstudy.study.plan import Plan
 
 Changes = Sequence[str] | Mapping[str, object]
@@ -325,6 +326,40 @@ def report(file: str | FilePath, target: str | FilePath | None = None, *, withou
         raise UsageError(f"without: there is no part {unknown[0]!r}; choose of {', '.join(LEAVE_OUT)}")
     page = FilePath(target) if target is not None else FilePath(file).with_suffix(".html")
     return write_page(FilePath(file), page, tuple(without)).path
+
+
+def export(
+    file: str | FilePath,
+    form: str,
+    target: str | FilePath | None = None,
+    *,
+    at: Mapping[str, Any] | None = None,
+    level: int | None = None,
+) -> FilePath:
+    """Write a result file for other programs; returns the PVD or the table.
+
+    form:   "vtu" (fields of a run, for ParaView), "csv" or "json" (a row a point and level)
+    target: the folder of the fields, or the table; beside the file unless named
+    at:     only points with these labels, {"alpha": 100};  level: of the fields, the finest unless named
+
+    Raises StoreError, DrawError (no such point), UsageError.
+    """
+    from tcstudy.commands.export import FORMS, exported
+
+    if form not in FORMS:
+        raise UsageError(f"there is no form {form!r}; choose of {', '.join(FORMS)}")
+    return exported(FilePath(file), form, None if target is None else FilePath(target), at, level)[0]
+
+
+def compare(first: str | FilePath, second: str | FilePath, rtol: float = 1e-9) -> Comparison:
+    """What differs between two files of one command: study, versions, points, numbers beyond the tolerance.
+
+    rtol: relative to the largest value of a kind on its level. `equal`, `verdict` and `text` of what is returned say
+    it in short and at length. Raises StoreError, UsageError.
+    """
+    from tcstudy.study.compare import compare_files
+
+    return compare_files(FilePath(first), FilePath(second), rtol)
 
 
 def _made(

@@ -21,7 +21,7 @@ MODULES = {
     "show": "results",
     **dict.fromkeys(("converge", "cost"), "measure"),
     **dict.fromkeys(("draw", "report"), "results"),
-    "export": "export",
+    **dict.fromkeys(("export", "compare"), "export"),
     **dict.fromkeys(("init", "schema", "completion"), "writing"),
 }
 """Which module of `commands` has which command, in the order of the list."""

@@ -1,4 +1,4 @@
-"""tcstudy export: results for other programs."""
+"""tcstudy export, compare: results for other programs, and what differs between two result files."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tcstudy.commands.shared import FILE, OK, Command, Option, at, fail, point_of
+from tcstudy.commands.shared import FILE, OK, SOME_FAILED, Command, Option, at, fail, point_of
 
 TABLES = ("csv", "json")
 FORMS = ("vtu", *TABLES)
@@ -46,7 +46,22 @@ def exported(
     return written.path, [f"{written.points} {'point' if written.points == 1 else 'points'}", *written.lacks]
 
 
+def compare(options: argparse.Namespace) -> int:
+    """Say what differs between two result files."""
+    from tcstudy.study.compare import compare_files
+
+    if not options.rtol >= 0.0:
+        fail(f"--rtol: {options.rtol:g} is no tolerance; give 0 or more")
+    found = compare_files(options.first, options.second, options.rtol)
+    if options.quiet:
+        print(found.verdict)
+    else:
+        print(found.text)
+    return OK if found.equal else SOME_FAILED
+
+
 _OUTPUT = "folder of the fields (default: FILE), or the table (default: FILE.csv, FILE.json)"
+_RTOL = "largest difference of numbers that is none, relative to the largest value of its kind (default: 1e-9)"
 COMMANDS = {
     "export": Command(
         "write a result file for other programs: fields for ParaView, a table as CSV or JSON",
@@ -60,5 +75,15 @@ COMMANDS = {
             Option("--level", type=int, metavar="N", help="mesh level of --vtu (default: the finest)"),
         ),
         export,
+    ),
+    "compare": Command(
+        "say what differs between two result files: exit code 0 for nothing, 1 for something",
+        (
+            Option("first", type=Path, metavar="A.nc"),
+            Option("second", type=Path, metavar="B.nc"),
+            Option("--rtol", type=float, default=1e-9, metavar="R", help=_RTOL),
+            Option("-q", "--quiet", action="store_true", help="print one line: what came of it"),
+        ),
+        compare,
     ),
 }

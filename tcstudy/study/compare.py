@@ -1,0 +1,356 @@
+"""What differs between two result files of one command: study, versions, points, numbers.
+
+Studies are compared by what their YAML means (`study.union`), points by the labels of their swept parameters, numbers
+of points that both have relative to the largest value of their kind on their level, as merge does; what is a residual
+or a relative error itself is compared as it is. Counts, flags and texts must be the same. Versions are told, but two
+versions with the same numbers are no difference. Left out: wall times and how many steps a solver took, which say how
+the numbers were come by, and the group `live`, which repeats them.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.provenance import kind_from
+from tcstudy.data.reading import attributes, reading
+from tcstudy.data.stored import VALUES
+from tcstudy.errors import StudyError, UsageError, shortened
+from tcstudy.read.study import read_study_text
+from tcstudy.scene.study import Study
+from tcstudy.study.union import differences
+
+if TYPE_CHECKING:
+    import netCDF4
+
+Places = NDArray[np.intp]
+Pair = tuple[Any, Any]
+
+EFFORT = ("time", "solver_time", "iterations", "evaluations", "solver_iterations", "dominated")
+"""How names of variables begin that say how numbers were come by, or follow from wall times."""
+RELATIVE = ("inclusion_", "heat_balance", "value_heat_balance", "residual", "solver_residual", "solver_difference",
+            "solution_residual", "solution_rounding", "error_", "affine_defect", "law_error")  # fmt: skip
+"""How names of variables begin that are relative themselves; there rounding is as large as the value."""
+ASKED = ("point", "reference", "begin_status", "end_status", "shortfalls")
+"""Global attributes that say what was asked for beside the study, or how it ended."""
+SHOWN = 3
+"""Points that are named of those that one file has alone."""
+
+
+@dataclass(frozen=True)
+class NumberDifference:
+    """A variable that differs: its name (with its group), how many points do, the worst place and its two values.
+
+    relative: the worst difference over the largest value of the kind; infinite where one file has no value
+    """
+
+    name: str
+    units: str
+    points: int
+    of: int
+    where: str
+    values: Pair
+    relative: float
+
+    def __str__(self) -> str:
+        one, two = (f"{v:.12g}" if isinstance(v, float) else str(v) for v in self.values)
+        unit = "" if self.units in ("", "1") else f" [{self.units}]"
+        size = f", {self.relative:.2g} of the largest" if math.isfinite(self.relative) else ""
+        many = f"at {self.points} of {self.of} points, worst " if self.of > 1 else ""
+        return f"{self.name}{unit}: {many}{self.where + ': ' if self.where else ''}{one} | {two}{size}"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What differs between two files; lines are "key: value of the first | value of the second".
+
+    points: points that one file has alone;  layout: meshes, variables and outcomes that cannot be compared one to one
+    compared: variables that were
+    """
+
+    files: tuple[Path, Path]
+    rtol: float
+    study: tuple[str, ...]
+    versions: tuple[str, ...]
+    points: tuple[str, ...]
+    layout: tuple[str, ...]
+    numbers: tuple[NumberDifference, ...]
+    compared: int
+
+    @property
+    def equal(self) -> bool:
+        """Whether nothing but the versions differs."""
+        return not (self.study or self.points or self.layout or self.numbers)
+
+    @property
+    def verdict(self) -> str:
+        """One sentence."""
+        names = f"{self.files[0]} and {self.files[1]}"
+        if self.equal:
+            return f"{names} hold the same results: {self.compared} variables within {self.rtol:g}"
+        parts = (("study", self.study), ("points", self.points), ("layout", self.layout), ("numbers", self.numbers))
+        return f"{names} differ in {', '.join(name for name, lines in parts if lines)}"
+
+    @property
+    def text(self) -> str:
+        """The verdict, and all that differs."""
+        parts: tuple[tuple[str, Sequence[Any]], ...] = (
+            ("study", self.study),
+            ("versions (told, no difference by themselves)", self.versions),
+            ("points", self.points),
+            ("layout", self.layout),
+            (f"{len(self.numbers)} of {self.compared} variables beyond {self.rtol:g}", self.numbers),
+        )
+        lines = [self.verdict]
+        for title, found in parts:
+            lines += ["", title, *(f"  {line}" for line in found)] if found else []
+        return "\n".join(lines)
+
+
+def compare_files(first: Path, second: Path, rtol: float = 1e-9) -> Comparison:
+    """Compare two result files. Raises StoreError if one is none, UsageError if they are of different commands."""
+    import netCDF4
+
+    found = attributes(first), attributes(second)
+    kinds = [kind_from(one) for one in found]
+    if kinds[0] != kinds[1]:
+        raise UsageError(f"{first} is a file of tcstudy {kinds[0]}, {second} of {kinds[1]}; name two of one command")
+    with ExitStack() as stack:
+        for path in (first, second):
+            stack.enter_context(reading(path))
+        one, two = (stack.enter_context(netCDF4.Dataset(path)) for path in (first, second))
+        for nc in (one, two):
+            nc.set_auto_mask(False)
+        sweeps = _Sweep.of(one), _Sweep.of(two)
+        study = tuple(_study(found))
+        layout = [f"{name}: {a} | {b}" for name in ASKED if (a := found[0].get(name)) != (b := found[1].get(name))]
+        points: tuple[str, ...] = ()
+        numbers: list[NumberDifference] = []
+        compared = 0
+        if sweeps[0].names == sweeps[1].names:
+            shared, points = _shared(sweeps, (first, second))
+            for result in _variables((one, two), shared, sweeps[0], rtol):
+                compared += not isinstance(result, str)
+                if isinstance(result, str):
+                    layout.append(result)
+                elif isinstance(result, NumberDifference):
+                    numbers.append(result)
+        elif not study:
+            study = (f"swept parameters: {', '.join(sweeps[0].names)} | {', '.join(sweeps[1].names)}",)
+    return Comparison(
+        (first, second), rtol, study, tuple(_versions(found)), points, tuple(layout), tuple(numbers), compared
+    )
+
+
+def _study(found: tuple[Mapping[str, Any], Mapping[str, Any]]) -> list[str]:
+    """What differs between the studies of two files beside the sweep."""
+    texts = [(str(one["study_yaml"]), str(one.get("overrides", ""))) for one in found]
+    if texts[0] == texts[1]:
+        return []
+    studies: list[Study] = []
+    for text, overrides in texts:
+        try:
+            studies.append(read_study_text(text, "study", [line for line in overrides.split("\n") if line]))
+        except (StudyError, OSError) as error:
+            why = shortened(str(error).splitlines()[0], 200)
+            return [f"the texts differ, and one of them cannot be read here ({why})"]
+    return differences(studies[0], studies[1])
+
+
+def _versions(found: tuple[Mapping[str, Any], Mapping[str, Any]]) -> Iterator[str]:
+    held = [
+        {**json.loads(str(one.get("versions", "{}"))), **json.loads(str(one.get("program", "{}")))} for one in found
+    ]
+    for one, attrs in zip(held, found, strict=True):
+        one["code of tcstudy"] = str(one.pop("content", "unknown"))[:12]
+        one["git commit of the study"] = str(attrs.get("git_commit", "unknown"))
+    for name in dict.fromkeys((*held[0], *held[1])):
+        pair = [one.get(name, "unknown") for one in held]
+        if pair[0] != pair[1]:
+            yield f"{name}: {pair[0]} | {pair[1]}"
+
+
+@dataclass(frozen=True, eq=False)
+class _Sweep:
+    """The sweep of a file: its dimensions, and by swept parameter labels, units and which dimension it lies along."""
+
+    dims: tuple[str, ...]
+    shape: tuple[int, ...]
+    labels: dict[str, NDArray[Any]]
+    units: dict[str, str]
+    along: dict[str, int]
+
+    @classmethod
+    def of(cls, nc: netCDF4.Dataset) -> _Sweep:
+        dims = tuple(d for d in nc["status"].dimensions if d != "level") if "level" in nc.dimensions else ()
+        dims = dims if kind_from(nc.__dict__) in ("run", "convergence") else ()
+        own = {n: v for n, v in nc.variables.items() if str(getattr(v, "long_name", "")).startswith("swept parameter ")}
+        return cls(
+            dims,
+            tuple(int(nc.dimensions[d].size) for d in dims),
+            {name: np.asarray(own[name][...]) for name in sorted(own)},
+            {name: str(getattr(variable, "units", "1")) for name, variable in own.items()},
+            {name: dims.index(variable.dimensions[0]) for name, variable in own.items()},
+        )
+
+    @property
+    def names(self) -> list[str]:
+        return list(self.labels)
+
+    def keys(self, ids: Mapping[str, Mapping[Any, int]]) -> NDArray[np.int64]:
+        """(P,) one number a point, the same for the same labels."""
+        total = np.zeros(self.shape, dtype=np.int64)
+        for name, labels in self.labels.items():
+            own = np.array([ids[name][label] for label in labels.tolist()], dtype=np.int64)
+            total = total * len(ids[name]) + own.reshape(
+                [-1 if k == self.along[name] else 1 for k in range(total.ndim)]
+            )
+        return total.ravel()
+
+    def describe(self, place: int) -> str:
+        """The labels of a point in words."""
+        index = np.unravel_index(place, self.shape) if self.shape else ()
+        parts = []
+        for name, labels in self.labels.items():
+            label = labels[index[self.along[name]]]
+            unit = "" if self.units[name] in ("", "1") else f" {self.units[name]}"
+            parts.append(f"{name} = {label}" if isinstance(label, str) else f"{name} = {label:.12g}{unit}")
+        return ", ".join(parts)
+
+
+def _shared(sweeps: tuple[_Sweep, _Sweep], files: tuple[Path, Path]) -> tuple[tuple[Places, Places], tuple[str, ...]]:
+    """Places of the points that both files have, in either; and what only one has, in words."""
+    ids = {
+        name: {label: i for i, label in enumerate(dict.fromkeys(v for s in sweeps for v in s.labels[name].tolist()))}
+        for name in sweeps[0].names
+    }
+    keys = [sweep.keys(ids) for sweep in sweeps]
+    _, one, two = np.intersect1d(keys[0], keys[1], return_indices=True)
+    lines = []
+    for k, (sweep, path) in enumerate(zip(sweeps, files, strict=True)):
+        alone = np.flatnonzero(~np.isin(keys[k], keys[1 - k]))
+        if len(alone):
+            named = "; ".join(sweep.describe(int(place)) for place in alone[:SHOWN])
+            lines.append(f"{len(alone)} only in {path}: {named}{'; …' if len(alone) > SHOWN else ''}")
+    order = np.argsort(one)
+    return (one[order], two[order]), tuple(lines)
+
+
+def _variables(
+    pair: tuple[netCDF4.Dataset, netCDF4.Dataset], shared: tuple[Places, Places], sweep: _Sweep, rtol: float
+) -> Iterator[NumberDifference | str | None]:
+    """Of every variable of the root and of the levels how it differs, None if not, or why it is not compared."""
+    yield from _group(pair, "", shared, sweep, rtol)
+    names = dict.fromkeys((*pair[0].groups, *pair[1].groups))
+    for name in names:
+        if any(name not in nc.groups for nc in pair):
+            yield _alone(name, name in pair[0].groups)
+        else:
+            yield from _group((pair[0][name], pair[1][name]), f"{name}/", shared, sweep, rtol)
+
+
+def _alone(name: str, in_first: bool) -> str:
+    return f"{name}: only in the {'first' if in_first else 'second'}"
+
+
+def _group(
+    pair: tuple[Any, Any], prefix: str, shared: tuple[Places, Places], sweep: _Sweep, rtol: float
+) -> Iterator[NumberDifference | str | None]:
+    for name in dict.fromkeys((*pair[0].variables, *pair[1].variables)):
+        if name in sweep.labels or name.startswith(EFFORT) or name == "mesh":
+            continue
+        if any(name not in group.variables for group in pair):
+            yield _alone(prefix + name, name in pair[0].variables)
+            continue
+        one, two = pair[0][name], pair[1][name]
+        after = len(sweep.dims) if one.dimensions[: len(sweep.dims)] == sweep.dims else 0
+        rest = one.shape[after:], two.shape[len(two.dimensions) - len(one.dimensions) + after :]
+        if rest[0] != rest[1]:
+            yield f"{prefix}{name}: {' × '.join(map(str, rest[0]))} | {' × '.join(map(str, rest[1]))} values"
+            continue
+        yield _difference((one, two), prefix + name, shared if after else None, sweep, rtol)
+
+
+def _difference(
+    pair: tuple[Any, Any], name: str, shared: tuple[Places, Places] | None, sweep: _Sweep, rtol: float
+) -> NumberDifference | None:
+    """The worst difference of a variable, of all levels, if it is beyond the tolerance."""
+    one = pair[0]
+    rest = one.dimensions[len(sweep.dims) if shared is not None and sweep.dims else 0 :]
+    worst: NumberDifference | None = None
+    levels = range(one.shape[one.dimensions.index("level")]) if "level" in rest else (None,)
+    for level in levels:
+        found = _on_level(pair, name, shared, sweep, rest, level, rtol)
+        if found is not None and (worst is None or found.relative > worst.relative):
+            worst = found
+    return worst
+
+
+def _on_level(
+    pair: tuple[Any, Any],
+    name: str,
+    shared: tuple[Places, Places] | None,
+    sweep: _Sweep,
+    rest: tuple[str, ...],
+    level: int | None,
+    rtol: float,
+) -> NumberDifference | None:
+    """The worst difference of a variable on one level; all points of some values at a time."""
+    inner = [d for d in rest if d != "level"]
+    width = pair[0].shape[-1] if inner and inner[-1] == rest[-1] else 1
+    rows = 1 if shared is None else len(shared[0])
+    step = max(1, VALUES // max(1, pair[0].size // max(1, width)))
+    gaps, scale = np.zeros(rows), 0.0
+    best: tuple[float, int, str, Pair] = (0.0, 0, "", (None, None))
+    for j in range(0, width if rows else 0, step):
+        cut = tuple(level if d == "level" else slice(None) for d in rest)
+        if inner and inner[-1] == rest[-1]:
+            cut = (*cut[:-1], slice(j, j + step))
+        one, two = (_taken(v, cut, None if shared is None else shared[k]) for k, v in enumerate(pair))
+        gap, size = _gap(one, two)
+        scale = max(scale, size)
+        gaps = np.maximum(gaps, gap.max(axis=1, initial=0.0))
+        if gap.size and gap.max() > best[0]:
+            row, place = (int(i) for i in np.unravel_index(int(np.argmax(gap)), gap.shape))
+            where = [] if shared is None else [sweep.describe(int(shared[0][row]))]
+            where += [] if level is None else [f"level {level}"]
+            where += [f"{inner[-1]} {j + place}"] if inner else []
+            best = (float(gap[row, place]), row, ", ".join(filter(None, where)), (one[row, place], two[row, place]))
+    exact = pair[0].dtype is str or np.dtype(pair[0].dtype).kind != "f"
+    scale = 1.0 if exact or name.rpartition("/")[2].startswith(RELATIVE) else scale
+    beyond = gaps > (0.0 if exact else rtol * scale)
+    if not beyond.any():
+        return None
+    values = tuple(v.item() if hasattr(v, "item") else v for v in best[3])
+    relative = math.nan if exact else best[0] / scale if scale else math.inf
+    units = str(getattr(pair[0], "units", ""))
+    return NumberDifference(name, units, int(np.count_nonzero(beyond)), rows, best[2], (values[0], values[1]), relative)
+
+
+def _taken(variable: Any, cut: tuple[Any, ...], places: Places | None) -> NDArray[Any]:
+    """(rows, values) of a variable: of the points at these places, or one row where it has no sweep."""
+    if places is None:
+        return np.asarray(variable[cut or ...]).reshape(1, -1)
+    array = np.asarray(variable[(..., *cut)])
+    points = math.prod(variable.shape[: variable.ndim - len(cut)])
+    return array.reshape(points, -1)[places]
+
+
+def _gap(one: NDArray[Any], two: NDArray[Any]) -> tuple[NDArray[np.float64], float]:
+    """Differences, and the largest finite value: the same (NaN and infinities too) is 0, one without value infinite."""
+    if one.dtype.kind != "f":
+        return (one != two).astype(float), 1.0
+    same = (one == two) | (np.isnan(one) & np.isnan(two))
+    finite = np.isfinite(one) & np.isfinite(two)
+    gap = np.where(same, 0.0, np.inf)
+    gap[finite] = np.abs(one[finite] - two[finite])
+    sizes = [float(np.max(np.abs(v), where=np.isfinite(v), initial=0.0)) for v in (one, two)]
+    return gap, max(sizes)

@@ -1,0 +1,106 @@
+"""Two result files: what differs is said, the worst point by its parameters; how they were made is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tcstudy
+from tcstudy.cli import main
+from tcstudy.data.provenance import Provenance
+from tcstudy.data.store import write
+from tcstudy.errors import StoreError, UsageError
+from tests.reports.draw_cases import ALPHA, TAU, level_record, point_record, study
+
+SIDES: dict[str, Any] = {"left": "free", "right": "free"}
+SECTIONS: dict[str, Any] = {
+    "units": "none",
+    "body": {"rectangle": {"width": 2.0, "height": 1.0}},
+    "boundary": {"bottom": "contact", "top": {"role": "clamped", "u_x": 0.3, "u_y": 0}} | SIDES,
+    "material": {"E": 1.0, "nu": 0.3},
+    "friction": {"law": "tresca", "tau": 0.1},
+    "mesh": {"maxh": 0.6, "levels": 2},
+    "path": {"parameter": "boundary.top.u_x", "from": 0, "to": 0.5},
+    "sweep": {"tau": [0.1, 0.2]},
+}  # fmt: skip
+
+
+def plate(path: Path, factor: float = 1.0, seconds: float = 1.0, axes: Any = (ALPHA, TAU), mode: Any = "grid") -> Path:
+    """The plate with u_T of one point on one level times a factor, and other wall times."""
+    plan = study(mode, axes)
+    levels = [replace(level_record(n, fields=False), time_mesh=seconds) for n in range(2)]
+    points = []
+    for level in levels:
+        for index in np.ndindex(plan.shape):
+            point = point_record(index, level)
+            if index == (1, 1) and level.level == 1:
+                point = replace(point, u_T=factor * point.u_T)
+            points.append(replace(point, numbers={**point.numbers, "time_solve": seconds, "iterations": seconds}))
+    write(path, plan, levels, points, Provenance("now", (("python", f"3.{seconds:g}"),), "abc"))
+    return path
+
+
+def test_wall_times_and_versions_are_no_difference(tmp_path: Path) -> None:
+    found = tcstudy.compare(plate(tmp_path / "a.nc"), plate(tmp_path / "b.nc", seconds=2.0))
+    assert found.equal
+    assert found.versions == ("python: 3.1 | 3.2",)
+    assert "hold the same results: " in found.verdict
+
+
+def test_the_worst_point_is_named(tmp_path: Path) -> None:
+    one = plate(tmp_path / "a.nc")
+    found = tcstudy.compare(one, plate(tmp_path / "b.nc", factor=1.0 + 1e-6))
+    (number,) = found.numbers
+    assert (number.name, number.units, number.points, number.of) == ("level_1/u_T", "m", 1, 4)
+    assert number.where == "alpha = 100 W m-2 K-1, tau = 20000000 Pa, node 7"
+    assert number.relative == pytest.approx(1e-6, rel=1e-5)
+    assert not found.equal
+    assert found.text.count("\n") == 3
+    assert tcstudy.compare(one, tmp_path / "b.nc", rtol=2e-6).equal
+    below = plate(tmp_path / "c.nc", factor=1.0 + 1e-10)
+    assert tcstudy.compare(one, below).equal
+    assert not tcstudy.compare(one, below, rtol=0.0).equal
+
+
+def test_points_are_found_by_their_labels(tmp_path: Path) -> None:
+    """Of axes that go the other way, and of a list, the shared points agree where their numbers do."""
+    one = plate(tmp_path / "a.nc", axes=(ALPHA,))
+    turned = replace(ALPHA, values=(100, 50), labels=(100.0, 50.0))
+    found = tcstudy.compare(one, plate(tmp_path / "b.nc", axes=(turned,)))
+    assert found.points == (
+        f"1 only in {one}: alpha = 25 W m-2 K-1",
+        f"1 only in {tmp_path / 'b.nc'}: alpha = 50 W m-2 K-1",
+    )
+    assert {number.where.partition(",")[0] for number in found.numbers} == {"alpha = 100 W m-2 K-1"}
+    listed = plate(tmp_path / "c.nc", axes=(ALPHA,), mode="list")
+    assert tcstudy.compare(one, listed).equal
+    other = tcstudy.compare(one, plate(tmp_path / "d.nc", axes=(TAU,)))
+    assert other.study == ("swept parameters: alpha | tau",)
+
+
+def test_exit_codes_and_studies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    small = tcstudy.Study.from_dict(SECTIONS)
+    names = [str(tmp_path / name) for name in ("a.nc", "b.nc", "path.nc")]
+    tcstudy.run(small, names[0], jobs=1)
+    tcstudy.run(small.with_({"material.nu": 0.25, "title": "Another"}), names[1], jobs=1)
+    tcstudy.path(small, names[2])
+    assert main(["compare", names[0], names[0]]) == 0
+    assert main(["compare", names[2], names[2], "-q"]) == 0
+    capsys.readouterr()
+    assert main(["compare", names[0], names[1]]) == 1
+    said = capsys.readouterr().out
+    assert "material.nu: 0.3 | 0.25" in said
+    assert "title" not in said
+    assert "  lambda_1: at 2 of 2 points, worst tau = " in said
+    for words in ([names[0], names[2]], [names[0], names[1], "--rtol", "-1"], [names[0], str(tmp_path / "none.nc")]):
+        with pytest.raises(SystemExit) as stop:
+            main(["compare", *words])
+        assert stop.value.code == 2
+    with pytest.raises(UsageError, match=r"of tcstudy run, .* of path"):
+        tcstudy.compare(names[0], names[2])
+    with pytest.raises(StoreError, match="there is no file"):
+        tcstudy.compare(names[0], tmp_path / "none.nc")
