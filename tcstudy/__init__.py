@@ -36,18 +36,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tcstudy.api import (
         Study,
-        compare,
         converge,
         cost,
-        draw,
-        export,
         init,
         load,
         merge,
-        open_results,
         path,
         plan,
-        report,
         run,
         schema,
     )
@@ -65,6 +60,7 @@ if TYPE_CHECKING:
         UserFault,
     )
     from tcstudy.matrices import ContactProblem, certify, follow, law, solve
+    from tcstudy.results import compare, draw, export, open_results, report
 
     __version__: str
 
@@ -103,7 +99,11 @@ __all__ = [
     "solve",
 ]
 
-_MATRICES = ("ContactProblem", "certify", "follow", "law", "solve")
+_FILES = {
+    **dict.fromkeys(("ContactProblem", "certify", "follow", "law", "solve"), "matrices"),
+    **dict.fromkeys(("compare", "draw", "export", "open_results", "report"), "results"),
+}
+"""Files of names that stand neither in errors nor in api."""
 
 
 def __getattr__(name: str) -> Any:
@@ -114,7 +114,7 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("tcstudy")
-    file = "errors" if name.endswith(("Error", "Failed", "Fault")) else "matrices" if name in _MATRICES else "api"
+    file = "errors" if name.endswith(("Error", "Failed", "Fault")) else _FILES.get(name, "api")
     value = getattr(import_module(f"tcstudy.{file}"), name)
     globals()[name] = value
     return value

@@ -26,12 +26,12 @@ from tcstudy.data.stored import VALUES
 from tcstudy.errors import StudyError, UsageError, shortened
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
+from tcstudy.study.shared_points import FileSweep, Places, shared_points
 from tcstudy.study.union import differences
 
 if TYPE_CHECKING:
     import netCDF4
 
-Places = NDArray[np.intp]
 Pair = tuple[Any, Any]
 
 EFFORT = ("time", "solver_time", "iterations", "evaluations", "solver_iterations", "dominated")
@@ -41,8 +41,6 @@ RELATIVE = ("inclusion_", "heat_balance", "value_heat_balance", "residual", "sol
 """How names of variables begin that are relative themselves; there rounding is as large as the value."""
 ASKED = ("point", "reference", "begin_status", "end_status", "shortfalls")
 """Global attributes that say what was asked for beside the study, or how it ended."""
-SHOWN = 3
-"""Points that are named of those that one file has alone."""
 
 
 @dataclass(frozen=True)
@@ -129,14 +127,14 @@ def compare_files(first: Path, second: Path, rtol: float = 1e-9) -> Comparison:
         one, two = (stack.enter_context(netCDF4.Dataset(path)) for path in (first, second))
         for nc in (one, two):
             nc.set_auto_mask(False)
-        sweeps = _Sweep.of(one), _Sweep.of(two)
+        sweeps = FileSweep.of(one), FileSweep.of(two)
         study = tuple(_study(found))
         layout = [f"{name}: {a} | {b}" for name in ASKED if (a := found[0].get(name)) != (b := found[1].get(name))]
         points: tuple[str, ...] = ()
         numbers: list[NumberDifference] = []
         compared = 0
         if sweeps[0].names == sweeps[1].names:
-            shared, points = _shared(sweeps, (first, second))
+            shared, points = shared_points(sweeps, (first, second))
             for result in _variables((one, two), shared, sweeps[0], rtol):
                 compared += not isinstance(result, str)
                 if isinstance(result, str):
@@ -178,74 +176,8 @@ def _versions(found: tuple[Mapping[str, Any], Mapping[str, Any]]) -> Iterator[st
             yield f"{name}: {pair[0]} | {pair[1]}"
 
 
-@dataclass(frozen=True, eq=False)
-class _Sweep:
-    """The sweep of a file: its dimensions, and by swept parameter labels, units and which dimension it lies along."""
-
-    dims: tuple[str, ...]
-    shape: tuple[int, ...]
-    labels: dict[str, NDArray[Any]]
-    units: dict[str, str]
-    along: dict[str, int]
-
-    @classmethod
-    def of(cls, nc: netCDF4.Dataset) -> _Sweep:
-        dims = tuple(d for d in nc["status"].dimensions if d != "level") if "level" in nc.dimensions else ()
-        dims = dims if kind_from(nc.__dict__) in ("run", "convergence") else ()
-        own = {n: v for n, v in nc.variables.items() if str(getattr(v, "long_name", "")).startswith("swept parameter ")}
-        return cls(
-            dims,
-            tuple(int(nc.dimensions[d].size) for d in dims),
-            {name: np.asarray(own[name][...]) for name in sorted(own)},
-            {name: str(getattr(variable, "units", "1")) for name, variable in own.items()},
-            {name: dims.index(variable.dimensions[0]) for name, variable in own.items()},
-        )
-
-    @property
-    def names(self) -> list[str]:
-        return list(self.labels)
-
-    def keys(self, ids: Mapping[str, Mapping[Any, int]]) -> NDArray[np.int64]:
-        """(P,) one number a point, the same for the same labels."""
-        total = np.zeros(self.shape, dtype=np.int64)
-        for name, labels in self.labels.items():
-            own = np.array([ids[name][label] for label in labels.tolist()], dtype=np.int64)
-            total = total * len(ids[name]) + own.reshape(
-                [-1 if k == self.along[name] else 1 for k in range(total.ndim)]
-            )
-        return total.ravel()
-
-    def describe(self, place: int) -> str:
-        """The labels of a point in words."""
-        index = np.unravel_index(place, self.shape) if self.shape else ()
-        parts = []
-        for name, labels in self.labels.items():
-            label = labels[index[self.along[name]]]
-            unit = "" if self.units[name] in ("", "1") else f" {self.units[name]}"
-            parts.append(f"{name} = {label}" if isinstance(label, str) else f"{name} = {label:.12g}{unit}")
-        return ", ".join(parts)
-
-
-def _shared(sweeps: tuple[_Sweep, _Sweep], files: tuple[Path, Path]) -> tuple[tuple[Places, Places], tuple[str, ...]]:
-    """Places of the points that both files have, in either; and what only one has, in words."""
-    ids = {
-        name: {label: i for i, label in enumerate(dict.fromkeys(v for s in sweeps for v in s.labels[name].tolist()))}
-        for name in sweeps[0].names
-    }
-    keys = [sweep.keys(ids) for sweep in sweeps]
-    _, one, two = np.intersect1d(keys[0], keys[1], return_indices=True)
-    lines = []
-    for k, (sweep, path) in enumerate(zip(sweeps, files, strict=True)):
-        alone = np.flatnonzero(~np.isin(keys[k], keys[1 - k]))
-        if len(alone):
-            named = "; ".join(sweep.describe(int(place)) for place in alone[:SHOWN])
-            lines.append(f"{len(alone)} only in {path}: {named}{'; …' if len(alone) > SHOWN else ''}")
-    order = np.argsort(one)
-    return (one[order], two[order]), tuple(lines)
-
-
 def _variables(
-    pair: tuple[netCDF4.Dataset, netCDF4.Dataset], shared: tuple[Places, Places], sweep: _Sweep, rtol: float
+    pair: tuple[netCDF4.Dataset, netCDF4.Dataset], shared: tuple[Places, Places], sweep: FileSweep, rtol: float
 ) -> Iterator[NumberDifference | str | None]:
     """Of every variable of the root and of the levels how it differs, None if not, or why it is not compared."""
     yield from _group(pair, "", shared, sweep, rtol)
@@ -262,7 +194,7 @@ def _alone(name: str, in_first: bool) -> str:
 
 
 def _group(
-    pair: tuple[Any, Any], prefix: str, shared: tuple[Places, Places], sweep: _Sweep, rtol: float
+    pair: tuple[Any, Any], prefix: str, shared: tuple[Places, Places], sweep: FileSweep, rtol: float
 ) -> Iterator[NumberDifference | str | None]:
     for name in dict.fromkeys((*pair[0].variables, *pair[1].variables)):
         if name in sweep.labels or name.startswith(EFFORT) or name == "mesh":
@@ -280,7 +212,7 @@ def _group(
 
 
 def _difference(
-    pair: tuple[Any, Any], name: str, shared: tuple[Places, Places] | None, sweep: _Sweep, rtol: float
+    pair: tuple[Any, Any], name: str, shared: tuple[Places, Places] | None, sweep: FileSweep, rtol: float
 ) -> NumberDifference | None:
     """The worst difference of a variable, of all levels, if it is beyond the tolerance."""
     one = pair[0]
@@ -298,7 +230,7 @@ def _on_level(
     pair: tuple[Any, Any],
     name: str,
     shared: tuple[Places, Places] | None,
-    sweep: _Sweep,
+    sweep: FileSweep,
     rest: tuple[str, ...],
     level: int | None,
     rtol: float,

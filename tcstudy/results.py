@@ -1,0 +1,100 @@
+"""The public functions on result files, as `tcstudy` offers them: open, draw, report, export, compare.
+
+Every function takes the name of a file that run, converge, cost or path wrote. What the user can mend is a kind of
+tcstudy.UserFault. Left out: making result files (`tcstudy.api`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+from tcstudy.commands.shared import MEAN_SLIP
+from tcstudy.errors import UsageError
+
+if TYPE_CHECKING:
+    import xarray
+
+    from tcstudy.study.compare import Comparison
+
+
+def open_results(path: str | FilePath) -> xarray.DataTree:
+    """Open a file of run, converge, cost or path lazily: a run has its results at the root and a group a level.
+
+    Close it after use or open it in a `with`. Raises StoreError if there is none or its run has not finished.
+    """
+    from tcstudy.data.store import open_results as open_tree
+
+    return open_tree(FilePath(path))
+
+
+def draw(
+    file: str | FilePath,
+    target: str | FilePath,
+    *,
+    at: Mapping[str, Any] | None = None,
+    level: int = -1,
+    response: str = MEAN_SLIP,
+    error: str | None = None,
+) -> FilePath:
+    """Draw a result file of any kind into a .png, .svg or .pdf file; returns its name. Needs matplotlib.
+
+    at:       of a run or its convergence: the point by its labels, {"alpha": 100}; the first unless named
+    level:    of a run: mesh level, −1 for the finest
+    response: of a path: "mean-slip", "max-slip" or "friction"
+    error:    of a cost chart: e.g. "u_L2"
+
+    Raises StoreError, DrawError.
+    """
+    from tcstudy.reports.draw import picture
+
+    picture(FilePath(file), FilePath(target), at, level, response, error)
+    return FilePath(target)
+
+
+def report(file: str | FilePath, target: str | FilePath | None = None, *, without: Sequence[str] = ()) -> FilePath:
+    """Make one HTML page of a result file of any kind (FILE.html unless named); returns its name.
+
+    without: parts to leave out: "levels", "live", "body", "lines". Raises StoreError, PageError, UsageError.
+    """
+    from tcstudy.reports.page import LEAVE_OUT, write_page
+
+    if unknown := [part for part in without if part not in LEAVE_OUT]:
+        raise UsageError(f"without: there is no part {unknown[0]!r}; choose of {', '.join(LEAVE_OUT)}")
+    page = FilePath(target) if target is not None else FilePath(file).with_suffix(".html")
+    return write_page(FilePath(file), page, tuple(without)).path
+
+
+def export(
+    file: str | FilePath,
+    form: str,
+    target: str | FilePath | None = None,
+    *,
+    at: Mapping[str, Any] | None = None,
+    level: int | None = None,
+) -> FilePath:
+    """Write a result file for other programs; returns the PVD or the table.
+
+    form:   "vtu" (fields of a run, for ParaView), "csv" or "json" (a row a point and level)
+    target: the folder of the fields, or the table; beside the file unless named
+    at:     only points with these labels, {"alpha": 100};  level: of the fields, the finest unless named
+
+    Raises StoreError, DrawError (no such point), UsageError.
+    """
+    from tcstudy.commands.export import FORMS, exported
+
+    if form not in FORMS:
+        raise UsageError(f"there is no form {form!r}; choose of {', '.join(FORMS)}")
+    return exported(FilePath(file), form, None if target is None else FilePath(target), at, level)[0]
+
+
+def compare(first: str | FilePath, second: str | FilePath, rtol: float = 1e-9) -> Comparison:
+    """What differs between two files of one command: study, versions, points, numbers beyond the tolerance.
+
+    rtol: relative to the largest value of a kind on its level. `equal`, `verdict` and `text` of what is returned say
+    it in short and at length. Raises StoreError, UsageError.
+    """
+    from tcstudy.study.compare import compare_files
+
+    return compare_files(FilePath(first), FilePath(second), rtol)
