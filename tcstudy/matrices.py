@@ -156,6 +156,7 @@ def follow(
     t lies outside the range.
     """
     start = v.v if isinstance(v, Answer) else _vector("v", v, problem.m)
+    assert isinstance(problem.law, FrictionLaw)
     along = ParametricProblem(problem.A_tilde, problem.l_tilde, _vector("l_1", l_1, problem.m), problem.c, problem.law)
     _one_of("direction", direction, ("both", "forward", "backward"))
     try:

@@ -153,7 +153,7 @@ ROOT: tuple[FileVariable, ...] = (
     _result("slip_length", "m", "length of the contact line that does not stick"),
     _result("lambda_1", "Pa m-1", "smallest tangential stiffness of the body per contact length"),
     _result("omega", "Pa m-1", "steepest fall of the friction law; infinite if it jumps down"),
-    _result("uniqueness_margin", "Pa m-1", "lambda_1 - omega; the solution is unique if positive"),
+    _result("uniqueness_margin", "Pa m-1", "lambda_1 - omega, with the omega of each node; unique if positive"),
     FileVariable("unique", "i1", "1", "certified to be the only solution", extra=_CERTIFIED),
     FileVariable("strict_minimum", "i1", "1", "certified to be a strict local minimum of the energy", extra=_CERTIFIED),
     FileVariable("global_minimum", "i1", "1", "certified to have the least energy of all states", extra=_CERTIFIED),

@@ -8,7 +8,6 @@ Order:     1. unique or not, before any solution;
            5. what still has no proven minimum: the single solve.
 The search takes the same steps from the same starts as tcstudy.solvers.contact, so that it ends where that ends.
 A block's numbers depend on its own points and their order only, not on what else is solved where.
-Left out:  the single solve for rows with several laws, which has one law for all nodes.
 """
 
 from __future__ import annotations
@@ -22,6 +21,7 @@ from tcstudy.online.certify import (
     MARGIN,
     energy_gap,
     global_minimum,
+    margins,
     resting_slack,
     solution_boxes,
     strict_minimum,
@@ -82,7 +82,7 @@ def solve_block(
     if block.options.branch == "lowest":
         block.search(np.flatnonzero(~block.unique & ~block.lowest))
     block.solve_singly()
-    if exact is not None and block.options.branch == "lowest" and laws.plain:
+    if exact is not None and block.options.branch == "lowest" and laws.in_place:
         block.begin_at(exact)
     return block.answers()
 
@@ -100,6 +100,10 @@ class _Block:
         self.steps = np.zeros(count, dtype=np.intp)
         self.omega = rows.laws.omega()
         self.convex = self.omega < (1.0 - MARGIN) * rows.body.lambda_1
+        self.margin = np.full(count, np.nan)
+        if rows.laws.by_node:
+            self.margin = margins(rows)
+            self.convex |= self.margin > rows.body.shift(MARGIN)
         self.unique = self.convex.copy()
         self.low, self.high = np.zeros((count, m)), np.zeros((count, m))
         self.lowest, self.strict, self.singly = (np.zeros(count, dtype=bool) for _ in range(3))
@@ -190,8 +194,6 @@ class _Block:
         open_ = np.flatnonzero(self.solved & ~proved)
         self.strict = proved
         self.strict[open_] = strict_minimum(self.rows.take(open_), self.v[open_])
-        if self.rows.laws.law.shape[1] > 1:
-            return
         asked = np.flatnonzero(~self.strict)
         changed = asked[[self._ask_single(int(p)) for p in asked]] if len(asked) else asked
         self.singly[asked] = True
@@ -220,17 +222,18 @@ class _Block:
         near = self.neighbours[p] if np.all(np.isfinite(self.neighbours[p])) else None
         if options.branch == "lowest":
             near = self.v[p] if self.solved[p] else None
-        near = None if near is None else row.laws.own_slip(near[None])[0]
+        if near is not None and row.counted_from_law:
+            near = row.laws.own_slip(near[None])[0]
         answer = solve_contact(row.single(0), tolerance=options.tolerance, branch=options.branch, neighbour=near)
         converged, v, energy = answer.status == Status.CONVERGED, answer.v, answer.energy
-        if not row.laws.plain:
+        if row.counted_from_law:
             v = row.laws.slip(v[None])[0]
             energy = float(row.energy(v[None])[0])
         if self.solved[p]:
             slack = TIE * max(abs(energy), abs(self.energy[p])) if options.branch == "lowest" else -np.inf
             if not converged or energy >= self.energy[p] - slack:
                 return False
-        if row.laws.plain:
+        if row.laws.in_place:
             self.single[p] = answer
         self.v[p], self.energy[p], self.solved[p] = v, energy, converged
         self.start[p], self.steps[p] = answer.start, answer.iterations
@@ -268,7 +271,7 @@ class _Block:
     def _refine(self, judged: Judged) -> Array:
         """(P, m) low parts of v: refined, as in solve_contact, where a point in one double misses the aim."""
         v_low, rows, aim = np.zeros(self.v.shape), self.rows, self.options.acceptance.aim
-        for p in np.flatnonzero(judged.residual > aim) if rows.laws.plain else ():
+        for p in np.flatnonzero(judged.residual > aim) if rows.laws.in_place else ():
             if int(p) in self.single:
                 continue
             point = refined(rows.single(int(p)), self.v[p], aim)
@@ -283,7 +286,7 @@ class _Block:
         strict = accepted & (self.strict | lowest)
         slack, resting = resting_slack(self.rows, self.v)
         gap = np.where(lowest, energy_gap(self.rows, self.v), np.nan)
-        return Certificates(self.omega, self.convex, self.unique, strict, lowest, gap, slack, resting)
+        return Certificates(self.omega, self.convex, self.unique, strict, lowest, gap, slack, resting, self.margin)
 
 
 def _violated(judged: Judged, p: int) -> str:

@@ -33,6 +33,7 @@ from tcstudy.online.problems import CondensedBody, Rows
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.friction import UP
 from tcstudy.solvers.bounds import quotient, start_excess
+from tcstudy.solvers.problem import least_lowered
 from tcstudy.solvers.separable.pieces import cholesky
 
 Array = NDArray[np.float64]
@@ -118,6 +119,14 @@ def solution_boxes(rows: Rows) -> tuple[Array, Array]:
         if len(on) < len(at):
             rows, at = rows.take(on), at[on]
     return low, high
+
+
+def margins(rows: Rows) -> Array:
+    """(R,) λ_min(C^{−½}ÃC^{−½} − diag ω_i) of rows with laws by node, once for rows of the same falls [Pa/m]."""
+    body = rows.body
+    falls = np.broadcast_to(rows.laws.omega_by_node(), rows.loads.shape)
+    different, row = np.unique(falls, axis=0, return_inverse=True)
+    return np.array([least_lowered(body.A_tilde, body.c, omega) for omega in different])[row.reshape(-1)]
 
 
 def unique(rows: Rows, low: Array, high: Array) -> Flags:

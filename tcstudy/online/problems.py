@@ -137,17 +137,21 @@ class Rows:
         copy = self.body.coarse
         return None if copy is None else Rows(copy, self.laws.every_second(), restricted(self.loads))
 
-    def single(self, row: int) -> ContactProblem:
-        """One row as the single solve takes it, for w in v = s_p + σw where its law is moved and stretched by node.
+    @property
+    def counted_from_law(self) -> bool:
+        """True if the single solve counts slips as the tables do: one law, moved or stretched by node."""
+        return self.laws.law.shape[1] == 1 and not self.laws.in_place
 
-        0 ∈ ΣÃΣw − Σ(l̃ − Ãs_p) + ∂Σ c_i β_i σ_i j(w_i), Σ = diag σ. Raises ValueError if the row has several laws.
+    def single(self, row: int) -> ContactProblem:
+        """One row as the single solve takes it, for w in v = s_p + σw where one law is moved and stretched by node.
+
+        0 ∈ ΣÃΣw − Σ(l̃ − Ãs_p) + ∂Σ c_i β_i σ_i j(w_i), Σ = diag σ; w has more digits than v.
         """
         laws, body = self.laws, self.body
-        if laws.law.shape[1] > 1:
-            raise ValueError("the single solve takes rows with one law for all nodes")
-        law = laws.table_law(int(laws.law[row, 0]))
-        if laws.plain:
+        if not self.counted_from_law:
+            law = laws.table_law(int(laws.law[row, 0])) if laws.plain else laws.of_row(row, body.m)
             return ContactProblem(body.A_tilde, self.loads[row], body.c, law)
+        law = laws.table_law(int(laws.law[row, 0]))
         s_p, sigma, beta = (
             np.broadcast_to(fill if x is None else x[row], body.m)
             for x, fill in ((laws.moved, 0.0), (laws.stretched, 1.0), (laws.stronger, 1.0))
@@ -185,6 +189,7 @@ class Certificates:
     convex, unique, strict_minimum, global_minimum: proved; False says "not certified"
     energy_gap:  what rounding leaves open of a global minimum [J/m], NaN where none is certified
     least_slack, resting: of the nodes on up-jumps
+    margin:      λ_min(C^{−½}ÃC^{−½} − diag ω_i) with laws by node, NaN with one a row, where it is λ₁ − ω [Pa/m]
     """
 
     omega: Array
@@ -195,6 +200,7 @@ class Certificates:
     energy_gap: Array
     least_slack: Array
     resting: NDArray[np.intp]
+    margin: Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tcstudy.online.law_tables import LawTables, Place, far, largest_push, least_slope, value_range
 from tcstudy.scene.friction import BEND, FrictionLaw
+from tcstudy.scene.nodal_laws import Law, nodal
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -44,6 +45,12 @@ class RowLaws:
     def plain(self) -> bool:
         """True if every row has one law of the tables, as it stands there."""
         return self.law.shape[1] == 1 and self.moved is None and self.stretched is None and self.stronger is None
+
+    @property
+    def by_node(self) -> bool:
+        """True if the nodes of a row differ in their laws' steepest falls."""
+        factors = (x for x in (self.law, self.stretched, self.stronger) if x is not None)
+        return any(x.shape[1] > 1 for x in factors)
 
     def take(self, rows: Index | Flags) -> RowLaws:
         """The named rows."""
@@ -83,6 +90,24 @@ class RowLaws:
         pieces = np.concatenate([[True], used])
         return FrictionLaw("row", t.kinks[k][used], *(x[k][pieces] for x in (t.s_0, t.b_0, t.q, t.a, t.r)))
 
+    @property
+    def in_place(self) -> bool:
+        """True if no law is moved or stretched in slip: slips are those of the tables."""
+        return self.moved is None and self.stretched is None
+
+    def of_row(self, row: int, m: int) -> Law:
+        """The laws of one row's m nodes as the single solve takes them."""
+        used, index = np.unique(np.broadcast_to(self.law[row], m), return_inverse=True)
+        beta, sigma, s_p = (
+            fill if x is None else np.broadcast_to(x[row], m)
+            for x, fill in ((self.stronger, 1.0), (self.stretched, 1.0), (self.moved, 0.0))
+        )
+        return nodal([self.table_law(int(k)) for k in used], index, beta, sigma, s_p)
+
+    def omega_by_node(self) -> Array:
+        """(R, 1) or (R, m) steepest fall of every node's law [Pa/m]."""
+        return self.traction(self.tables.omega[self.law], -1)
+
     def single(self, row: int, node: int = 0) -> FrictionLaw:
         """The law of one node as a record of its own."""
         law = self.table_law(int(self.law[row, min(node, self.law.shape[1] - 1)]))
@@ -120,7 +145,7 @@ class RowLaws:
 
     def omega(self) -> Array:
         """(R,) steepest fall of b in every row [Pa/m]."""
-        return np.asarray(np.max(self.traction(self.tables.omega[self.law], -1), axis=1))
+        return np.asarray(np.max(self.omega_by_node(), axis=1))
 
     def locate(self, s: Array) -> Place:
         """Where slips (R, m) sit; on a kink means bitwise on what `kink` gives."""

@@ -65,11 +65,12 @@ def end_cells(line: ContactLine, problem: ContactProblem, v: Array, u: Array) ->
     for i in np.flatnonzero(own.min(axis=1) < 0):
         node, held = int(own[i].max()), int(line.segments[i, np.argmin(own[i])])
         given = float(across[:, held] @ along[i]) / float(width[i])
-        kinks = np.flatnonzero(np.abs(problem.law.kinks - given) <= noise)
-        given = float(problem.law.kinks[kinks[0]]) if len(kinks) else given
+        law = problem.law.single(node)
+        kinks = np.flatnonzero(np.abs(law.kinks - given) <= noise)
+        given = float(law.kinks[kinks[0]]) if len(kinks) else given
         if stick[node] and given == v[node]:
             continue  # the zone is seen
-        most, rests = _most(problem.law, given, float(v[node]), float(traction[node]))
+        most, rests = _most(law, given, float(v[node]), float(traction[node]))
         if most > 0.0:
             found.append(EndCell(int(i), node, float(width[i]), most, rests))
     return found

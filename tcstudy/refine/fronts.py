@@ -100,8 +100,10 @@ def _front(
     """The front in a segment whose slipping side is its end (towards = 1) or its start (−1)."""
     lengths = np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1)
     rests, slides = ends[segment, ::towards]
-    kink = problem.law.nearest_kink(v[slides] if rests == HELD else v[rests])
-    slip = v - problem.law.kinks[kink]
+    node = int(slides if rests == HELD else rests)
+    law = problem.law.single(node)
+    kink = law.nearest_kink(v[node])
+    slip = v - law.kinks[kink]
     nodes: list[int] = []
     at = [0.0]
     for i in _outwards(line, segment, towards):
@@ -111,7 +113,7 @@ def _front(
         nodes.append(node)
         at.append(at[-1] + float(lengths[i]))
     if rests == HELD:
-        return _hidden(segment, at[1:], nodes, slip) if problem.law.kinds[kink] == UP else None
+        return _hidden(segment, at[1:], nodes, slip) if law.kinds[kink] == UP else None
     return _through(segment, at[1:], nodes, slip)
 
 

@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.refine.fronts import slopes
-from tcstudy.scene.friction import sticking
+from tcstudy.scene.friction import FrictionLaw, sticking
+from tcstudy.scene.nodal_laws import each
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal
 from tcstudy.solvers.problem import ContactProblem
@@ -82,18 +83,24 @@ def torn(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
     there. So does a fall from a sticking node to one that has passed it all, and a turn of the slip from one node to
     the next. Bends between nodes close to each other leave O(h²).
     """
-    law, own = problem.law, line.unknowns
+    own = line.unknowns
     low, high = np.sort(v[own], axis=1).T
-    first, last = law.b(low, 1), law.b(high, -1)
     free = np.all(own >= 0, axis=1)
-    above, below = np.zeros(len(own)), np.zeros(len(own))
+    unsaid = each(problem.law.of(own.max(axis=1)), _unsaid, low, high, free)
+    return np.asarray(0.5 * np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1) * unsaid)
+
+
+def _unsaid(law: FrictionLaw, low: Array, high: Array, free: NDArray[np.bool_]) -> Array:
+    """How far b leaves its chord between the slips of two neighbours, above and below together (n,) [Pa]."""
+    first, last = law.b(low, 1), law.b(high, -1)
+    above, below = np.zeros(len(low)), np.zeros(len(low))
     for kink, left, right in zip(law.kinks, law.b_left, law.b_right, strict=True):
         inside = free & (low < kink) & (kink < high)
         part = (kink - low[inside]) / (high - low)[inside]
         chord = first[inside] + part * (last - first)[inside]
         above[inside] = np.maximum(above[inside], max(left, right) - chord)
         below[inside] = np.maximum(below[inside], chord - min(left, right))
-    return 0.5 * np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1) * (above + below)
+    return above + below
 
 
 def dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Array:

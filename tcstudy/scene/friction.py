@@ -18,9 +18,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from tcstudy.scene.nodal_laws import NodalLaws
 
 Array = NDArray[np.float64]
 
@@ -122,6 +126,38 @@ class FrictionLaw:
         left = np.maximum(right - 1, 0)
         return np.where(np.abs(s - self.kinks[left]) < np.abs(s - self.kinks[right]), left, right)
 
+    def of(self, nodes: object) -> FrictionLaw:
+        """The law of the named nodes: all have this one (`NodalLaws.of`)."""
+        return self
+
+    def single(self, node: int) -> FrictionLaw:
+        """The law of one node."""
+        return self
+
+    def kink(self, index: NDArray[np.intp]) -> Array:
+        """Slips of the named kinks [m]."""
+        return np.asarray(self.kinks[index])
+
+    def limits(self, index: NDArray[np.intp]) -> tuple[Array, Array]:
+        """(left, right) limits of b at the named kinks [Pa]."""
+        return self.b_left[index], self.b_right[index]
+
+    def ends(self, piece: NDArray[np.intp]) -> tuple[Array, Array]:
+        """(left, right) ends of the named pieces [m]."""
+        ends = np.concatenate([[-np.inf], self.kinks, [np.inf]])
+        return ends[piece], ends[piece + 1]
+
+    def on_kink(self, s: Array) -> NDArray[np.bool_]:
+        """Whether s is a kink, to the bit (shape of s)."""
+        return np.isin(s, self.kinks)
+
+    def kind_at(self, s: Array) -> NDArray[np.int8]:
+        """UP, BEND or DOWN where s is a kink to the bit, BEND elsewhere (shape of s)."""
+        if not len(self.kinks):
+            return np.full(np.shape(s), BEND, dtype=np.int8)
+        near = self.nearest_kink(s)
+        return np.where(self.kinks[near] == s, self.kinds[near], BEND).astype(np.int8)
+
     def j(self, s: ArrayLike) -> Array:
         """The primitive j(s) = ∫₀ˢ b, exact, eq. (17) (shape of s) [Pa·m].
 
@@ -136,16 +172,18 @@ class FrictionLaw:
         """∫_x^y b_k(s) ds of the named pieces, accurate for small y − x (shape of x) [Pa·m]."""
         k, x = np.asarray(piece), np.asarray(x, dtype=float)
         y = np.asarray(y, dtype=float)
-        step = y - x
-        total = step * (self.b_0[k] + self.q[k] * ((x - self.s_0[k]) + 0.5 * step))
-        if not self.piecewise_linear:
-            # from the end where the exponential is larger, so that expm1 cannot overflow
-            rate = self.r[k]
-            larger = np.where(rate * step >= 0.0, x, y)
-            decay = np.abs(rate * step)
-            length = np.where(decay == 0.0, step, step * -np.expm1(-decay) / np.where(decay == 0.0, 1.0, decay))
-            total = total + self.a[k] * np.exp(-rate * (larger - self.s_0[k])) * length
-        return total
+        pieces = (self.s_0[k], self.b_0[k], self.q[k], self.a[k], self.r[k])
+        return integral_of_piece(*pieces, x, y, self.piecewise_linear)
+
+    @cached_property
+    def from_first(self) -> Array:
+        """(K,) ∫ b from the first kink to each [Pa·m]."""
+        inner = self.piece_integral(np.arange(1, len(self.kinks)), self.kinks[:-1], self.kinks[1:])
+        return np.concatenate([[0.0], np.cumsum(inner)])[: len(self.kinks)]
+
+    def between_kinks(self, first: NDArray[np.intp], last: NDArray[np.intp]) -> Array:
+        """∫ b from one named kink to another [Pa·m]."""
+        return np.asarray(self.from_first[last] - self.from_first[first])
 
     @cached_property
     def _inner_ends(self) -> tuple[Array, Array]:
@@ -277,9 +315,19 @@ class FrictionLaw:
                 )
 
 
-def sticking(law: FrictionLaw, v: Array) -> NDArray[np.bool_]:
+def integral_of_piece(s_0: Array, b_0: Array, q: Array, a: Array, r: Array, x: Array, y: Array, linear: bool) -> Array:
+    """∫_x^y of b_0 + q (s − s_0) + a exp(−r (s − s_0)), all of one shape; linear: no a differs from 0 [Pa·m]."""
+    step = y - x
+    total: Array = step * (b_0 + q * ((x - s_0) + 0.5 * step))
+    if linear:
+        return total
+    # from the end where the exponential is larger, so that expm1 cannot overflow
+    larger = np.where(r * step >= 0.0, x, y)
+    decay = np.abs(r * step)
+    length = np.where(decay == 0.0, step, step * -np.expm1(-decay) / np.where(decay == 0.0, 1.0, decay))
+    return total + a * np.exp(-r * (larger - s_0)) * length
+
+
+def sticking(law: FrictionLaw | NodalLaws, v: Array) -> NDArray[np.bool_]:
     """(m,) nodes that rest on an up-jump of b."""
-    if not len(law.kinks):
-        return np.zeros(len(v), dtype=bool)
-    near = law.nearest_kink(v)
-    return (law.kinks[near] == v) & (law.kinds[near] == UP)
+    return np.asarray(law.kind_at(v) == UP)

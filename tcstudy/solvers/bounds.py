@@ -23,6 +23,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import DOWN, FrictionLaw
+from tcstudy.scene.nodal_laws import Law, NodalLaws, each
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -35,7 +36,7 @@ _ROUNDINGS = 64.0
 roundings of j by which every D is enlarged."""
 
 
-def bend_below_tangent(law: FrictionLaw, v: Array, zeta: Array, low: Array, high: Array, parts: int = _PARTS) -> Array:
+def bend_below_tangent(law: Law, v: Array, zeta: Array, low: Array, high: Array, parts: int = _PARTS) -> Array:
     """Upper bounds of D_i for slips between low and high (m,) [Pa/m]; inf where v_i sits on a down-jump.
 
     zeta:  (m,) elements of b̂(v), exactly b(v) off the kinks [Pa]
@@ -44,11 +45,14 @@ def bend_below_tangent(law: FrictionLaw, v: Array, zeta: Array, low: Array, high
     return np.maximum(*bends_by_side(law, v, zeta, low, high, parts))
 
 
-def bends_by_side(
-    law: FrictionLaw, v: Array, zeta: Array, low: Array, high: Array, parts: int = _PARTS
-) -> tuple[Array, Array]:
+def bends_by_side(law: Law, v: Array, zeta: Array, low: Array, high: Array, parts: int = _PARTS) -> tuple[Array, Array]:
     """(right, left): the same with s > v_i and with s < v_i alone, −∞ where the box has no such s."""
-    return _one_side(law, v, zeta, high, parts), _one_side(mirrored(law), -v, -zeta, -low, parts)
+
+    def of_one(law: FrictionLaw, v: Array, zeta: Array, low: Array, high: Array) -> tuple[Array, Array]:
+        return _one_side(law, v, zeta, high, parts), _one_side(mirrored(law), -v, -zeta, -low, parts)
+
+    right, left = each(law, of_one, v, zeta, low, high)
+    return right, left
 
 
 def mirrored(law: FrictionLaw) -> FrictionLaw:
@@ -169,7 +173,7 @@ def solution_box(
     least_answer, largest_answer = narrowest(answers, axis=0), widest(answers, axis=0)
     largest_load = np.max(np.abs(loads), axis=0)
     for _ in range(rounds):
-        least, largest = (-c * b for b in b_range(law, low, high)[::-1])
+        least, largest = (-c * b for b in each(law, b_range, low, high)[::-1])
         middle, radius = inverse @ (0.5 * (least + largest)), size @ (0.5 * (largest - least))
         slack = rounding * (size @ (largest_load + np.maximum(np.abs(least), np.abs(largest))))
         new_low = np.maximum(low, least_answer + middle - radius - slack)
@@ -192,12 +196,14 @@ def first_box(problem: ContactProblem, lambda_1: float, load: float | None = Non
     """
     c = problem.c
     load = float(np.sqrt((problem.l_tilde / c) ** 2 @ c)) if load is None else load
-    high = (1.0 + 1e-6) * (load + _largest_push(problem.law) * np.sqrt(c.sum())) / lambda_1 / np.sqrt(c)
+    high = (1.0 + 1e-6) * (load + largest_push(problem.law) * np.sqrt(c.sum())) / lambda_1 / np.sqrt(c)
     return -high, high
 
 
-def _largest_push(law: FrictionLaw) -> float:
+def largest_push(law: Law) -> float:
     """sup over s of −sign(s) b(s), at least 0: how hard friction may push the slip on (finite by eq. (15))."""
+    if isinstance(law, NodalLaws):
+        return max(largest_push(own) for own, _ in law.groups)
     ends = np.concatenate([law.kinks, [0.0]])
     decays = np.abs(law.r[law.r != 0.0])
     reach = 2.0 * float(np.max(np.abs(ends))) + float(np.max(40.0 / decays, initial=0.0))

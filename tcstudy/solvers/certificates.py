@@ -22,10 +22,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import UP
+from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.scene.nodal_laws import each
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.bounds import bend_below_tangent, least_slope, solution_box
-from tcstudy.solvers.problem import ContactProblem
+from tcstudy.solvers.problem import ContactProblem, least_lowered
 from tcstudy.solvers.separable.pieces import cholesky, slopes, submatrix
 
 Array = NDArray[np.float64]
@@ -41,7 +42,9 @@ class Certificate:
 
     residual:        inclusion residual of v; above the tolerance no flag is set except `convex` and `unique`
     lambda_1, omega: uniqueness threshold of the body and steepest fall of the law [Pa/m] (method §5)
-    convex:          ω < λ₁: one solution for every load
+    margin:          λ_min(C^{−½}ÃC^{−½} − diag ω_i) with the steepest fall of every node's law, λ₁ − ω where all have
+                     one law [Pa/m]: positive if every load has one solution; −∞ with a down-jump
+    convex:          margin > 0: one solution for every load
     unique:          one solution for this load (convex, or convex on the box of all solutions)
     strict_minimum:  v is a strict local minimum of L̃
     global_minimum:  no point has an energy below L̃(v) − energy_gap
@@ -60,11 +63,7 @@ class Certificate:
     energy_gap: float
     least_slack: float
     resting: int
-
-    @property
-    def margin(self) -> float:
-        """λ₁ − ω [Pa/m]: positive if every load has one solution; −∞ with a down-jump."""
-        return self.lambda_1 - self.omega
+    margin: float
 
 
 def certify(
@@ -87,15 +86,24 @@ def certify(
     threshold = problem.lambda_1 if lambda_1 is None else lambda_1
     residual, omega = problem.inclusion_residual(v) if residual is None else residual, problem.law.omega
     slack, resting = _resting_slack(problem, v)
-    convex = omega < (1.0 - margin) * threshold
+    apart = uniqueness_margin(problem, threshold)
+    convex = omega < (1.0 - margin) * threshold or (problem.m > 0 and apart > _shift(problem, threshold, margin))
     if problem.m == 0:
-        return Certificate(residual, threshold, omega, convex, True, True, True, 0.0, slack, 0)
+        return Certificate(residual, threshold, omega, convex, True, True, True, 0.0, slack, 0, apart)
     low, high = solution_box(problem, threshold, inverse=inverse)
-    unique = convex or positive_definite(problem, least_slope(problem.law, low, high), threshold, margin)
+    unique = convex or positive_definite(problem, each(problem.law, least_slope, low, high), threshold, margin)
     solved = Acceptance(tolerance).accepts(residual, problem.xi_rounding(v))
     strict = solved and (unique or _strict_minimum(problem, v, threshold, margin))
     gap = _global_gap(problem, v, low, high, threshold, margin, unique) if solved else float("nan")
-    return Certificate(residual, threshold, omega, convex, unique, strict, bool(np.isfinite(gap)), gap, slack, resting)
+    lowest = bool(np.isfinite(gap))
+    return Certificate(residual, threshold, omega, convex, unique, strict, lowest, gap, slack, resting, apart)
+
+
+def uniqueness_margin(problem: ContactProblem, lambda_1: float) -> float:
+    """λ_min(C^{−½}ÃC^{−½} − diag ω_i) [Pa/m], which is λ₁ − ω with one law and else at least λ₁ − max ω."""
+    if isinstance(problem.law, FrictionLaw):
+        return lambda_1 - problem.law.omega
+    return least_lowered(problem.A_tilde, problem.c, problem.law.omega_by_node)
 
 
 def _shift(problem: ContactProblem, lambda_1: float, margin: float) -> float:
@@ -122,7 +130,7 @@ def positive_definite(
 
 def _resting_slack(problem: ContactProblem, v: Array) -> tuple[float, int]:
     """(least relative slack of the nodes on up-jumps, their number)."""
-    on = np.isin(v, problem.law.kinks[problem.law.kinds == UP])
+    on = problem.law.kind_at(v) == UP
     if not np.any(on):
         return float("inf"), 0
     s = slopes(problem, v, problem.xi(v))
@@ -135,12 +143,13 @@ def _strict_minimum(problem: ContactProblem, v: Array, lambda_1: float, margin: 
     law, xi = problem.law, problem.xi(v)
     s = slopes(problem, v, xi)
     noise = 1e3 * np.finfo(float).eps * (np.diagonal(problem.A_tilde) * np.abs(v) + np.abs(xi))
-    on_up = np.isin(v, law.kinks[law.kinds == UP])
+    on_up = law.kind_at(v) == UP
     held = on_up & (s.left < -noise) & (s.right > noise)
     if np.any(s.at_jump & ~on_up):
         return False
     free = np.flatnonzero(~held)
-    slope = np.minimum(law.slope(v[free], law.piece(v[free], -1)), law.slope(v[free], law.piece(v[free], +1)))
+    own, at = law.of(free), v[free]
+    slope = np.minimum(own.slope(at, own.piece(at, -1)), own.slope(at, own.piece(at, +1)))
     return positive_definite(problem, slope, lambda_1, margin, free)
 
 

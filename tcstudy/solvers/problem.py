@@ -14,7 +14,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.nodal_laws import Law
 from tcstudy.solvers.extended import extended_residual
 
 Array = NDArray[np.float64]
@@ -27,13 +27,13 @@ class ContactProblem:
     A_tilde: (m, m) symmetric positive definite, condensed stiffness [Pa]
     l_tilde: (m,) condensed load [N/m]
     c:       (m,) segment lengths meas(S_i) > 0 [m]
-    law:     friction law b [Pa] of the slip [m]
+    law:     friction law b [Pa] of the slip [m], or the laws of the nodes (scene/nodal_laws.py)
     """
 
     A_tilde: Array
     l_tilde: Array
     c: Array
-    law: FrictionLaw
+    law: Law
 
     @property
     def m(self) -> int:
@@ -74,7 +74,7 @@ class ContactProblem:
             return 0.0
         size = (np.abs(self.l_tilde) + np.abs(self.A_tilde) @ np.abs(v)) / self.c
         slope = np.abs(self.law.slope(v, self.law.piece(v)) * v)
-        size += np.where(np.isin(v, self.law.kinks), 0.0, slope)
+        size += np.where(self.law.on_kink(v), 0.0, slope)
         return float(np.sqrt(self.m) * np.finfo(float).eps * np.max(size)) / self.traction_scale
 
     def distance(self, v: Array, tolerance: float = 0.0, xi: Array | None = None) -> Array:
@@ -114,3 +114,10 @@ def least_eigenvalue(A_tilde: Array, c: Array) -> float:
     root = 1.0 / np.sqrt(c)
     scaled = A_tilde * root[:, None] * root[None, :]
     return float(scipy.linalg.eigh(scaled, eigvals_only=True, subset_by_index=[0, 0])[0])
+
+
+def least_lowered(A_tilde: Array, c: Array, omega: Array) -> float:
+    """λ_min(C^{−½}ÃC^{−½} − diag ω_i) [Pa/m]: above 0 every load has one solution; −∞ with a down-jump."""
+    if not np.all(np.isfinite(omega)):
+        return -float("inf")
+    return least_eigenvalue(A_tilde - np.diag(c * omega), c)

@@ -28,6 +28,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.scene.nodal_laws import Law, each
 from tcstudy.solvers.bounds import bend_below_tangent, first_box
 from tcstudy.solvers.certificates import positive_definite
 from tcstudy.solvers.hull import proximal_hull
@@ -146,10 +147,10 @@ def hull_start(
     v, kappa, first = x0, _SAFELY * lambda_1, True
     stiffest = min(problem.law.omega, float(np.max(np.diagonal(problem.A_tilde) / problem.c)))
     while True:
-        law, bridges = proximal_hull(problem.law, kappa)
+        law, on_bridge = _hulls(problem.law, kappa)
         outcome = solve(replace(problem, law=law), v)
         v, kappa = outcome.x, GROWTH * kappa
-        settled = not np.any(_on_bridge(bridges, v))
+        settled = not np.any(on_bridge(v))
         if settled or kappa >= stiffest:
             return HullStart(v, first and settled and outcome.converged)
         first = False
@@ -171,6 +172,16 @@ def estimate_lambda_1(problem: ContactProblem) -> float:
         softness = x.T @ y
         x = y
     return 1.0 / float(np.linalg.eigvalsh(softness)[-1])
+
+
+def _hulls(law: Law, kappa: float) -> tuple[Law, Callable[[Array], NDArray[np.bool_]]]:
+    """The proximal hull, of every node's own law, and which slips (m,) are inside its bridges."""
+    if isinstance(law, FrictionLaw):
+        hull, bridges = proximal_hull(law, kappa)
+        return hull, lambda v: _on_bridge(bridges, v)
+    hulls = {own: proximal_hull(own, kappa) for own in law.table.laws}
+    smooth = law.mapped(lambda own: hulls[own][0])
+    return smooth, lambda v: np.asarray(each(law, lambda own, s: _on_bridge(hulls[own][1], s), v))
 
 
 def _on_bridge(bridges: Array, v: Array) -> NDArray[np.bool_]:
@@ -210,7 +221,7 @@ def _relaxed(problem: ContactProblem, v: Array, xi: Array) -> _Relaxed | None:
     s = slopes(problem, v, xi)
     free, resting = np.flatnonzero(~s.at_rest), np.flatnonzero(s.at_rest)
     law, c, A = problem.law, problem.c, problem.A_tilde
-    q = law.slope(v[free], np.where(s.descent[free] <= 0.0, law.piece(v[free], +1), law.piece(v[free], -1)))
+    q = law.slope(v, np.where(s.descent <= 0.0, law.piece(v, +1), law.piece(v, -1)))[free]
     matrix = submatrix(A, free)
     matrix[np.diag_indices(len(free))] += c[free] * q
     factor, info = cholesky(matrix)
@@ -244,7 +255,12 @@ def _follow(problem: ContactProblem, relaxed: _Relaxed, node: int, move: float) 
 
 def _best_places(problem: ContactProblem, v: Array, xi: Array, stiffness: Array) -> tuple[Array, Array]:
     """(gain, target), (m,): least φ_i over all pieces and up-jumps of b, 0 where it is no gain, and where it is."""
-    law, k, force = problem.law, stiffness / problem.c, xi / problem.c
+    gain, target = each(problem.law, _best_of_law, v, xi / problem.c, stiffness / problem.c)
+    return problem.c * gain, target
+
+
+def _best_of_law(law: FrictionLaw, v: Array, force: Array, k: Array) -> tuple[Array, Array]:
+    """The same, per length, for nodes with one law."""
     ups = law.kinks[law.kinds == UP]
     s = np.concatenate([_on_pieces(law, v, force, k), np.broadcast_to(ups, (len(v), len(ups)))], axis=1)
     move = s - v[:, None]
@@ -253,7 +269,7 @@ def _best_places(problem: ContactProblem, v: Array, xi: Array, stiffness: Array)
     phi = np.where(phi < -_NO_GAIN * np.sum(np.abs(parts), axis=0), phi, 0.0)
     best = np.nanargmin(np.where(np.isfinite(phi), phi, np.inf), axis=1)
     node = np.arange(len(v))
-    return problem.c * phi[node, best], s[node, best]
+    return phi[node, best], s[node, best]
 
 
 def _on_pieces(law: FrictionLaw, v: Array, force: Array, k: Array) -> Array:

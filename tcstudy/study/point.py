@@ -198,7 +198,7 @@ def block_numbers(
         "slip_length": np.where(sticks, 0.0, condensed.c).sum(axis=1),
         "lambda_1": lambda_1,
         "omega": omega,
-        "uniqueness_margin": lambda_1 - omega,
+        "uniqueness_margin": np.where(np.isnan(proved.margin), lambda_1 - omega, proved.margin * factor),
         "unique": proved.unique.astype(float),
         "strict_minimum": proved.strict_minimum.astype(float),
         "global_minimum": proved.global_minimum.astype(float),

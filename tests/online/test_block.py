@@ -8,10 +8,12 @@ import pytest
 from tcstudy.online import BlockAnswers, CondensedBody, LawTables, Options, RowLaws, solve_block
 from tcstudy.online.problems import Rows
 from tcstudy.online.search import hull_starts
+from tcstudy.scene.nodal_laws import NONE, nodal
 from tcstudy.scene.study import NEIGHBOUR
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import Status
+from tcstudy.solvers.problem import ContactProblem
 from tests.online.rows import block, reordered, single, solve_points, some_laws
 from tests.solvers import contact_cases as cases
 from tests.solvers.exhaustive import least_energy, small_problem
@@ -213,3 +215,23 @@ def test_many_wells_end_where_the_single_solve_ends() -> None:
     for p in range(60):
         expected = solve_contact(single(body, loads[p], laws[law[p]]))
         assert answers.energy[p] <= expected.energy + TIE * abs(expected.energy)
+
+
+def test_strengths_and_gaps_by_node_agree_with_the_single_solve() -> None:
+    """Two laws of the table, strengths from 0.5 to 2 and a gap: answers, flags and margins of the nodes' laws."""
+    laws = [*some_laws(), NONE]
+    body, loads, _tables, law = block(20, laws[:-1], 30)
+    index = np.repeat(law[:, None], body.m, axis=1)
+    index[:, 8:14], index[:, 14:17] = (index[:, 8:14] + 1) % len(laws[:-1]), len(laws) - 1
+    strength = np.broadcast_to(np.linspace(0.5, 2.0, body.m), index.shape)
+    answers = solve_block(body, loads, RowLaws(LawTables.of(laws), index, stronger=strength))
+    assert np.all(answers.status == Status.CONVERGED)
+    for p in range(len(loads)):
+        own = nodal(laws, index[p], strength[p])
+        problem = ContactProblem(body.A_tilde, loads[p], body.c, own)
+        expected = solve_contact(problem)
+        proved = certify(problem, answers.v[p], body.lambda_1, inverse=body.inverse)
+        assert answers.energy[p] <= expected.energy + TIE * abs(expected.energy)
+        for flag in FLAGS:
+            assert getattr(answers.certificates, flag)[p] == getattr(proved, flag), flag
+        np.testing.assert_allclose(answers.certificates.margin[p], proved.margin, rtol=1e-9)

@@ -64,7 +64,7 @@ def test_ranges_and_least_slopes_are_those_of_the_laws() -> None:
     np.testing.assert_allclose(
         least_slope(TABLES, law, low, high), by_law(law, low, high, of=solution_box.least_slope), rtol=1e-14
     )
-    np.testing.assert_allclose(largest_push(TABLES), [solution_box._largest_push(law) for law in LAWS], rtol=1e-14)
+    np.testing.assert_allclose(largest_push(TABLES), [solution_box.largest_push(law) for law in LAWS], rtol=1e-14)
 
 
 @pytest.mark.parametrize("parts", [6, 48])

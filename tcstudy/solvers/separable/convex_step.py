@@ -26,6 +26,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.scene.nodal_laws import NodalLaws
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.pieces import cholesky
 
@@ -40,9 +41,10 @@ _SMALL = 1e-14
 
 @dataclass(frozen=True)
 class _Elements:
-    """The elements of b_↑, the same at every node, all (n, 1).
+    """The elements of b_↑, all (n, 1) where they are the same at every node, else (n, m).
 
     sign: −1 for the outer piece on the left, whose slip counts to the left;  kink: index of the kink of an up-jump, −1
+    A node with fewer elements than others has some of sign 0, which act on nothing.
     """
 
     s: Array
@@ -50,7 +52,7 @@ class _Elements:
     gamma: Array
     sign: Array
     kink: Index
-    slope: float
+    slope: float | Array
 
     def force(self, v: Array, piece: Index) -> Array:
         """b_↑(v) on the named pieces, 0 left of all elements (m,) [Pa]."""
@@ -69,7 +71,7 @@ def _elements(law: FrictionLaw) -> _Elements:
             ends = law.value(kinks[piece - 1 : piece + 1], np.full(2, piece))
             rise[piece] = max(0.0, float(ends[1] - ends[0]) / float(kinks[piece] - kinks[piece - 1]))
     least = float(rise.min())
-    rows: list[tuple[float, float, float, float, int]] = []
+    rows: list[tuple[float, float, float, float, int]] = []  # s, h, gamma, sign, kink
     for k in np.flatnonzero(law.kinds == UP):
         rows.append((float(kinks[k]), float(law.b_right[k] - law.b_left[k]), 0.0, 1.0, int(k)))
     for piece in np.flatnonzero(rise > least):
@@ -78,8 +80,25 @@ def _elements(law: FrictionLaw) -> _Elements:
         height = np.inf if outer else steeper * float(kinks[piece] - kinks[piece - 1])
         left = piece == 0
         rows.append((float(kinks[0 if left else piece - 1]), height, 1.0 / steeper, -1.0 if left else 1.0, -1))
-    s, h, gamma, sign, kink = (np.array(column)[:, None] for column in zip(*rows, strict=True))
-    return _Elements(s, h, gamma, sign, kink, least)
+    s, h, gamma, sign, kink = np.array(rows).reshape(len(rows), 5, 1).transpose(1, 0, 2)
+    return _Elements(s, h, gamma, sign, kink.astype(np.intp), least)
+
+
+def _rises(law: FrictionLaw) -> bool:
+    """Whether b has an up-jump or pieces that rise unlike each other."""
+    return bool(np.any(law.kinds == UP) or np.ptp(np.maximum(law.q, 0.0)) > 0.0)
+
+
+def _by_node(laws: NodalLaws) -> _Elements:
+    """The elements of every node's law, with some of sign 0 and of the scale of b where others have more."""
+    own = [_elements(law) for law in laws.table.laws]
+    s, h, gamma, sign, kink = (np.zeros((max(len(el.s) for el in own), len(laws))) for _ in range(5))
+    h[:], kink[:] = laws.b_scale or 1.0, -1.0
+    for k, el in enumerate(own):
+        for whole, part in ((s, el.s), (h, el.h), (gamma, el.gamma), (sign, el.sign), (kink, el.kink)):
+            whole[: len(part), laws.index == k] = part
+    slope = np.array([el.slope for el in own])[laws.index]
+    return _Elements(s, h, gamma, sign, kink.astype(np.intp), slope)
 
 
 def convex_step(problem: ContactProblem, v: Array, piece: Index) -> tuple[Array, int] | None:
@@ -90,9 +109,14 @@ def convex_step(problem: ContactProblem, v: Array, piece: Index) -> tuple[Array,
     Nodes on an up-jump at the minimum are put on it bitwise.
     """
     law, c = problem.law, problem.c
-    if not (np.any(law.kinds == UP) or np.ptp(np.maximum(law.q, 0.0)) > 0.0):
+    if isinstance(law, NodalLaws):
+        if not any(_rises(own) for own, _ in law.groups):
+            return None
+        elements = _by_node(law)
+    elif _rises(law):
+        elements = _elements(law)
+    else:
         return None
-    elements = _elements(law)
     rest = law.value(v, piece) - elements.force(v, piece)
     return _InteriorPoint(problem, elements, problem.l_tilde - c * rest).minimum(v)
 
@@ -140,7 +164,7 @@ class _InteriorPoint:
         el, room = self.elements, self.room
         theta = el.gamma + self.above / room + self.below / self.e
         matrix = self.matrix.copy()
-        matrix[np.diag_indices(len(self.w))] += self.c * np.sum(1.0 / theta, axis=0)
+        matrix[np.diag_indices(len(self.w))] += self.c * np.sum(el.sign**2 / theta, axis=0)
         factor, info = cholesky(matrix)
         self.factorisations += 1
         if info != 0:
@@ -192,5 +216,5 @@ class _InteriorPoint:
         reach = max(float(np.max(np.abs(self.w - el.s))), np.finfo(float).tiny)
         rests = (el.kink >= 0) & (self.below < self.e / el.h * reach) & (self.above < self.room / el.h * reach)
         row, node = np.nonzero(rests)
-        w[node] = el.s[row, 0]
+        w[node] = np.broadcast_to(el.s, rests.shape)[row, node]
         return w

@@ -175,8 +175,8 @@ def escape(problem: ContactProblem, state: SeparableState, system: FreeSystem) -
     direction[system.free] = system.curvature
     first_order = np.where(direction > 0.0, state.slopes.right, state.slopes.left)
     direction *= -1.0 if float(first_order @ direction) > 0.0 else 1.0
-    ends = np.concatenate([[-np.inf], problem.law.kinks, [np.inf]])
-    end = np.where(direction > 0.0, ends[state.piece + 1], ends[state.piece])
+    left, right = problem.law.ends(state.piece)
+    end = np.where(direction > 0.0, right, left)
     with np.errstate(divide="ignore", invalid="ignore"):
         reach = np.where(direction != 0.0, (end - state.v) / direction, np.inf)
     reach = reach[reach > 0.0]
@@ -208,7 +208,8 @@ def descend_nodes(problem: ContactProblem, v: Array, xi: Array, descent: Array) 
     v, xi = v.copy(), xi.copy()
     for node in np.argsort(-gain, kind="stable")[: np.count_nonzero(gain)]:
         c = float(problem.c[node])
-        energy = NodeEnergy(problem.law, float(v[node]), float(xi[node]) / c, float(diagonal[node]) / c)
+        law = problem.law.single(int(node))
+        energy = NodeEnergy(law, float(v[node]), float(xi[node]) / c, float(diagonal[node]) / c)
         target = energy.descend()
         xi -= problem.A_tilde[node] * (target - v[node])
         v[node] = target

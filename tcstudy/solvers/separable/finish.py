@@ -22,7 +22,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import UP
+from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.scene.nodal_laws import each
 from tcstudy.solvers.extended import two_sum
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.pieces import cholesky, next_up_jump, slopes, submatrix
@@ -55,14 +56,18 @@ def identify(problem: ContactProblem, v: Array) -> ActivePieces:
     and the two adjacent up-jumps s with c b⁻ ≤ ξ_i − Ã_ii (s − v_i) ≤ c b⁺, where the node's own energy has a
     minimum. The nearest wins; without any the node stays on its piece, on a kink on the descending side's.
     """
-    law, c = problem.law, problem.c
-    xi, diagonal = problem.xi(v), np.diagonal(problem.A_tilde)
+    kink, piece = each(problem.law, _identified, v, problem.c, problem.xi(v), np.diagonal(problem.A_tilde))
+    return ActivePieces(kink, piece)
+
+
+def _identified(law: FrictionLaw, v: Array, c: Array, xi: Array, diagonal: Array) -> tuple[Index, Index]:
+    """(kink, piece) of nodes with one law."""
     piece = np.where(c * law.b(v, +1) < xi, law.piece(v, +1), law.piece(v, -1))
-    kink = np.full(problem.m, -1, dtype=np.intp)
+    kink = np.full(len(v), -1, dtype=np.intp)
     ups = np.flatnonzero(law.kinds == UP)
     if not len(ups):
-        return ActivePieces(kink, piece)
-    nearest = _distance_on_piece(problem, v, xi, piece)
+        return kink, piece
+    nearest = _distance_on_piece(law, v, c, xi, diagonal, piece)
     above = np.searchsorted(law.kinks[ups], v)
     for offset in (0, -1):
         candidate = ups[np.clip(above + offset, 0, len(ups) - 1)]
@@ -72,16 +77,15 @@ def identify(problem: ContactProblem, v: Array) -> ActivePieces:
         closer = rests & (np.abs(move) < nearest)
         kink = np.where(closer, candidate, kink)
         nearest = np.where(closer, np.abs(move), nearest)
-    return ActivePieces(kink, np.where(kink >= 0, kink + 1, piece))
+    return kink, np.where(kink >= 0, kink + 1, piece)
 
 
-def _distance_on_piece(problem: ContactProblem, v: Array, xi: Array, piece: Index) -> Array:
+def _distance_on_piece(law: FrictionLaw, v: Array, c: Array, xi: Array, diagonal: Array, piece: Index) -> Array:
     """How far one Newton step moves each node on its own piece; inf if that leaves the piece (m,)."""
-    law, c = problem.law, problem.c
-    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
+    left, right = law.ends(piece)
     with np.errstate(divide="ignore", invalid="ignore"):
-        move = (xi - c * law.value(v, piece)) / (np.diagonal(problem.A_tilde) + c * law.slope(v, piece))
-        inside = (ends[piece] <= v + move) & (v + move <= ends[piece + 1])
+        move = (xi - c * law.value(v, piece)) / (diagonal + c * law.slope(v, piece))
+        inside = (left <= v + move) & (v + move <= right)
     return np.where(inside, np.abs(move), np.inf)
 
 
@@ -92,9 +96,9 @@ def solve_on(problem: ContactProblem, active: ActivePieces, v: Array, newton_ste
     whether the point lies in its pieces; the inclusion residual does.
     """
     resting = active.kink >= 0
-    v = np.where(resting, problem.law.kinks[active.kink], v) if np.any(resting) else v.copy()
+    v = np.where(resting, problem.law.kink(active.kink), v) if np.any(resting) else v.copy()
     free = np.flatnonzero(~resting)
-    law, c, piece, solver = problem.law, problem.c[free], active.piece[free], None
+    law, c, piece, solver = problem.law.of(free), problem.c[free], active.piece[free], None
     for _ in range(newton_steps if len(free) else 0):
         # Outside its piece an exponential may overflow; the test on finite numbers catches it.
         with np.errstate(over="ignore", invalid="ignore"):
@@ -207,7 +211,7 @@ def _step(problem: ContactProblem, at: Refined) -> Refined | None:
         return None
     right = (at.v_low > 0.0) | ((at.v_low == 0.0) & (s.descent <= 0.0))
     piece = np.where(right, law.piece(at.v, +1), law.piece(at.v, -1))[free]
-    slope = c[free] * law.slope(at.v[free], piece)
+    slope = c[free] * law.of(free).slope(at.v[free], piece)
     solve = linear_solver(problem, free, slope)
     if solve is None:
         return None

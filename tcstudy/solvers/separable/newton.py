@@ -24,9 +24,9 @@ SIAM J. Control Optim. 20 (1982) 221–246 (projected Newton). Left out: a choic
 (start from more than one point, and search.py).
 
 Large problems start from coarser copies of themselves (nested iteration): the Galerkin restriction to every second
-contact node with linear interpolation P, Ã_c = PᵀÃP, l̃_c = Pᵀl̃, c_c = Pᵀc and the same law, is a contact problem again
-and costs an eighth. The nodes are taken in the order of their numbers, along Γ_C; another order costs quality of the
-start, never correctness.
+contact node with linear interpolation P, Ã_c = PᵀÃP, l̃_c = Pᵀl̃, c_c = Pᵀc and those nodes' laws, is a contact problem
+again and costs an eighth. The nodes are taken in the order of their numbers, along Γ_C; another order costs quality of
+the start, never correctness.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class SeparableNewton:
     def step(self, problem: ContactProblem, state: SeparableState) -> SeparableState:
         """One Newton step along the clipped path, or one pass node by node, or the last refinement."""
         free = np.flatnonzero(~state.slopes.at_rest)
-        q = problem.law.slope(state.v[free], state.piece[free])
+        q = problem.law.of(free).slope(state.v[free], state.piece[free])
         try:
             system = factorise(problem, free, q)
         except IndefiniteSystem:
@@ -156,7 +156,7 @@ def restricted(problem: ContactProblem, P: scipy.sparse.csr_matrix) -> ContactPr
     """The Galerkin restriction of a problem to the columns of P."""
     A_coarse = P.T @ (P.T @ problem.A_tilde).T
     A_coarse = np.ascontiguousarray(0.5 * (A_coarse + A_coarse.T))
-    return ContactProblem(A_coarse, P.T @ problem.l_tilde, P.T @ problem.c, problem.law)
+    return ContactProblem(A_coarse, P.T @ problem.l_tilde, P.T @ problem.c, problem.law.of(slice(None, None, 2)))
 
 
 def coarse_start(

@@ -17,14 +17,15 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import BEND, UP, FrictionLaw
+from tcstudy.scene.friction import BEND, UP
+from tcstudy.scene.nodal_laws import Law, NodalLaws
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
-def integral(law: FrictionLaw, x: Array, y: Array) -> Array:
+def integral(law: Law, x: Array, y: Array) -> Array:
     """j(y) − j(x) = ∫_x^y b(s) ds without cancellation (shape of x) [Pa·m]."""
     rising = y >= x
     first = np.where(rising, law.piece(x, +1), law.piece(x, -1))
@@ -34,21 +35,21 @@ def integral(law: FrictionLaw, x: Array, y: Array) -> Array:
     crossed = np.flatnonzero(first != last)
     if not len(crossed):
         return total
-    inner = law.piece_integral(np.arange(1, len(law.kinks)), law.kinks[:-1], law.kinks[1:])
-    at_kink = np.concatenate([[0.0], np.cumsum(inner)])
-    up, start, end = rising[crossed], first[crossed], last[crossed]
+    law, up, start, end = law.of(crossed), rising[crossed], first[crossed], last[crossed]
     leave = np.where(up, start, start - 1)
     enter = np.where(up, end - 1, end)
     total[crossed] = (
-        law.piece_integral(start, x[crossed], law.kinks[leave])
-        + (at_kink[enter] - at_kink[leave])
-        + law.piece_integral(end, law.kinks[enter], y[crossed])
+        law.piece_integral(start, x[crossed], law.kink(leave))
+        + law.between_kinks(leave, enter)
+        + law.piece_integral(end, law.kink(enter), y[crossed])
     )
     return total
 
 
-def next_up_jump(law: FrictionLaw, v: Array, direction: Array) -> Array:
+def next_up_jump(law: Law, v: Array, direction: Array) -> Array:
     """First up-jump strictly beyond v in the sign of `direction`; ±inf if there is none (shape of v) [m]."""
+    if isinstance(law, NodalLaws):
+        return law.next_up_jump(v, direction)
     jumps = np.concatenate([[-np.inf], law.kinks[law.kinds == UP], [np.inf]])
     above = jumps[np.searchsorted(jumps, v, side="right")]
     below = jumps[np.searchsorted(jumps, v, side="left") - 1]
@@ -80,10 +81,7 @@ def slopes(problem: ContactProblem, v: Array, xi: Array) -> Slopes:
     law = problem.law
     left = problem.c * law.b(v, -1) - xi
     right = problem.c * law.b(v, +1) - xi
-    at_jump = np.zeros(len(v), dtype=bool)
-    if len(law.kinks):
-        near = law.nearest_kink(v)
-        at_jump = (law.kinks[near] == v) & (law.kinds[near] != BEND)
+    at_jump = law.kind_at(v) != BEND
     climb_right, climb_left = np.maximum(-right, 0.0), np.maximum(left, 0.0)
     descent = np.where(climb_right >= climb_left, -climb_right, climb_left)
     return Slopes(left, right, np.where(at_jump, descent, right), at_jump)
