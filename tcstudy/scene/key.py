@@ -45,6 +45,28 @@ one or more: of the words; sweep points: a list of them, or their number;
 sizes: one or more numbers; law: a friction law."""
 
 
+GREEK = {
+    "alpha": "α",
+    "beta": "β",
+    "delta": "δ",
+    "lambda": "λ",
+    "mu": "μ",
+    "nu": "ν",
+    "omega": "ω",
+    "tau": "τ",
+    "theta": "θ",
+}
+"""Letters that names spell out."""
+
+
+def symbol(name: str) -> str:
+    """How reports write a parameter: `friction.tau_s` is τ_s, `theta_bar` θ̄; what has no symbol is written in words."""
+    letter, _, rest = name.rpartition(".")[2].partition("_")
+    if letter not in GREEK:
+        return f"{letter} {rest}".replace("_", " ").strip()
+    return GREEK[letter] + ("\N{COMBINING MACRON}" if rest == "bar" else f"_{rest}" if rest else "")
+
+
 @dataclass(frozen=True)
 class Key:
     """One key of a section.

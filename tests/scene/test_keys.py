@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from tcstudy.scene.key import symbol
 from tcstudy.scene.keys import ROWS, of_role, row, rows
 from tcstudy.scene.parameters import FIXED, SHORT, sweepable
 
@@ -64,6 +65,11 @@ def test_a_new_row_is_read_set_swept_suggested_documented_and_in_the_schema() ->
         "{'type': 'number', 'exclusiveMinimum': 0.0}",
         "True",
     ]
+
+
+def test_parameters_are_written_with_the_symbols_of_the_paper() -> None:
+    names = ("alpha", "theta_bar", "friction.tau_s", "material.E", "boundary.end.pressure")
+    assert [symbol(name) for name in names] == ["α", "θ\N{COMBINING MACRON}", "τ_s", "E", "pressure"]
 
 
 def test_every_key_is_once_in_its_section() -> None:

@@ -387,11 +387,11 @@ def test_long_outlines_are_checked_soon_and_wholly() -> None:
     angles = np.linspace(0, 2 * math.pi, 3000, endpoint=False)
     radii = 1 + 0.05 * np.cos(40 * angles)
     points = [(float(r * math.cos(a)), float(r * math.sin(a))) for r, a in zip(radii, angles, strict=True)]
-    start = time.monotonic()
+    start = time.process_time()
     assert check_body(Body(polygon_loop(points, "edge"))) == []
     points[2500], points[2505] = points[2505], points[2500]
     faults = check_body(Body(polygon_loop(points, "edge")))
-    assert time.monotonic() - start < 10.0
+    assert time.process_time() - start < 20.0, "a check of all pairs takes minutes"
     assert faults
     assert isinstance(faults[0], Fault)
 
