@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from tcstudy.commands.shared import MEAN_SLIP
 from tcstudy.errors import UsageError
 
 if TYPE_CHECKING:
@@ -34,22 +33,42 @@ def draw(
     target: str | FilePath,
     *,
     at: Mapping[str, Any] | None = None,
-    level: int = -1,
-    response: str = MEAN_SLIP,
+    level: int | None = None,
+    response: str | None = None,
     error: str | None = None,
+    x: str | None = None,
+    y: str | None = None,
+    by: str | None = None,
+    map: tuple[str, str] | None = None,
+    of: str | None = None,
+    law: bool = False,
+    mesh: bool = False,
+    size: str | tuple[float, float] | None = None,
+    font: float | None = None,
+    title: str | None = None,
 ) -> FilePath:
     """Draw a result file of any kind into a .png, .svg or .pdf file; returns its name. Needs matplotlib.
 
     at:       of a run or its convergence: the point by its labels, {"alpha": 100}; the first unless named
-    level:    of a run: mesh level, −1 for the finest
+    level:    of a run: mesh level, −1 or nothing for the finest
     response: of a path: "mean-slip", "max-slip" or "friction"
     error:    of a cost chart: e.g. "u_L2"
 
-    Raises StoreError, DrawError.
-    """
-    from tcstudy.reports.draw import picture
+    Of a run, in place of a point:
+    x, y, by:  curves of the number y ("slip_length") over the parameter x, one for each value of the parameter `by`
+    map, of:   a map of the number `of` over two parameters, map=("alpha", "theta_bar")
+    law, mesh: the friction law of a point with all its nodes on it; the mesh with the roles of the edges
+    size, font, title: of these: "8x5cm" or (width, height) [inch], size of letters [pt], the heading ("" for none)
 
-    picture(FilePath(file), FilePath(target), at, level, response, error)
+    Parameters that are not drawn have the value that `at` gives them, the first unless named. Raises StoreError,
+    DrawError, UsageError.
+    """
+    from tcstudy.reports.draw import Wanted, picture
+    from tcstudy.reports.style import size_in_inches
+
+    inches = size_in_inches(size) if isinstance(size, str) else size
+    wanted = Wanted(at, level, response, error, x, y, by, map, of, law, mesh, inches, font, title)
+    picture(FilePath(file), FilePath(target), wanted)
     return FilePath(target)
 
 

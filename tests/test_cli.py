@@ -84,6 +84,17 @@ def test_draw(folder: Path) -> None:
     assert "tau" in wrong.stderr
     assert wrong.stderr.count("\n") == 1
     assert not (folder / "b.png").exists()
+    words = ("--x", "tau", "--y", "slip_length", "--size", "8x5cm", "--font", "8", "--title", "Block")
+    curves = tcstudy_command("draw", "results/block.nc", "c.png", *words, cwd=folder)
+    assert (curves.returncode, curves.stdout) == (0, "c.png: slip_length over tau, level 1\n"), curves.stderr
+    law = tcstudy_command("draw", "results/block.nc", "l.png", "--law", "--at", "tau=0.01", cwd=folder)
+    assert (law.returncode, law.stdout) == (0, "l.png: law tresca, tau = 0.01, level 1\n"), law.stderr
+    for text, said in (("--map", "--map: name two"), ("--of", "--of: give map"), ("--size", "--size: 'tau' is none")):
+        wrong = tcstudy_command("draw", "results/block.nc", "b.png", text, "tau", cwd=folder)
+        assert wrong.returncode == 2
+        assert wrong.stderr.startswith(said)
+        assert wrong.stderr.count("\n") == 1
+    assert not (folder / "b.png").exists()
 
 
 def test_set_and_output(folder: Path) -> None:

@@ -10,7 +10,6 @@ from tcstudy.commands.shared import (
     FILE,
     FULL,
     MANNER,
-    MEAN_SLIP,
     OK,
     RESPONSE,
     Command,
@@ -23,9 +22,7 @@ from tcstudy.commands.shared import (
     say,
     spoken,
 )
-
-DRAWN_BY = {"run": ("at", "level"), "path": ("response",), "convergence": ("at",), "cost": ("error",)}
-"""Options that a picture of each kind of file depends on."""
+from tcstudy.errors import UsageError
 
 
 def show(options: argparse.Namespace) -> int:
@@ -70,18 +67,20 @@ def _show(options: argparse.Namespace, file: Path) -> None:
 
 def draw(options: argparse.Namespace) -> int:
     """Draw a file of any kind."""
-    from tcstudy.data.provenance import kind_of
-    from tcstudy.reports.draw import picture
+    from tcstudy.reports.draw import Wanted, picture
+    from tcstudy.reports.style import size_in_inches
 
-    point = point_of(options)
-    kind = kind_of(options.file)
-    if point and kind in ("path", "cost"):
-        fail(f"--at: the file of tcstudy {kind} has one scene and no sweep points; leave it out")
-    for name in ("level", "response", "error"):
-        if getattr(options, name) is not None and name not in DRAWN_BY[kind]:
-            fail(f"--{name}: the picture of a {kind} file does not depend on it; leave it out")
-    level = -1 if options.level is None else options.level
-    print(picture(options.file, options.picture, point, level, options.response or MEAN_SLIP, options.error))
+    given = {name: getattr(options, name) for name in PICTURE}
+    if options.map is not None:
+        names = tuple(name.strip() for name in options.map.split(","))
+        if len(names) != 2 or not all(names):
+            fail("--map: name two swept parameters, for example --map alpha,theta_bar")
+        given["map"] = names
+    try:
+        given["size"] = size_in_inches(options.size) if options.size is not None else None
+        print(picture(options.file, options.picture, Wanted(at=point_of(options), **given)))
+    except UsageError as fault:
+        fail(f"--{fault}")
     return OK
 
 
@@ -99,6 +98,20 @@ def report(options: argparse.Namespace) -> int:
 _TABLES = "of a convergence file: the point whose tables to show"
 _PAGE = "the page (default: FILE.html)"
 _WITHOUT = "leave out what makes a page large: levels, live, body or lines (may be repeated)"
+DRAWN = (
+    Option("--x", metavar="NAME", help="curves of a whole run over this swept parameter"),
+    Option("--y", metavar="NUMBER", help="what the curves are of, e.g. slip_length"),
+    Option("--by", metavar="NAME", help="a curve for each value of this swept parameter"),
+    Option("--map", metavar="NAME,NAME", help="a map over two swept parameters"),
+    Option("--of", metavar="NUMBER", help="what the map is of, e.g. u_T_max"),
+    Option("--law", action="store_true", help="the friction law of a point with all its nodes on it"),
+    Option("--mesh", action="store_true", help="the mesh with the roles of the edges (with output.fields)"),
+    Option("--size", metavar="WIDTHxHEIGHT", help="size of the picture, e.g. 8x5cm"),
+    Option("--font", type=float, metavar="PT", help="size of its letters"),
+    Option("--title", metavar="TEXT", help="its heading; '' for none"),
+)
+"""Options of the pictures of a run, beside the point and the level."""
+PICTURE = ("level", "response", "error", "x", "y", "by", "map", "of", "law", "mesh", "size", "font", "title")
 COMMANDS = {
     "show": Command(
         "print the summary of a result file",
@@ -106,7 +119,7 @@ COMMANDS = {
         show,
     ),
     "draw": Command(
-        "draw a result file: a point, a path, errors, costs",
+        "draw a result file: a point, curves, a map, a law, a mesh, a path, errors, costs",
         (
             FILE,
             Option("picture", type=file_name, metavar="PICTURE", help="a .png, .svg or .pdf file"),
@@ -114,6 +127,7 @@ COMMANDS = {
             Option("--level", type=int, metavar="N", help="mesh level (default: the finest)"),
             RESPONSE,
             ERROR,
+            *DRAWN,
         ),
         draw,
     ),

@@ -1,29 +1,118 @@
-"""`tcstudy draw`: a picture of a result file of any kind."""
+"""`tcstudy draw`: a picture of a result file of any kind, and what may be asked of each."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tcstudy.data.provenance import kind_of
 from tcstudy.data.reading import reading
+from tcstudy.errors import UsageError
+from tcstudy.reports import style
 from tcstudy.reports.convergence_plot import plot_convergence
 from tcstudy.reports.cost_plot import plot_cost
+from tcstudy.reports.law_figure import law_figure, read_law
+from tcstudy.reports.mesh_figure import mesh_figure, read_mesh
 from tcstudy.reports.path_figure import draw_path
 from tcstudy.reports.point_figure import draw
+from tcstudy.reports.sweep import read_sweep
+from tcstudy.reports.sweep_figure import curves_figure, map_figure
+
+OF_RUN = ("x", "y", "by", "map", "of", "law", "mesh")
+"""What chooses among the pictures of a run."""
+DRAWN_BY = {
+    "run": ("at", "level", *OF_RUN, "size", "font", "title"),
+    "path": ("response",),
+    "convergence": ("at",),
+    "cost": ("error",),
+}
+"""Options that a picture of each kind of file depends on."""
 
 
-def picture(
-    file: Path, target: Path, point: Mapping[str, Any] | None, level: int, response: str, error: str | None
-) -> str:
-    """Draw a file of any kind; returns what was drawn. Raises StoreError, DrawError."""
+@dataclass(frozen=True)
+class Wanted:
+    """What is asked of a picture; None and False for what is not.
+
+    at:        the point by its labels, or of curves and maps those that all points have
+    x, y, by:  curves of the number y over the parameter x, a family for each value of `by`
+    map, of:   a map of the number `of` over two parameters
+    law, mesh: the law of a point with its nodes on it; the mesh of a level
+    size:      width and height [inch]
+    """
+
+    at: Mapping[str, Any] | None = None
+    level: int | None = None
+    response: str | None = None
+    error: str | None = None
+    x: str | None = None
+    y: str | None = None
+    by: str | None = None
+    map: tuple[str, str] | None = None
+    of: str | None = None
+    law: bool = False
+    mesh: bool = False
+    size: tuple[float, float] | None = None
+    font: float | None = None
+    title: str | None = None
+
+    def check(self, kind: str) -> None:
+        """Raise UsageError for what does not go together or does not matter to a file of this kind."""
+        if self.at and kind in ("path", "cost"):
+            raise UsageError(f"at: the file of tcstudy {kind} has one scene and no sweep points; leave it out")
+        given = [name for name in vars(self) if getattr(self, name) not in (None, False)]
+        for name in given:
+            if name not in DRAWN_BY[kind] and not (name == "at" and not self.at):
+                raise UsageError(f"{name}: the picture of a {kind} file does not depend on it; leave it out")
+        for one, other in (("x", "y"), ("y", "x"), ("map", "of"), ("of", "map"), ("by", "x")):
+            if one in given and other not in given:
+                raise UsageError(f"{one}: give {other}, too, for example {EXAMPLES[other]}")
+        modes = [name for name in ("x", "map", "law", "mesh") if name in given]
+        if len(modes) > 1:
+            raise UsageError(f"{modes[0]}: {modes[1]} is another picture; choose one of them")
+        if not modes and (loose := [name for name in ("size", "font", "title") if name in given]):
+            raise UsageError(
+                f"{loose[0]}: the picture of a point has a layout of its own; leave it out, or draw x, map, law or mesh"
+            )
+
+
+EXAMPLES = {"x": "x = theta_bar", "y": "y = slip_length", "map": "map = alpha,theta_bar", "of": "of = u_T_max"}
+
+
+def picture(file: Path, target: Path, wanted: Wanted) -> str:
+    """Draw a file of any kind; returns what was drawn. Raises StoreError, DrawError, UsageError."""
+    style.check_target(target)
     kind = kind_of(file)
+    wanted.check(kind)
     with reading(file):
         if kind == "path":
-            return draw_path(file, target, response)
+            return draw_path(file, target, *filter(None, [wanted.response]))
         if kind == "cost":
-            return plot_cost(file, target, error)
+            return plot_cost(file, target, wanted.error)
         if kind == "convergence":
-            return plot_convergence(file, target, point)
-        return draw(file, target, point, level)
+            return plot_convergence(file, target, wanted.at)
+        return _of_run(file, target, wanted)
+
+
+def _of_run(file: Path, target: Path, wanted: Wanted) -> str:
+    look = style.Look(wanted.size, wanted.font, wanted.title)
+    level = -1 if wanted.level is None else wanted.level
+    dpi = style.FINE_DPI if look.size else style.DPI
+    if not (wanted.x or wanted.map or wanted.law or wanted.mesh):
+        return draw(file, target, wanted.at, level)
+    with style.styled(look):
+        if wanted.law:
+            shown = read_law(file, wanted.at, level)
+            style.save(law_figure(shown, look), target, dpi)
+            return (
+                f"{target}: law {shown.law.name}, {shown.point.point or shown.point.title}, level {shown.point.level}"
+            )
+        if wanted.mesh:
+            mesh = read_mesh(file, wanted.at, level)
+            style.save(mesh_figure(mesh, look), target, dpi)
+            return f"{target}: mesh of level {mesh.level}, {len(mesh.body.triangles)} elements"
+        along = wanted.map or tuple(filter(None, (wanted.x, wanted.by)))
+        sweep = read_sweep(file, along, wanted.of or wanted.y or "", wanted.at, level)
+        style.save((map_figure if wanted.map else curves_figure)(sweep, look), target, dpi)
+        return f"{target}: {sweep.quantity} over {' and '.join(one.name for one in sweep.parameters)}, {sweep.words}"

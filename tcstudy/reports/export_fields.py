@@ -29,11 +29,10 @@ from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import STICKS
 from tcstudy.data.store import open_results
 from tcstudy.errors import UsageError
-from tcstudy.reports.page.law_part import file_order
 from tcstudy.reports.page.point_part import contact_line
-from tcstudy.reports.page.stored import stored_study
 from tcstudy.reports.picture import BodyFields, body_fields
 from tcstudy.reports.select_point import Value, labels, level_number, matching
+from tcstudy.reports.stored_study import file_order, stored_study
 from tcstudy.reports.vtk_files import SYMMETRIC, Grid, Values, write_collection, write_lines, write_mesh
 from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.scene.records import Material

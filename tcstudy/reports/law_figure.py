@@ -1,137 +1,158 @@
-"""Small multiples of friction laws, with their jumps filled in."""
+"""A friction law b̂ with its jumps filled in, and the operating point (u_T, ξ) of every contact node on it."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.store import open_results
 from tcstudy.reports import style
-from tcstudy.reports.text import number
+from tcstudy.reports.picture import Picture, read_picture
+from tcstudy.reports.select_point import Value, locate
+from tcstudy.reports.sheet import Sheet
+from tcstudy.reports.stored_study import file_order, stored_study
+from tcstudy.reports.text import label, number
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
-COLUMNS = 3
 SAMPLES = 100
 """Points on a curved piece; a straight one has two."""
-
-LEGIBLE = (1e-2, 1e4)
-"""Magnitudes that need no prefix."""
 
 UP_STYLE: dict[str, Any] = {"color": style.BLUE, "linewidth": 3.2, "solid_capstyle": "butt"}
 DOWN_STYLE: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 2.2, "linestyle": (0, (2, 1.2))}
 CURVE_STYLE: dict[str, Any] = {"color": style.INK, "linewidth": 1.4}
+STICKING: dict[str, Any] = {"color": style.BLUE, "marker": "s"}
+SLIPPING: dict[str, Any] = {"color": style.VERMILLION, "marker": "o"}
+ROOM, BEYOND = 1.15, 4.0
+"""The panel reaches a little past the outermost node, and so many times as far if the law has more to show there."""
 
 
-def draw_laws(laws: Sequence[FrictionLaw], target: Path) -> str:
-    """Draw filled friction laws b̂(s) side by side into `target` (.png, .svg or .pdf by its suffix).
+@dataclass(frozen=True)
+class LawPicture:
+    """One point of a sweep and its law; lambda_1 and omega as stored."""
 
-    Up-jumps, on which nodes stick, and down-jumps are told apart, and ω, the steepest fall, stands with each law.
-    Returns one line that says what was drawn. Raises DrawError if there is no law to draw, if `target` cannot be
-    written or if matplotlib is not installed.
+    point: Picture
+    law: FrictionLaw
+    lambda_1: float
+    omega: float
+    stiffness_units: str
+
+
+def read_law(path: Path, point: Mapping[str, Value] | None, level: int) -> LawPicture:
+    """Read a point and the law in the study of the file.
+
+    Raises StoreError if `path` is no complete result file, DrawError if it has no such solved point or its study
+    cannot be read.
     """
-    style.check_target(target)
-    if not laws:
-        raise style.DrawError("there is no friction law to draw; give at least one")
-    with style.styled():
-        style.save(law_figure(laws), target)
-    return f"{target}: {len(laws)} friction laws"
+    picture = read_picture(path, point, level)
+    with open_results(path) as tree:
+        data = tree.to_dataset()
+        study, where = stored_study(data), locate(data, point)
+        shape = [data.sizes[dim] for dim in data["status"].dims if dim != "level"]
+        place = int(np.ravel_multi_index(tuple(where.values()), shape)) if shape else 0
+        at = data.isel(where).isel(level=level)
+        lambda_1, omega = (float(at[name]) if name in at else np.nan for name in ("lambda_1", "omega"))
+        units = str(data["omega"].attrs.get("units", "1")) if "omega" in data else "1"
+    if study is None or len(study.scenes) != int(np.prod(shape, dtype=int)):
+        raise style.DrawError("the study in the file cannot be read any more, so its friction laws are not known")
+    return LawPicture(picture, study.scenes[file_order(study)[place]].friction, lambda_1, omega, units)
 
 
-def law_figure(laws: Sequence[FrictionLaw]) -> Figure:
-    """The figure of `draw_laws`; call it within `style.styled()` for the usual letters."""
-    from matplotlib.figure import Figure
+def law_figure(picture: LawPicture, look: style.Look) -> Figure:
+    """The figure of one point."""
+    point, line, law = picture.point, picture.point.line, picture.law
+    sheet = Sheet(look, point.title, _facts(picture))
+    low, high = slip_window(law, line.u_T)
+    within = [b for s, values in curves(law, max(abs(low), abs(high))) for b in values[(s >= low) & (s <= high)]]
+    slip, slip_unit = style.axis_unit([low, high], line.length_units)
+    stress, stress_unit = style.axis_unit([*within, *line.xi], line.traction_units)
+    draw_law(sheet.axes, law, (low, high), slip, stress)
+    sticks = line.sticks if line.sticks is not None else np.zeros(len(line.u_T), dtype=bool)
+    for which, how in ((sticks, STICKING), (~sticks, SLIPPING)):
+        if which.any():
+            sheet.axes.plot(line.u_T[which] / slip, line.xi[which] / stress, linestyle="none", markersize=4,
+                            markeredgewidth=0, alpha=0.8, clip_on=False, zorder=4, **how)  # fmt: skip
+    sheet.axes.set_xlabel(style.labelled("slip $u_T$", slip_unit))
+    sheet.label(style.labelled(r"friction $\xi = -S_T$", stress_unit))
+    sheet.key(_handles(law, int(sticks.sum()), int((~sticks).sum()), line.sticks is not None), below=True)
+    return sheet.finish()
 
-    columns = min(COLUMNS, len(laws))
-    rows = -(-len(laws) // columns)
-    high, foot = 2.1, 0.5
-    figure = Figure(figsize=(style.WIDTH, rows * high + foot))
-    across = style.WIDTH / columns
-    for i, law in enumerate(laws):
-        row, column = divmod(i, columns)
-        bottom = foot + (rows - 1 - row) * high + 0.35
-        axes = style.inches(figure, column * across + 0.5, bottom, across - 0.65, high - 0.75)
-        draw_law(axes, law)
-    _key(figure)
-    return figure
+
+def _facts(picture: LawPicture) -> list[str]:
+    """The point, and what the law says of uniqueness."""
+    words = []
+    for name, value, units in picture.point.parameters:
+        if isinstance(value, str):
+            words.append(f"{style.symbol(name)}: " + value.replace("$", r"\$"))
+        else:
+            divisor, unit = style.scaled_unit([value], units)
+            words.append(f"{style.symbol(name)} = {label(value / divisor)} {style.pretty(unit)}".rstrip())
+    words.append(f"level {picture.point.level}")
+    divisor, unit = style.axis_unit([picture.lambda_1], picture.stiffness_units)
+    omega, lambda_1 = number(picture.omega / divisor, 3), number(picture.lambda_1 / divisor, 3)
+    unit = style.pretty(unit)
+    steep = rf"steepest fall $\omega$ = {omega}, stiffness $\lambda_1$ = {lambda_1} {unit}".rstrip()
+    return [",  ".join(words), steep if np.isfinite(picture.lambda_1) else ""]
 
 
-def draw_law(axes: Axes, law: FrictionLaw) -> None:
-    """One law: its pieces as curves, each jump as the vertical interval that fills it."""
-    reach = slip_range(law)
-    for s, b in curves(law, reach):
-        axes.plot(s, b, **CURVE_STYLE)
-    kinds = [(UP, UP_STYLE), (DOWN, DOWN_STYLE)]
-    for kind, look in kinds:
+def slip_window(law: FrictionLaw, u_T: Array) -> tuple[float, float]:
+    """Slips between which a law is drawn: the nodes and, if it is not too far away, all that the law does."""
+    largest, reach = float(np.abs(u_T).max(initial=0.0)), slip_range(law)
+    span = ROOM * max(largest, min(reach, BEYOND * largest)) or reach
+    low = -span if u_T.min(initial=0.0) < -0.01 * largest else -0.12 * span
+    high = span if u_T.max(initial=0.0) > 0.01 * largest else 0.12 * span
+    return (-span, span) if largest == 0.0 else (low, high)
+
+
+def draw_law(axes: Axes, law: FrictionLaw, window: tuple[float, float], slip: float, stress: float) -> None:
+    """The pieces of a law as curves, each jump as the vertical interval that fills it; in units of slip and stress."""
+    for s, b in curves(law, max(abs(window[0]), abs(window[1]))):
+        axes.plot(s / slip, b / stress, **CURVE_STYLE)
+    for kind, how in ((UP, UP_STYLE), (DOWN, DOWN_STYLE)):
         for k in np.flatnonzero(law.kinds == kind):
-            axes.plot([law.kinks[k]] * 2, [law.b_left[k], law.b_right[k]], **look)
-    axes.axhline(0.0, color=style.PALE, linewidth=0.7, zorder=0)
-    axes.axvline(0.0, color=style.PALE, linewidth=0.7, zorder=0)
-    axes.set_xlim(-reach, reach)
+            if window[0] <= law.kinks[k] <= window[1]:
+                ends = np.array([law.b_left[k], law.b_right[k]]) / stress
+                axes.plot([law.kinks[k] / slip] * 2, ends, zorder=1, **how)
+    axes.axhline(0.0, color=style.SHADE, linewidth=0.7, zorder=0)
+    axes.axvline(0.0, color=style.SHADE, linewidth=0.7, zorder=0)
+    axes.set_xlim(window[0] / slip, window[1] / slip)
     axes.margins(y=0.12)
-    for axis, largest in ((axes.xaxis, reach), (axes.yaxis, max(map(abs, axes.get_ylim())))):
-        _ticks(axis, largest)
-    axes.set_title(law.name, loc="left", fontweight="bold")
-    axes.set_title(rf"$\omega$ = {_short(law.omega)}", loc="right")
-
-
-def _ticks(axis: Axis, largest: float) -> None:
-    """A few round numbers; very large or small ones with a prefix, "20M", so that no power stands in the title."""
-    from matplotlib.ticker import EngFormatter, MaxNLocator
-
-    axis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 5, 10]))
-    if not LEGIBLE[0] <= largest < LEGIBLE[1]:
-        axis.set_major_formatter(EngFormatter(sep=""))
-
-
-def _short(value: float) -> str:
-    """Three digits, with a prefix where there is one on the axes, too: "375G"."""
-    from matplotlib.ticker import EngFormatter
-
-    if value == 0.0 or not math.isfinite(value) or LEGIBLE[0] <= value < LEGIBLE[1]:
-        return number(value, 3)
-    return EngFormatter(sep="")(float(f"{value:.3g}"))
 
 
 def slip_range(law: FrictionLaw) -> float:
-    """Largest |s| drawn: past the outermost kink and three decay lengths; 1 for a law without either."""
+    """Largest |s| that matters to a law: past the outermost kink and four decay lengths; 1 for a law without either."""
     reach = float(np.abs(law.kinks).max(initial=0.0))
     decay = float((1.0 / np.abs(law.r[law.r != 0.0])).max(initial=0.0))
     return max(1.4 * reach, 4.0 * decay) or 1.0
 
 
 def curves(law: FrictionLaw, reach: float) -> list[tuple[Array, Array]]:
-    """(s, b) along each piece of the law within −reach … reach."""
-    ends = np.concatenate([[-reach], law.kinks, [reach]])
+    """(s, b) along each piece of the law as far as it lies within −reach … reach."""
+    ends = np.clip(np.concatenate([[-reach], law.kinks, [reach]]), -reach, reach)
     found = []
     for piece in range(len(law.q)):
-        s = np.linspace(ends[piece], ends[piece + 1], SAMPLES if law.a[piece] else 2)
-        found.append((s, law.value(s, piece)))
+        if ends[piece] < ends[piece + 1]:
+            s = np.linspace(ends[piece], ends[piece + 1], SAMPLES if law.a[piece] else 2)
+            found.append((s, law.value(s, piece)))
     return found
 
 
-def _key(figure: Figure) -> None:
-    """What the line styles mean, once for all panels."""
+def _handles(law: FrictionLaw, sticking: int, slipping: int, known: bool) -> list[Any]:
     from matplotlib.lines import Line2D
 
-    figure.legend(
-        handles=[
-            Line2D([], [], **CURVE_STYLE, label="b(s) = $-S_T$ against the slip s = $u_T$"),
-            Line2D([], [], **UP_STYLE, label="up-jump: sticks here"),
-            Line2D([], [], **DOWN_STYLE, label="down-jump: sudden loss"),
-        ],
-        loc="lower center",
-        ncols=3,
-        frameon=False,
-        handlelength=2.2,
-    )
+    point: dict[str, Any] = {"linestyle": "none", "markersize": 5}
+    entries = [(True, CURVE_STYLE, "law b(s)"), (bool(np.any(law.kinds == UP)), UP_STYLE, "up-jump"),
+               (bool(np.any(law.kinds == DOWN)), DOWN_STYLE, "down-jump: sudden loss"),
+               (sticking > 0, STICKING | point, f"sticks ({sticking} nodes)"),
+               (slipping > 0, SLIPPING | point, f"{'slips' if known else 'contact'} ({slipping} nodes)")]  # fmt: skip
+    return [Line2D([], [], **how, label=text) for there, how, text in entries if there]

@@ -27,15 +27,6 @@ LEFT, RIGHT, PANEL = 0.85, 0.3, 1.3
 LINE_HEIGHT, COLUMNS = 0.19, 104
 """Height [inch] and letters of a line of the caption."""
 
-SYMBOLS = {
-    **{name: rf"$\{name}$" for name in ("alpha", "beta", "delta", "lambda", "mu", "nu", "tau", "theta")},
-    "theta_bar": r"$\bar\theta$",
-    "alpha_T": r"$\alpha_T$",
-    "tau_s": r"$\tau_s$",
-    "tau_k": r"$\tau_k$",
-}
-"""The paper's symbols for swept parameters; others stand under their names."""
-
 
 def draw(path: Path, target: Path, point: Mapping[str, Value] | None = None, level: int = -1) -> str:
     """Draw one sweep point of the result file `path` into `target` (.png, .svg or .pdf by its suffix).
@@ -90,9 +81,9 @@ def _caption(picture: Picture) -> list[str]:
     """Lines below the title: the swept parameters, then the mesh and how well the inclusion is met."""
     parts = []
     for name, value, units in picture.parameters:
-        symbol = SYMBOLS.get(name, name.replace("_", " "))
+        symbol = style.symbol(name)
         if isinstance(value, str):
-            parts.append(f"{symbol}: {value}".replace("$", r"\$") if name not in SYMBOLS else f"{symbol}: {value}")
+            parts.append(f"{symbol}: " + value.replace("$", r"\$"))
             continue
         divisor, unit = style.scaled_unit([value], units)
         parts.append(f"{symbol} = {label(value / divisor)} {style.pretty(unit)}".rstrip())

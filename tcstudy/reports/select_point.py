@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -75,20 +76,88 @@ def matching(data: Any, point: Mapping[str, Value]) -> NDArray[np.bool_]:
     return fits.ravel()
 
 
-def _by_name(data: Any, point: Mapping[str, Value], holder: str) -> dict[str, Value]:
-    """The wanted values by the names that the axes have in the data."""
+def parameter(data: Any, given: str, holder: str = "file") -> str:
+    """The name that a swept parameter has in the data, by that name or its key path; raises DrawError."""
     names = axis_names(data)
     paths = {str(data[name].attrs.get("long_name", "")).removeprefix(SWEPT): name for name in names}
+    name = given if given in names else paths.get(given)
+    if name is None:
+        raise DrawError(_unknown_name(given, names, holder))
+    return name
+
+
+def quantity(data: Any, given: str) -> str:
+    """The name of a number that the file has by sweep point and level; raises DrawError with those that it has."""
+    dims = set(data["status"].dims)
+    numbers = [str(name) for name in data.data_vars if set(data[name].dims) == dims and data[name].dtype.kind in "fi"]
+    held = [name for name in numbers if "flag_values" not in data[name].attrs]
+    if given not in held:
+        near = difflib.get_close_matches(given, held, n=1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        raise DrawError(f"the file has no number {given!r} by point and level; {hint}it has {_listed(held, 30)}")
+    return given
+
+
+def _by_name(data: Any, point: Mapping[str, Value], holder: str) -> dict[str, Value]:
+    """The wanted values by the names that the axes have in the data."""
     wanted: dict[str, Value] = {}
     said: dict[str, str] = {}
     for given, value in point.items():
-        name = given if given in names else paths.get(given)
-        if name is None:
-            raise DrawError(_unknown_name(given, names, holder))
+        name = parameter(data, given, holder)
         if name in wanted:
             raise DrawError(f"{said[name]} and {given} are one parameter; give it once")
         wanted[name], said[name] = value, given
     return wanted
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """A swept parameter that has one value in a picture; first: the first one, because none was named."""
+
+    name: str
+    label: str
+    unit: str
+    first: bool
+
+    @property
+    def words(self) -> str:
+        """For messages, "alpha = 100 W m-2 K-1"."""
+        return f"{self.name} = {self.label}" + (f" {self.unit}" if self.unit != "1" else "")
+
+
+def fitting(
+    data: Any, point: Mapping[str, Value] | None, free: tuple[str, ...]
+) -> tuple[NDArray[np.bool_], list[Fixed]]:
+    """(which points of the sweep, in C order, have the given labels; the parameters that have one value).
+
+    Parameters in `free` may have any value. In a grid all others have one, the first unless given; the points of a
+    list keep those that they have. Raises DrawError as `locate` does, and for a label given to a free parameter.
+    """
+    wanted = _by_name(data, point or {}, "file")
+    if twice := [name for name in wanted if name in free]:
+        raise DrawError(f"{twice[0]} is drawn with all its values; leave it out of the point")
+    grid = data.attrs["sweep_mode"] == "grid"
+    labels = labels_by_point(data)
+    keep = np.ones(data["status"].isel(level=0).size, dtype=bool)
+    fixed = []
+    for name in axis_names(data):
+        if name in free or (name not in wanted and not grid):
+            continue
+        axis = data[name]
+        place = int(np.argmax(_fits(name, axis, wanted[name], "file"))) if name in wanted else 0
+        keep &= labels[name] == axis.values[place]
+        shown, unit = scaled_labels(axis.values.tolist(), str(axis.attrs["units"]), 6)
+        fixed.append(Fixed(name, shown[place], unit, name not in wanted and len(shown) > 1))
+    if not keep.any():
+        raise DrawError(f"no point of the file has {' and '.join(one.words for one in fixed)} together")
+    return keep, fixed
+
+
+def labels_by_point(data: Any) -> dict[str, NDArray[Any]]:
+    """(P,) labels of each swept parameter at all points of the sweep, in C order."""
+    dims = [str(dim) for dim in data["status"].dims if dim != "level"]
+    index = np.indices([data.sizes[dim] for dim in dims]).reshape(len(dims), -1)
+    return {name: data[name].values[index[dims.index(str(data[name].dims[0]))]] for name in axis_names(data)}
 
 
 def level_number(data: Any, level: int) -> int:

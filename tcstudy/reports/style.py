@@ -11,11 +11,12 @@ import math
 import re
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tcstudy.data.files import place_faults, replace_file
-from tcstudy.errors import DrawError, StoreError
+from tcstudy.errors import DrawError, StoreError, UsageError
 from tcstudy.reports.text import POWER_FIRST, prefix
 
 if TYPE_CHECKING:
@@ -25,13 +26,14 @@ if TYPE_CHECKING:
 WIDTH = 8.0
 """Width of every picture [inch]."""
 
-DPI = 160
-"""Pixels per inch of a PNG."""
+DPI, FINE_DPI = 160, 300
+"""Pixels per inch of a PNG; of one whose size was asked for, which goes to print."""
 
 SUFFIXES = (".png", ".svg", ".pdf")
 
 INK, PALE, SHADE = "#222222", "#8a8a8a", "#dedede"
-BLUE, VERMILLION = "#0072b2", "#d55e00"
+BLUE, VERMILLION, GREEN = "#0072b2", "#d55e00", "#009e73"
+SERIES = (BLUE, VERMILLION, GREEN, "#cc79a7", "#e69f00", "#56b4e9", INK)
 """From the palette of Okabe and Ito, told apart with every kind of colour vision."""
 
 EVEN = "#fed976"
@@ -68,9 +70,73 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-def styled() -> AbstractContextManager[None]:
+SYMBOLS = {
+    **{name: rf"$\{name}$" for name in ("alpha", "beta", "delta", "lambda", "mu", "nu", "tau", "theta")},
+    "theta_bar": r"$\bar\theta$",
+    "alpha_T": r"$\alpha_T$",
+    "tau_s": r"$\tau_s$",
+    "tau_k": r"$\tau_k$",
+}
+"""The paper's symbols for swept parameters; others stand under their names."""
+
+LARGEST, SMALLEST = 40.0, 1.0
+"""Width and height that a picture may have [inch]."""
+LETTERS = (4.0, 40.0)
+"""Sizes of letters that a picture may have [pt]."""
+INCHES = {"cm": 1 / 2.54, "mm": 1 / 25.4, "in": 1.0}
+
+
+@dataclass(frozen=True)
+class Look:
+    """What is asked of the looks of a picture.
+
+    size:  width and height [inch], None for the usual one
+    font:  size of its letters [pt], None for the usual one
+    title: its heading, None for the title of the study, "" for no heading at all
+    """
+
+    size: tuple[float, float] | None = None
+    font: float | None = None
+    title: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.font is not None and not LETTERS[0] <= self.font <= LETTERS[1]:
+            raise UsageError(f"font: letters of {self.font:g} pt cannot be read; give {LETTERS[0]:g} to {LETTERS[1]:g}")
+
+    @property
+    def letters(self) -> float:
+        """The size of the letters [pt]."""
+        return self.font or float(_STYLE["font.size"])
+
+    def columns(self, width: float) -> int:
+        """Letters of usual size that stand side by side on so many inches."""
+        return max(12, int(width * 72.0 / (0.54 * self.letters)))
+
+
+def size_in_inches(text: str) -> tuple[float, float]:
+    """Width and height [inch] of a text such as "8x5cm"; raises UsageError if it is no size of a picture."""
+    match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(cm|mm|in)?\s*[x×]\s*(\d+\.?\d*|\.\d+)\s*(cm|mm|in)\s*", text)
+    if match is None:
+        raise UsageError(
+            f"size: {text!r} is none; write width x height with a unit, for example 8x5cm, 80x50mm or 3.2x2in"
+        )
+    width, height = float(match[1]) * INCHES[match[2] or match[4]], float(match[3]) * INCHES[match[4]]
+    if not all(SMALLEST <= side <= LARGEST for side in (width, height)):
+        least, most = SMALLEST * 2.54, LARGEST * 2.54
+        raise UsageError(f"size: a picture of {text} cannot be drawn; give {least:.1f} to {most:.0f} cm a side")
+    return width, height
+
+
+def symbol(name: str) -> str:
+    """A swept parameter as it is written; other names in words."""
+    return SYMBOLS.get(name, name.replace("_", " ").replace("$", r"\$"))
+
+
+def styled(look: Look | None = None) -> AbstractContextManager[None]:
     """The settings of the pictures, for the time of a `with`; raises DrawError if there is no matplotlib."""
-    settings: AbstractContextManager[None] = _matplotlib().rc_context(_STYLE)
+    scale = look.letters / _STYLE["font.size"] if look is not None else 1.0
+    sizes = {key: scale * value for key, value in _STYLE.items() if key.endswith("size")}
+    settings: AbstractContextManager[None] = _matplotlib().rc_context(_STYLE | sizes)
     return settings
 
 
@@ -94,7 +160,7 @@ def check_target(target: Path) -> None:
     _matplotlib()
 
 
-def save(figure: Figure, target: Path) -> None:
+def save(figure: Figure, target: Path, dpi: int = DPI) -> None:
     """Write a figure in the format of the suffix in place of an old one; the same figure gives the same bytes.
 
     Raises DrawError if the file cannot be written; an old one is then untouched.
@@ -102,7 +168,7 @@ def save(figure: Figure, target: Path) -> None:
     kind = target.suffix.lower()[1:]
     dates = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
     buffer = io.BytesIO()
-    figure.savefig(buffer, format=kind, dpi=DPI, metadata=dates.get(kind))
+    figure.savefig(buffer, format=kind, dpi=dpi, metadata=dates.get(kind))
 
     def put(aside: Path) -> None:
         aside.write_bytes(buffer.getvalue())

@@ -17,9 +17,8 @@ from matplotlib.image import imread
 from tcstudy.data.files import StoreError
 from tcstudy.errors import DrawError
 from tcstudy.reports import style
-from tcstudy.reports.law_figure import draw_laws
 from tcstudy.reports.point_figure import draw
-from tests.reports.draw_cases import example_laws, png_size, result
+from tests.reports.draw_cases import png_size, result
 
 
 @pytest.mark.parametrize("fields", [True, False])
@@ -61,8 +60,6 @@ def test_no_file(tmp_path: Path) -> None:
 def test_an_unknown_format(grid: Path, tmp_path: Path) -> None:
     with pytest.raises(DrawError, match=r"ends in \.png, \.svg, \.pdf"):
         draw(grid, tmp_path / "p.jpeg")
-    with pytest.raises(DrawError, match=r"ends in \.png, \.svg, \.pdf"):
-        draw_laws(example_laws(), tmp_path / "laws")
 
 
 def test_a_place_that_cannot_be_written(grid: Path, tmp_path: Path) -> None:
@@ -105,10 +102,9 @@ def test_an_old_picture_stays_whole_until_the_new_one_is_on_the_disk(
 
 def test_without_matplotlib(grid: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    for call in (lambda: draw(grid, tmp_path / "p.png"), lambda: draw_laws(example_laws(), tmp_path / "p.png")):
-        with pytest.raises(DrawError, match=r'pip install "tcstudy\[plot\]"') as caught:
-            call()
-        assert "\n" not in str(caught.value)
+    with pytest.raises(DrawError, match=r'pip install "tcstudy\[plot\]"') as caught:
+        draw(grid, tmp_path / "p.png")
+    assert "\n" not in str(caught.value)
     assert not (tmp_path / "p.png").exists()
 
 

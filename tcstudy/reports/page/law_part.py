@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.reports.page.container import Json
-from tcstudy.reports.page.stored import DOWN, SHAPES, UP, FrictionLaw, Study, axis_places
+from tcstudy.reports.page.stored import DOWN, SHAPES, UP, FrictionLaw, Study, file_order
 
 SAMPLES = 60
 ROUNDING = 1e-12
@@ -26,14 +26,6 @@ def law_part(study: Study | None) -> Json | None:
     numbers: dict[FrictionLaw, int] = {}
     index = [numbers.setdefault(study.scenes[i].friction, len(numbers)) for i in file_order(study)]
     return {"laws": [drawn(law) for law in numbers], "index": index}
-
-
-def file_order(study: Study) -> list[int]:
-    """The scene of every point of the file: a file has axes that go up and down sorted, the study has not."""
-    numbers = np.arange(len(study.scenes)).reshape(study.shape)
-    if study.mode == "grid" and study.axes:
-        numbers = numbers[np.ix_(*(np.argsort(axis_places(axis)) for axis in study.axes))]
-    return [int(i) for i in numbers.ravel()]
 
 
 def drawn(law: FrictionLaw) -> Json:

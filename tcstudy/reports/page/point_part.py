@@ -5,65 +5,15 @@ Live data are what the page needs to solve contact problems by itself: those of 
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tcstudy.reports.page.container import Container, Json
-from tcstudy.reports.page.stored import BodyFields, Clamped, LineFields, Stored, Study, boundary_edges
+from tcstudy.reports.page.stored import BodyFields, LineFields, Stored, at_rest, boundary_edges, nearest, outline
 
-Array = NDArray[np.float64]
-
-ARC_POINTS = 24
 MOST_NODES = 8_000
 """Mesh nodes up to which a level is drawn; finer ones would cost room that no screen shows."""
-
-
-def outline(study: Study | None) -> list[Json]:
-    """Named edges as polylines with their roles; empty if the study does not say (a body from a file)."""
-    if study is None or study.scenes[0].body.outline is None:
-        return []
-    body, roles = study.scenes[0].body, dict(study.scenes[0].boundary)
-    found = []
-    for number, loop in enumerate((body.outline, *body.holes)):
-        assert loop is not None
-        for edge in loop.edges:
-            line = polyline(edge.start, edge.through, edge.end)
-            role = type(roles[edge.name]).__name__.lower() if edge.name in roles else "free"
-            found.append({"name": edge.name, "role": role, "loop": number, "line": line.tolist()})
-    return found
-
-
-def sources(study: Study | None) -> list[Json]:
-    """Outlines of the regions that are heated, for the drawing."""
-    if study is None or not any(scene.heat.q != 0.0 for scene in study.scenes):
-        return []
-    heat, regions = study.scenes[0].heat, study.scenes[0].body.regions
-    loops = [region.loop for region in regions if region.name in heat.omega]
-    return [np.concatenate([polyline(e.start, e.through, e.end) for e in loop.edges]).tolist() for loop in loops]
-
-
-def polyline(start: Any, through: Any, end: Any) -> Array:
-    """A straight edge as its two ends, an arc through a third point as a chain of points (n, 2)."""
-    a, b = np.array(start), np.array(end)
-    if through is None:
-        return np.array([a, b])
-    t = np.array(through)
-    centre = _centre(a, t, b)
-    angle = [float(np.arctan2(*(p - centre)[::-1])) for p in (a, t, b)]
-    turn = (angle[2] - angle[0]) % (2 * np.pi)
-    if (angle[1] - angle[0]) % (2 * np.pi) > turn:
-        turn -= 2 * np.pi
-    phi = angle[0] + np.linspace(0.0, turn, ARC_POINTS)
-    return np.asarray(centre + np.hypot(*(a - centre)) * np.column_stack([np.cos(phi), np.sin(phi)]))
-
-
-def _centre(a: Array, t: Array, b: Array) -> Array:
-    matrix = 2.0 * np.array([t - a, b - a])
-    rhs = np.array([t @ t - a @ a, b @ b - a @ a])
-    return np.asarray(np.linalg.solve(matrix, rhs))
 
 
 def drawn_level(stored: Stored) -> int | None:
@@ -99,24 +49,6 @@ def body_part(stored: Stored, level: int, box: Container) -> Json:
         "theta": field("theta") if "theta" in group else None,
         "theta_units": str(group["theta"].attrs["units"]) if "theta" in group else "1",
     }
-
-
-def nearest(places: Array, named: list[Json]) -> NDArray[np.int8]:
-    """(k,) index of the named edge that each place lies on; −1 where no edges are known."""
-    if not named:
-        return np.full(len(places), -1, dtype=np.int8)
-    distance = np.array([_distance(places, np.array(edge["line"])) for edge in named])
-    return np.argmin(distance, axis=0).astype(np.int8)
-
-
-def _distance(places: Array, line: Array) -> Array:
-    """(k,) distance of places from a polyline."""
-    best = np.full(len(places), np.inf)
-    for a, b in pairwise(line):
-        t = b - a
-        s = np.clip((places - a) @ t / max(float(t @ t), np.finfo(float).tiny), 0.0, 1.0)
-        best = np.minimum(best, np.hypot(*(places - a - s[:, None] * t).T))
-    return best
 
 
 NEAR = 1e-6
@@ -171,14 +103,6 @@ def contact_line(group: Any) -> LineFields:
     edges = tuple(str(group["edge"].attrs.get("flag_meanings", "")).split())
     return LineFields(**values, edge=group["edge"].values, edge_names=edges, u_T=zero, xi=zero, sticks=None,
                 length_units="m", traction_units="Pa")  # fmt: skip
-
-
-def at_rest(study: Study | None) -> bool:
-    """True if every held edge is held where it is, so that the slip is zero at a held end."""
-    if study is None:
-        return False
-    roles = {role for scene in study.scenes for _, role in scene.boundary if isinstance(role, Clamped)}
-    return all(component == 0.0 for role in roles for component in role.u)
 
 
 FUNCTIONS = ("mechanical_load", "held_load", *(f"{name}_{part}" for name in ("source", "surroundings")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.reports.page.container import Container, Json
-from tcstudy.reports.page.stored import PointStatus, Stored, axis_names, pretty, scaled_labels
+from tcstudy.reports.page.stored import PointStatus, Stored, axis_names, different_energies, pretty, scaled_labels
 
 Array = NDArray[np.float64]
 
@@ -104,7 +104,8 @@ def verdict(data: Any) -> Json:
             parts.append(f"{count} {words}" if count else "none proved unique")
         elif count > _count(fine, "unique", ok):
             parts.append(f"{count} {words}")
-    several = int(np.count_nonzero(ok & (different_energies(fine) > 1)))
+    starts = fine["start_energy"].transpose(..., "start").values if "start_energy" in fine else np.zeros((*ok.shape, 1))
+    several = int(np.count_nonzero(ok & (different_energies(starts) > 1)))
     if several:
         parts.append(f"{several} with more than one solution found")
     error, how = mesh_error(data, ok)
@@ -124,16 +125,6 @@ def _count(fine: Any, name: str, ok: NDArray[np.bool_]) -> int:
 
 def _percent(error: float) -> str:
     return f"{100 * error:.2g} %" if error >= 1e-6 else f"{error:.1e}"
-
-
-def different_energies(fine: Any, same: float = 1e-9) -> NDArray[np.int_]:
-    """How many different energies the starts of each point led to, relative to the largest (sweep shape)."""
-    if "start_energy" not in fine:
-        return np.ones(fine["status"].shape, dtype=int)
-    energy = np.sort(fine["start_energy"].transpose(..., "start").values, axis=-1)
-    size = np.nanmax(np.abs(np.where(np.isfinite(energy), energy, 0.0)), axis=-1, keepdims=True)
-    step = np.diff(energy, axis=-1)
-    return np.asarray(1 + np.count_nonzero(step > same * size, axis=-1))
 
 
 def mesh_error(data: Any, ok: NDArray[np.bool_]) -> tuple[float | None, str]:

@@ -12,26 +12,25 @@ from tcstudy.data.provenance import kind_of, measured_path
 from tcstudy.data.reading import reading
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
-from tcstudy.data.writer import axis_places
-from tcstudy.errors import StoreError, StudyError
-from tcstudy.read.study import read_study_text
+from tcstudy.errors import StoreError
 from tcstudy.reports.body_panel import boundary_edges
 from tcstudy.reports.cost import advice, measure_of, settings
 from tcstudy.reports.path_states import seen_folds
 from tcstudy.reports.picture import BodyFields, LineFields
 from tcstudy.reports.select_point import axis_names
+from tcstudy.reports.stored_study import at_rest, file_order, nearest, outline, sources, stored_study
 from tcstudy.reports.style import DrawError, pretty
+from tcstudy.reports.sweep import different_energies
 from tcstudy.reports.text import scaled_labels
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw
 from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.records import Clamped
 from tcstudy.scene.study import Study
 
 __all__ = [
-    "DOWN", "ERRORS", "NUMBERS", "SHAPES", "UP", "VERDICTS", "BodyFields", "Clamped", "DrawError", "FrictionLaw",
-    "LineFields", "PointStatus", "StoreError", "Stored", "Study", "advice", "axis_names", "axis_places",
-    "boundary_edges", "measure_of", "pretty", "read", "reading", "replace_file", "scaled_labels", "seen_folds",
-    "settings",
+    "DOWN", "ERRORS", "NUMBERS", "SHAPES", "UP", "VERDICTS", "BodyFields", "DrawError", "FrictionLaw", "LineFields",
+    "PointStatus", "StoreError", "Stored", "Study", "advice", "at_rest", "axis_names", "boundary_edges",
+    "different_energies", "file_order", "measure_of", "nearest", "outline", "pretty", "read", "reading",
+    "replace_file", "scaled_labels", "seen_folds", "settings", "sources",
 ]  # fmt: skip
 
 
@@ -67,15 +66,6 @@ def read(path: Path) -> Stored:
         live = {n: group["live"].to_dataset().load() for n, group in levels.items() if "live" in group.children}
     found = Stored(path, kind, data, groups, live, stored_study(data))
     return replace(found, beside=tuple(_beside(found))) if kind == "run" else found
-
-
-def stored_study(data: Any) -> Study | None:
-    """The study in a file, by its root; None if its text can no longer be read here."""
-    text, overrides = str(data.attrs.get("study_yaml", "")), str(data.attrs.get("overrides", ""))
-    try:
-        return read_study_text(text, "study", [one for one in overrides.split("\n") if one])
-    except (StudyError, OSError):
-        return None
 
 
 def _beside(run: Stored) -> list[Stored]:

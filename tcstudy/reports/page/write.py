@@ -12,9 +12,9 @@ from tcstudy.errors import PageError
 from tcstudy.reports.page.container import Container, Json, size_of
 from tcstudy.reports.page.law_part import law_part
 from tcstudy.reports.page.other_part import convergence_part, cost_part, path_part
-from tcstudy.reports.page.point_part import body_part, drawn_level, line_part, live_part, outline, sources
+from tcstudy.reports.page.point_part import body_part, drawn_level, line_part, live_part
 from tcstudy.reports.page.run_part import run_part
-from tcstudy.reports.page.stored import Stored, StoreError, read, reading, replace_file
+from tcstudy.reports.page.stored import Stored, StoreError, outline, read, reading, replace_file, sources
 
 SCRIPTS = ("format.js", "charts.js", "laws.js", "solver.js", "parts.js", "run.js", "point.js", "live.js", "others.js",
            "main.js")  # fmt: skip
@@ -156,8 +156,8 @@ def _run_content(stored: Stored, without: tuple[str, ...], box: Container) -> Js
         "run": run_part(stored, box),
         "lines": {str(level): line_part(stored, level, box) for level in levels},
         "laws": law_part(stored.study),
-        "outline": outline(stored.study),
-        "sources": sources(stored.study),
+        "outline": [{**vars(edge), "line": edge.line.tolist()} for edge in outline(stored.study)],
+        "sources": [line.tolist() for line in sources(stored.study)],
         "body": None if body is None else body_part(stored, body, box),
     }
     if stored.live and "live" not in without and levels and (live := live_part(stored, box)) is not None:

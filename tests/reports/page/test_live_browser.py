@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tcstudy.reports.page import write_page
-from tcstudy.reports.page.law_part import file_order
+from tcstudy.reports.stored_study import file_order
 from tcstudy.solvers.loop import iterate
 from tcstudy.solvers.separable.newton import SeparableNewton
 from tcstudy.study.run import execute

@@ -1,0 +1,128 @@
+"""The study that stands in a result file: edges of the body with their roles, heated regions, the order of its points.
+
+Every result file has the text of its study. Where it can be read again, pictures and pages can say what an edge does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.writer import axis_places
+from tcstudy.errors import StudyError
+from tcstudy.read.study import read_study_text
+from tcstudy.scene.records import Clamped, Convection, Role, Traction
+from tcstudy.scene.study import Study
+
+Array = NDArray[np.float64]
+
+ARC_POINTS = 24
+
+
+@dataclass(frozen=True)
+class NamedEdge:
+    """An edge of the body: its role in a word, the loop that it belongs to (0 is the outline), its points (n, 2).
+
+    loaded: whether a traction acts on it
+    """
+
+    name: str
+    role: str
+    loop: int
+    line: Array
+    loaded: bool = False
+
+
+def stored_study(data: Any) -> Study | None:
+    """The study of a result file (its root dataset); None if its text cannot be read (a body's file may be gone)."""
+    text, overrides = str(data.attrs.get("study_yaml", "")), str(data.attrs.get("overrides", ""))
+    try:
+        return read_study_text(text, "study", [one for one in overrides.split("\n") if one])
+    except (StudyError, OSError):
+        return None
+
+
+def file_order(study: Study) -> list[int]:
+    """The scene of every point of the file: a file has axes that go up and down sorted, the study has not."""
+    numbers = np.arange(len(study.scenes)).reshape(study.shape)
+    if study.mode == "grid" and study.axes:
+        numbers = numbers[np.ix_(*(np.argsort(axis_places(axis)) for axis in study.axes))]
+    return [int(i) for i in numbers.ravel()]
+
+
+def at_rest(study: Study | None) -> bool:
+    """True if every held edge is held where it is, so that the slip is zero at a held end."""
+    if study is None:
+        return False
+    roles = {role for scene in study.scenes for _, role in scene.boundary if isinstance(role, Clamped)}
+    return all(component == 0.0 for role in roles for component in role.u)
+
+
+def outline(study: Study | None) -> list[NamedEdge]:
+    """Edges with their roles; empty if the study does not say (a body from a file)."""
+    if study is None or study.scenes[0].body.outline is None:
+        return []
+    body, roles = study.scenes[0].body, dict(study.scenes[0].boundary)
+    found = []
+    for number, loop in enumerate((body.outline, *body.holes)):
+        assert loop is not None
+        for edge in loop.edges:
+            line, role = polyline(edge.start, edge.through, edge.end), roles.get(edge.name)
+            word = type(role).__name__.lower() if role is not None else "free"
+            found.append(NamedEdge(edge.name, word, number, line, _loaded(role)))
+    return found
+
+
+def _loaded(role: Role | None) -> bool:
+    return isinstance(role, Traction | Convection) and (role.g != (0.0, 0.0) or role.pressure != 0.0)
+
+
+def sources(study: Study | None) -> list[Array]:
+    """Outlines (n, 2) of the regions that are heated."""
+    if study is None or not any(scene.heat.q != 0.0 for scene in study.scenes):
+        return []
+    heat, regions = study.scenes[0].heat, study.scenes[0].body.regions
+    loops = [region.loop for region in regions if region.name in heat.omega]
+    return [np.concatenate([polyline(e.start, e.through, e.end) for e in loop.edges]) for loop in loops]
+
+
+def polyline(start: Any, through: Any, end: Any) -> Array:
+    """A straight edge as its two ends, an arc through a third point as a chain of points (n, 2)."""
+    a, b = np.array(start), np.array(end)
+    if through is None:
+        return np.array([a, b])
+    t = np.array(through)
+    centre = _centre(a, t, b)
+    angle = [float(np.arctan2(*(p - centre)[::-1])) for p in (a, t, b)]
+    turn = (angle[2] - angle[0]) % (2 * np.pi)
+    if (angle[1] - angle[0]) % (2 * np.pi) > turn:
+        turn -= 2 * np.pi
+    phi = angle[0] + np.linspace(0.0, turn, ARC_POINTS)
+    return np.asarray(centre + np.hypot(*(a - centre)) * np.column_stack([np.cos(phi), np.sin(phi)]))
+
+
+def _centre(a: Array, t: Array, b: Array) -> Array:
+    matrix = 2.0 * np.array([t - a, b - a])
+    rhs = np.array([t @ t - a @ a, b @ b - a @ a])
+    return np.asarray(np.linalg.solve(matrix, rhs))
+
+
+def nearest(places: Array, named: list[NamedEdge]) -> NDArray[np.int8]:
+    """(k,) index of the named edge that each place lies on; −1 where no edges are known."""
+    if not named:
+        return np.full(len(places), -1, dtype=np.int8)
+    return np.argmin([_distance(places, edge.line) for edge in named], axis=0).astype(np.int8)
+
+
+def _distance(places: Array, line: Array) -> Array:
+    """(k,) distance of places from a polyline."""
+    best = np.full(len(places), np.inf)
+    for a, b in pairwise(line):
+        t = b - a
+        s = np.clip((places - a) @ t / max(float(t @ t), np.finfo(float).tiny), 0.0, 1.0)
+        best = np.minimum(best, np.hypot(*(places - a - s[:, None] * t).T))
+    return best

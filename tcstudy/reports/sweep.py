@@ -1,0 +1,156 @@
+"""What a picture of a whole sweep shows, read from a result file: one number at the points of one level.
+
+Points without a solution have no number: they are left out, counted, and said with their status.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.records import PointStatus
+from tcstudy.data.store import open_results
+from tcstudy.reports import style
+from tcstudy.reports.select_point import (
+    Fixed,
+    Value,
+    axis_names,
+    fitting,
+    labels_by_point,
+    level_number,
+    parameter,
+    quantity,
+)
+from tcstudy.reports.text import counted, labels, named
+
+Array = NDArray[np.float64]
+SAME = 1e-9
+"""Relative difference of two energies that are one."""
+
+
+@dataclass(frozen=True)
+class DrawnParameter:
+    """A swept parameter of a picture.
+
+    labels:  its different values, ascending if they are numbers
+    numbers: the same as numbers in `unit`, None if one of them is a text
+    place:   (P,) which of them each point has
+    """
+
+    name: str
+    labels: tuple[str, ...]
+    numbers: Array | None
+    unit: str
+    place: NDArray[np.intp]
+
+    @property
+    def title(self) -> str:
+        """For an axis."""
+        return style.labelled(style.symbol(self.name), self.unit)
+
+
+@dataclass(frozen=True)
+class SweepPicture:
+    """P points of a sweep on one level, and one number at each of them.
+
+    values:  (P,) the number in the units of the file; NaN where there is none
+    status:  (P,) PointStatus;  proved: (P,) proved to be the only solution;  several: (P,) starts led to solutions of
+             different energies
+    """
+
+    title: str
+    level: int
+    quantity: str
+    long_name: str
+    units: str
+    parameters: tuple[DrawnParameter, ...]
+    fixed: tuple[Fixed, ...]
+    values: Array
+    status: NDArray[np.int_]
+    proved: NDArray[np.bool_]
+    several: NDArray[np.bool_]
+
+    @property
+    def left_out(self) -> str:
+        """How many points have no number and why, "2 of 9 points left out: 2 not converged"; empty if all have one."""
+        missing = np.isnan(self.values)
+        if not missing.any():
+            return ""
+        kinds = [(int(one), int(np.sum(missing & (self.status == one)))) for one in np.unique(self.status[missing])]
+        reasons = [
+            f"{count} {'without a value' if status == PointStatus.OK else named(PointStatus(status))}"
+            for status, count in kinds
+        ]
+        return f"{int(missing.sum())} of {counted(len(missing), 'point')} left out: {', '.join(reasons)}"
+
+    @property
+    def words(self) -> str:
+        """What the points have in common, for messages."""
+        parts = [one.words + (" (its first value)" if one.first else "") for one in self.fixed]
+        return ", ".join(filter(None, [*parts, f"level {self.level}", self.left_out]))
+
+
+def read_sweep(
+    path: Path, along: tuple[str, ...], number: str, point: Mapping[str, Value] | None, level: int
+) -> SweepPicture:
+    """Read the points of a sweep with the labels `point`, along the parameters `along` (see `fitting`).
+
+    Raises StoreError if `path` is no complete result file, DrawError for names that it does not have.
+    """
+    with open_results(path) as tree:
+        data = tree.to_dataset()
+        if not axis_names(data):
+            raise style.DrawError("the file has one point and no swept parameter; draw the point, without x, y and map")
+        names = tuple(parameter(data, given) for given in along)
+        if len(set(names)) < len(names):
+            raise style.DrawError(f"{names[0]} is named twice; name two different swept parameters")
+        name = quantity(data, number)
+        keep, fixed = fitting(data, point, names)
+        at = data.isel(level=level_number(data, level)).load()
+        dims = [str(dim) for dim in at["status"].dims]
+        flat = {key: at[key].transpose(*dims, ...).values.reshape(len(keep), -1)[keep] for key in _needed(at, name)}
+        by_point = labels_by_point(data)
+        status = flat["status"][:, 0]
+        values = flat[name][:, 0].astype(float)
+        good = (status == PointStatus.OK) & np.isfinite(values) & ((values != -1) | (flat[name].dtype.kind == "f"))
+        return SweepPicture(
+            title=str(data.attrs["title"]),
+            level=level_number(data, level),
+            quantity=name,
+            long_name=str(data[name].attrs.get("long_name", name)),
+            units=str(data[name].attrs.get("units", "1")),
+            parameters=tuple(_parameter(data[one], one, by_point[one][keep]) for one in names),
+            fixed=tuple(fixed),
+            values=np.where(good, values, np.nan),
+            status=status,
+            proved=flat["unique"][:, 0] == 1 if "unique" in flat else np.zeros(len(status), dtype=bool),
+            several=different_energies(flat.get("start_energy", np.zeros((len(status), 1)))) > 1,
+        )
+
+
+def _needed(data: Any, name: str) -> list[str]:
+    return [key for key in (name, "status", "unique", "start_energy") if key in data]
+
+
+def _parameter(axis: Any, name: str, held: NDArray[Any]) -> DrawnParameter:
+    """The different labels among those that the points have."""
+    if held.dtype.kind in "OUS":
+        texts = list(dict.fromkeys(str(one) for one in axis.values if one in set(held.tolist())))
+        place = np.array([texts.index(str(one)) for one in held], dtype=np.intp)
+        return DrawnParameter(name, tuple(texts), None, "1", place)
+    different, place = np.unique(held, return_inverse=True)
+    divisor, unit = style.axis_unit(different, str(axis.attrs["units"]))
+    numbers = different / divisor
+    return DrawnParameter(name, tuple(labels(numbers.tolist())), numbers, unit, place.ravel())
+
+
+def different_energies(energy: Array) -> NDArray[np.int_]:
+    """How many different energies the starts (last axis) of each point led to, relative to the largest."""
+    energy = np.sort(energy, axis=-1)
+    size = np.max(np.abs(np.where(np.isfinite(energy), energy, 0.0)), axis=-1, keepdims=True)
+    return np.asarray(1 + np.count_nonzero(np.diff(energy, axis=-1) > SAME * size, axis=-1))
