@@ -124,6 +124,22 @@ class Expression:
             values = self.fold({"x": x, "y": y}, FUNCTIONS)
         return np.array(np.broadcast_to(np.asarray(values, dtype=float), x.shape))
 
+    def bound(self, values: Mapping[str, float]) -> Expression:
+        """The expression with numbers in place of names."""
+        made: dict[TreeNode, TreeNode] = {}
+        for node in self.order:
+            if isinstance(node, Coordinate):
+                made[node] = Number(values[node.name]) if node.name in values else node
+            elif isinstance(node, Negative):
+                made[node] = Negative(made[node.operand])
+            elif isinstance(node, Binary):
+                made[node] = Binary(node.operator, made[node.left], made[node.right])
+            elif isinstance(node, Call):
+                made[node] = Call(node.function, tuple(made[one] for one in node.arguments))
+            else:
+                made[node] = node
+        return of_tree(made[self.root])
+
     def fold(self, variables: Mapping[str, T], functions: Mapping[str, Callable[..., T]]) -> T | float:
         """The expression in another arithmetic: Python's operators on the variables, functions by name.
 
@@ -144,11 +160,14 @@ def _unpacked(text: str, packed: Any) -> Expression:
     return Expression(text, tree.unpack(packed))
 
 
-def parse(text: str) -> Expression:
-    """The expression a text stands for; raises ExpressionError with what is wrong, where, and what is allowed."""
+def parse(text: str, names: tuple[str, ...] = ()) -> Expression:
+    """The expression a text stands for; raises ExpressionError with what is wrong, where, and what is allowed.
+
+    names: numbers that it may have beside x and y; they are variables until it is `bound`
+    """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the expression has {len(text)} characters; at most {MAX_LENGTH} are allowed")
-    source, origin = _canonical(text)
+    source, origin = _canonical(text, names)
 
     def offset(column: int) -> int:
         return origin[max(0, min(column, len(origin) - 1))]
@@ -163,7 +182,7 @@ def parse(text: str) -> Expression:
     return Expression(text.strip(), _convert(tree.body, offset, 0))
 
 
-def _canonical(text: str) -> tuple[str, list[int]]:
+def _canonical(text: str, names: tuple[str, ...]) -> tuple[str, list[int]]:
     """Known tokens only, separated by blanks, and for every character its place in the text."""
     source, origin, at, depth, signs, previous = "", [0], 0, 0, 0, ""
     while at < len(text):
@@ -173,7 +192,7 @@ def _canonical(text: str) -> tuple[str, list[int]]:
         kind, token = str(match.lastgroup), match.group()
         if kind != "space":
             operand = kind in ("number", "name")
-            word = _word(kind, token, at) + " "
+            word = _word(kind, token, at, names) + " "
             if previous and (operand or token == "("):
                 _check_neighbours(previous, token, at)
             depth += (token == "(") - (token == ")")
@@ -195,7 +214,7 @@ def _canonical(text: str) -> tuple[str, list[int]]:
     return source, origin
 
 
-def _word(kind: str, token: str, at: int) -> str:
+def _word(kind: str, token: str, at: int, names: tuple[str, ...]) -> str:
     """The token as Python writes it; unknown names and numbers beyond the floats are refused."""
     if kind == "number":
         value = float(token)
@@ -203,7 +222,7 @@ def _word(kind: str, token: str, at: int) -> str:
             raise ExpressionError(f"the number {token[:20]} is too large for a float (at most 1.8e308)", at)
         return repr(value)
     if kind == "name":
-        known = (*VARIABLES, *CONSTANTS, *FUNCTIONS)
+        known = (*names, *VARIABLES, *CONSTANTS, *FUNCTIONS)
         if token not in known:
             near = difflib.get_close_matches(token, known, n=1) or difflib.get_close_matches(token.lower(), known, n=1)
             hint = f"did you mean {near[0]!r}? " if near else ""

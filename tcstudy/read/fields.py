@@ -14,8 +14,8 @@ import operator
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
-from functools import lru_cache, wraps
+from dataclasses import dataclass, field, replace
+from functools import wraps
 from pathlib import Path
 from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
@@ -23,6 +23,7 @@ from tcstudy.expressions import expression as expressions
 from tcstudy.read.node import Collector, Node, nearest
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import rows, short_of
+from tcstudy.scene.named import Named, expression_of
 from tcstudy.scene.records import Point, Scalar
 from tcstudy.scene.units import LENGTH, NUMBER, TRACTION, Dimension, UnitError, split_quantity, to_si
 
@@ -43,22 +44,18 @@ def none_after_fault(reader: Callable[Concatenate[Context, P], V]) -> Callable[C
     return read
 
 
-@lru_cache(maxsize=4096)
-def _expression(text: str) -> expressions.Expression:
-    return expressions.parse(text)
-
-
 MOST = 2**31 - 1
 """Largest whole number that any key takes."""
 
 
 @dataclass
 class Context:
-    """What every reader needs: where faults go, whether texts with units are allowed, the study's folder."""
+    """What every reader needs: where faults go, whether texts may have units, the study's folder, its named numbers."""
 
     errors: Collector
     units: Literal["SI", "none"] = "SI"
     folder: Path = Path()
+    named: dict[str, Named] = field(default_factory=dict)
 
     def example(self, text: str) -> str:
         """An example for a remedy, without units in a dimensionless study."""
@@ -103,7 +100,9 @@ class Context:
             remedy = f"write a decimal point: {text.replace(',', '.', 1).strip()}"
             return self._none(node, f"{comma[0].strip()!r} has a decimal comma", remedy)
         try:
-            expression = _expression(text)
+            expression = expression_of(text, self.named, dimension if self.units == "SI" else None)
+        except UnitError as error:
+            return self._none(node, str(error), error.remedy)
         except expressions.ExpressionError as error:
             what, _, remedy = str(error).partition("; ")
             if not varies or not remedy:

@@ -18,6 +18,7 @@ from tcstudy.read.body import BodyReading, check_shape, read_body
 from tcstudy.read.checks import check_corners, check_finite, check_heat, check_support, supports
 from tcstudy.read.fields import Context
 from tcstudy.read.node import Node, put
+from tcstudy.read.parameters import read_parameters, users, words_in
 from tcstudy.read.physics import read_boundary, read_friction, read_heat, read_inline_region, read_loads, read_material
 from tcstudy.read.sweep import Sweep, SweptAxis
 from tcstudy.scene.points import Scenes
@@ -47,12 +48,35 @@ class SceneReader:
         self.ctx, self.root, self.sweep = ctx, root, sweep
         self.body = self._body(read_body(ctx, node) if (node := root.child("body")) else BodyReading(None, None))
         self.order = sorted(range(len(sweep.axes)), key=lambda i: len(sweep.axes[i].parameter.path))
-        self.touching = {s: [i for i in self.order if sweep.axes[i].parameter.path[0] == s] for s in SECTIONS}
+        self.named, self.touching = ctx.named, {s: [i for i in self.order if self._touches(i, s)] for s in SECTIONS}
         self.nodes: dict[tuple[str, Indices], Node | None] = {}
         self.values: dict[tuple[str, Indices], Any] = {}
         self.supports: set[tuple[object, ...]] = set()
         self.base: Scene | None = None
         ctx.errors.drawn = sweep.design is not None
+
+    def _touches(self, i: int, section: str) -> bool:
+        """Whether the record of a section depends on axis i: a key in it, or a name that it uses."""
+        path = self.sweep.axes[i].parameter.path
+        if path[0] != "parameters" or section == path[0]:
+            return path[0] == section
+        put_in = [axis.values for axis in self.sweep.axes if axis.parameter.path[0] == section]
+        texts = [node for node in (self.root.child(section), *itertools.chain(*put_in)) if node is not None]
+        names = users(self.root, path[-1])
+        return any(words_in(node, names) for node in texts)
+
+    def _name(self, section: str, key: Indices) -> None:
+        """Give the names that expressions use the values that they have at `key`."""
+        swept = {i: at for i, at in zip(self.touching[section], key, strict=True) if self._is_name(i)}
+        self.ctx.named = self.named
+        if swept:
+            root = self.root
+            for i, at in swept.items():
+                root = put(root, self.sweep.axes[i].parameter.path, self.sweep.axes[i].values[at])
+            self.ctx.named = read_parameters(self.ctx, root.child("parameters"))
+
+    def _is_name(self, i: int) -> bool:
+        return self.sweep.axes[i].parameter.path[0] == "parameters"
 
     def _body(self, reading: BodyReading) -> Body | None:
         """The body with all its regions; None after a fault."""
@@ -108,7 +132,9 @@ class SceneReader:
             axes = self.touching[section]
             self.ctx.errors.point = self._text(key, axes)
             node = self.nodes[section, key] = self._put(section, key)
+            self._name(section, key)
             self.values[section, key] = self._read(section, node)
+            self.ctx.named = self.named
 
     def _compare_points(self, keys: Mapping[str, _Keys]) -> None:
         """Checks across the sections, once for every combination of those that are compared."""
@@ -140,6 +166,8 @@ class SceneReader:
         root = Node({s: n for s in (section,) if (n := self.root.child(s))}, "", self.root.mark, self.root.mark)
         try:
             for i, at in zip(self.touching[section], key, strict=True):
+                if self._is_name(i):
+                    continue
                 root = put(root, self.sweep.axes[i].parameter.path, self.sweep.axes[i].values[at])
         except KeyError:  # the base study has something else there, which is recorded already
             return None

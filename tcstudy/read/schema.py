@@ -39,6 +39,8 @@ TEXTS: dict[str, Schema] = {
         "pattern": "[0-9π√]|pi|(^|[^A-Za-z_])[exy]([^A-Za-z_]|$)|^(free|derived)$",
     },
 }
+NAMED = Key("NAME", "quantity", "")
+"""Stands for a number of the section `parameters`."""
 NUMBER_TEXT: Schema = {"$ref": "#/$defs/number_text"}
 FIELD_TEXT: Schema = {"$ref": "#/$defs/field_text"}
 
@@ -119,7 +121,8 @@ def _sweep(made: Callable[[Key], Schema], beside: tuple[str, ...]) -> Schema:
     return {
         "type": "object",
         "properties": {name: _described(row("sweep", name)) for name in beside} | properties,
-        "patternProperties": {rf"^boundary\.[^.]+\.{name}$": made(one) for name, one in EDGE.items()},
+        "patternProperties": {rf"^boundary\.[^.]+\.{name}$": made(one) for name, one in EDGE.items()}
+        | {r"^parameters\.[A-Za-z_0-9]+$": made(NAMED)},
         "additionalProperties": False,
     }
 
@@ -128,14 +131,14 @@ def _swept(one: Key) -> Schema:
     if one.kind == "law":
         return {"type": "object", "minProperties": 1, "additionalProperties": _ref("friction")}
     listed = _list(_at_point(one), 1)
-    numbers = one.kind in ("number", "integer", "field", "component")
+    numbers = one.kind in ("number", "integer", "field", "component", "quantity")
     return {"anyOf": [listed, *([_ref("values")] if numbers else []), _ref("distribution")]}
 
 
 def _at_point(one: Key) -> Schema:
     if one.kind == "law":
         return {"anyOf": [_ref("friction"), _swept(one) | {"maxProperties": 1}]}
-    return _ref(f"{one.section}/properties/{one.name}")
+    return _ref(f"{one.section}/properties/{one.name}") if one is not NAMED else _value(one)
 
 
 def _described(one: Key) -> Schema:
@@ -236,6 +239,7 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "law points": lambda one: _list(_point(one), 1),
     "numbers": lambda one: _list(_value(one), 1),
     "sweep points": lambda one: {"anyOf": [_list(_sub_section(one), 1), {"type": "integer", "minimum": 1}, SOME_TEXT]},
+    "named numbers": lambda one: _named(_value(one)) | {"minProperties": 1},
     "any values": lambda one: {"type": "array", "minItems": 1},
 }
 """What each kind of key may hold."""

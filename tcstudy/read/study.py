@@ -12,6 +12,7 @@ from tcstudy.read.document import apply_overrides, compose, load_text, with_swee
 from tcstudy.read.exact import derived_scenes, read_exact, without_loads
 from tcstudy.read.fields import Context, Fields
 from tcstudy.read.node import Collector, Mark, Node, deepest, holds, put, split_path
+from tcstudy.read.parameters import check_swept_names, read_parameters, swept_names
 from tcstudy.read.physics import ALL_KEYS, keys_of, read_heat, read_material
 from tcstudy.read.plans import read_mesh, read_output, read_path, read_solver
 from tcstudy.read.scenes import SECTIONS, SceneReader
@@ -66,6 +67,10 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
         ctx.errors.at(root, f"a study is a mapping, but this is {root.kind()}", "see configs/quickstart.yaml")
         raise StudyError(ctx.errors.problems)
     header = _read_header(ctx, root, source.stem if source else file)
+    before = len(ctx.errors)
+    ctx.named = read_parameters(ctx, root.child("parameters"))
+    if len(ctx.errors) > before:  # every use of a name without a value would be one fault more
+        raise StudyError(ctx.errors.problems)
     sweep = _read_sweep(ctx, root, overrides if swept else ())
     given = without_loads(ctx, root, sweep) if root.child("exact") else root
     base = _with_swept_keys(given, sweep)
@@ -117,8 +122,9 @@ def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
     roles = boundary.value if boundary and isinstance(boundary.value, Mapping) else {}
     law = word.value if friction and (word := friction.child("law")) else None
     edges = {edge: keys_of(node) for edge, node in roles.items()} if boundary else _swept_edges(node)
-    known = sweepable(edges, law if isinstance(law, str) else None)
+    known = sweepable(edges, law if isinstance(law, str) else None) | swept_names(ctx.named)
     sweep = _of_sections(ctx, root, read_sweep(ctx, node, known, friction) or Sweep())
+    check_swept_names(ctx, root, sweep, SECTIONS)
     for option in (text for text in overrides if "=" in text):
         key = SHORT.get(option.partition("=")[0].strip(), option.partition("=")[0].strip())
         keys = split_path(key) or ()
@@ -158,7 +164,7 @@ def _made_by(ctx: Context, section: str, sweep: Sweep) -> bool:
     axes = [axis for axis in sweep.axes if axis.parameter.path[0] == section and axis.values]
     if not axes or any(axis.parameter.path == (section,) for axis in axes):
         return True
-    probe, node = Context(Collector(), ctx.units), axes[0].node
+    probe, node = Context(Collector(), ctx.units, named=ctx.named), axes[0].node
     root = _with_swept_keys(replace(node, value={}), replace(sweep, axes=tuple(axes)))
     made = root.child(section)
     if made is None or section in ("boundary", "friction"):

@@ -31,6 +31,7 @@ Kind = Literal[
     "one or more",
     "sweep points",
     "any values",
+    "named numbers",
     "sizes",
     "sizes or tolerance",
     "goal",

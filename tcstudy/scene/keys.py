@@ -58,6 +58,9 @@ ROWS: tuple[Key, ...] = (
             fixed="a study has one system of units",
         ),
         Key(
+            "parameters", "named numbers", "numbers by name, for expressions such as `2*height`; a sweep may vary them"
+        ),
+        Key(
             *("body", "section", "the body Ω and the names of its edges: one of `outline`, `rectangle`, `file`"),
             example="{rectangle: {width: 200 mm, height: 100 mm}}",
             required=True,

@@ -110,6 +110,12 @@ def _in_si(value: object, dimension: Dimension) -> float:
         return float("nan")
 
 
+@lru_cache(maxsize=64)
+def dimensions_of(unit: str) -> Any:
+    """Exponents of the base units of a unit in pint's words."""
+    return _registry().parse_units(unit or "dimensionless").dimensionality
+
+
 @lru_cache(maxsize=1024)
 def _factor(unit: str, dimension: Dimension) -> float:
     """How many SI units one `unit` is."""
@@ -126,7 +132,7 @@ def _factor(unit: str, dimension: Dimension) -> float:
     except Exception:  # the parser of pint lets errors of its tokenizer and its arithmetic through
         raise UnitError(f"{unit[:40]!r} is not a known unit", _unknown_remedy(unit, dimension)) from None
     if not one.is_compatible_with(dimension.si or "dimensionless"):
-        raise UnitError(f"{unit!r} is not a unit of {dimension.name}{_si(dimension)}", example)
+        raise UnitError(f"{unit!r} is not a unit of {dimension.name}{in_si(dimension)}", example)
     if dimension == TEMPERATURE and zero.to("K").magnitude != 0.0:
         difference = f"delta_{registry.parse_units(spelt)}".replace("degree_Celsius", "degC")
         difference = difference.replace("degree_Fahrenheit", "degF")
@@ -142,7 +148,8 @@ def _in_ascii(unit: str) -> str:
     return raised.translate(SIGNS)
 
 
-def _si(dimension: Dimension) -> str:
+def in_si(dimension: Dimension) -> str:
+    """The SI unit in parentheses, for messages; empty for plain numbers."""
     return f" ({dimension.si})" if dimension.si else ""
 
 

@@ -1,0 +1,84 @@
+"""Named numbers: values, units carried or refused, circles, swept names."""
+
+from __future__ import annotations
+
+import pytest
+
+from tcstudy.errors import StudyError
+from tcstudy.read.study import read_study_text
+from tcstudy.scene.study import Study
+
+TEXT = """
+parameters: {height: 1 m, width: "2*height", load: 1 MPa, share: 0.5}
+body: {rectangle: {width: width, height: "sqrt(height*width/2)"}}
+boundary: {bottom: contact, left: clamped, right: free,
+  top: {role: traction, g: ["load*sin(pi*x/width)", "-share*load"]}}
+material: {E: "1000*load", nu: 0.3}
+friction: {law: tresca, tau: "min(load, 2*load)"}
+mesh: {maxh: "height/2"}
+"""
+
+
+def of(*overrides: str) -> Study:
+    return read_study_text(TEXT, "test", overrides)
+
+
+def test_expressions_take_names_and_carry_their_units() -> None:
+    (scene,) = of().scenes
+    plain = TEXT.replace(TEXT.splitlines()[1], "").replace('"sqrt(height*width/2)"', "1").replace("height/2", "1/2")
+    plain = plain.replace("width: width", "width: 2").replace("pi*x/width", "pi*x/2").replace("share", "0.5")
+    (other,) = read_study_text(plain.replace("load", "1e6"), "test").scenes
+    assert scene.body == other.body
+    assert (scene.material, scene.friction) == (other.material, other.friction)
+    (g, _), (h, _) = (dict(one.boundary)["top"].g for one in (scene, other))  # type: ignore[union-attr]
+    assert g.evaluate(0.3, 0.0) == h.evaluate(0.3, 0.0)
+
+
+def test_a_swept_name_acts_in_every_section_that_uses_it() -> None:
+    study = of("sweep={parameters.load: [1 MPa, 3 MPa], nu: [0.2, 0.3]}")
+    assert [(axis.name, axis.units) for axis in study.axes] == [("load", "Pa"), ("nu", "1")]
+    values = [(s.material.nu, dict(s.boundary)["top"].g[1], float(s.friction.b(1.0))) for s in study.scenes]  # type: ignore[union-attr]
+    expected = [(nu, -0.5 * load, load) for load in (1e6, 3e6) for nu in (0.2, 0.3)]
+    assert values == expected
+
+
+def test_a_name_that_follows_from_a_swept_one_follows_it() -> None:
+    more = '{height: 1 m, width: 2 m, load: 2 MPa, share: 0.5, other: "load/4"}'
+    study = of(
+        f"parameters={more}",
+        "friction.tau=other",
+        "sweep={parameters.load: {uniform: [1 MPa, 2 MPa]}, mode: random, points: 3}",
+    )
+    assert [float(s.friction.b(1.0)) for s in study.scenes] == [load / 4 for load in study.axes[0].labels]  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    ("override", "what"),
+    [
+        ("parameters.height=width", "parameters.height: is made of itself: height → width → height; give one"),
+        ("parameters.width=height + 1", "parameters.width: adds or compares length and a plain number"),
+        ("material.E=2*height", "material.E: '2*height' is length, not a stress (Pa)"),
+        ("friction.tau=load*exp(height)", "takes a function or a power of a number with units (length)"),
+        ("parameters.load=5 J", "'J' is not a unit of any number of a study"),
+        ("parameters.x=3", "'x' is no name of a parameter"),
+        ("parameters=5", "parameters: must be a mapping of names to numbers"),
+        ("sweep={parameters.height: [1 m, 2 m]}", "is swept, but body depends on it"),
+        (
+            "sweep={parameters.height: [1 m, 2 m]}",
+            "is swept, but mesh depends on it (height)",
+        ),
+        ("sweep={parameters.load: [1 m]}", "'m' is not a unit of a stress"),
+        ("sweep={parameters.lod: [1]}", "did you mean 'parameters.load'?"),
+        ("sweep={parameters.load: [1 MPa], tau: [load]}", "is made of load, which is swept as well"),
+    ],
+)
+def test_what_is_refused(override: str, what: str) -> None:
+    with pytest.raises(StudyError) as caught:
+        of(override)
+    assert what in str(caught.value)
+
+
+def test_without_units_all_numbers_are_plain() -> None:
+    text = TEXT.replace("1 m,", "1,").replace("1 MPa", "1")
+    study = read_study_text(f"units: none\n{text}", "test", ("material.E=height + load*exp(share)",))
+    assert len(study.scenes) == 1
