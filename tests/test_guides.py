@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
+
 from tests.test_house import ARROWS, PACKAGE
 
 ROOT = PACKAGE.parent
@@ -82,3 +84,14 @@ def test_the_gallery_has_short_studies_and_small_pictures() -> None:
         assert sum(bool(line.strip()) and not line.startswith("#") for line in lines) < 40, name
         assert f"../results/gallery-{name}.png" in index
         assert (ROOT / "results" / f"gallery-{name}.png").stat().st_size < 150_000
+
+
+def test_the_first_page_runs_in_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its example, as it stands."""
+    (tmp_path / "results").mkdir()
+    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    monkeypatch.chdir(tmp_path)
+    found = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    names: dict[str, object] = {}
+    exec("".join(found), names)
+    assert names["tree"]["status"].size == 72  # type: ignore[index]
