@@ -83,7 +83,7 @@ def exact_slip_length(exact: Exact, scene: Scene) -> float:
         points = _points(edge, places)
         n = _outward(scene.body, edge, points)
         u_T = _at(exact.u[1], *points.T) * n[:, 0] - _at(exact.u[0], *points.T) * n[:, 1]
-        return ~_at_up_jump(scene.friction, u_T, STICKS * size)
+        return ~_at_up_jump(scene.one_law, u_T, STICKS * size)
 
     return sum(edge_length(edge) * _share(lambda places, edge=edge: slips(edge, places)) for edge in edges)  # type: ignore[misc]
 
@@ -191,7 +191,7 @@ def _on_edge(exact: Exact, scene: Scene, edge: Edge) -> float:
     n = _outward(scene.body, edge, points)
     ux, uy = (_at(component, x, y) for component in exact.u)
     if isinstance(role, Contact):
-        return float(weights @ scene.friction.j(uy * n[:, 0] - ux * n[:, 1]))
+        return float(weights @ scene.one_law.j(uy * n[:, 0] - ux * n[:, 1]))
     work = _at(role.g[0], x, y) * ux + _at(role.g[1], x, y) * uy
     work -= _at(role.pressure, x, y) * (ux * n[:, 0] + uy * n[:, 1])
     return -float(weights @ work)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense.symbolic import EliminationPlan
-from tcstudy.fem.boundary import Frames, constrain, contact_line
+from tcstudy.fem.boundary import Frames, constrain, contact_line, values_at
 from tcstudy.fem.forms import ElasticForms, HeatForms
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.elastic import Elastic, LoadMaker
@@ -29,8 +29,10 @@ from tcstudy.offline.loads import (
     mechanical_terms,
 )
 from tcstudy.offline.thermal import BATCH, Temperature, Temperatures
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.nodal_laws import Law, nodal
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Clamped, Contact, Convection, Material, Scene
+from tcstudy.scene.records import Clamped, Contact, Convection, EdgeLaws, Material, Scene
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -114,6 +116,7 @@ class Level:
         self.temperatures = Temperatures(self.heat, mesh.points, scenes, MEMORY)
         self._groups = _groups(scenes)
         self._frames: dict[Hashable, Frames] = {}
+        self._laws: dict[EdgeLaws, Law] = {}
         self._plan: EliminationPlan | None = None
         self._bodies: Recent[Elastic] = Recent(1, lambda _: 1)  # one factor at a time: they are large
         self._rows: Recent[tuple[Array, float, float, float]] = Recent(MEMORY / 8, lambda row: row[0].nbytes + 1000)
@@ -144,8 +147,30 @@ class Level:
         start = time.perf_counter()
         l_tilde, constant, terms = self._condensed_load(scene)
         body, mu = self._body(scene, self._frames_of(scene.boundary))
-        problem = ContactProblem(body.A_tilde(mu), l_tilde, self.line.c, scene.friction)
+        problem = ContactProblem(body.A_tilde(mu), l_tilde, self.line.c, self.law(scene))
         return Condensed(problem, constant, terms, time.perf_counter() - start)
+
+    def law(self, scene: Scene) -> Law:
+        """The friction law of Γ_C, or of every contact node where it differs along Γ_C.
+
+        A node where two edges meet has the law of the one that follows. Raises ValueError for a strength below 0.
+        """
+        friction, line = scene.friction, self.line
+        if isinstance(friction, FrictionLaw):
+            return friction
+        if friction not in self._laws:
+            edges = [edge for edge, _, _ in friction.laws]
+            of_edge = np.array([edges.index(name) if name in edges else 0 for name in line.edge_names])
+            index, strength = of_edge[line.edge], np.ones(line.m)
+            for k, (_, _, factor) in enumerate(friction.laws):
+                strength[index == k] = values_at(factor, line.xy[index == k])
+            if np.any(strength < 0.0):
+                x, y = line.xy[np.argmin(strength)]
+                raise ValueError(
+                    f"the strength of friction is {strength.min():g} at ({x:g}, {y:g}); it must be 0 or more"
+                )
+            self._laws[friction] = nodal([law for _, law, _ in friction.laws], index, strength)
+        return self._laws[friction]
 
     def _condensed_load(self, scene: Scene) -> tuple[Array, float, tuple[LoadTerm, ...]]:
         """l̃ (m,) [N/m], what the energy has beside L̃ [J/m], and the basis terms of the load."""

@@ -7,6 +7,7 @@ edges with laws of their own name a law by node.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from tcstudy.online.law_tables import LawTables, Place, far, largest_push, least_slope, value_range
 from tcstudy.scene.friction import BEND, FrictionLaw
-from tcstudy.scene.nodal_laws import Law, nodal
+from tcstudy.scene.nodal_laws import Law, NodalLaws, nodal
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -210,3 +211,20 @@ class RowLaws:
         """Slips from `moved` within which b differs from its behaviour far away (R, 1) or (R, m) [m]."""
         own = far(self.tables)[self.law]
         return own if self.stretched is None else own * self.stretched
+
+
+def row_laws(laws: Sequence[Law], factor: Array) -> RowLaws:
+    """The laws of a block, each scaled by the row's stiffness over that of the body; by node where one has them so."""
+    known: dict[tuple[int, float], int] = {}  # by identity: a sweep shares its laws, and equal ones only cost time
+    rows = [known.setdefault((id(law), f), len(known)) for law, f in zip(laws, factor.tolist(), strict=True)]
+    own = [(laws[row], float(factor[row])) for row in np.unique(rows, return_index=True)[1]]
+    scaled = [law if f == 1.0 else law.scaled(1.0, f) for law, f in own]
+    if all(isinstance(law, FrictionLaw) for law in scaled):
+        return RowLaws(LawTables.of([law.single(0) for law in scaled]), np.array(rows, dtype=np.intp)[:, None])
+    m = max(len(law) for law in scaled if isinstance(law, NodalLaws))
+    tables: list[FrictionLaw] = []
+    index = np.empty((len(scaled), m), dtype=np.intp)
+    for row, law in zip(index, scaled, strict=True):
+        row[:] = len(tables) + (law.index if isinstance(law, NodalLaws) else 0)
+        tables += law.table.laws if isinstance(law, NodalLaws) else [law]
+    return RowLaws(LawTables.of(tables), index[np.array(rows, dtype=np.intp)])

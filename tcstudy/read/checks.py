@@ -8,7 +8,7 @@ Expressions must have a finite value where they are used: found at sample points
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, NamedTuple
 
@@ -19,7 +19,19 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.read.fields import Context
 from tcstudy.read.node import Node, deepest
 from tcstudy.read.physics import Boundary
-from tcstudy.scene.records import Body, Clamped, Contact, Convection, Edge, Heat, Material, Point, Role, Scalar
+from tcstudy.scene.records import (
+    Body,
+    Clamped,
+    Contact,
+    Convection,
+    Edge,
+    EdgeLaws,
+    Heat,
+    Material,
+    Point,
+    Role,
+    Scalar,
+)
 from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_normal, edge_points, loop_size
 from tcstudy.shapes.faults import loop_polygon
@@ -242,6 +254,34 @@ def check_finite(ctx: Context, root: Node, section: str, value: object, body: Bo
             x, y = points[bad[0]]
             what = f"the expression {str(expression)!r} has no finite value at ({x:g}, {y:g})"
             ctx.errors.once(deepest(root, keys), what, "change it so that it is finite wherever it is used")
+
+
+def check_laws(ctx: Context, root: Node, friction: EdgeLaws, boundary: Iterable[tuple[str, Role]], body: Body) -> None:
+    """Every contact edge has a law and every law a contact edge; strengths are 0 or more at sample points of the edges.
+
+    A strength that is negative between them is a failed point.
+    """
+    contact = [name for name, role in boundary if isinstance(role, Contact)]
+    given = [edge for edge, _, _ in friction.laws if edge]
+    wrong = [edge for edge in given if edge not in contact]
+    for edge in wrong:
+        remedy = f"the contact edges are {', '.join(contact)}"
+        ctx.errors.once(deepest(root, ("friction", edge)), f"{edge!r} is no contact edge", remedy)
+    if given and not wrong and (without := [edge for edge in contact if edge not in given]):
+        remedy = f"add {without[0]}: {{law: ...}}; without friction {{law: linear, k: 0}}"
+        ctx.errors.once(deepest(root, ("friction",)), f"the contact edge {without[0]} has no law", remedy)
+    for edge, _, strength in friction.laws if body.outline is not None else ():
+        for name in [edge] if edge in contact else contact if not edge else []:
+            points = _on_edges(body, name)
+            values = strength.evaluate(points[:, 0], points[:, 1]) if isinstance(strength, Expression) else strength
+            values = np.broadcast_to(values, len(points))
+            if not np.all(np.isfinite(values) & (values >= 0.0)):
+                x, y = points[np.flatnonzero(~(np.isfinite(values) & (values >= 0.0)))[0]]
+                keys = ("friction", edge, "strength") if edge else ("friction", "strength")
+                what = f"the strength is negative or not finite at ({x:g}, {y:g})"
+                ctx.errors.once(
+                    deepest(root, keys), what, 'bound it, for example "max(0, ...)"; 0 is a gap in the bond'
+                )
 
 
 def _expressions(section: str, value: object) -> Iterator[tuple[tuple[str, ...], str | None, Expression]]:

@@ -12,13 +12,27 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
+from tcstudy.expressions.expression import Expression
 from tcstudy.read.body import REGION_SHAPES, read_region
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import COMPONENTS, Node, choose, nearest
 from tcstudy.scene.friction import FrictionLaw, GrowthError
 from tcstudy.scene.keys import of_role, row, rows
 from tcstudy.scene.laws import SHAPES, LawError
-from tcstudy.scene.records import Body, Clamped, Contact, Convection, Free, Heat, Material, Role, Scalar, Traction
+from tcstudy.scene.nodal_laws import times
+from tcstudy.scene.records import (
+    Body,
+    Clamped,
+    Contact,
+    Convection,
+    EdgeLaws,
+    Free,
+    Heat,
+    Material,
+    Role,
+    Scalar,
+    Traction,
+)
 
 ROLES = row("boundary", "role").words
 RECORDS: dict[str, type[Role]] = {
@@ -228,27 +242,49 @@ def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> 
     return tuple(names)
 
 
+def laws_by_edge(node: Node | None) -> dict[str, Node]:
+    """The laws of the section `friction` by edge; empty where it is one law."""
+    if node is None or not isinstance(node.value, Mapping) or node.child("law"):
+        return {}
+    found = dict(node.value)
+    return found if any(isinstance(one.value, Mapping) for one in found.values()) else {}
+
+
 @none_after_fault
-def read_friction(ctx: Context, node: Node) -> FrictionLaw | None:
-    """The friction law; None after a fault."""
+def read_friction(ctx: Context, node: Node) -> FrictionLaw | EdgeLaws | None:
+    """The friction law, or the laws of the contact edges; None after a fault."""
+    by_edge = laws_by_edge(node)
+    if not by_edge:
+        law, strength = _read_law(ctx, node)
+        return law if law is None or strength == 1.0 else EdgeLaws((("", law, strength),))
+    laws = [(edge, *_read_law(ctx, own)) for edge, own in by_edge.items()]
+    return EdgeLaws(tuple((edge, law, strength) for edge, law, strength in laws if law is not None))
+
+
+def _read_law(ctx: Context, node: Node) -> tuple[FrictionLaw | None, Scalar]:
+    """A law, None after a fault, and its strength where that varies: a number is made part of the law."""
     word, before = node.child("law"), len(ctx.errors)
     if word is None:
         Fields(ctx, node, "friction", ("law",))
-        return None
+        return None, 1.0
     name = ctx.choice(word, tuple(SHAPES))
     if len(ctx.errors) > before:
-        return None
+        return None, 1.0
     shape = SHAPES[name]
-    fields = Fields(ctx, node, {one.name: one for one in (row("friction", "law"), *shape.parameters)})
-    values = fields.given()
+    fields = Fields(ctx, node, {one.name: one for one in (*rows("friction").values(), *shape.parameters)}, ("law",))
+    values, strength = fields.given(), fields.value("strength")
+    if isinstance(strength, float) and strength < 0.0:
+        remedy = "write a factor of 0 or more; 0 is a gap in the bond"
+        ctx.errors.at(fields.values["strength"], f"must be 0 or more, but is {strength:g}", remedy)
     try:
-        return (
-            shape.build(**{key: values[key] for key in values if key != "law"}) if len(ctx.errors) == before else None
-        )
+        if len(ctx.errors) > before:
+            return None, 1.0
+        law = shape.build(**{key: values[key] for key in values if key not in ("law", "strength")})
+        return (law, strength) if isinstance(strength, Expression) else (times(law, strength), 1.0)
     except LawError as error:
         what, _, remedy = error.message.partition("; ")
         ctx.errors.at(node.child(error.parameter) or node, what, remedy or f"the law {name}: {shape.summary}")
     except GrowthError as error:
         remedy = "let the last values and slopes of b have the sign of the slip"
         ctx.errors.at(node.child("points") or node, str(error), remedy)
-    return None
+    return None, 1.0

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.read.body import BodyReading, check_shape, read_body
-from tcstudy.read.checks import check_corners, check_finite, check_heat, check_support, supports
+from tcstudy.read.checks import check_corners, check_finite, check_heat, check_laws, check_support, supports
 from tcstudy.read.fields import Context
 from tcstudy.read.node import Node, put
 from tcstudy.read.parameters import read_parameters, users, words_in
 from tcstudy.read.physics import read_boundary, read_friction, read_heat, read_inline_region, read_loads, read_material
 from tcstudy.read.sweep import Sweep, SweptAxis
 from tcstudy.scene.points import Scenes
-from tcstudy.scene.records import Body, Scene
+from tcstudy.scene.records import Body, EdgeLaws, Scene
 
 SECTIONS = ("boundary", "material", "loads", "heat", "friction")
 """What makes up a scene beside the body, which cannot be swept."""
@@ -208,6 +208,8 @@ class SceneReader:
             for section in ("boundary", "loads", "heat"):
                 if values[section] is not None:
                     check_finite(self.ctx, root, section, values[section], self.body)
+            if isinstance(values["friction"], EdgeLaws) and values["boundary"] is not None:
+                check_laws(self.ctx, root, values["friction"], values["boundary"], self.body)
         if all(values[s] is not None for s in THERMAL):
             check_heat(self.ctx, root, values["heat"], values["boundary"], values["material"])
 

@@ -57,7 +57,7 @@ def schema() -> Schema:
     made = {section: _section(section) for section in (*sections, "values", *drawn, "goal") if section != "point"}
     made["boundary"] |= {"allOf": [_takes("role", role, of_role(role)) for role in row("boundary", "role").words]}
     laws = {law: tuple(one.name for one in law_rows(law)) for law in SHAPES}
-    made["friction"] |= {"allOf": [_takes("law", law, names) for law, names in laws.items()]}
+    made["friction"] |= {"allOf": [_takes("law", law, ("strength", *names)) for law, names in laws.items()]}
     made["body"] |= {"oneOf": [{"required": [name]} for name in ("outline", "rectangle", "file")]}
     for shape in ("circle", "rectangle"):  # of a region they have no edge
         made["hole"]["properties"][shape] |= {"required": ["edge"]}
@@ -118,10 +118,14 @@ def _sweep(made: Callable[[Key], Schema], beside: tuple[str, ...]) -> Schema:
     """A mapping of parameters, by path or short name, to what `made` says of each."""
     named = {".".join(path): row(path[0] if path[1:] else "", path[-1]) for path in sweepable({}, None)}
     properties = {path: made(one) for path, one in named.items()} | {name: made(named[SHORT[name]]) for name in SHORT}
+    laws = {path[1]: one for path, one in sweepable({}, None).items() if path[0] == "friction" and path[1:]}
+    by_edge = {rf"^friction\.[^.]+\.{name}$": made(one.row) for name, one in laws.items()}
+    by_edge[r"^friction\.(?!(" + "|".join(laws) + r")$)[^.]+$"] = made(row("", "friction"))
     return {
         "type": "object",
         "properties": {name: _described(row("sweep", name)) for name in beside} | properties,
-        "patternProperties": {rf"^boundary\.[^.]+\.{name}$": made(one) for name, one in EDGE.items()}
+        "patternProperties": by_edge
+        | {rf"^boundary\.[^.]+\.{name}$": made(one) for name, one in EDGE.items()}
         | {r"^parameters\.[A-Za-z_0-9]+$": made(NAMED)},
         "additionalProperties": False,
     }
@@ -129,7 +133,7 @@ def _sweep(made: Callable[[Key], Schema], beside: tuple[str, ...]) -> Schema:
 
 def _swept(one: Key) -> Schema:
     if one.kind == "law":
-        return {"type": "object", "minProperties": 1, "additionalProperties": _ref("friction")}
+        return {"type": "object", "minProperties": 1, "additionalProperties": _law()}
     listed = _list(_at_point(one), 1)
     numbers = one.kind in ("number", "integer", "field", "component", "quantity")
     return {"anyOf": [listed, *([_ref("values")] if numbers else []), _ref("distribution")]}
@@ -137,7 +141,7 @@ def _swept(one: Key) -> Schema:
 
 def _at_point(one: Key) -> Schema:
     if one.kind == "law":
-        return {"anyOf": [_ref("friction"), _swept(one) | {"maxProperties": 1}]}
+        return {"anyOf": [_law(), _swept(one) | {"maxProperties": 1}]}
     return _ref(f"{one.section}/properties/{one.name}") if one is not NAMED else _value(one)
 
 
@@ -202,6 +206,12 @@ def _sub_section(one: Key) -> Schema:
     return {"anyOf": [_fragment(row(one.of[0], one.short)), inner]} if one.short else inner
 
 
+def _law() -> Schema:
+    """A law, or one for each contact edge."""
+    by_edge = {"type": "object", "minProperties": 1, "not": {"required": ["law"]}}
+    return {"anyOf": [_ref("friction"), by_edge | {"additionalProperties": _ref("friction")}]}
+
+
 def _sizes_or_tolerance(one: Key) -> Schema:
     """h of a sweep."""
     names = ("tolerance", "of", "max_levels", "known")
@@ -235,7 +245,7 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "sizes": lambda one: {"anyOf": [_number(one), _list(_number(one), 1)]},
     "sizes or tolerance": _sizes_or_tolerance,
     "goal": _goal,
-    "law": lambda one: _ref("friction"),
+    "law": lambda one: _law(),
     "law points": lambda one: _list(_point(one), 1),
     "numbers": lambda one: _list(_value(one), 1),
     "sweep points": lambda one: {"anyOf": [_list(_sub_section(one), 1), {"type": "integer", "minimum": 1}, SOME_TEXT]},
@@ -266,7 +276,11 @@ def _lines(path: str, seen: set[str], section: str = "") -> Iterator[str]:
             if name in seen or name == "point":
                 continue
             seen.add(name)
-            held = "; ".join(_said(child) for child in rows(name).values()) if one.kind != "law" else "`law`"
+            held = (
+                "; ".join(_said(child) for child in rows(name).values())
+                if one.kind != "law"
+                else f"`law`; {_said(row(name, 'strength'))}"
+            )
             said = one.meaning if not section else ""
             place = "boundary.EDGE" if name == "boundary" else here + PLACE.get(one.kind, "")
             yield f"| `{place}` | {'. '.join(part for part in (said, held) if part)} |\n"

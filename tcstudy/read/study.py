@@ -13,13 +13,14 @@ from tcstudy.read.exact import derived_scenes, read_exact, without_loads
 from tcstudy.read.fields import Context, Fields
 from tcstudy.read.node import Collector, Mark, Node, deepest, holds, put, split_path
 from tcstudy.read.parameters import check_swept_names, read_parameters, swept_names
-from tcstudy.read.physics import ALL_KEYS, keys_of, read_heat, read_material
+from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge, read_heat, read_material
 from tcstudy.read.plans import read_mesh, read_output, read_path, read_solver
 from tcstudy.read.scenes import SECTIONS, SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, records
 from tcstudy.scene.keys import row, rows
 from tcstudy.scene.parameters import SHORT, sweepable
-from tcstudy.scene.records import Exact, Scene
+from tcstudy.scene.points import distinct
+from tcstudy.scene.records import EdgeLaws, Exact, Scene
 from tcstudy.scene.study import MeshPlan, OutputPlan, PathPlan, SolverPlan, Study
 
 REQUIRED = tuple(row.name for row in rows("").values() if row.required)
@@ -121,8 +122,9 @@ def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
     boundary, friction = root.child("boundary"), root.child("friction")
     roles = boundary.value if boundary and isinstance(boundary.value, Mapping) else {}
     law = word.value if friction and (word := friction.child("law")) else None
+    by_edge = {edge: str(word.value) for edge, one in laws_by_edge(friction).items() if (word := one.child("law"))}
     edges = {edge: keys_of(node) for edge, node in roles.items()} if boundary else _swept_edges(node)
-    known = sweepable(edges, law if isinstance(law, str) else None) | swept_names(ctx.named)
+    known = sweepable(edges, by_edge or (law if isinstance(law, str) else None)) | swept_names(ctx.named)
     sweep = _of_sections(ctx, root, read_sweep(ctx, node, known, friction) or Sweep())
     check_swept_names(ctx, root, sweep, SECTIONS)
     for option in (text for text in overrides if "=" in text):
@@ -197,6 +199,20 @@ def _check_keys(ctx: Context, root: Node, sweep: Sweep) -> None:
     Fields(ctx, root, "", required, (*OPTIONAL, "mesh"))
 
 
+def _refuse_one_law(ctx: Context, root: Node, mesh: MeshPlan | None, output: OutputPlan | None) -> None:
+    """What takes one law on all of Γ_C only."""
+    one = "friction differs along the contact line, and"
+    if mesh and mesh.estimates and (node := root.child("mesh")):
+        remedy = "use a uniform or graded family, and tcstudy converge for errors"
+        ctx.errors.at(node, f"{one} errors are not estimated then", remedy)
+    if node := root.child("exact"):
+        ctx.errors.at(node, f"{one} an exact solution takes one law", "remove exact, or write one law")
+    if node := root.child("path"):
+        ctx.errors.at(node, f"{one} a path takes one law", "sweep the parameter with solver: {branch: continued}")
+    if output and output.live and (node := root.child("output")):
+        ctx.errors.at(node, f"{one} a live page takes one law", "remove live: true")
+
+
 def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scenes: Sequence[Scene]) -> _Plans:
     """Meshes, solver, output and the exact solution."""
     before, body = len(ctx.errors), reader.body
@@ -214,4 +230,6 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
     solver, output = read_solver(ctx, root.child("solver")), read_output(ctx, root.child("output"))
     path = read_path(ctx, node, reader.base, mesh) if (node := root.child("path")) else None
     exact = read_exact(ctx, node, root, body) if (node := root.child("exact")) else None
+    if any(isinstance(scene.friction, EdgeLaws) for scene in distinct(scenes, "friction")):
+        _refuse_one_law(ctx, root, mesh, output)
     return _Plans(mesh, solver, output, exact, path)

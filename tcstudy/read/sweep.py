@@ -223,10 +223,14 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
 
 def _check_law_parameters(ctx: Context, axes: list[SweptAxis], law: Node | None) -> None:
     """A swept parameter of the law must belong to every law of the study."""
-    laws = [value for axis in axes if axis.parameter.is_law for value in axis.values] or ([law] if law else [])
-    words = [str(word.value) for node in laws if (word := node.child("law"))]
     for axis in axes:
-        for law_name in words if axis.parameter.path[0] == "friction" and not axis.parameter.is_law else ():
+        place = axis.parameter.path[:-1]
+        if place[:1] != ("friction",) or axis.parameter.is_law or axis.parameter.path[-1] == "strength":
+            continue
+        base = law.child(place[1]) if law and place[1:] else law
+        laws = [v for whole in axes if whole.parameter.is_law and whole.parameter.path == place for v in whole.values]
+        words = [str(word.value) for node in laws or ([base] if base else []) if (word := node.child("law"))]
+        for law_name in words:
             names = [p.name for p in SHAPES[law_name].parameters] if law_name in SHAPES else None
             if names is not None and axis.parameter.path[-1] not in names:
                 remedy = f"it has {', '.join(names)}; sweep the whole law by friction: {{NAME: {{law: ...}}, ...}}"

@@ -137,7 +137,7 @@ class Survey:
         theta = level.temperature(scene).theta if material.beta != 0.0 else np.zeros(level.mesh.n_points)
         own = strain(triangles, u)
         xi = condensed.problem.xi(v) / level.line.c
-        friction = contact_traction(triangles, level.line, scene.friction, v, xi, u)
+        friction = contact_traction(triangles, level.line, scene.one_law, v, xi, u)
         squares = product(triangles, own.excess, own.excess, material.lam, material.mu)
         squares += element_residual(triangles, own, theta, scene)
         squares += edge_residual(triangles, own, theta, scene, friction)

@@ -35,7 +35,7 @@ from tcstudy.reports.select_point import Value, labels, level_number, matching
 from tcstudy.reports.stored_study import file_order, stored_study
 from tcstudy.reports.vtk_files import SYMMETRIC, Grid, Values, write_collection, write_lines, write_mesh
 from tcstudy.scene.contact_states import ContactState, node_states
-from tcstudy.scene.records import Material
+from tcstudy.scene.records import EdgeLaws, Material
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -110,8 +110,9 @@ def _write_point(
         write_mesh(folder / f"{name}.vtu", _body(body, None if scene is None else scene.material, units, about))
         yield i, BODY, "body", f"{name}.vtu"
     sticks = group["sticks"].values == STICKS
-    states = sticks.astype(np.int8) if scene is None else node_states(scene.friction, group["u_T"].values, sticks)
-    words = ("slip", "stick") if scene is None else tuple(state.name.lower() for state in ContactState)
+    law = None if scene is None or isinstance(scene.friction, EdgeLaws) else scene.friction
+    states = sticks.astype(np.int8) if law is None else node_states(law, group["u_T"].values, sticks)
+    words = ("slip", "stick") if law is None else tuple(state.name.lower() for state in ContactState)
     write_lines(folder / f"{name}.vtp", _line(group, states, words, about))
     yield i, LINE, "contact line", f"{name}.vtp"
 

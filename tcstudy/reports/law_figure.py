@@ -65,7 +65,10 @@ def read_law(path: Path, point: Mapping[str, Value] | None, level: int) -> LawPi
         units = str(data["omega"].attrs.get("units", "1")) if "omega" in data else "1"
     if study is None or len(study.scenes) != int(np.prod(shape, dtype=int)):
         raise style.DrawError("the study in the file cannot be read any more, so its friction laws are not known")
-    return LawPicture(picture, study.scenes[file_order(study)[place]].friction, lambda_1, omega, units)
+    law = study.scenes[file_order(study)[place]].friction
+    if not isinstance(law, FrictionLaw):
+        raise style.DrawError("friction differs along the contact line, and the law is drawn where it is one")
+    return LawPicture(picture, law, lambda_1, omega, units)
 
 
 def law_figure(picture: LawPicture, look: style.Look) -> Figure:

@@ -43,8 +43,8 @@ def _share(name: str, meaning: str, least: float, default: float) -> Key:
 _MOST_LEVELS = max(family.max_levels for family in FAMILIES.values())
 _MESH, _SOLVER, _ROLES = MeshPlan((), 1), SolverPlan(), ("clamped", "traction", "contact", "convection", "free")
 _PATH = {name: field.default for name, field in PathPlan.__dataclass_fields__.items()}
-_LOADED = ("traction", "convection")
-_HOLE = ("circle", "rectangle", "outline")
+_STRENGTH = Key("strength", "field", "factor of the law, 0 in a gap of the bond", default=1.0, example="1", swept=True)
+_LOADED, _HOLE = ("traction", "convection"), ("circle", "rectangle", "outline")
 
 ROWS: tuple[Key, ...] = (
     *_in(
@@ -91,7 +91,7 @@ ROWS: tuple[Key, ...] = (
             of=("heat",),
         ),
         Key(
-            *("friction", "law", "one of the laws below"),
+            *("friction", "law", "one of the laws below, or one for each contact edge: `{EDGE: {law: …}, …}`"),
             example="{law: tresca, tau: 20 MPa}",
             required=True,
             swept=True,
@@ -226,7 +226,7 @@ ROWS: tuple[Key, ...] = (
         Key("omega", "names", "where the source is: a region, several, or a shape (default: everywhere)", swept=True),
         Key("theta", "field", "known temperature of the whole body", u.TEMPERATURE, swept=True, affine=True),
     ),
-    *_in("friction", Key("law", "choice", "", example="tresca", required=True, words=tuple(SHAPES))),
+    *_in("friction", Key("law", "choice", "", example="tresca", required=True, words=tuple(SHAPES)), _STRENGTH),
     *_in(
         "mesh",
         Key("maxh", "sizes", "element size, or a list of them", u.LENGTH, "10 mm", required=True, above=0.0),

@@ -312,6 +312,11 @@ def nodal(
     return distinct[0] if len(distinct) == 1 else NodalLaws(LawTable(distinct), at.reshape(-1).astype(np.intp))
 
 
+def times(law: FrictionLaw, strength: float) -> FrictionLaw:
+    """The law `strength` × b, b ≡ 0 for 0."""
+    return placed(law, strength, 1.0, 0.0) if strength > 0.0 else NONE
+
+
 def placed(law: FrictionLaw, beta: float, sigma: float, a: float) -> FrictionLaw:
     """The law β b((s − a)/σ); kinks that rounding makes one are a jump."""
     if (beta, sigma, a) == (1.0, 1.0, 0.0):

@@ -52,21 +52,27 @@ FIXED = {row.name: row.fixed for row in rows("").values() if row.fixed}
 """Sections that cannot be swept, and what to do instead."""
 
 
-def sweepable(edges: Mapping[str, Sequence[str]], law: str | None) -> dict[Keys, Parameter]:
+def sweepable(edges: Mapping[str, Sequence[str]], law: str | Mapping[str, str] | None) -> dict[Keys, Parameter]:
     """All parameters by path.
 
     edges: the keys that each edge's role takes
-    law:   the base law, which decides where laws differ in a parameter's dimension
+    law:   the base law, which decides where laws differ in a parameter's dimension; of each contact edge where edges
+           have their own
     """
     found = dict(PLAIN)
-    for name in (*([law] if law in SHAPES else []), *SHAPES):
-        for row in law_rows(str(name)):
-            path: Keys = ("friction", row.name)
-            found.setdefault(path, Parameter(path, row))
+    places: dict[Keys, str | None] = {("friction",): law if isinstance(law, str) else None}
+    if isinstance(law, Mapping):
+        del found["friction", "strength"]
+        places = {("friction", edge): own for edge, own in law.items()}
+        found |= {path: Parameter(path, PLAIN[("friction",)].row) for path in places}
+    for place, own in places.items():
+        for name in (*([own] if own in SHAPES else []), *SHAPES):
+            for row in (*law_rows(str(name)), PLAIN["friction", "strength"].row):
+                path = (*place, row.name)
+                found.setdefault(path, Parameter(path, row))
     for edge, taken in edges.items():
         for name, row in EDGE.items():
-            path = ("boundary", edge, name)
-            found[path] = Parameter(path, row, idle=name not in taken)
+            found["boundary", edge, name] = Parameter(("boundary", edge, name), row, idle=name not in taken)
     return found
 
 

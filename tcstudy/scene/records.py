@@ -150,6 +150,21 @@ class Heat:
 
 
 @dataclass(frozen=True)
+class EdgeLaws:
+    """Friction that differs along Γ_C: b(s) of an edge's law times its strength in x and y, 0 where the bond has a gap.
+
+    laws: (edge, law, strength); the edge "" is all of Γ_C
+    """
+
+    laws: tuple[tuple[str, FrictionLaw, Scalar], ...]
+
+    @property
+    def vanishes(self) -> bool:
+        """True if b ≡ 0 everywhere."""
+        return all(law.vanishes for _, law, _ in self.laws)
+
+
+@dataclass(frozen=True)
 class Scene:
     """One complete problem: every number of one sweep point."""
 
@@ -158,7 +173,20 @@ class Scene:
     material: Material
     f: tuple[Scalar, Scalar]
     heat: Heat
-    friction: FrictionLaw
+    friction: FrictionLaw | EdgeLaws
+
+    @property
+    def laws(self) -> tuple[FrictionLaw, ...]:
+        """The friction law, or those of the edges."""
+        friction = self.friction
+        return tuple(law for _, law, _ in friction.laws) if isinstance(friction, EdgeLaws) else (friction,)
+
+    @property
+    def one_law(self) -> FrictionLaw:
+        """The law of all of Γ_C. Raises ValueError where it differs along Γ_C."""
+        if isinstance(self.friction, EdgeLaws):
+            raise ValueError("the friction law differs along the contact line")
+        return self.friction
 
     def edges(self, *kinds: type) -> tuple[str, ...]:
         """Names of the edges with one of the given roles, in the order of the study."""

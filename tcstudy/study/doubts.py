@@ -82,8 +82,8 @@ def _warm(scene: Scene) -> bool:
 
 def _pushes(scene: Scene) -> bool:
     """Whether the law has a traction where nothing slips: 0 not in b̂(0)."""
-    low, high = scene.friction.interval(np.zeros(1), 0.0)
-    return not low[0] <= 0.0 <= high[0]
+    at_0 = (law.interval(np.zeros(1), 0.0) for law in scene.laws)
+    return not all(low[0] <= 0.0 <= high[0] for low, high in at_0)
 
 
 def _absolute(scenes: Sequence[Scene]) -> Iterator[str]:

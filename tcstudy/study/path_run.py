@@ -94,7 +94,7 @@ def _level(study: Study, plan: PathPlan) -> Level:
 
 def _setting(study: Study, plan: PathPlan, level: Level) -> _Setting:
     load = affine_load(level, lambda t: path_scene(plan.scene, plan.parameter, t), plan.begin, plan.end, plan.name)
-    lambda_1, law = level.lambda_1(plan.scene), plan.scene.friction
+    lambda_1, law = level.lambda_1(plan.scene), plan.scene.one_law
     straight = load.problem
     if not law.piecewise_linear:
         boxes = [solution_box(straight.at(t), lambda_1) for t in plan.within]

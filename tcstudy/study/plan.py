@@ -125,7 +125,7 @@ def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> list[str]:
     if (derived := description(study)) is not None:
         notes.insert(0, derived)
     notes += [*_locking(study), *_meshing_note(study, levels)]
-    down = count_points(study.scenes, ("friction",), lambda s: math.isinf(s.friction.omega))
+    down = count_points(study.scenes, ("friction",), lambda s: any(math.isinf(law.omega) for law in s.laws))
     if down:
         notes.append(f"{down} of {len(study.scenes)} points have a law with down-jumps: solutions may not be unique")
     return notes

@@ -97,7 +97,7 @@ class ExactReference:
 
     def inclusion(self, scene: Scene) -> float:
         """max dist(ξ, b̂(u_T)) over the finest contact nodes, over the scale of b: whether the solution is one."""
-        line, law = self._levels[-1].line, scene.friction
+        line, law = self._levels[-1].line, scene.one_law
         slip, xi = line.at_nodes(exact_u_T(self._exact)), line.at_nodes(self.xi(scene))
         low, high = law.interval(slip, 1e-9 * _largest(slip))
         worst = float(np.max(np.maximum(low - xi, xi - high), initial=0.0))

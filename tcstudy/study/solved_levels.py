@@ -136,7 +136,7 @@ def solution_of(study: Study, level: Level, scene: Scene, record: PointRecord) -
     """What a run recorded of a point (with its fields), for comparison."""
     u = np.array([record.fields["u_x"], record.fields["u_y"]]) if record.fields else None
     numbers = {name: value for name, value in record.numbers.items() if not isinstance(value, tuple)}
-    sticks = sticking(scene.friction, record.u_T)
+    sticks = sticking(level.law(scene), record.u_T)
     return Solution(
         record.status, record.reason, u, _theta(study, level, scene, record), record.u_T, record.xi, sticks, numbers
     )

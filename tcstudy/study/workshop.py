@@ -23,9 +23,9 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.records import BlockRecord, PointRecord, PointStatus, block_of
 from tcstudy.executors import Executor, Here, Solved, Task, WorkersFailed
 from tcstudy.offline.level import CondensedBlock, Level
-from tcstudy.online import CondensedBody, LawTables, Options, RowLaws
+from tcstudy.online import CondensedBody, Options, RowLaws
+from tcstudy.online.row_laws import row_laws
 from tcstudy.refine.survey import Survey
-from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.points import combinations
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import SEPARABLE, Study
@@ -121,7 +121,7 @@ class Workshop:
             scenes = [self._scene(place) for place in block.points]
             condensed = self.level.block(scenes)
             factor = condensed.mu / condensed.mu[0]
-            laws = row_laws([scene.friction for scene in scenes], factor)
+            laws = row_laws([self.level.law(scene) for scene in scenes], factor)
             options = Options(self.study.solver.branch, self.study.solver.tolerance)
             loads, near = condensed.l_tilde / factor[:, None], self.solutions.beside(block.points)
             name = f"level-{self.level.mesh.level} points {block.points.min()}-{block.points.max()}"
@@ -236,15 +236,6 @@ class Workshop:
 
     def _index(self, place: int) -> tuple[int, ...]:
         return tuple(int(i) for i in np.unravel_index(place, self.study.shape)) if self.study.shape else ()
-
-
-def row_laws(laws: list[FrictionLaw], factor: Array) -> RowLaws:
-    """The laws of a block, each scaled by the row's stiffness over that of the body."""
-    known: dict[tuple[int, float], int] = {}  # by identity: a sweep shares its laws, and equal ones only cost time
-    rows = [known.setdefault((id(law), f), len(known)) for law, f in zip(laws, factor.tolist(), strict=True)]
-    own = [(laws[row], float(factor[row])) for row in np.unique(rows, return_index=True)[1]]
-    scaled = [law if f == 1.0 else law.scaled(1.0, f) for law, f in own]
-    return RowLaws(LawTables.of(scaled), np.array(rows, dtype=np.intp)[:, None])
 
 
 def all_failed(study: Study, level: int, points: Places, status: PointStatus, reason: str) -> BlockRecord:

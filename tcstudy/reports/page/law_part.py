@@ -13,18 +13,21 @@ from typing import Any
 import numpy as np
 
 from tcstudy.reports.page.container import Json
-from tcstudy.reports.page.stored import DOWN, SHAPES, UP, FrictionLaw, Study, file_order
+from tcstudy.reports.page.stored import DOWN, SHAPES, UP, EdgeLaws, FrictionLaw, Study, file_order
 
 SAMPLES = 60
 ROUNDING = 1e-12
 
 
 def law_part(study: Study | None) -> Json | None:
-    """The different laws of a study and which one every point has; None if the study does not say."""
-    if study is None:
+    """The different laws of a study and which one every point has; None if the study does not say.
+
+    None, too, where friction differs along the contact line.
+    """
+    if study is None or any(isinstance(scene.friction, EdgeLaws) for scene in study.scenes):
         return None
     numbers: dict[FrictionLaw, int] = {}
-    index = [numbers.setdefault(study.scenes[i].friction, len(numbers)) for i in file_order(study)]
+    index = [numbers.setdefault(study.scenes[i].one_law, len(numbers)) for i in file_order(study)]
     return {"laws": [drawn(law) for law in numbers], "index": index}
 
 

@@ -24,10 +24,12 @@ from tcstudy.reports.sweep import different_energies
 from tcstudy.reports.text import scaled_labels
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw
 from tcstudy.scene.laws import SHAPES
+from tcstudy.scene.records import EdgeLaws
 from tcstudy.scene.study import Study
 
 __all__ = [
-    "DOWN", "ERRORS", "NUMBERS", "SHAPES", "UP", "VERDICTS", "BodyFields", "DrawError", "FrictionLaw", "LineFields",
+    "DOWN", "ERRORS", "NUMBERS", "SHAPES", "UP", "VERDICTS", "BodyFields", "DrawError", "EdgeLaws", "FrictionLaw",
+    "LineFields",
     "PointStatus", "StoreError", "Stored", "Study", "advice", "at_rest", "axis_names", "boundary_edges",
     "different_energies", "file_order", "measure_of", "nearest", "outline", "pretty", "read", "reading",
     "replace_file", "scaled_labels", "seen_folds", "settings", "sources",

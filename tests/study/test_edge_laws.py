@@ -1,0 +1,105 @@
+"""A law for each contact edge: closed form of two films and a gap, one law to the bit, what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tcstudy
+from tcstudy.errors import StudyError
+from tcstudy.read.study import read_study_text
+
+CONFIG = Path(__file__).parents[2] / "configs" / "two_films.yaml"
+D, SHOE = 80e6, 0.05
+"""Stiffness of the strip [N] per metre of width and length of the shoe [m]."""
+
+
+def solved(text: str, tmp_path: Path, name: str = "a") -> xr.DataTree:
+    tcstudy.run(read_study_text(text), tmp_path / f"{name}.nc")
+    return xr.open_datatree(tmp_path / f"{name}.nc")
+
+
+def one_point(friction: str, sweep: str = "") -> str:
+    """The study of the gallery with other friction and without its sweep."""
+    text = CONFIG.read_text(encoding="utf-8")
+    head, tail = text[: text.index("friction:")], text[text.index("mesh:") : text.index("sweep:")]
+    return f"{head}friction: {friction}\n{tail.replace('levels: 2', 'levels: 1')}{sweep}"
+
+
+def test_two_films_and_a_gap_have_the_closed_form(tmp_path: Path) -> None:
+    tree = solved(CONFIG.read_text(encoding="utf-8"), tmp_path)
+    data = tree.dataset.isel(level=-1)
+    assert np.all(data["status"] == 1)
+    for tau_f in (1.5e6, 2e6, 4e6):
+        for strength in (0.0, 0.5, 1.0):
+            point = data.sel(tau=tau_f, strength=strength)
+            tau_s = strength * 1e6
+            half = D * 1e-4 - 0.5 * tau_s * SHOE**2  # = tau_f (l²/2 + 50 mm l)
+            length = -SHOE + np.sqrt(SHOE**2 + 2.0 * half / tau_f)
+            assert float(point["slip_length"]) == pytest.approx(SHOE + length, abs=2.5e-3)
+            assert float(point["friction_resultant"]) == pytest.approx(tau_f * length + tau_s * SHOE, rel=0.01)
+    line = tree["level_1"].dataset
+    assert {"film", "shoe"} <= set(str(line["edge"].attrs["flag_meanings"]).split())
+
+
+def test_edges_of_one_law_are_one_law_to_the_bit(tmp_path: Path) -> None:
+    law = "{law: slip-weakening, tau_s: 3 MPa, tau_k: 1 MPa, delta: 0.05 mm}"
+    one, two = (solved(one_point(text), tmp_path, name).dataset for name, text in
+                (("one", law), ("two", f"{{film: {law}, shoe: {law}}}")))  # fmt: skip
+    for name in ("energy", "friction_resultant", "slip_length", "uniqueness_margin", "inclusion_residual"):
+        assert np.array_equal(one[name], two[name]), name
+
+
+def test_strength_is_a_factor_of_the_law(tmp_path: Path) -> None:
+    twice = one_point('{law: tresca, tau: 1 MPa, strength: "2 + 0*x"}')
+    plain = one_point("{law: tresca, tau: 2 MPa}")
+    steps = one_point('{film: {law: tresca, tau: 2 MPa}, shoe: {law: tresca, tau: 1 MPa, strength: "2 + 0*y"}}')
+    data = [solved(text, tmp_path, str(i)).dataset for i, text in enumerate((twice, plain, steps))]
+    for other in (data[0], data[2]):
+        np.testing.assert_allclose(other["energy"], data[1]["energy"], rtol=1e-12)
+
+
+def test_both_solvers_take_laws_by_edge(tmp_path: Path) -> None:
+    friction = (
+        "{film: {law: slip-weakening, tau_s: 3 MPa, tau_k: 1 MPa, delta: 0.05 mm}, "
+        'shoe: {law: tresca, tau: 1 MPa, strength: "max(0, min(1, (x - 0.17)*1e6))"}}'
+    )
+    text = one_point(friction).replace("maxh: 2 mm", "maxh: 8 mm")
+    data = solved(text + "solver: [separable-newton, bundle-newton]\n", tmp_path).dataset
+    assert np.all(data["status"] == 1)
+    assert float(data["solver_difference"].max()) < 1e-9
+    assert float(data["uniqueness_margin"].item()) > float((data["lambda_1"] - data["omega"]).item())
+
+
+@pytest.mark.parametrize(
+    ("friction", "more", "said"),
+    [
+        ("{film: {law: tresca, tau: 1 MPa}}", "", "the contact edge shoe has no law"),
+        ("{film: {law: tresca, tau: 1 MPa}, top: {law: tresca, tau: 1 MPa}}", "", "'top' is no contact edge"),
+        ("{law: tresca, tau: 1 MPa, strength: -1}", "", "must be 0 or more, but is -1"),
+        ('{law: tresca, tau: 1 MPa, strength: "x - 0.1"}', "", "the strength is negative or not finite"),
+        (
+            '{law: tresca, tau: 1 MPa, strength: "x"}',
+            "path: {parameter: boundary.grip.u_x, from: 0 mm, to: 1 mm}\n",
+            "a path takes one law",
+        ),
+        (
+            "{film: {law: tresca, tau: 1 MPa}, shoe: {law: tresca, tau: 1 MPa}}",
+            "sweep: {friction.film.delta: [1 mm]}\n",
+            "the law tresca has no parameter 'delta'",
+        ),
+        (
+            "{film: {law: tresca, tau: 1 MPa}, shoe: {law: tresca, tau: 1 MPa}}",
+            "sweep: {tau: [1 MPa]}\n",
+            "the study has no parameter 'tau' to sweep",
+        ),
+    ],
+)
+def test_faults_are_one_line(friction: str, more: str, said: str) -> None:
+    with pytest.raises(StudyError) as caught:
+        read_study_text(one_point(friction, more))
+    assert len(caught.value.problems) == 1
+    assert said in str(caught.value)
