@@ -336,7 +336,7 @@ COST_TABLE = (
     FileVariable("n_dof", "i4", "1", "number of displacement unknowns, -1 where there is no mesh", _MESHES),
     FileVariable("n_contact", "i4", "1", "number of contact unknowns, -1 where there is no mesh", _MESHES),
     FileVariable("status", "i1", "1", "status of the solution", _SOLVED, extra=STATUS),
-    FileVariable("reason", "str", "1", "why there is no solution", _SOLVED),
+    FileVariable("reason", "str", "", "why there is no solution", _SOLVED),
     _time("time", "wall time from the body to the displacements", "run"),
     *(_time(f"time_{stage}", f"wall time of the fastest run: {_STAGE_NAMES[stage]}") for stage in STAGES),
     *(variable for measure in MEASURES for variable in _charted_error(measure)),

@@ -52,7 +52,8 @@ NOT_RUN = "not run"
 class FileVariable:
     """One netCDF variable.
 
-    units:      SI; a dimensionless study ("none") writes "1" in place of everything but seconds
+    units:      SI; a dimensionless study ("none") writes "1" in place of everything but seconds; texts have none
+    long_name:  short enough for the axis of a plot; what more there is to say is an extra `comment`
     dims:       dimension names; SWEEP stands for those of the sweep
     coordinate: True if it locates data: no missing values, no _FillValue
     extra:      further attributes
@@ -105,6 +106,8 @@ _COUNT = (("valid_min", np.int32(0)), ("comment", f"{MISSING_COUNT} where there 
 _JUDGED = (("ancillary_variables", "status"),)
 DIFFERENCE = (("units_metadata", "temperature: difference"),)
 _LEVEL = ("level",)
+_INTEGRAL = "integral of -S_T over the contact line, per unit thickness"
+_SLIPPING = "length of the contact line that does not stick"
 _CERTIFIED = (*CERTIFIED, *_JUDGED)
 _STARTS = (*flags(*START_NAMES), *_JUDGED)
 HEAT_BOUND = 1e-10
@@ -132,65 +135,68 @@ def _count(name: str, long_name: str, dims: tuple[str, ...] = POINT_LEVEL, extra
     return FileVariable(name, "i4", "1", long_name, dims, extra=_COUNT + extra)
 
 
-def _result(name: str, units: str, long_name: str, extra: Any = ()) -> FileVariable:
-    return FileVariable(name, "f8", units, long_name, extra=_JUDGED + extra)
+def _result(name: str, units: str, long_name: str, comment: str, extra: Any = ()) -> FileVariable:
+    return FileVariable(name, "f8", units, long_name, extra=(("comment", comment), *_JUDGED, *extra))
+
+
+def _time(name: str, what: str, dims: tuple[str, ...] = POINT_LEVEL) -> FileVariable:
+    return FileVariable(name, "f8", "s", f"time to {what}", dims, extra=(("comment", "wall time"),))
 
 
 ROOT: tuple[FileVariable, ...] = (
     FileVariable("h_max", "f8", "m", "longest element edge", _LEVEL),
-    _count("n_dof", "number of displacement unknowns", _LEVEL),
-    _count("n_contact", "number of contact unknowns m", _LEVEL),
-    FileVariable("status", "i1", "1", "status of the sweep point", extra=STATUS),
-    FileVariable("reason", "str", "1", "why the point is not ok, in words; empty if it is"),
-    _result("energy", "J m-1", "energy of the discrete problem at the solution, per unit thickness"),
-    _result("inclusion_residual", "1", "largest distance of -S_T from the filled friction law, over its scale"),
-    _result("inclusion_rounding", "1", "inclusion residual that rounding of displacements and data to doubles allows"),
-    FileVariable("inclusion_status", "i1", "1", "judgement of the inclusion residual", extra=_INCLUSION),
+    _count("n_dof", "displacement unknowns", _LEVEL),
+    _count("n_contact", "contact unknowns m", _LEVEL),
+    FileVariable("status", "i1", "1", "status of the point", extra=STATUS),
+    FileVariable("reason", "str", "", "reason of the status", extra=(("comment", "why the point is not ok"),)),
+    _result("energy", "J m-1", "energy", "of the discrete problem at the solution, per unit thickness"),
+    _result("inclusion_residual", "1", "inclusion residual", "largest distance of -S_T from b, filled, over its scale"),
+    _result(
+        "inclusion_rounding", "1", "inclusion residual of rounding", "what doubles of displacements and data allow"
+    ),
+    FileVariable("inclusion_status", "i1", "1", "verdict on inclusion residual", extra=_INCLUSION),
     _count("iterations", "steps of the solver", extra=_JUDGED),
     _count("evaluations", "evaluations of the energy", extra=_JUDGED),
-    _result("u_T_max", "m", "largest absolute tangential displacement on the contact line"),
-    _result("friction_resultant", "N m-1", "integral of -S_T over the contact line, per unit thickness"),
-    _result("slip_length", "m", "length of the contact line that does not stick"),
-    _result("lambda_1", "Pa m-1", "smallest tangential stiffness of the body per contact length"),
-    _result("omega", "Pa m-1", "steepest fall of the friction law; infinite if it jumps down"),
-    _result("uniqueness_margin", "Pa m-1", "lambda_1 - omega, with the omega of each node; unique if positive"),
-    FileVariable("unique", "i1", "1", "certified to be the only solution", extra=_CERTIFIED),
-    FileVariable("strict_minimum", "i1", "1", "certified to be a strict local minimum of the energy", extra=_CERTIFIED),
-    FileVariable("global_minimum", "i1", "1", "certified to have the least energy of all states", extra=_CERTIFIED),
-    FileVariable("start_used", "i1", "1", "start that led to the stored solution", extra=_STARTS),
-    FileVariable(
-        "start_energy", "f8", "J m-1", "energy of the solution that each start leads to", (*POINT_LEVEL, "start")
-    ),
-    _result("theta_mean", "K", "mean temperature of the body above its stress-free state", DIFFERENCE),
-    _result("heat_balance", "1", "defect of heat convected away against heat put in, over all heat that moves"),
-    FileVariable("heat_status", "i1", "1", "judgement of the heat balance", extra=_BALANCE),
-    FileVariable("time_mesh", "f8", "s", "wall time of the mesh", _LEVEL),
-    FileVariable("time_assemble", "f8", "s", "wall time of assembling the matrices", _LEVEL),
-    FileVariable("time_condense", "f8", "s", "wall time of condensing to the contact line"),
-    FileVariable("time_solve", "f8", "s", "wall time of solving the contact problem"),
+    _result("u_T_max", "m", "largest |u_T|", "tangential displacement on the contact line"),
+    _result("friction_resultant", "N m-1", "friction resultant", _INTEGRAL),
+    _result("slip_length", "m", "slip length", _SLIPPING),
+    _result("lambda_1", "Pa m-1", "tangential stiffness lambda_1", "smallest of the body, per contact length"),
+    _result("omega", "Pa m-1", "steepest fall omega of b", "infinite if the friction law jumps down"),
+    _result("uniqueness_margin", "Pa m-1", "lambda_1 - omega", "with the omega of each node; the solution is unique if positive"),
+    FileVariable("unique", "i1", "1", "only solution", extra=_CERTIFIED),
+    FileVariable("strict_minimum", "i1", "1", "strict local energy minimum", extra=_CERTIFIED),
+    FileVariable("global_minimum", "i1", "1", "least energy of all states", extra=_CERTIFIED),
+    FileVariable("start_used", "i1", "1", "start of the stored solution", extra=_STARTS),
+    FileVariable("start_energy", "f8", "J m-1", "energy by start", (*POINT_LEVEL, "start")),
+    _result("theta_mean", "K", "mean temperature", "of the body above its stress-free state", DIFFERENCE),
+    _result("heat_balance", "1", "defect of heat balance", "heat convected away against heat put in, relative"),
+    FileVariable("heat_status", "i1", "1", "verdict on heat balance", extra=_BALANCE),
+    _time("time_mesh", "mesh", _LEVEL),
+    _time("time_assemble", "assemble", _LEVEL),
+    _time("time_condense", "condense"),
+    _time("time_solve", "solve"),
 )
 
 _BY_SOLVER = (*POINT_LEVEL, "solver")
+_DIFFERENCE = (("comment", "max |u_T - u_T of the first solver| over max |u_T| of the first"),)
 SOLVERS: tuple[FileVariable, ...] = (
     FileVariable("solver_residual", "f8", "1", "inclusion residual by solver", _BY_SOLVER),
     FileVariable("solver_energy", "f8", "J m-1", "energy by solver", _BY_SOLVER),
     FileVariable("solver_iterations", "i4", "1", "steps by solver", _BY_SOLVER, extra=_COUNT),
     FileVariable("solver_time", "f8", "s", "wall time by solver", _BY_SOLVER),
-    FileVariable(
-        "solver_difference", "f8", "1", "max |u_T - u_T of the first solver| over max |u_T| of the first", _BY_SOLVER
-    ),
+    FileVariable("solver_difference", "f8", "1", "difference to the first solver", _BY_SOLVER, extra=_DIFFERENCE),
 )
 """What is kept of every solver where a study names several; the first one's solution is the stored one."""
 
 ESTIMATES: tuple[FileVariable, ...] = (
-    _result("error_estimate", "1", "estimated error of the displacement in the energy norm, relative to its own norm"),
-    FileVariable("stop", "str", "1", "why refinement ended on the level, in words; empty if it went on", _LEVEL),
+    _result("error_estimate", "1", "estimated error", "of the displacement in the energy norm, over its own norm"),
+    FileVariable("stop", "str", "", "why refinement ended", _LEVEL),
 )
 """What is kept where errors are estimated."""
 
 _GOALS = {
-    "friction_resultant": ("N m-1", "integral of -S_T over the contact line, per unit thickness"),
-    "slip_length": ("m", "length of the contact line that does not stick"),
+    "friction_resultant": ("N m-1", _INTEGRAL),
+    "slip_length": ("m", _SLIPPING),
     "u_T": ("m", "tangential displacement at the point of the study"),
 }
 
@@ -200,35 +206,39 @@ def _goal_variables(goal: Goal, exact: bool) -> tuple[FileVariable, ...]:
     if goal.quantity == "energy":
         return ()
     units, what = _GOALS[goal.quantity]
-    estimate = _result("goal_estimate", units, "estimated absolute error of goal")
-    kept = (_result("goal", units, f"goal: {what}"), estimate)
+    estimate = _result("goal_estimate", units, "estimated error of the goal", "absolute")
+    kept = (_result("goal", units, "goal of the study", what), estimate)
     if goal.known is None and not exact:
         return kept
-    known = " against the exact solution" if goal.known is None else f"; it is known to be {goal.known!r}"
-    error = _result("goal_error", units, f"absolute error of goal{known}")
-    return (*kept, error, _result("goal_effectivity", "1", "goal_estimate over goal_error"))
+    known = "against the exact solution" if goal.known is None else f"against {goal.known!r}, which is known"
+    error = _result("goal_error", units, "error of the goal", f"absolute, {known}")
+    return (
+        *kept,
+        error,
+        _result("goal_effectivity", "1", "effectivity of the estimate", "goal_estimate over goal_error"),
+    )
 
 
 _GOAL_NAMES = ("goal", "goal_estimate", "goal_error", "goal_effectivity")
 
-LEVEL_COORDINATE = FileVariable("level", "i4", "1", "mesh level, from coarse to fine", _LEVEL, coordinate=True)
+LEVEL_COORDINATE = FileVariable("level", "i4", "1", "mesh level", _LEVEL, coordinate=True)
 
 _NODE = ("node",)
 _AT_NODE = (("coordinates", "arclength x y"),)
 
 CONTACT: tuple[FileVariable, ...] = (
-    FileVariable("arclength", "f8", "m", "arc length along the contact line", _NODE, coordinate=True),
+    FileVariable("arclength", "f8", "m", "arc length on contact line", _NODE, coordinate=True),
     FileVariable("x", "f8", "m", "x of the contact node", _NODE, coordinate=True),
     FileVariable("y", "f8", "m", "y of the contact node", _NODE, coordinate=True),
-    FileVariable("c", "f8", "m", "length of the contact segment around the node", _NODE, extra=_AT_NODE),
-    FileVariable("edge", "i1", "1", "contact edge that the node lies on", _NODE, extra=_AT_NODE),
+    FileVariable("c", "f8", "m", "contact length of the node", _NODE, extra=_AT_NODE),
+    FileVariable("edge", "i1", "1", "contact edge", _NODE, extra=_AT_NODE),
     FileVariable("u_T", "f8", "m", "tangential displacement", (SWEEP, "node"), extra=_JUDGED + _AT_NODE),
     FileVariable("xi", "f8", "Pa", "tangential traction -S_T", (SWEEP, "node"), extra=_JUDGED + _AT_NODE),
     FileVariable(
         "sticks",
         "i1",
         "1",
-        "whether the node rests on an up-jump of the friction law",
+        "rests on an up-jump of b",
         (SWEEP, "node"),
         extra=_STICKS + _AT_NODE,
         no_value=UNKNOWN,
@@ -241,7 +251,6 @@ _CONNECTIVITY = (("cf_role", "face_node_connectivity"), ("start_index", np.int32
 MESH_TOPOLOGY: dict[str, Any] = {
     "cf_role": "mesh_topology",
     "long_name": "triangulation of the body",
-    "units": "1",
     "topology_dimension": np.int32(2),
     "node_coordinates": "node_x node_y",
     "face_node_connectivity": "triangle",
@@ -258,9 +267,9 @@ FIELDS: tuple[FileVariable, ...] = (
         "theta",
         "f8",
         "K",
-        "temperature above the stress-free state",
+        "temperature",
         (SWEEP, "mesh_node"),
-        extra=_AT_MESH + DIFFERENCE,
+        extra=(*_AT_MESH, *DIFFERENCE, ("comment", "above the stress-free state")),
     ),
     FileVariable("u_x", "f8", "m", "displacement in x", (SWEEP, "mesh_node"), extra=_AT_MESH),
     FileVariable("u_y", "f8", "m", "displacement in y", (SWEEP, "mesh_node"), extra=_AT_MESH),

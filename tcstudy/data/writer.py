@@ -47,7 +47,10 @@ def axis_name(axis: Axis) -> str:
 
 def axis_attributes(axis: Axis) -> dict[str, Any]:
     """Attributes of the coordinate variable of a swept parameter."""
-    attrs = {"long_name": f"swept parameter {'.'.join(axis.path)}", "units": axis.units}
+    attrs = {"long_name": ".".join(axis.path)}
+    if axis_labels(axis).dtype == object:  # texts have no units
+        return attrs
+    attrs["units"] = axis.units
     attrs |= {"distribution": axis.distribution} if axis.distribution else {}
     return attrs | dict(DIFFERENCE) if axis.units == "K" else attrs
 
@@ -203,7 +206,7 @@ def put_axes(nc: netCDF4.Dataset, study: Study) -> None:
 
 def put_names(nc: netCDF4.Dataset, dim: str, names: Iterable[str], long_name: str, study: Study) -> None:
     """A dimension with texts as its coordinate."""
-    put(nc, FileVariable(dim, "str", "1", long_name, (dim,), coordinate=True), study, list(names))
+    put(nc, FileVariable(dim, "str", "", long_name, (dim,), coordinate=True), study, list(names))
 
 
 def in_file_order(study: Study, values: NDArray[Any]) -> NDArray[Any]:
@@ -230,7 +233,8 @@ def attributes(variable: FileVariable, study: Study) -> dict[str, Any]:
     if study.mode == "list" and SWEEP in variable.dims:
         names = (extra.get("coordinates", ""), *(axis_name(axis) for axis in study.axes))
         extra["coordinates"] = " ".join(names).strip()
-    return {"long_name": long_name, "units": units, **extra}
+    named = {"long_name": long_name} if variable.dtype == "str" else {"long_name": long_name, "units": units}
+    return named | extra
 
 
 def sweep_points(study: Study) -> xarray.Dataset:

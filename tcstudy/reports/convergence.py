@@ -103,7 +103,8 @@ def _overview(data: Any, points: list[dict[str, int]]) -> Iterator[Part]:
         yield "There is no reference, and so no errors; what the numbers tend to: --full."
         return
     swept = [
-        (name, *scaled_labels(data[name].values.tolist(), str(data[name].attrs["units"]))) for name in axis_names(data)
+        (name, *scaled_labels(data[name].values.tolist(), str(data[name].attrs.get("units", "1"))))
+        for name in axis_names(data)
     ]
     rows = []
     for where in points:

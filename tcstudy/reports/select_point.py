@@ -18,7 +18,7 @@ from tcstudy.scene import units as u
 Value = float | int | str
 
 SWEPT = "swept parameter "
-"""What stands before the key path in the long name of an axis (see data.schema)."""
+"""What stands before the key path in the long name of an axis in files of earlier versions."""
 CLOSE = 1e-3
 """Relative distance at which a number is taken for a label: what tables print has four digits."""
 
@@ -190,7 +190,9 @@ def describe(data: Any, where: Mapping[str, int]) -> str:
     parts = []
     for name in axis_names(data):
         axis = data[name]
-        shown, unit = scaled_labels(axis.values.tolist(), str(axis.attrs["units"]), 6)  # one unit for a whole axis
+        shown, unit = scaled_labels(
+            axis.values.tolist(), str(axis.attrs.get("units", "1")), 6
+        )  # one unit for a whole axis
         parts.append(f"{name} = {shown[where[str(axis.dims[0])]]}" + (f" {unit}" if unit != "1" else ""))
     return ", ".join(parts)
 
@@ -206,7 +208,7 @@ def labels(data: Any, where: Mapping[str, int]) -> list[tuple[str, float | str, 
     found = []
     for name in axis_names(data):
         value = data[name].isel(where, missing_dims="ignore").item()
-        found.append((name, value if isinstance(value, str) else float(value), str(data[name].attrs["units"])))
+        found.append((name, value if isinstance(value, str) else float(value), str(data[name].attrs.get("units", "1"))))
     return found
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.provenance import kind_from
+from tcstudy.data.schema import POINT
 
 if TYPE_CHECKING:
     import netCDF4
@@ -39,7 +40,8 @@ class FileSweep:
     def of(cls, nc: netCDF4.Dataset) -> FileSweep:
         dims = tuple(d for d in nc["status"].dimensions if d != "level") if "level" in nc.dimensions else ()
         dims = dims if kind_from(nc.__dict__) in ("run", "convergence") else ()
-        own = {n: v for n, v in nc.variables.items() if str(getattr(v, "long_name", "")).startswith("swept parameter ")}
+        names = getattr(nc["status"], "coordinates", "").split() if dims == (POINT,) else dims  # a list names them
+        own = {name: nc[name] for name in names}
         return cls(
             dims,
             tuple(int(nc.dimensions[d].size) for d in dims),

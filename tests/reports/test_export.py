@@ -139,6 +139,21 @@ def check_balance(solid: object, area: np.ndarray) -> None:
     assert work == pytest.approx(g * height * length**2 / 2, rel=0.05)
 
 
+@pytest.mark.filterwarnings("ignore:numba is not installed", "ignore:No (standard_name|CRS)")  # those of maps
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_xugrid_opens_the_mesh_of_a_level(run: Path) -> None:
+    xugrid = pytest.importorskip("xugrid", reason="xugrid, which reads UGRID, is not installed")
+    with tcstudy.open_results(run) as tree:
+        level = tree["level_1"].to_dataset()
+        opened = xugrid.UgridDataset(level)
+        grid = opened.grid
+        assert (grid.name, grid.node_dimension, grid.face_dimension) == ("mesh", "mesh_node", "mesh_face")
+        assert np.array_equal(grid.node_coordinates, np.column_stack([level["node_x"], level["node_y"]]))
+        assert np.sum(grid.area) == pytest.approx(0.02)
+        assert opened["u_x"].sel(E=100e9, theta_bar=40.0).sizes == {"mesh_node": grid.n_node}
+        assert all(level[name].attrs["location"] == "node" for name in ("theta", "u_x", "u_y"))
+
+
 def test_without_fields_and_solutions_the_lines_are_written(tmp_path: Path) -> None:
     path = result(tmp_path / "plate.nc", fields=False)
     written = write_fields(path, tmp_path / "plate", {"alpha": 100})

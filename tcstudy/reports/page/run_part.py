@@ -45,7 +45,7 @@ def run_part(stored: Stored, box: Container) -> Json:
     kind = "f8" if points * levels * len(names) * 8 <= ROOM_FOR_DOUBLES else "f4"
     numbers = {
         name: {
-            "long_name": str(data[name].attrs.get("long_name", name)),
+            "long_name": ": ".join(data[name].attrs.get(key, "") for key in ("long_name", "comment")).rstrip(": "),
             "units": str(data[name].attrs.get("units", "1")),
             "v": box.array(flat(name), "f8" if name == "energy" else kind),
         }
