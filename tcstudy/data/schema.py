@@ -151,9 +151,7 @@ ROOT: tuple[FileVariable, ...] = (
     FileVariable("reason", "str", "", "reason of the status", extra=(("comment", "why the point is not ok"),)),
     _result("energy", "J m-1", "energy", "of the discrete problem at the solution, per unit thickness"),
     _result("inclusion_residual", "1", "inclusion residual", "largest distance of -S_T from b, filled, over its scale"),
-    _result(
-        "inclusion_rounding", "1", "inclusion residual of rounding", "what doubles of displacements and data allow"
-    ),
+    _result("inclusion_rounding", "1", "inclusion residual of rounding", "what the rounding of doubles allows"),
     FileVariable("inclusion_status", "i1", "1", "verdict on inclusion residual", extra=_INCLUSION),
     _count("iterations", "steps of the solver", extra=_JUDGED),
     _count("evaluations", "evaluations of the energy", extra=_JUDGED),
@@ -162,7 +160,12 @@ ROOT: tuple[FileVariable, ...] = (
     _result("slip_length", "m", "slip length", _SLIPPING),
     _result("lambda_1", "Pa m-1", "tangential stiffness lambda_1", "smallest of the body, per contact length"),
     _result("omega", "Pa m-1", "steepest fall omega of b", "infinite if the friction law jumps down"),
-    _result("uniqueness_margin", "Pa m-1", "lambda_1 - omega", "with the omega of each node; the solution is unique if positive"),
+    _result(
+        "uniqueness_margin",
+        "Pa m-1",
+        "lambda_1 - omega",
+        "with the omega of each node; the solution is unique if positive",
+    ),
     FileVariable("unique", "i1", "1", "only solution", extra=_CERTIFIED),
     FileVariable("strict_minimum", "i1", "1", "strict local energy minimum", extra=_CERTIFIED),
     FileVariable("global_minimum", "i1", "1", "least energy of all states", extra=_CERTIFIED),
