@@ -160,12 +160,7 @@ ROOT: tuple[FileVariable, ...] = (
     _result("slip_length", "m", "slip length", _SLIPPING),
     _result("lambda_1", "Pa m-1", "tangential stiffness lambda_1", "smallest of the body, per contact length"),
     _result("omega", "Pa m-1", "steepest fall omega of b", "infinite if the friction law jumps down"),
-    _result(
-        "uniqueness_margin",
-        "Pa m-1",
-        "lambda_1 - omega",
-        "with the omega of each node; the solution is unique if positive",
-    ),
+    _result("uniqueness_margin", "Pa m-1", "lambda_1 - omega", "with the omega of each node; unique if positive"),
     FileVariable("unique", "i1", "1", "only solution", extra=_CERTIFIED),
     FileVariable("strict_minimum", "i1", "1", "strict local energy minimum", extra=_CERTIFIED),
     FileVariable("global_minimum", "i1", "1", "least energy of all states", extra=_CERTIFIED),
@@ -215,11 +210,8 @@ def _goal_variables(goal: Goal, exact: bool) -> tuple[FileVariable, ...]:
         return kept
     known = "against the exact solution" if goal.known is None else f"against {goal.known!r}, which is known"
     error = _result("goal_error", units, "error of the goal", f"absolute, {known}")
-    return (
-        *kept,
-        error,
-        _result("goal_effectivity", "1", "effectivity of the estimate", "goal_estimate over goal_error"),
-    )
+    effectivity = _result("goal_effectivity", "1", "effectivity of the estimate", "goal_estimate over goal_error")
+    return (*kept, error, effectivity)
 
 
 _GOAL_NAMES = ("goal", "goal_estimate", "goal_error", "goal_effectivity")
@@ -267,11 +259,7 @@ MESH: tuple[FileVariable, ...] = (
 )
 FIELDS: tuple[FileVariable, ...] = (
     FileVariable(
-        "theta",
-        "f8",
-        "K",
-        "temperature",
-        (SWEEP, "mesh_node"),
+        *("theta", "f8", "K", "temperature", (SWEEP, "mesh_node")),
         extra=(*_AT_MESH, *DIFFERENCE, ("comment", "above the stress-free state")),
     ),
     FileVariable("u_x", "f8", "m", "displacement in x", (SWEEP, "mesh_node"), extra=_AT_MESH),
