@@ -146,7 +146,7 @@ def fitting(
         axis = data[name]
         place = int(np.argmax(_fits(name, axis, wanted[name], "file"))) if name in wanted else 0
         keep &= labels[name] == axis.values[place]
-        shown, unit = scaled_labels(axis.values.tolist(), str(axis.attrs["units"]), 6)
+        shown, unit = scaled_labels(axis.values.tolist(), str(axis.attrs.get("units", "1")), 6)
         fixed.append(Fixed(name, shown[place], unit, name not in wanted and len(shown) > 1))
     if not keep.any():
         raise DrawError(f"no point of the file has {' and '.join(one.words for one in fixed)} together")
