@@ -24,11 +24,16 @@ Array = NDArray[np.float64]
 
 LOOKS = ((style.BLUE, "o"), (style.VERMILLION, "s"), (style.INK, "^"))
 """Colour and marker of the first, second and third error of a panel."""
+HIDDEN = 0.1
+"""Relative difference up to which one curve hides another, as that in H¹ does the one in energy; it is then broad."""
 
-LEFT, RIGHT, GAP, PANEL = 0.75, 0.25, 0.85, 2.55
+LEFT, RIGHT, GAP, PANEL = 0.8, 0.2, 0.95, 2.55
 HEAD, FOOT = 1.05, 0.6
 LEGEND_LINE = 0.18
 """Height of a line of a legend [inch]."""
+
+BESIDE = 0.2
+"""Room for the number of a triangle left of the finest mesh, as a part of the range of h."""
 
 APART = 1.7
 """Factor between a curve and its triangle."""
@@ -66,11 +71,18 @@ def _unsettled(at: Any, name: str) -> bool:
     return int(at[f"verdict_{name}"]) == VERDICTS.index("pre_asymptotic")
 
 
+def _two_points(at: Any, name: str) -> bool:
+    """Whether the rate is that of two levels, so that nothing says how far to trust it."""
+    return bool(np.isfinite(float(at[f"slope_{name}"])) and not np.isfinite(float(at[f"slope_error_{name}"])))
+
+
 def _marks(at: Any, names: list[str]) -> str:
     """What dashes and hollow points mean, where there are some."""
     words = []
     if any(_unsettled(at, name) for name in names):
         words.append("dashed: pre-asymptotic")
+    if any(_two_points(at, name) for name in names):
+        words.append("pale: a rate of two levels")
     if (at["status"].values != int(PointStatus.OK)).any():
         words.append("hollow: did not converge")
     return ";  ".join(["relative errors", *words])
@@ -88,7 +100,8 @@ def _figure(data: Any, at: Any, point: str, groups: list[tuple[str, str, list[st
         f"reference: {str(data.attrs['reference']).split(' (')[0]}",
         _marks(at, [n for g in groups for n in g[2]]),
     ]
-    figure.text(x, 1 - 0.55 / height, ";  ".join([point, *caption] if point else caption), parse_math=False)
+    named = [style.point_words(point)] if point else []
+    figure.text(x, 1 - 0.55 / height, ";  ".join([*named, *caption]))
     width = (style.WIDTH - LEFT - RIGHT - GAP) / 2
     h = data["h_max"].values
     divisor, unit = style.axis_unit(h, data["h_max"].attrs["units"])
@@ -98,8 +111,7 @@ def _figure(data: Any, at: Any, point: str, groups: list[tuple[str, str, list[st
         axes = style.inches(figure, LEFT + column * (width + GAP), bottom, width, PANEL)
         _panel(axes, at, h / divisor, names)
         axes.set_title(f"{math_symbol(symbol)}: {words.replace('Γ_C', math_symbol('Γ_C'))}", loc="left")
-        if i + 2 >= len(groups):
-            axes.set_xlabel(style.labelled("longest element edge h", unit))
+        axes.set_xlabel(style.labelled("longest element edge h", unit))
     return figure
 
 
@@ -109,8 +121,11 @@ def _panel(axes: Axes, at: Any, h: Array, names: list[str]) -> None:
     for name, (color, marker) in zip(names, LOOKS, strict=False):
         error = at[f"error_{name}"].values
         good, bad = ok & (error > 0), ~ok & (error > 0)
-        line = "--" if _unsettled(at, name) else "-"
+        line = "--" if _unsettled(at, name) or _two_points(at, name) else "-"
         solid: dict[str, Any] = {"label": _label(at, name), "markersize": 5, "linewidth": 1.4, "linestyle": line}
+        solid |= {"alpha": 0.45} if _two_points(at, name) else {}
+        if any(_hides(at, other, name) for other in names[names.index(name) + 1 :]):
+            solid |= {"markersize": 9, "linewidth": 3.2, "markerfacecolor": "white"}
         axes.loglog(h[good], error[good], color=color, marker=marker, **solid)
         axes.loglog(h[bad], error[bad], color=color, marker=marker, markersize=6, fillstyle="none", linestyle="")
     _triangles(axes, at, h, names, ok)
@@ -121,8 +136,19 @@ def _panel(axes: Axes, at: Any, h: Array, names: list[str]) -> None:
     low, high = np.log10(axes.get_ylim())
     room = (LEGEND_LINE * len(names) + 0.05) / PANEL  # below all curves, so that the legend covers none
     axes.set_ylim(10 ** (high - (high - low) / (1 - room)), 10**high)
-    axes.set_xlim(left=axes.get_xlim()[0] * 0.85)
+    left, right = np.log10([h[drawn].min(), h[drawn].max()])
+    span = (right - left) or 1.0
+    axes.set_xlim(10 ** (left - BESIDE * span), 10 ** (right + 0.06 * span))
+    axes.set_ylabel("relative error")
+    style.few_ticks(axes.yaxis)
     axes.legend(loc="lower right", frameon=False, fontsize=8.5, handlelength=1.6, borderaxespad=0.1)
+
+
+def _hides(at: Any, one: str, other: str) -> bool:
+    """Whether one curve, drawn later, lies on another."""
+    a, b = at[f"error_{one}"].values, at[f"error_{other}"].values
+    both = (a > 0) & (b > 0)
+    return bool(both.any() and np.all(np.abs(a[both] - b[both]) <= HIDDEN * b[both]))
 
 
 def _label(at: Any, name: str) -> str:

@@ -16,11 +16,10 @@ from tcstudy.scene.families import FAMILIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-GREEN, GOLD, GREY = "#009e73", "#f0c000", "#bdbdbd"
-COLOURS = dict(zip((*FAMILIES, OWN), (style.INK, style.VERMILLION, style.BLUE, GREEN), strict=True))
+GOLD = "#f0c000"
+COLOURS = dict(zip((*FAMILIES, OWN), (style.INK, style.VERMILLION, style.BLUE, style.GREEN), strict=True))
 MARKS = dict(zip((*FAMILIES, OWN), "sDo^", strict=True))
 LINES: tuple[Any, ...] = ("-", (0, (1.2, 1.6)), (0, (4, 2)), (0, (4, 2, 1, 2)))
 """Line styles of the first, second … solver."""
@@ -29,8 +28,8 @@ HEAD, PANEL, FOOT = 1.28, 3.3, 0.62
 LEFT, GAP, RIGHT = 0.75, 0.55, 0.2
 LINE = 0.19
 """Height of a line of text below the panels [inch]."""
-NARROW = 40.0
-"""Ratio of the ends of an axis up to which its ticks are plain numbers."""
+PALE = 0.32
+"""Opacity of curves that others beat everywhere, and of the fill of marks that others beat."""
 
 
 def plot_cost(path: Path, target: Path, measure: str | None = None) -> str:
@@ -57,9 +56,9 @@ def _figure(data: Any, measure: str) -> Figure:
     figure = Figure(figsize=(style.WIDTH, height))
     x = LEFT / style.WIDTH
     figure.text(x, 1 - 0.3 / height, data.attrs["title"], fontsize=12, fontweight="bold", parse_math=False)
-    words = [data.attrs["point"], f"reference: {data.attrs['reference']}"]
+    words = [style.point_words(data.attrs["point"]), f"reference: {data.attrs['reference']}"]
     for i, line in enumerate(filter(None, words)):
-        figure.text(x, 1 - (0.55 + LINE * i) / height, line, parse_math=False, fontsize=8.5)
+        figure.text(x, 1 - (0.55 + LINE * i) / height, line, fontsize=8.5)
     width = (style.WIDTH - LEFT - GAP - RIGHT) / 2
     left = style.inches(figure, LEFT, foot, width, PANEL)
     right = style.inches(figure, LEFT + width + GAP, foot, width, PANEL)
@@ -74,29 +73,17 @@ def _figure(data: Any, measure: str) -> Figure:
     for axes in (left, right):
         axes.set_ylim(min(errors) / 1.6, max(errors) * 1.6)
         for axis in (axes.xaxis, axes.yaxis):
-            _few_ticks(axis)
+            style.few_ticks(axis)
     left.set_ylabel(f"relative error of {math_symbol(SYMBOLS[measure])}")
     right.tick_params(which="both", labelleft=False)
-    _legend(left, data)
+    _legend(left, data, found)
     for i, line in enumerate(told):
         figure.text(x, (foot - FOOT - LINE * i) / height, line, fontsize=8.5, va="top", parse_math=False)
     return figure
 
 
-def _few_ticks(axis: Axis) -> None:
-    """Below NARROW, numbers at 1, 2 and 5 only: powers of ten at every digit run into each other and off the page."""
-    from matplotlib.ticker import FuncFormatter, LogLocator
-
-    low, high = sorted(axis.get_view_interval())
-    if high < NARROW * low:
-        plain = FuncFormatter(lambda value, _: f"{value:g}")
-        axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
-        axis.set_major_formatter(plain)
-        axis.set_minor_formatter(plain)
-
-
 def _over_time(axes: Axes, data: Any, found: list[Setting]) -> None:
-    """Curves over wall time with bands to the upper quartile; those nothing speaks for are grey."""
+    """Curves over wall time with bands to the upper quartile; those that are beaten everywhere are pale."""
     worthy, champion = curves_on_front(found), best(found)
     solvers = data["solver"].values.tolist()
     for family in data["family"].values.tolist():
@@ -104,24 +91,30 @@ def _over_time(axes: Axes, data: Any, found: list[Setting]) -> None:
             own = [s for s in found if (s.family, s.solver) == (family, solver) and s.error > 0 and s.time > 0]
             if not own:
                 continue
-            color = COLOURS[family] if (family, solver) in worthy else GREY
+            color, opacity = COLOURS[family], 1.0 if (family, solver) in worthy else PALE
             solved = [s for s in own if s.solved]
             time, error = (np.array([getattr(s, name) for s in solved]) for name in ("time", "error"))
             upper = np.array([s.upper for s in solved])
             heavy = (family, solver) == champion
-            axes.fill_betweenx(error, time, upper, color=color, alpha=0.16, linewidth=0)
-            axes.plot(time, error, color=color, linestyle=LINES[k % len(LINES)], linewidth=2.2 if heavy else 1.2)
-            _points(axes, own, [s.time for s in own], color)
+            axes.fill_betweenx(error, time, upper, color=color, alpha=0.16 * opacity, linewidth=0)
+            width = 2.2 if heavy else 1.2
+            axes.plot(time, error, color=color, linestyle=LINES[k % len(LINES)], linewidth=width, alpha=opacity)
+            _points(axes, own, color, opacity)
     _name(axes, champion)
     _star(axes, found, lambda s: s.time)
     axes.set_xlabel("wall time [s]: least of all runs, band to the upper quartile")
 
 
-def _points(axes: Axes, own: list[Setting], x: list[float], color: str) -> None:
-    """Marks: filled on the front, pale where something better was measured, hollow where it did not converge."""
-    for s, at in zip(own, x, strict=True):
-        face = color if s.solved and not s.dominated else "white" if not s.solved else style.SHADE
-        axes.plot(at, s.error, MARKS[s.family], color=color, markersize=4.5, markerfacecolor=face, markeredgewidth=0.9)
+def _points(axes: Axes, own: list[Setting], color: str, opacity: float) -> None:
+    """Marks: filled on the front, pale where another setting is better in both, hollow where it did not converge."""
+    from matplotlib.colors import to_rgba
+
+    for s in own:
+        face = to_rgba(color, 1.0 if not s.dominated else 0.5 * PALE) if s.solved else "white"
+        edge = to_rgba(color, opacity)
+        axes.plot(
+            s.time, s.error, MARKS[s.family], color=edge, markersize=4.5, markerfacecolor=face, markeredgewidth=0.9
+        )
 
 
 def _name(axes: Axes, champion: tuple[str, str] | None) -> None:
@@ -157,14 +150,16 @@ def _over_unknowns(axes: Axes, data: Any, found: list[Setting]) -> None:
 
 
 def _star(axes: Axes, found: list[Setting], x: Any) -> None:
-    """The study's own settings."""
+    """The study's own settings; white inside where another setting is better in both."""
     for s in found:
         if s.own and np.isfinite(s.error):
-            axes.plot(x(s), s.error, "*", color=GOLD, markersize=15, markeredgecolor=style.INK, markeredgewidth=0.8)
+            face = "white" if s.dominated else GOLD
+            axes.plot(x(s), s.error, "*", color=face, markersize=13, markeredgecolor=style.INK, markeredgewidth=0.9)
 
 
-def _legend(axes: Axes, data: Any) -> None:
-    """Families by colour and mark, solvers by line, the star; once, above both panels."""
+def _legend(axes: Axes, data: Any, found: list[Setting]) -> None:
+    """Families by colour and mark, solvers by line, what pale and hollow marks mean; once, above both panels."""
+    from matplotlib.colors import to_rgba
     from matplotlib.lines import Line2D
 
     handles = [
@@ -173,10 +168,19 @@ def _legend(axes: Axes, data: Any) -> None:
     ]
     for k, solver in enumerate(data["solver"].values.tolist()):
         handles.append(Line2D([], [], color=style.INK, linestyle=LINES[k % len(LINES)], linewidth=1.2, label=solver))
-    star: dict[str, Any] = {"marker": "*", "markersize": 11, "markeredgecolor": style.INK, "linestyle": ""}
-    handles.append(Line2D([], [], color=GOLD, label="own settings", **star))
-    handles.append(Line2D([], [], color=GREY, linewidth=2, label="dominated"))
+    star: dict[str, Any] = {"marker": "*", "markersize": 10, "markeredgecolor": style.INK, "linestyle": ""}
+    beaten = any(s.own and s.dominated for s in found)
+    text = "the study's own (beaten)" if beaten else "the study's own"
+    handles.append(Line2D([], [], color="white" if beaten else GOLD, label=text, **star))
+    pale = to_rgba(style.INK, 0.5 * PALE)
+    marks: list[tuple[str, Any, bool]] = [("best at its error", style.INK, any(not s.dominated for s in found)),
+             ("pale: another is faster and closer", pale, any(s.dominated and s.solved for s in found)),
+             ("not converged", "white", any(not s.solved for s in found))]  # fmt: skip
+    for label, face, there in marks:
+        if there:
+            handles.append(Line2D([], [], color=style.INK, marker="o", markersize=4.5, markerfacecolor=face,
+                                  markeredgewidth=0.9, linestyle="", label=label))  # fmt: skip
     axes.legend(
         handles=handles, loc="lower left", bbox_to_anchor=(-0.02, 1.0), ncol=(len(handles) + 1) // 2, frameon=False,
-        fontsize=8.5, handlelength=1.8, columnspacing=1.2, borderaxespad=0.1, labelspacing=0.25,
+        fontsize=8, handlelength=1.6, columnspacing=1.0, borderaxespad=0.1, labelspacing=0.25,
     )  # fmt: skip

@@ -16,7 +16,7 @@ from tcstudy.reports.picture import Picture, read_picture
 from tcstudy.reports.select_point import Value, locate
 from tcstudy.reports.sheet import Sheet
 from tcstudy.reports.stored_study import file_order, stored_study
-from tcstudy.reports.text import label, number
+from tcstudy.reports.text import counted, label, number
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def law_figure(picture: LawPicture, look: style.Look) -> Figure:
     for which, how in ((sticks, STICKING), (~sticks, SLIPPING)):
         if which.any():
             sheet.axes.plot(line.u_T[which] / slip, line.xi[which] / stress, linestyle="none", markersize=4,
-                            markeredgewidth=0, alpha=0.8, clip_on=False, zorder=4, **how)  # fmt: skip
+                            markeredgewidth=0.4, markeredgecolor="white", clip_on=False, zorder=4, **how)  # fmt: skip
     sheet.axes.set_xlabel(style.labelled("slip $u_T$", slip_unit))
     sheet.label(style.labelled(r"friction $\xi = -S_T$", stress_unit))
     sheet.key(_handles(law, int(sticks.sum()), int((~sticks).sum()), line.sticks is not None), below=True)
@@ -154,8 +154,11 @@ def _handles(law: FrictionLaw, sticking: int, slipping: int, known: bool) -> lis
     from matplotlib.lines import Line2D
 
     point: dict[str, Any] = {"linestyle": "none", "markersize": 5}
-    entries = [(True, CURVE_STYLE, "law b(s)"), (bool(np.any(law.kinds == UP)), UP_STYLE, "up-jump"),
-               (bool(np.any(law.kinds == DOWN)), DOWN_STYLE, "down-jump: sudden loss"),
-               (sticking > 0, STICKING | point, f"sticks ({sticking} nodes)"),
-               (slipping > 0, SLIPPING | point, f"{'slips' if known else 'contact'} ({slipping} nodes)")]  # fmt: skip
+    entries = [
+        (True, CURVE_STYLE, "law b(s)"),
+        (bool(np.any(law.kinds == UP)), UP_STYLE, "up-jump"),
+        (bool(np.any(law.kinds == DOWN)), DOWN_STYLE, "down-jump: sudden loss"),
+        (sticking > 0, STICKING | point, f"sticks ({counted(sticking, 'node')})"),
+        (slipping > 0, SLIPPING | point, ("slips" if known else "contact") + f" ({counted(slipping, 'node')})"),
+    ]
     return [Line2D([], [], **how, label=text) for there, how, text in entries if there]

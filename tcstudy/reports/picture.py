@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from tcstudy.data.schema import STICKS, UNKNOWN
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import Value, check_solved, describe, labels, level_number, locate
+from tcstudy.reports.stored_study import NamedEdge, at_rest, outline, sources, stored_study
 
 Array = NDArray[np.float64]
 
@@ -69,6 +70,13 @@ class LineFields:
         # The outer halves are what is left of c_i: nothing at a free end, a whole element beside a held node.
         return np.concatenate([[middles[0] - c[0]], middles, [middles[-1] + c[-1]]])
 
+    def held(self, part: slice) -> tuple[bool, bool]:
+        """Whether a part begins and ends at a held node, which carries no unknown."""
+        s, cells = self.arclength[part], self.cells(part)
+        room = NEAR * float(self.c[part].sum())
+        ends = abs(cells[0] - s[0]) > room, abs(cells[-1] - s[-1]) > room
+        return (False, False) if self.closed(part) or len(s) == 1 else (bool(ends[0]), bool(ends[1]))
+
     def closed(self, part: slice) -> bool:
         """True if the part is a ring: the segment of its first node reaches back to the last one."""
         s, c = self.arclength[part], self.c[part]
@@ -114,6 +122,8 @@ class Picture:
 
     parameters: (name, label, units) of the swept parameters
     point:      the same in words
+    edges:      those of the body with their roles;  sources: outlines (n, 2) of heated regions [length units]
+    at_rest:    whether held ends do not move; what the study does not say is empty and False
     """
 
     title: str
@@ -125,6 +135,9 @@ class Picture:
     residual: float
     line: LineFields
     body: BodyFields | None
+    edges: tuple[NamedEdge, ...] = ()
+    sources: tuple[Array, ...] = ()
+    at_rest: bool = False
 
 
 def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: int = -1) -> Picture:
@@ -138,6 +151,7 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
         where = locate(root, point)
         number = level_number(root, level)
         check_solved(root, where, number)
+        study = stored_study(root)
         at = root.isel(where).isel(level=number)
         group = tree[f"level_{number}"].to_dataset().isel(where, missing_dims="ignore")
         return Picture(
@@ -150,6 +164,9 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
             residual=float(at["inclusion_residual"]),
             line=_line(group, float(at["slip_length"])),
             body=body_fields(group),
+            edges=tuple(outline(study)),
+            sources=tuple(sources(study)),
+            at_rest=at_rest(study),
         )
 
 

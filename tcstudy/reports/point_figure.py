@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,14 +13,16 @@ from numpy.typing import NDArray
 
 from tcstudy.reports import style
 from tcstudy.reports.body_panel import Drawn, draw_body, drawn
-from tcstudy.reports.picture import LineFields, Picture, read_picture
+from tcstudy.reports.boundary_roles import draw_roles, name_parts, runs
+from tcstudy.reports.picture import NEAR, BodyFields, LineFields, Picture, read_picture
 from tcstudy.reports.select_point import Value
 from tcstudy.reports.text import label, number
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
 
 LEFT, RIGHT, PANEL = 0.85, 0.3, 1.3
 """Margins of the picture and height of a contact panel [inch]."""
@@ -62,10 +65,11 @@ def point_figure(picture: Picture) -> Figure:
         figure.text(LEFT / style.WIDTH, 1 - (0.32 + LINE_HEIGHT * (i + 1)) / height, text)
     if shape:
         _put_body(figure, picture, shape, feet + 0.3 + 0.55)
-    width = style.WIDTH - LEFT - RIGHT
+    window = window_below(picture.line, picture.body, shape) if shape and picture.body else None
+    width = shape.size[0] if shape and window else style.WIDTH - LEFT - RIGHT
     lower = style.inches(figure, LEFT, 0.55, width, PANEL)
     upper = style.inches(figure, LEFT, 0.55 + PANEL + 0.28, width, PANEL)
-    draw_line(upper, lower, picture.line, width)
+    draw_line(upper, lower, picture.line, width, picture.at_rest, window)
     figure.align_ylabels([upper, lower])
     return figure
 
@@ -75,6 +79,40 @@ def _put_body(figure: Figure, picture: Picture, shape: Drawn, bottom: float) -> 
     width, height = shape.size
     axes = style.inches(figure, LEFT, bottom, width, height)
     draw_body(figure, axes, picture.body, picture.line, shape)
+    parts = [run for run in runs(picture.body, picture.edges) if run.edge.role not in ("contact", "free")]
+    draw_roles(axes, shape.x, shape.y, parts, shape.per_inch)
+    name_parts(axes, shape.x, shape.y, parts, shape.per_inch, style.LETTER)
+    for source in picture.sources:
+        _put_source(axes, picture.body, shape, source)
+
+
+def _put_source(axes: Axes, body: BodyFields, shape: Drawn, source: Array) -> None:
+    """The outline of a heated region, displaced like the nodes near it."""
+    loop = np.append(source, source[:1], axis=0)
+    fine = np.concatenate([a + np.linspace(0.0, 1.0, 16)[:, None] * (b - a) for a, b in pairwise(loop)])
+    near = [int(np.argmin(np.hypot(body.x - x, body.y - y))) for x, y in fine]
+    unit = float(np.ptp(body.x)) / float(np.ptp(shape.x0))
+    x = fine[:, 0] / unit + shape.x[near] - shape.x0[near]
+    y = fine[:, 1] / unit + shape.y[near] - shape.y0[near]
+    axes.plot(x, y, color=style.INK, linewidth=1.1, linestyle=(0, (4, 2)), zorder=4)
+    ground = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
+    axes.text(float(x.mean()), float(y.mean()), "heated", ha="center", va="center", fontsize=8.5, bbox=ground, zorder=5)
+
+
+def window_below(line: LineFields, body: BodyFields, shape: Drawn) -> tuple[float, float] | None:
+    """Arclengths at the ends of a panel that stands below that of the body, so that s lies below its x [length units].
+
+    None for a contact line that is not straight along x.
+    """
+    length = float(line.c.sum())
+    if np.ptp(line.y) > NEAR * length or len(line.x) < 2:
+        return None
+    sign = 1.0 if line.x[-1] > line.x[0] else -1.0
+    start = line.x - sign * line.arclength
+    if np.ptp(start) > NEAR * length:
+        return None
+    unit = float(np.ptp(body.x)) / float(np.ptp(shape.x0))
+    return sign * (shape.left * unit - float(start[0])), sign * (shape.right * unit - float(start[0]))
 
 
 def _caption(picture: Picture) -> list[str]:
@@ -99,15 +137,21 @@ def _caption(picture: Picture) -> list[str]:
     return [line for text in (",  ".join(parts), ",  ".join(mesh)) for line in wrap.wrap(text)]
 
 
-Array = NDArray[np.float64]
-
 FEW = 60
 """Contact nodes up to which each one gets a dot."""
 
 
-def draw_line(upper: Axes, lower: Axes, line: LineFields, width: float) -> None:
+def draw_line(
+    upper: Axes,
+    lower: Axes,
+    line: LineFields,
+    width: float,
+    at_rest: bool = False,
+    window: tuple[float, float] | None = None,
+) -> None:
     """Both panels; they share the arclength, and `width` is their width [inch].
 
+    at_rest: draw held ends, where u_T = 0;  window: arclengths at the ends of the panels, by default those of the line
     ξ is drawn as it is computed: constant on the segment S_i around every contact node.
     """
     length = float(line.c.sum())
@@ -117,7 +161,7 @@ def draw_line(upper: Axes, lower: Axes, line: LineFields, width: float) -> None:
     for axes in (upper, lower):
         _shade(axes, line, metre)
         axes.axhline(0.0, color=style.PALE, linewidth=0.8, zorder=1)
-        axes.set_xlim(0.0, length / metre)
+        _across(axes, length / metre, (window[0] / metre, window[1] / metre) if window else None)
     for axes, values in ((upper, line.u_T), (lower, line.xi)):
         if not np.any(values):  # a scale around nothing but zero would mean nothing
             axes.set_ylim(-1.0, 1.0)
@@ -126,7 +170,16 @@ def draw_line(upper: Axes, lower: Axes, line: LineFields, width: float) -> None:
     for part in line.parts:
         ends, nodes = line.steps(part)
         at = np.append(line.arclength[part], ends[-1])[: len(nodes)]  # a ring ends with its first node
-        upper.plot(at / metre, line.u_T[nodes] / slip, color=style.BLUE, linewidth=1.5, **dots)
+        u_T, held = line.u_T[nodes], [at_rest and end for end in line.held(part)]
+        if held[0]:
+            at, u_T = np.append(ends[0], at), np.append(0.0, u_T)
+        if held[1]:
+            at, u_T = np.append(at, ends[-1]), np.append(u_T, 0.0)
+        upper.plot(at / metre, u_T / slip, color=style.BLUE, linewidth=1.5, **dots)
+        places = [end / metre for end, there in ((ends[0], held[0]), (ends[-1], held[1])) if there]
+        upper.plot(places, [0.0] * len(places), "s", color=style.INK, markersize=5, zorder=4)
+        if places:
+            upper.annotate("held", (places[0], 0.0), (4, 5), textcoords="offset points", fontsize=8.5)
         lower.stairs(line.xi[nodes] / stress, ends / metre, baseline=None, color=style.VERMILLION, linewidth=1.5)
     upper.tick_params(labelbottom=False)
     upper.set_ylabel(style.labelled("$u_T$", slip_unit))
@@ -135,6 +188,17 @@ def draw_line(upper: Axes, lower: Axes, line: LineFields, width: float) -> None:
     upper.set_title(f"Contact line: {stick_text(line)}", loc="left")
     if len(np.unique(line.edge)) > 1:
         _name_runs(upper, lower, line, metre, width)
+
+
+def _across(axes: Axes, length: float, window: tuple[float, float] | None) -> None:
+    """The arclength from 0 to `length`, as it is drawn; within a wider window ticks and frame end with the line."""
+    axes.set_xlim(*(window or (0.0, length)))
+    if window:
+        from matplotlib.ticker import MaxNLocator
+
+        ticks = MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, length)
+        axes.set_xticks([tick for tick in ticks if -1e-9 * length <= tick <= (1.0 + 1e-9) * length])
+        axes.spines["bottom"].set_bounds(0.0, length)
 
 
 def stick_text(line: LineFields) -> str:

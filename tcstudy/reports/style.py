@@ -21,6 +21,7 @@ from tcstudy.reports.text import POWER_FIRST, prefix
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 WIDTH = 8.0
@@ -206,6 +207,31 @@ def pretty(units: str) -> str:
     if units == "1":
         return ""
     return re.sub(r"(?<=[A-Za-z])-?\d+", lambda power: power[0].translate(_RAISED), units)
+
+
+NARROW = 100.0
+"""Ratio of the ends of a logarithmic axis up to which powers of ten would leave it with one tick or none."""
+
+
+def few_ticks(axis: Axis) -> None:
+    """Below NARROW, numbers at 1, 2 and 5 only: powers of ten at every digit run into each other and off the page."""
+    from matplotlib.ticker import FuncFormatter, LogLocator
+
+    low, high = sorted(axis.get_view_interval())
+    if high < NARROW * low:
+        plain = FuncFormatter(lambda value, _: f"{value:g}")
+        axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+        axis.set_major_formatter(plain)
+        axis.set_minor_formatter(plain)
+
+
+_STATED = re.compile(r"(\w+) = (-?[\d.]\S*)((?: [^\s,]+)*)(?=, |$)")
+
+
+def point_words(text: str) -> str:
+    """A point as files name it, "alpha = 100 W m-2 K-1, friction = tresca", with symbols and raised exponents."""
+    named = re.sub(r"(\w+) = (?!-?[\d.])", lambda one: f"{symbol(one[1])} = ", text.replace("$", r"\$"))
+    return _STATED.sub(lambda one: f"{symbol(one[1])} = {one[2]}{pretty(one[3])}", named)
 
 
 def labelled(name: str, units: str) -> str:

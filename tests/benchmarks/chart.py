@@ -13,6 +13,7 @@ import xarray as xr
 from tcstudy.reports.style import INK, PALE, SHADE, WIDTH, inches, save, styled
 from tests.benchmarks.measure import NOT_RUN
 from tests.benchmarks.problems import BODY_RATIO, WEAKENING
+from tests.benchmarks.stability_draw import fewer_colours
 from tests.benchmarks.summary import cell, columns, lowest, residual, solved, wrong_claims
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ def draw(data: xr.Dataset, target: Path) -> None:
         _panels(figure, data)
         _table(figure, data)
         save(figure, target)
+    if target.suffix == ".png":
+        fewer_colours(target)
 
 
 def _panels(figure: Figure, data: xr.Dataset) -> None:

@@ -92,10 +92,10 @@ def draw(rows: Sequence[Row], target: Path) -> None:
         _outcomes(figure, rows)
         _figures(figure, rows)
         save(figure, target)
-    _fewer_colours(target)
+    fewer_colours(target)
 
 
-def _fewer_colours(target: Path) -> None:
+def fewer_colours(target: Path) -> None:
     """A palette of 256 colours, a third of the size; nothing in the picture needs more."""
     from PIL import Image
 

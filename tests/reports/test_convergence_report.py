@@ -117,6 +117,27 @@ def test_points_that_failed_are_hollow(file):
     assert solid.get_xdata().tolist() == [1.0, 0.25, 0.125]
 
 
+def test_a_hidden_curve_is_broad_and_every_panel_is_labelled(file):
+    """The error in energy is that in H¹ here; several ticks, the axis named, room for the number of the triangle."""
+    from matplotlib.figure import Figure
+
+    from tcstudy.reports.convergence_plot import _panel
+
+    with open_results(file) as tree:
+        at = tree.to_dataset().load().isel(tau=0)
+    at["error_u_energy"] = 1.01 * at["error_u_H1"]
+    for kind in ("slope", "slope_error", "expected", "verdict"):
+        at[f"{kind}_u_energy"] = at[f"{kind}_u_H1"]
+    at["slope_error_u_L2"] = at["slope_error_u_L2"] * np.nan
+    axes = Figure().add_subplot()
+    _panel(axes, at, H, ["u_energy", "u_H1", "u_L2"])
+    energy, h1, l2 = [line for line in axes.get_lines() if line.get_linewidth() > 1 and len(line.get_xdata()) == len(H)]
+    assert energy.get_linewidth() > 2 * h1.get_linewidth()
+    assert (l2.get_linestyle(), l2.get_alpha()) == ("--", 0.45)  # a rate of two levels
+    assert axes.get_ylabel() == "relative error"
+    assert axes.get_xlim()[0] < 0.75 * min(H)
+
+
 def test_nothing_to_draw(tmp_path):
     points = tuple(PointConvergence((i,), (OK,) * 4, ("",) * 4, {}, point((i,), (OK,) * 4).numbers) for i in range(2))
     what = Convergence(H, np.zeros(4, np.int32), np.zeros(4, np.int32), "none", np.zeros(4, bool), points, ())

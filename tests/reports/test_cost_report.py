@@ -195,6 +195,26 @@ def test_the_chart(file: Path, suffix: str) -> None:
         plot_cost(file, file.with_name("a.txt"))
 
 
+def test_a_family_has_one_colour_and_what_is_beaten_is_pale(file: Path) -> None:
+    """The study's own settings are beaten here: their star is white, and the key says what pale marks mean."""
+    from matplotlib.colors import to_hex
+
+    with style.styled():
+        figure = _figure(open_cost(file), "u_energy")
+    own = next(s for s in settings(open_cost(file), "u_energy") if s.own)
+    for axes in figure.axes[:2]:
+        (star,) = [line for line in axes.lines if line.get_marker() == "*"]
+        assert (star.get_color() == "white") == own.dominated
+    assert own.dominated
+    left, right = ({to_hex(line.get_color()) for line in axes.lines if line.get_marker() == "s"}
+                   for axes in figure.axes[:2])  # fmt: skip
+    assert left == right == {style.INK}
+    legend = figure.axes[0].get_legend()
+    assert legend is not None
+    named = [text.get_text() for text in legend.get_texts()]
+    assert {"the study's own (beaten)", "best at its error", "pale: another is faster and closer"} <= set(named)
+
+
 @pytest.mark.parametrize("spread", [0.25, 0.4, 0.5, 0.6, 1.0, 2.0])
 def test_numbers_at_the_axes_keep_apart(file: Path, spread: float) -> None:
     """Times from half a decade to four, errors from one third to one: small studies have little in between."""

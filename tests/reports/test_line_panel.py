@@ -17,9 +17,21 @@ from tcstudy.data.store import open_results, write
 from tcstudy.reports import style
 from tcstudy.reports.body_panel import boundary_edges, contact_chains, drawn, loops
 from tcstudy.reports.picture import read_picture, sticking
-from tcstudy.reports.point_figure import stick_ranges, stick_text
+from tcstudy.reports.point_figure import stick_ranges, stick_text, window_below
+from tcstudy.reports.stored_study import NamedEdge
 from tcstudy.reports.summary import summary
-from tests.reports.draw_cases import WIDTH, figure_of, level_record, line, point_record, result, study
+from tests.reports.draw_cases import (
+    HEIGHT,
+    WIDTH,
+    crowded,
+    figure_of,
+    level_record,
+    line,
+    point_record,
+    result,
+    shown_line,
+    study,
+)
 
 
 def test_the_sticking_half_is_shaded_in_both_panels(grid: Path) -> None:
@@ -161,3 +173,42 @@ def test_a_tall_and_a_wide_body_fit_on_the_picture(grid: Path) -> None:
         width, height = drawn(replace(body, y=y * body.y), "m").size
         assert width < style.WIDTH - 1.8
         assert height < 5.0
+
+
+def test_the_arclength_stands_below_x(grid: Path) -> None:
+    picture = read_picture(grid, level=0)
+    assert picture.body
+    shape = drawn(picture.body, "m")
+    window = window_below(picture.line, picture.body, shape)
+    assert window is not None
+    unit = WIDTH / float(np.ptp(shape.x0))
+    np.testing.assert_allclose(window, (shape.left * unit, shape.right * unit))
+    back = replace(picture.line, x=WIDTH - picture.line.x)
+    other = window_below(back, picture.body, shape)
+    assert other is not None
+    np.testing.assert_allclose(other, (WIDTH - shape.left * unit, WIDTH - shape.right * unit))
+    assert window_below(replace(picture.line, y=picture.line.x), picture.body, shape) is None
+    upper, lower = sorted(figure_of(picture).axes[-2:], key=lambda axes: -axes.get_position().y0)
+    (body,) = [axes for axes in upper.figure.axes if axes.get_xlabel().startswith("x")]
+    at = [axes.transData.transform((0.0, 0.0))[0] for axes in (body, upper, lower)]
+    np.testing.assert_allclose(at, at[0], atol=1e-6)
+
+
+def test_a_held_end_is_drawn_where_it_rests(grid: Path) -> None:
+    picture = read_picture(grid, level=0)
+    assert picture.line.held(slice(0, 4)) == (True, False)
+    assert not picture.at_rest  # the study of the file cannot be read
+    upper = max(figure_of(replace(picture, at_rest=True)).axes[-2:], key=lambda axes: axes.get_position().y0)
+    s, u_T = shown_line(upper)
+    assert (s[0], u_T[0]) == (0.0, 0.0)
+    assert len(s) == len(picture.line.u_T) + 1
+    assert "held" in [text.get_text() for text in upper.texts]
+
+
+def test_roles_and_the_heater_are_drawn_and_named(grid: Path) -> None:
+    clamp = NamedEdge("wall", "clamped", 0, np.array([[0.0, HEIGHT], [0.0, 0.0]]))
+    rest = NamedEdge("film", "contact", 0, np.array([[0.0, 0.0], [WIDTH, 0.0], [WIDTH, HEIGHT], [0.0, HEIGHT]]))
+    heater = np.array([[0.05, 0.03], [0.1, 0.03], [0.1, 0.06], [0.05, 0.06]])
+    figure = figure_of(replace(read_picture(grid), edges=(clamp, rest), sources=(heater,)))
+    assert crowded(figure) == []
+    assert {"wall: clamped", "heated"} <= {text.get_text() for axes in figure.axes for text in axes.texts}

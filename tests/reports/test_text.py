@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tcstudy.data.records import PointStatus
+from tcstudy.reports.style import point_words
 from tcstudy.reports.text import Failure, failure_lines, kind, label, labels, scaled_labels
 
 
@@ -94,3 +95,9 @@ def test_a_reason_without_a_remedy_gets_one_and_nothing_of_the_machine_is_shown(
     assert "part.step" in line
     assert "run the study again" in line
     assert "coarsen the mesh" in failure_lines([Failure(BAD, "", "a")])[0]
+
+
+def test_a_point_is_written_with_symbols_and_raised_exponents() -> None:
+    words = point_words("alpha = 100 W m-2 K-1, theta_bar = 0 K, friction = brittle-2, nu = 0.3")
+    assert words == r"$\alpha$ = 100 W m⁻² K⁻¹, $\bar\theta$ = 0 K, friction = brittle-2, $\nu$ = 0.3"
+    assert point_words("price = $5") == r"price = \$5"
