@@ -271,7 +271,8 @@ def _read_law(ctx: Context, node: Node) -> tuple[FrictionLaw | None, Scalar]:
     if len(ctx.errors) > before:
         return None, 1.0
     shape = SHAPES[name]
-    fields = Fields(ctx, node, {one.name: one for one in (*rows("friction").values(), *shape.parameters)}, ("law",))
+    own = (row("friction", "law"), row("friction", "strength"), *shape.parameters)
+    fields = Fields(ctx, node, {one.name: one for one in own})
     values, strength = fields.given(), fields.value("strength")
     if isinstance(strength, float) and strength < 0.0:
         remedy = "write a factor of 0 or more; 0 is a gap in the bond"

@@ -79,6 +79,7 @@ def test_both_solvers_take_laws_by_edge(tmp_path: Path) -> None:
     [
         ("{film: {law: tresca, tau: 1 MPa}}", "", "the contact edge shoe has no law"),
         ("{film: {law: tresca, tau: 1 MPa}, top: {law: tresca, tau: 1 MPa}}", "", "'top' is no contact edge"),
+        ("{film: {law: tresca, tau: 1 MPa, delta: 1 mm}, shoe: {law: linear, k: 0}}", "", "unknown key"),
         ("{law: tresca, tau: 1 MPa, strength: -1}", "", "must be 0 or more, but is -1"),
         ('{law: tresca, tau: 1 MPa, strength: "x - 0.1"}', "", "the strength is negative or not finite"),
         (
