@@ -29,7 +29,6 @@ ROLES: dict[str, dict[str, Any]] = {
 """How edges of each role are drawn."""
 TICK, SPACING = 0.07, 0.09
 """Length of the hatches of a clamped edge and their distance [inch]."""
-"""A letter of a name beside its edge [inch]."""
 
 
 @dataclass(frozen=True)
