@@ -20,7 +20,7 @@ MODULES = {
     "path": "path",
     "show": "results",
     **dict.fromkeys(("converge", "cost"), "measure"),
-    **dict.fromkeys(("draw", "report"), "results"),
+    **dict.fromkeys(("draw", "report", "sensitivity"), "results"),
     **dict.fromkeys(("export", "compare"), "export"),
     **dict.fromkeys(("init", "schema", "completion"), "writing"),
 }

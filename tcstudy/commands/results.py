@@ -95,6 +95,19 @@ def report(options: argparse.Namespace) -> int:
     return OK
 
 
+def sensitivity(options: argparse.Namespace) -> int:
+    """Say which swept parameter a number of a run comes from."""
+    from tcstudy.reports.brief import json_text
+    from tcstudy.reports.sensitivity import sensitivity_json, sensitivity_text
+
+    if options.json:
+        print(json_text(sensitivity_json(options.file, options.of)))
+    else:
+        with spoken(options):
+            print(sensitivity_text(options.file, options.of))
+    return OK
+
+
 _TABLES = "of a convergence file: the point whose tables to show"
 _PAGE = "the page (default: FILE.html)"
 _WITHOUT = "leave out what makes a page large: levels, live, body or lines (may be repeated)"
@@ -117,6 +130,11 @@ COMMANDS = {
         "print the summary of a result file",
         (FILE, *MANNER, at(_TABLES), FULL),
         show,
+    ),
+    "sensitivity": Command(
+        "say which swept parameter a number comes from: Sobol indices of a sweep with mode: saltelli",
+        (FILE, Option("--of", metavar="NUMBER", default="slip_length", help="of what (default: slip_length)"), *MANNER),
+        sensitivity,
     ),
     "draw": Command(
         "draw a result file: a point, curves, a map, a law, a mesh, a path, errors, costs",

@@ -1,0 +1,79 @@
+"""Sobol indices against closed forms and against scipy; jumps are found where there are some, and nowhere else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tcstudy.accuracy.sobol import correlation_ratios, jump, sobol
+from tcstudy.scene.designs import Design, cube
+
+N = 1024
+
+
+def ishigami(u: np.ndarray) -> np.ndarray:
+    """sin x₁ + 7 sin² x₂ + 0.1 x₃⁴ sin x₁, x_i uniform in (−π, π) (Ishigami & Homma, ISUMA 1990)."""
+    x = np.pi * (2.0 * u - 1.0)
+    return np.sin(x[..., 0]) + 7.0 * np.sin(x[..., 1]) ** 2 + 0.1 * x[..., 2] ** 4 * np.sin(x[..., 0])
+
+
+V1, V2, V13 = 0.5 * (1 + 0.1 * np.pi**4 / 5) ** 2, 49 / 8, 0.01 * np.pi**8 * (1 / 18 - 1 / 50)
+FIRST = np.array([V1, V2, 0.0]) / (V1 + V2 + V13)
+TOTAL = np.array([V1 + V13, V2, V13]) / (V1 + V2 + V13)
+
+
+def test_indices_of_ishigami_are_the_closed_form_within_their_intervals() -> None:
+    f = ishigami(cube(Design("saltelli", N, 1), 3)).reshape(N, 5)
+    for estimate, exact in zip(sobol(f), (FIRST, TOTAL), strict=True):
+        np.testing.assert_allclose(estimate.value, exact, atol=0.015)
+        assert np.all((estimate.low <= exact) & (exact <= estimate.high))
+    moved = sobol(1e-6 * f + 3.0)
+    np.testing.assert_allclose(moved[0].value, sobol(f)[0].value, rtol=1e-7)
+
+
+def test_indices_are_those_of_scipy() -> None:
+    f = ishigami(cube(Design("saltelli", 256, 5), 3)).reshape(256, 5)
+    values = {"f_A": f[None, :, 0], "f_B": f[None, :, 1], "f_AB": f[:, 2:].T[:, None, :]}
+    other = stats.sobol_indices(func=values, n=256)
+    first, total = sobol(f)
+    np.testing.assert_allclose(first.value, other.first_order, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(total.value, other.total_order, rtol=1e-12)
+
+
+def test_what_does_not_vary_has_no_indices_but_zero() -> None:
+    noise = 1.0 + 1e-14 * np.random.default_rng(0).random((64, 5))
+    for estimate in sobol(noise):
+        assert np.all(estimate.value == 0.0)
+    with pytest.raises(ValueError, match="two rows"):
+        sobol(np.ones((1, 5)))
+
+
+def test_the_correlation_ratio_is_the_first_order_index_where_inputs_are_independent() -> None:
+    u = cube(Design("sobol", 4096, 2), 3)
+    found = correlation_ratios(u, ishigami(u))
+    np.testing.assert_allclose(found.value, FIRST, atol=0.02)
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e6])
+def test_a_jump_is_found_at_every_scale_and_in_no_smooth_distribution(scale: float) -> None:
+    rng = np.random.default_rng(3)
+    for smooth in (
+        rng.random(500),
+        rng.normal(size=500),
+        rng.lognormal(sigma=1.5, size=500),
+        rng.random(200) ** 4,
+    ):
+        assert jump(scale * smooth) is None
+        low, high = np.quantile(smooth, 0.3), np.ptp(smooth)
+        ends = jump(scale * np.where(smooth > low, smooth + high, smooth))
+        assert ends is not None
+        assert ends[0] <= scale * low < ends[1]
+
+
+def test_steps_of_a_mesh_are_no_jumps() -> None:
+    steps = np.round(np.random.default_rng(3).random(500), 1)
+    assert jump(steps, 0.1) is None
+    assert jump(np.where(steps > 0.5, steps + 1.0, steps), 0.1) == (0.5, 1.6)
+    assert jump(np.repeat([0.0, 1.0], 40)) == (0.0, 1.0)
+    assert jump(np.ones(100)) is None
