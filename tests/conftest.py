@@ -1,6 +1,7 @@
-"""One BLAS thread for all tests: two make the many small dense operations slower, not faster."""
+"""One BLAS thread for all tests: two make the many small dense operations slower, not faster. No terminal, no width."""
 
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("MPLBACKEND", "Agg")
+os.environ.pop("COLUMNS", None)  # that of whoever runs the tests; their workers set one, too

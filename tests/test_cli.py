@@ -57,7 +57,6 @@ def test_one_line_one_object_and_narrow_tables(folder: Path, monkeypatch: pytest
     found = json.loads(tcstudy_command("show", "results/block.nc", "--json", cwd=folder).stdout)
     with tcstudy.open_results(folder / "results" / "block.nc") as tree:
         assert [point["u_T_max"] for point in found["points"]] == tree["u_T_max"].values.tolist()
-    monkeypatch.delenv("COLUMNS", raising=False)
     wide = tcstudy_command("show", "results/block.nc", cwd=folder).stdout
     monkeypatch.setenv("COLUMNS", "80")
     assert max(map(len, wide.splitlines())) > 80

@@ -126,7 +126,7 @@ def test_a_sweep_in_which_only_some_points_have_a_heat_problem(tmp_path: Path) -
     )
     for name, values in (("first", "[0, 0.1]"), ("last", "[0.1, 0]")):
         (tmp_path / f"{name}.yaml").write_text(heated + f"sweep: {{q: {values}}}\n")
-        result = tcstudy_command("converge", f"{name}.yaml", cwd=tmp_path)
+        result = tcstudy_command("converge", f"{name}.yaml", "--full", cwd=tmp_path)
         assert result.returncode == 0, result.stderr
         assert result.stdout.count("Relative error of θ") == 1
         assert result.stdout.count("heat balance") == 1

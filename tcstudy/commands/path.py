@@ -37,10 +37,11 @@ def path(options: argparse.Namespace) -> int:
     from tcstudy.reports.tables import wrapped
     from tcstudy.study.path_run import execute_path
 
+    there = is_there(options, "path", study, output)
     if study.axes:
         names = ", ".join(axis.name for axis in study.axes)
         note(options, f"note: a path is of one scene, that outside the sweep; the values of {names} are not used")
-    if is_there(options, "path", study, output):
+    if there:
         problems = stored_shortfalls(output)
     else:
         with closing(PathProgress()) as progress:

@@ -13,6 +13,7 @@ from tcstudy.data.journal import Journal
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.refine import survey as survey_module
 from tcstudy.reports.summary import summary
+from tcstudy.study import workshop
 from tcstudy.study.plan import plan
 from tcstudy.study.run import execute, run
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
@@ -95,8 +96,11 @@ def test_the_worst_point_decides_the_mesh() -> None:
 @pytest.mark.parametrize(
     "mesh", ["levels: 4, family: adaptive, goal: friction_resultant", "tolerance: 1e-3, of: friction_resultant"]
 )
-def test_a_resumed_run_comes_to_the_same_meshes(tmp_path: Path, mesh: str, kept: int) -> None:
+def test_a_resumed_run_comes_to_the_same_meshes(
+    tmp_path: Path, mesh: str, kept: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Also where it stopped within a level: what was solved before is estimated again, not solved."""
+    monkeypatch.setattr(workshop, "ESTIMATED", 1)  # blocks of one point, so that a level has three
     study = study_of(SWEPT, f"mesh={{maxh: 0.5, {mesh}}}")
     whole = tcstudy.run(study, tmp_path / "whole.nc")
     output = tmp_path / "out.nc"
