@@ -76,13 +76,14 @@ def _estimate(samples: Array) -> Index:
     return Index(samples[0], low, high)
 
 
-def jump(values: Array, resolution: float = 0.0) -> tuple[float, float] | None:
+def jump(values: Array, resolution: float = 0.0, dependent: Array | None = None) -> tuple[float, float] | None:
     """The ends of the widest gap that no smooth distribution has by chance; None if there is none.
 
     A gap is a jump if it is wider than the stretch of the k nearest values on either side together with twice the
     resolution: of N values of a smooth density that happens with a chance of at most N 2^−k, here 1e-3, wherever the
     gap lies and whatever the scale.
     resolution: steps in which the values come by themselves, e.g. the length of a contact segment
+    dependent:  further values, which are no independent ones: they narrow a gap, but make none
     """
     v = np.sort(values)
     k = math.ceil(math.log2(1000.0 * max(1, len(v))))
@@ -95,4 +96,10 @@ def jump(values: Array, resolution: float = 0.0) -> tuple[float, float] | None:
     best = int(np.argmax(found)) if len(found) else 0
     if not len(found) or found[best] <= ROUNDING * float(np.abs(v).max()):
         return None
-    return float(v[at[best]]), float(v[at[best] + 1])
+    low, high = float(v[at[best]]), float(v[at[best] + 1])
+    if dependent is None:
+        return low, high
+    inside = np.sort(np.concatenate([[low, high], dependent[(low < dependent) & (dependent < high)]]))
+    widest = int(np.argmax(np.diff(inside)))
+    low, high = float(inside[widest]), float(inside[widest + 1])
+    return (low, high) if high - low > stretch[best] + 2.0 * resolution else None

@@ -90,8 +90,8 @@ def tables(one: Sample) -> tuple[list[str], list[IndexTable]]:
         said.append(
             f"left out: {np.count_nonzero(~whole)} base points with a point that has no solution or no {one.of}"
         )
-    gap = None if one.unique else jump(f[:, :2].ravel(), one.resolution)
-    if gap is None or np.any((gap[0] < f) & (f < gap[1])):
+    gap = None if one.unique else jump(f[:, :2].ravel(), one.resolution, f[:, 2:].ravel())
+    if gap is None:
         why = "every solution is certified to be the only one" if one.unique else "no gap among the values"
         said.append(f"no jump: {why}")
         first, total = sobol(f)

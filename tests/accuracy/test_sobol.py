@@ -77,3 +77,9 @@ def test_steps_of_a_mesh_are_no_jumps() -> None:
     assert jump(np.where(steps > 0.5, steps + 1.0, steps), 0.1) == (0.5, 1.6)
     assert jump(np.repeat([0.0, 1.0], 40)) == (0.0, 1.0)
     assert jump(np.ones(100)) is None
+
+
+def test_dependent_values_narrow_a_jump_or_close_it() -> None:
+    values = np.concatenate([np.linspace(0.0, 0.1, 40), np.linspace(1.0, 1.1, 40)])
+    assert jump(values, 0.0, np.array([0.12, 1.05])) == (0.12, 1.0)
+    assert jump(values, 0.0, np.linspace(0.1, 1.0, 30)) is None
