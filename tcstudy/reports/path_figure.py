@@ -36,15 +36,6 @@ FOLD |= {"markeredgewidth": 0.9, "linestyle": "none"}
 ASKED: Look = {"color": style.BLUE, "marker": "D", "markersize": 5.5, "linestyle": "none"}
 """How the lines and points of the response curve look, there and in its legend."""
 
-SYMBOLS = {
-    "theta_bar": r"$\bar\theta$",
-    "theta": r"$\theta$",
-    "q": "$q$",
-    "load": "load factor",
-    "pressure": "pressure",
-    **{name: f"${name[0]}_{name[2]}$" for name in ("u_x", "u_y", "u_N", "u_T", "g_x", "g_y", "f_x", "f_y")},
-}
-
 
 def draw_path(path: Path, target: Path, response: str = "mean-slip") -> str:
     """Draw the path file `path` into `target` (.png, .svg or .pdf by its suffix).
@@ -92,7 +83,7 @@ def path_figure(picture: PathPicture) -> Figure:
 def symbol(name: str) -> str:
     """The parameter for an axis: its symbol, and the edge that it belongs to."""
     keys = name.split(".")
-    text = SYMBOLS.get(keys[-1], keys[-1].replace("_", " "))
+    text = "load factor" if name == "load" else style.symbol(name)
     return f"{text} of {keys[1].replace('_', ' ')}" if keys[0] == "boundary" else text
 
 

@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING, Any
 from tcstudy.data.files import place_faults, replace_file
 from tcstudy.errors import DrawError, StoreError, UsageError
 from tcstudy.reports.text import POWER_FIRST, prefix
+from tcstudy.scene import key
+from tcstudy.scene.key import GREEK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,15 +73,6 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-SYMBOLS = {
-    **{name: rf"$\{name}$" for name in ("alpha", "beta", "delta", "lambda", "mu", "nu", "tau", "theta")},
-    "theta_bar": r"$\bar\theta$",
-    "alpha_T": r"$\alpha_T$",
-    "tau_s": r"$\tau_s$",
-    "tau_k": r"$\tau_k$",
-}
-"""The paper's symbols for swept parameters; others stand under their names."""
-
 LARGEST, SMALLEST = 40.0, 1.0
 """Width and height that a picture may have [inch]."""
 LETTERS = (4.0, 40.0)
@@ -129,8 +122,13 @@ def size_in_inches(text: str) -> tuple[float, float]:
 
 
 def symbol(name: str) -> str:
-    """A swept parameter as it is written; other names in words."""
-    return SYMBOLS.get(name, name.replace("_", " ").replace("$", r"\$"))
+    """A parameter as formulas write it, θ̄ or u_T (`scene.key.symbol`); others in words."""
+    letter, _, index = name.rpartition(".")[2].partition("_")
+    below = f"_{index}" if len(index) == 1 else f"_{{{index}}}" if index else ""
+    if letter in GREEK:
+        return rf"$\bar\{letter}$" if index == "bar" else rf"$\{letter}{below}$"
+    component = letter in ("u", "g", "f") and index in ("x", "y", "N", "T")
+    return f"${letter}{below}$" if component else key.symbol(name).replace("$", r"\$")
 
 
 def styled(look: Look | None = None) -> AbstractContextManager[None]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.stored import PointStatus, Stored, axis_names, different_energies, pretty, scaled_labels
+from tcstudy.scene.key import symbol
 
 Array = NDArray[np.float64]
 
@@ -175,13 +176,13 @@ def jumps(fine: Any, ok: NDArray[np.bool_]) -> list[str]:
 def _between(fine: Any, name: str, at: int, where: dict[str, int]) -> str:
     """ "between θ̄ = 12 and 14 K (friction: brittle)"."""
     labels, unit = _labels(fine[name])
-    ends = f"between {_symbol(name)} = {labels[at]} and {labels[at + 1]} {unit}".rstrip()
+    ends = f"between {symbol(name)} = {labels[at]} and {labels[at + 1]} {unit}".rstrip()
     rest = []
     for other, i in where.items():
         if fine.sizes[other] > 1:
             labels, unit = _labels(fine[other])
             mark = ": " if fine[other].values.dtype.kind in "OUS" else " = "
-            rest.append(f"{_symbol(other)}{mark}{labels[i]} {unit}".rstrip())
+            rest.append(f"{symbol(other)}{mark}{labels[i]} {unit}".rstrip())
     return ends + (f" ({', '.join(rest)})" if rest else "")
 
 
@@ -189,13 +190,3 @@ def _labels(axis: Any) -> tuple[list[str], str]:
     """The labels of an axis and their unit as it is read."""
     shown, unit = scaled_labels(axis.values.tolist(), str(axis.attrs.get("units", "1")))
     return shown, pretty(unit) if unit != "1" else ""
-
-
-SYMBOLS = {
-    "alpha": "α", "theta_bar": "θ̄", "beta": "β", "alpha_T": "α_T", "lambda": "λ", "mu": "μ", "nu": "ν", "tau": "τ",
-    "tau_s": "τ_s", "tau_k": "τ_k", "delta": "δ",
-}  # fmt: skip
-
-
-def _symbol(name: str) -> str:
-    return SYMBOLS.get(name, name.replace("_", " "))
