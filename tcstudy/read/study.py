@@ -69,7 +69,8 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
         raise StudyError(ctx.errors.problems)
     header = _read_header(ctx, root, source.stem if source else file)
     before = len(ctx.errors)
-    ctx.named = read_parameters(ctx, root.child("parameters"))
+    if root.child("parameters"):
+        ctx.named = read_parameters(ctx, root.child("parameters"))
     if len(ctx.errors) > before:  # every use of a name without a value would be one fault more
         raise StudyError(ctx.errors.problems)
     sweep = _read_sweep(ctx, root, overrides if swept else ())
@@ -124,9 +125,12 @@ def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
     law = word.value if friction and (word := friction.child("law")) else None
     by_edge = {edge: str(word.value) for edge, one in laws_by_edge(friction).items() if (word := one.child("law"))}
     edges = {edge: keys_of(node) for edge, node in roles.items()} if boundary else _swept_edges(node)
-    known = sweepable(edges, by_edge or (law if isinstance(law, str) else None)) | swept_names(ctx.named)
+    known = sweepable(edges, by_edge or (law if isinstance(law, str) else None))
+    if ctx.named:
+        known = known | swept_names(ctx.named)
     sweep = _of_sections(ctx, root, read_sweep(ctx, node, known, friction) or Sweep())
-    check_swept_names(ctx, root, sweep, SECTIONS)
+    if ctx.named:
+        check_swept_names(ctx, root, sweep, SECTIONS)
     for option in (text for text in overrides if "=" in text):
         key = SHORT.get(option.partition("=")[0].strip(), option.partition("=")[0].strip())
         keys = split_path(key) or ()
