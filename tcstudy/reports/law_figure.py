@@ -31,7 +31,7 @@ SAMPLES = 100
 UP_STYLE: dict[str, Any] = {"color": style.BLUE, "linewidth": 3.2, "solid_capstyle": "butt"}
 DOWN_STYLE: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 2.2, "linestyle": (0, (2, 1.2))}
 CURVE_STYLE: dict[str, Any] = {"color": style.INK, "linewidth": 1.4}
-STICKING: dict[str, Any] = {"color": style.BLUE, "marker": "s"}
+STICKING: dict[str, Any] = {"color": style.INK, "marker": "s"}
 SLIPPING: dict[str, Any] = {"color": style.VERMILLION, "marker": "o"}
 ROOM, BEYOND = 1.15, 4.0
 """The panel reaches a little past the outermost node, and so many times as far if the law has more to show there."""

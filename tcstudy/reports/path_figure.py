@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-LEFT, RIGHT, CURVE, MAP = 0.85, 0.3, 3.1, 1.25
-"""Margins, height of the response curve and of a map of states [inch]."""
+LEFT, RIGHT, CURVE, MAP, KEY = 0.85, 0.85, 3.1, 1.25, 0.42
+"""Margins, height of the response curve, of a map of states and of the key above the curve [inch]."""
 
 GREEN = "#009e73"
 """Of the same palette as the other colours, for the loop."""
@@ -60,7 +60,7 @@ def path_figure(picture: PathPicture) -> Figure:
 
     width, data = style.WIDTH - LEFT - RIGHT, picture.data
     foot = 0.9
-    height = foot + 2 * MAP + 0.75 + 0.5 + CURVE + 0.75
+    height = foot + 2 * MAP + 0.75 + 0.5 + CURVE + KEY + 0.75
     figure = Figure(figsize=(style.WIDTH, height))
     title = data.attrs["title"]
     figure.text(LEFT / style.WIDTH, 1 - 0.27 / height, title, fontsize=12, fontweight="bold", parse_math=False)
@@ -228,4 +228,5 @@ def _legend(axes: Axes, picture: PathPicture) -> None:
     ]
     lines = [Line2D([], [], **look) for there, look, _ in entries if there]
     texts = [text for there, _, text in entries if there]
-    axes.legend(lines, texts, loc="best", fontsize=8, frameon=True, framealpha=0.9, edgecolor="none", ncols=1)
+    above = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 4, "borderaxespad": 0.3}
+    axes.legend(lines, texts, fontsize=8, frameon=False, handlelength=1.8, columnspacing=1.6, **above)

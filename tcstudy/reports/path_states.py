@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from tcstudy.data.path_store import open_path
 from tcstudy.reports import style
-from tcstudy.reports.text import number
 from tcstudy.scene.contact_states import ContactState
 
 if TYPE_CHECKING:
@@ -128,9 +127,6 @@ COLOURS = {
     ContactState.DROP: ("#d55e00", "on a drop of b"),
     ContactState.WEAKENED: ("#b7a3d6", "slips, weakened"),
 }
-TICKS = 9
-"""Values of the parameter that are written below the map along the path."""
-
 
 def draw_states(over: Axes, along: Axes, picture: PathPicture, divisor: float, label: str) -> None:
     """Both maps.
@@ -149,9 +145,8 @@ def draw_states(over: Axes, along: Axes, picture: PathPicture, divisor: float, l
     over.set_title("State of the contact line: least energy on the path", loc="left")
     position, shown = _positions(picture)
     _map(along, position, ends / metre, states, shown)
-    along.set_title("State of the contact line along the path (dashed: folds)", loc="left")
-    _ticks(along, picture, position, shown, divisor)
-    along.set_xlabel(f"{label}, in the order of the path")
+    along.set_title("State of the contact line along the path (dashed: folds; line: the parameter)", loc="left")
+    _parameter(along, picture, position, shown, divisor, label)
     for axes in (over, along):
         axes.set_ylim(0.0, ends[-1] / metre)
         axes.set_ylabel(style.labelled("arclength", unit))
@@ -194,24 +189,26 @@ def _positions(picture: PathPicture) -> tuple[Array, NDArray[np.intp]]:
     return np.concatenate([[0.0], np.cumsum(step)]), shown
 
 
-def _ticks(axes: Axes, picture: PathPicture, position: Array, shown: NDArray[np.intp], divisor: float) -> None:
-    """Values of the parameter below the map, and thin lines at folds that lie apart."""
+def _parameter(
+    axes: Axes, picture: PathPicture, position: Array, shown: NDArray[np.intp], divisor: float, label: str
+) -> None:
+    """The parameter over the length of the path, with an axis of its own, and thin lines at folds that lie apart."""
+    axes.set_xlabel("length of the path [%]")
     if not len(shown):
         return
-    low, high = picture.span
-    places = np.linspace(0.0, position[-1], TICKS)
-    values = []
-    for place in places:
-        i = min(int(np.searchsorted(position, place, side="right")) - 1, len(shown) - 1)
-        part = (place - position[i]) / (position[i + 1] - position[i] or 1.0)
-        ends = np.clip(picture.t[shown[i] : shown[i] + 2], low, high)
-        values.append(ends[0] + part * (ends[1] - ends[0]))
-    axes.set_xticks(places, [number(value / divisor, 3) for value in values])
-    axes.set_xlim(0.0, position[-1])
+    length = position[-1] or 1.0
+    axes.set_xlim(0.0, length)
+    axes.set_xticks(np.linspace(0.0, length, 6), [f"{part}" for part in range(0, 101, 20)])
+    ends = np.clip(np.stack([picture.t[shown], picture.t[shown + 1]], axis=1), *picture.span) / divisor
+    values = axes.twinx()
+    values.plot(np.stack([position[:-1], position[1:]], axis=1).ravel(), ends.ravel(), color=style.INK, linewidth=1.1)
+    values.set_ylim(*(x / divisor for x in picture.span))
+    values.set_ylabel(label)
+    values.spines["right"].set_visible(True)
     last = -np.inf
     for vertex in seen_folds(picture.data)[0]:
         at = np.flatnonzero(shown == vertex)
-        if len(at) and position[at[0]] - last > 0.01 * position[-1]:
+        if len(at) and position[at[0]] - last > 0.01 * length:
             last = position[at[0]]
             axes.axvline(last, color=style.VERMILLION, linewidth=0.8, linestyle=(0, (4, 2)))
 
