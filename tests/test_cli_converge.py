@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 import xarray
 
-from tests.test_cli import CONFIGS, STUDY, tcstudy_command
+from tests.commands import CONFIGS, tcstudy_command
+from tests.test_cli import STUDY
 
 
 @pytest.fixture

@@ -9,12 +9,13 @@ import pytest
 import xarray
 
 from tcstudy.cli import main
-from tests.test_cli import STUDY, tcstudy_command
+from tests.commands import tcstudy_command
+from tests.test_cli import STUDY
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    (tmp_path / "block.yaml").write_text(STUDY)
+    (tmp_path / "block.yaml").write_text(STUDY.replace("maxh: 0.3", "maxh: 0.6"))
     return tmp_path
 
 

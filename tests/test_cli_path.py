@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from tests.test_cli import CONFIGS, STUDY, tcstudy_command
+from tests.commands import CONFIGS, tcstudy_command
+from tests.test_cli import STUDY
 
 PATH = STUDY + "path: {parameter: load, from: 0, to: 2, at: [0.5, 1.5]}\n"
 

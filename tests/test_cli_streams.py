@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 
 from tcstudy import cli
 from tcstudy.commands.run import COMMANDS
+from tests.commands import tcstudy_command
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="shell redirections of POSIX")
 
@@ -26,11 +28,11 @@ sweep: {tau: {linspace: [0.005, 0.01, 40]}}
 """
 
 
-def shell(command: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[bytes]:
+def shell(command: str, folder: Path) -> subprocess.CompletedProcess[bytes]:
     """The exit code of the first command of a pipe; TC stands for tcstudy."""
     (folder / "block.yaml").write_text(STUDY)
     script = f"TC() {{ '{sys.executable}' -m tcstudy \"$@\"; }}; {command}; exit ${{PIPESTATUS[0]}}"
-    env = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONWARNINGS": "error", **environment}
+    env = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONWARNINGS": "error"}
     return subprocess.run(["bash", "-c", script], cwd=folder, env=env, capture_output=True)
 
 
@@ -40,18 +42,20 @@ def test_a_run_finishes_whoever_reads(tmp_path: Path, redirection: str) -> None:
     assert result.returncode == 0, result.stderr
     assert (tmp_path / "a.nc").exists()
     assert b"Traceback" not in result.stderr
-    shown = shell("TC show a.nc", tmp_path)
+    shown = tcstudy_command("show", tmp_path / "a.nc")
     assert shown.returncode == 0
-    assert b"\x1b" not in shown.stdout
-    assert b"\\x1b[31mred" in shown.stdout
+    assert "\x1b" not in shown.stdout
+    assert "\\x1b[31mred" in shown.stdout
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
-def test_a_summary_in_another_encoding(tmp_path: Path, encoding: str) -> None:
-    result = shell("TC run block.yaml --output a.nc", tmp_path, PYTHONIOENCODING=encoding)
-    assert result.returncode == 0, result.stderr
-    assert "lambda1" in result.stdout.decode(encoding)
-    assert b"40 of 40 solutions found" in result.stdout
+def test_a_summary_in_another_encoding(tmp_path: Path, encoding: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "block.yaml").write_text(STUDY)
+    raw = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding=encoding))
+    assert cli.main(["run", str(tmp_path / "block.yaml"), "--output", str(tmp_path / "a.nc")]) == 0
+    assert "lambda1" in raw.getvalue().decode(encoding)
+    assert b"40 of 40 solutions found" in raw.getvalue()
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
@@ -64,9 +68,12 @@ def test_what_could_not_be_printed_is_no_success(tmp_path: Path, words: str) -> 
 
 
 def test_no_control_character_reaches_the_terminal(tmp_path: Path) -> None:
-    result = shell("TC plan block.yaml; TC plan block.yaml --set 'tile=\x1b[31m'", tmp_path)
-    assert b"\x1b" not in result.stdout + result.stderr
-    assert result.stdout.startswith(b"\\x1b[31mred\\x1b]0;own\\x07\n")
+    (tmp_path / "block.yaml").write_text(STUDY)
+    planned = tcstudy_command("plan", "block.yaml", cwd=tmp_path)
+    refused = tcstudy_command("plan", "block.yaml", "--set", "tile=\x1b[31m", cwd=tmp_path)
+    assert (planned.returncode, refused.returncode) == (0, 2)
+    assert "\x1b" not in "".join((*planned[1:], *refused[1:]))
+    assert planned.stdout.startswith("\\x1b[31mred\\x1b]0;own\\x07\n")
 
 
 def test_missing_memory_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

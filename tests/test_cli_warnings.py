@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.test_cli import tcstudy_command
+from tests.commands import tcstudy_command
 
 HEATED = """units: none
 body: {rectangle: {width: 2, height: 1}}

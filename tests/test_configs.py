@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from tcstudy.read.study import read_study
-from tcstudy.study.plan import plan
-from tests.test_cli import CONFIGS
+from tests.commands import CONFIGS, tcstudy_command
 
 SHIPPED = sorted(CONFIGS.glob("*.yaml"))
 
@@ -18,8 +17,11 @@ def test_there_are_some() -> None:
 
 
 @pytest.mark.parametrize("config", SHIPPED, ids=lambda path: path.stem)
-def test_planned(config: Path) -> None:
-    study = read_study(config)
-    forecast = plan(study)
-    assert forecast.points == len(study.scenes) > 0
-    assert forecast.bytes > 0
+def test_planned(config: Path, tmp_path: Path) -> None:
+    points = len(read_study(config).scenes)
+    said = tcstudy_command("plan", config, cwd=tmp_path)
+    assert said.returncode == 0, said.stderr
+    assert points > 0
+    assert f"{points} point" in said.stdout
+    assert " GB\n" in said.stdout
+    assert not list(tmp_path.iterdir())

@@ -128,6 +128,7 @@ COLOURS = {
     ContactState.WEAKENED: ("#b7a3d6", "slips, weakened"),
 }
 
+
 def draw_states(over: Axes, along: Axes, picture: PathPicture, divisor: float, label: str) -> None:
     """Both maps.
 

@@ -10,15 +10,12 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import io
 import os
 import random
 import shutil
 import sqlite3
 import sys
 import tempfile
-import traceback
-import warnings
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -26,11 +23,11 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 
-from tcstudy.cli import main
 from tcstudy.data.journal import Journal
 from tcstudy.data.records import checksum
 from tcstudy.read.study import read_study
 from tcstudy.study.run import run
+from tests.commands import tcstudy_command
 
 STUDY = """units: none
 body: {rectangle: {width: 2, height: 1}}
@@ -51,26 +48,11 @@ def make_bases(folder: Path) -> None:
     study.write_text(STUDY)
     for command, name in FILES.items():
         more = ["--runs", "1", "--set", "mesh.levels=1"] if command == "cost" else []
-        code, _, errors = called([command, str(study), "--output", str(folder / name), *more])
+        code, _, errors = tcstudy_command(command, study, "--output", folder / name, *more)
         assert code == 0, errors
     with Journal.open(folder / "journal.nc", read_study(study)) as journal:
         for record in run(read_study(study)):
             journal.add(record)
-
-
-def called(words: list[str]) -> tuple[int, str, str]:
-    """Exit code (99 after an error that is none of ours), standard output and error of a command."""
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
-            code = main(words)
-        except SystemExit as stop:
-            code = int(stop.code or 0)
-        except BaseException:  # what this program is to find
-            code = 99
-            err.write(traceback.format_exc())
-    return code, out.getvalue(), err.getvalue()
 
 
 def flip(file: Path, draw: random.Random) -> None:
@@ -185,7 +167,7 @@ def try_one(bases: Path, work: Path, draw: random.Random, ways: tuple[Damage, ..
             words = [command, study, "--output", str(file), *more, "--set", "mesh.levels=2"]
     with contextlib.suppress(OSError, RuntimeError, AttributeError):  # the library refuses some edits
         way(file, draw)
-    code, out, err = called(words)
+    code, out, err = tcstudy_command(*words)
     faults = []
     if code not in allowed:
         faults.append(f"exit code {code}: {err[-1500:]}")

@@ -8,16 +8,12 @@ fault: without a traceback, a warning or a control character. What does not is p
 
 from __future__ import annotations
 
-import contextlib
 import faulthandler
-import io
 import random
 import sys
 import tempfile
 import time
-import traceback
 import unicodedata
-import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,7 +22,7 @@ from pathlib import Path
 from netgen import occ
 from ruamel.yaml import YAML
 
-from tcstudy.cli import main as tcstudy
+from tests.commands import CRASHED, tcstudy_command
 
 PROBLEMS = 3_000
 LONGEST_LINE = 600
@@ -256,17 +252,9 @@ def complaint(text: str, folder: Path) -> tuple[int, str]:
     """Exit code of `tcstudy plan` on a text, and what is wrong with how it ended; "" if nothing is."""
     file = folder / "s.yaml"
     file.write_bytes(text.encode("utf-8", "surrogatepass"))
-    out, err = io.StringIO(), io.StringIO()
-    code: object = None
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
-            code = tcstudy(["plan", str(file), "--output", str(folder / "out.nc")])
-        except SystemExit as exit_:
-            code = exit_.code
-        except Exception:
-            return -1, traceback.format_exc()
-    said = err.getvalue()
+    code, shown, said = tcstudy_command("plan", file, "--output", folder / "out.nc")
+    if code == CRASHED:
+        return -1, said
     if code not in (0, 2):
         return -1, f"exit code {code}"
     lines = said.rstrip("\n").split("\n")
@@ -274,8 +262,8 @@ def complaint(text: str, folder: Path) -> tuple[int, str]:
         return 2, f"no clear line: {said!r}"
     if any(len(line) > LONGEST_LINE for line in lines):
         return 2, f"a line of {max(map(len, lines))} characters"
-    raw = [c for c in out.getvalue() + said if c != "\n" and unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp")]
-    return int(code), f"raw control characters {raw}: {said!r}" if raw else ""
+    raw = [c for c in shown + said if c != "\n" and unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp")]
+    return code, f"raw control characters {raw}: {said!r}" if raw else ""
 
 
 def survey(seeds: Sequence[int], say: Callable[[str], None] = print) -> Counter[str]:

@@ -12,7 +12,7 @@ from tcstudy.exact.numbers import exact_energy, exact_slip_length, sliver_integr
 from tcstudy.fem.geometry import build
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.scene.study import Study
-from tests.test_cli import CONFIGS
+from tests.commands import CONFIGS
 from tests.verification import closed_forms
 from tests.verification.scenes import mesh_family
 

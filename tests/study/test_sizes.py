@@ -20,7 +20,7 @@ from tcstudy.refine.family import Family
 from tcstudy.scene.study import Study
 from tcstudy.study import sizes as sizes_module
 from tcstudy.study.sizes import forecast, refined, sizes
-from tests.test_cli import CONFIGS
+from tests.commands import CONFIGS
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
 RING = """

@@ -9,7 +9,7 @@ import pytest
 
 import tcstudy
 from tcstudy.data.records import PointStatus
-from tests.test_cli import CONFIGS
+from tests.commands import CONFIGS
 
 
 def test_breathing_end_of_a_welded_rail(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 import tcstudy
-from tests.test_cli import CONFIGS
+from tests.commands import CONFIGS
 from tests.verification.gallery_forms import Law, bar, ring_slip
 
 FIELDS = "output.fields=true"

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tests.test_cli import CONFIGS
+from tests.commands import CONFIGS
 from tests.verification.test_path_patch import path_of
 
 TEXT = (CONFIGS / "pull_test.yaml").read_text()
