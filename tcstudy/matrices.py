@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from tcstudy.errors import ProblemError
 from tcstudy.scene.friction import FrictionLaw, GrowthError
 from tcstudy.scene.laws import SHAPES
+from tcstudy.scene.nodal_laws import Law, NodalLaws, nodal
 from tcstudy.scene.study import BRANCHES, SOLVERS, Branch
 from tcstudy.solvers import certificates
 from tcstudy.solvers.certificates import Certificate
@@ -62,7 +63,7 @@ class ContactProblem(PlainProblem):
     A_tilde: (m, m) symmetric positive definite, stiffness condensed onto the contact nodes [Pa]
     l_tilde: (m,) condensed load [N/m]
     c:       (m,) length of Γ_C that belongs to each node, > 0 [m]
-    law:     friction law b [Pa] of the slip [m], of `tcstudy.law`
+    law:     friction law b [Pa] of the slip [m], of `tcstudy.law`, or a list of m laws, one a node
 
     The arrays are copied; Ã is symmetrised where it is asymmetric by rounding only. `energy(v)`, `xi(v)`,
     `inclusion_residual(v)` and `lambda_1` (method §5) are of the problem.
@@ -76,8 +77,7 @@ class ContactProblem(PlainProblem):
         if not np.all(c > 0.0):
             i = int(np.argmin(c))
             raise ProblemError(f"c[{i}] = {c[i]:g} is no length; every node needs a part of the contact line, c > 0")
-        if not isinstance(self.law, FrictionLaw):
-            raise ProblemError(f"law is a {type(self.law).__name__}; make it by tcstudy.law(name, …)")
+        object.__setattr__(self, "law", _law(self.law, len(c)))
         checked = {"A_tilde": _stiffness(self.A_tilde, len(c)), "l_tilde": _vector("l_tilde", self.l_tilde, len(c)),
                    "c": c}  # fmt: skip
         for name, array in checked.items():
@@ -152,17 +152,32 @@ def follow(
     direction:    "both", "forward" (t grows at the start) or "backward"
 
     The path has `t` (k,), `u` (k, m), `traction` (k, m) and `stable` (k−1,) of its vertices and pieces, and says at
-    both ends why it stops. The law must be piecewise linear. Raises ProblemError if it is not, if v is no solution or
+    both ends why it stops. The laws must be piecewise linear. Raises ProblemError if it is not, if v is no solution or
     t lies outside the range.
     """
     start = v.v if isinstance(v, Answer) else _vector("v", v, problem.m)
-    assert isinstance(problem.law, FrictionLaw)
     along = ParametricProblem(problem.A_tilde, problem.l_tilde, _vector("l_1", l_1, problem.m), problem.c, problem.law)
     _one_of("direction", direction, ("both", "forward", "backward"))
     try:
         return Follower(t_min=t_min, t_max=t_max, max_pieces=max_pieces).follow(along, start, t, direction)
     except (NoSolutionError, ValueError) as error:
         raise ProblemError(f"no path: {error}") from error
+
+
+def _law(given: object, m: int) -> Law:
+    """The law, or the laws of the nodes."""
+    if isinstance(given, FrictionLaw):
+        return given
+    if isinstance(given, NodalLaws) and len(given) == m:
+        return given
+    laws = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else []
+    wrong = next((law for law in laws if not isinstance(law, FrictionLaw)), None)
+    if wrong is not None or not laws:
+        kind = type(given if wrong is None else wrong).__name__
+        raise ProblemError(f"law is a {kind}; make it by tcstudy.law(name, …), or give a list of such, one a node")
+    if len(laws) != m:
+        raise ProblemError(f"law has {len(laws)} laws, but c has {m} nodes; give one law, or one a node")
+    return nodal(laws, np.arange(m))
 
 
 def _one_of(what: str, name: object, names: Sequence[str]) -> None:

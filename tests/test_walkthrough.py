@@ -78,12 +78,30 @@ def test_bad_matrices_are_refused_in_one_line(given: tuple[object, object, objec
         (lambda: tcstudy.certify(tcstudy.ContactProblem(A, [0, 0], [1, 1], LAW), [1.0]), "v has the shape"),
         (lambda: tcstudy.follow(tcstudy.ContactProblem(A, [0, 0], [1, 1], LAW), [1, 0], [5, 5]), "no path"),
         (lambda: tcstudy.ContactProblem(A, [0, 0], [1, 1], "tresca"), "law is a str"),
+        (lambda: tcstudy.ContactProblem(A, [0, 0], [1, 1], [LAW, "tresca"]), "law is a str; .* one a node"),
+        (lambda: tcstudy.ContactProblem(A, [0, 0], [1, 1], [LAW] * 3), "law has 3 laws, but c has 2 nodes"),
+        (lambda: tcstudy.ContactProblem(A, [0, 0], [1, 1], []), "law is a list"),
     ],
 )
 def test_bad_options_are_refused_in_one_line(call, said: str) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(tcstudy.ProblemError, match=said) as fault:
         call()
     assert "\n" not in str(fault.value)
+
+
+def test_a_law_for_every_node_is_solved_certified_and_followed() -> None:
+    """Two springs that do not touch, on a film that softens and on one that slips: each is what it is alone."""
+    soft, slipping = tcstudy.law("slip-weakening", tau_s=1.0, tau_k=0.0, delta=4.0), tcstudy.law("tresca", tau=0.5)
+    both = tcstudy.ContactProblem(np.eye(2), [1.2, 1.2], [1.0, 1.0], [soft, slipping])
+    answer = tcstudy.solve(both)
+    assert answer.v == pytest.approx([4 / 15, 0.7], rel=1e-12)
+    assert tcstudy.certify(both, answer).unique
+    path = tcstudy.follow(both, [1.0, 1.0], answer, t_min=-1.2, t_max=4.0)
+    for t, u in zip(1.2 + path.t, path.u, strict=True):
+        assert u[1] == pytest.approx(max(0.0, t - 0.5), abs=1e-14)
+        assert u[0] == pytest.approx(max(0.0, min((t - 1.0) / 0.75, 4.0), t if t > 4.0 else 0.0), abs=1e-14)
+    alike = tcstudy.ContactProblem(np.eye(2), [1.2, 1.2], [1.0, 1.0], [soft, soft])
+    assert alike.law is soft
 
 
 def test_units_decide_nothing() -> None:

@@ -211,8 +211,6 @@ def _refuse_one_law(ctx: Context, root: Node, mesh: MeshPlan | None, output: Out
         ctx.errors.at(node, f"{one} errors are not estimated then", remedy)
     if node := root.child("exact"):
         ctx.errors.at(node, f"{one} an exact solution takes one law", "remove exact, or write one law")
-    if node := root.child("path"):
-        ctx.errors.at(node, f"{one} a path takes one law", "sweep the parameter with solver: {branch: continued}")
     if output and output.live and (node := root.child("output")):
         ctx.errors.at(node, f"{one} a live page takes one law", "remove live: true")
 

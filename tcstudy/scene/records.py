@@ -5,7 +5,8 @@ Symbols follow Šestak & Jovanović (2010): alpha, theta_bar, q, omega (the sour
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -187,6 +188,13 @@ class Scene:
         if isinstance(self.friction, EdgeLaws):
             raise ValueError("the friction law differs along the contact line")
         return self.friction
+
+    def with_laws(self, change: Callable[[FrictionLaw], FrictionLaw]) -> Scene:
+        """The same scene with every friction law changed, strengths as they are."""
+        friction = self.friction
+        if isinstance(friction, FrictionLaw):
+            return replace(self, friction=change(friction))
+        return replace(self, friction=EdgeLaws(tuple((edge, change(law), by) for edge, law, by in friction.laws)))
 
     def edges(self, *kinds: type) -> tuple[str, ...]:
         """Names of the edges with one of the given roles, in the order of the study."""

@@ -16,7 +16,9 @@ inverse, so that a box is never too small.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -48,17 +50,28 @@ def bend_below_tangent(law: Law, v: Array, zeta: Array, low: Array, high: Array,
 def bends_by_side(law: Law, v: Array, zeta: Array, low: Array, high: Array, parts: int = _PARTS) -> tuple[Array, Array]:
     """(right, left): the same with s > v_i and with s < v_i alone, −∞ where the box has no such s."""
 
-    def of_one(law: FrictionLaw, v: Array, zeta: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    def of_one(law: Law, v: Array, zeta: Array, low: Array, high: Array) -> tuple[Array, Array]:
         return _one_side(law, v, zeta, high, parts), _one_side(mirrored(law), -v, -zeta, -low, parts)
 
-    right, left = each(law, of_one, v, zeta, low, high)
+    right, left = _at_once(law, of_one, v, zeta, low, high)
     return right, left
 
 
-def mirrored(law: FrictionLaw) -> FrictionLaw:
+def _at_once(law: Law, answer: Callable[..., Any], *arrays: Array) -> Any:
+    """answer(law, *arrays), which takes laws by node if they are piecewise linear; asked of each law if not."""
+    return answer(law, *arrays) if law.piecewise_linear else each(law, answer, *arrays)
+
+
+def mirrored(law: Law) -> Law:
     """The law −b(−s)."""
-    kinks, s_0, b_0, a, r = (-x[::-1] for x in (law.kinks, law.s_0, law.b_0, law.a, law.r))
-    return FrictionLaw(law.name, kinks, s_0, b_0, law.q[::-1], a, r)
+    if isinstance(law, NodalLaws):
+        return NodalLaws(law.table.mirrored, law.index)
+    return law.mirrored
+
+
+def _right_ends(law: Law) -> Array:
+    """(K+1, 1) or, of laws by node, (K+1, m) right ends of the pieces."""
+    return law.table.ends[law.index, 1:].T if isinstance(law, NodalLaws) else np.append(law.kinks, np.inf)[:, None]
 
 
 @dataclass
@@ -71,12 +84,11 @@ class _March:
     size: Array
 
 
-def _one_side(law: FrictionLaw, v: Array, zeta: Array, high: Array, parts: int) -> Array:
+def _one_side(law: Law, v: Array, zeta: Array, high: Array, parts: int) -> Array:
     """sup of the quotient over s ∈ (v, high] (−∞ where that is empty)."""
-    first = law.piece(v, +1)
-    ends = np.append(law.kinks, np.inf)
+    first, ends = law.piece(v, +1), _right_ends(law)
     march = _March(v.copy(), np.zeros(len(v)), np.full(len(v), -np.inf), np.abs(zeta))
-    for piece in range(len(law.q)):
+    for piece in range(len(ends)):
         end = np.minimum(ends[piece], high)
         active = np.flatnonzero((first <= piece) & (march.at < end))
         if not len(active):
@@ -87,23 +99,23 @@ def _one_side(law: FrictionLaw, v: Array, zeta: Array, high: Array, parts: int) 
     return march.D
 
 
-def _parts(law: FrictionLaw, piece: int, width: Array, number: int) -> list[Array]:
+def _parts(law: Law, piece: int, width: Array, number: int) -> list[Array]:
     """Widths of the parts into which [at, at + width] is cut: one for a linear piece, fine where b changes fast."""
-    if law.a[piece] == 0.0:
+    if not isinstance(law, FrictionLaw) or law.a[piece] == 0.0:
         return [width]
     fine = np.minimum(width, _DECAY / abs(float(law.r[piece])))
     parts = [fine / number] * number
     return [*parts, width - fine] if law.r[piece] > 0.0 else [width - fine, *parts]
 
 
-def _advance(law: FrictionLaw, piece: int, march: _March, active: Index, v: Array, zeta: Array, width: Array) -> None:
+def _advance(law: Law, piece: int, march: _March, active: Index, v: Array, zeta: Array, width: Array) -> None:
     """Take the part [at, at + width] of one piece into account and go to its end."""
     at, gap = march.at[active], march.gap[active]
-    k = np.full(len(active), piece)
-    value = law.value(at, k)
+    own, k = law.of(active), np.full(len(active), piece)
+    value = own.value(at, k)
     excess = np.where(at == v[active], start_excess(value, zeta[active]), zeta[active] - value)
-    slope = np.asarray(law.slope(at, k))
-    if law.a[piece] < 0.0:
+    slope = np.asarray(own.slope(at, k))
+    if isinstance(law, FrictionLaw) and law.a[piece] < 0.0:
         chord = (law.value(at + width, k) - value) / np.where(width > 0.0, width, 1.0)
         slope = np.where(width > 0.0, np.minimum(chord, slope), slope)
     march.size[active] = np.maximum(march.size[active], np.abs(value))
@@ -112,7 +124,7 @@ def _advance(law: FrictionLaw, piece: int, march: _March, active: Index, v: Arra
     noise = _ROUNDINGS * np.finfo(float).eps * march.size[active] / np.where(distance > 0.0, distance, 1.0)
     largest = largest + np.where(distance > 0.0, noise, 0.0)
     march.D[active] = np.maximum(march.D[active], np.where(width > 0.0, largest, -np.inf))
-    march.gap[active] = gap + _gap_gain(law, piece, at, excess, width)
+    march.gap[active] = gap + _gap_gain(law, piece, at, excess, slope, width)
     march.at[active] = at + width
 
 
@@ -136,11 +148,11 @@ def quotient(gap: Array, excess: Array, slope: Array, distance: Array, width: Ar
     return np.where(distance == 0.0, touching, apart)
 
 
-def _gap_gain(law: FrictionLaw, piece: int, at: Array, excess: Array, width: Array) -> Array:
-    """∫ (ζ − b) over the part, exact."""
+def _gap_gain(law: Law, piece: int, at: Array, excess: Array, slope: Array, width: Array) -> Array:
+    """∫ (ζ − b) over the part, exact; slope: of b at its beginning."""
+    if not isinstance(law, FrictionLaw) or law.a[piece] == 0.0:
+        return width * (excess - 0.5 * slope * width)
     gain = width * (excess - 0.5 * law.q[piece] * width)
-    if law.a[piece] == 0.0:
-        return gain
     rate = law.r[piece]
     return gain - law.a[piece] * np.exp(-rate * (at - law.s_0[piece])) * (-np.expm1(-rate * width) / rate - width)
 
@@ -173,7 +185,7 @@ def solution_box(
     least_answer, largest_answer = narrowest(answers, axis=0), widest(answers, axis=0)
     largest_load = np.max(np.abs(loads), axis=0)
     for _ in range(rounds):
-        least, largest = (-c * b for b in each(law, b_range, low, high)[::-1])
+        least, largest = (-c * b for b in b_range(law, low, high)[::-1])
         middle, radius = inverse @ (0.5 * (least + largest)), size @ (0.5 * (largest - least))
         slack = rounding * (size @ (largest_load + np.maximum(np.abs(least), np.abs(largest))))
         new_low = np.maximum(low, least_answer + middle - radius - slack)
@@ -202,20 +214,33 @@ def first_box(problem: ContactProblem, lambda_1: float, load: float | None = Non
 
 def largest_push(law: Law) -> float:
     """sup over s of −sign(s) b(s), at least 0: how hard friction may push the slip on (finite by eq. (15))."""
-    if isinstance(law, NodalLaws):
+    if isinstance(law, NodalLaws) and not law.piecewise_linear:
         return max(largest_push(own) for own, _ in law.groups)
-    ends = np.concatenate([law.kinks, [0.0]])
-    decays = np.abs(law.r[law.r != 0.0])
-    reach = 2.0 * float(np.max(np.abs(ends))) + float(np.max(40.0 / decays, initial=0.0))
-    least, _ = b_range(law, np.zeros(1), np.array([reach]))
-    _, largest = b_range(law, np.array([-reach]), np.zeros(1))
-    return max(0.0, -float(least[0]), float(largest[0]))
+    kinks = law.kinks if isinstance(law, NodalLaws) else law.kinks[None, :]
+    reach = 2.0 * np.max(np.abs(kinks), axis=1, initial=0.0, where=np.isfinite(kinks))
+    if isinstance(law, FrictionLaw):
+        reach = reach + float(np.max(40.0 / np.abs(law.r[law.r != 0.0]), initial=0.0))
+    least, _ = b_range(law, np.zeros(len(reach)), reach)
+    _, largest = b_range(law, -reach, np.zeros(len(reach)))
+    return max(0.0, -float(np.min(least)), float(np.max(largest)))
 
 
-def b_range(law: FrictionLaw, low: Array, high: Array) -> tuple[Array, Array]:
+def b_range(law: Law, low: Array, high: Array) -> tuple[Array, Array]:
     """(least, largest) value of the filled graph of b on [low, high] (shape of low) [Pa]."""
+    least, largest = _at_once(law, _b_range, low, high)
+    return least, largest
+
+
+def _b_range(law: Law, low: Array, high: Array) -> tuple[Array, Array]:
     ends = [law.b(low, -1), law.b(low, +1), law.b(high, -1), law.b(high, +1)]
     least, largest = np.minimum.reduce(ends), np.maximum.reduce(ends)
+    if isinstance(law, NodalLaws):
+        met = (law.kinks >= low[:, None]) & (law.kinks <= high[:, None])
+        for limit in law.table.limits:
+            value = limit[law.index]
+            least = np.minimum(least, np.min(value, axis=1, initial=np.inf, where=met))
+            largest = np.maximum(largest, np.max(value, axis=1, initial=-np.inf, where=met))
+        return least, largest
     turning, values = _turning_points(law)
     points = np.concatenate([law.kinks, law.kinks, turning])
     order = np.argsort(points, kind="stable")
@@ -239,19 +264,23 @@ def _turning_points(law: FrictionLaw) -> tuple[Array, Array]:
     return s[piece], law.value(s[piece], piece)
 
 
-def least_slope(law: FrictionLaw, low: Array, high: Array) -> Array:
+def least_slope(law: Law, low: Array, high: Array) -> Array:
     """inf (b(s₁)−b(s₂))/(s₁−s₂) over [low, high]: −∞ with a down-jump in it (m,) [Pa/m].
 
     The slope of a piece is monotone, so its ends within the interval decide.
     """
-    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
-    least = np.full(len(low), np.inf)
-    for piece in range(len(law.q)):
-        first, last = np.maximum(low, ends[piece]), np.minimum(high, ends[piece + 1])
+    return np.asarray(_at_once(law, _least_slope, low, high))
+
+
+def _least_slope(law: Law, low: Array, high: Array) -> Array:
+    least, right = np.full(len(low), np.inf), _right_ends(law)
+    left = np.vstack([np.full((1, right.shape[1]), -np.inf), right[:-1]])
+    for piece in range(len(right)):
+        first, last = np.maximum(low, left[piece]), np.minimum(high, right[piece])
         met = np.flatnonzero(first <= last)
-        index = np.full(len(met), piece)
-        slope = np.minimum(law.slope(first[met], index), law.slope(last[met], index))
+        own, index = law.of(met), np.full(len(met), piece)
+        slope = np.minimum(own.slope(first[met], index), own.slope(last[met], index))
         least[met] = np.minimum(least[met], slope)
-    for kink in law.kinks[law.kinds == DOWN]:
-        least = np.where((low <= kink) & (kink <= high), -np.inf, least)
-    return least
+    drops = np.where(law.kinds == DOWN, law.kinks, np.inf)
+    met_drop = (low[:, None] <= drops) & (drops <= high[:, None]) & (drops < np.inf)
+    return np.where(np.any(met_drop, axis=1), -np.inf, least)

@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import UP, FrictionLaw
-from tcstudy.scene.nodal_laws import each
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.bounds import bend_below_tangent, least_slope, solution_box
 from tcstudy.solvers.problem import ContactProblem, least_lowered
@@ -91,7 +90,7 @@ def certify(
     if problem.m == 0:
         return Certificate(residual, threshold, omega, convex, True, True, True, 0.0, slack, 0, apart)
     low, high = solution_box(problem, threshold, inverse=inverse)
-    unique = convex or positive_definite(problem, each(problem.law, least_slope, low, high), threshold, margin)
+    unique = convex or positive_definite(problem, least_slope(problem.law, low, high), threshold, margin)
     solved = Acceptance(tolerance).accepts(residual, problem.xi_rounding(v))
     strict = solved and (unique or _strict_minimum(problem, v, threshold, margin))
     gap = _global_gap(problem, v, low, high, threshold, margin, unique) if solved else float("nan")

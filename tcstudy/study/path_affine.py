@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from tcstudy.errors import PathError
 from tcstudy.offline.level import Condensed, Level
-from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.records import Scene
 from tcstudy.solvers.path.follow import ParametricProblem
 
@@ -77,8 +76,6 @@ def affine_load(level: Level, scene_of: Callable[[float], Scene], begin: float, 
             "is no piecewise-linear path along it; use a sweep"
         )
     first = solved[0].problem
-    if not isinstance(first.law, FrictionLaw):
-        raise PathError("a path needs one law on the whole contact line; use a sweep with solver.branch: continued")
     problem = ParametricProblem(first.A_tilde, l_0, l_1, first.c, first.law)
     return AffineLoad(problem, off / size, begin, length, _quadratic([c.constant for c in solved]))
 

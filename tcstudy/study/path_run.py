@@ -26,7 +26,7 @@ from tcstudy.solvers.contact import TIE, solve_contact
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path
 from tcstudy.solvers.path.hysteresis import Hysteresis, hysteresis
-from tcstudy.solvers.path.problem import piecewise_linear
+from tcstudy.solvers.path.problem import by_code, piecewise_linear
 from tcstudy.solvers.path.proofs import proved_minima
 from tcstudy.solvers.path.query import PathSolution, folds, lowest, solutions_at, solutions_of
 from tcstudy.solvers.path.vertex import NoSolutionError
@@ -94,12 +94,12 @@ def _level(study: Study, plan: PathPlan) -> Level:
 
 def _setting(study: Study, plan: PathPlan, level: Level) -> _Setting:
     load = affine_load(level, lambda t: path_scene(plan.scene, plan.parameter, t), plan.begin, plan.end, plan.name)
-    lambda_1, law = level.lambda_1(plan.scene), plan.scene.one_law
-    straight = load.problem
-    if not law.piecewise_linear:
+    lambda_1, straight = level.lambda_1(plan.scene), load.problem
+    if not straight.law.piecewise_linear:
         boxes = [solution_box(straight.at(t), lambda_1) for t in plan.within]
         reach = max(float(np.max(np.abs(side))) for box in boxes for side in box)
-        straight = straight.with_law(piecewise_linear(law, plan.law_error, reach))
+        stand_in = plan.scene.with_laws(lambda law: piecewise_linear(law, plan.law_error, reach))
+        straight = straight.with_law(level.law(stand_in))
     return _Setting(plan, load, load.problem, straight, lambda_1, study.solver.tolerance)
 
 
@@ -121,11 +121,11 @@ def _follow(setting: _Setting, progress: Progress | None) -> tuple[Path, Array]:
 
 
 def _curve(setting: _Setting, path: Path) -> CurveRecord:
-    law, load = path.problem.law, setting.load
-    state = contact_states(law)[path.codes]
+    load, states = setting.load, by_code(path.problem.law, contact_states)
+    state = states[path.codes]
     turning = folds(path)
     events = path.events
-    before, after = contact_states(law)[events.before], contact_states(law)[events.after]
+    before, after = states[events.before], states[events.after]
     changed = before != after
     low = lowest(path)
     return CurveRecord(

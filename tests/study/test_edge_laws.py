@@ -74,6 +74,54 @@ def test_both_solvers_take_laws_by_edge(tmp_path: Path) -> None:
     assert float(data["uniqueness_margin"].item()) > float((data["lambda_1"] - data["omega"]).item())
 
 
+FILMS = (
+    '{film: {law: slip-weakening, tau_s: 3 MPa, tau_k: 0.5 MPa, delta: 20 um, strength: "1 + 2*x"}, '
+    'shoe: {law: tresca, tau: 1 MPa, strength: "max(0, min(1, (x - 0.17)*1e6))"}}'
+)
+PULL = "{parameter: boundary.grip.u_x, from: 0 mm, to: 0.3 mm, at: [0.1 mm, 0.25 mm], hysteresis: true}"
+
+
+def test_a_path_goes_through_the_solutions_of_runs(tmp_path: Path) -> None:
+    """Pulled off a film whose strength grows and a shoe with a gap: every solved point lies on the path, none below."""
+    coarse = one_point(FILMS).replace("maxh: 2 mm", "maxh: 8 mm")
+    study = read_study_text(f"{coarse}path: {PULL}\n")
+    tcstudy.path(study, tmp_path / "path.nc")
+    path = xr.open_dataset(tmp_path / "path.nc")
+    assert float(path["residual"].max()) < 1e-10
+    assert path.attrs["end_status"] == "range_end"
+    assert path.sizes["fold"] >= 2
+    assert {"film", "shoe"} <= set(str(path["edge"].attrs["flag_meanings"]).split())
+    assert np.all(path["loop_complete"] == 1)
+    assert float(path["energy_lost"]) == pytest.approx(float(path["loop_area"]), rel=1e-9)
+    pulls = (0.05, 0.1, 0.17, 0.25)
+    sweep = f"sweep: {{boundary.grip.u_x: [{', '.join(f'{u} mm' for u in pulls)}]}}\n"
+    tree = solved(coarse + sweep, tmp_path)
+    t, u = path["parameter"].values, path["u_T"].values
+    begin, end, piece = (path[f"lowest_{name}"].values for name in ("begin", "end", "piece"))
+    for i, pull in enumerate(pulls):
+        point = tree["level_0"].dataset.isel(boundary_grip_u_x=i)
+        k = int(piece[np.flatnonzero((begin <= pull * 1e-3) & (pull * 1e-3 <= end))[0]])
+        share = (pull * 1e-3 - t[k]) / (t[k + 1] - t[k])
+        np.testing.assert_allclose(u[k] + share * (u[k + 1] - u[k]), point["u_T"], atol=1e-9 * np.max(np.abs(u)))
+    listed = path.isel(solution=path["solution_lowest"].values == 1)
+    energies = tree.dataset["energy"].isel(boundary_grip_u_x=[1, 3]).values.ravel()
+    np.testing.assert_allclose(np.unique(listed["solution_energy"]), np.sort(energies), rtol=1e-9)
+
+
+def test_a_path_over_two_films_has_the_closed_form(tmp_path: Path) -> None:
+    """Pulled over both films, which stick and slip only: the formula of the study on the whole path."""
+    text = one_point("{film: {law: tresca, tau: 2 MPa}, shoe: {law: tresca, tau: 1 MPa}}")
+    tcstudy.path(read_study_text(f"{text}path: {PULL}\n"), tmp_path / "path.nc")
+    path = xr.open_dataset(tmp_path / "path.nc")
+    assert not path.sizes["fold"]
+    assert np.all(path["solution_unique"] == 1)
+    assert np.all(path["lowest_certified"] == 1)
+    pull, friction = path["parameter"].values, path["xi"].values @ path["c"].values
+    far = (pull > 0.03e-3) & (pull <= 0.25e-3)  # the shoe has slipped, and an end of the film
+    length = -SHOE + np.sqrt(SHOE**2 + 2.0 * (D * pull[far] - 0.5e6 * SHOE**2) / 2e6)
+    np.testing.assert_allclose(np.abs(friction[far]), 2e6 * length + 1e6 * SHOE, rtol=0.01, atol=2e3)
+
+
 @pytest.mark.parametrize(
     ("friction", "more", "said"),
     [
@@ -82,11 +130,6 @@ def test_both_solvers_take_laws_by_edge(tmp_path: Path) -> None:
         ("{film: {law: tresca, tau: 1 MPa, delta: 1 mm}, shoe: {law: linear, k: 0}}", "", "unknown key"),
         ("{law: tresca, tau: 1 MPa, strength: -1}", "", "must be 0 or more, but is -1"),
         ('{law: tresca, tau: 1 MPa, strength: "x - 0.1"}', "", "the strength is negative or not finite"),
-        (
-            '{law: tresca, tau: 1 MPa, strength: "x"}',
-            "path: {parameter: boundary.grip.u_x, from: 0 mm, to: 1 mm}\n",
-            "a path takes one law",
-        ),
         (
             "{film: {law: tresca, tau: 1 MPa}, shoe: {law: tresca, tau: 1 MPa}}",
             "sweep: {friction.film.delta: [1 mm]}\n",

@@ -5,19 +5,26 @@ the order in which the line runs from s = −∞ to s = +∞: piece 2k is the se
 piece 2k+1 the vertical side at kink k (absent where b only bends). On a segment the coordinate that moves is s, on a
 vertical side it is ξ/c.
 
+Where nodes have laws of their own (scene/nodal_laws.py) the pieces of all of them are numbered through, law after
+law, so that a piece's code says of which law it is and whatever is asked by code needs no law.
+
 A law with exponential pieces gets a stand-in of straight ones with a guaranteed error.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import BEND, DOWN, FrictionLaw
+from tcstudy.scene.nodal_laws import Law
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -31,16 +38,16 @@ class ParametricProblem:
     l_0:     (m,) load at t = 0 [N/m]
     l_1:     (m,) load per unit of t [N/m per unit of t], not zero
     c:       (m,) segment lengths > 0 [m]
-    law:     friction law b [Pa] of the slip [m]
+    law:     friction law b [Pa] of the slip [m], or the laws of the nodes (scene/nodal_laws.py)
 
-    t is anything the load is affine in: a load factor, θ̄, the strength of a source.
+    t is anything the load is affine in: a load factor, θ̄, the strength of a source, the share of a load step.
     """
 
     A_tilde: Array
     l_0: Array
     l_1: Array
     c: Array
-    law: FrictionLaw
+    law: Law
 
     @property
     def m(self) -> int:
@@ -55,9 +62,14 @@ class ParametricProblem:
         """The problem of one t."""
         return ContactProblem(self.A_tilde, self.load(t), self.c, self.law)
 
-    def with_law(self, law: FrictionLaw) -> ParametricProblem:
+    def with_law(self, law: Law) -> ParametricProblem:
         """The same body and loads under another law."""
         return replace(self, law=law)
+
+    @cached_property
+    def graph(self) -> LawGraph:
+        """The law's pieces by their codes; raises ValueError for exponential pieces."""
+        return law_graph(self.law)
 
 
 Codes = NDArray[np.int32]
@@ -65,7 +77,7 @@ Codes = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class LawGraph:
-    """The line's pieces as arrays over the piece code (2K+1,).
+    """The line's pieces as arrays over the piece code (2K+1,), of several laws one after the other.
 
     free:         True on a segment, False on a vertical side
     low, high:    bounds of the moving coordinate (s [m] on a segment, ξ/c [Pa] on a vertical side)
@@ -73,6 +85,7 @@ class LawGraph:
     after_low, after_high: code of the piece that follows at either bound (−1 where the bound is infinite)
     slope, anchor, start: b = start + slope·(s − anchor) on a segment; 0 on a vertical side [Pa/m, m, Pa]
     kink:         s of a vertical side, 0 on a segment [m]
+    first:        code of the first piece of every node's law (m,), or of the only law (1,)
     """
 
     free: NDArray[np.bool_]
@@ -85,6 +98,7 @@ class LawGraph:
     anchor: Array
     start: Array
     kink: Array
+    first: Codes
 
     def traction(self, codes: Codes, s: Array, side: Array) -> Array:
         """ξ/c: the segment's b(s) where a node is free, the given value on a vertical side."""
@@ -95,8 +109,25 @@ class LawGraph:
         return np.asarray(self.start[codes] + self.slope[codes] * (s - self.anchor[codes]))
 
 
-def law_graph(law: FrictionLaw) -> LawGraph:
-    """The graph of a piecewise-linear law; raises ValueError for exponential pieces."""
+def by_code(law: Law, answer: Callable[[FrictionLaw], NDArray[Any]]) -> NDArray[Any]:
+    """What `answer` says of the pieces (2K+1,) of a law, by the codes of its graph."""
+    return answer(law) if isinstance(law, FrictionLaw) else np.concatenate([answer(own) for own in law.table.laws])
+
+
+def law_graph(law: Law) -> LawGraph:
+    """The graph of a piecewise-linear law, or of the laws of nodes; raises ValueError for exponential pieces."""
+    if isinstance(law, FrictionLaw):
+        return _one_graph(law)
+    graphs = [_one_graph(own) for own in law.table.laws]
+    first = np.cumsum([0, *(len(graph.free) for graph in graphs[:-1])]).astype(np.int32)
+    joined = {f.name: np.concatenate([getattr(graph, f.name) for graph in graphs]) for f in fields(LawGraph)}
+    shift = np.repeat(first, [len(graph.free) for graph in graphs])
+    for name in ("after_low", "after_high"):
+        joined[name] = np.where(joined[name] < 0, np.int32(-1), joined[name] + shift)
+    return LawGraph(**joined | {"first": first[law.index]})
+
+
+def _one_graph(law: FrictionLaw) -> LawGraph:
     if not law.piecewise_linear:
         raise ValueError(
             f"the law {law.name} is not piecewise linear; replace it by path.problem.piecewise_linear(law, …) first"
@@ -130,6 +161,7 @@ def law_graph(law: FrictionLaw) -> LawGraph:
         anchor,
         start,
         kink,
+        np.zeros(1, dtype=np.int32),
     )
 
 

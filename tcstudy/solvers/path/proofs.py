@@ -19,10 +19,12 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.nodal_laws import each
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.bounds import bends_by_side, solution_box
-from tcstudy.solvers.certificates import MARGIN, positive_definite
-from tcstudy.solvers.path.problem import ParametricProblem, law_graph
+from tcstudy.solvers.certificates import MARGIN, positive_definite, uniqueness_margin
+from tcstudy.solvers.path.problem import ParametricProblem
 from tcstudy.solvers.path.query import Lowest
 from tcstudy.solvers.path.record import Path
 from tcstudy.solvers.problem import ContactProblem
@@ -53,7 +55,7 @@ def proved_minima(path: Path, low: Lowest, lambda_1: float, acceptance: Acceptan
     if not len(low.piece):
         return np.zeros(0, dtype=bool)
     states, solved = _middles(path, low, acceptance)
-    if path.problem.law.omega < (1.0 - MARGIN) * lambda_1:
+    if uniqueness_margin(path.problem.at(0.0), lambda_1) > MARGIN * lambda_1:
         return solved
     return solved & _certified(states, lambda_1)
 
@@ -65,7 +67,7 @@ def _middles(path: Path, low: Lowest, acceptance: Acceptance) -> tuple[States, F
     share = (t - path.t[k]) / (path.t[k + 1] - path.t[k])
     v = path.u[k] + share[:, None] * (path.u[k + 1] - path.u[k])
     traction = (p.l_0 + t[:, None] * p.l_1 - v @ p.A_tilde) / p.c
-    zeta = np.clip(traction, *p.law.interval(v))
+    zeta = np.clip(traction, *(side.T for side in each(p.law, FrictionLaw.interval, v.T)))
     scale = p.at(float(t[0])).traction_scale
     residual = np.max(np.abs(traction - zeta), axis=1) / (scale if scale > 0.0 else 1.0)
     solved = residual <= acceptance.aim
@@ -105,12 +107,13 @@ def _bends(states: States, group: slice, lambda_1: float, inverse: Array) -> tup
     problem = states.problem.at(float(states.t[group][0]))
     end = states.problem.load(float(states.t[group][-1]))[None, :]
     node, v, zeta = _stays(states, group)
+    law = problem.law.of(node)
     least, largest = np.full(problem.m, np.inf), np.full(problem.m, -np.inf)
     for common in (True, False):
         low, high = solution_box(problem, lambda_1, inverse=inverse, others=end, common=common)
         sides = []
         for x, y in zip(v, zeta, strict=True):
-            sides.append(bends_by_side(problem.law, x, y, np.minimum(low[node], x), np.maximum(high[node], x)))
+            sides.append(bends_by_side(law, x, y, np.minimum(low[node], x), np.maximum(high[node], x)))
         (right_0, left_0), (right_1, left_1) = sides
         if common:
             lower = np.maximum(np.minimum(right_0, right_1), np.minimum(left_0, left_1))
@@ -122,7 +125,7 @@ def _bends(states: States, group: slice, lambda_1: float, inverse: Array) -> tup
 
 def _stays(states: States, group: slice) -> tuple[NDArray[np.intp], Array, Array]:
     """The ways that nodes go on one piece of their graph within the group: node (k,), v and ζ at both ends (2, k)."""
-    graph = law_graph(states.problem.law)
+    graph = states.problem.graph
     codes, v, zeta = (np.ascontiguousarray(x[group].T) for x in (states.codes, states.v, states.zeta))
     enters = np.ones(codes.shape, dtype=bool)
     enters[:, 1:] = codes[:, 1:] != codes[:, :-1]

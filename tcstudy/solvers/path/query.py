@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.nodal_laws import Law
 from tcstudy.solvers.path.record import Path
 from tcstudy.solvers.separable.finish import ActivePieces, finish, solve_on
 
@@ -160,7 +160,7 @@ def folds(path: Path) -> list[Fold]:
     ]
 
 
-def solutions_of(law: FrictionLaw, path: Path, t: float, newton_steps: int = 12) -> list[PathSolution]:
+def solutions_of(law: Law, path: Path, t: float, newton_steps: int = 12) -> list[PathSolution]:
     """The solutions of the law that the path's law approximates, by Newton's method from those of the path.
 
     Each node keeps its place: on the same jump, or on the piece of `law` in which it lies. A solution that does not
@@ -179,20 +179,17 @@ def solutions_of(law: FrictionLaw, path: Path, t: float, newton_steps: int = 12)
     return found
 
 
-def _pieces(law: FrictionLaw, path: Path, solution: PathSolution) -> ActivePieces:
+def _pieces(law: Law, path: Path, solution: PathSolution) -> ActivePieces:
     """Places of the nodes in terms of the true law; extra kinks of the approximation are none."""
-    codes = path.codes[solution.piece]
+    codes, graph = path.codes[solution.piece], path.problem.graph
+    free = graph.free[codes]
     kink = np.full(len(codes), -1, dtype=np.intp)
-    held = np.flatnonzero(codes % 2 == 1)
-    if len(held):
-        kink[held] = law.nearest_kink(path.problem.law.kinks[codes[held] // 2])
-    ends = np.concatenate([[-np.inf], path.problem.law.kinks, [np.inf]])
-    segment = codes // 2
-    left, right = ends[segment], ends[segment + 1]
-    middle = np.where(np.isinf(left), right - 1.0, np.where(np.isinf(right), left + 1.0, 0.5 * (left + right)))
-    middle = np.where(np.isnan(middle), solution.v, middle)
-    piece = np.where(np.isinf(left), 0, np.where(np.isinf(right), len(law.kinks), law.piece(middle)))
-    return ActivePieces(kink, np.where(kink >= 0, kink + 1, piece))
+    if not np.all(free):
+        kink = np.where(free, kink, law.nearest_kink(graph.kink[codes]))
+    left, right = (np.where(free & np.isfinite(end), end, np.nan) for end in (graph.low[codes], graph.high[codes]))
+    beyond = law.piece(np.where(np.isnan(left), solution.v, left), +1)
+    before = law.piece(np.where(np.isnan(right), solution.v, right), -1)
+    return ActivePieces(kink, np.where(kink >= 0, kink + 1, np.where(np.isnan(left), before, beyond)))
 
 
 SHORT = 1e-13

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solvers.path.problem import LawGraph, ParametricProblem, law_graph
+from tcstudy.solvers.path.problem import LawGraph, ParametricProblem
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -63,7 +63,8 @@ class PathEnd:
 class Events:
     """Changes of piece in the order of the path, all (e,): vertex, node, code before and code after.
 
-    Codes are those of tcstudy.solvers.path.problem: 2k a segment (slip), 2k+1 the vertical side at kink k (stick).
+    Codes are those of tcstudy.solvers.path.problem: 2k a segment (slip), 2k+1 the vertical side at kink k (stick),
+    counted on from law to law where nodes have laws of their own.
     """
 
     vertex: Index
@@ -119,7 +120,7 @@ class Path:
     @cached_property
     def slipping(self) -> NDArray[np.bool_]:
         """(k−1, m) True where a node is on a segment of b, False where it sits on a vertical side."""
-        return np.asarray(law_graph(self.problem.law).free[self.codes])
+        return np.asarray(self.problem.graph.free[self.codes])
 
     @cached_property
     def conjugate(self) -> Array:
@@ -132,7 +133,8 @@ class Path:
         p = self.problem
         load = p.l_0[None, :] + self.t[:, None] * p.l_1[None, :]
         force = load - self.traction * p.c  # = Ãu up to the residual
-        return np.asarray(np.sum((0.5 * force - load) * self.u, axis=1) + p.law.j(self.u) @ p.c)
+        stored = np.ascontiguousarray(p.law.j(self.u.T).T)  # laws by node take a row a node
+        return np.asarray(np.sum((0.5 * force - load) * self.u, axis=1) + stored @ p.c)
 
     @cached_property
     def folds(self) -> Index:

@@ -22,8 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import BEND
-from tcstudy.solvers.path.problem import ParametricProblem, law_graph
+from tcstudy.solvers.path.problem import ParametricProblem
 from tcstudy.solvers.path.tableau import SingularCellError
 from tcstudy.solvers.path.walk import Codes, Index, Units, Walk
 
@@ -165,7 +164,7 @@ def locate(problem: ParametricProblem, units: Units, v: Array, t: float) -> Walk
     Raises NoSolutionError if no solution lies within NEAR of v.
     """
     codes = _codes(problem, units, v, t)
-    graph = law_graph(problem.law)
+    graph = problem.graph
     xi = (problem.load(t) - problem.A_tilde @ v) / units.stiffness
     for _ in range(20):
         free = graph.free[codes]
@@ -195,19 +194,21 @@ def locate(problem: ParametricProblem, units: Units, v: Array, t: float) -> Walk
 
 def _codes(problem: ParametricProblem, units: Units, v: Array, t: float) -> Codes:
     """First guess of the pieces: on a jump where v_i is near one and ξ_i/c_i in it, else the segment of v_i."""
-    law = problem.law
-    codes = (2 * law.piece(v)).astype(np.int32)
-    if not len(law.kinks):
+    law, graph = problem.law, problem.graph
+    codes = (graph.first + 2 * law.piece(v)).astype(np.int32)
+    if not law.kinks.size:
         return codes
     traction = (problem.load(t) - problem.A_tilde @ v) / problem.c
     near = law.nearest_kink(v)
-    on = np.abs(v - law.kinks[near]) <= NEAR * (np.abs(v) + units.slip)
-    low = np.minimum(law.b_left, law.b_right)[near]
-    high = np.maximum(law.b_left, law.b_right)[near]
+    kink = law.kink(near)
+    on = np.abs(v - kink) <= NEAR * (np.abs(v) + units.slip)
+    side = np.where(np.isfinite(kink), graph.first + 2 * near + 1, codes)
+    low, high = graph.low[side], graph.high[side]
     margin = NEAR * units.traction
-    inside = (traction > low + margin) & (traction < high - margin) | (law.kinks[near] == v)
+    inside = (traction > low + margin) & (traction < high - margin) | (kink == v)
     inside &= (traction >= low - margin) & (traction <= high + margin)
-    return np.where(on & inside & (law.kinds[near] != BEND), 2 * near + 1, codes).astype(np.int32)
+    jumps = graph.after_high[side - 1] == side  # a side that only bends is passed over
+    return np.where(on & inside & jumps, side, codes).astype(np.int32)
 
 
 @dataclass(frozen=True)

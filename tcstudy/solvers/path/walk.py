@@ -15,7 +15,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.solvers.path.problem import LawGraph, ParametricProblem, law_graph
+from tcstudy.solvers.path.problem import LawGraph, ParametricProblem
 from tcstudy.solvers.path.tableau import SingularCellError, Tableau
 
 Array = NDArray[np.float64]
@@ -109,7 +109,7 @@ class Walk:
 
     def __init__(self, problem: ParametricProblem, units: Units, codes: Codes, x: Array, t: float) -> None:
         self.problem, self.units = problem, units
-        self.graph: LawGraph = law_graph(problem.law)
+        self.graph: LawGraph = problem.graph
         self.codes, self.x, self.t = codes.copy(), x.copy(), t
         self.tie = units.tie
         self.free, self.kink = self.graph.free[codes], self.graph.kink[codes]

@@ -24,29 +24,34 @@ def pieces_of(law: FrictionLaw) -> list[tuple[int, str]]:
 
 def all_solutions(problem: ParametricProblem, t: float) -> list[tuple[Array, bool]]:
     """(v, stable) of every solution of one t: one linear system for each combination of pieces."""
-    law, A, c = problem.law, problem.A_tilde, problem.c
-    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
+    A, c = problem.A_tilde, problem.c
+    laws = [problem.law.single(i) for i in range(problem.m)]
     found = []
-    for combination in product(pieces_of(law), repeat=problem.m):
+    for combination in product(*(pieces_of(law) for law in laws)):
         free = np.array([kind == "s" for _, kind in combination])
-        k = np.array([k for k, _ in combination])
-        v = np.array([0.0 if f else law.kinks[i] for f, i in zip(free, k, strict=True)])
-        H = A[np.ix_(free, free)] + np.diag(c[free] * law.q[k[free]])
+        places = [(law, i) for law, (i, _) in zip(laws, combination, strict=True)]
+        v = np.array([0.0 if f else law.kinks[i] for f, (law, i) in zip(free, places, strict=True)])
+        q = np.array([law.q[i] if f else 0.0 for f, (law, i) in zip(free, places, strict=True)])
+        at_0 = np.array([law.b_0[i] - law.q[i] * law.s_0[i] for law, i in places])
+        H = A[np.ix_(free, free)] + np.diag((c * q)[free])
         if free.any():
-            at_0 = law.b_0[k[free]] - law.q[k[free]] * law.s_0[k[free]]
-            rhs = problem.load(t)[free] - c[free] * at_0 - A[np.ix_(free, ~free)] @ v[~free]
+            rhs = problem.load(t)[free] - (c * at_0)[free] - A[np.ix_(free, ~free)] @ v[~free]
             v[free] = np.linalg.solve(H, rhs)
         traction = (problem.load(t) - A @ v) / c
-        holds = [
-            ends[i] <= s <= ends[i + 1] if f else min(law.b_left[i], law.b_right[i]) <= g
-            and g <= max(law.b_left[i], law.b_right[i])
-            for f, i, s, g in zip(free, k, v, traction, strict=True)
-        ]  # fmt: skip
-        if all(holds):
+        if all(_holds(*row) for row in zip(places, free, v, traction, strict=True)):
             definite = not free.any() or np.linalg.eigvalsh(H)[0] > 0.0
-            down = any(not f and law.kinds[i] < 0 for f, i in zip(free, k, strict=True))
+            down = any(not f and law.kinds[i] < 0 for f, (law, i) in zip(free, places, strict=True))
             found.append((v, bool(definite and not down)))
     return found
+
+
+def _holds(place: tuple[FrictionLaw, int], free: bool, s: float, traction: float) -> bool:
+    """Whether a node is on the piece that it was put on."""
+    law, i = place
+    if free:
+        ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
+        return bool(ends[i] <= s <= ends[i + 1])
+    return bool(min(law.b_left[i], law.b_right[i]) <= traction <= max(law.b_left[i], law.b_right[i]))
 
 
 def random_path_problem(rng: np.random.Generator, m: int, max_kinks: int = 6) -> ParametricProblem:
