@@ -137,10 +137,21 @@ class BlockRecord:
             )
 
 
+SENSITIVITY = "sensitivity_"
+"""How the names of derivatives begin (`tcstudy.data.sensitivities`)."""
+
+
+def is_number(name: str) -> bool:
+    """Whether `PointRecord.numbers` may hold this name."""
+    return name in NUMBERS or name.startswith(SENSITIVITY)
+
+
 def _check_names(numbers: AbstractSet[str], fields: AbstractSet[str]) -> None:
     """Raise ValueError unless the table of variables has all names; they are compared as sets, once a record."""
     if not (numbers <= NUMBERS and fields <= FIELD_NAMES):
-        unknown = sorted(numbers - NUMBERS) + sorted(fields - FIELD_NAMES)
+        unknown = sorted(n for n in numbers if not is_number(n)) + sorted(fields - FIELD_NAMES)
+        if not unknown:
+            return
         raise ValueError(f"no variable {', '.join(unknown)} in the table of the result file")
 
 

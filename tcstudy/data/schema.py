@@ -297,14 +297,19 @@ LIVE_PREFIX = "live_"
 
 _POINTWISE = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES) if v.dims[:2] == POINT_LEVEL)
 NUMBERS = (_POINTWISE | {*_GOAL_NAMES}) - {"status", "reason"}
-"""Names that `PointRecord.numbers` may hold."""
+"""Names that `PointRecord.numbers` may hold, derivatives apart."""
 
 
 def root_variables(study: Study) -> tuple[FileVariable, ...]:
     """The variables of the root group of this study's file."""
     solvers = SOLVERS if len(study.solver.names) > 1 else ()
     estimates = ESTIMATES + _goal_variables(study.mesh.goal, study.exact is not None) if study.mesh.estimates else ()
-    return (*ROOT, *solvers, *estimates)
+    derived: tuple[FileVariable, ...] = ()
+    if study.output.sensitivity:
+        from tcstudy.data.sensitivities import variables  # only for a study that asks for them
+
+        derived = variables(study.output.sensitivity)
+    return (*ROOT, *solvers, *estimates, *derived)
 
 
 FIELD_NAMES = frozenset(v.name for v in FIELDS)

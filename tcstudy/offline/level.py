@@ -159,11 +159,7 @@ class Level:
         if isinstance(friction, FrictionLaw):
             return friction
         if friction not in self._laws:
-            edges = [edge for edge, _, _ in friction.laws]
-            of_edge = np.array([edges.index(name) if name in edges else 0 for name in line.edge_names])
-            index, strength = of_edge[line.edge], np.ones(line.m)
-            for k, (_, _, factor) in enumerate(friction.laws):
-                strength[index == k] = values_at(factor, line.xy[index == k])
+            index, strength = self.strengths(friction)
             if np.any(strength < 0.0):
                 x, y = line.xy[np.argmin(strength)]
                 raise ValueError(
@@ -171,6 +167,22 @@ class Level:
                 )
             self._laws[friction] = nodal([law for _, law, _ in friction.laws], index, strength)
         return self._laws[friction]
+
+    def strengths(self, friction: EdgeLaws) -> tuple[NDArray[np.intp], Array]:
+        """(m,) which of the laws a contact node has, and its strength there."""
+        line, edges = self.line, [edge for edge, _, _ in friction.laws]
+        of_edge = np.array([edges.index(name) if name in edges else 0 for name in line.edge_names], dtype=np.intp)
+        index, strength = of_edge[line.edge], np.ones(line.m)
+        for k, (_, _, factor) in enumerate(friction.laws):
+            strength[index == k] = values_at(factor, line.xy[index == k])
+        return index, strength
+
+    def load_of(self, scene: Scene, terms: Sequence[LoadTerm]) -> Array:
+        """(m,) l̃ of other terms on the body of a scene [N/m]."""
+        frames = self._frames_of(scene.boundary)
+        body, _ = self._body(scene, frames)
+        span = body.span(tuple(term.load for term in terms), self._maker(body, frames))
+        return np.asarray(span.l_tilde @ np.array([term.coefficient for term in terms]))
 
     def _condensed_load(self, scene: Scene) -> tuple[Array, float, tuple[LoadTerm, ...]]:
         """l̃ (m,) [N/m], what the energy has beside L̃ [J/m], and the basis terms of the load."""

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.offline.level import Level
-from tcstudy.offline.loads import split
-from tcstudy.scene.records import Clamped, Convection, Heat, Role, Scalar, Scene, Traction
+from tcstudy.offline.loads import split, unloaded
+from tcstudy.scene.records import Clamped, Convection, Heat, Scalar, Scene, Traction
 from tcstudy.scene.study import Study
 from tcstudy.solvers.problem import ContactProblem
 
@@ -117,16 +117,9 @@ class _Distinct:
 
 def _bare(scene: Scene, first: Scene) -> Scene:
     """The scene without any load, heat or given displacement, and with the material and the law of the first one."""
-    boundary = tuple((name, _unloaded(role)) for name, role in scene.boundary)
+    boundary = tuple((name, unloaded(role)) for name, role in scene.boundary)
     material = replace(first.material, beta=0.0)
     return Scene(scene.body, boundary, material, (0.0, 0.0), Heat(), first.friction)
-
-
-def _unloaded(role: Role) -> Role:
-    if isinstance(role, Clamped):
-        x, y = (None if one is None else 0.0 for one in role.u)
-        return replace(role, u=(x, y))
-    return replace(role, g=(0.0, 0.0), pressure=0.0) if isinstance(role, Traction | Convection) else role
 
 
 def _with_roles(bare: Scene, scene: Scene, kinds: type | UnionType) -> Scene:

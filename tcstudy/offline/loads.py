@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.forms import loads_something
-from tcstudy.scene.records import Convection, Heat, Role, Scalar, Traction
+from tcstudy.scene.records import Clamped, Convection, Heat, Role, Scalar, Traction
 
 Roles = tuple[tuple[str, Role], ...]
 
@@ -135,6 +135,14 @@ def mechanical_terms(f: tuple[Scalar, Scalar], boundary: Roles) -> Iterator[Load
         shape, factor = split(role.pressure)
         if factor != 0.0:
             yield LoadTerm(EdgePressure(name, shape), factor)
+
+
+def unloaded(role: Role) -> Role:
+    """The role without its load, and with displacements of 0 where it prescribes any."""
+    if isinstance(role, Clamped):
+        x, y = (None if one is None else 0.0 for one in role.u)
+        return replace(role, u=(x, y))
+    return replace(role, g=(0.0, 0.0), pressure=0.0) if isinstance(role, Traction | Convection) else role
 
 
 def families_of(heat: Heat) -> list[FamilyKey]:

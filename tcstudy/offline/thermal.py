@@ -86,6 +86,7 @@ class _Family:
     basis: Array
     listed: int
     at: dict[float, int]
+    slopes: dict[float, int]
 
 
 class Conduction:
@@ -152,6 +153,16 @@ class Conduction:
         """∫_ω q [W/m]."""
         return self._family(FamilyKey("source", q, omega)).heat
 
+    def slope(self, key: FamilyKey, a: float) -> Part:
+        """∂θ/∂a of a family for k = 1: 1/(μ_k + a) becomes −1/(μ_k + a)², a/(μ_k + a) becomes μ_k/(μ_k + a)²."""
+        family, mu = self._family(key), self._spectrum[0]
+        if a not in family.slopes:
+            family.slopes[a], family.loaded = len(family.modal), [*family.loaded, False]
+            change = family.moments / np.where(mu > 0.0, mu + a, 1.0) ** 2
+            family.modal.append(np.where(mu > 0.0, -change if family.load is not None else mu * change, 0.0))
+        constant = -float(family.moments[0] * self._spectrum[1][0, 0]) / a**2 if family.load is not None else 0.0
+        return Part(constant, ((Column(key, family.slopes[a]), 1.0),))
+
     # -- families ----------------------------------------------------------------------------------
 
     def _family(self, key: FamilyKey) -> _Family:
@@ -164,7 +175,7 @@ class Conduction:
             heat, moved = float(source.sum()), float(np.abs(source).sum())
             load = self._factor.load(source)
         moments = W.T @ (self._forms.surroundings(key.data) if load is None else load.l_tilde)
-        family = _Family(moments, heat, moved, load, [], [], np.zeros((len(moments), 0)), 0, {})
+        family = _Family(moments, heat, moved, load, [], [], np.zeros((len(moments), 0)), 0, {}, {})
         ratios = [a for a in sorted(self._ratios.get(key, ())) if a > 0.0]
         rows = np.array([self._variation(family, a) for a in ratios]).reshape(len(ratios), len(moments))
         basis = basis_of(rows)
@@ -282,7 +293,7 @@ class Temperatures:
                 theta += factor * self.field(name)
             return theta
 
-        mean = constant + sum(factor * self._mean(name) for name, factor in fields)
+        mean = constant + sum(factor * self.mean(name) for name, factor in fields)
         balance = float("nan")
         shape, factor = split(scene.heat.q)
         if scene.heat.theta is None and scene.edges(Convection) and factor != 0.0:
@@ -311,7 +322,7 @@ class Temperatures:
             return self.conduction.field(name)
         return self._known.get(name, lambda: values_at(name, self._points))
 
-    def _mean(self, name: Field) -> float:
+    def mean(self, name: Field) -> float:
         """Mean of a field over the body."""
         if name not in self._means:
             area = self._forms.nodal_area

@@ -238,6 +238,9 @@ class Context:
             case "one or more":
                 entries = self.items(node, "a list of words", 1) if isinstance(node.value, tuple) else (node,)
                 return tuple(self.choice(entry, row.words) for entry in entries)
+            case "words":
+                entries = self.items(node, "a list of names", 1) if isinstance(node.value, tuple) else (node,)
+                return tuple(self.text(entry, "the name of a number") for entry in entries)
             case "sizes":
                 entries = self.items(node, "a list of sizes", 1) if isinstance(node.value, tuple) else (node,)
                 return tuple(self.bounded(entry, row, dimension) for entry in entries)

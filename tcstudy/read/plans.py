@@ -137,6 +137,7 @@ def read_solver(ctx: Context, node: Node | None) -> SolverPlan:
 def read_output(ctx: Context, node: Node | None) -> OutputPlan:
     """Where the data go; None after a fault."""
     given = Fields(ctx, node, "output").given() if node else {}
+    given.pop("sensitivity", None)  # names are judged where the scenes are known (read/sensitivity.py)
     return OutputPlan(**(given | {"path": Path(given["path"])} if "path" in given else given))
 
 
@@ -162,7 +163,7 @@ def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | No
     keys = _parameter(ctx, fields.values["parameter"], scene)
     if keys is None:
         return None
-    dimension = dict(_affine(scene))[keys].dimension
+    dimension = dict(affine_parameters(scene))[keys].dimension
     begin, end = (fields.value(key, dimension) for key in ("from", "to"))
     if begin == end:
         ctx.errors.at(fields.values["to"], "is the same value as from", "give a range, from: A, to: B")
@@ -175,7 +176,7 @@ def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | No
     return plan
 
 
-def _affine(scene: Scene) -> Iterator[tuple[tuple[str, ...], _Affine]]:
+def affine_parameters(scene: Scene) -> Iterator[tuple[tuple[str, ...], _Affine]]:
     """All parameters of the scene that a path may run along, by key path."""
     heat = scene.heat
     idle = "" if scene.material.beta else "beta is 0, so temperature does not load the body"
@@ -209,7 +210,7 @@ def _parameter(ctx: Context, node: Node, scene: Scene) -> tuple[str, ...] | None
         return None
     short = SHORT | {name: f"loads.{name}" for one in rows("loads").values() for name in one.numbers}
     name = short.get(word, word)
-    known = dict(_affine(scene))
+    known = dict(affine_parameters(scene))
     keys = tuple(name.split("."))
     if keys not in known:
         usable = (path for path, p in known.items() if not p.idle and not isinstance(p.value, Expression))

@@ -242,6 +242,7 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "named sections": lambda one: _named(_sub_section(one)),
     "names": lambda one: {"anyOf": [SOME_TEXT, _list(SOME_TEXT, 1), _ref("region")]},
     "one or more": lambda one: {"anyOf": [_words(one), _list(_words(one), 1)]},
+    "words": lambda one: {"anyOf": [SOME_TEXT, _list(SOME_TEXT, 1)]},
     "sizes": lambda one: {"anyOf": [_number(one), _list(_number(one), 1)]},
     "sizes or tolerance": _sizes_or_tolerance,
     "goal": _goal,

@@ -232,6 +232,11 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
     solver, output = read_solver(ctx, root.child("solver")), read_output(ctx, root.child("output"))
     path = read_path(ctx, node, reader.base, mesh) if (node := root.child("path")) else None
     exact = read_exact(ctx, node, root, body) if (node := root.child("exact")) else None
+    asked = root.child("output") if output and not ctx.errors.problems else None
+    if output and asked and (words := asked.child("sensitivity")):
+        from tcstudy.read.sensitivity import read_sensitivity  # only for a study that asks for derivatives
+
+        output = replace(output, sensitivity=read_sensitivity(ctx, words, root, reader.base, scenes, exact))
     if any(isinstance(scene.friction, EdgeLaws) for scene in distinct(scenes, "friction")):
         _refuse_one_law(ctx, root, mesh, output)
     return _Plans(mesh, solver, output, exact, path)

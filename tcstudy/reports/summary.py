@@ -13,6 +13,7 @@ import numpy as np
 
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, UNBALANCED
+from tcstudy.data.sensitivities import DIFFERENTIABLE, QUANTITIES, STATUS
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.tables import plain_table, wrapped
@@ -36,7 +37,7 @@ def summary(path: Path, most: int | None = MOST_ROWS) -> str:
     with open_results(path) as tree:
         data = tree.to_dataset().drop_vars(NOT_SAID, errors="ignore").load()
     parts = [data.attrs["title"], _levels(data), _stop(data), _points(data, most), solver_table(data), _failures(data)]
-    parts += [_not_run(data), _rounding(data), _heat(data)]
+    parts += [_derivatives(data), _not_run(data), _rounding(data), _heat(data)]
     return wrapped("\n\n".join(part for part in parts if part))
 
 
@@ -169,6 +170,28 @@ def _change(values: Any) -> str:
     if not np.isfinite(last - before):
         return "–"
     return f"{abs(last - before) / abs(last):.1%}" if last != 0.0 else number(abs(before))
+
+
+def _derivatives(data: Any) -> str:
+    """The derivatives of the first point on the finest level that has them; the file has those of all."""
+    if STATUS not in data:
+        return ""
+    fine = data.isel(level=-1)
+    places = np.argwhere(fine[STATUS].values == DIFFERENTIABLE)
+    known = f"known at {len(places)} of {fine[STATUS].size} points of the finest level, NaN at events and folds"
+    title = f"  Derivatives at the solution ({known})"
+    if not len(places):
+        return f"{title}."
+    at = fine.isel(dict(zip(fine[STATUS].dims, (int(i) for i in places[0]), strict=True)))
+    first = f"sensitivity_{next(iter(QUANTITIES))}_"
+    numbers = [str(name).removeprefix(first) for name in data if str(name).startswith(first)]
+    shown = [(quantity, title) for quantity, title, _ in _COLUMNS if quantity in QUANTITIES]
+    rows = []
+    for one in numbers:
+        found = [at[f"sensitivity_{quantity}_{one}"] for quantity, _ in shown]
+        rows.append([one, *(f"{number(value)} {value.attrs['units']}".removesuffix(" 1") for value in found)])
+    where = _point(data, [*places[0], data.sizes["level"] - 1])
+    return f"{title}; at {where}:\n\n" + plain_table(["by", *(name for _, name in shown)], rows)
 
 
 def _failures(data: Any) -> str:

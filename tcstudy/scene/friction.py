@@ -16,9 +16,9 @@ the values at both ends, where p + q s would have lost all digits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,6 +40,15 @@ class GrowthError(ValueError):
 
 
 @dataclass(frozen=True, eq=False)
+class Made:
+    """What a law was made of: the name of its shape, the values of all its parameters, and a factor of b."""
+
+    shape: str
+    values: dict[str, Any]
+    strength: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
 class FrictionLaw:
     """A friction law b with its jumps filled in, as arrays over kinks and pieces; equal if all numbers are.
 
@@ -50,6 +59,7 @@ class FrictionLaw:
     q:      (K+1,) slope of each piece [Pa/m]
     a:      (K+1,) amplitude of the exponential part at the anchor [Pa]
     r:      (K+1,) rate of the exponential part [1/m], 0 where a = 0
+    made:   what it was made of, None if that is not known; it is no part of what the law is
     """
 
     name: str
@@ -59,6 +69,7 @@ class FrictionLaw:
     q: Array
     a: Array
     r: Array
+    made: Made | None = field(default=None, repr=False)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, FrictionLaw) and self._numbers == other._numbers

@@ -29,6 +29,7 @@ Kind = Literal[
     "named sections",
     "names",
     "one or more",
+    "words",
     "sweep points",
     "any values",
     "named numbers",
@@ -42,7 +43,7 @@ Kind = Literal[
 """number: one for the whole body; quantity, quantities, span: one, some, two of a dimension that another key decides;
 field: a number or an expression in x and y; component: that or `free`; vector: two fields; displacement: two
 components; section: a mapping of its own; sections, points: a list of them, or by name; names: of regions, or a shape;
-one or more: of the words; sweep points: a list of them, or their number;
+one or more: of the words; words: a list of any; sweep points: a list of them, or their number;
 sizes: one or more numbers; law: a friction law."""
 
 

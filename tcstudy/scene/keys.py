@@ -308,6 +308,7 @@ ROWS: tuple[Key, ...] = (
         "output",
         Key("path", "text", "of the file (default: results/<study>.nc)", example="results/study.nc"),
         Key("fields", "flag", "keep θ and u of the whole body", default=False),
+        Key("sensitivity", "words", "numbers by which results are differentiated", example="[friction.delta, E]"),
         Key("live", "flag", "keep what a page needs to solve by itself, up to half a megabyte a level", default=False),
     ),
 )

@@ -3,7 +3,6 @@
 Every shape but a non-odd piecewise-linear one is odd, b(−s) = −b(s), and is written down for s > 0 only;
 the mirror image changes signs and nothing else, so the symmetry holds to the bit. b(0+) > 0 is the sticking
 up-jump: the filled interval at 0 is [−b(0+), b(0+)], eq. (4) of Šestak & Jovanović (2010).
-Left out on purpose: laws that depend on the place on Γ_C or on the normal stress.
 """
 
 from __future__ import annotations
@@ -12,21 +11,21 @@ import difflib
 import math
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.dual import Dual
+from tcstudy.scene.friction import FrictionLaw, Made
 from tcstudy.scene.key import Key, Kind
 from tcstudy.scene.units import LENGTH, NONE, STIFFNESS, TRACTION, Dimension
 
 MAX_TEETH = 10_000
 ROUNDING = 2 * float(np.finfo(float).eps)
 """Corners nearer than this to the straight line between their neighbours, relative to b there, are none."""
-
 
 Builder = TypeVar("Builder", bound=Callable[..., FrictionLaw])
 
@@ -68,8 +67,9 @@ def _law(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> Frictio
     """A law from its kinks and pieces; a kink between two equal pieces is none and is left out."""
     keep = [i for i in range(len(kinks)) if not pieces[i].goes_on_as(pieces[i + 1])]
     kept = [pieces[0], *(pieces[i + 1] for i in keep)]
-    columns = (np.array(column, dtype=float) + 0.0 for column in zip(*kept, strict=True))
-    return FrictionLaw(name, np.array([kinks[i] for i in keep], dtype=float), *columns)
+    kind = object if any(isinstance(x, Dual) for piece in kept for x in piece) else float
+    columns = (np.array(column, dtype=kind) + 0.0 for column in zip(*kept, strict=True))
+    return FrictionLaw(name, np.array([kinks[i] for i in keep], dtype=kind), *columns)
 
 
 def _odd(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> FrictionLaw:
@@ -106,15 +106,15 @@ class Shape:
     def build(self, **values: object) -> FrictionLaw:
         """The law with these parameters (consistent units).
 
-        Raises LawError for a missing, unknown or meaningless parameter, and GrowthError if the law violates
-        growth condition (15) or (16).
+        Raises LawError for a missing, unknown or meaningless parameter, GrowthError unless (15) and (16) hold.
         """
         names = [parameter.name for parameter in self.parameters]
         if name := next((name for name in values if name not in names), ""):
             near = difflib.get_close_matches(name, names, n=1)
             hint = f"did you mean {near[0]!r}? " if near else ""
             raise LawError(name, f"{self.name} has no such parameter; {hint}it takes {', '.join(names)}")
-        law = self.builder(**{p.name: _checked(self.name, p, values.get(p.name)) for p in self.parameters})
+        given = {p.name: _checked(self.name, p, values.get(p.name)) for p in self.parameters}
+        law = replace(self.builder(**given), made=Made(self.name, given))
         law.check_growth()
         return law
 

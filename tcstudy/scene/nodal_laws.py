@@ -11,7 +11,7 @@ asked of every distinct law on its own nodes (`each`).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -319,7 +319,10 @@ def nodal(
 
 def times(law: FrictionLaw, strength: float) -> FrictionLaw:
     """The law `strength` × b, b ≡ 0 for 0."""
-    return placed(law, strength, 1.0, 0.0) if strength > 0.0 else NONE
+    if strength == 0.0:
+        return NONE
+    made = law.made if law.made is None else replace(law.made, strength=strength * law.made.strength)
+    return replace(placed(law, strength, 1.0, 0.0), made=made)
 
 
 def placed(law: FrictionLaw, beta: float, sigma: float, a: float) -> FrictionLaw:

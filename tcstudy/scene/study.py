@@ -236,17 +236,34 @@ class Axis:
 
 
 @dataclass(frozen=True)
+class Sensitivity:
+    """A number of the study by which results are differentiated.
+
+    name:  as the study writes it;  path: key path, ("load",) for a factor of all mechanical loads
+    units: of the number in CF form
+    heat_grows: whether heat loads grow with E, because alpha_T is given and not beta
+    """
+
+    name: str
+    path: tuple[str, ...]
+    units: str
+    heat_grows: bool = True
+
+
+@dataclass(frozen=True)
 class OutputPlan:
     """Where the data go and what beside the mandatory variables is kept.
 
     fields: θ and u of the whole body at every point
     live:   what a page needs to solve the contact problem by itself (offline.live); off unless asked for, because it
             costs a run some thirty temperatures and up to half a megabyte a level
+    sensitivity: numbers by which the results of every point are differentiated
     """
 
     path: Path | None = None
     fields: bool = False
     live: bool = False
+    sensitivity: tuple[Sensitivity, ...] = ()
 
 
 @dataclass(frozen=True, repr=False)

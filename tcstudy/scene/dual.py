@@ -1,0 +1,115 @@
+"""Numbers that carry a derivative, and the derivatives of friction laws by their parameters.
+
+A dual number x + x′ε, ε² = 0, goes through the builder of a law (`scene.laws`) as its value does and takes the
+derivative along, exactly: (xy)′ = x′y + xy′, (x/y)′ = (x′ − (x/y)y′)/y, (xⁿ)′ = n xⁿ⁻¹ x′. So every number that a law
+is made of is known with its derivative, and with them those of b and of its kinks:
+
+    ∂b_k/∂p (s) = b0′ + q′(s − s0) − q s0′ + (a′ − a r′(s − s0) + a r s0′) exp(−r (s − s0)).
+
+Literature: Griewank & Walther, Evaluating Derivatives, SIAM 2008, ch. 3 (forward mode).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from tcstudy.scene.friction import FrictionLaw
+
+Array = NDArray[np.float64]
+
+
+class Dual(float):
+    """A number with its derivative; compared and shown as the number alone."""
+
+    slope: float
+
+    def __new__(cls, value: float, slope: float = 0.0) -> Dual:
+        self = super().__new__(cls, value)
+        self.slope = slope
+        return self
+
+    def __add__(self, other: float) -> Dual:
+        return Dual(float(self) + float(other), self.slope + _slope(other))
+
+    def __sub__(self, other: float) -> Dual:
+        return Dual(float(self) - float(other), self.slope - _slope(other))
+
+    def __rsub__(self, other: float) -> Dual:
+        return Dual(float(other) - float(self), -self.slope)
+
+    def __mul__(self, other: float) -> Dual:
+        return Dual(float(self) * float(other), self.slope * float(other) + float(self) * _slope(other))
+
+    def __truediv__(self, other: float) -> Dual:
+        value = float(self) / float(other)
+        return Dual(value, (self.slope - value * _slope(other)) / float(other))
+
+    def __rtruediv__(self, other: float) -> Dual:
+        return Dual(float(other)) / self
+
+    def __pow__(self, n: int) -> Dual:  # type: ignore[override]
+        return Dual(float(self) ** n, n * float(self) ** (n - 1) * self.slope if n else 0.0)
+
+    def __neg__(self) -> Dual:
+        return Dual(-float(self), -self.slope)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+def _slope(number: object) -> float:
+    return number.slope if isinstance(number, Dual) else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class LawSlopes:
+    """Derivatives by one parameter of the numbers of a law, shapes as there: kinks (K,), pieces (K+1,)."""
+
+    law: FrictionLaw
+    kinks: Array
+    s_0: Array
+    b_0: Array
+    q: Array
+    a: Array
+    r: Array
+
+    def value(self, s: ArrayLike, piece: ArrayLike) -> Array:
+        """∂b_k/∂p at s of the named pieces (shape of s) [Pa per unit of p]."""
+        law, k = self.law, np.asarray(piece)
+        apart = np.asarray(s, dtype=float) - law.s_0[k]
+        value: Array = self.b_0[k] + self.q[k] * apart - law.q[k] * self.s_0[k]
+        if law.piecewise_linear and not np.any(self.a):
+            return value
+        factor = self.a[k] - law.a[k] * (self.r[k] * apart - law.r[k] * self.s_0[k])
+        return value + factor * np.exp(-law.r[k] * apart)
+
+
+def law_slopes(law: FrictionLaw, parameter: str) -> LawSlopes:
+    """Derivatives of a law by one of its parameters, or by its `strength`, a factor of b.
+
+    Raises KeyError if it has no such parameter, or if it is not known what it was made of.
+    """
+    from tcstudy.scene.laws import SHAPES  # laws are built of numbers of this file
+
+    made = law.made
+    if made is None:
+        raise KeyError(parameter)
+    if parameter == "strength":
+        zero, share = np.zeros(len(law.q)), 1.0 / made.strength
+        return LawSlopes(law, np.zeros(len(law.kinks)), zero, law.b_0 * share, law.q * share, law.a * share, zero)
+    value = made.values[parameter]
+    if not isinstance(value, float):
+        raise KeyError(parameter)
+    varied = SHAPES[made.shape].builder(**{**made.values, parameter: Dual(value, 1.0)})
+
+    def slopes(name: str) -> Array:
+        column: list[Any] = getattr(varied, name).tolist()
+        return np.array([_slope(x) for x in column])
+
+    factor = made.strength
+    b_0, q, a = (factor * slopes(name) for name in ("b_0", "q", "a"))
+    return LawSlopes(law, slopes("kinks"), slopes("s_0"), b_0, q, a, slopes("r"))

@@ -1,0 +1,68 @@
+"""Derivatives of the results of solved points by numbers of the study, for the variables of `data.sensitivities`.
+
+A point is linearised once at its solution (`solvers.linearised`); a number then costs O(m²).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.records import BlockRecord, PointStatus
+from tcstudy.data.sensitivities import AT_EVENT, AT_FOLD, DIFFERENTIABLE, EVENTS, QUANTITIES, STATUS, name_of
+from tcstudy.offline.level import Level
+from tcstudy.offline.slopes import law_slope, load_slope
+from tcstudy.scene.records import Scene
+from tcstudy.scene.study import Sensitivity, Study
+from tcstudy.solvers.linearised import EVENT, Linearised
+
+Array = NDArray[np.float64]
+
+
+def with_sensitivities(study: Study, level: Level, record: BlockRecord) -> BlockRecord:
+    """The block with the derivatives that the study asks for."""
+    numbers = study.output.sensitivity
+    names = [name_of(q, number.name) for number in numbers for q in QUANTITIES]
+    columns = {name: np.full(len(record), np.nan) for name in (STATUS, EVENTS, *names)}
+    for row, place in enumerate(record.points):
+        if record.status[row] == PointStatus.OK and record.u_T is not None:
+            for name, value in of_point(level, study.scenes[int(place)], record.u_T[row], numbers).items():
+                columns[name][row] = value
+    return replace(record, numbers={**record.numbers, **columns})
+
+
+def of_point(level: Level, scene: Scene, v: Array, numbers: tuple[Sensitivity, ...]) -> dict[str, float]:
+    """Derivatives at the solution v (m,) of a scene by variable name, with the verdict on them; NaN at an event."""
+    at = Linearised.at(level.condensed(scene).problem, v)
+    verdict = AT_FOLD if at.singular else AT_EVENT if at.events else DIFFERENTIABLE
+    found: dict[str, float] = {STATUS: verdict, EVENTS: at.events}
+    if verdict != DIFFERENTIABLE:
+        return found
+    for number in numbers:
+        try:
+            slope = load_slope(level, scene, number)
+            b, kinks = law_slope(level, scene, number, at)
+        except KeyError:  # a law of the sweep that has no such parameter
+            continue
+        dv = at.step(at.right_side(slope.l_tilde, b, slope.stiffness), kinks)
+        dxi = slope.l_tilde - at.problem.A_tilde @ (slope.stiffness * v + dv)
+        values = {
+            "u_T_max": _of_largest(v, dv),
+            "friction_resultant": float(dxi.sum()),
+            "theta_mean": slope.theta_mean,
+            "lambda_1": slope.stiffness * level.lambda_1(scene),
+        }
+        found |= {name_of(quantity, number.name): value for quantity, value in values.items()}
+    return found
+
+
+def _of_largest(v: Array, dv: Array) -> float:
+    """Derivative of max |v|; NaN where several nodes have it and do not agree."""
+    if not len(v):
+        return 0.0
+    size = np.abs(v)
+    change = np.sign(v) * dv
+    own = change[size >= (1.0 - EVENT) * size.max()]
+    return float(own[0]) if np.ptp(own) <= EVENT * np.max(np.abs(change)) else float("nan")

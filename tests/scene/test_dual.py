@@ -1,0 +1,62 @@
+"""Derivatives of laws by their parameters against differences; numbers with a derivative as numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tcstudy.scene.dual import Dual, law_slopes
+from tcstudy.scene.laws import SHAPES
+from tcstudy.scene.nodal_laws import times
+
+LAWS = {
+    "tresca": {"tau": 3.0},
+    "slip-weakening": {"tau_s": 3.0, "tau_k": 1.0, "delta": 0.2},
+    "exponential": {"a": 3.0, "b": 1.0, "delta": 0.2},
+    "saw-tooth": {"tau": 3.0, "delta": 0.2, "teeth": 3, "drop": 0.5, "decay": 0.7},
+    "linear": {"k": 2.0},
+    "piecewise-linear": {"points": [(0.0, 1.0), (0.5, 0.25)], "slope": 0.1},
+}
+PAIRS = [(law, name) for law, values in LAWS.items() for name, value in values.items() if isinstance(value, float)]
+
+
+@pytest.mark.parametrize(("shape", "name"), PAIRS)
+def test_laws_are_differentiated_exactly(shape: str, name: str) -> None:
+    """Against Richardson's differences of b on the same piece, and of the kinks."""
+    values = LAWS[shape]
+    law = SHAPES[shape].build(**values)
+    slips = np.linspace(-1.0, 1.0, 37) * 0.9 + 0.013
+    piece = law.piece(slips)
+
+    def difference(h: float) -> tuple[np.ndarray, np.ndarray]:
+        two = [SHAPES[shape].build(**{**values, name: values[name] + sign * h}) for sign in (1.0, -1.0)]  # type: ignore[operator]
+        value, kinks = ([f(one) for one in two] for f in (lambda x: x.value(slips, piece), lambda x: x.kinks))
+        return (value[0] - value[1]) / (2.0 * h), (kinks[0] - kinks[1]) / (2.0 * h)
+
+    coarse, fine = difference(2e-3), difference(1e-3)
+    slopes = law_slopes(law, name)
+    for found, one, two in zip((slopes.value(slips, piece), slopes.kinks), coarse, fine, strict=True):
+        scale = np.max(np.abs(two), initial=1e-300)
+        np.testing.assert_allclose(found, (4.0 * two - one) / 3.0, rtol=0.0, atol=2e-8 * scale)
+
+
+def test_strength_is_a_factor_and_others_are_refused() -> None:
+    law = times(SHAPES["slip-weakening"].build(**LAWS["slip-weakening"]), 0.5)
+    piece = law.piece(0.1)
+    assert law_slopes(law, "strength").value(0.1, piece) == pytest.approx(law.value(0.1, piece) / 0.5)
+    assert law_slopes(law, "tau_s").value(0.1, piece) == pytest.approx(0.5 * (1.0 - 0.1 / 0.2))
+    for name in ("tau", "teeth"):
+        with pytest.raises(KeyError, match=name):
+            law_slopes(law, name)
+    assert law == times(SHAPES["slip-weakening"].build(**LAWS["slip-weakening"]), 0.5)
+
+
+def test_a_dual_number_is_a_number() -> None:
+    x = Dual(2.0, 1.0)
+    found = (3.0 - x) * x / (1.0 + x) + 5.0 / x + x**3 - (-x)
+    h = 1e-6
+    f = lambda t: (3.0 - t) * t / (1.0 + t) + 5.0 / t + t**3 + t  # noqa: E731
+    assert float(found) == f(2.0)
+    assert found.slope == pytest.approx((f(2.0 + h) - f(2.0 - h)) / (2.0 * h), rel=1e-8)
+    assert x > 1.0
+    assert f"{x:g}" == "2"

@@ -1,0 +1,154 @@
+"""Stored derivatives of a study against differences, by every kind of number; what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tcstudy
+from tcstudy.data.sensitivities import AT_EVENT, DIFFERENTIABLE, name_of, quotient
+from tcstudy.errors import StudyError
+from tcstudy.fem.meshes import Meshes
+from tcstudy.offline.level import Level
+from tcstudy.read.study import read_study_text
+from tcstudy.reports.summary import summary
+from tcstudy.scene.study import Study
+from tcstudy.solvers.contact import solve_contact
+from tcstudy.study.sensitivities import of_point
+
+BRACKET = """
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary:
+  bottom: contact
+  left: {role: clamped, u_x: 0.002, u_y: free}
+  top: {role: convection, pressure: 0.03}
+  right: {role: convection, g: [0.02, 0.01]}
+material: {E: 2, nu: 0.25, plane: stress, k: 0.7, alpha_T: 0.05}
+loads: {f: [0.01, -0.02]}
+heat: {alpha: 0.8, theta_bar: 0.2, q: 0.6}
+friction: {law: slip-weakening, tau_s: 0.06, tau_k: 0.02, delta: 0.03}
+mesh: {maxh: 0.25}
+"""
+NUMBERS = {
+    "friction.tau_s": 0.06,
+    "friction.delta": 0.03,
+    "friction.strength": 1.0,
+    "E": 2.0,
+    "alpha_T": 0.05,
+    "k": 0.7,
+    "alpha": 0.8,
+    "theta_bar": 0.2,
+    "q": 0.6,
+    "loads.f_x": 0.01,
+    "boundary.top.pressure": 0.03,
+    "boundary.right.g_y": 0.01,
+    "boundary.left.u_x": 0.002,
+}
+KEYS = {"loads.f_x": "loads.f=[{}, -0.02]", "boundary.right.g_y": "boundary.right.g=[0.02, {}]"}
+QUANTITIES = ("u_T_max", "friction_resultant", "theta_mean")
+
+
+def asking(text: str, *names: str) -> Study:
+    return read_study_text(text, overrides=[f"output.sensitivity=[{', '.join(names)}]"])
+
+
+@pytest.fixture(scope="module")
+def level() -> Level:
+    study = read_study_text(BRACKET)
+    return Level(Meshes(study).next(0), study.scenes[0])
+
+
+def results(level: Level, text: str, *overrides: str) -> tuple[np.ndarray, np.ndarray]:
+    """The numbers of QUANTITIES and u_T on the same mesh."""
+    scene = read_study_text(text, overrides=overrides).scenes[0]
+    problem = level.condensed(scene).problem
+    answer = solve_contact(problem)
+    values = [np.max(np.abs(answer.v)), answer.xi.sum(), level.temperature(scene).mean]
+    return np.array(values), answer.v
+
+
+@pytest.mark.parametrize("theta_bar", ["0.2", '"0.2 + 0.1*x"'])
+def test_every_kind_of_number_against_differences(level: Level, theta_bar: str) -> None:
+    """Differences of points solved on the same mesh, whose nodes keep their pieces."""
+    text = BRACKET.replace("theta_bar: 0.2", f"theta_bar: {theta_bar}")
+    names = [name for name in NUMBERS if theta_bar == "0.2" or name in ("k", "alpha", "E")]
+    study = asking(text, *names)
+    _, v = results(level, text)
+    found = of_point(level, study.scenes[0], v, study.output.sensitivity)
+    assert found["sensitivity_status"] == DIFFERENTIABLE
+    law = study.scenes[0].one_law
+    assert len({*law.piece(v).tolist()}) >= 2
+    for name in names:
+        value = NUMBERS[name]
+
+        def at(share: float, name: str = name, value: float = value) -> np.ndarray:
+            key = KEYS.get(name, f"{name}={{}}")
+            numbers, moved = results(level, text, key.format(repr(value * (1.0 + share))))
+            assert np.array_equal(law.piece(moved), law.piece(v))
+            return numbers
+
+        h = 2e-5
+        apart = (at(h) - at(-h)) / (2.0 * h * value)
+        exact = np.array([found[name_of(quantity, name)] for quantity in QUANTITIES])
+        np.testing.assert_allclose(exact, apart, rtol=1e-7, atol=1e-9, err_msg=name)
+    assert found[name_of("lambda_1", "E")] == pytest.approx(level.lambda_1(study.scenes[0]) / 2.0)
+
+
+def test_a_sweep_keeps_them_with_units_and_show_prints_them(tmp_path: Path) -> None:
+    text = BRACKET.replace("units: none\n", "") + "sweep: {delta: [0.03, 0.06]}\n"
+    study = asking(text, "friction.delta", "E")
+    tcstudy.run(study, tmp_path / "a.nc")
+    data = xr.open_dataset(tmp_path / "a.nc").isel(level=0)
+    stored = data["sensitivity_friction_resultant_friction_delta"]
+    assert stored.attrs["units"] == "N m-1 m-1"
+    assert np.all(data["sensitivity_status"] == DIFFERENTIABLE)
+    assert np.all(np.isfinite(stored))
+    apart = data["friction_resultant"][1] - data["friction_resultant"][0]
+    assert np.sign(apart) == np.sign(stored[0])
+    assert "Derivatives" in summary(tmp_path / "a.nc")
+    plain = read_study_text(text)
+    tcstudy.run(plain, tmp_path / "b.nc")
+    other = xr.open_dataset(tmp_path / "b.nc").isel(level=0)
+    assert not [name for name in other if str(name).startswith("sensitivity")]
+    for name in other:
+        if not str(name).startswith("time"):
+            assert other[name].identical(data[name]), name
+
+
+def test_no_derivative_at_an_event(level: Level) -> None:
+    """The load at which the first node begins to slide, found by bisection: NaN, and how many nodes."""
+    study = asking(BRACKET, "load", "q")
+    _, v = results(level, BRACKET)
+    scene = study.scenes[0]
+    law = replace(scene.one_law, kinks=scene.one_law.kinks + v[0] - scene.one_law.kinks[-1])
+    found = of_point(level, replace(scene, friction=law), v, study.output.sensitivity)
+    assert found["sensitivity_status"] == AT_EVENT
+    assert found["sensitivity_events"] >= 1
+    assert not [name for name in found if name.startswith("sensitivity_u_T_max")]
+
+
+REFUSED = {
+    "nu": "it changes the stiffness as a matrix",
+    "frction.delta": "did you mean 'friction.delta'",
+    "E, material.E": "is given twice",
+    "boundary.top.g_x, theta": "this study has no number theta by which",
+    "friction.tau": "no number friction.tau by which",
+}
+
+
+@pytest.mark.parametrize(("names", "said"), REFUSED.items())
+def test_what_cannot_be_differentiated_is_refused(names: str, said: str) -> None:
+    with pytest.raises(StudyError, match=r"output\.sensitivity") as info:
+        asking(BRACKET, names)
+    assert said in str(info.value)
+
+
+def test_units_of_quotients() -> None:
+    assert quotient("N m-1", "W m-2 K-1") == "N m-1 W-1 m2 K"
+    assert quotient("m", "1") == "m"
+    assert quotient("1", "1") == "1"
