@@ -6,6 +6,7 @@ separable/          the default method; bundle/ the general one; loop.py runs bo
 search, hull        less energy than descent finds
 bounds, certificates  what is proved of a solution
 path/               all solutions along a parameter
+history/            steps of a load history with memory
 
 Not here: where Ã and l̃ come from (offline), many problems at once (online), files.
 """
