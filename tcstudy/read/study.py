@@ -233,10 +233,10 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
     path = read_path(ctx, node, reader.base, mesh) if (node := root.child("path")) else None
     exact = read_exact(ctx, node, root, body) if (node := root.child("exact")) else None
     asked = root.child("output") if output and not ctx.errors.problems else None
-    if output and asked and (words := asked.child("sensitivity")):
+    if output and asked and (names := asked.child("sensitivity")):
         from tcstudy.read.sensitivity import read_sensitivity  # only for a study that asks for derivatives
 
-        output = replace(output, sensitivity=read_sensitivity(ctx, words, root, reader.base, scenes, exact))
+        output = replace(output, sensitivity=read_sensitivity(ctx, names, root, reader.base, scenes, exact))
     if any(isinstance(scene.friction, EdgeLaws) for scene in distinct(scenes, "friction")):
         _refuse_one_law(ctx, root, mesh, output)
     return _Plans(mesh, solver, output, exact, path)

@@ -69,7 +69,7 @@ class FrictionLaw:
     q: Array
     a: Array
     r: Array
-    made: Made | None = field(default=None, repr=False)
+    made: Made | None = field(default=None, repr=False, kw_only=True)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, FrictionLaw) and self._numbers == other._numbers
