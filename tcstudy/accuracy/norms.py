@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+Modulus = float | Array
+"""λ or μ: of the whole body, or (t,) of every triangle."""
 Function = Callable[[Array, Array], tuple[Array, Array]]
 """x, y (…) → value (…) and gradient (2, …)."""
 
@@ -74,7 +76,7 @@ class Triangles:
         area = self._geometry[0]
         return float(np.sqrt(sum(float(area @ (self.gradient(v) ** 2).sum(axis=1)) for v in components)))
 
-    def energy(self, u_x: Array, u_y: Array, lam: float, mu: float) -> float:
+    def energy(self, u_x: Array, u_y: Array, lam: Modulus, mu: Modulus) -> float:
         """‖u‖_a of a displacement (n,), (n,), exact."""
         density = _strain_energy(self.gradient(u_x).T, self.gradient(u_y).T, lam, mu)
         return float(np.sqrt(self._geometry[0] @ density))
@@ -111,7 +113,7 @@ class Triangles:
         """|v|₁ over components given by their gradients (t, 2), exact."""
         return float(np.sqrt(sum(float(self.areas @ (g**2).sum(axis=1)) for g in gradients)))
 
-    def energy_linear(self, gradients: list[Array], lam: float, mu: float) -> float:
+    def energy_linear(self, gradients: list[Array], lam: Modulus, mu: Modulus) -> float:
         """‖u‖_a of a displacement given by the gradients (t, 2) of both components, exact."""
         return float(np.sqrt(self.areas @ _strain_energy(gradients[0].T, gradients[1].T, lam, mu)))
 
@@ -146,7 +148,7 @@ class Triangles:
         return float(np.sqrt((weight * error).sum())), float(np.sqrt((weight * size).sum()))
 
 
-def _strain_energy(grad_x: Array, grad_y: Array, lam: float, mu: float) -> Array:
+def _strain_energy(grad_x: Array, grad_y: Array, lam: Modulus, mu: Modulus) -> Array:
     """λ(div u)² + 2μ ε:ε from the gradients (2, …) of both components."""
     divergence = grad_x[0] + grad_y[1]
     shear = grad_x[1] + grad_y[0]

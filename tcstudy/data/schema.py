@@ -257,6 +257,9 @@ MESH: tuple[FileVariable, ...] = (
     FileVariable("node_y", "f8", "m", "y of the mesh node", _MESH_NODE, coordinate=True),
     FileVariable("triangle", "i4", "1", "nodes of the triangle", ("mesh_face", "corner"), extra=_CONNECTIVITY),
 )
+_FACE = (("mesh", "mesh"), ("location", "face"))
+REGION = FileVariable("region", "i1", "1", "region with a material of its own", ("mesh_face",), extra=_FACE)
+"""Where materials differ by region: 0 is the material of the body, i the i-th region of the study's `materials`."""
 FIELDS: tuple[FileVariable, ...] = (
     FileVariable(
         *("theta", "f8", "K", "temperature", (SWEEP, "mesh_node")),
@@ -315,7 +318,7 @@ def root_variables(study: Study) -> tuple[FileVariable, ...]:
 FIELD_NAMES = frozenset(v.name for v in FIELDS)
 """Names that `PointRecord.fields` may hold."""
 
-RESERVED = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES, *CONTACT, *MESH, *FIELDS)) | {
+RESERVED = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES, *CONTACT, *MESH, REGION, *FIELDS)) | {
     *_GOAL_NAMES,
     *("level", "start", "solver", "node", "mesh_node", "mesh_face", "corner", "mesh", POINT),
 }

@@ -33,6 +33,7 @@ from tcstudy.data.writer import (
     tile_shape,
     tiles,
 )
+from tcstudy.scene.records import BODY
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
@@ -277,6 +278,9 @@ def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF
         mesh.setncatts(schema.MESH_TOPOLOGY)
         mesh[...] = 0
         put_all(group, schema.MESH, level.fields, study)
+        if "region" in level.fields:
+            named = schema.flags(BODY, *(name for name, _ in study.scenes[0].material.regions))
+            put(group, schema.REGION, study, level.fields["region"], **dict(named))
     _put_live(group, study, level.fields)
     put_all(group, schema.CONTACT, line, study)
     group["edge"].setncatts(edge_flags(level.edge_names))

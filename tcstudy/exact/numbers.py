@@ -39,7 +39,7 @@ def exact_energy(exact: Exact, scene: Scene, mesh: Triangles) -> float:
     Where the body is not convex the mesh overlaps it: u and the loads are then also evaluated a little outside.
     """
     theta = exact.theta if exact.theta is not None else scene.heat.theta
-    if scene.body.outline is None or (scene.material.beta != 0.0 and theta is None):
+    if scene.body.outline is None or (scene.material.expands and theta is None):
         return float("nan")
 
     def density(x: Array, y: Array) -> Array:

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import Frames
 from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.scene.records import Convection, Role, Scalar, Traction
+from tcstudy.scene.records import Convection, Role, Scalar, Traction, Where
 
 Array = NDArray[np.float64]
 
@@ -95,6 +95,10 @@ def vector(form: Any) -> Array:
 
 
 Indices = NDArray[np.int32]
+Moduli = tuple[tuple[Where, float, float], ...]
+"""Where the body has which λ and μ [Pa]."""
+Conductivity = tuple[tuple[Where, float], ...]
+"""Where the body has which k; () where k is the same everywhere."""
 
 
 @dataclass(frozen=True)
@@ -119,9 +123,27 @@ class GradientProducts:
     @cached_property
     def _assembled(self) -> tuple[NodeGraph, Array]:
         """The node graph and G as (2, 2, nnz): [c, d, entry]."""
+        return self._assemble(())
+
+    @cached_property
+    def _parts(self) -> dict[Where, Array]:
+        """G of those regions that were asked for."""
+        return {}
+
+    def _on(self, where: Where) -> Array:
+        """G with integrals over some regions, on the graph of the whole body."""
+        if not where:
+            return self._assembled[1]
+        if where not in self._parts:
+            self._parts[where] = self._assemble(where)[1]
+        return self._parts[where]
+
+    def _assemble(self, where: Where) -> tuple[NodeGraph, Array]:
         space = ngs.H1(self.mesh.mesh, order=1, dim=2)
         u, v = space.TnT()
         divergences = ngs.Trace(ngs.grad(u)) * ngs.Trace(ngs.grad(v))
+        if where:  # a factor 0 elsewhere, since a form that is not defined there has no entries there either
+            divergences = self.mesh.mesh.MaterialCF(dict.fromkeys(where, 1.0), default=0.0) * divergences
         form = ngs.BilinearForm(divergences * ngs.dx).Assemble()
         values, columns, starts = form.mat.CSR()  # views: they die with the form, what leaves here are copies
         graph = NodeGraph(
@@ -134,19 +156,28 @@ class GradientProducts:
         """Assemble G now, not when it is first needed."""
         _ = self._assembled
 
-    def conduction(self) -> sp.csr_array:
-        """∫∇φ_i·∇φ_j, (n, n), dimensionless."""
-        graph, G = self._assembled
-        n = self.mesh.n_points
-        return sp.csr_array((G[0, 0] + G[1, 1], graph.columns, graph.starts), shape=(n, n))
+    def conduction(self, k: Conductivity = ()) -> sp.csr_array:
+        """∫k∇φ_i·∇φ_j, (n, n), dimensionless; k = 1 if none is given."""
+        graph, n = self._assembled[0], self.mesh.n_points
+        pairs = [(1.0, self._on(()))] if not k else [(value, self._on(where)) for where, value in k]
+        entries = sum(value * (G[0, 0] + G[1, 1]) for value, G in pairs)
+        return sp.csr_array((entries, graph.columns, graph.starts), shape=(n, n))
 
     def stiffness(self, lam: float, mu: float, frames: Frames | None = None) -> sp.csr_array:
         """a(φ_i, φ_j) = ∫λ div φ_i div φ_j + 2μ ε(φ_i):ε(φ_j), (2n, 2n) [Pa], in x and y, or RᵀAR in local rows."""
-        graph, G = self._assembled
-        A = np.empty_like(G)
-        for c, d in ((0, 1), (1, 0)):
-            A[c, c] = (lam + 2.0 * mu) * G[c, c] + mu * G[d, d]
-            A[c, d] = lam * G[c, d] + mu * G[d, c]
+        return self.stiffness_of((((), lam, mu),), frames)
+
+    def stiffness_of(self, moduli: Moduli, frames: Frames | None = None) -> sp.csr_array:
+        """`stiffness` of a body whose λ and μ differ by region."""
+        graph, whole = self._assembled
+        A = np.empty_like(whole)
+        for number, (where, lam, mu) in enumerate(moduli):
+            G, part = self._on(where), A if number == 0 else np.empty_like(A)
+            for c, d in ((0, 1), (1, 0)):
+                part[c, c] = (lam + 2.0 * mu) * G[c, c] + mu * G[d, d]
+                part[c, d] = lam * G[c, d] + mu * G[d, c]
+            if number:
+                A += part
         if frames is not None:
             _turn(A, graph, frames)
         return _component_blocked(A, graph)
@@ -163,9 +194,11 @@ class GradientProducts:
         t = len(self.mesh.triangles)
         return both[:t], both[t:]
 
-    def expansion(self, theta: Array) -> Array:
-        """∫θ div φ_i for nodal values θ (n,) or (n, r): (2n,) or (2n, r) [K m]; the load is β times that."""
+    def expansion(self, theta: Array, where: Where = ()) -> Array:
+        """∫θ div φ_i over some regions for nodal values θ (n,): (2n,) [K m]; the load is β times that."""
         mean = theta[self.mesh.triangles].mean(axis=1)
+        if where:
+            mean = mean * self.mesh.inside(where)
         return np.concatenate([D.T @ mean for D in self.element_gradients])
 
 
@@ -240,10 +273,12 @@ class HeatForms:
     """The matrices and loads of the heat problem on one mesh (n nodes).
 
     gradients: products of gradients on the mesh;  convection: study names of the edges that make up Γ_θ
+    k: conductivities over that of the material of the body, where they differ by region
     """
 
     gradients: GradientProducts
     convection: tuple[str, ...]
+    k: Conductivity = ()
 
     @property
     def mesh(self) -> PlaneMesh:
@@ -256,8 +291,8 @@ class HeatForms:
 
     @cached_property
     def conduction(self) -> sp.csr_array:
-        """K = ∫∇φ_i·∇φ_j, (n, n), dimensionless: the matrix for k = 1."""
-        return self.gradients.conduction()
+        """K = ∫∇φ_i·∇φ_j, (n, n), dimensionless: the matrix for k = 1 of the body."""
+        return self.gradients.conduction(self.k)
 
     @cached_property
     def robin_nodes(self) -> NDArray[np.intp]:

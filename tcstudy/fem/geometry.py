@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem.foreign_file import file_fault
-from tcstudy.scene.records import Body, BrepFace, Edge, Loop, Point
+from tcstudy.scene.records import BODY, Body, BrepFace, Edge, Loop, Point
 from tcstudy.shapes.edges import body_size, edge_distance, edge_length, edge_normal
 
 Array = NDArray[np.float64]
@@ -153,14 +153,14 @@ def _size(face: Any) -> float:
 
 def _with_regions(face: Any, body: Body, unit: float) -> Any:
     """Cut the regions out of the body and glue them back, so that the mesh follows their outlines."""
-    face.faces.name = "body"
+    face.faces.name = BODY
     parts, rest = [], face
     for region in body.regions:
         part = face * _face(region.loop, unit)
         part.faces.name = region.name
         rest = rest - part
         parts.append(part)
-    rest.faces.name = "body"
+    rest.faces.name = BODY
     return occ.Glue([rest, *parts]) if parts else rest
 
 

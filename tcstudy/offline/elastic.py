@@ -1,5 +1,7 @@
 """The body with one elastic ratio λ/μ, condensed: basis loads eliminated in batches, products for the energy.
 
+Where materials differ by region the ratio is that of all their moduli to μ of the material of the body.
+
 A(λ, μ) = μ A(λ/μ, 1), so that one factorisation serves all materials of the same ratio: Ã scales with μ, l̃ does not
 depend on it, A⁻¹l scales with 1/μ.
 """
@@ -16,7 +18,7 @@ from numpy.typing import NDArray
 from tcstudy.condense import Condensation, ForwardLoad, condense
 from tcstudy.condense.symbolic import EliminationPlan
 from tcstudy.fem.boundary import ContactLine, Frames
-from tcstudy.fem.forms import ElasticForms
+from tcstudy.fem.forms import ElasticForms, Moduli
 from tcstudy.offline.loads import BasisLoad, LoadTerm, Recent
 from tcstudy.solvers.problem import least_eigenvalue
 
@@ -45,14 +47,14 @@ class Span:
 
 
 class Elastic:
-    """Everything that depends on λ/μ, for μ = 1."""
+    """Everything that depends on the ratio of moduli, for μ = 1."""
 
     def __init__(
         self,
         forms: ElasticForms,
         frames: Frames,
         line: ContactLine,
-        ratio: float,
+        ratio: Moduli,
         memory: float,
         plan: EliminationPlan | None = None,
     ) -> None:
@@ -60,7 +62,7 @@ class Elastic:
 
         Raises NotPositiveDefinite if the body is not held.
         """
-        stiffness = forms.stiffness(ratio, 1.0, frames)
+        stiffness = forms.stiffness_of(ratio, frames)
         eliminate = ~frames.fixed
         eliminate[line.nodes] = False
         points = forms.mesh.points

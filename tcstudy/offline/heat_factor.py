@@ -42,7 +42,7 @@ class HeatFactor:
 
     def __init__(self, forms: HeatForms) -> None:
         n = forms.mesh.n_points
-        self._mesh, self._kept = forms.mesh, forms.robin_nodes
+        self._mesh, self._kept, self._k = forms.mesh, forms.robin_nodes, forms.k
         inner = np.ones(n, dtype=bool)
         inner[self._kept] = False
         self._factor: Condensation = condense(forms.conduction, forms.mesh.points, self._kept, inner, components=1)
@@ -101,6 +101,8 @@ class HeatFactor:
         to_1, to_2 = ((at[:, i] - at[:, 0]) + (more[:, i] - more[:, 0]) for i in (1, 2))
         # ∇θ d, turned: large numbers cancel here, once, and what comes of it is the same heat for all three corners
         turned = (to_1[:, None] * f - to_2[:, None] * e) / twice[:, None]
+        for where, k in self._k:
+            turned[self._mesh.inside(where)] *= k
         for i, side in enumerate((e - f, f, -e)):
             np.subtract.at(rest, triangles[:, i], np.einsum("td,td->t", side, turned))
         return rest

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tcstudy.condense.symbolic import EliminationPlan
 from tcstudy.fem.boundary import Frames, constrain, contact_line, values_at
-from tcstudy.fem.forms import ElasticForms, HeatForms
+from tcstudy.fem.forms import ElasticForms, HeatForms, Moduli
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.elastic import Elastic, LoadMaker
 from tcstudy.offline.loads import (
@@ -32,7 +32,7 @@ from tcstudy.offline.thermal import BATCH, Temperature, Temperatures
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.nodal_laws import Law, nodal
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Clamped, Contact, Convection, EdgeLaws, Material, Scene
+from tcstudy.scene.records import Clamped, Contact, Convection, EdgeLaws, Scene
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -84,9 +84,17 @@ def _held(boundary: Roles) -> Roles:
     return tuple(item for item in boundary if isinstance(item[1], Clamped | Contact))
 
 
-def _ratio_and_scale(material: Material) -> tuple[float, float]:
-    """(λ/μ, μ); the ratio to 15 digits, so that E varies without a new factorisation whatever the rounding."""
-    return float(f"{material.lam / material.mu:.14e}"), material.mu
+def _ratio_and_scale(scene: Scene) -> tuple[Moduli, float]:
+    """(all moduli over μ, μ of the material of the body).
+
+    The ratio has 15 digits, so that E varies without a new factorisation whatever the rounding.
+    """
+    mu = scene.material.mu
+    return tuple((at, _digits(one.lam / mu), _digits(one.mu / mu)) for at, one in scene.pieces), mu
+
+
+def _digits(ratio: float) -> float:
+    return float(f"{ratio:.14e}")
 
 
 def _groups(scenes: Sequence[Scene]) -> dict[BasisLoad, list[BasisLoad]]:
@@ -94,8 +102,8 @@ def _groups(scenes: Sequence[Scene]) -> dict[BasisLoad, list[BasisLoad]]:
     loads: dict[BasisLoad, None] = {}
     for scene in distinct(scenes, "f", "boundary"):
         loads |= dict.fromkeys(term.load for term in mechanical_terms(scene.f, scene.boundary))
-    if any(scene.material.beta != 0.0 for scene in distinct(scenes, "material")):
-        loads[UniformTemperature()] = None
+    for scene in distinct(scenes, "material"):
+        loads |= dict.fromkeys(UniformTemperature(where) for where, own in scene.pieces if own.beta != 0.0)
     listed = list(loads)
     batches = [listed[first : first + BATCH] for first in range(0, len(listed), BATCH)]
     return {load: batch for batch in batches for load in batch}
@@ -233,15 +241,15 @@ class Level:
 
     def _new_loads(self, scene: Scene) -> tuple[Array, float, float, float]:
         l_tilde, constant, _ = self._condensed_load(scene)
-        if scene.material.beta == 0.0:
+        if not scene.material.expands:
             return l_tilde, constant, float("nan"), float("nan")
         theta = self.temperature(scene)
         return l_tilde, constant, theta.mean, theta.heat_balance
 
     @staticmethod
-    def ratio(scene: Scene) -> float:
-        """λ/μ to 15 digits: scenes that share it share a factor."""
-        return _ratio_and_scale(scene.material)[0]
+    def ratio(scene: Scene) -> Moduli:
+        """λ/μ to 15 digits, and that of the regions: scenes that share it share a factor."""
+        return _ratio_and_scale(scene)[0]
 
     def lambda_1(self, scene: Scene) -> float:
         """λ₁ of the body on this mesh (method §5) [Pa/m], once per λ/μ."""
@@ -264,7 +272,7 @@ class Level:
         """Nodal fields of the whole body by name, (n,) each: u_x, u_y [m] and, where it loads the body, theta [K]."""
         u, n = self.displacement(scene, condensed, u_T), self.mesh.n_points
         known = {"u_x": u[:n], "u_y": u[n:]}
-        return known if scene.material.beta == 0.0 else known | {"theta": self.temperature(scene).theta}
+        return known if not scene.material.expands else known | {"theta": self.temperature(scene).theta}
 
     def extension(self, scene: Scene, u_T: Array) -> Array:
         """The displacement in x and y (2n,) of a body without load whose contact nodes are moved by u_T (m,)."""
@@ -280,7 +288,7 @@ class Level:
 
     def _body(self, scene: Scene, frames: Frames) -> tuple[Elastic, float]:
         """The body of this λ/μ, factorised, and μ."""
-        ratio, mu = _ratio_and_scale(scene.material)
+        ratio, mu = _ratio_and_scale(scene)
         body = self._bodies.find(ratio)
         if body is None:
             self._bodies.clear()
@@ -299,7 +307,8 @@ class Level:
 
         def together(load: BasisLoad) -> list[BasisLoad]:
             if isinstance(load, TemperatureField) and isinstance(load.field, Column):
-                return [TemperatureField(column) for column in self.temperatures.conduction.together(load.field)]
+                conduction = self.temperatures.conduction(load.field.family.k)
+                return [TemperatureField(column, load.where) for column in conduction.together(load.field)]
             return self._groups.get(load, [load])
 
         return LoadMaker(local, together)
@@ -310,8 +319,8 @@ class Level:
             case BodyForce():
                 return self.elastic.body_force(load.f)
             case UniformTemperature():
-                return self.elastic.expansion(np.ones(self.mesh.n_points))
+                return self.elastic.expansion(np.ones(self.mesh.n_points), load.where)
             case TemperatureField():
-                return self.elastic.expansion(self.temperatures.field(load.field))
+                return self.elastic.expansion(self.temperatures.field(load.field), load.where)
         assert isinstance(load, EdgeTraction | EdgePressure)  # what is prescribed belongs to a factorised body
         return self.elastic.traction(load.edge, load.role)

@@ -15,18 +15,22 @@ from typing import Generic, TypeVar
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.forms import loads_something
-from tcstudy.scene.records import Clamped, Convection, Heat, Role, Scalar, Traction
+from tcstudy.scene.records import Clamped, Convection, Heat, Role, Scalar, Scene, Traction, Where
 
 Roles = tuple[tuple[str, Role], ...]
 
 
 @dataclass(frozen=True)
 class FamilyKey:
-    """What a family belongs to: a source density of shape `data` in ω, or surroundings at `data` with no source."""
+    """What a family belongs to: a source density of shape `data` in ω, or surroundings at `data` with no source.
+
+    k: relative conductivities where they differ by region
+    """
 
     kind: str
     data: Scalar
     omega: tuple[str, ...] = ()
+    k: tuple[tuple[Where, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -83,14 +87,17 @@ class EdgePressure:
 
 @dataclass(frozen=True)
 class UniformTemperature:
-    """∫ tr ε(v): what a temperature of 1 everywhere makes for β = 1."""
+    """∫ tr ε(v) over some regions: what a temperature of 1 everywhere makes for β = 1 there."""
+
+    where: Where = ()
 
 
 @dataclass(frozen=True)
 class TemperatureField:
-    """∫ θ tr ε(v) of a temperature field θ."""
+    """∫ θ tr ε(v) of a temperature field θ over some regions."""
 
     field: Field
+    where: Where = ()
 
 
 @dataclass(frozen=True)
@@ -137,6 +144,25 @@ def mechanical_terms(f: tuple[Scalar, Scalar], boundary: Roles) -> Iterator[Load
             yield LoadTerm(EdgePressure(name, shape), factor)
 
 
+@dataclass(frozen=True)
+class Part:
+    """One linear contribution to the temperature: θ = constant + Σ factor × field, and its heat through Γ_θ.
+
+    constant: a uniform temperature [K];  fields: (field, factor) of the variation on top of it [K]
+    heat_out: α∫_{Γ_θ}(θ − θ̄) of this part [W/m];  through: a bound of the heat that it moves, either way [W/m]
+    """
+
+    constant: float
+    fields: tuple[tuple[Field, float], ...] = ()
+    heat_out: float = 0.0
+    through: float = 0.0
+
+    def times(self, factor: float) -> Part:
+        """The part of a source or surroundings that many times as strong."""
+        fields = tuple((name, factor * share) for name, share in self.fields)
+        return Part(factor * self.constant, fields, factor * self.heat_out, abs(factor) * self.through)
+
+
 def unloaded(role: Role) -> Role:
     """The role without its load, and with displacements of 0 where it prescribes any."""
     if isinstance(role, Clamped):
@@ -145,16 +171,24 @@ def unloaded(role: Role) -> Role:
     return replace(role, g=(0.0, 0.0), pressure=0.0) if isinstance(role, Traction | Convection) else role
 
 
-def families_of(heat: Heat) -> list[FamilyKey]:
-    """The families that a heat record has part in."""
+def families_of(heat: Heat, k: tuple[tuple[Where, float], ...] = ()) -> list[FamilyKey]:
+    """The families that a heat record has part in, with these relative conductivities."""
     found = []
     if isinstance(heat.theta_bar, Expression):
-        found.append(FamilyKey("surroundings", heat.theta_bar))
+        found.append(FamilyKey("surroundings", heat.theta_bar, (), k))
     if isinstance(heat.q, Expression):
-        found.append(FamilyKey("source", heat.q, heat.omega))
+        found.append(FamilyKey("source", heat.q, heat.omega, k))
     elif heat.q != 0.0:
-        found.append(FamilyKey("source", 1.0, heat.omega))
+        found.append(FamilyKey("source", 1.0, heat.omega, k))
     return found
+
+
+def relative_k(scene: Scene) -> tuple[tuple[Where, float], ...]:
+    """k over that of the material of the body, to 15 digits; () where it is the same everywhere."""
+    k = scene.material.k
+    if not k or not scene.material.regions:
+        return ()
+    return tuple((where, float(f"{(own.k or 0.0) / k:.14e}")) for where, own in scene.pieces)
 
 
 T = TypeVar("T")

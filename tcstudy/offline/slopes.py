@@ -8,7 +8,7 @@ Exact, each by how the number enters:
 - α, k: θ is a sum of modes with factors 1/(μ_k + α/k), differentiated mode by mode (`Conduction.slope`);
 - a number of a law, or its strength: by the numbers that the law is made of (`scene.dual`).
 
-Left out: ν, λ, μ and the geometry, which change Ã as a matrix.
+Left out: ν, λ, μ and the geometry, which change Ã as a matrix; where materials differ by region, all their numbers.
 """
 
 from __future__ import annotations
@@ -20,8 +20,16 @@ from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.offline.level import Level
-from tcstudy.offline.loads import FamilyKey, LoadTerm, TemperatureField, UniformTemperature, split, unloaded
-from tcstudy.offline.thermal import Part
+from tcstudy.offline.loads import (
+    FamilyKey,
+    LoadTerm,
+    Part,
+    TemperatureField,
+    UniformTemperature,
+    relative_k,
+    split,
+    unloaded,
+)
 from tcstudy.scene.dual import law_slopes
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.parameters import path_scene
@@ -84,25 +92,26 @@ def _by_heat(level: Level, scene: Scene, name: str) -> LoadSlope:
     parts = list(_heat_parts(level, scene, name))
     constant = sum(part.constant for part in parts)
     fields = [item for part in parts for item in part.fields]
-    beta, temperatures = scene.material.beta, level.temperatures
-    terms = [LoadTerm(TemperatureField(field), beta * factor) for field, factor in fields]
-    terms.append(LoadTerm(UniformTemperature(), beta * constant))
-    mean = constant + sum(factor * temperatures.mean(field) for field, factor in fields)
+    terms = []
+    for at, beta in ((where, own.beta) for where, own in scene.pieces):
+        terms += [LoadTerm(TemperatureField(field, at), beta * factor) for field, factor in fields]
+        terms.append(LoadTerm(UniformTemperature(at), beta * constant))
+    mean = constant + sum(factor * level.temperatures.mean(field) for field, factor in fields)
     return LoadSlope(0.0, level.load_of(scene, terms), mean)
 
 
 def _heat_parts(level: Level, scene: Scene, name: str) -> list[Part]:
     """The parts of ∂θ/∂α or ∂θ/∂k."""
-    heat, k, conduction = scene.heat, scene.material.k, level.temperatures.conduction
+    heat, k, ratios = scene.heat, scene.material.k, relative_k(scene)
     if k is None or heat.theta is not None or not scene.edges(Convection):
         return []
-    a = heat.alpha / k
+    a, conduction = heat.alpha / k, level.temperatures.conduction(ratios)
     rate, parts = (1.0 if name == "alpha" else -a) / k, []
     if isinstance(heat.theta_bar, Expression):
-        parts.append(conduction.slope(FamilyKey("surroundings", heat.theta_bar), a).times(rate))
+        parts.append(conduction.slope(FamilyKey("surroundings", heat.theta_bar, (), ratios), a).times(rate))
     shape, factor = split(heat.q)
     if factor != 0.0:
-        parts.append(conduction.slope(FamilyKey("source", shape, heat.omega), a).times(factor * rate / k))
+        parts.append(conduction.slope(FamilyKey("source", shape, heat.omega, ratios), a).times(factor * rate / k))
         if name == "k":
             parts.append(conduction.source(shape, heat.omega, heat.alpha, k).times(-factor / k))
     return parts

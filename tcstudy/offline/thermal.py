@@ -10,14 +10,14 @@ fixed vector, and the heat balance keeps its digits however small or large α is
 The variations that one q or one θ̄ gives for all α are a *family*, rational functions of a with poles at −μ_k: to
 rounding they span few dimensions (15 to 30), however many values of α there are. So a family is stored as a few
 *columns*, fields on the body, and α enters through their factors only.
-
+Where conductivities differ by region K is that of k over the body's own: a `Conduction` for each set of ratios.
 Left out: any solve for what is constant or loads nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,17 +25,19 @@ from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import values_at
-from tcstudy.fem.forms import HeatForms
+from tcstudy.fem.forms import Conductivity, HeatForms
 from tcstudy.offline.heat_factor import ROUNDING, HeatFactor, HeatLoad, basis_of, modes
 from tcstudy.offline.loads import (
     Column,
     FamilyKey,
     Field,
     LoadTerm,
+    Part,
     Recent,
     TemperatureField,
     UniformTemperature,
     families_of,
+    relative_k,
     split,
 )
 from tcstudy.scene.points import FELT, distinct
@@ -45,25 +47,6 @@ Array = NDArray[np.float64]
 
 BATCH = 16
 """Columns that are carried through a factor together: more cost memory and gain nothing."""
-
-
-@dataclass(frozen=True)
-class Part:
-    """One linear contribution to the temperature: θ = constant + Σ factor × field, and its heat through Γ_θ.
-
-    constant: a uniform temperature [K];  fields: (field, factor) of the variation on top of it [K]
-    heat_out: α∫_{Γ_θ}(θ − θ̄) of this part [W/m];  through: a bound of the heat that it moves, either way [W/m]
-    """
-
-    constant: float
-    fields: tuple[tuple[Field, float], ...] = ()
-    heat_out: float = 0.0
-    through: float = 0.0
-
-    def times(self, factor: float) -> Part:
-        """The part of a source or surroundings that many times as strong."""
-        fields = tuple((name, factor * share) for name, share in self.fields)
-        return Part(factor * self.constant, fields, factor * self.heat_out, abs(factor) * self.through)
 
 
 @dataclass
@@ -103,7 +86,7 @@ class Conduction:
         self._ratios: dict[FamilyKey, dict[float, None]] = {}
         for heat, k in heats:
             if heat.theta is None and k:
-                for key in families_of(heat):
+                for key in families_of(heat, forms.k):
                     self._ratios.setdefault(key, {})[heat.alpha / k] = None
         self._families: dict[FamilyKey, _Family] = {}
         self._fields: Recent[Array] = Recent(memory, lambda field: field.nbytes)
@@ -127,7 +110,7 @@ class Conduction:
 
     def source(self, q: Scalar, omega: tuple[str, ...], alpha: float, k: float) -> Part:
         """θ for θ̄ = 0: heated by q in ω [W/m³], cooled to 0 through Γ_θ."""
-        key, a = FamilyKey("source", q, omega), alpha / k
+        key, a = FamilyKey("source", q, omega, self._forms.k), alpha / k
         family = self._family(key)
         constant = float(family.moments[0] * self._spectrum[1][0, 0]) / alpha
         columns = tuple((column, factor / k) for column, factor in self._columns(key, family, a))
@@ -139,7 +122,7 @@ class Conduction:
         """θ for q = 0: surroundings at θ̄. A constant θ̄ gives θ = θ̄ exactly; α = 0 gives the limit, the mean of θ̄."""
         if not isinstance(theta_bar, Expression):
             return Part(float(theta_bar))
-        key, a = FamilyKey("surroundings", theta_bar), alpha / k
+        key, a = FamilyKey("surroundings", theta_bar, (), self._forms.k), alpha / k
         family = self._family(key)
         mu, W = self._spectrum
         constant = float(family.moments[0] * W[0, 0])
@@ -151,7 +134,7 @@ class Conduction:
 
     def heat_in(self, q: Scalar, omega: tuple[str, ...]) -> float:
         """∫_ω q [W/m]."""
-        return self._family(FamilyKey("source", q, omega)).heat
+        return self._family(FamilyKey("source", q, omega, self._forms.k)).heat
 
     def slope(self, key: FamilyKey, a: float) -> Part:
         """∂θ/∂a of a family for k = 1: 1/(μ_k + a) becomes −1/(μ_k + a)², a/(μ_k + a) becomes μ_k/(μ_k + a)²."""
@@ -241,8 +224,7 @@ class Conduction:
 
     def field(self, column: Column) -> Array:
         """Nodal values of a column (n,)."""
-        found = self._fields.find(column)
-        if found is not None:
+        if (found := self._fields.find(column)) is not None:
             return found
         batch = self.together(column)
         family = self._family(column.family)
@@ -274,12 +256,21 @@ class Temperatures:
 
     def __init__(self, forms: HeatForms, points: Array, scenes: Sequence[Scene], memory: float) -> None:
         """points: (n, 2) nodes;  scenes: all to come, if known;  memory: bytes of fields kept, of either kind."""
-        heated = [s for s in distinct(scenes, *FELT) if s.material.beta != 0.0 and s.edges(Convection)]
-        self.conduction = Conduction(forms, ((s.heat, s.material.k) for s in heated), memory)
-        self._forms, self._points = forms, points
+        heated: dict[Conductivity, list[tuple[Heat, float | None]]] = {}
+        for s in (s for s in distinct(scenes, *FELT) if s.material.expands and s.edges(Convection)):
+            heated.setdefault(relative_k(s), []).append((s.heat, s.material.k))
+        self._forms, self._points, self._memory = forms, points, memory / max(1, len(heated))
+        self._heated, self._conductions = heated, dict[Conductivity, Conduction]()
         self._means: dict[Field, float] = {}
         self._known: Recent[Array] = Recent(memory, lambda theta: theta.nbytes)
         self._last: tuple[Scene, list[Part]] | None = None
+
+    def conduction(self, k: Conductivity = ()) -> Conduction:
+        """The heat problem with these relative conductivities of the regions."""
+        if k not in self._conductions:
+            own = replace(self._forms, k=k) if k else self._forms
+            self._conductions[k] = Conduction(own, self._heated.get(k, ()), self._memory)
+        return self._conductions[k]
 
     def of(self, scene: Scene) -> Temperature:
         """θ of a scene with its mean and heat balance; zero where the scene has no heat."""
@@ -298,28 +289,30 @@ class Temperatures:
         shape, factor = split(scene.heat.q)
         if scene.heat.theta is None and scene.edges(Convection) and factor != 0.0:
             # relative to all heat that moves, because sources and sinks may cancel, and little q pass much heat by
-            defect = sum(part.heat_out for part in parts) - factor * self.conduction.heat_in(shape, scene.heat.omega)
+            heat_in = factor * self.conduction(relative_k(scene)).heat_in(shape, scene.heat.omega)
+            defect = sum(part.heat_out for part in parts) - heat_in
             through = sum(part.through for part in parts)
             balance = abs(defect) / through if through else 0.0
         return Temperature(mean, balance, nodal)
 
     def terms(self, scene: Scene) -> list[LoadTerm]:
         """β∫θ tr ε(v): the uniform part through one vector, the rest through one for each temperature field."""
-        beta = scene.material.beta
-        if beta == 0.0:
+        if not scene.material.expands:
             return []
-        self.conduction.prepare()
+        self.conduction(relative_k(scene)).prepare()
         parts = self._parts(scene)
-        terms = [LoadTerm(TemperatureField(name), beta * factor) for part in parts for name, factor in part.fields]
         uniform = sum(part.constant for part in parts)
-        if uniform != 0.0:
-            terms.append(LoadTerm(UniformTemperature(), beta * uniform))
+        terms = []
+        for at, beta in ((where, own.beta) for where, own in scene.pieces if own.beta != 0.0):
+            terms += [LoadTerm(TemperatureField(name, at), beta * f) for part in parts for name, f in part.fields]
+            if uniform != 0.0:
+                terms.append(LoadTerm(UniformTemperature(at), beta * uniform))
         return terms
 
     def field(self, name: Field) -> Array:
         """Nodal values (n,) of a field."""
         if isinstance(name, Column):
-            return self.conduction.field(name)
+            return self.conduction(name.family.k).field(name)
         return self._known.get(name, lambda: values_at(name, self._points))
 
     def mean(self, name: Field) -> float:
@@ -337,14 +330,14 @@ class Temperatures:
 
     def _new_parts(self, scene: Scene) -> Iterator[Part]:
         """Nothing is solved for what is constant or unused."""
-        heat, k = scene.heat, scene.material.k
+        heat, k, conduction = scene.heat, scene.material.k, self.conduction(relative_k(scene))
         if heat.theta is not None:
             given = heat.theta
             yield Part(0.0, ((given, 1.0),)) if isinstance(given, Expression) else Part(float(given))
         elif scene.edges(Convection):
             if isinstance(heat.theta_bar, Expression) or heat.theta_bar != 0.0:
-                yield self.conduction.surroundings(heat.theta_bar, heat.alpha, k or 1.0)
+                yield conduction.surroundings(heat.theta_bar, heat.alpha, k or 1.0)
             shape, factor = split(heat.q)
             if factor != 0.0:
                 assert k is not None
-                yield self.conduction.source(shape, heat.omega, heat.alpha, k).times(factor)
+                yield conduction.source(shape, heat.omega, heat.alpha, k).times(factor)

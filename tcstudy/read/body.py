@@ -10,7 +10,7 @@ from pathlib import Path
 from tcstudy.read.fields import Context, Fields
 from tcstudy.read.node import Node, deepest, split_path
 from tcstudy.scene.keys import rows
-from tcstudy.scene.records import Body, BrepFace, Edge, Loop, Point, Region
+from tcstudy.scene.records import BODY, Body, BrepFace, Edge, Loop, Point, Region
 from tcstudy.scene.units import LENGTH, UnitError, to_si
 from tcstudy.shapes import edges as shapes
 from tcstudy.shapes import faults as body_faults
@@ -195,6 +195,9 @@ def read_regions(ctx: Context, node: Node | None) -> tuple[Region, ...]:
         return ()
     for name, item in node.value.items():
         check_name(ctx, name, item)
+        if name == BODY:
+            what = f"{BODY!r} is the name of what of the body no region takes"
+            ctx.errors.at(item, what, "give the region another name", on_key=True)
     return tuple(read_region(ctx, item, name) for name, item in node.value.items())
 
 

@@ -52,9 +52,11 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
             remedy = "add heat: {alpha: ..., theta_bar: ...}, or make the edge free or traction"
             ctx.errors.once(node, f"a convection edge has no meaning, because {why}", remedy)
         return
-    if material.k is None:
-        node = deepest(root, ("material",))
-        ctx.errors.once(node, "is missing, but heat needs it", "add k: 45 W/(m*K)", key=f"{node.path}.k")
+    places = (("material",), *(("materials", name) for name, _ in material.regions))
+    for place, k in zip(places, material.conductivities, strict=True):
+        if k is None:
+            node = deepest(root, place)
+            ctx.errors.once(node, "is missing, but heat needs it", "add k: 45 W/(m*K)", key=f"{'.'.join(place)}.k")
     if heat.alpha > 0.0 and not convection:
         node = deepest(root, ("heat", "alpha"))
         remedy = "give the role convection to the edges that exchange heat, or give a known temperature theta"

@@ -16,7 +16,7 @@ from tcstudy.read.fields import Context, Fields
 from tcstudy.read.node import Node
 from tcstudy.scene import keys as table
 from tcstudy.scene.designs import ENDS, PARAMETERS, SALTELLI, Cube, Design, Distribution, count, cube
-from tcstudy.scene.parameters import NUMBERS, Parameter
+from tcstudy.scene.parameters import NUMBERS, WHOLE, Parameter
 from tcstudy.scene.units import NONE
 
 
@@ -62,10 +62,14 @@ Choice = dict[str, Node] | tuple[Node, ...]
 
 def _read(ctx: Context, node: Node, parameter: Parameter, mode: str) -> Distribution | Choice | None:
     """The distribution of a parameter, or the values that are equally likely; None after a fault."""
-    if parameter.is_law and isinstance(node.value, Mapping) and node.value and "law" not in node.value:
+    if parameter.is_whole and isinstance(node.value, Mapping) and node.value and not parameter.is_one(node.value):
         found: Choice | Distribution | None = dict(node.value)
-    elif not isinstance(node.value, Mapping) or parameter.is_law:
-        shape = "{NAME: {law: ...}, NAME: ...}" if parameter.is_law else "{uniform: [a, b]} or {choice: [a, b]}"
+    elif not isinstance(node.value, Mapping) or parameter.is_whole:
+        shape = (
+            f"{{NAME: {{{WHOLE[parameter.row.kind][0]}: ...}}, NAME: ...}}"
+            if parameter.is_whole
+            else "{uniform: [a, b]} or {choice: [a, b]}"
+        )
         ctx.errors.at(node, f"must be a distribution, but is {node.kind()}", f"with mode: {mode} write {shape}")
         return None
     else:

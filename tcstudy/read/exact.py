@@ -168,7 +168,7 @@ def _record(ctx: Context, root: Node, fault: SolutionFault) -> None:
 def _missing(exact: Exact, scenes: Sequence[Scene]) -> Iterator[SolutionFault]:
     """A temperature that the loads need and the study does not give; α = 0."""
     if exact.theta is None:
-        beta = any(scene.material.beta != 0.0 for scene in scenes)
+        beta = any(scene.material.expands for scene in scenes)
         if beta or scenes[0].edges(Convection):
             why = "beta makes it load the body" if beta else "there are convection edges"
             yield SolutionFault((), f"theta is missing: {why}", 'add theta: "...", or theta: 0')

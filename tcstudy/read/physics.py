@@ -134,8 +134,38 @@ def _clamped(ctx: Context, node: Node, fields: Fields) -> Clamped:
 
 
 @none_after_fault
-def read_material(ctx: Context, node: Node) -> Material:
-    """The material of the plane problem; None after a fault."""
+def read_materials(
+    ctx: Context, node: Node, own: Node | None, regions: tuple[str, ...] | None = None
+) -> Material | None:
+    """The material with those that regions have of their own; None after a fault.
+
+    own: the section `materials`;  regions: names of the regions of the body; None if they are not known
+    """
+    material = read_material(ctx, node)
+    if own is None or material is None:
+        return material
+    if not isinstance(own.value, Mapping) or not own.value:
+        remedy = ctx.example("write {REGION: {E: 70 GPa, nu: 0.33}}")
+        ctx.errors.at(own, f"must be a mapping of regions to materials, but is {own.kind()}", remedy)
+        return None
+    found = []
+    for name, item in own.value.items():
+        if regions is not None and name not in regions:
+            remedy = choose(name, regions, "one of") if regions else "add its shape under body.regions"
+            ctx.errors.once(item, f"the body has no region {name!r}", remedy)
+        elif plane := item.child("plane"):
+            ctx.errors.once(plane, "the whole body is in plane strain or in plane stress", "give it under material")
+        elif one := read_material(ctx, item, material.plane):
+            found.append((name, one))
+    return replace(material, regions=tuple(found))
+
+
+@none_after_fault
+def read_material(ctx: Context, node: Node, plane: Literal["strain", "stress"] | None = None) -> Material:
+    """The material of the plane problem; None after a fault.
+
+    plane: the assumption for the whole body, where that is read already
+    """
     pairs = [pair for pair in (("E", "nu"), ("lambda", "mu")) if any(node.child(key) for key in pair)]
     fields = Fields(ctx, node, "material", (pairs or [("E", "nu")])[0] if len(pairs) < 2 else ())
     if len(pairs) == 2:
@@ -146,7 +176,8 @@ def read_material(ctx: Context, node: Node) -> Material:
         E, nu, lam, mu = (_from_lame if pairs == [("lambda", "mu")] else _from_engineering)(ctx, fields)
     if fields["alpha_T"] and fields["beta"]:
         ctx.errors.once(fields.values["beta"], "both alpha_T and beta are given", "give one of the two")
-    plane, alpha_T, beta = (fields.value(key) for key in ("plane", "alpha_T", "beta"))
+    plane = plane or fields.value("plane")
+    alpha_T, beta = fields.value("alpha_T"), fields.value("beta")
     if beta is None:
         beta = (3 * lam + 2 * mu) * alpha_T if plane == "strain" else E * alpha_T / (1 - nu)
     if plane == "stress":

@@ -179,7 +179,7 @@ def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | No
 def affine_parameters(scene: Scene) -> Iterator[tuple[tuple[str, ...], _Affine]]:
     """All parameters of the scene that a path may run along, by key path."""
     heat = scene.heat
-    idle = "" if scene.material.beta else "beta is 0, so temperature does not load the body"
+    idle = "" if scene.material.expands else "beta is 0, so temperature does not load the body"
     acts = {"theta"} if heat.theta is not None else {"theta_bar"} if scene.edges(Convection) else set()
     if "theta_bar" in acts and heat.alpha > 0.0:
         acts.add("q")

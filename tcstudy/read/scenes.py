@@ -19,13 +19,15 @@ from tcstudy.read.checks import check_corners, check_finite, check_heat, check_l
 from tcstudy.read.fields import Context
 from tcstudy.read.node import Node, put
 from tcstudy.read.parameters import read_parameters, users, words_in
-from tcstudy.read.physics import read_boundary, read_friction, read_heat, read_inline_region, read_loads, read_material
+from tcstudy.read.physics import read_boundary, read_friction, read_heat, read_inline_region, read_loads, read_materials
 from tcstudy.read.sweep import Sweep, SweptAxis
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Body, EdgeLaws, Scene
 
 SECTIONS = ("boundary", "material", "loads", "heat", "friction")
 """What makes up a scene beside the body, which cannot be swept."""
+KEYS = {"material": ("material", "materials")}
+"""Keys of the study that a section stands for, where it is not one of its own name."""
 THERMAL = ("boundary", "material", "heat")
 """Sections that check_heat compares."""
 
@@ -58,10 +60,12 @@ class SceneReader:
     def _touches(self, i: int, section: str) -> bool:
         """Whether the record of a section depends on axis i: a key in it, or a name that it uses."""
         path = self.sweep.axes[i].parameter.path
-        if path[0] != "parameters" or section == path[0]:
-            return path[0] == section
-        put_in = [axis.values for axis in self.sweep.axes if axis.parameter.path[0] == section]
-        texts = [node for node in (self.root.child(section), *itertools.chain(*put_in)) if node is not None]
+        keys = KEYS.get(section, (section,))
+        if path[0] != "parameters":
+            return path[0] in keys
+        put_in = [axis.values for axis in self.sweep.axes if axis.parameter.path[0] in keys]
+        here = [self.root.child(key) for key in keys]
+        texts = [node for node in (*here, *itertools.chain(*put_in)) if node is not None]
         names = users(self.root, path[-1])
         return any(words_in(node, names) for node in texts)
 
@@ -93,11 +97,11 @@ class SceneReader:
 
     def read(self) -> Sequence[Scene]:
         """One scene for each point, in C order of the axes; after a fault the base study's, if it has none."""
-        base = {s: self._read(s, self.root.child(s)) for s in SECTIONS}
+        base = {s: self._read(s, self.root) for s in SECTIONS}
         self._compare(self.root, base)
         for section in SECTIONS:
             if not self.touching[section]:
-                self.nodes[section, ()], self.values[section, ()] = self.root.child(section), base[section]
+                self.nodes[section, ()], self.values[section, ()] = self._put(section, ()), base[section]
         self.base = self._made(base)
         if not self.sweep.axes:
             return (self.base,) if self.base else ()
@@ -162,8 +166,9 @@ class SceneReader:
         return f"{key[0]}: {words}" if drawn else words
 
     def _put(self, section: str, key: Indices) -> Node | None:
-        """The section with swept values put in."""
-        root = Node({s: n for s in (section,) if (n := self.root.child(s))}, "", self.root.mark, self.root.mark)
+        """The study with nothing but the section, swept values put in."""
+        keys = KEYS.get(section, (section,))
+        root = Node({s: n for s in keys if (n := self.root.child(s))}, "", self.root.mark, self.root.mark)
         try:
             for i, at in zip(self.touching[section], key, strict=True):
                 if self._is_name(i):
@@ -171,16 +176,20 @@ class SceneReader:
                 root = put(root, self.sweep.axes[i].parameter.path, self.sweep.axes[i].values[at])
         except KeyError:  # the base study has something else there, which is recorded already
             return None
-        return root.child(section)
+        return root
 
     def _point_root(self, keys: Mapping[str, Indices]) -> Node:
         """The study with the sections of a point."""
-        sections = {s: node for s, key in keys.items() if (node := self.nodes[s, key])}
         assert isinstance(self.root.value, Mapping)
-        return replace(self.root, value={**self.root.value, **sections})
+        sections = dict(self.root.value)
+        for s, key in keys.items():
+            if (node := self.nodes[s, key]) and isinstance(node.value, Mapping):
+                sections |= node.value
+        return replace(self.root, value=sections)
 
-    def _read(self, section: str, node: Node | None) -> Any:
-        """The record of a section; None after a fault."""
+    def _read(self, section: str, root: Node | None) -> Any:
+        """The record of a section of a study; None after a fault."""
+        node = root.child(section) if root else None
         optional: dict[str, Callable[[], Any]] = {
             "loads": lambda: read_loads(self.ctx, node),
             "heat": lambda: read_heat(self.ctx, node, self.regions),
@@ -190,7 +199,7 @@ class SceneReader:
         if node is None:
             return None
         if section == "material":
-            return read_material(self.ctx, node)
+            return read_materials(self.ctx, node, root.child("materials") if root else None, self.regions)
         if section == "friction":
             return read_friction(self.ctx, node)
         boundary = read_boundary(self.ctx, node, self.names)
@@ -216,4 +225,4 @@ class SceneReader:
 
 def _shown(axis: SweptAxis, index: int) -> str:
     """A value of an axis: its text, or its label where that is a name."""
-    return str(axis.labels[index]) if axis.parameter.is_law else axis.values[index].brief()
+    return str(axis.labels[index]) if axis.parameter.is_whole else axis.values[index].brief()

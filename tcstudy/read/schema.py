@@ -15,7 +15,7 @@ from typing import Any, get_args
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import law_rows, of_role, row, rows
 from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.parameters import EDGE, SHORT, sweepable
+from tcstudy.scene.parameters import EDGE, SHORT, WHOLE, sweepable
 from tcstudy.scene.study import Quantity
 from tcstudy.scene.units import NONE
 
@@ -121,10 +121,15 @@ def _sweep(made: Callable[[Key], Schema], beside: tuple[str, ...]) -> Schema:
     laws = {path[1]: one for path, one in sweepable({}, None).items() if path[0] == "friction" and path[1:]}
     by_edge = {rf"^friction\.[^.]+\.{name}$": made(one.row) for name, one in laws.items()}
     by_edge[r"^friction\.(?!(" + "|".join(laws) + r")$)[^.]+$"] = made(row("", "friction"))
+    regions = {path[2:]: one.row for path, one in sweepable({}, None, ("REGION",)).items() if path[0] == "materials"}
+    by_region = {
+        "^materials\\.[^.]+" + "".join(f"\\.{name}" for name in own) + "$": made(one) for own, one in regions.items()
+    }
     return {
         "type": "object",
         "properties": {name: _described(row("sweep", name)) for name in beside} | properties,
         "patternProperties": by_edge
+        | by_region
         | {rf"^boundary\.[^.]+\.{name}$": made(one) for name, one in EDGE.items()}
         | {r"^parameters\.[A-Za-z_0-9]+$": made(NAMED)},
         "additionalProperties": False,
@@ -132,16 +137,16 @@ def _sweep(made: Callable[[Key], Schema], beside: tuple[str, ...]) -> Schema:
 
 
 def _swept(one: Key) -> Schema:
-    if one.kind == "law":
-        return {"type": "object", "minProperties": 1, "additionalProperties": _law()}
+    if one.kind in WHOLE:
+        return {"type": "object", "minProperties": 1, "additionalProperties": _fragment(one)}
     listed = _list(_at_point(one), 1)
     numbers = one.kind in ("number", "integer", "field", "component", "quantity")
     return {"anyOf": [listed, *([_ref("values")] if numbers else []), _ref("distribution")]}
 
 
 def _at_point(one: Key) -> Schema:
-    if one.kind == "law":
-        return {"anyOf": [_law(), _swept(one) | {"maxProperties": 1}]}
+    if one.kind in WHOLE:
+        return {"anyOf": [_fragment(one), _swept(one) | {"maxProperties": 1}]}
     return _ref(f"{one.section}/properties/{one.name}") if one is not NAMED else _value(one)
 
 
@@ -247,6 +252,7 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "sizes or tolerance": _sizes_or_tolerance,
     "goal": _goal,
     "law": lambda one: _law(),
+    "material": lambda one: _ref("material"),
     "law points": lambda one: _list(_point(one), 1),
     "numbers": lambda one: _list(_value(one), 1),
     "sweep points": lambda one: {"anyOf": [_list(_sub_section(one), 1), {"type": "integer", "minimum": 1}, SOME_TEXT]},

@@ -77,7 +77,8 @@ def differentiable(root: Node, base: Scene, scenes: Sequence[Scene]) -> Iterator
     given = set(material.value) if material and isinstance(material.value, dict) else set()
     for name in ("E", "alpha_T", "beta", "k"):
         if name in given:
-            yield ("material", name), (row("material", name).dimension, "")
+            why = "materials differ by region" if base.material.regions else ""
+            yield ("material", name), (row("material", name).dimension, why)
     if base.heat.theta is None and base.edges(Convection):
         yield ("heat", "alpha"), (row("heat", "alpha").dimension, "")
     for scene in distinct(scenes, "friction"):
@@ -102,6 +103,8 @@ def why_not(word: str, path: Keys, known: dict[Keys, tuple[Dimension, str]]) -> 
         return f"there is no derivative by {word}: {known[path][1]}", "name a single number that has an effect"
     if path[0] == "material" and path[-1] in ("nu", "lambda", "mu"):
         return f"there is no derivative by {word}: it changes the stiffness as a matrix, not by a factor", REMEDY
+    if path[0] == "materials":
+        return f"there is no derivative by {word}: materials differ by region", REMEDY
     if path[0] == "parameters":
         return f"there is no derivative by {word}: it may stand in any expression", "name a number of a section"
     if path in sweepable({}, None):

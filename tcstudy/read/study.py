@@ -125,12 +125,12 @@ def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
     law = word.value if friction and (word := friction.child("law")) else None
     by_edge = {edge: str(word.value) for edge, one in laws_by_edge(friction).items() if (word := one.child("law"))}
     edges = {edge: keys_of(node) for edge, node in roles.items()} if boundary else _swept_edges(node)
-    known = sweepable(edges, by_edge or (law if isinstance(law, str) else None))
+    known = sweepable(edges, by_edge or (law if isinstance(law, str) else None), _regions(root, node))
     if ctx.named:
         known = known | swept_names(ctx.named)
     sweep = _of_sections(ctx, root, read_sweep(ctx, node, known, friction) or Sweep())
     if ctx.named:
-        check_swept_names(ctx, root, sweep, SECTIONS)
+        check_swept_names(ctx, root, sweep, (*SECTIONS, "materials"))
     for option in (text for text in overrides if "=" in text):
         key = SHORT.get(option.partition("=")[0].strip(), option.partition("=")[0].strip())
         keys = split_path(key) or ()
@@ -143,13 +143,24 @@ def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
     return sweep
 
 
-def _swept_edges(sweep: Node | None) -> dict[str, tuple[str, ...]]:
-    """The edges that a sweep names, with all keys: of a study without the section `boundary`."""
+def _regions(root: Node, sweep: Node) -> tuple[str, ...]:
+    """The regions with a material of their own, by the study or by its sweep."""
+    given = own.value if (own := root.child("materials")) and isinstance(own.value, Mapping) else ()
+    named = (words[1] for words in _paths(sweep) if words[0] == "materials" and len(words) > 1)
+    return tuple(dict.fromkeys((*given, *named)))
+
+
+def _paths(sweep: Node | None) -> list[list[str]]:
+    """The paths that a sweep names."""
     points = sweep.child("points") if sweep else None
     rows = points.value if points and isinstance(points.value, tuple) else ()
     maps = [node.value for node in (sweep, *rows) if node and isinstance(node.value, Mapping)]
-    names = [key.split(".") for keys in maps for key in keys]
-    return {words[1]: ALL_KEYS for words in names if len(words) == 3 and words[0] == "boundary"}
+    return [key.split(".") for keys in maps for key in keys]
+
+
+def _swept_edges(sweep: Node | None) -> dict[str, tuple[str, ...]]:
+    """The edges that a sweep names, with all keys: of a study without the section `boundary`."""
+    return {words[1]: ALL_KEYS for words in _paths(sweep) if len(words) == 3 and words[0] == "boundary"}
 
 
 def _of_sections(ctx: Context, root: Node, sweep: Sweep) -> Sweep:
@@ -215,6 +226,18 @@ def _refuse_one_law(ctx: Context, root: Node, mesh: MeshPlan | None, output: Out
         ctx.errors.at(node, f"{one} a live page takes one law", "remove live: true")
 
 
+def _refuse_one_material(ctx: Context, root: Node, mesh: MeshPlan | None, output: OutputPlan | None) -> None:
+    """What takes one material in the whole body only."""
+    one = "materials differ by region, and"
+    if mesh and mesh.estimates and (node := root.child("mesh")):
+        remedy = "use a uniform or graded family, and tcstudy converge for errors"
+        ctx.errors.at(node, f"{one} estimates do not follow jumps of the stress between them", remedy)
+    if node := root.child("exact"):
+        ctx.errors.at(node, f"{one} an exact solution takes one", "remove exact, and let tcstudy converge refine")
+    if output and output.live and (node := root.child("output")):
+        ctx.errors.at(node, f"{one} a live page takes one", "remove live: true")
+
+
 def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scenes: Sequence[Scene]) -> _Plans:
     """Meshes, solver, output and the exact solution."""
     before, body = len(ctx.errors), reader.body
@@ -239,4 +262,6 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
         output = replace(output, sensitivity=read_sensitivity(ctx, names, root, reader.base, scenes, exact))
     if any(isinstance(scene.friction, EdgeLaws) for scene in distinct(scenes, "friction")):
         _refuse_one_law(ctx, root, mesh, output)
+    if root.child("materials"):
+        _refuse_one_material(ctx, root, mesh, output)
     return _Plans(mesh, solver, output, exact, path)

@@ -176,21 +176,21 @@ def _point_list(
         parameter = _parameter(ctx, key, item, known)
         if parameter is not None:
             values = tuple(row.value[key] for row in rows if isinstance(row.value, Mapping))
-            names = tuple(_law_name(value) for value in values) if parameter.is_law else ()
-            values = tuple(_law_node(value) for value in values) if parameter.is_law else values
+            names = tuple(_whole_name(value, parameter) for value in values) if parameter.is_whole else ()
+            values = tuple(_whole_node(value, parameter) for value in values) if parameter.is_whole else values
             axes.append(SweptAxis(key, points, parameter, values, names or axis_labels(ctx, values, parameter)))
     return axes
 
 
-def _law_name(node: Node) -> str:
-    """Name of a law in a point: its key in {NAME: law}, else the name of its shape."""
-    if isinstance(node.value, Mapping) and len(node.value) == 1 and "law" not in node.value:
+def _whole_name(node: Node, parameter: Parameter) -> str:
+    """Name of a law or a material in a point: its key in {NAME: law}, else the name of its shape or all it says."""
+    if isinstance(node.value, Mapping) and len(node.value) == 1 and not parameter.is_one(node.value):
         return next(iter(node.value))
     return str(word.value) if (word := node.child("law")) else node.text()
 
 
-def _law_node(node: Node) -> Node:
-    if isinstance(node.value, Mapping) and len(node.value) == 1 and "law" not in node.value:
+def _whole_node(node: Node, parameter: Parameter) -> Node:
+    if isinstance(node.value, Mapping) and len(node.value) == 1 and not parameter.is_one(node.value):
         return next(iter(node.value.values()))
     return node
 
@@ -225,10 +225,10 @@ def _check_law_parameters(ctx: Context, axes: list[SweptAxis], law: Node | None)
     """A swept parameter of the law must belong to every law of the study."""
     for axis in axes:
         place = axis.parameter.path[:-1]
-        if place[:1] != ("friction",) or axis.parameter.is_law or axis.parameter.path[-1] == "strength":
+        if place[:1] != ("friction",) or axis.parameter.is_whole or axis.parameter.path[-1] == "strength":
             continue
         base = law.child(place[1]) if law and place[1:] else law
-        laws = [v for whole in axes if whole.parameter.is_law and whole.parameter.path == place for v in whole.values]
+        laws = [v for whole in axes if whole.parameter.is_whole and whole.parameter.path == place for v in whole.values]
         words = [str(word.value) for node in laws or ([base] if base else []) if (word := node.child("law"))]
         for law_name in words:
             names = [p.name for p in SHAPES[law_name].parameters] if law_name in SHAPES else None
@@ -272,14 +272,16 @@ MAX_POINTS = 1_000_000
 
 
 def axis_values(ctx: Context, node: Node, parameter: Parameter) -> tuple[tuple[Node, ...], tuple[str, ...]]:
-    """The values of an axis, and their names if they are laws."""
+    """The values of an axis, and their names if they are laws or materials."""
     row = parameter.row
-    if row.kind == "law":
-        if isinstance(node.value, Mapping) and "law" not in node.value and node.value:
+    if parameter.is_whole:
+        one = parameter.is_one(node.value)
+        if isinstance(node.value, Mapping) and not one and node.value:
             return tuple(node.value.values()), tuple(node.value)
-        remedy = ctx.example("write {NAME: {law: tresca, tau: 20 MPa}, NAME: ...}")
-        what = f"must be a mapping of names to laws, but is {node.kind()}"
-        ctx.errors.at(node, "is a single law, not a mapping of names to laws" if node.child("law") else what, remedy)
+        own = "{law: tresca, tau: 20 MPa}" if row.kind == "law" else "{E: 210 GPa, nu: 0.3}"
+        remedy = ctx.example(f"write {{NAME: {own}, NAME: ...}}")
+        what = f"must be a mapping of names to {row.kind}s, but is {node.kind()}"
+        ctx.errors.at(node, f"is a single {row.kind}, not a mapping of names to {row.kind}s" if one else what, remedy)
         return (), ()
     if isinstance(node.value, tuple) and node.value:
         return node.value, ()

@@ -93,9 +93,9 @@ def _column(
     found = parameter(key, cell)
     if found is None:
         return None
-    if found.is_law:
-        remedy = "list the points by mode: list, or sweep the numbers of one law"
-        ctx.errors.at(cell, "whole laws cannot stand in a table", remedy, key=key)
+    if found.is_whole:
+        remedy = "list the points by mode: list, or sweep the numbers of one"
+        ctx.errors.at(cell, f"whole {found.row.kind}s cannot stand in a table", remedy, key=key)
         return None
     if unit and ctx.units == "none":
         ctx.errors.at(cell, "has a unit, but the study says units: none", "drop the unit", key=key)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.norms import Triangles
 from tcstudy.accuracy.transfer import located
-from tcstudy.fem.meshes import Meshes, PlaneMesh, doubled_areas, refine_marked
+from tcstudy.fem.meshes import PlaneMesh, doubled_areas, refine_marked
+from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.refine.ends import Hidden
 from tcstudy.refine.survey import Survey, marked

@@ -107,7 +107,8 @@ def _write_point(
     scene = None if scenes is None else scenes[0].scenes[scenes[1][i]]
     if (body := body_fields(group)) is not None:
         units = _units(group)
-        write_mesh(folder / f"{name}.vtu", _body(body, None if scene is None else scene.material, units, about))
+        region = group["region"].values if "region" in group else None
+        write_mesh(folder / f"{name}.vtu", _body(body, None if scene is None else scene.material, units, about, region))
         yield i, BODY, "body", f"{name}.vtu"
     sticks = group["sticks"].values == STICKS
     law = None if scene is None or isinstance(scene.friction, EdgeLaws) else scene.friction
@@ -132,25 +133,37 @@ def _units(group: Any) -> dict[str, str]:
     return {name: str(group[name].attrs.get("units", "1")) for name in ("u_x", "theta", "xi") if name in group}
 
 
-def _body(body: BodyFields, material: Material | None, units: dict[str, str], about: tuple[Values, ...]) -> Grid:
+def _body(
+    body: BodyFields,
+    material: Material | None,
+    units: dict[str, str],
+    about: tuple[Values, ...],
+    region: NDArray[np.int8] | None,
+) -> Grid:
     u = np.column_stack([body.u_x, body.u_y, np.zeros(len(body.x))])
     fields = [Values("u", u, units["u_x"], ("x", "y", "z"))]
     if body.theta is not None:
         fields.append(Values("theta", body.theta, units["theta"]))
     cells: tuple[Values, ...] = ()
     if material is not None:
-        sigma, energy = stresses(body, material)
+        sigma, energy = stresses(body, material, region)
         pressure, density = units["xi"], "1" if units["xi"] == "1" else "J m-3"
         cells = (
             Values("stress", sigma, pressure, SYMMETRIC),
             Values("von_mises", von_mises(sigma), pressure),
             Values("energy_density", energy, density),
+            *(() if region is None else (Values("region", region),)),
         )
     return Grid(np.column_stack([body.x, body.y]), body.triangles, tuple(fields), cells, about)
 
 
-def stresses(body: BodyFields, material: Material) -> tuple[Array, Array]:
-    """Stress (t, 6) in the order of SYMMETRIC and elastic density ½ σ : c⁻¹ σ (t,) of triangles [Pa, J/m³]."""
+def stresses(body: BodyFields, material: Material, region: NDArray[np.int8] | None = None) -> tuple[Array, Array]:
+    """Stress (t, 6) in the order of SYMMETRIC and elastic density ½ σ : c⁻¹ σ (t,) of triangles [Pa, J/m³].
+
+    region: (t,) where materials differ, 0 for that of the body, i for that of the i-th region
+    """
+    of = np.zeros(len(body.triangles), dtype=np.intp) if region is None else region
+    lam, mu, beta, nu, E = np.array([(m.lam, m.mu, m.beta, m.nu, m.E) for m in material.all])[of].T
     x, y = body.x[body.triangles], body.y[body.triangles]
     b, d = np.roll(y, -1, axis=1) - np.roll(y, 1, axis=1), np.roll(x, 1, axis=1) - np.roll(x, -1, axis=1)
     twice = np.sum(x * b, axis=1)  # 2 × area; its sign goes with the order of the corners, as that of b and d
@@ -158,14 +171,14 @@ def stresses(body: BodyFields, material: Material) -> tuple[Array, Array]:
     e_xx, e_yy = np.sum(u * b, axis=1) / twice, np.sum(v * d, axis=1) / twice
     e_xy = 0.5 * (np.sum(u * d, axis=1) + np.sum(v * b, axis=1)) / twice
     theta = np.zeros(len(x)) if body.theta is None else np.mean(body.theta[body.triangles], axis=1)
-    lateral = material.lam * (e_xx + e_yy) - material.beta * theta
+    lateral = lam * (e_xx + e_yy) - beta * theta
     sigma = np.zeros((len(x), 6))
-    sigma[:, 0], sigma[:, 1] = lateral + 2.0 * material.mu * e_xx, lateral + 2.0 * material.mu * e_yy
+    sigma[:, 0], sigma[:, 1] = lateral + 2.0 * mu * e_xx, lateral + 2.0 * mu * e_yy
     sigma[:, 2] = lateral if material.plane == "strain" else 0.0
-    sigma[:, 3] = 2.0 * material.mu * e_xy
+    sigma[:, 3] = 2.0 * mu * e_xy
     square = np.sum(sigma[:, :3] ** 2, axis=1) + 2.0 * np.sum(sigma[:, 3:] ** 2, axis=1)
     trace = np.sum(sigma[:, :3], axis=1)
-    return sigma, 0.5 * ((1.0 + material.nu) * square - material.nu * trace**2) / material.E
+    return sigma, 0.5 * ((1.0 + nu) * square - nu * trace**2) / E
 
 
 def von_mises(sigma: Array) -> Array:

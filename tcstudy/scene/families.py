@@ -1,7 +1,7 @@
 """The families of meshes that a study can ask for: what is known of each before there is a mesh, in one table.
 
-A new family is one record here and one way to make its meshes, in fem/meshes.py (in refine/family.py if they follow
-from the solutions); readers, forecasts, notes and reports ask the record.
+A new family is one record here and one way to make its meshes, in fem/study_meshes.py (in refine/family.py if they
+follow from the solutions); readers, forecasts, notes and reports ask the record.
 """
 
 from __future__ import annotations

@@ -37,6 +37,7 @@ Kind = Literal[
     "sizes or tolerance",
     "goal",
     "law",
+    "material",
     "law points",
     "numbers",
 ]
@@ -44,7 +45,7 @@ Kind = Literal[
 field: a number or an expression in x and y; component: that or `free`; vector: two fields; displacement: two
 components; section: a mapping of its own; sections, points: a list of them, or by name; names: of regions, or a shape;
 one or more: of the words; words: a list of any; sweep points: a list of them, or their number;
-sizes: one or more numbers; law: a friction law."""
+sizes: one or more numbers; law: a friction law; material: the keys of one, whole ones by name in a sweep."""
 
 
 GREEK = {

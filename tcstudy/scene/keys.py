@@ -75,11 +75,13 @@ ROWS: tuple[Key, ...] = (
             short="role",
         ),
         Key(
-            *("material", "section", "isotropic: `E`, `nu` or `lambda`, `mu`"),
+            *("material", "material", "isotropic: `E`, `nu` or `lambda`, `mu`"),
             example="{E: 210 GPa, nu: 0.3}",
             required=True,
+            swept=True,
             of=("material",),
         ),
+        Key("materials", "named sections", "of regions that have a material of their own", of=("material",)),
         Key("loads", "section", "forces in the body", of=("loads",)),
         Key(
             "heat",
@@ -113,12 +115,13 @@ ROWS: tuple[Key, ...] = (
         Key(
             "sweep",
             "section",
-            "any number of parameters of `material`, `loads`, `heat`, `friction` or of an edge's role by path or short "
+            "parameters of `material`, `materials`, `loads`, `heat`, `friction` or of an edge's role by path or short "
             "name (not of `body`, which the mesh belongs to, nor of `solver` and `exact`): `alpha: [1, 10]`, "
             "`friction.delta: {linspace: [10 um, 50 um, 9]}`, `E: {geomspace: [1 GPa, 100 GPa, 5]}`, "
-            "`boundary.top.pressure: [0, 1 MPa]`; whole laws by name under `friction`. In a mode that draws points "
-            "`alpha: {uniform: [1, 10]}`, `log-uniform`, `normal: {mean, sigma}`, `truncated-normal: {mean, sigma, "
-            "from, to}`, `lognormal: {median, sigma}`, `triangular: {from, mode, to}` or `choice: [1, 2]`",
+            "`boundary.top.pressure: [0, 1 MPa]`; whole laws by name under `friction`, materials under `material` or "
+            "`materials.REGION`. In a mode that draws points `alpha: {uniform: [1, 10]}`, `log-uniform`, `normal: "
+            "{mean, sigma}`, `truncated-normal: {mean, sigma, from, to}`, `lognormal: {median, sigma}`, `triangular: "
+            "{from, mode, to}` or `choice: [1, 2]`",
             of=("sweep",),
         ),
         Key(
@@ -140,7 +143,7 @@ ROWS: tuple[Key, ...] = (
         Key("rectangle", "section", "with the edges bottom, right, top, left", of=("block",)),
         Key("file", "section", "a plane face of a STEP or BREP file", of=("file",)),
         Key("holes", "sections", "a list of shapes, each with the name of its edge", of=("hole",)),
-        Key("regions", "named sections", "shapes by name, for heat sources", of=("region",)),
+        Key("regions", "named sections", "shapes by name, for heat sources and `materials`", of=("region",)),
     ),
     *_in(
         "outline",
@@ -264,11 +267,7 @@ ROWS: tuple[Key, ...] = (
             default="grid",
         ),
         Key(
-            *(
-                "points",
-                "sweep points",
-                "`[{alpha: 1, E: 2 GPa}, …]` of `mode: list`, a table (.csv), or how many are drawn",
-            ),
+            *("points", "sweep points", "`[{alpha: 1, E: 2 GPa}, …]` of `mode: list`, a table, or how many are drawn"),
             example="[...]",
             least=1,
             of=("point",),

@@ -20,6 +20,8 @@ Keys = tuple[str, ...]
 
 NUMBERS = ("number", "integer", "field", "component")
 """Kinds of keys whose values are numbers, or texts where they are none."""
+WHOLE: dict[str, tuple[str, ...]] = {"law": ("law",), "material": tuple(rows("material"))}
+"""Kinds of keys that are sections whose values a sweep names, and keys of which each has one."""
 
 
 @dataclass(frozen=True)
@@ -34,9 +36,13 @@ class Parameter:
     idle: bool = False
 
     @property
-    def is_law(self) -> bool:
-        """Whether its values are whole laws, by name."""
-        return self.row.kind == "law"
+    def is_whole(self) -> bool:
+        """Whether its values are whole laws or materials, by name."""
+        return self.row.kind in WHOLE
+
+    def is_one(self, value: object) -> bool:
+        """Whether a value is a single law or material, not several by name."""
+        return isinstance(value, Mapping) and any(key in value for key in WHOLE[self.row.kind])
 
 
 PLAIN: dict[Keys, Parameter] = {
@@ -52,14 +58,21 @@ FIXED = {row.name: row.fixed for row in rows("").values() if row.fixed}
 """Sections that cannot be swept, and what to do instead."""
 
 
-def sweepable(edges: Mapping[str, Sequence[str]], law: str | Mapping[str, str] | None) -> dict[Keys, Parameter]:
+def sweepable(
+    edges: Mapping[str, Sequence[str]], law: str | Mapping[str, str] | None, regions: Sequence[str] = ()
+) -> dict[Keys, Parameter]:
     """All parameters by path.
 
-    edges: the keys that each edge's role takes
-    law:   the base law, which decides where laws differ in a parameter's dimension; of each contact edge where edges
-           have their own
+    edges:   the keys that each edge's role takes
+    law:     the base law, which decides where laws differ in a parameter's dimension; of each contact edge where edges
+             have their own
+    regions: those that have a material of their own
     """
     found = dict(PLAIN)
+    for region in regions:
+        for one in (one for path, one in PLAIN.items() if path[0] == "material" and path[-1] != "plane"):
+            here = ("materials", region, *one.path[1:])
+            found[here] = Parameter(here, one.row)
     places: dict[Keys, str | None] = {("friction",): law if isinstance(law, str) else None}
     if isinstance(law, Mapping):
         del found["friction", "strength"]

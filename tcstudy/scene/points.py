@@ -128,7 +128,7 @@ FELT = ("boundary", *THERMAL)
 def needs_heat_solve(scene: Scene) -> bool:
     """True if the temperature must be computed and is not simply known."""
     heat = scene.heat
-    if scene.material.beta == 0.0 or heat.theta is not None or not scene.edges(Convection):
+    if not scene.material.expands or heat.theta is not None or not scene.edges(Convection):
         return False
     return isinstance(heat.theta_bar, Expression) or isinstance(heat.q, Expression) or heat.q != 0.0
 
@@ -136,7 +136,7 @@ def needs_heat_solve(scene: Scene) -> bool:
 def why_no_heat(scenes: Sequence[Scene]) -> str:
     """Why the first scene without a heat problem has none."""
     scene = next(s for s in distinct(scenes, *FELT) if not needs_heat_solve(s))
-    if scene.material.beta == 0.0:
+    if not scene.material.expands:
         return "beta is 0, so temperature does not load the body"
     if scene.heat.theta is not None:
         return "theta is known"
@@ -167,9 +167,10 @@ def _idle(study: Study, d: int) -> bool:
 
 def _felt(scene: Scene) -> Iterator[object]:
     """What of heat and material the solution depends on."""
-    material, heat = scene.material, scene.heat
-    yield material.lam, material.mu
+    heat, all_of = scene.heat, scene.material.all
+    yield from ((one.lam, one.mu) for one in all_of)
     if needs_heat_solve(scene):
-        yield material.beta, heat, material.k
-    elif material.beta != 0.0:
-        yield material.beta, heat.theta if heat.theta is not None else (scene.edges(Convection) and heat.theta_bar)
+        yield from ((one.beta, heat, one.k) for one in all_of)
+    elif scene.material.expands:
+        yield from (one.beta for one in all_of)
+        yield heat.theta if heat.theta is not None else (scene.edges(Convection) and heat.theta_bar)

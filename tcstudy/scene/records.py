@@ -112,15 +112,22 @@ class Free:
 Role = Clamped | Traction | Contact | Convection | Free
 
 
+BODY = "body"
+"""Name of what of the body no region takes; no region has it."""
+Where = tuple[str, ...]
+"""Names of regions, BODY for what is outside of all; () is the whole body."""
+
+
 @dataclass(frozen=True)
 class Material:
-    """Isotropic material and the plane assumption.
+    """Isotropic material and the plane assumption, and the materials of the regions that have their own.
 
     lam, mu: Lamé moduli of the plane problem (plane stress already folded into lam) [Pa]
     beta:    stress–temperature modulus of the plane problem, σ = cε − βθI, eq. (3) [Pa/K]
     k:       conductivity [W/(m K)], None if the study gives none
     E, nu:   the three-dimensional constants, for reports and warnings
     plane:   plane strain or plane stress
+    regions: (region, material) of those that have their own
     """
 
     lam: float
@@ -130,6 +137,22 @@ class Material:
     E: float
     nu: float
     plane: Literal["strain", "stress"]
+    regions: tuple[tuple[str, Material], ...] = ()
+
+    @property
+    def all(self) -> tuple[Material, ...]:
+        """The material and those of the regions."""
+        return (self, *(own for _, own in self.regions))
+
+    @property
+    def expands(self) -> bool:
+        """Whether temperature loads the body."""
+        return any(one.beta != 0.0 for one in self.all)
+
+    @property
+    def conductivities(self) -> tuple[float | None, ...]:
+        """k and those of the regions."""
+        return tuple(one.k for one in self.all)
 
 
 @dataclass(frozen=True)
@@ -175,6 +198,16 @@ class Scene:
     f: tuple[Scalar, Scalar]
     heat: Heat
     friction: FrictionLaw | EdgeLaws
+
+    @property
+    def pieces(self) -> tuple[tuple[Where, Material], ...]:
+        """Where the body has which material."""
+        own = self.material.regions
+        if not own:
+            return (((), self.material),)
+        named = [name for name, _ in own]
+        rest = (BODY, *(region.name for region in self.body.regions if region.name not in named))
+        return ((rest, self.material), *(((name,), material) for name, material in own))
 
     @property
     def laws(self) -> tuple[FrictionLaw, ...]:

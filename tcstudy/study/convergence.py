@@ -33,11 +33,10 @@ from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import ConvergenceError, StoreError
 from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_slip_length
-from tcstudy.fem.meshes import graded_points
-from tcstudy.scene.points import distinct
+from tcstudy.fem.study_meshes import graded_points
 from tcstudy.scene.records import Point, Scene
 from tcstudy.scene.study import Acceptance, Study
-from tcstudy.study.doubts import locking_note
+from tcstudy.study.doubts import locking_notes
 from tcstudy.study.reference import Errors, ExactReference, FineReference, NestedReference, Reference, with_meaning
 from tcstudy.study.solved_levels import Say, Solution, SolvedLevel, solve_levels
 
@@ -65,7 +64,8 @@ def orders_to_expect(study: Study, finest: SolvedLevel, solution: Solution, scen
         distance = np.linalg.norm(finest.mesh.points[finest.line.nodes] - np.array(at), axis=1)
         return bool(solution.sticks[np.argmin(np.where(own, distance, np.inf))])
 
-    corners = vertices(scene.body, scene.boundary, scene.material, sticks)
+    several = bool(scene.material.regions)  # whose corners are not analysed, as a note says
+    corners = [] if several else vertices(scene.body, scene.boundary, scene.material, sticks)
     mixed = solution.ok and bool(solution.sticks.any()) and not bool(solution.sticks.all())
     graded = graded_points(study)
     return expected_orders(smoothness(corners, mixed, [_grading(corner.at, graded) for corner in corners]))
@@ -294,10 +294,7 @@ def _numbers(h: Array, solutions: list[Solution], ok: Mask, exact: dict[str, flo
 
 
 def _notes(study: Study, levels: list[SolvedLevel], reference: Reference | None) -> list[str]:
-    notes = []
-    nu = max((s.material.nu for s in distinct(study.scenes, "material") if s.material.plane == "strain"), default=0.0)
-    if (note := locking_note(nu)) is not None:
-        notes.append(note)
+    notes = locking_notes(study.scenes)
     if isinstance(reference, ExactReference):
         worst = max(reference.inclusion(scene) for scene in study.scenes)
         if worst > 1e-8:
@@ -307,6 +304,8 @@ def _notes(study: Study, levels: list[SolvedLevel], reference: Reference | None)
             )
     if study.exact is None and study.scenes[0].body.brep is not None:
         notes.append("Corners of a body from a file are not analysed: expected orders are those of a smooth solution.")
+    if study.scenes[0].material.regions:
+        notes.append("Where materials meet is not analysed: expected orders are those of smoothness in every region.")
     if isinstance(reference, NestedReference | FineReference):
         seen = ", ".join(f"{p:g} as {p + own_error(p):.2f}" for p in (0.5, 1.0, 2.0))
         notes.append(f"The reference has an error of its own, so rates look larger: an order of {seen} at most.")

@@ -31,7 +31,7 @@ from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import SOLVERS, Goal, Study
 from tcstudy.study.cost_curves import CostCurve, Progress, family_plan, first_run, time_again, walk
-from tcstudy.study.doubts import locking_note
+from tcstudy.study.doubts import locking_notes
 from tcstudy.study.reference import Errors, ExactReference, FineReference, with_meaning
 from tcstudy.study.solved_levels import SolvedLevel, empty_level, solution_of
 
@@ -63,6 +63,8 @@ def measure(study: Study, index: tuple[int, ...], runs: int, progress: Progress)
     Raises CostError if no mesh could be solved, GeometryFailed if the body cannot be meshed.
     """
     scene = study.scenes[int(np.ravel_multi_index(index, study.shape)) if study.shape else 0]
+    if scene.material.regions:
+        raise CostError("materials differ by region, and adaptive meshes and estimates take one; use tcstudy converge")
     names = dict.fromkeys((*study.solver.names, *SOLVERS))
     study = replace(study, solver=replace(study.solver, names=tuple(names)))
     clock = time.perf_counter()
@@ -132,10 +134,7 @@ def _cost(
 
 
 def _remarks(study: Study, scene: Scene, curves: list[CostCurve]) -> list[str]:
-    notes = []
-    nu = scene.material.nu if scene.material.plane == "strain" else 0.0
-    if (note := locking_note(nu)) is not None:
-        notes.append(note)
+    notes = locking_notes((scene,))
     finest = [curve.solved[-1][study.solver.names[0]].solutions[()] for curve in curves]
     if any(solution.numbers.get("unique") == 0 for solution in finest):
         notes.append(
@@ -156,7 +155,7 @@ SAME = 1e-8
 def unmeasured(study: Study, name: str) -> str:
     """Why this error cannot be measured for the study, with the remedy; empty where nothing known speaks against it."""
     if name in ("theta_L2", "theta_H1") and all(
-        scene.material.beta == 0.0 for scene in distinct(study.scenes, "material")
+        not scene.material.expands for scene in distinct(study.scenes, "material")
     ):
         return "has no meaning, because beta is 0 and temperature does not load the body; choose an error of u or xi"
     if name in ("xi_nodes", "xi_max") and study.exact is None:

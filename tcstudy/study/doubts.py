@@ -52,7 +52,7 @@ def doubts(study: Study) -> list[str]:
 
 def loaded(scenes: Sequence[Scene]) -> NDArray[np.bool_]:
     """(P,) whether anything moves a body out of u = 0: a load, a displacement, a temperature, or a law that pushes."""
-    warm = _where(scenes, ("boundary", "heat"), _warm) & _where(scenes, ("material",), lambda s: s.material.beta != 0.0)
+    warm = _where(scenes, ("boundary", "heat"), _warm) & _where(scenes, ("material",), lambda s: s.material.expands)
     return _where(scenes, ("boundary", "f"), _forced) | warm | _where(scenes, ("friction",), _pushes)
 
 
@@ -88,7 +88,7 @@ def _pushes(scene: Scene) -> bool:
 
 def _absolute(scenes: Sequence[Scene]) -> Iterator[str]:
     """Temperatures that look as if they were counted from absolute zero."""
-    heated = any(scene.material.beta != 0.0 for scene in distinct(scenes, "material"))
+    heated = any(scene.material.expands for scene in distinct(scenes, "material"))
     for key in ("theta_bar", "theta"):
         values = {getattr(scene.heat, key) for scene in distinct(scenes, "heat")} if heated else set()
         numbers = sorted(v for v in values if v is not None and not isinstance(v, Expression))
@@ -126,6 +126,13 @@ def pinned_corners(body: Body, contact: tuple[str, ...]) -> int:
 NEARLY_INCOMPRESSIBLE = 0.45
 MEASURED = {0.3: (3.6, 0.14), 0.45: (5.2, 0.24), 0.49: (10.0, 1.3), 0.499: (30.0, 7.3), 0.4999: (91.0, 15.0)}
 """Error of u in the energy norm and of u_T in L² of Γ_C [%] by ν, as `tcstudy converge` measures it."""
+
+
+def locking_notes(scenes: Sequence[Scene]) -> list[str]:
+    """The warning for the largest Poisson's ratio in plane strain, if it deserves one."""
+    materials = [own for scene in distinct(scenes, "material") for own in scene.material.all]
+    note = locking_note(max((own.nu for own in materials if own.plane == "strain"), default=0.0))
+    return [] if note is None else [note]
 
 
 def locking_note(nu: float) -> str | None:

@@ -15,7 +15,7 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.path_records import CurveRecord, LoopRecord, PathRecord, SolutionsRecord
 from tcstudy.data.path_store import write_path
 from tcstudy.data.provenance import collect
-from tcstudy.fem.meshes import Meshes
+from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.scene.contact_states import ContactState, contact_states
 from tcstudy.scene.parameters import path_scene

@@ -14,10 +14,11 @@ from tcstudy.data.files import check_writable
 from tcstudy.errors import GeometryFailed, StoreError, UserFault
 from tcstudy.exact.loads import description
 from tcstudy.fem.meshes import SAMPLE, triangles_a_second
+from tcstudy.offline.level import Level
 from tcstudy.read.document import located
 from tcstudy.scene.points import FELT, count_points, distinct, idle_notes, needs_heat_solve, why_no_heat
 from tcstudy.scene.study import MeshPlan, Study
-from tcstudy.study.doubts import built_doubts, built_faults, doubts, locking_note
+from tcstudy.study.doubts import built_doubts, built_faults, doubts, locking_notes
 from tcstudy.study.sizes import LevelForecast, forecast, measured, refined, sizes
 
 
@@ -25,7 +26,8 @@ from tcstudy.study.sizes import LevelForecast, forecast, measured, refined, size
 class Plan:
     """The forecast of a run.
 
-    points:          sweep points per level;  factorisations: stiffness factorisations per level
+    points:          sweep points per level
+    factorisations:  of the stiffness per level: one for every ratio of its moduli to one another
     heat_solves:     distinct (α, k, data) temperature fields per level; 0 if no heat problem is solved
     levels:          the mesh levels whose number is known beforehand, counted where their meshes are small
     left_out:        what is not computed, each with its reason
@@ -47,12 +49,12 @@ def plan(study: Study) -> Plan:
 
     Raises GeometryFailed where a run would before it solves anything.
     """
-    materials = {(s.material.lam, s.material.mu) for s in distinct(study.scenes, "material")}
-    heats = {(s.heat, s.material.k) for s in distinct(study.scenes, *FELT) if needs_heat_solve(s)}
+    ratios = {Level.ratio(s) for s in distinct(study.scenes, "material")}
+    heats = {(s.heat, s.material.conductivities) for s in distinct(study.scenes, *FELT) if needs_heat_solve(s)}
     levels = sizes(study)
     return Plan(
         points=len(study.scenes),
-        factorisations=len(materials),
+        factorisations=len(ratios),
         heat_solves=len(heats),
         levels=levels,
         left_out=tuple(_left_out(study, bool(heats))),
@@ -124,23 +126,16 @@ def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> list[str]:
         notes.insert(0, study.design.note)
     if (derived := description(study)) is not None:
         notes.insert(0, derived)
-    notes += [*_locking(study), *_meshing_note(study, levels)]
+    notes += [*locking_notes(study.scenes), *_meshing_note(study, levels)]
     down = count_points(study.scenes, ("friction",), lambda s: any(math.isinf(law.omega) for law in s.laws))
     if down:
         notes.append(f"{down} of {len(study.scenes)} points have a law with down-jumps: solutions may not be unique")
     return notes
 
 
-def _locking(study: Study) -> list[str]:
-    note = locking_note(
-        max((s.material.nu for s in distinct(study.scenes, "material") if s.material.plane == "strain"), default=0.0)
-    )
-    return [note] if note is not None else []
-
-
 def warnings(study: Study) -> list[str]:
     """Notes that a run says as well, since its numbers would mislead without them."""
-    return [*idle_notes(study), *_doubts(study), *_locking(study)]
+    return [*idle_notes(study), *_doubts(study), *locking_notes(study.scenes)]
 
 
 def _doubts(study: Study) -> list[str]:

@@ -67,7 +67,7 @@ def _solve_point(
         answer = solve_contact(problem, name, plan.tolerance, plan.max_iterations, plan.branch, neighbour, exact=exact)
         solved.append(Timed(answer, time.perf_counter() - start))
     answer = solved[0].answer
-    temperature = level.temperature(scene) if scene.material.beta != 0.0 else None
+    temperature = level.temperature(scene) if scene.material.expands else None
     certificate = certify(
         problem,
         answer.v,

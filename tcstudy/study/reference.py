@@ -125,7 +125,7 @@ class NestedReference:
         best, own = self._levels[-1].solutions[index], self._levels[level].solutions[index]
         if best.u is None or own.u is None or not best.ok:
             return {}
-        mesh, lam, mu = self._levels[-1].mesh, scene.material.lam, scene.material.mu
+        mesh, (lam, mu) = self._levels[-1].mesh, self._levels[-1].moduli(scene)
         e = self._prolonged(own.u, level) - best.u
         found: Errors = {
             "u_energy": (mesh.energy(e[0], e[1], lam, mu), mesh.energy(best.u[0], best.u[1], lam, mu)),
@@ -193,7 +193,7 @@ class FineReference:
         own, best = one.solutions[index], self._fine.solutions[index]
         if own.u is None or best.u is None or not best.ok:
             return {}
-        mesh, lam, mu = self._fine.mesh, scene.material.lam, scene.material.mu
+        mesh, (lam, mu) = self._fine.mesh, self._fine.moduli(scene)
         parts, sizes = self._reference(index, scene)
         where = located(one.mesh, mesh.centres)
         components = [*own.u, own.theta] if own.theta is not None and len(parts) == 3 else list(own.u)
@@ -218,7 +218,7 @@ class FineReference:
             best, mesh = self._fine.solutions[index], self._fine.mesh
             assert best.u is not None
             sizes = {
-                "u_energy": mesh.energy(best.u[0], best.u[1], scene.material.lam, scene.material.mu),
+                "u_energy": mesh.energy(best.u[0], best.u[1], *self._fine.moduli(scene)),
                 "u_H1": mesh.h1(*best.u),
                 "u_L2": mesh.l2(*best.u),
             }

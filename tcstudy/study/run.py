@@ -25,7 +25,8 @@ from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.store import write
 from tcstudy.errors import GeometryFailed
 from tcstudy.executors import Here
-from tcstudy.fem.meshes import Meshes, PlaneMesh
+from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.offline.live import live_arrays
 from tcstudy.refine.family import Family
@@ -185,6 +186,8 @@ def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
             "node_y": mesh.points[:, 1],
             "triangle": mesh.triangles.astype(np.int32),
         }
+        if own := study.scenes[0].material.regions:
+            fields["region"] = mesh.numbered(tuple(name for name, _ in own)).astype(np.int8)
     if study.output.live:
         fields |= live_arrays(study, level)
     return LevelRecord(

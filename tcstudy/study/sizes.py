@@ -17,7 +17,8 @@ from dataclasses import dataclass
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem.boundary import constrain, contact_line
 from tcstudy.fem.geometry import Geometry, build
-from tcstudy.fem.meshes import Meshes, PlaneMesh
+from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.study_meshes import Meshes
 from tcstudy.scene.records import Clamped, Contact, Scene
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.shapes.edges import body_area, boundary_lengths

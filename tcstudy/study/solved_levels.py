@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.norms import Line, Triangles
+from tcstudy.accuracy.norms import Line, Modulus, Triangles
 from tcstudy.data.records import PointRecord, PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level
@@ -60,6 +60,7 @@ class SolvedLevel:
 
     edges: (m,) name of the contact edge of every contact node
     segment_curve: (s,) boundary curve that every contact segment lies on, numbered alike on all meshes of the body
+    region: (t,) region of a triangle as `PlaneMesh.numbered`, None where materials do not differ by region
     """
 
     h_max: float
@@ -69,6 +70,15 @@ class SolvedLevel:
     edges: tuple[str, ...]
     segment_curve: NDArray[np.intp]
     solutions: dict[tuple[int, ...], Solution]
+    region: NDArray[np.intp] | None = None
+
+    def moduli(self, scene: Scene) -> tuple[Modulus, Modulus]:
+        """λ and μ, of every triangle where they differ by region."""
+        material = scene.material
+        if self.region is None:
+            return material.lam, material.mu
+        lam, mu = np.array([(own.lam, own.mu) for own in material.all])[self.region].T
+        return lam, mu
 
 
 def solve_levels(study: Study, say: Say) -> list[SolvedLevel]:
@@ -129,6 +139,7 @@ def empty_level(study: Study, level: Level) -> SolvedLevel:
         edges=tuple(level.line.edge_names[e] for e in level.line.edge),
         segment_curve=curve,
         solutions={},
+        region=mesh.numbered(tuple(name for name, _ in own)) if (own := study.scenes[0].material.regions) else None,
     )
 
 

@@ -206,8 +206,8 @@ class Workshop:
             sticks=sticks.astype(np.int8),
         )
 
-    def _body(self, condensed: CondensedBlock, ratio: float) -> CondensedBody:
-        """The body of a λ/μ at the first μ of a block, made once for blocks that follow one another."""
+    def _body(self, condensed: CondensedBlock, ratio: object) -> CondensedBody:
+        """The body of a ratio of moduli at the first μ of a block, made once for blocks that follow one another."""
         mu = float(condensed.mu[0])
         key = (ratio, mu)
         if key not in self.bodies:
@@ -312,7 +312,7 @@ def blocks_of(study: Study, m: int, n_points: int, todo: Places | None = None) -
     mu = np.array([numbers.setdefault(("mu", s.material.mu), len(numbers)) for s in materials])[of]
     laws = combinations(study.scenes, "friction")[1]
     heats, of = combinations(study.scenes, "material", "heat")
-    keys = [numbers.setdefault(("thermal", s.heat.alpha, s.material.k), len(numbers)) for s in heats]
+    keys = [numbers.setdefault(("thermal", s.heat.alpha, s.material.conductivities), len(numbers)) for s in heats]
     thermal = np.array(keys)[of]
     places = np.arange(len(study.scenes))
     wave = _waves(study)

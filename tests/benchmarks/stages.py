@@ -110,7 +110,7 @@ def _stages(level: Level, scene: Scene, clock: Clock) -> Iterator[float]:
     least_eigenvalue(body.A_tilde(mu), level.line.c)
     lowest = clock()
     yield elastic - lowest
-    level.temperatures.conduction.heat_in(
+    level.temperatures.conduction().heat_in(
         1.0, scene.heat.omega
     )  # the heat factor, its spectrum and the condensed source
     yield clock()

@@ -11,7 +11,8 @@ import pytest
 from netgen import occ
 
 from tcstudy.fem.geometry import GeometryFailed, build
-from tcstudy.fem.meshes import REACH, PlaneMesh, graded_mesh, mesh_at, refine_marked, singular_points
+from tcstudy.fem.meshes import PlaneMesh, mesh_at, refine_marked
+from tcstudy.fem.study_meshes import REACH, graded_mesh, singular_points
 from tcstudy.read.study import read_study
 from tcstudy.scene.study import MeshPlan, Study
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, mesh_family, study_of

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tcstudy.data.records import BlockRecord
-from tcstudy.fem.meshes import Meshes
+from tcstudy.fem.study_meshes import Meshes
 from tcstudy.scene.study import MeshPlan
 from tcstudy.study import run, workshop
 from tcstudy.study.cost_curves import CostCurve, MeasuredLevel, Stages, _too_slow, walk

@@ -41,7 +41,8 @@ def test_what_a_tolerance_may_need_is_bounded_by_its_unknowns() -> None:
 def test_counts_of_points_factorisations_and_heat_solves() -> None:
     swept = HEATED_BRACKET + "sweep: {alpha: [1, 2, 3], E: [1, 2], friction.a: [0.003, 0.004]}\n"
     forecast = plan(study_of(swept))
-    assert (forecast.points, forecast.factorisations, forecast.heat_solves) == (12, 2, 3)
+    assert (forecast.points, forecast.factorisations, forecast.heat_solves) == (12, 1, 3)  # one factor for every E
+    assert plan(study_of(swept.replace("E: [1, 2]", "nu: [0.2, 0.3]"))).factorisations == 2
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import xarray as xr
 import tcstudy
 from tcstudy.data.sensitivities import AT_EVENT, DIFFERENTIABLE, name_of, quotient
 from tcstudy.errors import StudyError
-from tcstudy.fem.meshes import Meshes
+from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.summary import summary
