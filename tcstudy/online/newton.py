@@ -30,8 +30,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
-STACKED = 64
-"""Up to so many unknowns linear systems are stacked for one call, above they are solved row by row."""
+STACKED, TRUSTED = 24, 64
+"""Up to so many unknowns linear systems are stacked for one call, and systems with falls of b taken as they are."""
 _WIDTH = 8
 """Stacked systems are padded to multiples of this."""
 _INDEFINITE_COST = 1.5
@@ -91,18 +91,19 @@ def slopes(rows: Rows, v: Array, xi: Array) -> BlockSlopes:
 def directions(body: CondensedBody, free: Flags, stiffness: Array, g: Array, careful: bool = False) -> Array:
     """(R, m) d with (A_FF + diag k) d_F = −g_F and 0 elsewhere, k = `stiffness` = c b′ [N/m per m].
 
-    Rows in which that matrix is not positive definite get the k lifted to at least 0; of small, stacked systems only
-    those whose d does not descend.
+    Rows in which that matrix is not positive definite get the k lifted to at least 0; of small systems only those
+    whose d does not descend.
 
-    careful: rows in which b falls are not stacked
+    careful: also of small systems all
     """
     loaded = free & (stiffness != 0.0)
     held = ~free | loaded
     d, size = np.zeros(free.shape), np.count_nonzero(free, axis=1)
     other = np.count_nonzero(held, axis=1)
-    falls = np.any(loaded & (stiffness < 0.0), axis=1)
-    stack = ~(falls & careful) & (np.minimum(size, other) <= STACKED)
-    compliant = np.where(falls & ~stack, _INDEFINITE_COST, 1.0) * other < size
+    falls, least = np.any(loaded & (stiffness < 0.0), axis=1), np.minimum(size, other)
+    trusted = falls & (least <= (0 if careful else TRUSTED))
+    stack = (trusted | ~falls) & (least <= STACKED)
+    compliant = np.where(falls & ~trusted, _INDEFINITE_COST, 1.0) * other < size
     g = np.where(free, g, 0.0)
     y = np.zeros(free.shape)
     y[compliant] = -(g[compliant] @ body.inverse)
@@ -111,12 +112,15 @@ def directions(body: CondensedBody, free: Flags, stiffness: Array, g: Array, car
     d[rows] = _stacked(body.A_tilde, free[rows], stiffness[rows], -g[rows])
     z[others] = _stacked(body.inverse, held[others], softness[others], y[others])
     for i in np.flatnonzero(~stack & ~compliant):
-        d[i] = _on_free(body, np.flatnonzero(free[i]), stiffness[i], -g[i])
+        nodes = free[i].nonzero()[0]
+        d[i, nodes] = _on_free(body, nodes, stiffness[i].take(nodes), -g[i].take(nodes), bool(trusted[i]))
+    k = np.where(loaded, stiffness, 0.0)
     for i in np.flatnonzero(~stack & compliant):
-        z[i] = _on_held(body, held[i], np.where(loaded[i], stiffness[i], 0.0), y[i])
+        nodes = held[i].nonzero()[0]
+        z[i, nodes] = _on_held(body, nodes, k[i].take(nodes), y[i].take(nodes), bool(trusted[i]))
     d[compliant] = y[compliant] - z[compliant] @ body.inverse
     d[~free] = 0.0
-    uphill = np.flatnonzero(stack & falls & ~(np.einsum("ri,ri->r", g, d) < 0.0))
+    uphill = np.flatnonzero(trusted & ~(np.einsum("ri,ri->r", g, d) < 0.0))
     if len(uphill):
         d[uphill] = directions(body, free[uphill], np.maximum(stiffness[uphill], 0.0), g[uphill])
     return d
@@ -145,41 +149,61 @@ def block_of(M: Array, rows: Index, columns: Index) -> Array:
     return M.take(rows, axis=0).take(columns, axis=1)
 
 
+def principal(M: Array, nodes: Index) -> Array:
+    """M[nodes, nodes] of growing nodes as a new matrix; slices where these follow one another, as a zone that slips."""
+    n, first, last = len(nodes), int(nodes[0]), int(nodes[-1])
+    if last - first == n - 1:
+        return M[first : last + 1, first : last + 1].copy()
+    left = int(np.searchsorted(nodes - np.arange(n), first, side="right"))  # nodes of the first run
+    if last - int(nodes[left]) != n - left - 1:
+        return block_of(M, nodes, nodes)
+    matrix, a, b = np.empty((n, n)), slice(first, first + left), slice(last - n + left + 1, last + 1)
+    matrix[:left, :left], matrix[:left, left:] = M[a, a], M[a, b]
+    matrix[left:, :left], matrix[left:, left:] = M[b, a], M[b, b]
+    return matrix
+
+
+def _with_diagonal(M: Array, nodes: Index, added: Array) -> Array:
+    """M[nodes, nodes] + diag `added`."""
+    matrix = principal(M, nodes)
+    matrix.reshape(-1)[:: len(nodes) + 1] += added
+    return matrix
+
+
 def factor_free(body: CondensedBody, free: Index, k: Array) -> tuple[Array, int]:
     """Cholesky factor of A_FF + diag k and LAPACK's info (0 if positive definite)."""
+    return cholesky(_with_diagonal(body.A_tilde, free, k)) if len(free) else (np.zeros((0, 0)), 0)
+
+
+def _positive(matrix: Array, rhs: Array) -> tuple[Array, int]:
+    """Solution with a symmetric matrix (overwritten) and LAPACK's info, 0 if it is positive definite."""
+    _, x, info = scipy.linalg.lapack.dposv(matrix.T, rhs, lower=1, overwrite_a=1)
+    return x, info
+
+
+def _on_free(body: CondensedBody, free: Index, k: Array, rhs: Array, trusted: bool) -> Array:
+    """(n,) solution of one row on its free nodes."""
     if not len(free):
-        return np.zeros((0, 0)), 0
-    matrix = block_of(body.A_tilde, free, free)
-    matrix.reshape(-1)[:: len(free) + 1] += k
-    return cholesky(matrix)
+        return rhs
+    x, info = _positive(_with_diagonal(body.A_tilde, free, k), rhs)
+    if info and trusted:
+        return np.asarray(np.linalg.solve(_with_diagonal(body.A_tilde, free, k), rhs))
+    return _positive(_with_diagonal(body.A_tilde, free, np.maximum(k, 0.0)), rhs)[0] if info else x
 
 
-def _on_free(body: CondensedBody, free: Index, k: Array, rhs: Array) -> Array:
-    """(m,) solution of one row on its free nodes."""
-    d = np.zeros(len(rhs))
-    if len(free):
-        factor, info = factor_free(body, free, k[free])
-        if info:
-            factor, _ = factor_free(body, free, np.maximum(k[free], 0.0))
-        d[free] = scipy.linalg.lapack.dpotrs(factor, rhs[free], lower=1)[0]
-    return d
-
-
-def _on_held(body: CondensedBody, held: Flags, k: Array, y: Array) -> Array:
-    """(m,) forces z of one row on the nodes that rest or have k ≠ 0."""
-    z, nodes = np.zeros(len(y)), np.flatnonzero(held)
-    if not len(nodes):
-        return z
-    matrix, own = block_of(body.inverse, nodes, nodes), k[nodes]
-    matrix.reshape(-1)[:: len(nodes) + 1] += np.divide(1.0, own, out=np.zeros(len(own)), where=own != 0.0)
-    if not np.any(own < 0.0):
-        z[nodes] = scipy.linalg.lapack.dpotrs(cholesky(matrix)[0], y[nodes], lower=1)[0]
-        return z
-    factor, pivots, x, _ = scipy.linalg.lapack.dsysv(matrix.T, y[nodes], lwork=64 * len(nodes), lower=1, overwrite_a=1)
+def _on_held(body: CondensedBody, held: Index, k: Array, y: Array, trusted: bool) -> Array:
+    """(n,) forces z of one row on the nodes that rest or have k ≠ 0."""
+    if not len(held):
+        return y
+    matrix = _with_diagonal(body.inverse, held, np.divide(1.0, k, out=np.zeros(len(k)), where=k != 0.0))
+    falls = np.count_nonzero(k < 0.0)
+    if not falls:
+        return _positive(matrix, y)[0]
+    factor, pivots, z, _ = scipy.linalg.lapack.dsysv(matrix.T, y, lwork=64 * len(held), lower=1, overwrite_a=1)
     negative = np.count_nonzero((pivots > 0) & (np.diagonal(factor) < 0.0)) + np.count_nonzero(pivots < 0) // 2
-    if negative != np.count_nonzero(own < 0.0):
-        return _on_held(body, held & (k >= 0.0), np.maximum(k, 0.0), y)
-    z[nodes] = x
+    if not trusted and negative != falls:
+        kept, z = k >= 0.0, np.zeros(len(k))
+        z[kept] = _on_held(body, held[kept], k[kept], y[kept], trusted)
     return z
 
 
