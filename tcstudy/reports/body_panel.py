@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-
-WIDEST, HIGHEST = 5.9, 4.4
-"""Largest extent of the drawn body [inch]."""
 
 MARGIN = 0.42
 """Room around the body for the names of its contact edges [inch]."""
@@ -76,8 +73,8 @@ def exaggeration(body: BodyFields) -> float:
     return float(f"{max(step for step in (1, 2, 5) if step == 1 or step * power <= wanted) * power:.1g}")
 
 
-def drawn(body: BodyFields, length_units: str) -> Drawn:
-    """Scale a body to its panel."""
+def drawn(body: BodyFields, length_units: str, widest: float = 5.9, highest: float = 4.4) -> Drawn:
+    """Scale a body to its panel, at most so wide and high [inch]."""
     factor = exaggeration(body)
     divisor, unit = style.axis_unit([float(np.ptp(body.x)), float(np.ptp(body.y))], length_units)
     x0, y0 = body.x / divisor, body.y / divisor
@@ -85,8 +82,8 @@ def drawn(body: BodyFields, length_units: str) -> Drawn:
     low = min(x.min(), x0.min()), min(y.min(), y0.min())
     high = max(x.max(), x0.max()), max(y.max(), y0.max())
     per_inch = max(
-        (high[0] - low[0]) / (WIDEST - 2 * MARGIN),
-        (high[1] - low[1]) / (HIGHEST - 2 * MARGIN),
+        (high[0] - low[0]) / (widest - 2 * MARGIN),
+        (high[1] - low[1]) / (highest - 2 * MARGIN),
     )
     pad = MARGIN * per_inch
     return Drawn(
@@ -97,12 +94,12 @@ def drawn(body: BodyFields, length_units: str) -> Drawn:
     )
 
 
-def draw_body(figure: Figure, axes: Axes, body: BodyFields, line: LineFields, shape: Drawn) -> None:
+def draw_body(axes: Axes, body: BodyFields, line: LineFields, shape: Drawn) -> None:
     """Fill the panel and put the colour bar to its right."""
     axes.set(xlim=(shape.left, shape.right), ylim=(shape.bottom, shape.top))
     axes.set_xlabel(style.labelled("x", shape.unit))
     axes.set_ylabel(style.labelled("y", shape.unit))
-    uniform = _fill(figure, axes, shape, body)
+    uniform = _fill(axes, shape, body)
     if len(body.triangles) <= FINE:
         axes.triplot(shape.x, shape.y, body.triangles, color=style.INK, linewidth=0.4, alpha=0.25)
     for loop in loops(boundary_edges(body)):
@@ -112,7 +109,7 @@ def draw_body(figure: Figure, axes: Axes, body: BodyFields, line: LineFields, sh
     axes.set_title(f"Deformed body (deformation × {shape.factor:g}; dashed: undeformed){uniform}", loc="left")
 
 
-def _fill(figure: Figure, axes: Axes, shape: Drawn, body: BodyFields) -> str:
+def _fill(axes: Axes, shape: Drawn, body: BodyFields) -> str:
     """Colour the body in bands between round temperatures, with a bar; or evenly, and return what there is to say."""
     from matplotlib.ticker import MaxNLocator
     from matplotlib.tri import Triangulation
@@ -128,7 +125,7 @@ def _fill(figure: Figure, axes: Axes, shape: Drawn, body: BodyFields) -> str:
     filled = axes.tricontourf(
         Triangulation(shape.x, shape.y, body.triangles), body.theta, levels=bands, cmap=style.HEAT
     )
-    box = axes.get_position()
+    box, figure = axes.get_position(), cast("Figure", axes.figure)
     across, up = figure.get_size_inches()
     height = min(box.height * up, 3.2)
     bar = style.inches(figure, box.x1 * across + 0.12, (box.y0 + box.height / 2) * up - height / 2, 0.14, height)

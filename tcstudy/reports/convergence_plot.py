@@ -14,6 +14,7 @@ from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
 from tcstudy.reports import style
 from tcstudy.reports.convergence import GROUPS, shown
+from tcstudy.reports.paper import NARROW, Paper
 from tcstudy.reports.select_point import Value, describe, locate
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ HIDDEN = 0.1
 """Relative difference up to which one curve hides another, as that in H¹ does the one in energy; it is then broad."""
 
 LEFT, RIGHT, GAP, PANEL = 0.8, 0.2, 0.95, 2.55
-HEAD, FOOT = 1.05, 0.6
+HEAD, FOOT = 0.44, 0.6
 LEGEND_LINE = 0.18
 """Height of a line of a legend [inch]."""
 
@@ -41,7 +42,9 @@ APART = 1.7
 _SYMBOLS = {measure.name: measure.symbol for measure in ERRORS}
 
 
-def plot_convergence(path: Path, target: Path, point: Mapping[str, Value] | None = None) -> str:
+def plot_convergence(
+    path: Path, target: Path, point: Mapping[str, Value] | None = None, look: style.Look | None = None
+) -> str:
     """Draw the errors of one sweep point (the first, unless named) into `target`; returns what was drawn.
 
     Raises StoreError if `path` is no convergence file, DrawError if there is no such point, nothing to draw, no
@@ -56,8 +59,9 @@ def plot_convergence(path: Path, target: Path, point: Mapping[str, Value] | None
     groups = [(s, words, names) for s, words, names in groups if names]
     if not groups:
         raise style.DrawError("the file has no errors to draw: no reference was there, or all errors are rounding")
-    with style.styled():
-        style.save(_figure(data, at, describe(data, where), groups), target)
+    look = look or style.Look()
+    with style.styled(look):
+        style.save(_figure(data, at, describe(data, where), groups, look), target, look.dpi)
     return f"{target}: {describe(data, where) or data.attrs['title']}"
 
 
@@ -88,34 +92,32 @@ def _marks(at: Any, names: list[str]) -> str:
     return ";  ".join(["relative errors", *words])
 
 
-def _figure(data: Any, at: Any, point: str, groups: list[tuple[str, str, list[str]]]) -> Figure:
-    from matplotlib.figure import Figure
-
-    rows = (len(groups) + 1) // 2
-    height = HEAD + rows * PANEL + (rows - 1) * GAP + FOOT
-    figure = Figure(figsize=(style.WIDTH, height))
-    x = LEFT / style.WIDTH
-    figure.text(x, 1 - 0.3 / height, data.attrs["title"], fontsize=12, fontweight="bold", parse_math=False)
-    caption = [
-        f"reference: {str(data.attrs['reference']).split(' (')[0]}",
-        _marks(at, [n for g in groups for n in g[2]]),
-    ]
+def _figure(data: Any, at: Any, point: str, groups: list[tuple[str, str, list[str]]], look: style.Look) -> Figure:
     named = [style.point_words(point)] if point else []
-    figure.text(x, 1 - 0.55 / height, ";  ".join([*named, *caption]))
-    width = (style.WIDTH - LEFT - RIGHT - GAP) / 2
+    reference = f"reference: {str(data.attrs['reference']).split(' (')[0]}"
+    marks = _marks(at, [n for g in groups for n in g[2]])
+    paper = Paper(look, LEFT, data.attrs["title"], [";  ".join([*named, reference, marks])])
+    columns = 1 if paper.width < NARROW else 2
+    rows = -(-len(groups) // columns)
+    head, gap = paper.head + HEAD + paper.extra, GAP + paper.extra
+    panel = paper.room(rows * PANEL, HEAD + paper.extra + (rows - 1) * gap + FOOT) / rows
+    figure = paper.figure(head + rows * panel + (rows - 1) * gap + FOOT)
+    width = (paper.width - LEFT - RIGHT - (columns - 1) * GAP) / columns
     h = data["h_max"].values
     divisor, unit = style.axis_unit(h, data["h_max"].attrs["units"])
     for i, (symbol, words, names) in enumerate(groups):
-        row, column = divmod(i, 2)
-        bottom = height - HEAD - (row + 1) * PANEL - row * GAP
-        axes = style.inches(figure, LEFT + column * (width + GAP), bottom, width, PANEL)
-        _panel(axes, at, h / divisor, names)
+        row, column = divmod(i, columns)
+        bottom = FOOT + (rows - 1 - row) * (panel + gap)
+        axes = paper.axes(LEFT + column * (width + GAP), bottom, width, panel)
+        _panel(axes, at, h / divisor, names, panel)
         axes.set_title(f"{math_symbol(symbol)}: {words.replace('Γ_C', math_symbol('Γ_C'))}", loc="left")
+        if columns == 1:
+            paper.wrap_title(axes)
         axes.set_xlabel(style.labelled("longest element edge h", unit))
     return figure
 
 
-def _panel(axes: Axes, at: Any, h: Array, names: list[str]) -> None:
+def _panel(axes: Axes, at: Any, h: Array, names: list[str], height: float) -> None:
     """Errors over h on logarithmic scales; solutions that did not converge are hollow and joined to nothing."""
     ok = at["status"].values == int(PointStatus.OK)
     for name, (color, marker) in zip(names, LOOKS, strict=False):
@@ -134,14 +136,14 @@ def _panel(axes: Axes, at: Any, h: Array, names: list[str]) -> None:
     drawn = np.array([(at[f"error_{n}"].values > 0) for n in names]).any(axis=0)
     axes.set_xticks(h[drawn], [f"{v:.2g}" for v in h[drawn]])
     low, high = np.log10(axes.get_ylim())
-    room = (LEGEND_LINE * len(names) + 0.05) / PANEL  # below all curves, so that the legend covers none
+    room = (LEGEND_LINE * len(names) + 0.05) / height  # below all curves, so that the legend covers none
     axes.set_ylim(10 ** (high - (high - low) / (1 - room)), 10**high)
     left, right = np.log10([h[drawn].min(), h[drawn].max()])
     span = (right - left) or 1.0
     axes.set_xlim(10 ** (left - BESIDE * span), 10 ** (right + 0.06 * span))
     axes.set_ylabel("relative error")
     style.few_ticks(axes.yaxis)
-    axes.legend(loc="lower right", frameon=False, fontsize=8.5, handlelength=1.6, borderaxespad=0.1)
+    axes.legend(loc="lower right", frameon=False, fontsize=style.pt(8.5), handlelength=1.6, borderaxespad=0.1)
 
 
 def _hides(at: Any, one: str, other: str) -> bool:
@@ -183,8 +185,8 @@ def _triangles(axes: Axes, at: Any, h: Array, names: list[str], ok: NDArray[np.b
         axes.fill(*corners, facecolor="none", edgecolor=style.PALE, linewidth=0.9)
         at_middle = (place, np.sqrt(low * top))
         axes.annotate(
-            f"{order:g}", at_middle, xytext=(shift, 0), textcoords="offset points", color=style.INK, fontsize=8.5,
-            va="center", ha=align,
+            f"{order:g}", at_middle, xytext=(shift, 0), textcoords="offset points", color=style.INK,
+            fontsize=style.pt(8.5), va="center", ha=align,
         )  # fmt: skip
 
 

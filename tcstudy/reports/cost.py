@@ -237,7 +237,8 @@ def advice(found: Sequence[Setting]) -> list[str]:
 
 def _stretch(one: Stretch) -> str:
     family = "the study's meshes" if one.family == "study" else f"{one.family} meshes"
-    return f"{family} with {one.solver} for errors from {percent(one.start)} to {percent(one.end)}"
+    start, end = percent(one.start), percent(one.end)
+    return f"{family} with {one.solver} for errors " + (f"of {end}" if start == end else f"from {start} to {end}")
 
 
 def percent(error: float) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,11 +11,13 @@ from tcstudy.data.measured import OWN, open_cost
 from tcstudy.reports import style
 from tcstudy.reports.convergence_plot import math_symbol
 from tcstudy.reports.cost import EXACT, SYMBOLS, Setting, advice, best, curves_on_front, measure_of, settings
+from tcstudy.reports.paper import KEY_LINE, NARROW, Paper
 from tcstudy.scene.families import FAMILIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 GOLD = "#f0c000"
 COLOURS = dict(zip((*FAMILIES, OWN), (style.INK, style.VERMILLION, style.BLUE, style.GREEN), strict=True))
@@ -24,7 +25,7 @@ MARKS = dict(zip((*FAMILIES, OWN), "sDo^", strict=True))
 LINES: tuple[Any, ...] = ("-", (0, (1.2, 1.6)), (0, (4, 2)), (0, (4, 2, 1, 2)))
 """Line styles of the first, second … solver."""
 
-HEAD, PANEL, FOOT = 1.28, 3.3, 0.62
+HEAD, PANEL, FOOT = 0.14, 3.3, 0.62
 LEFT, GAP, RIGHT = 0.75, 0.55, 0.2
 LINE = 0.19
 """Height of a line of text below the panels [inch]."""
@@ -32,7 +33,7 @@ PALE = 0.32
 """Opacity of curves that others beat everywhere, and of the fill of marks that others beat."""
 
 
-def plot_cost(path: Path, target: Path, measure: str | None = None) -> str:
+def plot_cost(path: Path, target: Path, measure: str | None = None, look: style.Look | None = None) -> str:
     """Draw accuracy against cost into `target`; returns what was drawn.
 
     Raises StoreError if `path` is no such file, DrawError if it has no such error, no matplotlib is there, or `target`
@@ -41,28 +42,30 @@ def plot_cost(path: Path, target: Path, measure: str | None = None) -> str:
     style.check_target(target)
     data = open_cost(path)
     name = measure_of(data, measure)
-    with style.styled():
-        style.save(_figure(data, name), target)
+    look = look or style.Look()
+    with style.styled(look):
+        style.save(_figure(data, name, look), target, look.dpi)
     return f"{target}: {SYMBOLS[name]}, {data.attrs['point'] or data.attrs['title']}"
 
 
-def _figure(data: Any, measure: str) -> Figure:
-    from matplotlib.figure import Figure
-
+def _figure(data: Any, measure: str, look: style.Look | None = None) -> Figure:
     found = settings(data, measure)
-    told = [line for sentence in advice(found) for line in textwrap.wrap(sentence, 112)]
-    foot = FOOT + LINE * len(told) + 0.12
-    height = HEAD + PANEL + foot
-    figure = Figure(figsize=(style.WIDTH, height))
-    x = LEFT / style.WIDTH
-    figure.text(x, 1 - 0.3 / height, data.attrs["title"], fontsize=12, fontweight="bold", parse_math=False)
     words = [style.point_words(data.attrs["point"]), f"reference: {data.attrs['reference']}"]
-    for i, line in enumerate(filter(None, words)):
-        figure.text(x, 1 - (0.55 + LINE * i) / height, line, fontsize=8.5)
-    width = (style.WIDTH - LEFT - GAP - RIGHT) / 2
-    left = style.inches(figure, LEFT, foot, width, PANEL)
-    right = style.inches(figure, LEFT + width + GAP, foot, width, PANEL)
-    _over_time(left, data, found)
+    paper = Paper(look or style.Look(), LEFT, data.attrs["title"], filter(None, words), 8.5)
+    told = [line for sentence in advice(found) for line in paper.wrapped(sentence)]
+    columns = 1 if paper.width < NARROW else 2
+    handles = _handles(data, found)
+    rows = paper.key_rows([str(handle.get_label()) for handle in handles])
+    key = HEAD + KEY_LINE * rows
+    foot = FOOT + LINE * (len(told) + (paper.width < style.WIDTH)) + 0.12
+    apart = 0.0 if columns == 2 else FOOT + LINE
+    panels = 3 - columns
+    panel = paper.room(panels * PANEL, key + foot + apart) / panels
+    figure = paper.figure(paper.head + key + panels * panel + apart + foot)
+    width = (paper.width - LEFT - RIGHT - (columns - 1) * GAP) / columns
+    left = paper.axes(LEFT, foot + (panel + apart) * (panels - 1), width, panel)
+    right = paper.axes(LEFT + (width + GAP) * (columns - 1), foot, width, panel)
+    _over_time(left, data, found, "\n" if paper.width < style.WIDTH else " ")
     _over_unknowns(right, data, found)
     for axes in (left, right):
         axes.set_xscale("log")
@@ -75,14 +78,15 @@ def _figure(data: Any, measure: str) -> Figure:
         for axis in (axes.xaxis, axes.yaxis):
             style.few_ticks(axis)
     left.set_ylabel(f"relative error of {math_symbol(SYMBOLS[measure])}")
-    right.tick_params(which="both", labelleft=False)
-    _legend(left, data, found)
+    if columns == 2:
+        right.tick_params(which="both", labelleft=False)
+    paper.key(left, handles, rows)
     for i, line in enumerate(told):
-        figure.text(x, (foot - FOOT - LINE * i) / height, line, fontsize=8.5, va="top", parse_math=False)
+        paper.text(paper.height - 0.12 - LINE * (len(told) - i), line, 8.5, va="top", parse_math=False)
     return figure
 
 
-def _over_time(axes: Axes, data: Any, found: list[Setting]) -> None:
+def _over_time(axes: Axes, data: Any, found: list[Setting], gap: str) -> None:
     """Curves over wall time with bands to the upper quartile; those that are beaten everywhere are pale."""
     worthy, champion = curves_on_front(found), best(found)
     solvers = data["solver"].values.tolist()
@@ -102,7 +106,7 @@ def _over_time(axes: Axes, data: Any, found: list[Setting]) -> None:
             _points(axes, own, color, opacity)
     _name(axes, champion)
     _star(axes, found, lambda s: s.time)
-    axes.set_xlabel("wall time [s]: least of all runs, band to the upper quartile")
+    axes.set_xlabel(f"wall time [s]: least of all runs,{gap}band to the upper quartile")
 
 
 def _points(axes: Axes, own: list[Setting], color: str, opacity: float) -> None:
@@ -123,7 +127,7 @@ def _name(axes: Axes, champion: tuple[str, str] | None) -> None:
         family, solver = champion
         axes.annotate(
             f"best: {family}, {solver}", (0.03, 0.04), xycoords="axes fraction", color=COLOURS[family],
-            fontweight="bold", fontsize=8.5,
+            fontweight="bold", fontsize=style.pt(8.5),
         )  # fmt: skip
 
 
@@ -144,7 +148,9 @@ def _over_unknowns(axes: Axes, data: Any, found: list[Setting]) -> None:
             slope = float(np.polyfit(np.log(n[-3:]), np.log(error[-3:]), 1)[0])
             rates.append((family, f"{family} $N^{{{slope:.2f}}}$"))
     for i, (family, text) in enumerate(reversed(rates)):
-        axes.annotate(text, (0.03, 0.04 + 0.065 * i), xycoords="axes fraction", color=COLOURS[family], fontsize=9)
+        axes.annotate(
+            text, (0.03, 0.04 + 0.065 * i), xycoords="axes fraction", color=COLOURS[family], fontsize=style.pt(9)
+        )
     _star(axes, found, lambda s: s.n_dof)
     axes.set_xlabel("displacement unknowns N")
 
@@ -157,8 +163,8 @@ def _star(axes: Axes, found: list[Setting], x: Any) -> None:
             axes.plot(x(s), s.error, "*", color=face, markersize=13, markeredgecolor=style.INK, markeredgewidth=0.9)
 
 
-def _legend(axes: Axes, data: Any, found: list[Setting]) -> None:
-    """Families by colour and mark, solvers by line, what pale and hollow marks mean; once, above both panels."""
+def _handles(data: Any, found: list[Setting]) -> list[Line2D]:
+    """Families by colour and mark, solvers by line, what pale and hollow marks mean."""
     from matplotlib.colors import to_rgba
     from matplotlib.lines import Line2D
 
@@ -180,7 +186,4 @@ def _legend(axes: Axes, data: Any, found: list[Setting]) -> None:
         if there:
             handles.append(Line2D([], [], color=style.INK, marker="o", markersize=4.5, markerfacecolor=face,
                                   markeredgewidth=0.9, linestyle="", label=label))  # fmt: skip
-    axes.legend(
-        handles=handles, loc="lower left", bbox_to_anchor=(-0.02, 1.0), ncol=(len(handles) + 1) // 2, frameon=False,
-        fontsize=8, handlelength=1.6, columnspacing=1.0, borderaxespad=0.1, labelspacing=0.25,
-    )  # fmt: skip
+    return handles

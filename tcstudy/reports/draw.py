@@ -22,11 +22,13 @@ from tcstudy.reports.sweep_figure import curves_figure, map_figure
 
 OF_RUN = ("x", "y", "by", "map", "of", "law", "mesh")
 """What chooses among the pictures of a run."""
+LOOK = ("size", "font", "title")
+"""What all pictures take."""
 DRAWN_BY = {
-    "run": ("at", "level", *OF_RUN, "size", "font", "title"),
-    "path": ("response",),
-    "convergence": ("at",),
-    "cost": ("error",),
+    "run": ("at", "level", *OF_RUN, *LOOK),
+    "path": ("response", *LOOK),
+    "convergence": ("at", *LOOK),
+    "cost": ("error", *LOOK),
 }
 """Options that a picture of each kind of file depends on."""
 
@@ -71,10 +73,6 @@ class Wanted:
         modes = [name for name in ("x", "map", "law", "mesh") if name in given]
         if len(modes) > 1:
             raise UsageError(f"{modes[0]}: {modes[1]} is another picture; choose one of them")
-        if not modes and (loose := [name for name in ("size", "font", "title") if name in given]):
-            raise UsageError(
-                f"{loose[0]}: the picture of a point has a layout of its own; leave it out, or draw x, map, law or mesh"
-            )
 
 
 EXAMPLES = {"x": "x = theta_bar", "y": "y = slip_length", "map": "map = alpha,theta_bar", "of": "of = u_T_max"}
@@ -85,34 +83,33 @@ def picture(file: Path, target: Path, wanted: Wanted) -> str:
     style.check_target(target)
     kind = kind_of(file)
     wanted.check(kind)
+    look = style.Look(wanted.size, wanted.font, wanted.title)
     with reading(file):
         if kind == "path":
-            return draw_path(file, target, *filter(None, [wanted.response]))
+            return draw_path(file, target, wanted.response or "mean-slip", look)
         if kind == "cost":
-            return plot_cost(file, target, wanted.error)
+            return plot_cost(file, target, wanted.error, look)
         if kind == "convergence":
-            return plot_convergence(file, target, wanted.at)
-        return _of_run(file, target, wanted)
+            return plot_convergence(file, target, wanted.at, look)
+        return _of_run(file, target, wanted, look)
 
 
-def _of_run(file: Path, target: Path, wanted: Wanted) -> str:
-    look = style.Look(wanted.size, wanted.font, wanted.title)
+def _of_run(file: Path, target: Path, wanted: Wanted, look: style.Look) -> str:
     level = -1 if wanted.level is None else wanted.level
-    dpi = style.FINE_DPI if look.size else style.DPI
     if not (wanted.x or wanted.map or wanted.law or wanted.mesh):
-        return draw(file, target, wanted.at, level)
+        return draw(file, target, wanted.at, level, look)
     with style.styled(look):
         if wanted.law:
             shown = read_law(file, wanted.at, level)
-            style.save(law_figure(shown, look), target, dpi)
+            style.save(law_figure(shown, look), target, look.dpi)
             return (
                 f"{target}: law {shown.law.name}, {shown.point.point or shown.point.title}, level {shown.point.level}"
             )
         if wanted.mesh:
             mesh = read_mesh(file, wanted.at, level)
-            style.save(mesh_figure(mesh, look), target, dpi)
+            style.save(mesh_figure(mesh, look), target, look.dpi)
             return f"{target}: mesh of level {mesh.level}, {len(mesh.body.triangles)} elements"
         along = wanted.map or tuple(filter(None, (wanted.x, wanted.by)))
         sweep = read_sweep(file, along, wanted.of or wanted.y or "", wanted.at, level)
-        style.save((map_figure if wanted.map else curves_figure)(sweep, look), target, dpi)
+        style.save((map_figure if wanted.map else curves_figure)(sweep, look), target, look.dpi)
         return f"{target}: {sweep.quantity} over {' and '.join(one.name for one in sweep.parameters)}, {sweep.words}"

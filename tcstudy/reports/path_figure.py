@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.reports import style
+from tcstudy.reports.paper import KEY_LINE, LINE, NARROW, Paper
 from tcstudy.reports.path_states import RESPONSES, PathPicture, draw_states, read_path_picture, seen_folds
 from tcstudy.reports.style import DrawError
 from tcstudy.reports.text import number
@@ -16,11 +17,14 @@ from tcstudy.reports.text import number
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 Array = NDArray[np.float64]
 
-LEFT, RIGHT, CURVE, MAP, KEY = 0.85, 0.85, 3.1, 1.25, 0.42
-"""Margins, height of the response curve, of a map of states and of the key above the curve [inch]."""
+LEFT, RIGHT, CURVE, MAP, KEY = 0.85, 0.85, 3.1, 1.25, 0.2
+"""Margins, height of the response curve, of a map of states and around the key above the curve [inch]."""
+FOOT, UNDER_MAP, UNDER_CURVE = 0.9, 0.75, 0.5
+"""Room below the lower map, the upper map and the curve [inch]."""
 
 GREEN = "#009e73"
 """Of the same palette as the other colours, for the loop."""
@@ -28,16 +32,16 @@ GREEN = "#009e73"
 LOW, LOWER = "#c3dff2", "#5aa9dc"
 """The least energy on the path, and proved to be the least of all."""
 
-Look = dict[str, Any]
-STABLE: Look = {"color": style.INK, "linewidth": 1.3}
-UNSTABLE: Look = {"color": style.VERMILLION, "linewidth": 0.9, "linestyle": (0, (4, 2))}
-FOLD: Look = {"color": style.VERMILLION, "marker": "o", "markersize": 3.2, "markerfacecolor": "white"}
+Mark = dict[str, Any]
+STABLE: Mark = {"color": style.INK, "linewidth": 1.3}
+UNSTABLE: Mark = {"color": style.VERMILLION, "linewidth": 0.9, "linestyle": (0, (4, 2))}
+FOLD: Mark = {"color": style.VERMILLION, "marker": "o", "markersize": 3.2, "markerfacecolor": "white"}
 FOLD |= {"markeredgewidth": 0.9, "linestyle": "none"}
-ASKED: Look = {"color": style.BLUE, "marker": "D", "markersize": 5.5, "linestyle": "none"}
+ASKED: Mark = {"color": style.BLUE, "marker": "D", "markersize": 5.5, "linestyle": "none"}
 """How the lines and points of the response curve look, there and in its legend."""
 
 
-def draw_path(path: Path, target: Path, response: str = "mean-slip") -> str:
+def draw_path(path: Path, target: Path, response: str = "mean-slip", look: style.Look | None = None) -> str:
     """Draw the path file `path` into `target` (.png, .svg or .pdf by its suffix).
 
     response: what stands over the parameter: mean-slip, max-slip or friction (its resultant)
@@ -48,31 +52,37 @@ def draw_path(path: Path, target: Path, response: str = "mean-slip") -> str:
     style.check_target(target)
     if response not in RESPONSES:
         raise DrawError(f"there is no response {response!r}; use one of {', '.join(RESPONSES)}")
-    with style.styled():
+    look = look or style.Look()
+    with style.styled(look):
         picture = read_path_picture(path, response)
-        style.save(path_figure(picture), target)
+        style.save(path_figure(picture, look), target, look.dpi)
     return f"{target}: {picture.data.attrs['title']}, path along {picture.name}"
 
 
-def path_figure(picture: PathPicture) -> Figure:
-    """The figure of a path; call it within `style.styled()` for the usual letters."""
-    from matplotlib.figure import Figure
-
-    width, data = style.WIDTH - LEFT - RIGHT, picture.data
-    foot = 0.9
-    height = foot + 2 * MAP + 0.75 + 0.5 + CURVE + KEY + 0.75
-    figure = Figure(figsize=(style.WIDTH, height))
-    title = data.attrs["title"]
-    figure.text(LEFT / style.WIDTH, 1 - 0.27 / height, title, fontsize=12, fontweight="bold", parse_math=False)
-    figure.text(LEFT / style.WIDTH, 1 - 0.52 / height, _caption(picture), fontsize=8.5)
+def path_figure(picture: PathPicture, look: style.Look | None = None) -> Figure:
+    """The figure of a path; call it within `style.styled()` for its letters."""
+    data = picture.data
+    paper = Paper(look or style.Look(), LEFT, data.attrs["title"], [_caption(picture)], 8.5)
+    width, columns = paper.width - LEFT - RIGHT, 4 if paper.width >= NARROW else 2
+    handles = _handles(picture)
+    rows = paper.key_rows([str(handle.get_label()) for handle in handles])
+    key, foot = KEY + KEY_LINE * rows, FOOT if columns == 4 else FOOT + 2 * LINE
+    under_map, under_curve = UNDER_MAP + paper.extra, UNDER_CURVE + paper.extra
+    fixed = foot + under_map + under_curve + key
+    share = paper.room(CURVE + 2 * MAP, fixed) / (CURVE + 2 * MAP)
+    high, low = share * CURVE, share * MAP
+    figure = paper.figure(paper.head + fixed + high + 2 * low)
     divisor, unit = style.axis_unit(picture.span, picture.units)
-    along = style.inches(figure, LEFT, foot, width, MAP)
-    over = style.inches(figure, LEFT, foot + MAP + 0.75, width, MAP)
-    curve = style.inches(figure, LEFT, foot + 2 * MAP + 0.75 + 0.5, width, CURVE)
+    along = paper.axes(LEFT, foot, width, low)
+    over = paper.axes(LEFT, foot + low + under_map, width, low)
+    curve = paper.axes(LEFT, foot + 2 * low + under_map + under_curve, width, high)
     label = style.labelled(symbol(picture.name), unit)
     _draw_curve(curve, picture, divisor)
+    paper.key(curve, handles, rows)
     _limits(curve, picture, divisor)
-    draw_states(over, along, picture, divisor, label)
+    draw_states(over, along, picture, divisor, label, columns)
+    for axes in (over, along):
+        paper.wrap_title(axes)
     over.set_xlim(curve.get_xlim())
     over.set_xlabel(label)
     curve.tick_params(labelbottom=False)
@@ -121,7 +131,6 @@ def _draw_curve(axes: Axes, picture: PathPicture, divisor: float) -> None:
         _loop(axes, picture, divisor, size)
     _asked(axes, picture, divisor, size)
     axes.set_ylabel(style.labelled(picture.label, unit))
-    _legend(axes, picture)
 
 
 def _limits(axes: Axes, picture: PathPicture, divisor: float) -> None:
@@ -212,12 +221,13 @@ def _asked(axes: Axes, picture: PathPicture, divisor: float, size: float) -> Non
     axes.plot(t[~stable], y[~stable], zorder=7, markerfacecolor="white", **ASKED)
 
 
-def _legend(axes: Axes, picture: PathPicture) -> None:
+def _handles(picture: PathPicture) -> list[Line2D]:
+    """The lines and points of the curve for its key."""
     from matplotlib.lines import Line2D
 
     data = picture.data
     proved = data["lowest_certified"].values.astype(bool) if "lowest_certified" in data else np.zeros(0, dtype=bool)
-    entries: list[tuple[bool, Look, str]] = [
+    entries: list[tuple[bool, Mark, str]] = [
         (True, STABLE, "stable"),
         (not data["stable"].values.all(), UNSTABLE, "unstable"),
         (bool(proved.any()), {"color": LOWER, "linewidth": 6.0}, "global minimum (proved)"),
@@ -226,7 +236,4 @@ def _legend(axes: Axes, picture: PathPicture) -> None:
         (bool(data.sizes.get("solution", 0)), ASKED | {"markersize": 5}, "requested (open: unstable)"),
         (picture.loop is not None, {"color": GREEN, "marker": ">", "markersize": 6}, "slow loading and unloading"),
     ]
-    lines = [Line2D([], [], **look) for there, look, _ in entries if there]
-    texts = [text for there, _, text in entries if there]
-    above = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 4, "borderaxespad": 0.3}
-    axes.legend(lines, texts, fontsize=8, frameon=False, handlelength=1.8, columnspacing=1.6, **above)
+    return [Line2D([], [], label=label, **look) for there, look, label in entries if there]

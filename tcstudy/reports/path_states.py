@@ -129,12 +129,13 @@ COLOURS = {
 }
 
 
-def draw_states(over: Axes, along: Axes, picture: PathPicture, divisor: float, label: str) -> None:
+def draw_states(over: Axes, along: Axes, picture: PathPicture, divisor: float, label: str, columns: int) -> None:
     """Both maps.
 
     over:    over the parameter, the solution of least energy on the path
     along:   along the path, whose length is counted in the plane of the response curve
     divisor: of the parameter;  label: of the parameter with its unit
+    columns: of the keys
     """
     data = picture.data
     node = np.argsort(data["arclength"].values, kind="stable")
@@ -151,7 +152,7 @@ def draw_states(over: Axes, along: Axes, picture: PathPicture, divisor: float, l
     for axes in (over, along):
         axes.set_ylim(0.0, ends[-1] / metre)
         axes.set_ylabel(style.labelled("arclength", unit))
-    _key(along, states)
+    _key(along, states, columns)
 
 
 def _map(axes: Axes, x: Array, y: Array, states: Array, pieces: NDArray[np.intp]) -> None:
@@ -214,7 +215,11 @@ def _parameter(
             axes.axvline(last, color=style.VERMILLION, linewidth=0.8, linestyle=(0, (4, 2)))
 
 
-def _key(axes: Axes, states: Array) -> None:
+KEY_BELOW = 0.45
+"""How far below a map its key begins [inch]."""
+
+
+def _key(axes: Axes, states: Array, columns: int) -> None:
     """What the colours mean, below the lower map."""
     from matplotlib.patches import Patch
 
@@ -223,9 +228,9 @@ def _key(axes: Axes, states: Array) -> None:
     axes.legend(
         handles=patches,
         loc="upper left",
-        bbox_to_anchor=(0.0, -0.36),
-        ncols=len(patches),
-        fontsize=8,
+        bbox_to_anchor=(0.0, -style.part_of(axes, KEY_BELOW, vertical=True)),
+        ncols=len(patches) if columns == 4 else columns,
+        fontsize=style.pt(8),
         frameon=False,
         borderaxespad=0.0,
         handlelength=1.2,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from tcstudy.reports import style
 from tcstudy.reports.body_panel import Drawn, draw_body, drawn
 from tcstudy.reports.boundary_roles import draw_roles, name_parts, runs
+from tcstudy.reports.paper import Paper
 from tcstudy.reports.picture import NEAR, BodyFields, LineFields, Picture, read_picture
 from tcstudy.reports.select_point import Value
 from tcstudy.reports.text import label, number
@@ -27,11 +27,21 @@ Array = NDArray[np.float64]
 LEFT, RIGHT, PANEL = 0.85, 0.3, 1.3
 """Margins of the picture and height of a contact panel [inch]."""
 
-LINE_HEIGHT, COLUMNS = 0.19, 104
-"""Height [inch] and letters of a line of the caption."""
+FEET, BODY_FEET = 0.55 + 0.28 + 0.3, 0.95
+"""Room below and between the contact panels, and around the body [inch]."""
+BODY = 4.4
+"""Largest height of the body [inch]."""
+BAR = 1.25
+"""Room for the bar of the temperature to the right of the body [inch]."""
 
 
-def draw(path: Path, target: Path, point: Mapping[str, Value] | None = None, level: int = -1) -> str:
+def draw(
+    path: Path,
+    target: Path,
+    point: Mapping[str, Value] | None = None,
+    level: int = -1,
+    look: style.Look | None = None,
+) -> str:
     """Draw one sweep point of the result file `path` into `target` (.png, .svg or .pdf by its suffix).
 
     point: label by name of the swept parameter, {"alpha": 100, "friction": "softening"}; numbers in the units of
@@ -42,43 +52,41 @@ def draw(path: Path, target: Path, point: Mapping[str, Value] | None = None, lev
     if it does not hold such a solved point, if `target` cannot be written or if matplotlib is not installed.
     """
     style.check_target(target)
-    with style.styled():
+    look = look or style.Look()
+    with style.styled(look):
         picture = read_picture(path, point, level)
-        style.save(point_figure(picture), target)
+        style.save(point_figure(picture, look), target, look.dpi)
     fields = "" if picture.body else " (contact line only: the run kept no fields, see output.fields)"
     return f"{target}: {picture.point or picture.title}, level {picture.level}{fields}"
 
 
-def point_figure(picture: Picture) -> Figure:
-    """The figure of one point; call it within `style.styled()` for the usual letters."""
-    from matplotlib.figure import Figure
-
-    caption = _caption(picture)
-    head = 0.42 + LINE_HEIGHT * len(caption)
-    shape = drawn(picture.body, picture.line.length_units) if picture.body else None
-    body_height = shape.size[1] + 0.95 if shape else 0.0
-    feet = 0.55 + 2 * PANEL + 0.28
-    height = head + body_height + feet + 0.3
-    figure = Figure(figsize=(style.WIDTH, height))
-    figure.text(LEFT / style.WIDTH, 1 - 0.27 / height, picture.title, fontsize=12, fontweight="bold", parse_math=False)
-    for i, text in enumerate(caption):
-        figure.text(LEFT / style.WIDTH, 1 - (0.32 + LINE_HEIGHT * (i + 1)) / height, text)
+def point_figure(picture: Picture, look: style.Look | None = None) -> Figure:
+    """The figure of one point; call it within `style.styled()` for its letters."""
+    paper = Paper(look or style.Look(), LEFT, picture.title, _caption(picture))
+    body, units = picture.body, picture.line.length_units
+    feet, body_feet = FEET + paper.extra, BODY_FEET + paper.extra
+    room = paper.room(2 * PANEL + (BODY if body else 0.0), feet + (body_feet if body else 0.0))
+    shape = drawn(body, units, paper.width - LEFT - BAR, BODY / (BODY + 2 * PANEL) * room) if body else None
+    body_height = shape.size[1] if shape else 0.0
+    panel = PANEL if paper.look.size is None else (room - body_height) / 2
+    figure = paper.figure(paper.head + feet + 2 * panel + (body_height + body_feet if shape else 0.0))
     if shape:
-        _put_body(figure, picture, shape, feet + 0.3 + 0.55)
-    window = window_below(picture.line, picture.body, shape) if shape and picture.body else None
-    width = shape.size[0] if shape and window else style.WIDTH - LEFT - RIGHT
-    lower = style.inches(figure, LEFT, 0.55, width, PANEL)
-    upper = style.inches(figure, LEFT, 0.55 + PANEL + 0.28, width, PANEL)
+        above = paper.axes(LEFT, feet + 2 * panel + 0.55, *shape.size)
+        _put_body(above, picture, shape)
+        paper.wrap_title(above)
+    window = window_below(picture.line, body, shape) if shape and body else None
+    width = shape.size[0] if shape and window else paper.width - LEFT - RIGHT
+    lower = paper.axes(LEFT, 0.55, width, panel)
+    upper = paper.axes(LEFT, 0.55 + panel + 0.28, width, panel)
     draw_line(upper, lower, picture.line, width, picture.at_rest, window)
+    paper.wrap_title(upper)
     figure.align_ylabels([upper, lower])
     return figure
 
 
-def _put_body(figure: Figure, picture: Picture, shape: Drawn, bottom: float) -> None:
+def _put_body(axes: Axes, picture: Picture, shape: Drawn) -> None:
     assert picture.body
-    width, height = shape.size
-    axes = style.inches(figure, LEFT, bottom, width, height)
-    draw_body(figure, axes, picture.body, picture.line, shape)
+    draw_body(axes, picture.body, picture.line, shape)
     parts = [run for run in runs(picture.body, picture.edges) if run.edge.role not in ("contact", "free")]
     draw_roles(axes, shape.x, shape.y, parts, shape.per_inch)
     name_parts(axes, shape.x, shape.y, parts, shape.per_inch, style.LETTER)
@@ -96,7 +104,8 @@ def _put_source(axes: Axes, body: BodyFields, shape: Drawn, source: Array) -> No
     y = fine[:, 1] / unit + shape.y[near] - shape.y0[near]
     axes.plot(x, y, color=style.INK, linewidth=1.1, linestyle=(0, (4, 2)), zorder=4)
     ground = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
-    axes.text(float(x.mean()), float(y.mean()), "heated", ha="center", va="center", fontsize=8.5, bbox=ground, zorder=5)
+    look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": style.pt(8.5), "bbox": ground, "zorder": 5}
+    axes.text(float(x.mean()), float(y.mean()), "heated", **look)
 
 
 def window_below(line: LineFields, body: BodyFields, shape: Drawn) -> tuple[float, float] | None:
@@ -133,8 +142,7 @@ def _caption(picture: Picture) -> list[str]:
         f"{picture.n_dof} displacement unknowns",
         f"inclusion residual {number(picture.residual, 2)}",
     ]
-    wrap = textwrap.TextWrapper(width=COLUMNS, break_long_words=False)
-    return [line for text in (",  ".join(parts), ",  ".join(mesh)) for line in wrap.wrap(text)]
+    return [",  ".join(parts), ",  ".join(mesh)]
 
 
 FEW = 60
@@ -179,7 +187,7 @@ def draw_line(
         places = [end / metre for end, there in ((ends[0], held[0]), (ends[-1], held[1])) if there]
         upper.plot(places, [0.0] * len(places), "s", color=style.INK, markersize=5, zorder=4)
         if places:
-            upper.annotate("held", (places[0], 0.0), (4, 5), textcoords="offset points", fontsize=8.5)
+            upper.annotate("held", (places[0], 0.0), (4, 5), textcoords="offset points", fontsize=style.pt(8.5))
         lower.stairs(line.xi[nodes] / stress, ends / metre, baseline=None, color=style.VERMILLION, linewidth=1.5)
     upper.tick_params(labelbottom=False)
     upper.set_ylabel(style.labelled("$u_T$", slip_unit))

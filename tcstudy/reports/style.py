@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from tcstudy.data.files import place_faults, replace_file
 from tcstudy.errors import DrawError, StoreError, UsageError
@@ -50,10 +50,13 @@ HEAT = "YlOrRd"
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
+USUAL = 9.5
+"""Usual size of letters [pt]."""
+
 _STYLE: dict[Any, Any] = {
-    "font.size": 9.5,
-    "axes.titlesize": 9.5,
-    "axes.labelsize": 9.5,
+    "font.size": USUAL,
+    "axes.titlesize": USUAL,
+    "axes.labelsize": USUAL,
     "xtick.labelsize": 8.5,
     "ytick.labelsize": 8.5,
     "axes.edgecolor": PALE,
@@ -100,7 +103,12 @@ class Look:
     @property
     def letters(self) -> float:
         """The size of the letters [pt]."""
-        return self.font or float(_STYLE["font.size"])
+        return self.font or USUAL
+
+    @property
+    def dpi(self) -> int:
+        """Pixels per inch of a PNG."""
+        return FINE_DPI if self.size else DPI
 
     def columns(self, width: float) -> int:
         """Letters of usual size that stand side by side on so many inches."""
@@ -133,10 +141,15 @@ def symbol(name: str) -> str:
 
 def styled(look: Look | None = None) -> AbstractContextManager[None]:
     """The settings of the pictures, for the time of a `with`; raises DrawError if there is no matplotlib."""
-    scale = look.letters / _STYLE["font.size"] if look is not None else 1.0
+    scale = look.letters / USUAL if look is not None else 1.0
     sizes = {key: scale * value for key, value in _STYLE.items() if key.endswith("size")}
     settings: AbstractContextManager[None] = _matplotlib().rc_context(_STYLE | sizes)
     return settings
+
+
+def pt(letters: float) -> float:
+    """Size of letters [pt] in a picture that is being styled, for what would be `letters` among usual ones."""
+    return letters * float(_matplotlib().rcParams["font.size"]) / USUAL
 
 
 def _matplotlib() -> Any:
@@ -182,6 +195,12 @@ def inches(figure: Figure, left: float, bottom: float, width: float, height: flo
     """New axes at a place counted in inches from the lower left corner."""
     across, up = figure.get_size_inches()
     return figure.add_axes((left / across, bottom / up, width / across, height / up))
+
+
+def part_of(axes: Axes, length: float, vertical: bool = False) -> float:
+    """A length [inch at usual letters] as a part of the width or height of a panel, for what stands beside it."""
+    panel, size = axes.get_position(), cast("Figure", axes.figure).get_size_inches()
+    return pt(length) / float(panel.height * size[1] if vertical else panel.width * size[0])
 
 
 def scaled_unit(values: Iterable[float], units: str) -> tuple[float, str]:

@@ -182,3 +182,21 @@ def example_laws() -> tuple[FrictionLaw, ...]:
         "linear": {"k": 0.5},
     }
     return tuple(shape.build(**parameters[name]) for name, shape in SHAPES.items())
+
+
+LOOKS = [style.Look(), style.Look((3.15, 8.0), 7.0), style.Look((6.7, 9.5), 10.5), style.Look(font=8.0, title="")]
+"""Usual, of one column of a paper, of a page with large letters, without a heading."""
+
+
+def off_the_page(figure: Figure) -> list[str]:
+    """Texts of a figure that reach over its edges, but for numbers at ticks, of which some lie outside an axis."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.text import Text
+
+    FigureCanvasAgg(figure).draw()
+    wide, high = figure.bbox.width, figure.bbox.height
+    ticks = {text for axes in figure.axes for axis in (axes.xaxis, axes.yaxis) for text in axis.findobj(Text)}
+    ticks -= {label for axes in figure.axes for label in (axes.xaxis.label, axes.yaxis.label)}
+    found = [text for text in figure.findobj(Text) if text.get_text().strip() and text not in ticks]
+    boxes = [(text.get_text(), text.get_window_extent()) for text in found]
+    return [name for name, box in boxes if box.x0 < -1 or box.y0 < -1 or box.x1 > wide + 1 or box.y1 > high + 1]

@@ -11,9 +11,11 @@ from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
 from tcstudy.read.study import read_study_text
+from tcstudy.reports import style
 from tcstudy.reports.convergence import _fixed, _uncertain, convergence_report
 from tcstudy.reports.convergence_plot import plot_convergence
 from tcstudy.reports.style import DrawError
+from tests.reports.draw_cases import LOOKS, off_the_page
 
 STUDY = read_study_text("""\
 title: Made-up errors
@@ -110,7 +112,7 @@ def test_points_that_failed_are_hollow(file):
     with open_results(file) as tree:
         data = tree.to_dataset().load()
     axes = Figure().add_subplot()
-    _panel(axes, data.isel(tau=1), H, ["u_H1"])
+    _panel(axes, data.isel(tau=1), H, ["u_H1"], 2.5)
     solid, hollow = axes.get_lines()
     assert hollow.get_fillstyle() == "none"
     assert hollow.get_xdata().tolist() == [0.5]
@@ -130,7 +132,7 @@ def test_a_hidden_curve_is_broad_and_every_panel_is_labelled(file):
         at[f"{kind}_u_energy"] = at[f"{kind}_u_H1"]
     at["slope_error_u_L2"] = at["slope_error_u_L2"] * np.nan
     axes = Figure().add_subplot()
-    _panel(axes, at, H, ["u_energy", "u_H1", "u_L2"])
+    _panel(axes, at, H, ["u_energy", "u_H1", "u_L2"], 2.5)
     energy, h1, l2 = [line for line in axes.get_lines() if line.get_linewidth() > 1 and len(line.get_xdata()) == len(H)]
     assert energy.get_linewidth() > 2 * h1.get_linewidth()
     assert (l2.get_linestyle(), l2.get_alpha()) == ("--", 0.45)  # a rate of two levels
@@ -155,6 +157,14 @@ def test_bad_places(tmp_path):
     what = Convergence(H, np.zeros(4, np.int32), np.zeros(4, np.int32), "none", np.zeros(4, bool), points, ())
     with pytest.raises(StoreError, match="cannot write"):
         write_convergence(tmp_path / "file" / "a.nc", STUDY, what, Provenance("now", (), "abc"))
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_every_text_stays_on_a_page_of_any_size(file, tmp_path, look, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(style, "save", lambda figure, *_: drawn.append(figure))
+    plot_convergence(file, tmp_path / "a.png", {"tau": "2 MPa"}, look)
+    assert off_the_page(drawn[0]) == []
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from tcstudy.reports.cost import advice, best, cost_report, curves_on_front, fro
 from tcstudy.reports.cost_plot import _figure, plot_cost
 from tcstudy.reports.style import DrawError
 from tests.data.compliance import cf_faults
+from tests.reports.draw_cases import LOOKS, off_the_page
 from tests.verification.scenes import RECTANGLE, study_of
 
 FAMILIES, SOLVERS = ("uniform", "graded"), ("separable-newton", "bundle-newton")
@@ -263,3 +264,10 @@ def test_the_file_keeps_to_cf(file: Path, tmp_path: Path, capsys: pytest.Capture
     with xarray.open_dataset(file) as data:
         assert data["time"].dims == ("family", "solver", "level", "run")
         assert data["time"].attrs["units"] == "s"
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_every_text_stays_on_a_page_of_any_size(file: Path, look: style.Look) -> None:
+    data = open_cost(file)
+    with style.styled(look):
+        assert off_the_page(_figure(data, "u_energy", look)) == []

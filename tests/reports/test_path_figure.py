@@ -14,6 +14,7 @@ from tcstudy.reports.path_states import read_path_picture, seen_folds
 from tcstudy.reports.path_summary import path_summary
 from tcstudy.reports.style import DrawError
 from tcstudy.study.path_run import execute_path
+from tests.reports.draw_cases import LOOKS, off_the_page
 
 PAD = Path(__file__).parents[2] / "configs" / "path.yaml"
 
@@ -106,3 +107,9 @@ def test_the_table_lists_solutions_and_the_loop(pad: Path, plain: Path) -> None:
     other = path_summary(plain)
     assert "0 folds" in other
     assert "hysteresis" not in other
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_every_text_stays_on_a_page_of_any_size(pad: Path, look: style.Look) -> None:
+    with style.styled(look):
+        assert off_the_page(path_figure(read_path_picture(pad), look)) == []

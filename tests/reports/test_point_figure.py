@@ -17,8 +17,9 @@ from matplotlib.image import imread
 from tcstudy.data.files import StoreError
 from tcstudy.errors import DrawError
 from tcstudy.reports import style
-from tcstudy.reports.point_figure import draw
-from tests.reports.draw_cases import png_size, result
+from tcstudy.reports.picture import read_picture
+from tcstudy.reports.point_figure import draw, point_figure
+from tests.reports.draw_cases import LOOKS, off_the_page, png_size, result
 
 
 @pytest.mark.parametrize("fields", [True, False])
@@ -116,3 +117,10 @@ def test_text_stays_text_and_fonts_are_truetype(grid: Path, tmp_path: Path) -> N
     written = (tmp_path / "p.pdf").read_bytes()
     assert b"/Subtype /Type3" not in written
     assert b"/FontFile2" in written
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_every_text_stays_on_a_page_of_any_size(tmp_path: Path, look: style.Look) -> None:
+    with style.styled(look):
+        picture = read_picture(result(tmp_path / "a.nc"))
+        assert off_the_page(point_figure(picture, look)) == []

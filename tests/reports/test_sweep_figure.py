@@ -102,7 +102,7 @@ def test_size_letters_and_heading(grid: Path, tmp_path: Path) -> None:
         (Wanted(of="energy"), "of: give map, too"),
         (Wanted(by="alpha"), "by: give x, too"),
         (Wanted(law=True, mesh=True), "law: mesh is another picture"),
-        (Wanted(font=9.0), "font: the picture of a point has a layout of its own"),
+        (Wanted(size=(3.0, 1.0)), "size: .* cm is the least height"),
         (Wanted(error="u_L2"), "error: the picture of a run file does not depend on it"),
     ],
 )
