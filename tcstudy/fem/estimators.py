@@ -34,7 +34,7 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import ContactLine, values_at
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.records import Clamped, Contact, Convection, Role, Scene, Traction
+from tcstudy.scene.records import Clamped, Contact, Convection, Role, Scalar, Scene, Traction
 
 Array = NDArray[np.float64]
 
@@ -277,10 +277,20 @@ def _element_residual(triangles: ElementGeometry, recovered: Array, scene: Scene
 def _edge_residual(triangles: ElementGeometry, recovered: Array, theta: Array, scene: Scene, k: float) -> Array:
     mesh, edges = triangles.mesh, boundary_edges(triangles)
     flux = k * np.einsum("sqd,sd->sq", _on_segments(recovered, mesh.segments), edges.normal)
-    curves = [i for i, c in enumerate(mesh.geometry.curves) if c.name in scene.edges(Convection)]
-    robin = np.isin(mesh.segment_curve, curves)
-    theta_bar = values_at(scene.heat.theta_bar, edges.at[robin].reshape(-1, 2)).reshape(-1, 2)
-    flux[robin] += scene.heat.alpha * (_on_segments(theta, mesh.segments)[robin] - theta_bar)
+
+    def on(name: str) -> NDArray[np.bool_]:
+        return np.isin(mesh.segment_curve, [i for i, c in enumerate(mesh.geometry.curves) if c.name == name])
+
+    def given(scalar: Scalar, some: NDArray[np.bool_]) -> Array:
+        return values_at(scalar, edges.at[some].reshape(-1, 2)).reshape(-1, 2)
+
+    for name, alpha, theta_bar in scene.exchange:
+        robin = on(name)
+        flux[robin] += alpha * (_on_segments(theta, mesh.segments)[robin] - given(theta_bar, robin))
+    for name, into in scene.flux:
+        flux[on(name)] -= given(into, on(name))
+    for name, _ in scene.held_theta:
+        flux[on(name)] = 0.0
     weighted = edges.length**2 / (np.pi * k) * np.mean(flux**2, axis=1)
     return triangles.from_segments(weighted)
 

@@ -9,9 +9,9 @@ Discretisation: P1 for each component, numbering component-blocked (x of all nod
 Literature:     Šestak & Jovanović, Appl. Math. Mech. 31 (2010)
 
 Heat conduction
-Domain:         Ω with convection on Γ_θ, insulated elsewhere
+Domain:         Ω with convection on Γ_θ, temperature or flux given on other edges, insulated elsewhere
 PDE:            kΔθ + qχ_ω = 0 in Ω,  −k∂θ/∂n = α(θ − θ̄) on Γ_θ, eqs. (2), (5)
-Weak form:      k∫∇θ·∇φ + α∫_{Γ_θ}θφ = ∫_ω qφ + α∫_{Γ_θ}θ̄φ, eq. (8)
+Weak form:      k∫∇θ·∇φ + α∫_{Γ_θ}θφ = ∫_ω qφ + α∫_{Γ_θ}θ̄φ + ∫ flux φ, eq. (8)
 Discretisation: continuous P1; only k and α enter the matrix, so its two parts are assembled once
 Literature:     Šestak & Jovanović, Appl. Math. Mech. 31 (2010)
 
@@ -24,6 +24,7 @@ Use:        ∫∇θ·∇φ has the entries G_xx + G_yy; ∫div u div v has the 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -274,11 +275,13 @@ class HeatForms:
 
     gradients: products of gradients on the mesh;  convection: study names of the edges that make up Γ_θ
     k: conductivities over that of the material of the body, where they differ by region
+    held:      study names of the edges whose temperature is given
     """
 
     gradients: GradientProducts
     convection: tuple[str, ...]
     k: Conductivity = ()
+    held: tuple[str, ...] = ()
 
     @property
     def mesh(self) -> PlaneMesh:
@@ -295,27 +298,43 @@ class HeatForms:
         return self.gradients.conduction(self.k)
 
     @cached_property
-    def robin_nodes(self) -> NDArray[np.intp]:
-        """Mesh nodes on the closure of Γ_θ, ascending (r,)."""
-        curves = [i for i, c in enumerate(self.mesh.geometry.curves) if c.name in self.convection]
+    def kept_nodes(self) -> NDArray[np.intp]:
+        """Mesh nodes on the closure of Γ_θ and of the edges whose temperature is given, ascending (r,)."""
+        return self.nodes_on(self.convection + self.held)
+
+    def nodes_on(self, names: tuple[str, ...]) -> NDArray[np.intp]:
+        """Mesh nodes on the closure of the study edges of these names, ascending."""
+        curves = [i for i, c in enumerate(self.mesh.geometry.curves) if c.name in names]
         on = np.isin(self.mesh.segment_curve, curves)
         return np.unique(self.mesh.segments[on])
 
     @cached_property
     def robin_mass(self) -> Array:
-        """M = ∫_{Γ_θ}φ_iφ_j restricted to robin_nodes, dense (r, r) [m]."""
+        """M = ∫_{Γ_θ}φ_iφ_j restricted to kept_nodes, dense (r, r) [m]."""
+        return self.edge_mass(self.convection) if self.convection else self.exchange({})
+
+    def edge_mass(self, names: tuple[str, ...]) -> Array:
+        """∫φ_iφ_j over study edges restricted to kept_nodes, dense (r, r) [m]."""
         theta, phi = self._space.TnT()
-        boundary = self.mesh.region(*self.convection)
+        boundary = self.mesh.region(*names)
         full = csr(ngs.BilinearForm(theta * phi * ngs.ds(boundary), check_unused=False).Assemble())
-        nodes = self.robin_nodes
+        nodes = self.kept_nodes
         return full[nodes][:, nodes].toarray()
 
-    def surroundings(self, theta_bar: Scalar) -> Array:
-        """∫_{Γ_θ} θ̄ φ_i on robin_nodes, (r,) [K m]."""
+    def exchange(self, weights: Mapping[str, float]) -> Array:
+        """Σ w ∫φ_iφ_j over study edges by name, restricted to kept_nodes, dense (r, r)."""
+        zero = np.zeros((len(self.kept_nodes), len(self.kept_nodes)))
+        return np.asarray(sum((weight * self.edge_mass((edge,)) for edge, weight in weights.items()), zero))
+
+    def surroundings(self, theta_bar: Scalar, names: tuple[str, ...] = ()) -> Array:
+        """∫ θ̄ φ_i over study edges, over Γ_θ if none are named, on kept_nodes (r,) [K m]."""
+        return self.flux(theta_bar, names or self.convection)[self.kept_nodes]
+
+    def flux(self, flux: Scalar, names: tuple[str, ...]) -> Array:
+        """∫ flux φ_i over study edges, (n,) [W/m]."""
         phi = self._space.TestFunction()
-        boundary = self.mesh.region(*self.convection)
-        form = ngs.LinearForm(coefficient(theta_bar) * phi * ngs.ds(boundary, bonus_intorder=bonus(theta_bar)))
-        return vector(form.Assemble())[self.robin_nodes]
+        where = ngs.ds(self.mesh.region(*names), bonus_intorder=bonus(flux))
+        return vector(ngs.LinearForm(coefficient(flux) * phi * where).Assemble())
 
     def source(self, q: Scalar, omega: tuple[str, ...]) -> Array:
         """∫_ω q φ_i, (n,) [W/m]; an empty omega means the whole body."""

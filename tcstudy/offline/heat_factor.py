@@ -42,7 +42,7 @@ class HeatFactor:
 
     def __init__(self, forms: HeatForms) -> None:
         n = forms.mesh.n_points
-        self._mesh, self._kept, self._k = forms.mesh, forms.robin_nodes, forms.k
+        self._mesh, self._kept, self._k = forms.mesh, forms.kept_nodes, forms.k
         inner = np.ones(n, dtype=bool)
         inner[self._kept] = False
         self._factor: Condensation = condense(forms.conduction, forms.mesh.points, self._kept, inner, components=1)
@@ -130,6 +130,14 @@ def modes(A_tilde: Array, M: Array) -> tuple[Array, Array]:
     W[:, 1:] -= np.outer(constant, constant @ M @ W[:, 1:])
     W[:, 0] = constant
     mu[0] = 0.0
+    return np.maximum(mu, 0.0), W
+
+
+def held_modes(A_tilde: Array, M: Array) -> tuple[Array, Array]:
+    """(μ, W) as `modes`, where other nodes of the line are held, so that no mode is constant."""
+    if not len(M):
+        return np.zeros(0), np.zeros((0, 0))
+    mu, W = scipy.linalg.eigh(A_tilde, M)
     return np.maximum(mu, 0.0), W
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from tcstudy.condense.symbolic import EliminationPlan
 from tcstudy.fem.boundary import Frames, constrain, contact_line, values_at
 from tcstudy.fem.forms import ElasticForms, HeatForms, Moduli
 from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.offline.conduction import BATCH
 from tcstudy.offline.elastic import Elastic, LoadMaker
 from tcstudy.offline.loads import (
     BasisLoad,
@@ -28,11 +29,11 @@ from tcstudy.offline.loads import (
     UniformTemperature,
     mechanical_terms,
 )
-from tcstudy.offline.thermal import BATCH, Temperature, Temperatures
+from tcstudy.offline.thermal import Temperature, Temperatures
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.nodal_laws import Law, nodal
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Clamped, Contact, Convection, EdgeLaws, Scene
+from tcstudy.scene.records import Clamped, Contact, EdgeLaws, Scene
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -81,7 +82,7 @@ class CondensedBlock:
 
 def _held(boundary: Roles) -> Roles:
     """The part of the boundary that constrains displacements, as a key."""
-    return tuple(item for item in boundary if isinstance(item[1], Clamped | Contact))
+    return tuple((name, replace(r, heat=None)) for name, r in boundary if isinstance(r, Clamped | Contact))
 
 
 def _ratio_and_scale(scene: Scene) -> tuple[Moduli, float]:
@@ -120,7 +121,8 @@ class Level:
         start = time.perf_counter()
         self.mesh = mesh
         self.elastic = ElasticForms(mesh)
-        self.heat = HeatForms(self.elastic, scene.edges(Convection))
+        held = tuple(edge for edge, _ in scene.held_theta)
+        self.heat = HeatForms(self.elastic, tuple(edge for edge, _, _ in scene.exchange), held=held)
         self.temperatures = Temperatures(self.heat, mesh.points, scenes, MEMORY)
         self._groups = _groups(scenes)
         self._frames: dict[Hashable, Frames] = {}
@@ -307,8 +309,8 @@ class Level:
 
         def together(load: BasisLoad) -> list[BasisLoad]:
             if isinstance(load, TemperatureField) and isinstance(load.field, Column):
-                conduction = self.temperatures.conduction(load.field.family.k)
-                return [TemperatureField(column, load.where) for column in conduction.together(load.field)]
+                together = self.temperatures.together(load.field)
+                return [TemperatureField(column, load.where) for column in together]
             return self._groups.get(load, [load])
 
         return LoadMaker(local, together)

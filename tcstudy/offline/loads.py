@@ -14,23 +14,36 @@ from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 from tcstudy.expressions.expression import Expression
-from tcstudy.fem.forms import loads_something
-from tcstudy.scene.records import Clamped, Convection, Heat, Role, Scalar, Scene, Traction, Where
+from tcstudy.fem.forms import Conductivity, loads_something
+from tcstudy.scene.records import Clamped, Convection, Role, Scalar, Scene, Traction, Where
 
 Roles = tuple[tuple[str, Role], ...]
 
 
+Ratios = tuple[tuple[str, float], ...]
+
+
 @dataclass(frozen=True)
 class FamilyKey:
-    """What a family belongs to: a source density of shape `data` in ω, or surroundings at `data` with no source.
+    """What a family belongs to.
 
-    k: relative conductivities where they differ by region
+    kind:   "source", density of shape `data` in ω; "flux", the same into edges; "surroundings" at `data`, of edges or
+            of all of Γ_θ; "held", `data` being the temperature of an edge
+    k:      relative conductivities where they differ by region
+    ratios: between the α of the edges, none if they are equal
     """
 
     kind: str
     data: Scalar
     omega: tuple[str, ...] = ()
-    k: tuple[tuple[Where, float], ...] = ()
+    k: Conductivity = ()
+    edges: tuple[str, ...] = ()
+    ratios: Ratios = ()
+
+    @property
+    def heats(self) -> bool:
+        """Whether heat is put in."""
+        return self.kind in ("source", "flux")
 
 
 @dataclass(frozen=True)
@@ -171,19 +184,42 @@ def unloaded(role: Role) -> Role:
     return replace(role, g=(0.0, 0.0), pressure=0.0) if isinstance(role, Traction | Convection) else role
 
 
-def families_of(heat: Heat, k: tuple[tuple[Where, float], ...] = ()) -> list[FamilyKey]:
-    """The families that a heat record has part in, with these relative conductivities."""
-    found = []
-    if isinstance(heat.theta_bar, Expression):
-        found.append(FamilyKey("surroundings", heat.theta_bar, (), k))
-    if isinstance(heat.q, Expression):
-        found.append(FamilyKey("source", heat.q, heat.omega, k))
-    elif heat.q != 0.0:
-        found.append(FamilyKey("source", 1.0, heat.omega, k))
-    return found
+def exchange_level(scene: Scene) -> tuple[float, Ratios]:
+    """α of the edge that exchanges most, and the α of all edges over it; none where they are equal.
+
+    Ratios have 15 digits, so that all α may vary together without new modes whatever the rounding.
+    """
+    if not scene.heat_by_edge:
+        return scene.heat.alpha, ()
+    alpha = max((own for _, own, _ in scene.exchange), default=0.0)
+    ratios = tuple((edge, float(f"{own / alpha:.14e}")) for edge, own, _ in scene.exchange)
+    return alpha, ratios if any(ratio != 1.0 for _, ratio in ratios) else ()
 
 
-def relative_k(scene: Scene) -> tuple[tuple[Where, float], ...]:
+def heat_shares(scene: Scene) -> tuple[float, list[tuple[FamilyKey, float]]]:
+    """θ of a scene without known temperature: a uniform part [K], and (family, factor) of what is added to it.
+
+    What is constant on all edges is the uniform part: then nothing is solved for it.
+    """
+    heat, found, ratios, k = scene.heat, [], exchange_level(scene)[1], relative_k(scene)
+    given: list[tuple[FamilyKey, Scalar]] = [(FamilyKey("surroundings", 1.0, (), k), heat.theta_bar)]
+    if scene.heat_by_edge:
+        given = [(FamilyKey("surroundings", 1.0, (), k, (edge,), ratios), bar) for edge, _, bar in scene.exchange]
+        given += [(FamilyKey("held", 1.0, (), k, (edge,), ratios), theta) for edge, theta in scene.held_theta]
+    numbers = [value for _, value in given if not isinstance(value, Expression)]
+    uniform = float(numbers[0]) if len(numbers) == len(given) else 0.0
+    given += [(FamilyKey("source", 1.0, heat.omega, k, (), ratios), heat.q)]
+    given += [(FamilyKey("flux", 1.0, (), k, (edge,), ratios), flux) for edge, flux in scene.flux]
+    for key, value in given:
+        shape, factor = split(value)
+        if not key.heats and shape == 1.0:
+            factor -= uniform
+        if factor != 0.0:
+            found.append((replace(key, data=shape), factor))
+    return uniform, found
+
+
+def relative_k(scene: Scene) -> Conductivity:
     """k over that of the material of the body, to 15 digits; () where it is the same everywhere."""
     k = scene.material.k
     if not k or not scene.material.regions:

@@ -113,7 +113,8 @@ def _heat_parts(level: Level, scene: Scene, name: str) -> list[Part]:
     if factor != 0.0:
         parts.append(conduction.slope(FamilyKey("source", shape, heat.omega, ratios), a).times(factor * rate / k))
         if name == "k":
-            parts.append(conduction.source(shape, heat.omega, heat.alpha, k).times(-factor / k))
+            source = FamilyKey("source", shape, heat.omega, ratios)
+            parts.append(conduction.part(source, heat.alpha, k).times(-factor / k))
     return parts
 
 

@@ -1,4 +1,4 @@
-"""Checks across sections: heat against boundary and material, free rigid motions, predicted mesh size.
+"""Checks across sections: free rigid motions, predicted mesh size.
 
 Corners where two edges prescribe displacements: they must agree there, or the problem has no solution.
 
@@ -17,20 +17,17 @@ from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.read.fields import Context
+from tcstudy.read.heat import Boundary
 from tcstudy.read.node import Node, deepest
-from tcstudy.read.physics import Boundary
 from tcstudy.scene.records import (
     Body,
     Clamped,
     Contact,
-    Convection,
     Edge,
     EdgeLaws,
-    Heat,
-    Material,
     Point,
     Role,
-    Scalar,
+    value_at,
 )
 from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_normal, edge_points, loop_size
@@ -39,28 +36,6 @@ from tcstudy.shapes.faults import loop_polygon
 MAX_TRIANGLES = 2e7
 """More triangles than this are taken for a typing error of maxh or levels."""
 ARC_PIECES = 32
-
-
-def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, material: Material) -> None:
-    """Heat needs a conductivity, and exchange with the surroundings an edge on which it happens."""
-    convection = [edge for edge, role in boundary if isinstance(role, Convection)]
-    section = root.child("heat")
-    if section is None or heat.theta is not None:
-        for edge in convection:
-            node = deepest(root, ("boundary", edge))
-            why = "the study has no section heat" if section is None else "the temperature theta is given"
-            remedy = "add heat: {alpha: ..., theta_bar: ...}, or make the edge free or traction"
-            ctx.errors.once(node, f"a convection edge has no meaning, because {why}", remedy)
-        return
-    places = (("material",), *(("materials", name) for name, _ in material.regions))
-    for place, k in zip(places, material.conductivities, strict=True):
-        if k is None:
-            node = deepest(root, place)
-            ctx.errors.once(node, "is missing, but heat needs it", "add k: 45 W/(m*K)", key=f"{'.'.join(place)}.k")
-    if heat.alpha > 0.0 and not convection:
-        node = deepest(root, ("heat", "alpha"))
-        remedy = "give the role convection to the edges that exchange heat, or give a known temperature theta"
-        ctx.errors.once(node, "no edge has the role convection, so alpha acts nowhere", remedy)
 
 
 def supports(boundary: Boundary) -> tuple[object, ...]:
@@ -222,11 +197,7 @@ def _held_lines(edge: Edge, roles: Mapping[str, Role], at: Point) -> Iterator[tu
         directions = ((1.0, 0.0), (0.0, 1.0)) if role.frame == "xy" else (normal, tangent)
         for direction, component in zip(directions, role.u, strict=True):
             if component is not None:
-                yield (*direction, _value(component, at))
-
-
-def _value(scalar: Scalar, at: Point) -> float:
-    return float(scalar.evaluate(at[0], at[1])) if isinstance(scalar, Expression) else float(scalar)
+                yield (*direction, value_at(component, at))
 
 
 def _solvable(rows: Array) -> bool:

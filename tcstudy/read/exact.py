@@ -24,7 +24,7 @@ from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Body, Convection, Exact, Scene
 
 DERIVED = "derived"
-TRACTIONS = of_role("traction")
+TRACTIONS = tuple(name for name in of_role("traction") if name != "heat")
 REMEDY = "leave it out, or remove exact.loads to give all loads yourself"
 
 

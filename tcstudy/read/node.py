@@ -15,7 +15,7 @@ Scalar: TypeAlias = "bool | int | float | str | None"
 Keys: TypeAlias = "tuple[str | int, ...]"
 
 
-COMPONENTS = of_role("clamped")
+COMPONENTS = tuple(name for name in of_role("clamped") if name != "heat")
 """Keys that give the displacement of a clamped edge."""
 
 

@@ -1,8 +1,7 @@
-"""Reads the sections that make up a scene beside its body: boundary, material, loads, heat, friction.
+"""Reads the sections that make up a scene beside its body and its heat: boundary, material, loads, friction.
 
 The plane problem: plane strain keeps lam and mu, beta = (3 lam + 2 mu) alpha_T, eq. (3);
 plane stress has lam → 2 lam mu/(lam + 2 mu), beta = E alpha_T/(1 − nu).
-Heat is a known temperature, or conduction with a source in ω and exchange on Γ_θ (eqs. 2, 5).
 """
 
 from __future__ import annotations
@@ -13,21 +12,19 @@ from dataclasses import replace
 from typing import Literal
 
 from tcstudy.expressions.expression import Expression
-from tcstudy.read.body import REGION_SHAPES, read_region
 from tcstudy.read.fields import Context, Fields, none_after_fault
+from tcstudy.read.heat import HEAT_KEYS, Boundary, read_edge_heat
 from tcstudy.read.node import COMPONENTS, Node, choose, nearest
 from tcstudy.scene.friction import FrictionLaw, GrowthError
 from tcstudy.scene.keys import of_role, row, rows
 from tcstudy.scene.laws import SHAPES, LawError
 from tcstudy.scene.nodal_laws import times
 from tcstudy.scene.records import (
-    Body,
     Clamped,
     Contact,
     Convection,
     EdgeLaws,
     Free,
-    Heat,
     Material,
     Role,
     Scalar,
@@ -40,8 +37,6 @@ RECORDS: dict[str, type[Role]] = {
 }
 ALL_KEYS = tuple(name for name in rows("boundary") if name != "role")
 FRAMES: tuple[tuple[Literal["xy", "nt"], str, str], ...] = (("xy", "u_x", "u_y"), ("nt", "u_N", "u_T"))
-
-Boundary = tuple[tuple[str, Role], ...]
 
 
 @none_after_fault
@@ -101,16 +96,19 @@ def _role(ctx: Context, node: Node) -> Role:
     fields = Fields(ctx, node, "boundary", ("role",), (*of_role(kind), *foreign))
     for key in foreign:
         ctx.errors.at(fields.values[key], f"the role {kind} takes no {key}", _home(key), on_key=True)
+    heat = read_edge_heat(ctx, fields, kind)
     if kind == "clamped":
-        return _clamped(ctx, node, fields)
-    if kind == "traction" and len(fields.values) == 1:
+        return replace(_clamped(ctx, node, fields), heat=heat)
+    if kind == "traction" and not fields["g"] and not fields["pressure"]:
         remedy = "write {role: traction, g: [gx, gy]} or {role: traction, pressure: p}, or the role free"
         ctx.errors.at(node, "a traction edge needs g or pressure", remedy)
-    return RECORDS[kind](**fields.given(of_role(kind)))
+    return RECORDS[kind](**fields.given(key for key in of_role(kind) if key not in HEAT_KEYS), heat=heat)
 
 
 def _home(key: str) -> str:
     """Where a key of another role belongs."""
+    if key in HEAT_KEYS:
+        return "write alpha, theta_bar and flux beside convection, and heat: {...} beside any other role"
     if key in COMPONENTS:
         given = "u: [a, free]" if key == "u" else f"{key}: a"
         return f"a held displacement is {{role: clamped, {given}}}, which leaves what is not given free of traction"
@@ -205,72 +203,6 @@ def read_loads(ctx: Context, node: Node | None) -> tuple[Scalar, Scalar]:
     """The body force f, zero without the section; None after a fault."""
     f: tuple[Scalar, Scalar] = (0.0, 0.0) if node is None else Fields(ctx, node, "loads").value("f")
     return f
-
-
-INLINE = "omega"
-"""Name of the region that `omega` describes in place."""
-
-
-def read_inline_region(ctx: Context, heat: Node | None, body: Body) -> Body:
-    """The body with the region that `heat.omega` describes in place, if it does."""
-    node = heat.child("omega") if heat else None
-    if node is None or not isinstance(node.value, Mapping):
-        return body
-    if any(region.name == INLINE for region in body.regions):
-        remedy = f"write omega: {INLINE}, or give the region under body.regions another name"
-        ctx.errors.at(node, f"the body already has a region {INLINE!r}", remedy)
-        return body
-    return Body(body.outline, body.holes, (*body.regions, read_region(ctx, node, INLINE)), body.brep)
-
-
-@none_after_fault
-def read_heat(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> Heat:
-    """The heat problem; zero temperature without the section; None after a fault.
-
-    regions: names of the regions of the body; None if they are not known
-    """
-    if node is None:
-        return Heat()
-    before = len(ctx.errors)
-    if node.child("theta"):
-        fields = Fields(ctx, node, "heat", ("theta",))
-        others = [key for key in fields.values if key in fields.rows and key != "theta"]
-        if others:
-            what = f"theta is the known temperature, so {', '.join(others)} would not be used"
-            ctx.errors.once(fields.values["theta"], what, "keep theta alone, or remove it to compute the temperature")
-        return Heat(**fields.given(("theta",)))
-    fields = Fields(ctx, node, "heat", ("alpha", "theta_bar"))
-    heat = Heat(**fields.given(("alpha", "theta_bar", "q")), omega=_omega(ctx, fields["omega"], regions))
-    if heat.alpha == 0.0 and heat.q != 0.0 and len(ctx.errors) == before:
-        what = "with alpha = 0 the heat of q cannot leave the body, so there is no steady state"
-        ctx.errors.at(fields.values["alpha"], what, "give alpha > 0, or q: 0")
-    return heat
-
-
-def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> tuple[str, ...]:
-    """Names of the regions that make up ω; empty for the whole body."""
-    if node is None:
-        return ()
-    if isinstance(node.value, Mapping):
-        if ctx.errors.point and node.path.startswith("sweep"):
-            remedy = "describe the regions under body.regions and sweep over their names"
-            ctx.errors.at(node, "a shape cannot be swept, because the mesh depends on it", remedy)
-        return (INLINE,)
-    if not isinstance(node.value, str) and (not isinstance(node.value, tuple) or not node.value):
-        remedy = f"write NAME or [NAME, ...], or a shape: {', '.join(REGION_SHAPES)}"
-        ctx.errors.at(node, f"must name regions of the body, but is {node.kind()}", remedy)
-        return ()
-    names = []
-    for item in node.value if isinstance(node.value, tuple) else (node,):
-        name = ctx.text(item, "the name of a region")
-        if name and regions is not None and name not in regions:
-            shapes = f"one of {', '.join(REGION_SHAPES)}"
-            known = choose(name, regions, "one of") if regions else f"add it under body.regions, or write {shapes} here"
-            ctx.errors.at(item, f"the body has no region {name!r}", known)
-        if name in names:
-            ctx.errors.at(item, f"the region {name!r} is given twice", "name each region once")
-        names.append(name)
-    return tuple(names)
 
 
 def laws_by_edge(node: Node | None) -> dict[str, Node]:

@@ -16,7 +16,7 @@ from tcstudy.read.node import Collector, Node, nearest
 from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT, affine_numbers, path_scene, sweepable
-from tcstudy.scene.records import Clamped, Convection, Scalar, Scene, Traction
+from tcstudy.scene.records import Clamped, Convection, Scalar, Scene, Traction, exchanges
 from tcstudy.scene.study import Goal, MeshPlan, OutputPlan, PathPlan, Quantity, SolverPlan
 from tcstudy.scene.units import LENGTH, LINE_FORCE, NONE, TEMPERATURE, Dimension
 
@@ -180,12 +180,17 @@ def affine_parameters(scene: Scene) -> Iterator[tuple[tuple[str, ...], _Affine]]
     """All parameters of the scene that a path may run along, by key path."""
     heat = scene.heat
     idle = "" if scene.material.expands else "beta is 0, so temperature does not load the body"
-    acts = {"theta"} if heat.theta is not None else {"theta_bar"} if scene.edges(Convection) else set()
-    if "theta_bar" in acts and heat.alpha > 0.0:
+    left = [r for _, r in scene.boundary if exchanges(r) and (r.heat is None or r.heat.theta_bar is None)]
+    acts = {"theta"} if heat.theta is not None else {"theta_bar"} if left else set()
+    if scene.held_theta or any(alpha > 0.0 for _, alpha, _ in scene.exchange):
         acts.add("q")
     for row, name, value in affine_numbers(heat, "heat"):
         if name in acts:
             yield ("heat", name), _Affine(row.dimension, value, idle)
+    for edge, role in scene.boundary:
+        for row, name, value in affine_numbers(role.heat, "edge_heat"):
+            inner = () if isinstance(role, Convection) else ("heat",)
+            yield ("boundary", edge, *inner, name), _Affine(row.dimension, value, idle)
     for row, name, value in affine_numbers(scene, "loads"):
         yield ("loads", name), _Affine(row.dimension, value)
     loads: list[Scalar] = [*scene.f]

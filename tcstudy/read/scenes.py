@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.read.body import BodyReading, check_shape, read_body
-from tcstudy.read.checks import check_corners, check_finite, check_heat, check_laws, check_support, supports
+from tcstudy.read.checks import check_corners, check_finite, check_laws, check_support, supports
 from tcstudy.read.fields import Context
+from tcstudy.read.heat import check_heat, check_held, needed_of_heat, read_heat, read_inline_region
 from tcstudy.read.node import Node, put
 from tcstudy.read.parameters import read_parameters, users, words_in
-from tcstudy.read.physics import read_boundary, read_friction, read_heat, read_inline_region, read_loads, read_materials
+from tcstudy.read.physics import read_boundary, read_friction, read_loads, read_materials
 from tcstudy.read.sweep import Sweep, SweptAxis
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Body, EdgeLaws, Scene
@@ -49,6 +50,7 @@ class SceneReader:
     def __init__(self, ctx: Context, root: Node, sweep: Sweep) -> None:
         self.ctx, self.root, self.sweep = ctx, root, sweep
         self.body = self._body(read_body(ctx, node) if (node := root.child("body")) else BodyReading(None, None))
+        self.needed_of_heat = needed_of_heat(root.child("boundary"))
         self.order = sorted(range(len(sweep.axes)), key=lambda i: len(sweep.axes[i].parameter.path))
         self.named, self.touching = ctx.named, {s: [i for i in self.order if self._touches(i, s)] for s in SECTIONS}
         self.nodes: dict[tuple[str, Indices], Node | None] = {}
@@ -192,7 +194,7 @@ class SceneReader:
         node = root.child(section) if root else None
         optional: dict[str, Callable[[], Any]] = {
             "loads": lambda: read_loads(self.ctx, node),
-            "heat": lambda: read_heat(self.ctx, node, self.regions),
+            "heat": lambda: read_heat(self.ctx, node, self.regions, self.needed_of_heat),
         }
         if section in optional:
             return optional[section]()
@@ -209,6 +211,7 @@ class SceneReader:
                 self.supports.add(held)
                 check_support(self.ctx, node, self.body, boundary)
             check_corners(self.ctx, node, self.body, boundary)
+            check_held(self.ctx, node, self.body, boundary)
         return boundary
 
     def _compare(self, root: Node, values: Mapping[str, Any]) -> None:

@@ -27,16 +27,18 @@ NAME = "^[A-Za-z0-9_]+$"
 ONE_OF = ("hole", "region", "values", "distribution")
 """Sections that hold one of their keys."""
 SOME_TEXT: Schema = {"type": "string", "pattern": r"\S"}
+SYMBOL = "^[A-Za-z](_[A-Za-z0-9]+)?$"
+"""Of the names of parameters, one that a schema can tell from a word: a letter, maybe with an index."""
 TEXTS: dict[str, Schema] = {
     "number_text": {
         "description": "a number with its unit, or an expression without x and y",
         "type": "string",
-        "pattern": "[0-9π√]|pi|(^|[^A-Za-z_])e([^A-Za-z_]|$)",
+        "pattern": "[0-9π√*/+(]|pi|" + SYMBOL,
     },
     "field_text": {
         "description": "a number with its unit, or an expression in x and y",
         "type": "string",
-        "pattern": "[0-9π√]|pi|(^|[^A-Za-z_])[exy]([^A-Za-z_]|$)|^(free|derived)$",
+        "pattern": "[0-9π√*/+(]|pi|(^|[^A-Za-z_])[exy]([^A-Za-z_]|$)|^(free|derived)$|" + SYMBOL,
     },
 }
 NAMED = Key("NAME", "quantity", "")
@@ -130,7 +132,7 @@ def _sweep(made: Callable[[Key], Schema], beside: tuple[str, ...]) -> Schema:
         "properties": {name: _described(row("sweep", name)) for name in beside} | properties,
         "patternProperties": by_edge
         | by_region
-        | {rf"^boundary\.[^.]+\.{name}$": made(one) for name, one in EDGE.items()}
+        | {r"^boundary\.[^.]+\." + r"\.".join(inner) + "$": made(one) for inner, one in EDGE.items()}
         | {r"^parameters\.[A-Za-z_0-9]+$": made(NAMED)},
         "additionalProperties": False,
     }

@@ -11,9 +11,10 @@ from tcstudy.read.checks import check_goal, check_mesh
 from tcstudy.read.document import apply_overrides, compose, load_text, with_sweep
 from tcstudy.read.exact import derived_scenes, read_exact, without_loads
 from tcstudy.read.fields import Context, Fields
+from tcstudy.read.heat import needed_of_heat, read_heat
 from tcstudy.read.node import Collector, Mark, Node, deepest, holds, put, split_path
 from tcstudy.read.parameters import check_swept_names, read_parameters, swept_names
-from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge, read_heat, read_material
+from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge, read_material
 from tcstudy.read.plans import read_mesh, read_output, read_path, read_solver
 from tcstudy.read.scenes import SECTIONS, SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, records
@@ -168,7 +169,11 @@ def _of_sections(ctx: Context, root: Node, sweep: Sweep) -> Sweep:
 
     What is missing then is the section, not one of its keys in the sweep. The optional section `heat` is recorded here.
     """
-    lost = {section for section in SECTIONS if root.child(section) is None and not _made_by(ctx, section, sweep)}
+    lost = {
+        section
+        for section in SECTIONS
+        if root.child(section) is None and not _made_by(ctx, section, sweep, root.child("boundary"))
+    }
     for section in sorted(lost & set(OPTIONAL)):
         swept = next(axis.key for axis in sweep.axes if axis.parameter.path[0] == section)
         remedy = "add heat: {alpha: ..., theta_bar: ...}, or remove it from the sweep"
@@ -176,7 +181,7 @@ def _of_sections(ctx: Context, root: Node, sweep: Sweep) -> Sweep:
     return replace(sweep, axes=tuple(axis for axis in sweep.axes if axis.parameter.path[0] not in lost))
 
 
-def _made_by(ctx: Context, section: str, sweep: Sweep) -> bool:
+def _made_by(ctx: Context, section: str, sweep: Sweep, boundary: Node | None) -> bool:
     """Whether the swept keys of a section are all that it needs; true if none is swept."""
     axes = [axis for axis in sweep.axes if axis.parameter.path[0] == section and axis.values]
     if not axes or any(axis.parameter.path == (section,) for axis in axes):
@@ -188,7 +193,7 @@ def _made_by(ctx: Context, section: str, sweep: Sweep) -> bool:
         return False
     read: dict[str, Callable[[], object]] = {
         "material": lambda: read_material(probe, made),
-        "heat": lambda: read_heat(probe, made, None),
+        "heat": lambda: read_heat(probe, made, None, needed_of_heat(boundary)),
         "loads": lambda: True,
     }
     read[section]()
@@ -238,6 +243,17 @@ def _refuse_one_material(ctx: Context, root: Node, mesh: MeshPlan | None, output
         ctx.errors.at(node, f"{one} a live page takes one", "remove live: true")
 
 
+def _refuse_heat_by_edge(ctx: Context, root: Node, plans: _Plans) -> None:
+    """What takes one α and one θ̄ on all of Γ_θ only."""
+    one = "an edge has heat of its own, and"
+    if plans.exact and plans.exact.derived and (node := root.child("exact")):
+        ctx.errors.at(node, f"{one} loads are derived for the section heat only", "give the loads, or loads: given")
+    if plans.output and plans.output.live and (node := root.child("output")):
+        ctx.errors.at(node, f"{one} a live page takes one alpha and one theta_bar", "remove live: true")
+    if plans.output and plans.output.sensitivity and (node := root.child("output")):
+        ctx.errors.at(node, f"{one} results are not differentiated then", "remove sensitivity")
+
+
 def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scenes: Sequence[Scene]) -> _Plans:
     """Meshes, solver, output and the exact solution."""
     before, body = len(ctx.errors), reader.body
@@ -264,4 +280,7 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
         _refuse_one_law(ctx, root, mesh, output)
     if root.child("materials"):
         _refuse_one_material(ctx, root, mesh, output)
-    return _Plans(mesh, solver, output, exact, path)
+    plans = _Plans(mesh, solver, output, exact, path)
+    if scenes and scenes[0].heat_by_edge:
+        _refuse_heat_by_edge(ctx, root, plans)
+    return plans

@@ -56,7 +56,7 @@ class Halved:
         self.triangles = ElementGeometry(fine)
         self._prolong = prolongation(mesh.points, fine.points, fine.triangles)
         self.parent = _parents(mesh, fine, self._prolong.matrix)
-        self._heat: dict[tuple[float, float], scipy.sparse.linalg.SuperLU] = {}
+        self._heat: dict[tuple[tuple[float, ...], float], scipy.sparse.linalg.SuperLU] = {}
 
     @cached_property
     def _coarse_nodes(self) -> int:
@@ -113,17 +113,24 @@ class Halved:
 
     def dual_temperature(self, scene: Scene, z: Array) -> Array:
         """ζ (n_f,) with c(ζ, φ) = β∫φ div z for all φ: the change of a goal with the heat that goes in."""
-        heat, alpha, k = self.level.heat, scene.heat.alpha, scene.material.k
+        heat, k = self.level.heat, scene.material.k
         assert k is not None
-        if (alpha, k) not in self._heat:
-            nodes, robin = heat.robin_nodes, sp.coo_array(heat.robin_mass)
+        alphas = {edge: alpha for edge, alpha, _ in scene.exchange}
+        free = np.setdiff1d(np.arange(self.level.mesh.n_points), heat.nodes_on(heat.held))
+        key = (tuple(alphas.values()), k)
+        if key not in self._heat:
+            one = len({*alphas.values()}) == 1
+            weighted = max(alphas.values()) * heat.robin_mass if one else heat.exchange(alphas)
+            nodes, robin = heat.kept_nodes, sp.coo_array(weighted)
             at = (nodes[robin.row], nodes[robin.col])
             on_boundary = sp.coo_array((robin.data, at), shape=heat.conduction.shape)
-            matrix = sp.csc_array(k * heat.conduction + alpha * on_boundary)
-            self._heat = {(alpha, k): scipy.sparse.linalg.splu(matrix)}  # one factor at a time: they are large
+            matrix = sp.csc_array(k * heat.conduction + on_boundary)[free][:, free]
+            self._heat = {key: scipy.sparse.linalg.splu(matrix)}  # one factor at a time: they are large
         own = self.triangles.gradient(z.reshape(2, -1).T)
         dilation = (own[:, 0, 0] + own[:, 1, 1]) * self.triangles.area / 3.0
-        return self._heat[alpha, k].solve(scene.material.beta * (self.triangles.incidence @ dilation))
+        zeta = np.zeros(self.level.mesh.n_points)
+        zeta[free] = self._heat[key].solve(scene.material.beta * (self.triangles.incidence @ dilation)[free])
+        return zeta
 
 
 def _parents(coarse: PlaneMesh, fine: PlaneMesh, prolong: sp.csr_array) -> NDArray[np.intp]:

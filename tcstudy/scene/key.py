@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from tcstudy.scene.units import NONE, Dimension
@@ -124,3 +125,8 @@ class Key:
     def suggestion(self) -> str:
         """A value that it might have."""
         return self.example or (self.dimension.example if self.dimension != NONE else "...")
+
+
+def in_section(section: str, *found: Key) -> Iterable[Key]:
+    """Rows put into a section."""
+    return (replace(one, section=section) for one in found)

@@ -11,25 +11,16 @@ Parameters of friction laws are not here but with their laws (`scene.laws.SHAPES
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
 from functools import cache
 from typing import get_args
 
 from tcstudy.scene import units as u
 from tcstudy.scene.designs import DESIGNS, DISTRIBUTIONS
+from tcstudy.scene.edge_keys import EDGE_ROWS
 from tcstudy.scene.families import FAMILIES
-from tcstudy.scene.key import Key
+from tcstudy.scene.key import Key, in_section
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.study import BRANCHES, MOST_REFINE, SOLVERS, Direction, MeshPlan, PathPlan, SolverPlan, Start
-
-
-def _in(section: str, *found: Key) -> Iterable[Key]:
-    return (replace(one, section=section) for one in found)
-
-
-def _component(name: str, meaning: str) -> Key:
-    return Key(name, "component", meaning, u.LENGTH, swept=True, affine=True, roles=("clamped",))
 
 
 def _shape(name: str) -> Key:
@@ -41,13 +32,13 @@ def _share(name: str, meaning: str, least: float, default: float) -> Key:
 
 
 _MOST_LEVELS = max(family.max_levels for family in FAMILIES.values())
-_MESH, _SOLVER, _ROLES = MeshPlan((), 1), SolverPlan(), ("clamped", "traction", "contact", "convection", "free")
+_MESH, _SOLVER = MeshPlan((), 1), SolverPlan()
 _PATH = {name: field.default for name, field in PathPlan.__dataclass_fields__.items()}
 _STRENGTH = Key("strength", "field", "factor of the law, 0 in a gap of the bond", default=1.0, example="1", swept=True)
-_LOADED, _HOLE = ("traction", "convection"), ("circle", "rectangle", "outline")
+_HOLE = ("circle", "rectangle", "outline")
 
 ROWS: tuple[Key, ...] = (
-    *_in(
+    *in_section(
         "",
         Key("title", "text", "says what the study is", fixed="a study has one title"),
         Key("institution", "text", "who made the data", fixed="a study has one institution"),
@@ -87,9 +78,8 @@ ROWS: tuple[Key, ...] = (
             "heat",
             "section",
             "`alpha` and `theta_bar`, or a known `theta`; without the section the temperature is 0. Temperatures count "
-            "from the stress-free state, so 293 K is no room temperature. θ cannot be prescribed on an edge: an edge "
-            "conducts only by `convection`, every other one, a clamped one too, is insulated (a very large `alpha` "
-            "comes near to a prescribed θ)",
+            "from the stress-free state, so 293 K is no room temperature. An edge passes heat by the role `convection` "
+            "or by [a `heat` of its own](#heat-by-edge) beside another role; every other edge is insulated",
             of=("heat",),
         ),
         Key(
@@ -137,7 +127,7 @@ ROWS: tuple[Key, ...] = (
             short="path",
         ),
     ),
-    *_in(
+    *in_section(
         "body",
         Key("outline", "sections", "its edges, a list, counter-clockwise", of=("outline",), least=2),
         Key("rectangle", "section", "with the edges bottom, right, top, left", of=("block",)),
@@ -145,7 +135,7 @@ ROWS: tuple[Key, ...] = (
         Key("holes", "sections", "a list of shapes, each with the name of its edge", of=("hole",)),
         Key("regions", "named sections", "shapes by name, for heat sources and `materials`", of=("region",)),
     ),
-    *_in(
+    *in_section(
         "outline",
         Key(
             *("from", "point", "where the edge begins; it ends where the next one begins", u.LENGTH, "[0 mm, 0 mm]"),
@@ -154,15 +144,17 @@ ROWS: tuple[Key, ...] = (
         Key("edge", "name", "its name; several edges may share one", example="NAME", required=True),
         Key("through", "point", "makes it a circular arc", u.LENGTH, "[0 mm, 20 mm]"),
     ),
-    *_in(
+    *in_section(
         "block",
         Key("width", "number", "in x", u.LENGTH, "50 mm", required=True, above=0.0),
         Key("height", "number", "in y", u.LENGTH, "20 mm", required=True, above=0.0),
         Key("corner", "point", "lower left", u.LENGTH, "[0 mm, 0 mm]", default=[0, 0]),
         Key("edges", "section", "other names of its edges", example="{bottom: NAME}", of=("sides",)),
     ),
-    *_in("sides", *(Key(side, "name", f"name of the {side} edge") for side in ("bottom", "right", "top", "left"))),
-    *_in(
+    *in_section(
+        "sides", *(Key(side, "name", f"name of the {side} edge") for side in ("bottom", "right", "top", "left"))
+    ),
+    *in_section(
         "file",
         Key("path", "text", "relative to the study, .step, .stp or .brep", example="part.step", required=True),
         Key("edges", "named points", "a point on every named edge", u.LENGTH, "{NAME: [[0, 0]]}", required=True),
@@ -170,43 +162,24 @@ ROWS: tuple[Key, ...] = (
         Key("unit", "text", "its unit of length (default: mm, m for .brep)", example="mm"),
         Key("other", "name", "name of all other edges", example="NAME"),
     ),
-    *_in("hole", *map(_shape, _HOLE)),
-    *_in("region", *(Key(shape, "section", "", of=(shape,)) for shape in ("circle", "rectangle"))),
-    *_in("region", Key("polygon", "points", "its corners", u.LENGTH, "[[0 mm, 0 mm], ...]", least=3)),
-    *_in(
+    *in_section("hole", *map(_shape, _HOLE)),
+    *in_section("region", *(Key(shape, "section", "", of=(shape,)) for shape in ("circle", "rectangle"))),
+    *in_section("region", Key("polygon", "points", "its corners", u.LENGTH, "[[0 mm, 0 mm], ...]", least=3)),
+    *in_section(
         "circle",
         Key("center", "point", "", u.LENGTH, "[0 mm, 0 mm]", required=True),
         Key("radius", "number", "", u.LENGTH, "10 mm", required=True, above=0.0),
         Key("edge", "name", "name of a hole's edge", example="NAME"),
     ),
-    *_in(
+    *in_section(
         "rectangle",
         Key("corner", "point", "lower left", u.LENGTH, "[0 mm, 0 mm]", required=True),
         Key("width", "number", "in x", u.LENGTH, "50 mm", required=True, above=0.0),
         Key("height", "number", "in y", u.LENGTH, "20 mm", required=True, above=0.0),
         Key("edge", "name", "name of a hole's edges", example="NAME"),
     ),
-    *_in(
-        "boundary",
-        Key("role", "choice", "of the edge", example="clamped", required=True, words=_ROLES),
-        Key(
-            *("u", "displacement", "both components (default: 0; `free` frees one)", u.LENGTH),
-            swept=True,
-            roles=("clamped",),
-        ),
-        _component("u_x", "displacement in x; a component left out is free"),
-        _component("u_y", "displacement in y"),
-        _component("u_N", "displacement along the outward normal"),
-        _component("u_T", "displacement along the edge"),
-        Key("g", "vector", "traction", u.TRACTION, swept=True, affine=True, roles=_LOADED),
-        Key(
-            *("pressure", "field", "on the edge, positive when it pushes", u.TRACTION),
-            swept=True,
-            affine=True,
-            roles=_LOADED,
-        ),
-    ),
-    *_in(
+    *EDGE_ROWS,
+    *in_section(
         "material",
         Key("E", "number", "Young's modulus", u.TRACTION, "210 GPa", above=0.0, swept=True),
         Key("nu", "number", "Poisson's ratio", u.NONE, "0.3", above=-1.0, below=0.5, swept=True),
@@ -217,11 +190,11 @@ ROWS: tuple[Key, ...] = (
         Key("alpha_T", "number", "thermal expansion", u.EXPANSION, default=0.0, swept=True),
         Key("beta", "number", "stress–temperature modulus β in its place", u.THERMAL_STRESS, swept=True),
     ),
-    *_in(
+    *in_section(
         "loads",
         Key("f", "vector", "body force", u.BODY_FORCE, "[0, -77 kN/m^3]", required=True, swept=True, affine=True),
     ),
-    *_in(
+    *in_section(
         "heat",
         Key("alpha", "number", "heat transfer coefficient", u.HEAT_TRANSFER, least=0.0, swept=True),
         Key("theta_bar", "field", "temperature of the surroundings", u.TEMPERATURE, swept=True, affine=True),
@@ -229,8 +202,8 @@ ROWS: tuple[Key, ...] = (
         Key("omega", "names", "where the source is: a region, several, or a shape (default: everywhere)", swept=True),
         Key("theta", "field", "known temperature of the whole body", u.TEMPERATURE, swept=True, affine=True),
     ),
-    *_in("friction", Key("law", "choice", "", example="tresca", required=True, words=tuple(SHAPES)), _STRENGTH),
-    *_in(
+    *in_section("friction", Key("law", "choice", "", example="tresca", required=True, words=tuple(SHAPES)), _STRENGTH),
+    *in_section(
         "mesh",
         Key("maxh", "sizes", "element size, or a list of them", u.LENGTH, "10 mm", required=True, above=0.0),
         Key("levels", "integer", "number of meshes", default=1, least=1, most=_MOST_LEVELS),
@@ -251,15 +224,17 @@ ROWS: tuple[Key, ...] = (
         Key("known", "quantity", "the goal's exact value"),
         Key("estimate", "flag", "estimate errors on uniform and graded meshes too", default=_MESH.estimate),
     ),
-    *_in("goal", Key("u_T", "point", "slip at a point of a contact edge", u.LENGTH, "[20 mm, 0 mm]", required=True)),
-    *_in(
+    *in_section(
+        "goal", Key("u_T", "point", "slip at a point of a contact edge", u.LENGTH, "[20 mm, 0 mm]", required=True)
+    ),
+    *in_section(
         "solver",
         Key("name", "one or more", "of the solver", words=SOLVERS, example=SOLVERS[0], default=_SOLVER.names[0]),
         Key("tolerance", "number", "largest inclusion residual, strict", example="1e-10", above=0.0, below=1.0),
         Key("max_iterations", "integer", "of one solve", least=1),
         Key("branch", "choice", "which solution is stored", words=BRANCHES, default=_SOLVER.branch),
     ),
-    *_in(
+    *in_section(
         "sweep",
         Key(
             *("mode", "choice", "`zip` reads lists together; the last four draw points"),
@@ -275,13 +250,13 @@ ROWS: tuple[Key, ...] = (
         Key("seed", "integer", "of the drawn points", example="7", default=0, least=0),
         Key("h", "sizes or tolerance", "element sizes, or `{tolerance, of, max_levels, known}`", u.LENGTH, above=0.0),
     ),
-    *_in(
+    *in_section(
         "values",
         Key("linspace", "span", "`[a, b, n]`: n values from a to b, equally spaced", example="[a, b, n]"),
         Key("geomspace", "span", "the same with equal ratios", example="[a, b, n]"),
     ),
     *DISTRIBUTIONS,
-    *_in(
+    *in_section(
         "exact",
         Key("u", "vector", "displacement", u.LENGTH, '["0.1*sin(pi*x)", "0"]', required=True),
         Key("theta", "field", "temperature", u.TEMPERATURE),
@@ -289,7 +264,7 @@ ROWS: tuple[Key, ...] = (
         Key("exponent", "number", "of its singularity", above=0.0),
         Key("loads", "choice", "`derived`: it also makes the loads", words=("given", "derived"), default="given"),
     ),
-    *_in(
+    *in_section(
         "path",
         Key("parameter", "text", "what varies, or `load`", example="theta_bar", required=True),
         Key("from", "quantity", "where the path starts", example="0 K", required=True),
@@ -303,7 +278,7 @@ ROWS: tuple[Key, ...] = (
         Key("level", "integer", "mesh level (default: finest)", least=0),
         Key("law_error", "number", "relative, of a smooth law's polygon", above=0.0, default=_PATH["law_error"]),
     ),
-    *_in(
+    *in_section(
         "output",
         Key("path", "text", "of the file (default: results/<study>.nc)", example="results/study.nc"),
         Key("fields", "flag", "keep θ and u of the whole body", default=False),

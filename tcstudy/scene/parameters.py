@@ -45,14 +45,19 @@ class Parameter:
         return isinstance(value, Mapping) and any(key in value for key in WHOLE[self.row.kind])
 
 
+OF_EDGES = ("boundary", "edge_heat")
+"""Sections whose keys belong to one edge."""
 PLAIN: dict[Keys, Parameter] = {
     path: Parameter(path, row)
     for row in ROWS
-    if row.swept and row.section != "boundary" and (path := (row.section, row.name) if row.section else (row.name,))
+    if row.swept and row.section not in OF_EDGES and (path := (row.section, row.name) if row.section else (row.name,))
 }
 """Parameters of every study but those of the law and of the edges."""
-EDGE = {row.name: row for row in rows("boundary").values() if row.swept}
-"""Parameters of one edge."""
+EDGE: dict[Keys, Key] = {
+    **{(row.name,): row for row in rows("boundary").values() if row.swept},
+    **{("heat", row.name): row for row in rows("edge_heat").values() if row.swept},
+}
+"""Parameters of one edge, by path in its mapping."""
 
 FIXED = {row.name: row.fixed for row in rows("").values() if row.fixed}
 """Sections that cannot be swept, and what to do instead."""
@@ -84,8 +89,9 @@ def sweepable(
                 path = (*place, row.name)
                 found.setdefault(path, Parameter(path, row))
     for edge, taken in edges.items():
-        for name, row in EDGE.items():
-            found["boundary", edge, name] = Parameter(("boundary", edge, name), row, idle=name not in taken)
+        for inner, row in EDGE.items():
+            path = ("boundary", edge, *inner)
+            found[path] = Parameter(path, row, idle=inner[0] not in taken)
     return found
 
 
@@ -113,7 +119,7 @@ def path_scene(scene: Scene, parameter: tuple[str, ...], t: float) -> Scene:
         return replace(scene, heat=_put(scene.heat, section, key, t))
     if section == "loads":
         return replace(scene, f=_put(scene, section, key, t).f)
-    if section == "boundary" and len(parameter) == 3:
+    if section == "boundary" and len(parameter) > 2:
         edge = parameter[1]
         boundary = tuple((name, _role(role, key, t) if name == edge else role) for name, role in scene.boundary)
         return replace(scene, boundary=boundary)
@@ -122,10 +128,12 @@ def path_scene(scene: Scene, parameter: tuple[str, ...], t: float) -> Scene:
 
 def affine_numbers(record: object, section: str) -> Iterator[tuple[Key, str, Scalar]]:
     """(key, name, value) of every number of a record in which the load is affine; u of a clamped edge is not among
-    them, as its names depend on the frame."""
+    them, as its names depend on the frame, and nothing that is not given."""
     for row in rows(section).values():
         if row.affine and hasattr(record, row.name):
             value = getattr(record, row.name)
+            if value is None:
+                continue
             for name, part in zip(row.numbers, value if row.kind == "vector" else (value,), strict=True):
                 yield row, name, part
 
@@ -148,6 +156,8 @@ def _role(role: Role, key: str, t: float) -> Role:
         return replace(role, u=(t, role.u[1]))
     if isinstance(role, Clamped) and key in ("u_y", "u_T"):
         return replace(role, u=(role.u[0], t))
+    if key in rows("edge_heat"):
+        return replace(role, heat=_put(role.heat, "edge_heat", key, t))
     found: Role = _put(role, "boundary", key, t)
     return found
 

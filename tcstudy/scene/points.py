@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
-from tcstudy.scene.records import Body, Convection, Scene
+from tcstudy.scene.records import Body, Scene
 from tcstudy.scene.study import Study
 
 SECTIONS = ("boundary", "material", "f", "heat", "friction")
@@ -128,9 +128,11 @@ FELT = ("boundary", *THERMAL)
 def needs_heat_solve(scene: Scene) -> bool:
     """True if the temperature must be computed and is not simply known."""
     heat = scene.heat
-    if not scene.material.expands or heat.theta is not None or not scene.edges(Convection):
+    if not scene.material.expands or heat.theta is not None or not scene.conducts:
         return False
-    return isinstance(heat.theta_bar, Expression) or isinstance(heat.q, Expression) or heat.q != 0.0
+    given = {theta_bar for _, _, theta_bar in scene.exchange} | {theta for _, theta in scene.held_theta}
+    varies = len(given) > 1 or any(isinstance(theta, Expression) for theta in given)
+    return varies or isinstance(heat.q, Expression) or heat.q != 0.0 or bool(scene.flux)
 
 
 def why_no_heat(scenes: Sequence[Scene]) -> str:
@@ -140,7 +142,7 @@ def why_no_heat(scenes: Sequence[Scene]) -> str:
         return "beta is 0, so temperature does not load the body"
     if scene.heat.theta is not None:
         return "theta is known"
-    if not scene.edges(Convection):
+    if not scene.conducts:
         return "the study has no heat"
     return "q is 0 and theta_bar is constant, so theta = theta_bar exactly"
 
@@ -170,7 +172,9 @@ def _felt(scene: Scene) -> Iterator[object]:
     heat, all_of = scene.heat, scene.material.all
     yield from ((one.lam, one.mu) for one in all_of)
     if needs_heat_solve(scene):
-        yield from ((one.beta, heat, one.k) for one in all_of)
+        yield from ((one.beta, one.k) for one in all_of)
+        yield heat.q, heat.omega, scene.exchange, scene.held_theta, scene.flux
     elif scene.material.expands:
+        given = (*(theta_bar for _, _, theta_bar in scene.exchange), *(theta for _, theta in scene.held_theta))
         yield from (one.beta for one in all_of)
-        yield heat.theta if heat.theta is not None else (scene.edges(Convection) and heat.theta_bar)
+        yield heat.theta if heat.theta is not None else given[:1]

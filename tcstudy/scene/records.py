@@ -18,6 +18,11 @@ Scalar = float | Expression
 """A quantity that is one number or an expression in x and y."""
 
 
+def value_at(scalar: Scalar, at: Point) -> float:
+    """A number, or the value of an expression at a point."""
+    return float(scalar.evaluate(at[0], at[1])) if isinstance(scalar, Expression) else float(scalar)
+
+
 @dataclass(frozen=True)
 class Edge:
     """A straight edge, or a circular arc through a third point. The next edge starts where this one ends."""
@@ -72,6 +77,24 @@ class Body:
 
 
 @dataclass(frozen=True)
+class EdgeHeat:
+    """What an edge does to heat by itself: it holds a temperature, or heat flows in, or it exchanges heat.
+
+    k∂θ/∂n = flux − α(θ − θ̄), or θ given.
+
+    theta:     temperature held on the edge; then nothing else is given [K]
+    flux:      heat into the body [W/m²]
+    alpha:     heat transfer coefficient; None for that of the section `heat` [W/(m² K)]
+    theta_bar: temperature of the surroundings of the edge; None for that of the section `heat` [K]
+    """
+
+    theta: Scalar | None = None
+    flux: Scalar = 0.0
+    alpha: float | None = None
+    theta_bar: Scalar | None = None
+
+
+@dataclass(frozen=True)
 class Clamped:
     """Γ_D: prescribed displacement, per component; None leaves a component free (a roller).
 
@@ -81,6 +104,7 @@ class Clamped:
 
     u: tuple[Scalar | None, Scalar | None] = (0.0, 0.0)
     frame: Literal["xy", "nt"] = "xy"
+    heat: EdgeHeat | None = None
 
 
 @dataclass(frozen=True)
@@ -89,11 +113,14 @@ class Traction:
 
     g: tuple[Scalar, Scalar] = (0.0, 0.0)
     pressure: Scalar = 0.0
+    heat: EdgeHeat | None = None
 
 
 @dataclass(frozen=True)
 class Contact:
     """Γ_C: u_N = 0 and −S_T ∈ b̂(u_T), eq. (4)."""
+
+    heat: EdgeHeat | None = None
 
 
 @dataclass(frozen=True)
@@ -102,14 +129,23 @@ class Convection:
 
     g: tuple[Scalar, Scalar] = (0.0, 0.0)
     pressure: Scalar = 0.0
+    heat: EdgeHeat | None = None
 
 
 @dataclass(frozen=True)
 class Free:
-    """Neither load nor heat."""
+    """Neither load nor, by itself, heat."""
+
+    heat: EdgeHeat | None = None
 
 
 Role = Clamped | Traction | Contact | Convection | Free
+
+
+def exchanges(role: Role) -> bool:
+    """True if an edge is part of Γ_θ."""
+    own = role.heat
+    return isinstance(role, Convection) or (own is not None and (own.alpha, own.theta_bar) != (None, None))
 
 
 BODY = "body"
@@ -160,8 +196,8 @@ class Heat:
     """The temperature above the stress-free state: known, or by conduction, eqs. (2), (5).
 
     theta:     a known temperature field; then nothing else here is used [K]
-    alpha:     heat transfer coefficient on Γ_θ [W/(m² K)]
-    theta_bar: temperature of the surroundings [K]
+    alpha:     heat transfer coefficient on Γ_θ, where an edge has none of its own [W/(m² K)]
+    theta_bar: temperature of the surroundings, where an edge has none of its own [K]
     q:         source density in ω [W/m³]
     omega:     names of the regions that make up ω; empty for the whole body
     """
@@ -232,6 +268,40 @@ class Scene:
     def edges(self, *kinds: type) -> tuple[str, ...]:
         """Names of the edges with one of the given roles, in the order of the study."""
         return tuple(name for name, role in self.boundary if isinstance(role, kinds))
+
+    # -- heat by edge ------------------------------------------------------------------------------
+
+    @property
+    def heat_by_edge(self) -> bool:
+        """True if an edge does something to heat by itself."""
+        return any(role.heat is not None for _, role in self.boundary)
+
+    @property
+    def exchange(self) -> tuple[tuple[str, float, Scalar], ...]:
+        """(edge, α, θ̄) of Γ_θ, in the order of the study."""
+        return tuple((name, *self._exchange(role.heat)) for name, role in self.boundary if exchanges(role))
+
+    def _exchange(self, own: EdgeHeat | None) -> tuple[float, Scalar]:
+        own = own or EdgeHeat()
+        alpha = self.heat.alpha if own.alpha is None else own.alpha
+        return alpha, self.heat.theta_bar if own.theta_bar is None else own.theta_bar
+
+    @property
+    def held_theta(self) -> tuple[tuple[str, Scalar], ...]:
+        """(edge, θ) of the edges whose temperature is given, in the order of the study."""
+        own = ((name, role.heat) for name, role in self.boundary if role.heat is not None)
+        return tuple((name, heat.theta) for name, heat in own if heat.theta is not None)
+
+    @property
+    def flux(self) -> tuple[tuple[str, Scalar], ...]:
+        """(edge, heat into the body) of the edges through which a given heat flows, in the order of the study."""
+        own = ((name, role.heat) for name, role in self.boundary if role.heat is not None)
+        return tuple((name, heat.flux) for name, heat in own if heat.flux != 0.0)
+
+    @property
+    def conducts(self) -> bool:
+        """True if temperature is decided by an edge: one that exchanges heat, or whose temperature is given."""
+        return any(exchanges(role) for _, role in self.boundary) or bool(self.held_theta)
 
 
 @dataclass(frozen=True)

@@ -33,11 +33,13 @@ STIFFNESS = Dimension("a traction per slip", "Pa/m", "Pa m-1", "5e9 Pa/m")
 BODY_FORCE = Dimension("a force per volume", "N/m^3", "N m-3", "-77 kN/m^3")
 LINE_FORCE = Dimension("a force per length", "N/m", "N m-1", "30 kN/m")
 HEAT_SOURCE = Dimension("a heat source density", "W/m^3", "W m-3", "5e6 W/m^3")
+HEAT_FLUX = Dimension("a heat flux", "W/m^2", "W m-2", "500 W/m^2")
 HEAT_TRANSFER = Dimension("a heat transfer coefficient", "W/(m^2*K)", "W m-2 K-1", "100 W/(m^2*K)")
 TEMPERATURE = Dimension("a temperature difference", "K", "K", "20 K")
 CONDUCTIVITY = Dimension("a thermal conductivity", "W/(m*K)", "W m-1 K-1", "45 W/(m*K)")
 EXPANSION = Dimension("a coefficient of thermal expansion", "1/K", "K-1", "12e-6 1/K")
 THERMAL_STRESS = Dimension("a stress per temperature", "Pa/K", "Pa K-1", "6 MPa/K")
+VELOCITY = Dimension("a velocity", "m/s", "m s-1", "0.5 m/s")
 
 USUAL = ("nm", "um", "mm", "cm", "m", "Pa", "kPa", "MPa", "GPa", "N", "kN", "mW", "W", "kW", "K", "kg", "s", "J")
 """Units that are suggested when one is misspelt in upper and lower case."""
@@ -88,7 +90,7 @@ def to_si(number: str, unit: str, dimension: Dimension) -> float:
 
 DIMENSIONS = (
     *(NONE, LENGTH, TRACTION, STIFFNESS, BODY_FORCE, LINE_FORCE, HEAT_SOURCE, HEAT_TRANSFER, TEMPERATURE),
-    *(CONDUCTIVITY, EXPANSION, THERMAL_STRESS),
+    *(CONDUCTIVITY, EXPANSION, THERMAL_STRESS, HEAT_FLUX, VELOCITY),
 )
 
 

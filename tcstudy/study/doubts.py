@@ -77,7 +77,8 @@ def _warm(scene: Scene) -> bool:
     """Whether there is a temperature."""
     if scene.heat.theta is not None:
         return scene.heat.theta != 0.0
-    return bool(scene.edges(Convection)) and (scene.heat.theta_bar != 0.0 or scene.heat.q != 0.0)
+    given = (*(bar for _, _, bar in scene.exchange), *(theta for _, theta in scene.held_theta))
+    return any(theta != 0.0 for theta in given) or bool(given and (scene.heat.q != 0.0 or scene.flux))
 
 
 def _pushes(scene: Scene) -> bool:
@@ -98,6 +99,13 @@ def _absolute(scenes: Sequence[Scene]) -> Iterator[str]:
                 f"{key} = {seen[0]:g} K: temperatures count from the stress-free state, so the body is heated by as "
                 "much; if it is an absolute temperature, write the difference"
             )
+    held = (
+        {(edge, theta) for scene in distinct(scenes, "boundary") for edge, theta in scene.held_theta} if heated else ()
+    )
+    for edge, theta in sorted((e, v) for e, v in held if not isinstance(v, Expression)):
+        if AMBIENT[0] <= theta <= AMBIENT[1]:
+            yield f"theta = {theta:g} K on {edge}: temperatures count from the stress-free state; write the difference"
+            return
 
 
 def pinned_note(count: int, remedy: str) -> Iterator[str]:

@@ -15,6 +15,7 @@ from tcstudy.errors import GeometryFailed, StoreError, UserFault
 from tcstudy.exact.loads import description
 from tcstudy.fem.meshes import SAMPLE, triangles_a_second
 from tcstudy.offline.level import Level
+from tcstudy.offline.loads import exchange_level
 from tcstudy.read.document import located
 from tcstudy.scene.points import FELT, count_points, distinct, idle_notes, needs_heat_solve, why_no_heat
 from tcstudy.scene.study import MeshPlan, Study
@@ -126,11 +127,21 @@ def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> list[str]:
         notes.insert(0, study.design.note)
     if (derived := description(study)) is not None:
         notes.insert(0, derived)
-    notes += [*locking_notes(study.scenes), *_meshing_note(study, levels)]
+    notes += [*_heat_by_edge(study), *locking_notes(study.scenes), *_meshing_note(study, levels)]
     down = count_points(study.scenes, ("friction",), lambda s: any(math.isinf(law.omega) for law in s.laws))
     if down:
         notes.append(f"{down} of {len(study.scenes)} points have a law with down-jumps: solutions may not be unique")
     return notes
+
+
+def _heat_by_edge(study: Study) -> list[str]:
+    """What edges that have heat of their own share."""
+    scenes = distinct(study.scenes, *FELT)
+    if not any(scene.heat_by_edge and needs_heat_solve(scene) for scene in scenes):
+        return []
+    sets = len({exchange_level(scene)[1] for scene in scenes})
+    modes = "one set of modes" if sets == 1 else f"{sets} sets of modes, one for each ratio of alpha between edges,"
+    return [f"heat by edge: one factorisation and {modes} on a level serve all alpha, theta_bar, theta, flux and q"]
 
 
 def warnings(study: Study) -> list[str]:

@@ -110,9 +110,7 @@ def _stages(level: Level, scene: Scene, clock: Clock) -> Iterator[float]:
     least_eigenvalue(body.A_tilde(mu), level.line.c)
     lowest = clock()
     yield elastic - lowest
-    level.temperatures.conduction().heat_in(
-        1.0, scene.heat.omega
-    )  # the heat factor, its spectrum and the condensed source
+    level.temperatures._parts(scene)  # the heat factor, its spectrum and the condensed source
     yield clock()
     condensed = level.condensed(scene)
     yield clock()

@@ -65,7 +65,7 @@ def solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def reference(scene: Scene, level: Level) -> np.ndarray:
     """θ from the whole system kK + αM in extended precision, refined with a residual that conserves heat."""
-    K, forms, robin = conduction(level), level.heat, level.heat.robin_nodes
+    K, forms, robin = conduction(level), level.heat, level.heat.kept_nodes
     M = forms.robin_mass.astype(Extended)
     b = forms.source(scene.heat.q, scene.heat.omega).astype(Extended)
     b[robin] += Extended(scene.heat.alpha) * forms.surroundings(scene.heat.theta_bar)

@@ -131,7 +131,7 @@ def test_temperature_equals_an_assembled_solve(alpha: float) -> None:
     study = study_of(HEATED_BRACKET, f"heat.alpha={alpha!r}")
     scene, level = study.scenes[0], levels_of(study)[1]
     forms, k = level.heat, 0.7
-    robin, n = forms.robin_nodes, forms.mesh.n_points
+    robin, n = forms.kept_nodes, forms.mesh.n_points
     weight = np.zeros(n)
     weight[robin] = forms.robin_mass.sum(axis=0)
     moments = np.zeros(n)

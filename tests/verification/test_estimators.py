@@ -109,7 +109,7 @@ def test_what_heat_does_to_a_goal() -> None:
     work = scene.material.beta * float(mean @ (slope[:, 0, 0] + slope[:, 1, 1]))
     zeta = halved.dual_temperature(scene, z)
     put_in = zeta @ heat.source(scene.heat.q, ()) + scene.heat.alpha * float(
-        zeta[heat.robin_nodes] @ heat.surroundings(scene.heat.theta_bar)
+        zeta[heat.kept_nodes] @ heat.surroundings(scene.heat.theta_bar)
     )
     assert put_in == pytest.approx(work, rel=1e-10)
 

@@ -1,0 +1,200 @@
+"""Heat by edge: temperatures, fluxes and exchange of an edge by itself, against closed forms and a plain solve."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from tcstudy.fem.boundary import values_at
+from tcstudy.fem.geometry import build
+from tcstudy.offline import conduction
+from tcstudy.offline.level import Level
+from tcstudy.read.study import read_study
+from tcstudy.refine.survey import Survey
+from tcstudy.scene.parameters import path_scene
+from tcstudy.scene.records import Scene
+from tcstudy.solvers.contact import solve_contact
+from tcstudy.study.path_affine import affine_load
+from tests.test_cli import CONFIGS
+from tests.verification.scenes import HEATED_BRACKET, levels_of, mesh_family, study_of
+
+SLAB = """
+units: none
+body: {rectangle: {width: 2, height: 0.5}}
+boundary: {bottom: contact, left: LEFT, right: RIGHT, top: free}
+material: {E: 1, nu: 0.3, k: 4, alpha_T: 1e-3}
+friction: {law: tresca, tau: 1e-4}
+mesh: {maxh: 0.25}
+"""
+HELD, FLUX = "{role: clamped, heat: {theta: 80}}", "{role: clamped, heat: {flux: 30}}"
+HOT, COLD = "{role: clamped, heat: {alpha: 5, theta_bar: 90}}", "{role: convection, alpha: 2, theta_bar: 20}"
+HELD_TOO = "{role: traction, pressure: 0.1, heat: {theta: 20}}"
+R = 2.0 / 4.0
+"""Resistance of the slab, L/k."""
+
+
+def slab(left: str, right: str) -> tuple[Scene, Level]:
+    study = study_of(SLAB.replace("LEFT", left).replace("RIGHT", right))
+    return study.scenes[0], levels_of(study)[0]
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "flow", "at_left"),
+    [
+        (HELD, COLD, 60 / (R + 1 / 2), 80.0),
+        (HELD, HELD_TOO, 60 / R, 80.0),
+        (FLUX, COLD, 30.0, 20 + 30 * (R + 1 / 2)),
+        (FLUX, HELD_TOO, 30.0, 20 + 30 * R),
+        (HOT, COLD, 70 / (R + 1 / 2 + 1 / 5), 90 - 70 / (R + 1 / 2 + 1 / 5) / 5),
+        (HOT, HELD_TOO, 70 / (R + 1 / 5), 90 - 70 / (R + 1 / 5) / 5),
+        (HOT, "{role: convection, alpha: 2, theta_bar: 90}", 0.0, 90.0),
+        ("{role: clamped, heat: {theta: 90}}", "{role: convection, alpha: 2, theta_bar: 90}", 0.0, 90.0),
+        ("clamped", "{role: convection, alpha: 2, theta_bar: 20, flux: 40}", 0.0, 40.0),
+    ],
+)
+def test_slab_in_series(left: str, right: str, flow: float, at_left: float) -> None:
+    """The field is linear, so that P1 has it exactly; heat in is heat out."""
+    scene, level = slab(left, right)
+    found = level.temperature(scene)
+    assert found.theta == pytest.approx(at_left - flow / 4 * level.mesh.points[:, 0], abs=1e-12 * 90)
+    assert found.mean == pytest.approx(at_left - flow / 4, rel=1e-13)
+    assert not found.heat_balance > 1e-14  # NaN where nothing flows
+
+
+def test_mean_temperatures_of_the_friction_pad() -> None:
+    """Those of the head of configs/friction_pad.yaml; what flows into the film leaves through the back."""
+    study = read_study(CONFIGS / "friction_pad.yaml")
+    level = levels_of(study)[0]
+    found = [level.temperature(scene) for scene in study.scenes]
+    assert [one.mean for one in found] == pytest.approx([58.0, 96.0, 172.0], rel=1e-12)
+    assert max(one.heat_balance for one in found) < 1e-13
+
+
+ALL_KINDS = """
+boundary:
+  slope: {role: contact, heat: {flux: "0.3 + x"}}
+  curve: {role: contact, heat: {alpha: 0.01, theta_bar: "1 + y"}}
+  right: {role: convection, alpha: 40, theta_bar: 2, flux: 0.1}
+  top: {role: clamped, u: [0.002, "-0.001*x"], heat: {theta: "1 - 0.2*x"}}
+  left: {role: traction, g: [0.02, -0.01], heat: {theta: 1}}
+  bore: convection
+"""
+NONE_HELD = ALL_KINDS.replace(', heat: {theta: "1 - 0.2*x"}', "").replace("{theta: 1}", "{theta_bar: 3}")
+START = HEATED_BRACKET.index("boundary:")
+END = HEATED_BRACKET.index("material:")
+
+
+def bracket(kinds: str) -> str:
+    return HEATED_BRACKET[:START] + kinds.strip() + "\n" + HEATED_BRACKET[END:]
+
+
+def plainly(scene: Scene, level: Level) -> np.ndarray:
+    """θ from the assembled matrix of the whole body."""
+    forms, k = level.heat, scene.material.k
+    matrix = sp.lil_array(k * forms.conduction)
+    right = forms.source(scene.heat.q, scene.heat.omega)
+    rows = np.ix_(forms.kept_nodes, forms.kept_nodes)
+    for edge, alpha, theta_bar in scene.exchange:
+        matrix[rows] += alpha * forms.edge_mass((edge,))
+        right += alpha * forms.flux(theta_bar, (edge,))
+    for edge, flux in scene.flux:
+        right += forms.flux(flux, (edge,))
+    theta, free = np.zeros(len(right)), np.ones(len(right), dtype=bool)
+    for edge, held in scene.held_theta:
+        nodes = forms.nodes_on((edge,))
+        theta[nodes], free[nodes] = values_at(held, level.mesh.points[nodes]), False
+    matrix = sp.csc_array(matrix)
+    theta[free] = spla.spsolve(matrix[free][:, free], (right - matrix @ theta)[free])
+    return theta
+
+
+@pytest.mark.parametrize("kinds", [ALL_KINDS, NONE_HELD])
+def test_all_kinds_together_are_the_plain_solution(kinds: str) -> None:
+    """α over four decades between edges, and 22 levels of it at once."""
+    alphas = "sweep={alpha: {geomspace: [1e-3, 1e3, 22]}}"
+    study = study_of(bracket(kinds), alphas)
+    mesh = next(mesh_family(build(study.scenes[0].body), study.mesh))
+    level = Level(mesh, study.scenes[0], study.scenes)
+    for scene in study.scenes[::7]:
+        level.condensed(scene)
+        found, plain = level.temperature(scene), plainly(scene, level)
+        assert np.max(np.abs(found.theta - plain)) < 1e-11 * np.max(np.abs(plain))
+        assert found.heat_balance < 1e-12
+
+
+def counted(monkeypatch: pytest.MonkeyPatch, *changes: str) -> tuple[int, Level]:
+    """How many sets of modes a sweep of the bracket needs."""
+    calls = []
+    original = conduction.modes
+    monkeypatch.setattr(conduction, "modes", lambda *args: calls.append(1) or original(*args))  # type: ignore[func-returns-value]
+    study = study_of(bracket(NONE_HELD).replace("0.01,", '"h/80",').replace("40,", '"50*h",'), *changes)
+    mesh = next(mesh_family(build(study.scenes[0].body), study.mesh))
+    level = Level(mesh, study.scenes[0], study.scenes)
+    for scene in study.scenes:
+        level.condensed(scene)
+    return len(calls), level
+
+
+def test_alpha_whose_ratios_are_kept_share_one_set_of_modes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Named by one parameter, all α vary together; one that varies by itself asks for modes of its own."""
+    together = ["heat.alpha=h", "parameters={h: 0.8}", "sweep={parameters.h: {geomspace: [0.01, 100, 12]}}"]
+    apart = ["heat.alpha=h", "parameters={h: 0.8}", "sweep={boundary.curve.heat.alpha: [1, 2, 3]}"]
+    assert counted(monkeypatch, *together)[0] == 1
+    assert counted(monkeypatch, *apart)[0] == 3
+
+
+def test_surroundings_fluxes_and_held_temperatures_are_affine() -> None:
+    """A path may run along each of them."""
+    study = study_of(bracket(ALL_KINDS))
+    scene, level = study.scenes[0], levels_of(study)[0]
+    for parameter in (("right", "theta_bar"), ("right", "flux"), ("left", "heat", "theta")):
+        keys = ("boundary", *parameter)
+        load = affine_load(level, lambda t, keys=keys: path_scene(scene, keys, t), -1.0, 3.0, ".".join(keys))  # type: ignore[misc]
+        assert load.defect < 1e-13
+
+
+def test_rate_of_a_chosen_temperature() -> None:
+    """θ = sin 2x cosh 2y is harmonic: held on one edge, exchanged on one, a flux through two: O(h²) in L²."""
+    theta, slope = "sin(2*x)*cosh(2*y)", "4*2*cos(2*x)*cosh(2*y)"  # k ∂θ/∂x
+    text = SLAB.replace("mesh: {maxh: 0.25}", "mesh: {maxh: 0.25, levels: 4}")
+    text = text.replace("bottom: contact", "bottom: {role: contact, heat: {flux: 0}}")
+    text = text.replace("top: free", 'top: {role: free, heat: {flux: "8*sin(2*x)*sinh(2*y)"}}')
+    text = text.replace("LEFT", f'{{role: clamped, heat: {{theta: "{theta}"}}}}')
+    study = study_of(text.replace("RIGHT", f'{{role: convection, alpha: 3, theta_bar: "{theta} + {slope}/3"}}'))
+    errors = []
+    for level in levels_of(study):
+        x, y = level.mesh.points.T
+        off = level.temperature(study.scenes[0]).theta - np.sin(2 * x) * np.cosh(2 * y)
+        area = level.heat.nodal_area
+        errors.append(float(np.sqrt(area @ off**2)))
+    rates = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all(rates[1:] > 1.9), rates
+    assert errors[-1] < 4e-4
+
+
+def test_what_edges_say_like_the_section_is_the_same_study() -> None:
+    """Also for estimated errors, of a goal too; a held temperature is the limit of a large α."""
+    own = "{role: convection, alpha: 0.8, theta_bar: 0.2, g: [0.01, 0]}"
+    plain = '{role: convection, g: [0.01, "0.02*y"], pressure: 0.03}'
+    changed = HEATED_BRACKET.replace('"0.2 + 0.1*x"', "0.2").replace(plain, "{role: convection, g: [0.01, 0]}")
+    same = changed.replace("{role: convection, g: [0.01, 0]}", own)
+    assert study_of(same).scenes[0].heat_by_edge
+    assert not study_of(changed).scenes[0].heat_by_edge
+    first, second = (looked(text) for text in (changed, same))
+    assert second == pytest.approx(first, rel=1e-11)
+    held, large = ("{role: traction, g: [0.02, -0.01], heat: " + one + "}" for one in
+                   ("{theta: 1}", "{alpha: 1e9, theta_bar: 1}"))  # fmt: skip
+    first, second = (looked(changed.replace("{role: traction, g: [0.02, -0.01]}", one)) for one in (held, large))
+    assert second == pytest.approx(first, rel=2e-4)  # of α, the boundary has a residual, too
+
+
+def looked(text: str) -> list[float]:
+    """Load, energy, and estimated errors of a study on its coarse mesh."""
+    study = study_of(text, "mesh={maxh: 0.3, levels: 2, estimate: true, goal: friction_resultant}")
+    scene, level = study.scenes[0], levels_of(study)[0]
+    condensed = level.condensed(scene)
+    answer = solve_contact(condensed.problem)
+    found = Survey(level, study.mesh).look((), scene, condensed, answer.v)
+    return [float(np.abs(condensed.problem.l_tilde).sum()), condensed.constant, *map(float, found.values())]
