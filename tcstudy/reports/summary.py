@@ -81,7 +81,7 @@ def _levels(data: Any) -> str:
 
 
 def _scale(data: Any, name: str) -> tuple[float, str]:
-    return prefix(data[name].values.ravel().tolist(), data[name].attrs.get("units", "1"))
+    return prefix(data[name].values, data[name].attrs.get("units", "1"))
 
 
 _LEVEL_RANKS = (0, 2, 1, 7, 0, 0, 6, 9, 10, 8)
@@ -121,7 +121,7 @@ def _points(data: Any, most: int | None) -> str:
     fine = data.isel(level=-1)
     columns = [one for one in _COLUMNS if np.isfinite(fine[one[0]].values).any()]
     axes = [name for name in data.coords if data[name].dims and set(data[name].dims) <= set(dims)]
-    scales = {name: prefix(fine[name].values.ravel().tolist(), fine[name].attrs["units"]) for name, _, _ in columns}
+    scales = {name: prefix(fine[name].values, fine[name].attrs["units"]) for name, _, _ in columns}
     labelled = {axis: scaled_labels(data[axis].values.tolist(), data[axis].attrs.get("units", "1")) for axis in axes}
     header = [_bracketed(axis, labelled[axis][1]) for axis in axes]
     header += [_bracketed(title, scales[name][1]) for name, title, _ in columns]

@@ -7,6 +7,9 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from tcstudy.data.provenance import without_paths
 from tcstudy.data.records import PointStatus
 
@@ -65,15 +68,16 @@ def labels(values: Sequence[float | str], digits: int = 4) -> list[str]:
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
-def prefix(values: Sequence[float], units: str) -> tuple[float, str]:
+def prefix(values: ArrayLike, units: str) -> tuple[float, str]:
     """(divisor, units with an SI prefix) that bring the middle of the magnitudes of `values` to 1 … 1000.
 
     Units that a prefix does not suit ("1", "K", "s" and dimensionless data) stay as they are.
     """
-    sizes = sorted(abs(v) for v in values if math.isfinite(v) and v != 0.0)
-    if not sizes or units in ("1", "K", "s"):
+    sizes = np.abs(np.asarray(values, dtype=float).ravel())  # of a long sweep no list of a million numbers
+    sizes = sizes[np.isfinite(sizes) & (sizes != 0.0)]
+    if not len(sizes) or units in ("1", "K", "s"):
         return 1.0, units
-    middle = sizes[len(sizes) // 2]
+    middle = np.partition(sizes, len(sizes) // 2)[len(sizes) // 2]
     divisor, letter = next((p for p in PREFIXES if middle >= p[0]), PREFIXES[-1])
     return divisor, letter + units
 

@@ -43,7 +43,7 @@ def work_words(study: Study, levels: Sequence[LevelForecast], jobs: int | None) 
     most = max((workers(study, level.n_contact, jobs) for level in levels), default=1)
     took = sum(seconds(study, level.n_contact) for level in levels)
     about = f"contact problems: about {took:.1g} s of one process" if took >= WORTH else ""
-    who = f"solved by {most} worker processes (--jobs)"
+    who = f"solved by {most} worker processes (--jobs), or by those of a scheduler (--dask)"
     if most == 1:
         return about
     return f"{about}, {who}" if about else f"contact problems {who}"

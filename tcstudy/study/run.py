@@ -258,21 +258,22 @@ def execute(
     with (
         threadpool_limits(1, user_api="blas"),
         Journal.open(output, study, kept.digest if kept is not None else "") as journal,
-        choosing(jobs, dask) as executor,
     ):
-        # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
-        known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
-        finished = {(block.level, block.number): as_start(study, block) for block in known}
-        watcher.begin(_work(study, finished, kept), [*journal.warnings, *warnings(study)])
-        for record in run(study, finished, executor, kept):
-            if isinstance(record, LevelRecord):
-                record = record if kept is None else kept.joined(record)
-            journal.add(record)
-            if isinstance(record, LevelRecord):
-                if not record.stop:  # one that says why the level was the last follows its points
-                    watcher.level(record)
-            else:
-                watcher.block(record)
+        # workers have ended when the file, which takes memory, is written
+        with choosing(jobs, dask) as executor:
+            # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
+            known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
+            finished = {(block.level, block.number): as_start(study, block) for block in known}
+            watcher.begin(_work(study, finished, kept), [*journal.warnings, *warnings(study)])
+            for record in run(study, finished, executor, kept):
+                if isinstance(record, LevelRecord):
+                    record = record if kept is None else kept.joined(record)
+                journal.add(record)
+                if isinstance(record, LevelRecord):
+                    if not record.stop:  # one that says why the level was the last follows its points
+                        watcher.level(record)
+                else:
+                    watcher.block(record)
         journal.flush()
         levels, records, provenance = journal.levels(), journal.blocks, collect(study, command)
         if kept is not None:
