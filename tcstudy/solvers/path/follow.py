@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +54,7 @@ class Follower:
     max_pieces: int = 20_000
     tolerance: float | None = None
     stable_only: bool = False
-    check_every: int = 32
+    check_every: int = 64
 
     @property
     def acceptance(self) -> Acceptance:
@@ -121,11 +121,10 @@ AIM = 0.1
 """Part of the tolerance that is worked for with fresh factorisations, as far as rounding lets it be reached."""
 
 
-@dataclass(frozen=True)
-class Checkpoint:
+class Checkpoint(NamedTuple):
     """A point of the path to which the run can return."""
 
-    count: int
+    vertices: int
     codes: Codes
     x: Array
     t: float
@@ -160,6 +159,10 @@ class Run:
 
     def follow(self) -> PathEnd:
         """Piece after piece until something ends the path."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self._follow()
+
+    def _follow(self) -> PathEnd:
         while True:
             status = self._piece()
             if status is not None or len(self.trail) > self.every:
@@ -181,7 +184,7 @@ class Run:
             return PathStatus.PIECE_LIMIT
         if self.options.stable_only and not walk.stable:
             return PathStatus.UNSTABLE
-        step, steps = walk.reach()
+        step, first = walk.reach()
         last = self._last_step(step)
         if last is not None:
             step, status = last
@@ -192,15 +195,16 @@ class Run:
                 self._store()
             return status
         stable = walk.stable
-        at = walk.arrive(step, steps)
+        at = walk.arrive(step, first)
         record.stable.append(stable)
         self._store()
-        before = walk.codes[at]
+        before = [walk.codes.item(i) for i in at]
         try:
             cross(walk, at)
         except SingularCellError:
             return PathStatus.SINGULAR
-        record.changed(at, before, walk.codes[at])
+        for node, code in zip(at, before, strict=True):
+            record.changed(node, code, walk.codes.item(node))
         if len(at) > 1:
             self._settle()
         self.trail.append(self._here())
@@ -251,24 +255,24 @@ class Run:
         u, traction = record.on_graph(self.walk.graph, self.units.weight)
         defect = p.l_0 + np.array(record.t[first:])[:, None] * p.l_1 - u @ p.A_tilde - p.c * traction
         residual = np.max(np.abs(defect) / p.c, axis=1) / self.units.traction
-        record.residual.extend(float(r) for r in residual)
+        record.residual += residual.tolist()
         worst, noise = float(residual.max()), self._noise(first + int(residual.argmax()))
         limit = self.options.acceptance.limit(noise)
         good = min(limit, max(AIM * self.options.acceptance.aim, 0.5 * noise, self.reached))
-        mark = self.trail[max(0, first + int(np.argmax(residual > good)) - self.trail[0].count)]
-        if worst <= good or (worst <= limit and self.returned == mark.count):
+        mark = self.trail[max(0, first + int(np.argmax(residual > good)) - self.trail[0].vertices)]
+        if worst <= good or (worst <= limit and self.returned == mark.vertices):
             self.reached = 0.0 if worst <= good else 2.0 * worst
             if worst > 0.01 * good:
                 self._steady()
             self.every, self.walk.tie = min(2 * self.every, self.options.check_every), self.units.tie
             self.trail = [self._here()]
             return True
-        if self.returned == mark.count:
-            record.cut(max(1, mark.count))
+        if self.returned == mark.vertices:
+            record.cut(max(1, mark.vertices))
             return None
         self._return(mark)
         self.walk.tie = max(1e-2 * self.units.tie, 1e-14)  # it may have been no tie
-        self.returned, self.every, self.trail = mark.count, 1, [mark]
+        self.returned, self.every, self.trail = mark.vertices, 1, [mark]
         return False
 
     def _noise(self, vertex: int) -> float:
@@ -312,11 +316,11 @@ class Run:
 
     def _return(self, mark: Checkpoint) -> None:
         """Back to a checkpoint, with a fresh factorisation."""
-        for key in self.own[mark.count :]:
+        for key in self.own[mark.vertices :]:
             if key != self.home:
                 self.seen.pop(key, None)
-        del self.own[mark.count :]
-        self.record.cut(mark.count)
+        del self.own[mark.vertices :]
+        self.record.cut(mark.vertices)
         used = self.walk.tableau.factorisations
         ray = Ray(mark.codes, mark.x, mark.dx, 0.0)
         self.walk = depart(self.problem, self.units, ray, mark.t)

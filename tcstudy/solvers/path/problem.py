@@ -100,6 +100,21 @@ class LawGraph:
     kink: Array
     first: Codes
 
+    @cached_property
+    def rows(self) -> list[tuple[bool, float, float, int, int, int, float, float, float, float]]:
+        """The arrays as one tuple a code, for the one node that changes its piece."""
+        columns = (getattr(self, f.name).tolist() for f in fields(self) if f.name != "first")
+        return list(zip(*columns, strict=True))
+
+    def points(self, codes: Codes, x: Array, weight: Array) -> tuple[Array, Array]:
+        """(u, ξ/c) where the moving coordinates are x, forces in units of `weight` on a vertical side.
+
+        What a piece does not have is 0 in its row, so that sums take the place of choices, which are slow.
+        """
+        moves = self.free[codes].astype(float)
+        u = moves * x + self.kink[codes]
+        return u, self.on_segment(codes, u) + (1.0 - moves) * (x / weight)
+
     def traction(self, codes: Codes, s: Array, side: Array) -> Array:
         """ξ/c: the segment's b(s) where a node is free, the given value on a vertical side."""
         return np.where(self.free[codes], self.on_segment(codes, s), side)

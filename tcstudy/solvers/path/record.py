@@ -155,7 +155,7 @@ class Recorder:
         self.residual: list[float] = []
         self.waiting: list[tuple[Array, Codes]] = []
         self.stable: list[bool] = []
-        self.events: list[tuple[int, Index, Codes, Codes]] = []
+        self.events: list[tuple[int, int, int, int]] = []
 
     @property
     def count(self) -> int:
@@ -175,17 +175,15 @@ class Recorder:
         """(u, ξ/c) of all vertices that waited for them, (w, m) each; weight: c in the units of x."""
         x, codes = (np.array(rows) for rows in zip(*self.waiting, strict=True))
         self.waiting.clear()
-        u = np.where(graph.free[codes], x, graph.kink[codes])
-        traction = graph.traction(codes, u, x / weight)
+        u, traction = graph.points(codes, x, weight)
         self.u.extend(u)
         self.traction.extend(traction)
         return u, traction
 
-    def changed(self, nodes: Index, before: Codes, after: Codes) -> None:
-        """Codes that change at the last vertex."""
-        moved = before != after
-        if np.any(moved):
-            self.events.append((self.count - 1, nodes[moved], before[moved], after[moved]))
+    def changed(self, node: int, before: int, after: int) -> None:
+        """The code of a node that changes at the last vertex."""
+        if before != after:
+            self.events.append((len(self.t) - 1, node, before, after))
 
     def cut(self, count: int) -> None:
         """Forget everything after the first `count` vertices; events at the last of them stay."""
@@ -241,11 +239,5 @@ def joined(problem: ParametricProblem, halves: list[tuple[Recorder, Codes, PathE
 
 
 def _event_arrays(record: Recorder) -> Events:
-    counts = [len(nodes) for _, nodes, _, _ in record.events]
-    vertex = np.repeat(np.array([v for v, _, _, _ in record.events], dtype=np.intp), counts)
-
-    def column(i: int, kind: type) -> NDArray[np.generic]:
-        parts: list[NDArray[np.generic]] = [np.asarray(item[i], dtype=kind) for item in record.events]
-        return np.concatenate([np.zeros(0, dtype=kind), *parts])
-
-    return Events(vertex, column(1, np.intp), column(2, np.int32), column(3, np.int32))  # type: ignore[arg-type]
+    vertex, node, before, after = np.array(record.events, dtype=np.intp).reshape(-1, 4).T
+    return Events(vertex, node, before.astype(np.int32), after.astype(np.int32))

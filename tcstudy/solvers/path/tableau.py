@@ -32,9 +32,9 @@ from tcstudy.solvers.separable.pieces import cholesky, submatrix
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-_dgesv = scipy.linalg.lapack.dgesv
+_dgesv, _dgeequ, _dgemv = scipy.linalg.lapack.dgesv, scipy.linalg.lapack.dgeequ, scipy.linalg.blas.dgemv
 
-CAPACITY = 48
+CAPACITY = 32
 """Nodes that may differ from the base: small systems below, matrix products of good width above."""
 
 GROWTH = 30.0
@@ -45,6 +45,9 @@ WORST_GROWTH = 1e8
 
 MAX_HELD = 6
 """Nodes held in the base at most to make it definite and well conditioned."""
+
+SOUND = 0.05
+"""Pivots that shrink below this part of their terms are not taken when the base moves: the node stays a difference."""
 
 LOST_RANK = 1e-13
 """Pivots of the small system, its rows scaled to one, below which there is no unique direction."""
@@ -66,6 +69,11 @@ class Tableau:
         self.m = len(load)
         self.load_size = float(np.max(np.abs(load)))
         self.factorisations = 0
+        self.nodes = np.zeros(CAPACITY, dtype=np.intp)
+        self.columns = np.zeros((self.m, CAPACITY), order="F")
+        self.own, self.gain = np.zeros(CAPACITY), np.zeros(CAPACITY)
+        self.small = np.zeros((CAPACITY, CAPACITY), order="F")
+        self.matrix = np.zeros((CAPACITY + 1, CAPACITY + 1), order="F")
         self.refactor()
 
     def refactor(self) -> None:
@@ -100,11 +108,7 @@ class Tableau:
         self.base_free, self.base_k = base, k
         self.sign = np.where(base, 1.0, -1.0)
         self.size = 0
-        self.nodes = np.zeros(CAPACITY, dtype=np.intp)
         self.position = np.full(self.m, -1, dtype=np.intp)
-        self.columns = np.zeros((self.m, CAPACITY), order="F")
-        self.own, self.gain = np.zeros(CAPACITY), np.zeros(CAPACITY)
-        self.small = np.zeros((CAPACITY, CAPACITY), order="F")
 
     def _swept(self, base: Mask, inverse: Array) -> Array:
         """P from H⁻¹."""
@@ -124,38 +128,55 @@ class Tableau:
         n = self.size
         if n == 0:
             return None
+        inverse, capacitance = self._small_inverse()
+        if inverse is not None:
+            return self._pivot(inverse, capacitance)
         chosen = sound_pivots(*self._capacitance())
         if len(chosen) < n // 2:
             return self.refactor()
         left = [(int(i), bool(self.free[i]), float(self.k[i])) for i in np.delete(self.nodes[:n], chosen)]
         for i, _, _ in left:
             self.change(i, bool(self.base_free[i]), float(self.base_k[i]))
-        self._pivot()
+        inverse, capacitance = self._small_inverse(limit=np.inf)
+        if inverse is None:
+            return self.refactor()
+        self._pivot(inverse, capacitance)
         for i, free, k in left:
             self.change(i, free, k)
         return None
 
-    def _pivot(self) -> None:
+    def _small_inverse(self, limit: float = 1.0 / SOUND) -> tuple[Array | None, Array]:
+        """(inverse of the equations of the nodes that differ, these in symmetric form).
+
+        None for the inverse where it exceeds the limit, every node's equation scaled by its own terms: a pivot on all
+        nodes at once would lose digits. On its diagonal stand the reciprocals of the pivots, each taken last.
+        """
+        n = self.size
+        inverse, info = _dgesv(self._system(), np.eye(n))[2:]
+        capacitance, size = self._capacitance()
+        root, term = np.sqrt(np.abs(self.gain[:n])), np.sqrt(size)
+        sound = info == 0 and np.max(np.abs(inverse) * np.outer(root * term, term / root)) < limit
+        return (inverse if sound else None), capacitance
+
+    def _pivot(self, inverse: Array, capacitance: Array) -> None:
         """Block pivot on all nodes that differ from the base."""
         n = self.size
-        negatives = self.negatives()
-        K = self.nodes[:n].copy()
-        gain, rows = self.gain[:n], self.P[:, K].T
-        out = np.flatnonzero(self.base_free[K] & ~self.free[K])
+        K, gain = self.nodes[:n].copy(), self.gain[:n]
+        rows = self.columns[:, :n] * self.sign[:, None]
         exchanged = np.flatnonzero(self.base_free[K] != self.free[K])
-        right = self.sign[K][:, None] * rows
-        right[:, K[exchanged]] = np.eye(n)[:, exchanged]
-        solved = np.linalg.solve(self._system(), np.column_stack([right, self.y[K]]))
-        X, y_K = solved[:, :-1], solved[:, -1]
-        y = self.y - self.columns[:, :n] @ (gain * y_K)
+        X = (inverse * self.sign[K]) @ rows.T
+        X[:, K[exchanged]] = inverse[:, exchanged]
+        y_K = inverse @ self.y[K]
+        y = _dgemv(-1.0, self.columns[:, :n], gain * y_K, 1.0, self.y)
         y[K] = y_K
-        self.P = scipy.linalg.blas.dgemm(-1.0, rows, gain[:, None] * X, 1.0, self.P, trans_a=1, overwrite_c=1)
+        self.P = scipy.linalg.blas.dgemm(-1.0, rows, gain[:, None] * X, 1.0, self.P, overwrite_c=1)
+        out = np.flatnonzero(self.base_free[K] & ~self.free[K])
         X[out, K[out]] -= self.base_k[K[out]]
         block = np.where(self.free[K], 1.0, -1.0)[:, None] * X
         block[:, K] = 0.5 * (block[:, K] + block[:, K].T)
         self.P[K, :] = block
         self.P[:, K] = block.T
-        self.y, self.base_negatives = y, negatives
+        self.y, self.base_negatives = y, self._negatives(capacitance)
         self._new_base(self.free.copy(), self.k.copy())
 
     def change(self, i: int, free: bool, k: float) -> None:
@@ -176,12 +197,13 @@ class Tableau:
             np.multiply(self.sign, self.P[:, i], out=column)
             self.small[at, : at + 1] = self.columns[i, : at + 1]
             self.small[:at, at] = column[self.nodes[:at]]
-        if not free:
-            self.own[at], self.gain[at] = 0.0, 1.0
-        elif base_free:
-            self.own[at], self.gain[at] = 1.0, k - self.base_k[i]
-        else:
-            self.own[at], self.gain[at] = k, 1.0
+            self.matrix[at + 1, 0] = self.y[i] * (-1.0 / self.load_size)
+            np.multiply(self.small[at, :at], self.gain[:at], out=self.matrix[at + 1, 1 : at + 1])
+        own, gain = (k, 1.0) if not base_free else (1.0, k - self.base_k.item(i))
+        self.own[at], self.gain[at] = own, gain = (own, gain) if free else (0.0, 1.0)
+        n = self.size
+        np.multiply(self.small[:n, at], gain, out=self.matrix[1 : n + 1, at + 1])
+        self.matrix[at + 1, at + 1] += own
 
     def change_many(self, changes: Sequence[tuple[int, bool, float]]) -> None:
         """Move several nodes, (i, free, k) each; with more than fit beside the base it is made anew."""
@@ -202,8 +224,9 @@ class Tableau:
             self.nodes[at] = self.nodes[last]
             self.position[self.nodes[at]] = at
             self.columns[:, at] = self.columns[:, last]
-            self.small[at, :last], self.small[:last, at] = self.small[last, :last], self.small[:last, last]
-            self.small[at, at] = self.small[last, last]
+            for whole, i, j in ((self.small, at, last), (self.matrix, at + 1, last + 1)):
+                whole[i, : j + 1] = whole[j, : j + 1]
+                whole[: j + 1, i] = whole[: j + 1, j]
             self.own[at], self.gain[at] = self.own[last], self.gain[last]
         self.size = last
 
@@ -213,40 +236,29 @@ class Tableau:
         node: None fixes dt = speed instead;  r: residual of Ãu + g = l̃ that the motion removes
         Raises SingularCellError if the cell has no such direction.
         """
-        z = None if r is None else self._respond(r)
         n = self.size
-        K, gain = self.nodes[:n], self.gain[:n]
-        columns = self.columns[:, :n]
+        K, gain, columns = self.nodes[:n], self.gain[:n], self.columns[:, :n]
         unit = self.load_size  # scales the column of t, so that a small pivot means a lost rank
-        system = np.zeros((n + 1, n + 1), order="F")
-        rhs = np.zeros(n + 1)
-        system[:n, :n] = self._system()
-        system[:n, n] = self.y[K] * (-1.0 / unit)
-        rhs[n] = speed
-        if z is not None:
-            rhs[:n] = z[K]
+        system, rhs = self.matrix[: n + 1, : n + 1].copy(order="F"), np.zeros(n + 1)
+        system[0], rhs[0] = 0.0, speed
+        at = -1 if node is None else self.position.item(node)
         if node is None:
-            system[n, n] = 1.0 / unit
-        elif self.position[node] >= 0:
-            system[n, self.position[node]] = 1.0
+            system[0, 0] = 1.0 / unit
+        elif at >= 0:
+            system[0, at + 1] = 1.0
         else:
-            system[n, :n], system[n, n] = -columns[node] * gain, self.y[node] / unit
-            if z is not None:
-                rhs[n] -= z[node]
-        largest = np.abs(system).max(axis=1)
-        if not largest.min() > 0.0:
-            raise SingularCellError
-        system /= largest[:, None]
-        rhs /= largest
-        lu, _, solution, info = _dgesv(system, rhs, overwrite_a=1, overwrite_b=1)
-        if info != 0 or not np.abs(lu.diagonal()).min() > LOST_RANK:
-            raise SingularCellError
-        dt = float(solution[n] / unit)
-        dx = self.y * dt - columns @ (gain * solution[:n])
+            system[0, 0], system[0, 1:] = self.y[node] / unit, -columns[node] * gain
+        z = None if r is None else self._respond(r)
+        if z is not None:
+            rhs[1:] = z[K]
+            rhs[0] -= z[node] if node is not None and at < 0 else 0.0
+        solution = _solved(system, rhs)
+        dt, own = float(solution[0] / unit), solution[1:]
+        dx: Array = _dgemv(-1.0, columns, gain * own, dt, self.y) if n else self.y * dt
         if z is not None:
             dx += z
-        dx[K] = solution[:n]
-        if not (math.isfinite(dt) and np.isfinite(dx).all()):
+        dx[K] = own
+        if not math.isfinite(dt) or not math.isfinite(float(dx @ dx)):
             raise SingularCellError
         return dx, dt
 
@@ -256,10 +268,7 @@ class Tableau:
         With z = z_r − T ε the base's coordinates under the excess ε that the differing nodes bring in: a node with
         another stiffness has ε = Δk z, one that is held z = 0 with its force ε, one that is free z = k ε.
         """
-        n = self.size
-        system: Array = self.small[:n, :n] * self.gain[:n]
-        system.reshape(-1, order="A")[:: n + 1] += self.own[:n]
-        return system
+        return self.matrix[1 : self.size + 1, 1 : self.size + 1]
 
     def _respond(self, r: Array) -> Array:
         """Moving coordinates of the base for the load r."""
@@ -270,7 +279,8 @@ class Tableau:
         """(the same equations in symmetric form, size of the terms on its diagonal)."""
         n = self.size
         K, gain = self.nodes[:n], self.gain[:n]
-        small = self.P[np.ix_(K, K)] * np.sqrt(np.abs(np.outer(gain, gain)))
+        root = np.sqrt(np.abs(gain))
+        small = self.small[:n, :n] * (self.sign[K] * root)[:, None] * root
         own = np.where(self.base_free[K] & self.free[K], np.sign(gain), self.sign[K] * self.own[:n])
         size = np.abs(np.diagonal(small)) + np.abs(own)
         small[np.arange(n), np.arange(n)] += own
@@ -278,22 +288,33 @@ class Tableau:
 
     def negatives(self) -> int:
         """Negative eigenvalues of A_FF + diag(k) over the free nodes of the present cell."""
-        if self.size == 0:
-            return self.base_negatives
+        return self._negatives(self._capacitance()[0]) if self.size else self.base_negatives
+
+    def _negatives(self, capacitance: Array) -> int:
+        """The same from the equations in symmetric form."""
         K = self.nodes[: self.size]
-        small, _ = self._capacitance()
-        positive = int(np.count_nonzero(np.linalg.eigvalsh(small) > 0.0))
+        positive = positive_eigenvalues(capacitance)
         out = self.base_free[K] & ~self.free[K]
         stiffer = self.base_free[K] & self.free[K] & (self.k[K] > self.base_k[K])
         return self.base_negatives + positive - int(np.count_nonzero(out | stiffer))
 
 
-SOUND = 0.05
-"""Pivots that shrink below this part of their terms are not taken when the base moves: the node stays a difference."""
-
-
 class SingularCellError(ArithmeticError):
     """No direction exists: the equations of the cell have lost rank."""
+
+
+def _solved(system: Array, rhs: Array) -> Array:
+    """The solution; both arguments are overwritten. Raises SingularCellError where the rows, scaled, have lost rank."""
+    scale, _, _, _, _, info = _dgeequ(system)
+    if info != 0 and info <= len(rhs):
+        raise SingularCellError
+    system *= scale[:, None]
+    rhs *= scale
+    lu, _, solution, info = _dgesv(system, rhs, overwrite_a=1, overwrite_b=1)
+    pivots = np.abs(lu.diagonal())
+    if info != 0 or not pivots[pivots.argmin()] > LOST_RANK:
+        raise SingularCellError
+    return np.asarray(solution)
 
 
 def definite_inverse(H: Array, limit: float) -> tuple[Array, int]:
@@ -332,6 +353,13 @@ def indefinite_inverse(H: Array, limit: float) -> tuple[Array, int]:
     if not np.max(np.abs(inverse)) <= limit:
         raise SingularCellError
     return 0.5 * (inverse + inverse.T), negatives
+
+
+def positive_eigenvalues(matrix: Array) -> int:
+    """How many a symmetric matrix has, by the signs of the pivots of LDLᵀ (a block of two has one of either)."""
+    ldu, pivots, _ = scipy.linalg.lapack.dsytrf(matrix, lower=1)
+    single = pivots > 0
+    return int(np.count_nonzero(ldu.diagonal()[single] > 0.0) + np.count_nonzero(~single) // 2)
 
 
 def sound_pivots(matrix: Array, size: Array) -> Index:

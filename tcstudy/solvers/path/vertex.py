@@ -56,15 +56,16 @@ def corner(walk: Walk, nodes: Index) -> Corner:
     return Corner(nodes, near, far, near_sign, near_sign * turn)
 
 
-def cross(walk: Walk, at: Index) -> None:
+def cross(walk: Walk, at: list[int]) -> None:
     """Continue the path beyond the vertex where the nodes `at` stand on their bounds; raises SingularCellError."""
     if len(at) == 1:
-        node, graph = int(at[0]), walk.graph
-        near, upper = int(walk.codes[node]), walk.x[node] == walk.high[node]
-        far = int(graph.after_high[near] if upper else graph.after_low[near])
-        turn = float(graph.sense[near] * graph.sense[far])
+        node, rows = at[0], walk.graph.rows
+        _, _, _, sense, after_low, after_high, *_ = rows[walk.codes.item(node)]
+        upper = walk.x[node] == walk.high[node]
+        far = after_high if upper else after_low
+        turn = float(sense * rows[far][3])
         return _go_over(walk, node, far, turn if upper else -turn)
-    c = corner(walk, at)
+    c = corner(walk, np.array(at))
     movers = c.near_sign * walk.dx[at] > 0.0
     if not _together(walk, c, movers):
         along_perturbation(walk, c)
@@ -79,7 +80,8 @@ def _go_over(walk: Walk, node: int, new: int, speed: float) -> None:
     signs exchanged; between two segments one eigenvalue changes sign at a fold.
     """
     graph, old, before = walk.graph, int(walk.codes[node]), walk.dt
-    walk.place([node], [new])
+    if old != new:
+        walk.place_one(node, new)
     move(walk, node, speed)
     if walk.dt == 0.0 or before == 0.0:
         walk.negatives = walk.tableau.negatives()
@@ -94,10 +96,12 @@ def _go_over(walk: Walk, node: int, new: int, speed: float) -> None:
 def move(walk: Walk, node: int | None, speed: float) -> None:
     """The direction in the present cell in which `node` has this speed (None: t has it)."""
     dx, dt = walk.tableau.direction(node, speed)
-    largest = int(np.abs(dx).argmax())
-    if node is not None and abs(dx[largest]) > 100.0 * abs(speed):
+    size = np.abs(dx)
+    largest = int(size.argmax())
+    if node is not None and size.item(largest) > 100.0 * abs(speed):
         dx, dt = walk.tableau.direction(largest, float(np.sign(dx[largest])))
-    walk.turn(dx, dt)
+        size = np.abs(dx)
+    walk.turn(dx, dt, size)
 
 
 def _together(walk: Walk, c: Corner, movers: NDArray[np.bool_]) -> bool:
@@ -270,7 +274,7 @@ def _uniform(walk: Walk, c: Corner) -> tuple[Ray, Ray] | None:
         if np.all(speeds >= 0.0):
             found.append(_ray(walk))
         elif np.all(speeds <= 0.0):
-            walk.turn(-walk.dx, -walk.dt)
+            walk.turn(-walk.dx, -walk.dt, np.abs(walk.dx))
             found.append(_ray(walk))
     walk.place(c.nodes.tolist(), c.near.tolist())
     return (found[0], found[1]) if len(found) == 2 else None
@@ -283,7 +287,7 @@ def _perturbed(walk: Walk, c: Corner) -> tuple[Ray, Ray]:
     along_perturbation(walk, c, resting=True)
     one = _ray(walk)
     walk.place(c.nodes.tolist(), c.near.tolist())
-    walk.turn(-start.dx, -start.dt)
+    walk.turn(-start.dx, -start.dt, np.abs(start.dx))
     along_perturbation(walk, c, resting=True)
     return one, _ray(walk)
 

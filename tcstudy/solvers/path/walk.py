@@ -116,6 +116,8 @@ class Walk:
         unit = np.where(self.free, 1.0, units.weight)
         self.own = np.where(self.free, 1.0, units.diagonal)
         self.low, self.high = self.graph.low[codes] * unit, self.graph.high[codes] * unit
+        self.watch = 1.001 * DRIFTED * units.tie
+        self.near_low, self.near_high = self._watched(self.low, 1.0), self._watched(self.high, -1.0)
         stiffness = units.weight * self.graph.slope[codes]
         self.tableau = Tableau(units.A, units.load, units.compliance, self.free, stiffness)
         self.negatives = self.tableau.negatives()
@@ -130,22 +132,34 @@ class Walk:
                 changes.append(self._place(i, code))
         self.tableau.change_many(changes)
 
+    def place_one(self, i: int, code: int) -> None:
+        """Put one node on another piece, at the kink where it stands."""
+        self.tableau.change(*self._place(i, code))
+
     def _place(self, i: int, code: int) -> tuple[int, bool, float]:
         """Put one node on another piece: (node, whether it is free there, c × slope of b there)."""
-        graph, old = self.graph, int(self.codes[i])
-        was_free, free = bool(graph.free[old]), bool(graph.free[code])
-        weight = float(self.units.weight[i])
-        self.downs += int(graph.sense[code] < 0) - int(graph.sense[old] < 0)
-        kink = float(graph.kink[old] if not was_free else self.x[i] if free else graph.kink[code])
+        units, rows = self.units, self.graph.rows
+        was_free, _, _, old_sense, _, _, old_slope, anchor, start, old_kink = rows[self.codes.item(i)]
+        free, low, high, sense, _, _, slope, _, _, new_kink = rows[code]
+        weight, slip = units.weight.item(i), units.slip.item(i)
+        self.downs += (sense < 0) - (old_sense < 0)
+        kink = old_kink if not was_free else self.x.item(i) if free else new_kink
         # Onto a vertical side: the traction it begins with is that of the segment the node comes from.
-        x = kink if free else weight * float(graph.start[old] + graph.slope[old] * (kink - graph.anchor[old]))
-        unit = 1.0 if free else weight
-        low, high = float(graph.low[code]) * unit, float(graph.high[code]) * unit
-        self.codes[i], self.free[i], self.kink[i] = code, free, graph.kink[code]
-        self.own[i] = 1.0 if free else self.units.diagonal[i]
-        self.low[i], self.high[i] = low, high
+        x = kink if free else weight * (start + old_slope * (kink - anchor))
+        unit, own = (1.0, 1.0) if free else (weight, units.diagonal.item(i))
+        low, high = low * unit, high * unit
+        self.codes[i], self.free[i], self.kink[i] = code, free, new_kink
+        self.own[i], self.low[i], self.high[i] = own, low, high
+        margin = self.watch * own
+        self.near_low[i] = low + margin * (abs(low if free else new_kink) + slip)
+        self.near_high[i] = high - margin * (abs(high if free else new_kink) + slip)
         self.x[i] = high if high - x < x - low else low
-        return i, free, weight * float(graph.slope[code])
+        return i, free, weight * slope
+
+    def _watched(self, bound: Array, inwards: float) -> Array:
+        """(m,) coordinates beyond which `gaps` may be below DRIFTED ties."""
+        size = (np.abs(np.where(self.free, bound, self.kink)) + self.units.slip) * self.own
+        return bound + np.where(np.isfinite(bound), inwards * self.watch * size, 0.0)
 
     @property
     def u(self) -> Array:
@@ -162,27 +176,39 @@ class Walk:
         """Strict local minimum: positive definite on the free nodes, nobody inside a down-jump, t not at rest."""
         return self.negatives == 0 and self.downs == 0 and self.dt != 0.0
 
-    def turn(self, dx: Array, dt: float) -> None:
-        """Take a direction; speeds at rounding level become zero."""
-        size = np.abs(dx)
-        largest = float(size.max())
-        dx[size <= STILL * largest] = 0.0
+    def turn(self, dx: Array, dt: float, size: Array) -> None:
+        """Take a direction; speeds at rounding level become zero. size: |dx|"""
+        largest = size.item(size.argmax())
+        still = size <= STILL * largest
+        if np.count_nonzero(still):
+            dx[still] = 0.0
         self.dx, self.dt = dx, dt if self.tableau.load_size * abs(dt) > STILL * largest else 0.0
 
-    def reach(self) -> tuple[float, Array]:
-        """(step to the first bound, inf if none; all nodes' steps)."""
-        way = np.where(self.dx > 0.0, self.high, self.low)
-        way -= self.x
-        steps = np.full(len(way), np.inf)
-        np.divide(way, self.dx, out=steps, where=self.dx != 0.0)
-        return max(0.0, float(steps.min())), steps
+    def reach(self) -> tuple[float, int]:
+        """(step to the first bound, inf if none; the node that has it). The caller ignores divisions by zero."""
+        steps = np.maximum((self.high - self.x) / self.dx, (self.low - self.x) / self.dx)
+        first = int(steps.argmin())
+        step = steps.item(first)
+        if not step >= 0.0:  # also where a node rests on its bound, 0/0
+            steps[self.dx == 0.0] = np.inf
+            first = int(steps.argmin())
+            step = steps.item(first)
+        return max(0.0, step), first
 
-    def arrive(self, step: float, steps: Array) -> Index:
-        """Advance by `step`; nodes that have reached a bound (or rested on one) are put on it and returned."""
+    def arrive(self, step: float, first: int) -> list[int]:
+        """Advance by `step`; nodes that have reached a bound (or rested on one) are put on it and returned.
+
+        first: the node that comes to its bound first
+        """
         self.x += step * self.dx
         self.t += step * self.dt
-        first = int(steps.argmin())
         self.x[first] = self.high[first] if self.dx[first] > 0.0 else self.low[first]
+        if np.count_nonzero(self.x <= self.near_low) + np.count_nonzero(self.x >= self.near_high) < 2:
+            return [first]
+        return self._arrived(first)
+
+    def _arrived(self, first: int) -> list[int]:
+        """The same where several nodes are near a bound."""
         gaps = self.gaps()
         if np.count_nonzero(gaps <= DRIFTED * self.tie) > 1:  # are they there, or has the point drifted?
             with suppress(SingularCellError):
@@ -195,8 +221,8 @@ class Walk:
             at = np.flatnonzero(near)
             if len(at):
                 self.x[at] = np.where(upper[at], self.high[at], self.low[at])
-                return at
-        return np.array([first])
+                return [int(i) for i in at]
+        return [first]
 
     def gaps(self) -> Array:
         """(m,) distance of every node from its nearer bound, relative to slip and traction there."""

@@ -136,8 +136,8 @@ def test_lost_accuracy_is_noticed_and_repaired(error: float, monkeypatch: pytest
     exact = Follower(t_min=0.0, t_max=3.0).follow(problem, np.zeros(100), 0.0, "forward")
     pivot, rng = Tableau._pivot, np.random.default_rng(0)
 
-    def spoilt(self: Tableau) -> None:
-        pivot(self)
+    def spoilt(self: Tableau, *equations: np.ndarray) -> None:
+        pivot(self, *equations)
         self.P *= 1.0 + error * rng.normal(size=self.P.shape)
 
     monkeypatch.setattr(Tableau, "_pivot", spoilt)

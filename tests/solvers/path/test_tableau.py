@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.solvers.path.tableau import CAPACITY, SingularCellError, Tableau, sound_pivots
+from tcstudy.solvers.path.tableau import CAPACITY, SingularCellError, Tableau, positive_eigenvalues, sound_pivots
 from tests.solvers import contact_cases as cases
 
 
@@ -66,3 +66,15 @@ def test_a_singular_cell_has_a_direction_with_t_at_rest_or_none() -> None:
 def test_unsound_pivots_are_left_out() -> None:
     matrix = np.array([[1.0, 1.0, 0.0], [1.0, 1.0 + 1e-9, 0.0], [0.0, 0.0, -2.0]])
     assert sorted(sound_pivots(matrix, np.abs(np.diagonal(matrix)))) in ([0, 2], [1, 2])
+
+
+def test_inertia_is_that_of_the_eigenvalues() -> None:
+    rng = np.random.default_rng(3)
+    for n in (1, 2, 7, 30):
+        for _ in range(20):
+            half = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.6)
+            matrix = half + half.T
+            matrix[np.diag_indices(n)] *= rng.random() < 0.5  # zeros there ask for blocks of two
+            exact = np.linalg.eigvalsh(matrix)
+            if np.min(np.abs(exact)) > 1e-9:
+                assert positive_eigenvalues(matrix) == np.count_nonzero(exact > 0.0)
