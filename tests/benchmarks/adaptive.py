@@ -180,7 +180,7 @@ def goal_cases() -> Iterator[tuple[str, Study, Goal, float]]:
     yield "springs", springs, Goal("u_T", (0.3, 0.0)), math.sin(0.3 * math.pi)
     for name, text in (("film", FILM), ("heated", HEATED)):
         for goal in (Goal("u_T", (1.4, 0.0)), SLIP_LENGTH, *([RESULTANT] if name == "film" else [])):
-            yield name, scene_of(text), goal, fine_value(scene_of(text), goal, 3000)
+            yield name, scene_of(text), goal, fine_value(text, goal, 3000)
     bracket = scene_of(BRACKET)
     yield "bracket", bracket, RESULTANT, value_at_corner(bracket, RESULTANT, OBTUSE)
 

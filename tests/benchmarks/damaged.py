@@ -34,7 +34,7 @@ body: {rectangle: {width: 2, height: 1}}
 boundary: {bottom: contact, left: clamped, right: free, top: {role: traction, g: [0.1, 0]}}
 material: {E: 1, nu: 0.3}
 friction: {law: slip-weakening, tau_s: 0.1, tau_k: 0.05, delta: 0.12}
-mesh: {maxh: 0.5, levels: 2}
+mesh: {maxh: 1, levels: 2}
 sweep: {delta: [1.2, 0.12]}
 path: {parameter: load, from: 0, to: 1, at: [0.5]}
 """

@@ -243,9 +243,9 @@ def mutated(seed: int, texts: Sequence[str]) -> str:
 
 
 def sources() -> list[str]:
-    """The studies that are spoilt."""
-    shipped = (path.read_text(encoding="utf-8") for path in sorted(CONFIGS.glob("*.yaml")))
-    return [EVERY_KEY, FROM_A_FILE, DERIVED, *shipped]
+    """The studies that are spoilt; one draws fewer points than it ships with, each of which takes its time to read."""
+    shipped = [path.read_text(encoding="utf-8") for path in sorted(CONFIGS.glob("*.yaml"))]
+    return [EVERY_KEY, FROM_A_FILE, DERIVED, *(text.replace("points: 64 ", "points: 4 ") for text in shipped)]
 
 
 def complaint(text: str, folder: Path) -> tuple[int, str]:

@@ -65,6 +65,8 @@ def test_what_the_schema_refuses_the_reader_refuses() -> None:
         for _ in range(rng.choice((1, 1, 2))):
             spoil(rng, tree)  # type: ignore[arg-type]  # studies are mappings
         text = yaml_of(tree)
+        if "[" * 50 in text:  # the reader refuses it at once, a schema never sees it, and the library takes seconds
+            continue
         try:
             errors = list(CHECK.iter_errors(data(text)))
         except (YAMLError, ValueError, RecursionError):  # no YAML, which both refuse

@@ -311,7 +311,7 @@ TOKENS = [match.span() for match in re.finditer(r"[A-Za-z_]+|[-0-9.]+|[^\sA-Za-z
 EDIT = st.tuples(st.integers(0, len(TOKENS) - 1), st.integers(0, 3), st.sampled_from(SCRAPS))
 
 
-@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
 @given(st.lists(EDIT, min_size=1, max_size=4))
 def test_no_text_makes_the_reader_fail_in_any_other_way(edits: list[tuple[int, int, str]]) -> None:
     text = TEXT

@@ -86,8 +86,8 @@ def test_least_energy_agrees_with_all_solutions() -> None:
 @pytest.mark.parametrize("smooth", [False, True])
 def test_never_higher_and_the_same_every_time(smooth: bool) -> None:
     gains = 0
-    for seed in range(40):
-        problem = cases.random_problem(np.random.default_rng([seed, 61]), (20, 50)[seed % 2], smooth=smooth)
+    for seed in range(24):
+        problem = cases.random_problem(np.random.default_rng([seed, 61]), (20, 40)[seed % 2], smooth=smooth)
         answer, again = solve_contact(problem), solve_contact(problem)
         assert answer.status == Status.CONVERGED
         assert cases.independent_residual(problem, answer.v) <= 1e-10

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,6 +14,7 @@ from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study
 from tcstudy.refine.family import Family
 from tcstudy.study.plan import expected_bytes, faults, plan, warnings
+from tests.commands import tcstudy_command
 
 STUDY = """body:
   file:
@@ -122,23 +121,20 @@ def test_a_faulty_region_and_holes_of_a_file_are_refused(tmp_path: Path) -> None
 def test_run_tells_the_fault_once_and_leaves_nothing(tmp_path: Path) -> None:
     plate(tmp_path / "plate.step")
     (tmp_path / "study.yaml").write_text(STUDY.replace("bore: clamped", "bore: free"))
-    command = [sys.executable, "-m", "tcstudy", "run", "study.yaml"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    done = tcstudy_command("run", "study.yaml", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith("study.yaml:10:3: boundary: no edge is clamped")
     assert done.stderr.count("\n") == 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["plate.step", "study.yaml"]
 
 
-def test_a_file_that_is_no_step_is_told_in_one_line(tmp_path: Path) -> None:
+def test_a_file_that_is_no_step_is_told_in_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Without what the kernel itself would print."""
     (tmp_path / "plate.step").write_text("hello\n")
     (tmp_path / "study.yaml").write_text(STUDY)
-    done = subprocess.run(
-        [sys.executable, "-m", "tcstudy", "plan", "study.yaml"], cwd=tmp_path, capture_output=True, text=True
-    )
-    assert done.returncode == 2
-    assert done.stdout == ""
+    done = tcstudy_command("plan", "study.yaml", cwd=tmp_path)
+    assert done[:2] == (2, "")
+    assert tuple(capfd.readouterr()) == ("", "")
     assert done.stderr == (
         "study.yaml:3:5: body.file: plate.step: is no STEP file, as ISO-10303-21 is missing; export the face again\n"
     )

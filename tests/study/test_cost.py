@@ -25,7 +25,8 @@ from tests.verification.scenes import RECTANGLE, study_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 PULLED = RECTANGLE.replace("left: clamped, top: free", "left: clamped, top: {role: traction, g: [0.02, -0.01]}")
-SMALL = ("mesh={maxh: 0.5, levels: 3}",)
+SMALL = ("mesh={maxh: 0.8, levels: 3}",)
+COARSE = "mesh={maxh: 0.8, levels: 1}"
 
 
 def _measure(study: Study, runs: int = 2) -> Cost:
@@ -111,7 +112,7 @@ def test_uniform_errors_are_those_of_converge() -> None:
 
 def test_graded_meshes_that_are_uniform_are_shown_once() -> None:
     for family, kept in (("uniform", "uniform"), ("graded", "graded"), ("adaptive", "uniform")):
-        study = tcstudy.load(CONFIGS / "convergence.yaml", [f"mesh={{maxh: 0.25, levels: 2, family: {family}}}"])
+        study = tcstudy.load(CONFIGS / "convergence.yaml", [f"mesh={{maxh: 0.5, levels: 2, family: {family}}}"])
         cost = _measure(study, runs=1)
         assert cost.families == (kept, "adaptive")
         assert cost.families[cost.own[0]] == family
@@ -119,21 +120,21 @@ def test_graded_meshes_that_are_uniform_are_shown_once() -> None:
 
 
 def test_meshes_of_no_family_stand_for_themselves() -> None:
-    cost = _measure(study_of(PULLED, "mesh={maxh: 0.5, tolerance: 0.1}"), runs=1)
+    cost = _measure(study_of(PULLED, "mesh={maxh: 0.8, tolerance: 0.2}"), runs=1)
     assert cost.families[-1] == "study"
     family, solver, level = cost.own
     assert (family, solver) == (3, 0)
     assert cost.n_dof[family, level] > 0
     assert level + 1 == cost.n_dof.shape[1] or cost.n_dof[family, level + 1] < 0
-    assert cost.errors["u_energy"][cost.own] < 0.13  # the tolerance with a margin for the estimate
+    assert cost.errors["u_energy"][cost.own] < 0.26  # the tolerance with a margin for the estimate
     assert cost.stages["steps"][cost.own] > 0.0
-    listed = _measure(study_of(PULLED, "mesh={maxh: [0.5, 0.4, 0.3]}"), runs=1)
+    listed = _measure(study_of(PULLED, "mesh={maxh: [0.8, 0.7, 0.6]}"), runs=1)
     assert listed.own == (3, 0, 2)
     assert np.all(listed.stages["steps"][3, 0, :3] == 0.0)
 
 
 def test_an_adaptive_study_lies_on_the_adaptive_curve() -> None:
-    cost = _measure(study_of(PULLED, "mesh={maxh: 0.5, levels: 5, family: adaptive}"), runs=1)
+    cost = _measure(study_of(PULLED, "mesh={maxh: 0.8, levels: 5, family: adaptive}"), runs=1)
     assert cost.families == ("uniform", "graded", "adaptive")
     assert cost.own == (2, 0, 4)
     assert cost.n_dof[2, 4] > cost.n_dof[2, 0]
@@ -177,9 +178,9 @@ def test_curves_do_not_go_far_beyond_the_own_mesh(monkeypatch: pytest.MonkeyPatc
 
 
 def test_the_sweep_point_is_the_one_asked_for() -> None:
-    study = study_of(PULLED, *SMALL, "sweep={tau: [0.001, 0.01], nu: [0.2, 0.3]}")
+    study = study_of(PULLED, COARSE, "sweep={tau: [0.001, 0.01], nu: [0.2, 0.3]}")
     one = measure(study, (1, 0), 1, lambda text, left: None)
-    alone = _measure(study_of(PULLED, *SMALL, "material.nu=0.2"), runs=1)
+    alone = _measure(study_of(PULLED, COARSE, "material.nu=0.2"), runs=1)
     assert one.errors["u_energy"][0, 0] == pytest.approx(alone.errors["u_energy"][0, 0], rel=1e-9, nan_ok=True)
 
 
@@ -194,7 +195,7 @@ def test_a_place_that_cannot_be_written_is_found_before_any_work(tmp_path: Path)
 
 def test_time_left_is_told_once_it_is_known() -> None:
     told: list[tuple[str, float | None]] = []
-    measure(study_of(PULLED, "mesh={maxh: 0.5, levels: 1}"), (), 3, lambda text, left: told.append((text, left)))
+    measure(study_of(PULLED, COARSE), (), 3, lambda text, left: told.append((text, left)))
     known = [(text, left) for text, left in told if left is not None]
     assert [text for text, _ in known] == ["run 2 of 3", "run 3 of 3"]
     assert known[0][1] == pytest.approx(2 * known[1][1])

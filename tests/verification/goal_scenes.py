@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -137,8 +138,10 @@ def solved_meshes(study: Study, goal: Goal, most: int, marking: float = 0.6) -> 
             return
 
 
-def fine_value(study: Study, goal: Goal, most: int = 1500) -> float:
+@cache
+def fine_value(text: str, goal: Goal, most: int = 1500) -> float:
     """J(u_h) itself, nothing extrapolated, where every triangle of a mesh of `most` unknowns is cut into sixteen."""
+    study = scene_of(text)
     mesh = [level for _, level, _ in solved_meshes(study, goal, most)][-1].mesh
     for _ in range(2):
         mesh = refine_uniformly(mesh)

@@ -168,7 +168,7 @@ def report(rows: Sequence[Row]) -> str:
 @pytest.mark.parametrize("ratio", RATIOS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_law_is_solved_from_zero(kind: str, ratio: float) -> None:
-    for m, load in ((20, 1.2), (20, 2.0), (50, 4.0), (50, 0.9)):
+    for m, load in ((20, 1.2), (20, 2.0), (30, 4.0), (50, 0.9)):
         problem = problem_of(kind, m, ratio, load)
         answer = solve_contact(problem, "bundle-newton", TOLERANCE, branch="from-zero")
         assert answer.status == Status.CONVERGED, answer.reason

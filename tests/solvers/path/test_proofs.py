@@ -25,7 +25,7 @@ def one_by_one(path: Path, low: Lowest) -> list[bool]:
     return found
 
 
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", range(12))
 def test_groups_prove_what_single_certificates_prove(seed: int) -> None:
     """Random laws, convex or not, with up- and down-jumps."""
     rng = np.random.default_rng([seed, 131])
@@ -39,12 +39,12 @@ def test_groups_prove_what_single_certificates_prove(seed: int) -> None:
 def test_a_long_path_takes_few_tests(monkeypatch: pytest.MonkeyPatch) -> None:
     """An exponential law as a polygon: hundreds of states, and a handful of groups."""
     law = piecewise_linear(cases.exponential_decay(1.0, 0.3, 0.3), 2e-4, 4.0)
-    problem = softening_line(24).with_law(law)
-    path = follow(problem, np.zeros(24), 0.0, 0.0, 3.0)
+    problem = softening_line(16).with_law(law)
+    path = follow(problem, np.zeros(16), 0.0, 0.0, 3.0)
     low, groups, bends = lowest(path), [], proofs._bends
     monkeypatch.setattr(proofs, "_bends", lambda *args: groups.append(1) or bends(*args))
     proved = proved_minima(path, low, problem.at(0.0).lambda_1, Acceptance())
-    assert len(proved) > 300
+    assert len(proved) > 200
     assert np.count_nonzero(proved) > 0
     assert len(groups) < 60
     assert list(proved) == one_by_one(path, low)
