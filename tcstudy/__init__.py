@@ -5,7 +5,7 @@
     tree = tcstudy.run(study.with_(friction_delta="60 um"), "coarse.nc")  # xarray.DataTree; also written to the file
     tree["level_1"]["u_T"]                                                # tangential displacements on the second mesh
 
-Studies:  init, schema, load, Study (from_dict, with_), plan, run, converge, cost, path
+Studies:  init, schema, load, Study (from_dict, with_), plan, run, converge, cost, path, history
 Results:  open_results, draw, report, export, compare, merge
 Matrices: ContactProblem, law, solve, certify, follow
 
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         Study,
         converge,
         cost,
+        history,
         init,
         load,
         merge,
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
         CostError,
         DrawError,
         GeometryFailed,
+        HistoryError,
         PageError,
         PathError,
         ProblemError,
@@ -70,6 +72,7 @@ __all__ = [
     "CostError",
     "DrawError",
     "GeometryFailed",
+    "HistoryError",
     "PageError",
     "PathError",
     "ProblemError",
@@ -86,6 +89,7 @@ __all__ = [
     "draw",
     "export",
     "follow",
+    "history",
     "init",
     "law",
     "load",

@@ -280,6 +280,23 @@ def path(
     return _loaded(_made("path", asked, output, force, work))
 
 
+def history(
+    study: Study | str | FilePath, output: str | FilePath | None = None, *, force: bool = False
+) -> xarray.DataTree:
+    """The load history of every sweep point, step by step, as `tcstudy history` follows it.
+
+    The data have the dimension `step` with its loads, `cycle` and `step_name`; what the file has already is kept, and
+    more steps or cycles are added to it (force computes all again). A history that ends early has its `reason`.
+    Raises StudyError, HistoryError (no such section), GeometryFailed, StoreError.
+    """
+    from tcstudy.study.history_run import execute_history
+
+    asked = _study(study)
+    target = FilePath(output) if output is not None else usual_output("history", asked)
+    execute_history(asked, target, None, ("tcstudy.history",), force)
+    return _loaded(target)
+
+
 def _made(
     kind: Kind,
     study: records.Study,
@@ -290,7 +307,9 @@ def _made(
 ) -> FilePath:
     """The file of these results, computed unless it holds them already."""
     from tcstudy.data.provenance import holds, identity
+    from tcstudy.study.plan import check_kind
 
+    check_kind(study, kind, str(study.source or "study"))
     target = FilePath(output) if output is not None else usual_output(kind, study)
     if force or not holds(target, identity(kind, study, **asked)):
         work(target)

@@ -18,6 +18,7 @@ from tcstudy.reports.outlet import guarded_streams, is_lost
 MODULES = {
     **dict.fromkeys(("run", "plan", "merge"), "run"),
     "path": "path",
+    "history": "history",
     "show": "results",
     **dict.fromkeys(("converge", "cost"), "measure"),
     **dict.fromkeys(("draw", "report", "sensitivity"), "results"),

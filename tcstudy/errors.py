@@ -85,6 +85,10 @@ class PathError(UserFault):
     """A path cannot be followed."""
 
 
+class HistoryError(UserFault):
+    """A load history cannot be followed."""
+
+
 class DrawError(UserFault):
     """A picture cannot be made."""
 

@@ -49,6 +49,7 @@ def _show(options: argparse.Namespace, file: Path) -> None:
     from tcstudy.data.provenance import kind_of
     from tcstudy.reports.convergence import convergence_report
     from tcstudy.reports.cost import cost_report
+    from tcstudy.reports.history_summary import history_summary
     from tcstudy.reports.path_summary import path_summary
     from tcstudy.reports.summary import MOST_ROWS, summary
     from tcstudy.reports.tables import wrapped
@@ -59,6 +60,7 @@ def _show(options: argparse.Namespace, file: Path) -> None:
     texts = {
         "run": lambda: summary(file, None if options.verbose else MOST_ROWS),
         "path": lambda: wrapped(path_summary(file)),
+        "history": lambda: wrapped(history_summary(file, options.verbose)),
         "convergence": lambda: convergence_report(file, "text", point, full),
         "cost": lambda: cost_report(file),
     }

@@ -93,7 +93,7 @@ def _say(options: argparse.Namespace, output: Path, points: int, failed: int, fo
 
 def plan(options: argparse.Namespace) -> int:
     """Every check that a run makes, and what the run would do."""
-    study, output = checked(options)
+    study, output = checked(options, planned=True)
     from tcstudy.data.provenance import already_there
     from tcstudy.reports.forecast import expected_words, forecast_text
     from tcstudy.study.expected import of_run

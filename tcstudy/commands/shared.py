@@ -163,18 +163,22 @@ def point_of(options: argparse.Namespace) -> dict[str, str]:
     return {name: value for name, _, value in words}
 
 
-def checked(options: argparse.Namespace, kind: Kind = "run", swept: bool = True) -> tuple[Study, Path]:
+def checked(
+    options: argparse.Namespace, kind: Kind = "run", swept: bool = True, planned: bool = False
+) -> tuple[Study, Path]:
     """The study and the file that is asked for or usual for this kind, found usable as is a picture; raises UserFault.
 
     The study is kept in the options, where cli finds the place of a later fault.
-    swept: whether the command uses the sweep
+    swept: whether the command uses the sweep;  planned: whether it only says what another one would do
     """
     check_manner(options)
     from tcstudy.read.study import read_study
 
     study = options.read = read_study(options.study, options.overrides, swept=swept)
-    from tcstudy.study.plan import faults  # needs the mesher, a fault in the text does not
+    from tcstudy.study.plan import check_kind, faults  # needs the mesher, a fault in the text does not
 
+    if not planned:
+        check_kind(study, kind, str(options.study))
     output = options.output or usual_output(kind, study)
     if problems := faults(study, output):
         fail("\n".join(problems))
@@ -188,10 +192,10 @@ def checked(options: argparse.Namespace, kind: Kind = "run", swept: bool = True)
 def usual_output(kind: Kind, study: Study) -> Path:
     """Where a file of this kind is written unless another place is asked for."""
     from tcstudy.data.provenance import measured_path
-    from tcstudy.study.plan import output_of, path_output
+    from tcstudy.study.plan import output_beside, output_of
 
-    if kind == "path":
-        return path_output(study)
+    if kind in ("path", "history"):
+        return output_beside(study, kind)
     return output_of(study) if kind == "run" else measured_path(output_of(study), kind)
 
 

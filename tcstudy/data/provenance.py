@@ -187,7 +187,8 @@ def without_paths(sentence: str) -> str:
     return _PATH.sub("", sentence)
 
 
-Kind = Literal["run", "path", "convergence", "cost"]
+Kind = Literal["run", "path", "history", "convergence", "cost"]
+OTHER_KINDS: tuple[Kind, ...] = ("path", "history", "cost")
 CONTENT = "content"
 """Global attribute that tells the files of other commands from that of a run."""
 
@@ -200,8 +201,9 @@ def kind_of(path: Path) -> Kind:
 def kind_from(found: Mapping[str, Any]) -> Kind:
     """The command by the global attributes of its file."""
     content = found.get(CONTENT)
-    if content in ("path", "cost"):
-        return "path" if content == "path" else "cost"
+    for kind in OTHER_KINDS:
+        if content == kind:
+            return kind
     return "convergence" if "reference" in found else "run"
 
 

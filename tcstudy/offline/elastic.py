@@ -57,9 +57,11 @@ class Elastic:
         ratio: Moduli,
         memory: float,
         plan: EliminationPlan | None = None,
+        held: bool = True,
     ) -> None:
         """frames: which rows are held (their values do not matter here);  plan: that of another ratio on the mesh.
 
+        held: False for a body that may slide along the contact line, which then has no λ₁
         Raises NotPositiveDefinite if the body is not held.
         """
         stiffness = forms.stiffness_of(ratio, frames)
@@ -67,8 +69,9 @@ class Elastic:
         eliminate[line.nodes] = False
         points = forms.mesh.points
         self._condensation: Condensation = condense(stiffness, points, line.nodes, eliminate, components=2, plan=plan)
-        self._condensation.require_definite()
-        self.lambda_1 = least_eigenvalue(self._condensation.A_tilde, line.c)
+        if held:
+            self._condensation.require_definite()
+        self.lambda_1 = least_eigenvalue(self._condensation.A_tilde, line.c) if held else 0.0
         self._held = np.flatnonzero(frames.fixed)
         self._reactions = stiffness[self._held]  # all that is needed of the matrix from here on
         self._basis: Recent[_Basis] = Recent(memory, lambda b: b.rows.nbytes)

@@ -113,13 +113,14 @@ def _groups(scenes: Sequence[Scene]) -> dict[BasisLoad, list[BasisLoad]]:
 class Level:
     """All scenes of a study on one mesh. Caches are keyed by value: equal inputs are computed once."""
 
-    def __init__(self, mesh: PlaneMesh, scene: Scene, scenes: Sequence[Scene] = ()) -> None:
+    def __init__(self, mesh: PlaneMesh, scene: Scene, scenes: Sequence[Scene] = (), held: bool = True) -> None:
         """mesh: one level;  scene: any scene of the study (body and roles are the same in all of them).
 
         scenes: all scenes to come, if known: many values of α then cost a few temperatures, not one each
+        held: False for a body that may slide along the contact line
         """
         start = time.perf_counter()
-        self.mesh = mesh
+        self.mesh, self.held = mesh, held
         self.elastic = ElasticForms(mesh)
         held = tuple(edge for edge, _ in scene.held_theta)
         self.heat = HeatForms(self.elastic, tuple(edge for edge, _, _ in scene.exchange), held=held)
@@ -294,7 +295,7 @@ class Level:
         body = self._bodies.find(ratio)
         if body is None:
             self._bodies.clear()
-            body = Elastic(self.elastic, frames, self.line, ratio, MEMORY, self._plan)
+            body = Elastic(self.elastic, frames, self.line, ratio, MEMORY, self._plan, self.held)
             self._plan = body.plan
             self._bodies.put(ratio, body)
         return body, mu

@@ -54,14 +54,19 @@ class BoundaryPiece(NamedTuple):
 
 def check_support(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:
     """The supports must exclude rigid motions (a body from a file is judged when the file is read)."""
+    fault = supports_fault(body, boundary)
+    if fault is not None:
+        ctx.errors.at(node, *fault)
+
+
+def supports_fault(body: Body, boundary: Boundary) -> tuple[str, str] | None:
+    """What is wrong with the supports and what to do; None if they hold the body, or if it is from a file."""
     if body.outline is None:
-        return
+        return None
     edges = [edge for loop in (body.outline, *body.holes) for edge in loop.edges]
     points = [edge_points(edge, 1 if edge.through is None else ARC_PIECES) for edge in edges]
     pieces = [BoundaryPiece(edge.name, at, edge_normal(edge, at)) for edge, at in zip(edges, points, strict=True)]
-    fault = support_fault(pieces, boundary, body.outline.edges[0].start, body_size(body))
-    if fault is not None:
-        ctx.errors.at(node, *fault)
+    return support_fault(pieces, boundary, body.outline.edges[0].start, body_size(body))
 
 
 def support_fault(

@@ -142,7 +142,7 @@ def read_output(ctx: Context, node: Node | None) -> OutputPlan:
 
 
 @dataclass(frozen=True)
-class _Affine:
+class Affine:
     """A parameter that enters the load affinely: its dimension, its value in the scene, why it would do nothing."""
 
     dimension: Dimension
@@ -176,7 +176,7 @@ def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | No
     return plan
 
 
-def affine_parameters(scene: Scene) -> Iterator[tuple[tuple[str, ...], _Affine]]:
+def affine_parameters(scene: Scene) -> Iterator[tuple[tuple[str, ...], Affine]]:
     """All parameters of the scene that a path may run along, by key path."""
     heat = scene.heat
     idle = "" if scene.material.expands else "beta is 0, so temperature does not load the body"
@@ -186,26 +186,26 @@ def affine_parameters(scene: Scene) -> Iterator[tuple[tuple[str, ...], _Affine]]
         acts.add("q")
     for row, name, value in affine_numbers(heat, "heat"):
         if name in acts:
-            yield ("heat", name), _Affine(row.dimension, value, idle)
+            yield ("heat", name), Affine(row.dimension, value, idle)
     for edge, role in scene.boundary:
         for row, name, value in affine_numbers(role.heat, "edge_heat"):
             inner = () if isinstance(role, Convection) else ("heat",)
-            yield ("boundary", edge, *inner, name), _Affine(row.dimension, value, idle)
+            yield ("boundary", edge, *inner, name), Affine(row.dimension, value, idle)
     for row, name, value in affine_numbers(scene, "loads"):
-        yield ("loads", name), _Affine(row.dimension, value)
+        yield ("loads", name), Affine(row.dimension, value)
     loads: list[Scalar] = [*scene.f]
     for edge, role in scene.boundary:
         if isinstance(role, Clamped):
             names = ("u_x", "u_y") if role.frame == "xy" else ("u_N", "u_T")
             for name, held in zip(names, role.u, strict=True):
                 if held is not None:
-                    yield ("boundary", edge, name), _Affine(rows("boundary")[name].dimension, held)
+                    yield ("boundary", edge, name), Affine(rows("boundary")[name].dimension, held)
         elif isinstance(role, Traction | Convection):
             loads += [*role.g, role.pressure]
             for row, name, value in affine_numbers(role, "boundary"):
-                yield ("boundary", edge, name), _Affine(row.dimension, value)
+                yield ("boundary", edge, name), Affine(row.dimension, value)
     no_load = "" if any(isinstance(x, Expression) or x != 0.0 for x in loads) else "the study has no f, g or pressure"
-    yield ("load",), _Affine(NONE, 1.0, no_load)
+    yield ("load",), Affine(NONE, 1.0, no_load)
 
 
 def _parameter(ctx: Context, node: Node, scene: Scene) -> tuple[str, ...] | None:

@@ -47,8 +47,9 @@ class _Keys(NamedTuple):
 class SceneReader:
     """Reads the base study and the sweep points of one study."""
 
-    def __init__(self, ctx: Context, root: Node, sweep: Sweep) -> None:
-        self.ctx, self.root, self.sweep = ctx, root, sweep
+    def __init__(self, ctx: Context, root: Node, sweep: Sweep, loose: bool = False) -> None:
+        """loose: whether the supports may leave rigid motions, which friction alone resists."""
+        self.ctx, self.root, self.sweep, self.loose = ctx, root, sweep, loose
         self.body = self._body(read_body(ctx, node) if (node := root.child("body")) else BodyReading(None, None))
         self.needed_of_heat = needed_of_heat(root.child("boundary"))
         self.order = sorted(range(len(sweep.axes)), key=lambda i: len(sweep.axes[i].parameter.path))
@@ -209,7 +210,8 @@ class SceneReader:
             held = supports(boundary)
             if held not in self.supports:
                 self.supports.add(held)
-                check_support(self.ctx, node, self.body, boundary)
+                if not self.loose:
+                    check_support(self.ctx, node, self.body, boundary)
             check_corners(self.ctx, node, self.body, boundary)
             check_held(self.ctx, node, self.body, boundary)
         return boundary

@@ -65,6 +65,7 @@ def schema() -> Schema:
         made["hole"]["properties"][shape] |= {"required": ["edge"]}
     made["sweep"] = _sweep(_swept, ("mode", "points", "seed", "h"))
     made["point"] = _sweep(_at_point, ()) | {"minProperties": 1}
+    made["step"] |= {"additionalProperties": _value(NAMED), "minProperties": 1}
     return {
         "$schema": DRAFT,
         "title": TITLE,

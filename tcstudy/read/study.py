@@ -18,6 +18,7 @@ from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge, read_material
 from tcstudy.read.plans import read_mesh, read_output, read_path, read_solver
 from tcstudy.read.scenes import SECTIONS, SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, records
+from tcstudy.scene.histories import HistoryPlan
 from tcstudy.scene.keys import row, rows
 from tcstudy.scene.parameters import SHORT, sweepable
 from tcstudy.scene.points import distinct
@@ -60,6 +61,7 @@ class _Plans:
     output: OutputPlan | None
     exact: Exact | None
     path: PathPlan | None
+    history: HistoryPlan | None = None
 
 
 def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...], swept: bool = True) -> Study:
@@ -78,7 +80,7 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
     given = without_loads(ctx, root, sweep) if root.child("exact") else root
     base = _with_swept_keys(given, sweep)
     _check_keys(ctx, base, sweep)
-    reader = SceneReader(ctx, base, sweep)
+    reader = SceneReader(ctx, base, sweep, loose=_friction_may_hold(base))
     scenes = reader.read()
     ctx.errors.point = ""
     plans = _read_run(ctx, base, sweep, reader, scenes)
@@ -104,8 +106,16 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
         overrides=with_sweep(overrides, sweep.written()) if sweep.tabled else overrides,
         exact=plans.exact,
         path=plans.path,
+        history=plans.history,
         design=sweep.design,
     )
+
+
+def _friction_may_hold(root: Node) -> bool:
+    """Whether the body may lie loose on the contact line: in a history whose memory is friction."""
+    section = root.child("history")
+    word = section.child("memory") if section and isinstance(section.value, Mapping) else None
+    return word is not None and word.value == "friction"
 
 
 def _read_header(ctx: Context, root: Node, default: str) -> _Header:
@@ -271,6 +281,11 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
     solver, output = read_solver(ctx, root.child("solver")), read_output(ctx, root.child("output"))
     path = read_path(ctx, node, reader.base, mesh) if (node := root.child("path")) else None
     exact = read_exact(ctx, node, root, body) if (node := root.child("exact")) else None
+    history = None
+    if root.child("history") and scenes:
+        from tcstudy.read.history import read_history  # few studies have one
+
+        history = read_history(ctx, root, reader.base, scenes, mesh, [axis.parameter.path for axis in sweep.axes])
     asked = root.child("output") if output and not ctx.errors.problems else None
     if output and asked and (names := asked.child("sensitivity")):
         from tcstudy.read.sensitivity import read_sensitivity  # only for a study that asks for derivatives
@@ -280,7 +295,7 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
         _refuse_one_law(ctx, root, mesh, output)
     if root.child("materials"):
         _refuse_one_material(ctx, root, mesh, output)
-    plans = _Plans(mesh, solver, output, exact, path)
+    plans = _Plans(mesh, solver, output, exact, path, history)
     if scenes and scenes[0].heat_by_edge:
         _refuse_heat_by_edge(ctx, root, plans)
     return plans

@@ -35,7 +35,8 @@ class Lists(Container):
 def brief(path: Path) -> dict[str, Json]:
     """The object that --json prints; its `verdict` is the sentence of --quiet. Raises StoreError."""
     stored = read(path)
-    found = {"run": _run, "convergence": _convergence, "cost": _cost, "path": _path}[stored.kind](stored)
+    of_kind = {"run": _run, "convergence": _convergence, "cost": _cost, "path": _path, "history": _history}
+    found = of_kind[stored.kind](stored)
     about = {"kind": stored.kind, "file": str(path), "title": str(stored.data.attrs["title"])}
     verdict = found.pop("verdict")["text"]
     return {**about, "verdict": verdict, **found}
@@ -94,6 +95,16 @@ def _convergence(stored: Stored) -> dict[str, Json]:
 
 def _cost(stored: Stored) -> dict[str, Json]:
     return dict(cost_part(stored))
+
+
+def _history(stored: Stored) -> dict[str, Json]:
+    data = stored.data
+    named = [str(n) for n, one in data.variables.items() if "step" in one.dims and "node" not in one.dims]
+    ended = sum(bool(reason) for reason in data["reason"].values.ravel())
+    said = f"{ended} of {data['reason'].size} histories ended early" if ended else "all steps solved"
+    units = {name: str(data[name].attrs["units"]) for name in named if "units" in data[name].attrs}
+    values = {name: data[name].values.tolist() for name in [*named, "reason"]}
+    return {"verdict": {"text": said}, "units": units, "dimensions": list(data["status"].dims), **values}
 
 
 def _path(stored: Stored) -> dict[str, Json]:

@@ -142,7 +142,7 @@ def _wanted(path: Path, kind: str, point: Mapping[str, Value] | None) -> NDArray
     """(points,) those that were asked for; None for all."""
     if not point:
         return None
-    if kind in ("path", "cost"):
+    if kind in ("path", "history", "cost"):
         raise UsageError(f"--at: the file of tcstudy {kind} has one scene and no sweep points; leave it out")
     with open_results(path) as tree:
         return matching(tree.to_dataset(), point)

@@ -204,6 +204,30 @@ class PathProgress:
             self._open = False
 
 
+class HistoryProgress:
+    """Which step of which point was solved last."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = raw_terminal(stream if stream is not None else sys.stderr)
+        self._shown = self._stream.isatty()
+        self._open = False
+
+    def __call__(self, point: int, points: int, step: int, steps: int) -> None:
+        """Called after every step, counted from 0."""
+        if self._shown:
+            where = f"point {point + 1}/{points}, " if points > 1 else ""
+            self._stream.write(f"\r\x1b[K{where}step {step}/{steps}")
+            self._stream.flush()
+            self._open = True
+
+    def close(self) -> None:
+        """Remove the line."""
+        if self._open:
+            self._stream.write("\r\x1b[K")
+            self._stream.flush()
+            self._open = False
+
+
 class CostProgress:
     """What is being measured, and how long it may still take."""
 

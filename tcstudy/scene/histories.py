@@ -10,18 +10,26 @@ Hughes, Computational Inelasticity (1998) (return mapping). Here only what a stu
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 
-from tcstudy.scene.friction import DOWN, UP, FrictionLaw
+from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.scene.key import Key
 from tcstudy.scene.nodal_laws import Law
+from tcstudy.scene.units import STIFFNESS
 
 MemoryName = Literal["friction", "elastic-plastic", "damage"]
 MEMORIES: tuple[MemoryName, ...] = get_args(MemoryName)
 HistoryBranch = Literal["continued", "lowest"]
 HISTORY_BRANCHES: tuple[HistoryBranch, ...] = get_args(HistoryBranch)
+Keys = tuple[str, ...]
+MOST_STEPS = 100_000
+"""Steps of one history."""
+START = "start"
+"""Name of step 0, the study as it is written: its loads are put on the virgin body."""
 
 
 class UnfitLaw(ValueError):
@@ -114,8 +122,109 @@ def _check_secant(law: FrictionLaw) -> None:
                                "memory: friction, or a law that only falls")  # fmt: skip
 
 
-def jumps_down(law: Law) -> bool:
-    """Whether a law of some node jumps down: then no step is proved unique by stiffness alone."""
-    if isinstance(law, FrictionLaw):
-        return bool(np.any(law.kinds == DOWN))
-    return any(jumps_down(own) for own, _ in law.groups)
+@dataclass(frozen=True)
+class HistoryLine:
+    """Loads that change together, in equal steps.
+
+    values: what they are at the end of the line, by key path [SI]; what is not named stays
+    count:  steps;  name: of the last of them
+    """
+
+    values: tuple[tuple[Keys, float], ...]
+    count: int
+    name: str
+
+
+@dataclass(frozen=True)
+class HistoryPlan:
+    """The load history of every scene of a study (`tcstudy history`).
+
+    lines:      one after the other, `repeat` times
+    parameters: (key path, CF units, value in the scene) of every load that changes
+    branch:     which solution of a step: "continued" from the last state, or the one of least energy, "lowest"
+    substeps:   equal parts of every step, each solved by descent
+    level:      mesh level, None for the finest
+    loose:      whether nothing but friction holds the body
+    """
+
+    memory: Memory
+    lines: tuple[HistoryLine, ...]
+    parameters: tuple[tuple[Keys, str, float], ...]
+    repeat: int = 1
+    branch: HistoryBranch = "continued"
+    substeps: int = 1
+    level: int | None = None
+    loose: bool = False
+
+    @property
+    def steps(self) -> int:
+        """Number of steps, without step 0."""
+        return self.repeat * sum(line.count for line in self.lines)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the loads that change, as short as tells them apart."""
+        last = [keys[-1] for keys, _, _ in self.parameters]
+        return tuple(
+            name if last.count(name) == 1 else "_".join(keys)
+            for name, (keys, _, _) in zip(last, self.parameters, strict=True)
+        )
+
+    def stations(self) -> list[dict[Keys, float]]:
+        """Loads at step 0 and at the ends of all lines of a cycle; a later cycle begins at the last of them."""
+        values = {keys: value for keys, _, value in self.parameters}
+        found = [dict(values)]
+        for line in self.lines:
+            values |= dict(line.values)
+            found.append(dict(values))
+        return found
+
+    def schedule(self) -> Iterator[tuple[int, int, float, str, int]]:
+        """(station before, station after, share of the way, name or "", cycle from 1) of every step but step 0."""
+        for cycle in range(self.repeat):
+            for i, line in enumerate(self.lines):
+                before = len(self.lines) if cycle and i == 0 else i
+                for j in range(1, line.count + 1):
+                    yield before, i + 1, j / line.count, line.name if j == line.count else "", cycle + 1
+
+
+def _row(section: str, name: str, *told: object, **more: object) -> Key:
+    return Key(name, *told, section=section, **more)  # type: ignore[arg-type]
+
+
+HISTORY = (
+    _row(
+        *("", "history", "section", "[loads one after the other, friction that remembers](#load-histories)"),
+        of=("history",),
+        fixed="a sweep multiplies histories; write one study for each",
+    ),
+    _row(
+        *("history", "memory", "choice", "what a contact node remembers"),
+        example="friction",
+        required=True,
+        words=MEMORIES,
+    ),
+    _row(
+        *("history", "steps", "sections", "a list of lines: loads by path or short name, what they become"),
+        required=True,
+        least=1,
+        of=("step",),
+    ),
+    _row("history", "repeat", "integer", "cycles of all lines", default=1, least=1, most=MOST_STEPS),
+    _row("history", "branch", "choice", "which solution of a step", words=HISTORY_BRANCHES, default="continued"),
+    _row(
+        "history",
+        "substeps",
+        "integer",
+        "equal parts of a step, each solved by descent",
+        default=1,
+        least=1,
+        most=1000,
+    ),
+    _row("history", "stiffness", "number", "of elastic-plastic bonds", STIFFNESS, "100 GPa/m", above=0.0),
+    _row("history", "healing", "flag", "of friction: every step finds a whole film", default=False),
+    _row("history", "level", "integer", "mesh level (default: finest)", least=0),
+    _row("step", "in", "integer", "steps of the line", default=1, least=1, most=MOST_STEPS),
+    _row("step", "name", "text", "of its last step", example="hot"),
+)
+"""Keys of the section `history`."""

@@ -1,12 +1,11 @@
 """The table of keys: every key that a study file may hold, as plain data. What else is said of a key is derived.
 
 One row makes a key known: to the reader of its section, which then also suggests it for a misspelt one and reads it in
-its dimension and within its bounds (`read.fields`); to `--set`; to the table in configs/README.md and to the JSON
-Schema (`read.schema`). With `swept=True` a sweep may vary it, by its path and by its last word, and data carry its
-units; with `affine=True` a path may run along it (`scene.parameters`). What a row cannot say is where the key acts:
-the record of its section gets a field, the reader of its section fills it, and something uses it.
-
-Parameters of friction laws are not here but with their laws (`scene.laws.SHAPES`), which make rows of them.
+its dimension and bounds (`read.fields`); to `--set`; to the table in configs/README.md and to the JSON Schema
+(`read.schema`). With `swept=True` a sweep may vary it, by its path and by its last word, and data carry its units; with
+`affine=True` a path may run along it (`scene.parameters`). What a row cannot say is where the key acts: the record of
+its section gets a field, the reader of its section fills it, and something uses it. Parameters of laws stand with them
+(`scene.laws.SHAPES`), the keys of `history` in `scene.histories`.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ from tcstudy.scene import units as u
 from tcstudy.scene.designs import DESIGNS, DISTRIBUTIONS
 from tcstudy.scene.edge_keys import EDGE_ROWS
 from tcstudy.scene.families import FAMILIES
+from tcstudy.scene.histories import HISTORY
 from tcstudy.scene.key import Key, in_section
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.study import BRANCHES, MOST_REFINE, SOLVERS, Direction, MeshPlan, PathPlan, SolverPlan, Start
@@ -285,6 +285,7 @@ ROWS: tuple[Key, ...] = (
         Key("sensitivity", "words", "numbers by which results are differentiated", example="[friction.delta, E]"),
         Key("live", "flag", "keep what a page needs to solve by itself, up to half a megabyte a level", default=False),
     ),
+    *HISTORY,
 )
 """All keys but the parameters of laws, in the order in which they are shown."""
 

@@ -126,6 +126,13 @@ def path_scene(scene: Scene, parameter: tuple[str, ...], t: float) -> Scene:
     raise KeyError(".".join(parameter))
 
 
+def loaded_scene(scene: Scene, values: Mapping[Keys, float]) -> Scene:
+    """The scene with several loads put in (see `path_scene`); raises KeyError for one that it does not have."""
+    for keys, value in values.items():
+        scene = path_scene(scene, keys, value)
+    return scene
+
+
 def affine_numbers(record: object, section: str) -> Iterator[tuple[Key, str, Scalar]]:
     """(key, name, value) of every number of a record in which the load is affine; u of a clamped edge is not among
     them, as its names depend on the frame, and nothing that is not given."""

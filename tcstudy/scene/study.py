@@ -17,11 +17,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 from tcstudy.scene.designs import Design
 from tcstudy.scene.families import FAMILIES, LISTED, PLAIN, FamilyName, MeshFamily
 from tcstudy.scene.records import Exact, Point, Scene
+
+if TYPE_CHECKING:
+    from tcstudy.scene.histories import HistoryPlan
 
 TOLERANCE = 1e-10
 """Largest inclusion residual by default, as long as rounding allows it."""
@@ -291,6 +294,7 @@ class Study:
     overrides: tuple[str, ...] = field(default=())
     exact: Exact | None = None
     path: PathPlan | None = None
+    history: HistoryPlan | None = None
     design: Design | None = None
 
     def __repr__(self) -> str:

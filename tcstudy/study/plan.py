@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tcstudy.data import schema
 from tcstudy.data.files import check_writable
-from tcstudy.errors import GeometryFailed, StoreError, UserFault
+from tcstudy.errors import GeometryFailed, StoreError, UsageError, UserFault
 from tcstudy.exact.loads import description
 from tcstudy.fem.meshes import SAMPLE, triangles_a_second
 from tcstudy.offline.level import Level
@@ -72,10 +72,20 @@ def output_of(study: Study) -> Path:
     return Path("results") / f"{stem}.nc"
 
 
-def path_output(study: Study) -> Path:
-    """Where `tcstudy path` writes: beside the results of a run, with "-path" added to the name."""
+def output_beside(study: Study, kind: str) -> Path:
+    """Where `tcstudy path` and `history` write: beside the results of a run, with "-path" added to the name."""
     output = output_of(study)
-    return output.with_name(f"{output.stem}-path{output.suffix or '.nc'}")
+    return output.with_name(f"{output.stem}-{kind}{output.suffix or '.nc'}")
+
+
+def check_kind(study: Study, kind: str, name: str) -> None:
+    """Raise UsageError where a command would leave out what a study is about: a history is no set of static points."""
+    if study.history is not None and kind != "history":
+        command = COMMAND_OF.get(kind, kind)
+        raise UsageError(
+            f"{name}: history: the study is a load history, and tcstudy {command} has no memory; use tcstudy "
+            "history, or --set history=null for its points without memory"
+        )
 
 
 def _left_out(study: Study, heat_solved: bool) -> list[str]:
@@ -105,6 +115,8 @@ def _levels_not_needed(mesh: MeshPlan, unit: str) -> str:
     )
 
 
+COMMAND_OF = {"convergence": "converge"}
+"""Commands whose files have another name."""
 WORTH_SAYING = 2.0
 """Seconds of meshing from which on a forecast says so."""
 
@@ -161,6 +173,12 @@ def _other_commands(study: Study) -> list[str]:
         path, units = study.path, f" {study.path.units}" if study.path.units != "1" else ""
         span = f"from {path.begin:.6g}{units} to {path.end:.6g}{units}"
         notes.append(f"path along {path.name} {span}: follow it with tcstudy path")
+    if study.history is not None:
+        steps, points = study.history.steps, len(study.scenes)
+        how = f"{steps} steps of {', '.join(study.history.names)}" + (
+            f" at each of {points} points" if points > 1 else ""
+        )
+        notes.append(f"load history, {how}: tcstudy history follows it, and nothing else is computed of this study")
     if study.exact is not None:
         notes.append("exact solution given: measure the errors against it with tcstudy converge")
     return notes

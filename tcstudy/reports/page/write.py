@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
+from tcstudy.data.provenance import kind_of
 from tcstudy.errors import PageError
 from tcstudy.reports.page.container import Container, Json, size_of
 from tcstudy.reports.page.law_part import law_part
@@ -59,6 +60,8 @@ def write_page(path: Path, target: Path, left_out: tuple[str, ...] = ()) -> Writ
         raise PageError(f"{target} is a directory; give the name of a file in it")
     without = list(left_out)
     with reading(path):
+        if kind_of(path) == "history":
+            raise PageError(f"{path} is a load history, of which there is no page; use tcstudy show, draw and export")
         text = _fitting(read(path), without)
     if size_of(text) > MOST:
         raise PageError(

@@ -1,0 +1,192 @@
+"""Reads the section `history`: which loads change, line by line, and what the contact line remembers.
+
+Laws that a memory cannot be made of, lines that change nothing, and loads in which the condensed load is not affine are
+faults here, so that no history begins that cannot be computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from tcstudy.expressions.expression import Expression
+from tcstudy.read.checks import supports_fault
+from tcstudy.read.fields import Context, Fields, none_after_fault
+from tcstudy.read.node import Node, nearest
+from tcstudy.read.plans import Affine, affine_parameters
+from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Keys, Memory, UnfitLaw
+from tcstudy.scene.keys import rows
+from tcstudy.scene.parameters import SHORT
+from tcstudy.scene.points import distinct
+from tcstudy.scene.records import Scene
+from tcstudy.scene.study import SEPARABLE, MeshPlan
+
+FACTORED = ("g", "g_x", "g_y", "pressure", "f_x", "f_y")
+"""Loads that `load` multiplies."""
+
+
+@none_after_fault
+def read_history(
+    ctx: Context,
+    root: Node,
+    base: Scene | None,
+    scenes: Sequence[Scene],
+    mesh: MeshPlan | None,
+    swept: Collection[Keys],
+) -> HistoryPlan | None:
+    """The history; None after a fault.
+
+    base: the scene without the sweep, None if it has faults of its own;  scenes: of the sweep
+    swept: key paths of the sweep
+    """
+    before = len(ctx.errors)
+    node = root.child("history")
+    assert node is not None
+    fields = Fields(ctx, node, "history")
+    if len(ctx.errors) > before or base is None:
+        return None
+    memory = _memory(ctx, fields)
+    lines = _lines(ctx, fields, base, swept)
+    if len(ctx.errors) > before:
+        return None
+    _check_laws(ctx, fields, memory, scenes)
+    known = dict(affine_parameters(base))
+    used = dict.fromkeys(keys for line in lines for keys, _ in line.values)
+    parameters = tuple((keys, _units(ctx, known[keys]), float(known[keys].value)) for keys in used)  # type: ignore[arg-type]
+    _refuse(ctx, root, mesh)
+    plan = HistoryPlan(memory, lines, parameters, **_options(ctx, fields, mesh))
+    if plan.steps > MOST_STEPS:
+        remedy = f"{MOST_STEPS} are possible; write fewer cycles or steps"
+        ctx.errors.at(fields.values["steps"], f"the history has {plan.steps} steps", remedy, on_key=True)
+    if plan.branch == "lowest" and (part := fields["substeps"]):
+        ctx.errors.at(part, "belongs to branch: continued", "leave it out, or make more steps", on_key=True)
+    return replace(plan, loose=any(supports_fault(s.body, s.boundary) for s in distinct(scenes, "boundary")))
+
+
+def _units(ctx: Context, parameter: Affine) -> str:
+    return parameter.dimension.cf if ctx.units == "SI" else "1"
+
+
+def _memory(ctx: Context, fields: Fields) -> Memory:
+    """The memory with its own keys; a key of another memory is a fault."""
+    memory = Memory(fields.value("memory"), **fields.given(("stiffness", "healing")))
+    for key, name in (("stiffness", "elastic-plastic"), ("healing", "friction")):
+        if fields[key] is not None and memory.name != name:
+            what = f"belongs to memory: {name}, but the study has memory: {memory.name}"
+            ctx.errors.at(fields.values[key], what, "remove it, or change the memory", on_key=True)
+    if memory.name == "elastic-plastic" and memory.stiffness is None:
+        fields.missing("stiffness")
+    return memory
+
+
+def _lines(ctx: Context, fields: Fields, base: Scene, swept: Collection[Keys]) -> tuple[HistoryLine, ...]:
+    """The lines in order; one that leaves all loads as they are is a fault."""
+    known, found = dict(affine_parameters(base)), []
+    values: dict[Keys, float] = {}
+    for item in ctx.items(fields.values["steps"], "a list of lines, for example [{theta: 60 K, in: 8, name: hot}]", 1):
+        if not isinstance(item.value, Mapping):
+            ctx.errors.at(item, f"must be a mapping, but is {item.kind()}", "write {theta: 60 K, in: 8, name: hot}")
+            continue
+        line = _line(ctx, item, known, swept)
+        if line is None:
+            continue
+        before = {keys: values.get(keys, known[keys].value) for keys, _ in line.values}
+        if all(before[keys] == value for keys, value in line.values):
+            what = "changes nothing: the loads are there already"
+            ctx.errors.at(item, what, "give one of them another value, or remove the line")
+        values |= dict(line.values)
+        found.append(line)
+    if ("load",) in values and (other := next((k for k in values if k[-1] in FACTORED), None)):
+        what = f"load is a factor of all mechanical loads, and {'.'.join(other)} is one of them"
+        ctx.errors.at(fields.values["steps"], what, "change one of the two", on_key=True)
+    return tuple(found)
+
+
+def _line(ctx: Context, item: Node, known: Mapping[Keys, Affine], swept: Collection[Keys]) -> HistoryLine | None:
+    before = len(ctx.errors)
+    own = rows("step")
+    given: dict[str, Any] = {}
+    values: dict[Keys, float] = {}
+    for word, node in item.value.items():  # type: ignore[union-attr]
+        if word in own:
+            given[word] = ctx.value(node, own[word])
+            continue
+        keys = _keys(ctx, word, node, known, own, swept)
+        if keys is not None:
+            values[keys] = ctx.quantity(node, known[keys].dimension)
+    if len(ctx.errors) > before:
+        return None
+    if not values:
+        ctx.errors.at(item, "changes nothing: no load is named", "write for example {theta: 60 K, in: 8}")
+        return None
+    named = ", ".join(f"{word} {node.brief()}" for word, node in item.value.items() if word not in own)  # type: ignore[union-attr]
+    return HistoryLine(tuple(values.items()), given.get("in", 1), given.get("name", named))
+
+
+def _keys(
+    ctx: Context, word: str, node: Node, known: Mapping[Keys, Affine], own: Iterable[str], swept: Collection[Keys]
+) -> Keys | None:
+    """The load that a key of a line names; None after a fault."""
+    short = SHORT | {name: f"loads.{name}" for one in rows("loads").values() for name in one.numbers}
+    keys = tuple(short.get(word, word).split("."))
+    what = remedy = ""
+    if keys not in known:
+        names = [".".join(path) for path, one in known.items() if not one.idle]
+        same = [name for name in names if name.split(".")[-1] == word]
+        near = same[0] if same else nearest(word, [*names, *own])
+        what = "is no load of this study that a history may change"
+        remedy = f"did you mean {near!r}?" if near else f"use one of {', '.join(names)}"
+    elif known[keys].idle:
+        what, remedy = f"{known[keys].idle}, so it changes nothing", "choose another load"
+    elif isinstance(known[keys].value, Expression):
+        what = f"varies in space ({known[keys].value}), but in a history it is one number"
+        remedy = "give it a number in the scene, or use load, the factor of all mechanical loads"
+    elif keys in swept:
+        what, remedy = "is swept, too", "sweep something else, or leave it out of the steps"
+    if what:
+        ctx.errors.at(node, what, remedy, on_key=True)
+    return None if what else keys
+
+
+def _check_laws(ctx: Context, fields: Fields, memory: Memory, scenes: Sequence[Scene]) -> None:
+    """Every law of the sweep must be one that the memory can be made of."""
+    for scene in distinct(scenes, "friction"):
+        for law in scene.laws:
+            try:
+                memory.check(law)
+            except UnfitLaw as error:
+                what, _, remedy = str(error).rpartition("; ")
+                ctx.errors.at(fields.values["memory"], what, remedy)
+                return
+
+
+def _refuse(ctx: Context, root: Node, mesh: MeshPlan | None) -> None:
+    """What a history does not do."""
+    if node := root.child("exact"):
+        what = "an exact solution is of one scene without a past, and the study has a history"
+        ctx.errors.at(node, what, "remove one of them", on_key=True)
+    if mesh and mesh.estimates and not mesh.strategy.adapts and (node := root.child("mesh")):
+        remedy = "remove estimate and tolerance, and compare histories on meshes of your own"
+        ctx.errors.at(node, "errors are not estimated in a history", remedy, on_key=True)
+    output = root.child("output")
+    for key in ("fields", "live", "sensitivity"):
+        if output and (asked := output.child(key)) and asked.value is not False:
+            ctx.errors.at(asked, "is not kept of a history", "remove it", on_key=True)
+    solver = root.child("solver")
+    words = solver.child("name") or solver if solver else None
+    if words is not None and not isinstance(words.value, Mapping) and words.value != SEPARABLE:
+        ctx.errors.at(words, f"a history is solved by {SEPARABLE} alone", f"write solver: {SEPARABLE}", on_key=True)
+    if solver and (branch := solver.child("branch")):
+        ctx.errors.at(branch, "is of single points", "write history.branch: continued or lowest", on_key=True)
+
+
+def _options(ctx: Context, fields: Fields, mesh: MeshPlan | None) -> dict[str, Any]:
+    """The other keys that are given."""
+    found = fields.given(("repeat", "branch", "substeps"))
+    if mesh and mesh.strategy.adapts:
+        remedy = "use family: uniform or graded for a history, for example --set mesh.family=graded"
+        ctx.errors.at(fields.node, "adaptive meshes follow from the solutions of a run", remedy, on_key=True)
+    elif node := fields["level"]:
+        found["level"] = ctx.integer(node, 0, mesh.levels - 1 if mesh else None)
+    return found

@@ -1,0 +1,244 @@
+"""Follow the load history of every sweep point, step by step, into its file; go on where a file ends.
+
+The condensed load is affine in what changes, so that it is computed at the ends of the lines only, and between them it
+lies on the straight line. All steps of all points share the mesh, and those of one material its factor.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from tcstudy.condense import NotPositiveDefinite
+from tcstudy.data.history_records import HistoryRecord
+from tcstudy.data.history_store import open_history, read_known, steps_done, write_history
+from tcstudy.data.provenance import collect, study_sha256
+from tcstudy.data.records import PointStatus
+from tcstudy.errors import HistoryError, StoreError, StudyError
+from tcstudy.fem.study_meshes import Meshes
+from tcstudy.offline.level import Level
+from tcstudy.read.study import read_study_text
+from tcstudy.scene.histories import UnfitLaw
+from tcstudy.scene.parameters import loaded_scene
+from tcstudy.scene.records import Scene
+from tcstudy.scene.study import Study
+from tcstudy.solvers.history.memory import NodeState
+from tcstudy.solvers.history.steps import HistoryProblem, HistoryStep, history
+from tcstudy.study.point import point_status
+from tcstudy.study.run import level_record
+from tcstudy.study.union import differences
+
+Array = NDArray[np.float64]
+SAVED_EVERY = 30.0
+"""Seconds between two writings of the file while steps are being solved."""
+FREE = ("history.steps", "history.repeat")
+"""Keys in which a study may differ from that of the file it goes on from; the steps themselves are compared."""
+
+
+class HistoryWatcher(Protocol):
+    """Who is told how far it is."""
+
+    def __call__(self, point: int, points: int, step: int, steps: int) -> None:
+        """Called after every step."""
+
+
+@dataclass(frozen=True)
+class HistorySummary:
+    """What came of it.
+
+    points, steps: of the study, step 0 included in the steps;  ended: points whose history ended early
+    found: steps that stood in the file before
+    """
+
+    points: int
+    steps: int
+    ended: int
+    found: int
+
+
+def execute_history(
+    study: Study,
+    output: Path,
+    watcher: HistoryWatcher | None = None,
+    command: Sequence[str] = ("tcstudy",),
+    force: bool = False,
+) -> HistorySummary:
+    """Follow the histories of a study and write their file, which is also written while it grows.
+
+    force: compute again what the file holds
+    Raises HistoryError if the study has none, StoreError where the file holds something else or cannot be written,
+    GeometryFailed if the body has no mesh.
+    """
+    plan = study.history
+    if plan is None:
+        raise HistoryError("the study has no section history; add history: {memory: friction, steps: [...]}")
+    known = None if force else _known(output, study, plan.steps + 1)
+    done = 0 if known is None else int(steps_done(known).sum())
+    if known is not None and all(_finished(known, p) for p in range(len(study.scenes))) and _same(output, study):
+        return _summary(study, known, done)
+    provenance = collect(study, command)
+    with threadpool_limits(1, user_api="blas"):
+        level = _level(study)
+        line = level_record(study, level.mesh, level)
+        record = known or HistoryRecord.empty(len(study.scenes), plan.steps + 1, level.line.m)
+        saved = time.monotonic()
+        try:
+            for point, step in _steps(study, level, record):
+                if watcher is not None:
+                    watcher(point, len(study.scenes), step, plan.steps)
+                if time.monotonic() - saved > SAVED_EVERY:
+                    write_history(output, study, line, record, provenance)
+                    saved = time.monotonic()
+        finally:
+            if int(steps_done(record).sum()) > done or known is not None:
+                write_history(output, study, line, record, provenance)
+    return _summary(study, record, done)
+
+
+def _summary(study: Study, record: HistoryRecord, found: int) -> HistorySummary:
+    ended = sum(bool(reason) for reason in record.reason)
+    return HistorySummary(len(study.scenes), record.status.shape[1], ended, found)
+
+
+def _finished(record: HistoryRecord, point: int) -> bool:
+    return bool(record.reason[point]) or int(steps_done(record)[point]) == record.status.shape[1]
+
+
+def _same(path: Path, study: Study) -> bool:
+    """Whether the file is of this very study, steps and all."""
+    with open_history(path) as data:
+        return bool(data.attrs["study_sha256"] == study_sha256(study))
+
+
+def _known(path: Path, study: Study, steps: int) -> HistoryRecord | None:
+    """What the file has of this study; raises StoreError if it has another one."""
+    if not path.is_file():
+        return None
+    known = read_known(path, study, steps)
+    if known is None:
+        return None
+    with open_history(path) as data:
+        attrs = data.attrs
+    if attrs["study_sha256"] == study_sha256(study):
+        return known
+    try:
+        overrides = [one for one in str(attrs["overrides"]).split("\n") if one]
+        other = read_study_text(str(attrs["study_yaml"]), str(path), overrides, study.source)
+        apart = [line for line in differences(other, study) if not line.startswith(FREE)]
+    except StudyError:
+        apart = ["its study cannot be read again"]
+    if apart:
+        remedy = "give another --output, or --force to replace it"
+        raise StoreError(f"{path} holds the history of another study ({apart[0]}); {remedy}")
+    return known
+
+
+def _level(study: Study) -> Level:
+    """The mesh level of the history; coarser ones are only stations on the way."""
+    plan, meshes = study.history, Meshes(study)
+    assert plan is not None
+    mesh = meshes.next(0)
+    for i in range(1, (study.mesh.levels - 1 if plan.level is None else plan.level) + 1):
+        mesh = meshes.next(i)
+    return Level(mesh, study.scenes[0], held=not plan.loose)
+
+
+def _steps(study: Study, level: Level, record: HistoryRecord) -> Iterator[tuple[int, int]]:
+    """(point, step) after every step that is solved; the record has it then."""
+    for point, scene in enumerate(study.scenes):
+        if _finished(record, point):
+            continue
+        try:
+            for step in _of_point(study, level, scene, record, point):
+                yield point, step
+        except (NotPositiveDefinite, UnfitLaw) as error:
+            record.reason[point] = str(error)
+            record.status[point, int(steps_done(record)[point])] = PointStatus.SINGULAR
+
+
+def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, point: int) -> Iterator[int]:
+    """The steps of one point that are still to do."""
+    problem, loads = _problem(study, level, scene)
+    record.lambda_1[point], record.margin[point] = problem.stiffness, problem.margin
+    first = int(steps_done(record)[point])
+    start = None if first == 0 else _state(problem, record, point, first - 1, loads[first - 1])
+    for n, step in enumerate(history(problem, loads[first:], start), first):
+        _put(record, point, n, step, problem)
+        yield n
+
+
+def _problem(study: Study, level: Level, scene: Scene) -> tuple[HistoryProblem, list[Array]]:
+    """What all steps of a scene share, and the loads l̃ of all steps."""
+    plan = study.history
+    assert plan is not None
+    at = [level.condensed(loaded_scene(scene, values)) for values in plan.stations()]
+    first = at[0].problem
+    lambda_1 = None if plan.loose else level.lambda_1(scene)
+    problem = HistoryProblem(
+        first.A_tilde,
+        first.c,
+        first.law,
+        plan.memory,
+        plan.branch,
+        plan.substeps,
+        study.solver.tolerance,
+        lambda_1,
+        held=not plan.loose,
+    )
+    l_tilde = [one.problem.l_tilde for one in at]
+    loads = [l_tilde[0]]
+    for i, j, share, *_ in plan.schedule():
+        loads.append(l_tilde[j] if share == 1.0 else l_tilde[i] + share * (l_tilde[j] - l_tilde[i]))
+    return problem, loads
+
+
+def _state(problem: HistoryProblem, record: HistoryRecord, point: int, n: int, load: Array) -> HistoryStep:
+    """The step n of a file, as the next one needs it."""
+    v, kappa, plastic = (getattr(record, name)[point, n] for name in ("u_T", "kappa", "plastic"))
+    state = NodeState(v.copy(), kappa.copy(), np.nan_to_num(plastic))
+    xi = record.xi[point, n] * problem.c
+    return HistoryStep(load, xi, state, float(record.stored[point, n]), problem.energy(v, load))
+
+
+def _put(record: HistoryRecord, point: int, n: int, step: HistoryStep, problem: HistoryProblem) -> None:
+    """A step into its row."""
+    at = point, n
+    record.status[at] = int(point_status(np.array([step.status]))[0])
+    if not step.solved:
+        record.reason[point] = step.reason
+    e, state, c = step.energies, step.state, problem.c
+    before = record.u_T[point, n - 1] if n else np.zeros(problem.m)
+    numbers = {
+        "energy": step.body,
+        "stored": step.stored,
+        "dissipated": e.dissipated,
+        "work": e.work,
+        "closure": e.closure,
+        "released": e.released,
+        "identity": e.identity,
+        "inclusion_residual": step.residual,
+        "inclusion_rounding": step.rounding,
+        "friction_resultant": float(step.xi.sum()),
+        "u_T_max": float(np.max(np.abs(state.v), initial=0.0)),
+        "slip_length": float(c[state.v != before].sum()),
+        "unique": step.unique,
+        "strict_minimum": step.strict,
+        "global_minimum": step.lowest,
+        "parts": step.parts,
+        "iterations": step.iterations,
+        "jumps": step.jumps,
+        "u_T": state.v,
+        "xi": step.xi / c,
+        "kappa": state.kappa,
+        "plastic": state.plastic,
+        "jumped": step.jumped,
+    }
+    for name, value in numbers.items():
+        getattr(record, name)[at] = value

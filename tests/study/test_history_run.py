@@ -1,0 +1,136 @@
+"""history_run: exact rules on plane bodies, histories that go on from their file, sweeps, bodies held by friction."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tcstudy
+from tcstudy.errors import StoreError, UsageError
+from tcstudy.read.study import read_study_text
+from tcstudy.study.history_run import execute_history
+
+BLOCK = """
+body: {rectangle: {width: 0.4 m, height: 0.1 m}}
+boundary: {bottom: contact, left: clamped, top: {role: traction, g: [0, 0]}, right: free}
+material: {E: 210 GPa, nu: 0.3, alpha_T: 1.2e-5 1/K}
+heat: {theta: 0 K}
+friction: {law: tresca, tau: 20 MPa}
+mesh: {maxh: 20 mm}
+"""
+SOFT = BLOCK.replace("law: tresca, tau: 20 MPa", "law: slip-weakening, tau_s: 20 MPa, tau_k: 15 MPa, delta: 1 mm")
+
+
+def followed(folder: Path, study: str, history: str, *overrides: str, name: str = "a.nc") -> xr.Dataset:
+    """The data of a history; every energy identity holds to rounding, every step is a solution."""
+    asked = read_study_text(f"{study}history: {history}\n", "study.yaml", overrides)
+    execute_history(asked, folder / name)
+    with xr.open_dataset(folder / name) as opened:
+        data = opened.load()
+    done = data["status"].values == 1
+    assert np.all(data["identity"].values[done] <= 1e-14)
+    assert np.all(data["inclusion_residual"].values[done] <= 1e-10)
+    assert np.all(data["dissipated"].values[done] >= 0.0)
+    return data
+
+
+@pytest.mark.parametrize("memory", ["friction", "elastic-plastic, stiffness: 500 GPa/m"])
+def test_masing_on_a_plane_body(tmp_path: Path, memory: str) -> None:
+    """v(e₁ → e₂) = v(e₁) − 2 v((e₁ − e₂)/2) for slips, tractions and plastic slips, from rigid ends to all slipping."""
+    data = followed(tmp_path, BLOCK, f"{{memory: {memory}, steps: [{{theta: 60 K}}, {{theta: -20 K}}]}}")
+    half = followed(tmp_path, BLOCK, f"{{memory: {memory}, steps: [{{theta: 40 K}}]}}", name="b.nc")
+    for name in ("u_T", "xi", "plastic"):
+        if name in data:
+            first, back = data[name].values[1:]
+            assert back == pytest.approx(first - 2.0 * half[name].values[1], abs=1e-11 * np.max(np.abs(first)))
+    assert 0.0 < float(half["slip_length"][1]) <= 0.4 + 1e-12
+    assert data["unique"].values.tolist() == [0, 1, 1]  # nothing is asked at step 0, which has no load
+
+
+def test_secants_of_damage_on_a_plane_body(tmp_path: Path) -> None:
+    history = "{memory: damage, steps: [{theta: 60 K}, {theta: -45 K, in: 3}, {theta: -60 K}]}"
+    data = followed(tmp_path, SOFT, history)
+    v, theta = data["u_T"].values, data["theta"].values
+    for n in range(2, len(theta)):
+        assert v[n] == pytest.approx(theta[n] / 60.0 * v[1], abs=1e-11 * np.max(np.abs(v[1])))
+    assert np.all(data["dissipated"].values[2:] <= 1e-12 * data["dissipated"].values[1])
+
+
+def test_a_history_goes_on_from_its_file(tmp_path: Path) -> None:
+    """More cycles behind the same steps: what is there stays to the bit, and what follows is as computed at once."""
+    history = (
+        "{memory: elastic-plastic, stiffness: 500 GPa/m, steps: [{theta: 60 K, in: 2}, {theta: -20 K}], repeat: 1}"
+    )
+    followed(tmp_path, SOFT, history)
+    grown = followed(tmp_path, SOFT, history.replace("repeat: 1", "repeat: 3"))
+    whole = followed(tmp_path, SOFT, history.replace("repeat: 1", "repeat: 3"), name="b.nc")
+    assert grown.sizes["step"] == 10
+    for name in ("u_T", "kappa", "plastic", "status"):
+        assert np.array_equal(grown[name].values, whole[name].values)
+    assert grown["dissipated"].values == pytest.approx(whole["dissipated"].values, rel=1e-12)
+    with pytest.raises(StoreError, match="another study"):
+        followed(tmp_path, SOFT.replace("20 MPa", "21 MPa"), history)
+    with pytest.raises(StoreError, match="other steps"):
+        followed(tmp_path, SOFT, history.replace("60 K", "61 K"))
+
+
+def test_an_interrupted_history_keeps_its_steps(tmp_path: Path) -> None:
+    study = read_study_text(f"{BLOCK}history: {{memory: friction, steps: [{{theta: 60 K, in: 6}}]}}\n", "study.yaml")
+
+    def stop(point: int, points: int, step: int, steps: int) -> None:
+        if step == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        execute_history(study, tmp_path / "a.nc", stop)
+    told: list[int] = []
+    summary = execute_history(study, tmp_path / "a.nc", lambda point, points, step, steps: told.append(step))
+    assert (told, summary.found) == ([4, 5, 6], 4)
+
+
+def test_a_sweep_multiplies_histories(tmp_path: Path) -> None:
+    """Points stand in the order of the file's axes; each is the history of its own scene."""
+    study = SOFT + "sweep: {tau_s: [25 MPa, 20 MPa], alpha_T: [1e-5, 1.2e-5]}\n"
+    steps = "{memory: friction, steps: [{theta: 60 K}, {theta: 0 K}]}"
+    data = followed(tmp_path, study, steps)
+    assert data["u_T"].dims == ("tau_s", "alpha_T", "step", "node")
+    one = followed(tmp_path, SOFT, steps, name="b.nc")
+    assert np.array_equal(data["u_T"].sel(tau_s=20e6, alpha_T=1.2e-5).values, one["u_T"].values)
+
+
+def test_a_step_without_solution_ends_the_history(tmp_path: Path) -> None:
+    """A loose strip pulled harder than friction holds: the steps before stay, the reason is told."""
+    loose = BLOCK.replace("left: clamped", "left: free").replace("law: tresca, tau: 20 MPa", "law: tresca, tau: 1 MPa")
+    study = loose.replace("right: free", "right: {role: traction, g: [0, 0]}")
+    steps = "[{boundary.right.g_x: 3 MPa, in: 3}, {boundary.right.g_x: 6 MPa, in: 3}, {boundary.right.g_x: 0 MPa}]"
+    data = followed(tmp_path, study, f"{{memory: friction, steps: {steps}}}")
+    status = data["status"].values.tolist()
+    assert status[:4] == [1, 1, 1, 1]
+    assert status[4] > 1
+    assert status[5:] == [0, 0, 0]
+    assert data["reason"].item()
+    assert np.all(np.isnan(data["u_T_max"].values[5:]))
+
+
+def test_commands_without_memory_refuse_a_history(tmp_path: Path) -> None:
+    study = tcstudy.Study.from_dict(
+        {
+            "body": {"rectangle": {"width": 1.0, "height": 0.5}},
+            "boundary": {"bottom": "contact", "left": "clamped", "top": "free", "right": "free"},
+            "material": {"E": 1.0, "nu": 0.3, "alpha_T": 0.1},
+            "heat": {"theta": 0.0},
+            "friction": {"law": "tresca", "tau": 0.01},
+            "mesh": {"maxh": 0.25},
+            "units": "none",
+            "history": {"memory": "friction", "steps": [{"theta": 1.0, "in": 2, "name": "hot"}]},
+        }
+    )
+    for command in (tcstudy.run, tcstudy.converge, tcstudy.cost):
+        with pytest.raises(UsageError, match="has no memory; use tcstudy history, or --set history=null"):
+            command(study, tmp_path / "no.nc")
+    tree = tcstudy.history(study, tmp_path / "yes.nc")
+    assert tree["step_name"].values.tolist() == ["start", "", "hot"]
+    assert "load history" in " ".join(tcstudy.plan(study).notes)

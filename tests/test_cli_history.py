@@ -1,0 +1,75 @@
+"""`tcstudy history` as a user types it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.commands import tcstudy_command
+
+HISTORY = """\
+title: Strip to and fro
+body: {rectangle: {width: 0.4 m, height: 0.1 m}}
+boundary: {bottom: contact, left: clamped, top: free, right: free}
+material: {E: 210 GPa, nu: 0.3, alpha_T: 1.2e-5 1/K}
+heat: {theta: 0 K}
+friction: {law: tresca, tau: 20 MPa}
+mesh: {maxh: 50 mm}
+history:
+  memory: friction
+  steps:
+    - {theta: 60 K, in: 2, name: hot}
+    - {theta: -20 K, in: 2, name: cold}
+  repeat: 2
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "strip.yaml").write_text(HISTORY)
+    return tmp_path
+
+
+def test_history_writes_a_file_and_a_table_and_goes_on(folder: Path) -> None:
+    result = tcstudy_command("history", "strip.yaml", cwd=folder)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert "History of theta: 8 steps in 2 cycles; memory friction" in result.stdout
+    assert "a closed loop: every cycle dissipates the same" in result.stdout
+    assert "data in results/strip-history.nc" in result.stdout
+    shown = tcstudy_command("show", "results/strip-history.nc", cwd=folder)
+    assert shown.stdout.strip() in result.stdout
+    again = tcstudy_command("history", "strip.yaml", "-q", cwd=folder)
+    assert again.stdout == "results/strip-history.nc: all steps solved\n"
+    more = tcstudy_command("history", "strip.yaml", "--set", "history.repeat=3", cwd=folder)
+    assert more.returncode == 0
+    assert "held 9 steps; the others were added" in more.stderr
+    exported = tcstudy_command("export", "results/strip-history.nc", "--csv", cwd=folder)
+    assert exported.returncode == 0, exported.stderr
+    rows = next(folder.rglob("*.csv")).read_text(encoding="utf-8").splitlines()
+    assert len(rows) == 14
+    assert "dissipated" in rows[0]
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("history", "strip.yaml", "--set", "history=null"), "strip.yaml: history: the study has no section history"),
+        (("run", "strip.yaml"), "strip.yaml: history: the study is a load history, and tcstudy run has no memory"),
+        (("converge", "strip.yaml"), "tcstudy converge has no memory"),
+        (("history", "strip.yaml", "--set", "history.steps=[]"), "history.steps: must"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(folder: Path, words: tuple[str, ...], line: str) -> None:
+    result = tcstudy_command(*words, cwd=folder)
+    assert result.returncode == 2
+    assert line in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert sorted(p.name for p in folder.iterdir()) == ["strip.yaml"]
+
+
+def test_there_is_no_page_of_a_history(folder: Path) -> None:
+    tcstudy_command("history", "strip.yaml", "--set", "history.repeat=1", cwd=folder)
+    result = tcstudy_command("report", "results/strip-history.nc", cwd=folder)
+    assert result.returncode == 2
+    assert "is a load history, of which there is no page; use tcstudy show, draw and export" in result.stderr
