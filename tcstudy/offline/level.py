@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense.symbolic import EliminationPlan
-from tcstudy.fem.boundary import Frames, constrain, contact_line, values_at
+from tcstudy.fem.boundary import Frames, constrain, contact_line
 from tcstudy.fem.forms import ElasticForms, HeatForms, Moduli
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.conduction import BATCH
@@ -170,23 +170,13 @@ class Level:
         if isinstance(friction, FrictionLaw):
             return friction
         if friction not in self._laws:
-            index, strength = self.strengths(friction)
-            if np.any(strength < 0.0):
-                x, y = line.xy[np.argmin(strength)]
-                raise ValueError(
-                    f"the strength of friction is {strength.min():g} at ({x:g}, {y:g}); it must be 0 or more"
-                )
+            index, strength = friction.along(line.edge_names, line.edge, line.xy)
+            if np.any(wrong := ~((strength >= 0.0) & np.isfinite(strength))):
+                k = int(np.argmax(wrong))
+                x, y = line.xy[k]
+                raise ValueError(f"the strength of friction is {strength[k]:g} at ({x:g}, {y:g}); it must be 0 or more")
             self._laws[friction] = nodal([law for _, law, _ in friction.laws], index, strength)
         return self._laws[friction]
-
-    def strengths(self, friction: EdgeLaws) -> tuple[NDArray[np.intp], Array]:
-        """(m,) which of the laws a contact node has, and its strength there."""
-        line, edges = self.line, [edge for edge, _, _ in friction.laws]
-        of_edge = np.array([edges.index(name) if name in edges else 0 for name in line.edge_names], dtype=np.intp)
-        index, strength = of_edge[line.edge], np.ones(line.m)
-        for k, (_, _, factor) in enumerate(friction.laws):
-            strength[index == k] = values_at(factor, line.xy[index == k])
-        return index, strength
 
     def load_of(self, scene: Scene, terms: Sequence[LoadTerm]) -> Array:
         """(m,) l̃ of other terms on the body of a scene [N/m]."""

@@ -140,6 +140,6 @@ def _laws(level: Level, scene: Scene, path: tuple[str, ...]) -> list[tuple[Frict
     if isinstance(friction, FrictionLaw):
         nodes = np.arange(level.line.m, dtype=np.intp)
         return [(friction, nodes, np.ones(len(nodes)))]
-    index, strength = level.strengths(friction)
+    index, strength = friction.along(level.line.edge_names, level.line.edge, level.line.xy)
     named = [(law, np.flatnonzero(index == k)) for k, (edge, law, _) in enumerate(friction.laws) if edge in ("", *path)]
     return [(law, nodes, strength[nodes]) for law, nodes in named]

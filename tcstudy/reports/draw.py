@@ -102,9 +102,8 @@ def _of_run(file: Path, target: Path, wanted: Wanted, look: style.Look) -> str:
         if wanted.law:
             shown = read_law(file, wanted.at, level)
             style.save(law_figure(shown, look), target, look.dpi)
-            return (
-                f"{target}: law {shown.law.name}, {shown.point.point or shown.point.title}, level {shown.point.level}"
-            )
+            laws = ", ".join(f"{edge}: {law.name}" if edge else law.name for edge, law in shown.laws)
+            return f"{target}: law {laws}, {shown.point.point or shown.point.title}, level {shown.point.level}"
         if wanted.mesh:
             mesh = read_mesh(file, wanted.at, level)
             style.save(mesh_figure(mesh, look), target, look.dpi)

@@ -5,14 +5,18 @@ Symbols follow Šestak & Jovanović (2010): alpha, theta_bar, q, omega (the sour
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tcstudy.expressions.expression import Expression
 from tcstudy.scene.friction import FrictionLaw
 
+Array = NDArray[np.float64]
 Point = tuple[float, float]
 Scalar = float | Expression
 """A quantity that is one number or an expression in x and y."""
@@ -217,6 +221,16 @@ class EdgeLaws:
     """
 
     laws: tuple[tuple[str, FrictionLaw, Scalar], ...]
+
+    def along(self, names: Sequence[str], edge: NDArray[np.integer], xy: Array) -> tuple[NDArray[np.intp], Array]:
+        """(m,) which of the laws a node has, and its strength there; of nodes at xy (m, 2) on edges by number."""
+        own = [name for name, _, _ in self.laws]
+        index = np.array([own.index(name) if name in own else 0 for name in names], dtype=np.intp)[edge]
+        strength = np.empty(len(index))
+        for k, (_, _, factor) in enumerate(self.laws):
+            x, y = xy[index == k].T
+            strength[index == k] = factor.evaluate(x, y) if isinstance(factor, Expression) else factor
+        return index, strength
 
     @property
     def vanishes(self) -> bool:

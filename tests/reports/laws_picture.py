@@ -33,8 +33,8 @@ def laws_figure(laws: Sequence[FrictionLaw]) -> Figure:
         row, column = divmod(i, COLUMNS)
         bottom = FOOT + (rows - 1 - row) * HIGH + 0.35
         axes = style.inches(figure, column * across + 0.5, bottom, across - 0.65, HIGH - 0.75)
-        reach = slip_range(law)
-        draw_law(axes, law, (-reach, reach), 1.0, 1.0)
+        reach = slip_range(law) or 1.0
+        draw_law(axes, law, (-reach, reach), 1.0, 1.0, {})
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 5, 10]))
         axes.set_title(law.name, loc="left", fontweight="bold")

@@ -6,17 +6,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 pytest.importorskip("matplotlib")
 
 from tcstudy.errors import DrawError
+from tcstudy.read.study import read_study_text
 from tcstudy.reports import style
 from tcstudy.reports.boundary_roles import runs, words
+from tcstudy.reports.export_fields import law_of_nodes
 from tcstudy.reports.law_figure import LawPicture, curves, law_figure, read_law, slip_window
 from tcstudy.reports.mesh_figure import MeshPicture, mesh_figure, read_mesh
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.stored_study import NamedEdge
+from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.scene.laws import SHAPES
+from tcstudy.scene.nodal_laws import each
+from tcstudy.study.run import execute
 from tests.reports.draw_cases import HEIGHT, WIDTH, crowded, example_laws, result
 from tests.reports.laws_picture import laws_figure
 
@@ -25,7 +31,61 @@ SMALL = style.Look(style.size_in_inches("9x7cm"), 7.0)
 
 
 def law_picture(grid: Path) -> LawPicture:
-    return LawPicture(read_picture(grid), BRITTLE, 8e11, float("inf"), "Pa m-1")
+    picture = read_picture(grid)
+    m = len(picture.line.u_T)
+    return LawPicture(picture, (("", BRITTLE),), np.zeros(m, dtype=np.intp), np.ones(m), 8e11, float("inf"), "Pa m-1")
+
+
+FILMS = """
+units: none
+title: Two films, one of them rougher to the right, with a gap
+body: {outline: [{from: [0, 0], edge: film}, {from: [1, 0], edge: shoe}, {from: [2, 0], edge: grip},
+                 {from: [2, 0.2], edge: top}, {from: [0, 0.2], edge: tail}]}
+boundary: {film: contact, shoe: contact, grip: {role: clamped, u_x: 0.4, u_y: free}, top: free, tail: free}
+material: {E: 10, nu: 0, plane: stress}
+friction: {film: {law: tresca, tau: 2, strength: "min(1, max(0, 2*x - 0.5))"},
+           shoe: {law: slip-weakening, tau_s: 1, tau_k: 0.5, delta: 0.1}}
+mesh: {maxh: 0.1}
+"""
+
+
+@pytest.fixture(scope="module")
+def films(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("films") / "films.nc"
+    execute(read_study_text(FILMS), path)
+    return path
+
+
+def test_where_friction_differs_every_node_stands_on_the_law_of_its_edge(films: Path) -> None:
+    shown = read_law(films, None, -1)
+    line, bonded = shown.point.line, shown.strength > 0
+    assert [edge for edge, _ in shown.laws] == ["film", "shoe"]
+    assert shown.strength == pytest.approx(np.where(line.x < 1, np.clip(2 * line.x - 0.5, 0, 1), 1.0))
+    for k, (_, law) in enumerate(shown.laws):
+        here = bonded & (shown.index == k)
+        low, high = law.interval(line.u_T[here])
+        xi = line.xi[here] / shown.strength[here]
+        assert np.all((low - 1e-6 <= xi) & (xi <= high + 1e-6))
+    with style.styled():
+        figure = law_figure(shown, style.Look())
+    marked = [line for line in figure.axes[0].lines if line.get_linestyle() == "None"]
+    assert sum(len(np.asarray(line.get_xdata())) for line in marked) == np.count_nonzero(bonded) < len(bonded)
+    named = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert named[:2] == ["film: tresca", "shoe: slip-weakening"]
+    assert "strength" in figure.axes[0].get_ylabel()
+
+
+def test_states_of_a_contact_line_with_two_laws_go_out(films: Path, tmp_path: Path) -> None:
+    """By the law of each node: softening only on the shoe, between nothing and 0.1 of slip."""
+    with xr.open_datatree(films) as tree:
+        group = tree["level_0"].to_dataset().load()
+    u_T, x, sticks = (group[name].values[-1 if name in ("u_T", "sticks") and group[name].ndim > 1 else ...]
+                      for name in ("u_T", "x", "sticks"))  # fmt: skip
+    states = each(law_of_nodes(read_study_text(FILMS).scenes[0].friction, group), node_states, u_T, sticks == 1)
+    softens = states == ContactState.SOFTEN
+    assert softens.any()
+    assert np.array_equal(softens, (x >= 1) & (u_T > 0) & (u_T < 0.1) & (sticks != 1))
+    assert np.all(states[(x >= 1) & (u_T > 0.1)] == ContactState.WEAKENED)
 
 
 def test_every_node_stands_at_its_slip_and_traction(grid: Path) -> None:

@@ -86,7 +86,8 @@ def test_slab(tmp_path: Path) -> None:
         assert slips[:2, law] == pytest.approx(told_ends, rel=2e-5)
         assert slips[2, law] == pytest.approx(told_ends[1], rel=4e-4)
     coarse = 1e3 * run("slab", tmp_path / "coarse", "mesh.maxh=200 mm")["u_T_max"].isel(level=0).values
-    assert coarse[:2].T == pytest.approx(np.array(ends), rel=3e-5)  # what is left is the theory of bars, not the mesh
+    for law, told_ends in enumerate(ends):  # what is left is the theory of bars, not the mesh
+        assert coarse[:2, law] == pytest.approx(told_ends, rel=3e-5)
     level = tree["level_0"].dataset
     top = np.flatnonzero(level["node_y"].values > 0.2 - 1e-9)
     top = top[np.argsort(level["node_x"].values[top])]

@@ -12,8 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from tcstudy.reports.page.container import Json
-from tcstudy.reports.page.stored import DOWN, SHAPES, UP, EdgeLaws, FrictionLaw, Study, file_order
+from tcstudy.reports.page.container import Container, Json
+from tcstudy.reports.page.stored import (
+    DOWN,
+    SHAPES,
+    UP,
+    EdgeLaws,
+    FrictionLaw,
+    LineFields,
+    Study,
+    file_order,
+)
 
 SAMPLES = 60
 ROUNDING = 1e-12
@@ -22,13 +31,35 @@ ROUNDING = 1e-12
 def law_part(study: Study | None) -> Json | None:
     """The different laws of a study and which one every point has; None if the study does not say.
 
-    None, too, where friction differs along the contact line.
+    Where friction differs along the contact line a point has a law of every edge, in the order of `edges`.
     """
-    if study is None or any(isinstance(scene.friction, EdgeLaws) for scene in study.scenes):
+    if study is None:
         return None
     numbers: dict[FrictionLaw, int] = {}
-    index = [numbers.setdefault(study.scenes[i].one_law, len(numbers)) for i in file_order(study)]
-    return {"laws": [drawn(law) for law in numbers], "index": index}
+    frictions = [study.scenes[i].friction for i in file_order(study)]
+    index: list[Json] = []
+    for friction in frictions:
+        own = [law for _, law, _ in friction.laws] if isinstance(friction, EdgeLaws) else [friction]
+        found = [numbers.setdefault(law, len(numbers)) for law in own]
+        index.append(found if isinstance(friction, EdgeLaws) else found[0])
+    told: Json = {"laws": [drawn(law) for law in numbers], "index": index}
+    return (
+        told | {"edges": [edge for edge, _, _ in first.laws]} if isinstance(first := frictions[0], EdgeLaws) else told
+    )
+
+
+def node_part(study: Study | None, line: LineFields, box: Container) -> Json:
+    """By edge: which of the edges' laws a node has, the different strengths along the line and which a point has."""
+    frictions = [] if study is None else [study.scenes[i].friction for i in file_order(study)]
+    found = [
+        friction.along(line.edge_names, line.edge, np.stack([line.x, line.y], axis=1))
+        for friction in frictions
+        if isinstance(friction, EdgeLaws)
+    ]
+    if not found:
+        return {}
+    rows, which = np.unique([strength for _, strength in found], axis=0, return_inverse=True)
+    return {"of_law": box.array(found[0][0], "i1"), "strengths": box.rows(rows), "strength_of": which.ravel().tolist()}
 
 
 def drawn(law: FrictionLaw) -> Json:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.reports.page.container import Container, Json
+from tcstudy.reports.page.law_part import node_part
 from tcstudy.reports.page.stored import BodyFields, LineFields, Stored, at_rest, boundary_edges, nearest, outline
 
 MOST_NODES = 8_000
@@ -66,6 +67,7 @@ def line_part(stored: Stored, level: int, box: Container) -> Json:
 
     return {
         **geometry(group, box),
+        **node_part(stored.study, contact_line(group), box),
         "u_T": box.rows(flat("u_T")),
         "xi": box.rows(flat("xi")),
         "sticks": box.array(flat("sticks"), "i1") if "sticks" in group else None,

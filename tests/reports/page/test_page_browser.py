@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tcstudy.cli import main
@@ -183,3 +184,30 @@ def live_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("live") / "block.nc"
     execute(read_study_text(STUDY, "block", ["output.live=true"]), path)
     return write_page(path, path.with_suffix(".html")).path
+
+
+FILMS = """
+title: Two films
+body: {outline: [{from: [0, 0], edge: film}, {from: [1, 0], edge: shoe}, {from: [2, 0], edge: grip},
+                 {from: [2, 0.2], edge: top}, {from: [0, 0.2], edge: tail}]}
+boundary: {film: contact, shoe: contact, grip: {role: clamped, u_x: 1 mm, u_y: free}, top: free, tail: free}
+material: {E: 10 GPa, nu: 0}
+friction: {film: {law: tresca, tau: 2 MPa, strength: "min(1, max(0, 2*x - 0.5))"}, shoe: {law: tresca, tau: 1 MPa}}
+mesh: {maxh: 0.2}
+"""
+
+
+def test_every_edge_has_its_law_with_its_own_nodes(browser: Browser, tmp_path: Path) -> None:
+    file = tmp_path / "films.nc"
+    execute(read_study_text(FILMS), file)
+    browser.open(write_page(file, file.with_suffix(".html")).path)
+    count = """return [...document.querySelectorAll('#point h3')].filter((h) => h.textContent.startsWith('Friction'))
+        .map((h) => [h.textContent, h.nextSibling.querySelectorAll('circle').length,
+                     h.nextSibling.nextSibling.textContent])"""
+    film, shoe = browser.run(count)
+    assert film[0].startswith("Friction law of film (tresca)")
+    assert shoe[0].startswith("Friction law of shoe (tresca)")
+    assert "divided by the strength" in film[2]
+    x = np.array(browser.run("return Array.from(Object.values(TC.data.lines)[0].x)"))
+    assert (film[1], shoe[1]) == (np.count_nonzero((x < 1 - 1e-9) & (x > 0.25 + 1e-9)), np.count_nonzero(x >= 1 - 1e-9))
+    assert browser.complaints() == []

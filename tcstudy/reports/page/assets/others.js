@@ -98,7 +98,7 @@ TC.others = {
     over.append(TC.el("div", { class: "columns wide" }, TC.el("div", { class: "panel" }, plot.svg, TC.el("p", { class: "legend" }, "solid: stable; dashed: unstable; broad grey: the hysteresis loop; small rings: folds; large ring: the state below")), TC.el("div", { class: "panel" }, TC.facts(facts))));
     const point = section("2  One state on the path"), left = TC.el("div", { class: "panel" }), right = TC.el("div", { class: "panel" });
     point.append(TC.el("p", {}, TC.el("b", {}, `${TC.symbol(name)} = ${TC.quantity(c.curve.parameter[kept[v]], c.units.parameter)}`), `, vertex ${kept[v]} of ${n}, energy ${TC.quantity(c.curve.energy[kept[v]], c.units.energy, 5)}, residual ${TC.number(c.curve.residual[kept[v]], 2)}`), TC.el("div", { class: "columns wide" }, left, right));
-    const line = { ...c.line, u_T_units: c.units.slip, xi_units: c.units.xi, rest: false }, m = line.x.length, law = d.laws ? d.laws.laws[0] : null, u = TC.row(c.u_T, v), xi = TC.row(c.xi, v), piece = Math.min(kept[v], n - 2);
+    const line = { ...c.line, u_T_units: c.units.slip, xi_units: c.units.xi, rest: false }, m = line.x.length, law = d.laws && !d.laws.edges ? d.laws.laws[0] : null, u = TC.row(c.u_T, v), xi = TC.row(c.xi, v), piece = Math.min(kept[v], n - 2);
     const sticks = [...Array(m)].map((_, i) => /stick/.test(c.states[c.state[piece * m + i]]));
     const one = TC.point.contact(line, 0, { u, xi, sticks, law });
     TC.point.profiles(left, line, [one], TC.point.frame(line, TC.width(left)), "");

@@ -40,14 +40,17 @@ TC.point = {
   // Slip, friction and state at every contact node of a point.
   contact(line, p, given) {
     const u = given ? given.u : TC.row(line.u_T, p), xi = given ? given.xi : TC.row(line.xi, p), m = u.length, state = new Int8Array(m);
-    const law = given ? given.law : TC.point.lawOf(p), peaks = law ? TC.point.peaks(law) : null;
+    const laws = given ? [given.law] : TC.point.lawsOf(p), peaks = laws.map((law) => (law ? TC.point.peaks(law) : null)), strength = given ? null : TC.point.strength(line, p);
     for (let i = 0; i < m; i++) {
       const sticks = given ? given.sticks[i] : line.sticks && line.sticks[p * m + i] >= 0 ? line.sticks[p * m + i] === 1 : u[i] === 0; // older files do not say
-      state[i] = sticks ? 0 : peaks && Math.abs(xi[i]) < 0.995 * peaks(u[i]) ? 2 : 1;
+      const peak = peaks[strength && laws.length > 1 ? line.of_law[i] : 0];
+      state[i] = sticks ? 0 : peak && Math.abs(xi[i]) < 0.995 * (strength ? strength[i] : 1) * peak(u[i]) ? 2 : 1;
     }
     return { u, xi, state };
   },
-  lawOf: (p) => (TC.data.laws ? TC.data.laws.laws[TC.data.laws.index[p]] : null),
+  // The laws of a point: one, or one of every edge.
+  lawsOf: (p) => (TC.data.laws ? [TC.data.laws.index[p]].flat().map((k) => TC.data.laws.laws[k]) : [null]),
+  strength: (line, p) => (line.of_law ? TC.row(line.strengths, line.strength_of[p]) : null),
   // s -> largest |b| between 0 and s.
   peaks(law) {
     const at = [];
@@ -283,12 +286,20 @@ TC.point = {
     return { plot, us: us_, ys };
   },
   law(host, line, cases, p, vs) {
-    const law = TC.point.lawOf(p);
-    if (!law) { host.append(TC.el("h3", {}, "Friction law"), TC.el("p", { class: "note" }, "The study's text can no longer be read here, so the law is not drawn.")); return; }
-    const other = vs !== null && TC.point.lawOf(vs) !== law ? " (the compared point has another law; its places are drawn all the same)" : "";
-    const { plot } = TC.point.lawPlot(TC.width(host), law, cases, line);
-    const omega = law.omega === Infinity || law.omega === null ? "∞" : TC.quantity(law.omega, line.xi_units === "1" ? "1" : "Pa m-1");
-    host.append(TC.el("h3", {}, `Friction law (${law.name}) and where every node stands on it`), plot.svg, TC.el("p", { class: "legend" }, `steepest fall ω = ${omega}; thick: up-jump (sticking), dashed: down-jump${other}`));
+    const laws = TC.point.lawsOf(p), strength = TC.point.strength(line, p), units = line.xi_units === "1" ? "1" : "Pa m-1";
+    if (!laws[0]) { host.append(TC.el("h3", {}, "Friction law"), TC.el("p", { class: "note" }, "The study's text can no longer be read here, so the law is not drawn.")); return; }
+    laws.forEach((law, k) => {
+      const other = vs !== null && TC.point.lawsOf(vs)[k] !== law ? " (the compared point has another law; its places are drawn all the same)" : "";
+      const edge = strength && TC.data.laws.edges[k] ? ` of ${TC.data.laws.edges[k]}` : "", scaled = strength && [...strength].some((s) => s > 0 && Math.abs(s - 1) > 1e-4);
+      const { plot } = TC.point.lawPlot(TC.width(host), law, strength ? cases.map((c) => TC.point.onEdge(c, line, strength, k)) : cases, line);
+      const omega = law.omega === Infinity || law.omega === null ? "∞" : TC.quantity(law.omega, units);
+      host.append(TC.el("h3", {}, `Friction law${edge} (${law.name}) and where every node stands on it`), plot.svg, TC.el("p", { class: "legend" }, `steepest fall ω = ${omega}; thick: up-jump (sticking), dashed: down-jump${scaled ? "; ξ divided by the strength at its node" : ""}${other}`));
+    });
+  },
+  // The nodes of one edge's law, without gaps in the bond, ξ as the law has it.
+  onEdge(c, line, strength, k) {
+    const own = [...c.u.keys()].filter((i) => line.of_law[i] === k && strength[i] > 0), pick = (values) => own.map((i) => values[i]);
+    return { u: pick(c.u), xi: own.map((i) => c.xi[i] / strength[i]), state: pick(c.state) };
   },
   energies(host, p, level) {
     const r = TC.data.run, e = TC.run.energies(p, level), found = e.map((v, k) => ({ v, name: r.starts[k], used: TC.run.flag("start_used", p, level) === k })).filter((o) => Number.isFinite(o.v));
