@@ -1,4 +1,4 @@
-"""The section `mesh`: families, tolerances and goals, and what is said of a wrong one."""
+"""The sections `mesh` and `path`: what they accept, and one line with place and remedy for every fault."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import pytest
 
 from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
+from tcstudy.scene.parameters import path_scene
+from tcstudy.scene.records import Clamped, Traction
 from tcstudy.scene.study import Goal, MeshPlan
 
 BASE = """
@@ -128,3 +130,143 @@ def test_faults_in_the_sweep() -> None:
     with pytest.raises(StudyError) as info:
         read_study_text(f"{BASE}sweep: {{h: {{tolerance: 1e-3}}}}\n", "test")
     assert str(info.value).splitlines() == ["test:2:1: mesh: is missing; add mesh: {maxh: 10}"]
+
+
+STUDY = """
+body: {rectangle: {width: 2 m, height: 1 m}}
+boundary:
+  bottom: contact
+  left: {role: clamped, u_x: 0, u_y: 0}
+  top: {role: traction, g: [2 MPa, "1e6*x"], pressure: 3 MPa}
+  right: convection
+material: {E: 1 GPa, nu: 0.3, k: 1, alpha_T: 1e-5 1/K}
+loads: {f: [1 kN/m^3, 0]}
+heat: {alpha: 10, theta_bar: 5 K, q: 0}
+friction: {law: tresca, tau: 1 MPa}
+mesh: {maxh: 0.3 m, levels: 2}
+path: {parameter: theta_bar, from: 0 K, to: 40 K}
+"""
+PATH = "path: {parameter: theta_bar, from: 0 K, to: 40 K}"
+
+
+def test_defaults_and_units() -> None:
+    plan = read_study_text(STUDY).path
+    assert plan
+    assert (plan.parameter, plan.units, plan.begin, plan.end) == (("heat", "theta_bar"), "K", 0.0, 40.0)
+    assert plan.within == (-40.0, 80.0)
+    assert (plan.at, plan.start, plan.direction, plan.hysteresis, plan.level) == ((), "zero", "both", True, None)
+
+
+def test_all_keys() -> None:
+    options = (
+        "path: {parameter: boundary.top.pressure, from: 0 MPa, to: -4 MPa, at: [-1 MPa, -2 MPa], start: lowest, "
+        "within: [-5 MPa, 1 MPa], direction: forward, max_pieces: 50, hysteresis: false, level: 1, law_error: 1e-4}"
+    )
+    plan = read_study_text(STUDY.replace(PATH, options)).path
+    assert plan
+    assert plan.units == "Pa"
+    assert (plan.begin, plan.end, plan.within, plan.at) == (0.0, -4e6, (-5e6, 1e6), (-1e6, -2e6))
+    assert (plan.start, plan.direction, plan.max_pieces, plan.level) == ("lowest", "forward", 50, 1)
+    assert (plan.hysteresis, plan.law_error) == (False, 1e-4)
+
+
+def test_a_study_without_a_path_has_none() -> None:
+    assert read_study_text(STUDY.replace(PATH, "")).path is None
+
+
+def test_the_path_belongs_to_the_base_study() -> None:
+    study = read_study_text(STUDY + "sweep: {tau: [2 MPa, 3 MPa]}\n")
+    assert study.path
+    assert study.path.scene.friction.b_scale == 1e6
+    assert study.scenes[0].friction.b_scale == 2e6
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value"),
+    [
+        ("theta_bar", lambda s: s.heat.theta_bar),
+        ("heat.q", lambda s: s.heat.q),
+        ("f_x", lambda s: s.f[0]),
+        ("loads.f_y", lambda s: s.f[1]),
+        ("boundary.left.u_x", lambda s: dict(s.boundary)["left"].u[0]),
+        ("boundary.left.u_y", lambda s: dict(s.boundary)["left"].u[1]),
+        ("boundary.top.g_x", lambda s: dict(s.boundary)["top"].g[0]),
+        ("boundary.top.pressure", lambda s: dict(s.boundary)["top"].pressure),
+        ("boundary.right.g_y", lambda s: dict(s.boundary)["right"].g[1]),
+    ],
+)
+def test_the_value_is_put_where_the_parameter_says(parameter: str, value) -> None:  # type: ignore[no-untyped-def]
+    section = f"path: {{parameter: {parameter}, from: 0, to: 1}}"
+    text = STUDY.replace(PATH, section)
+    if parameter == "boundary.left.u_y":
+        with pytest.raises(StudyError, match="prescribe different displacements"):
+            read_study_text(text)
+        text = text.replace("bottom: contact", "bottom: free").replace("right: convection", "right: contact")
+        text = text.replace("heat: {alpha: 10, theta_bar: 5 K, q: 0}\n", "")
+    plan = read_study_text(text).path
+    assert plan
+    scene = path_scene(plan.scene, plan.parameter, 0.7)
+    assert value(scene) == 0.7
+    assert path_scene(scene, plan.parameter, value(plan.scene)) == plan.scene
+
+
+def test_the_load_factor_multiplies_mechanical_loads_alone() -> None:
+    plan = read_study_text(STUDY.replace("theta_bar, from: 0 K, to: 40 K}", "load, from: 0, to: 2}")).path
+    assert plan
+    assert plan.units == "1"
+    scene = path_scene(plan.scene, plan.parameter, -2.0)
+    top, left = dict(scene.boundary)["top"], dict(scene.boundary)["left"]
+    assert isinstance(top, Traction)
+    assert isinstance(left, Clamped)
+    assert (scene.f, top.g[0], top.pressure, scene.heat) == ((-2000.0, 0.0), -4e6, -6e6, plan.scene.heat)
+    assert top.g[1].evaluate(0.25, 0.0) == -0.5e6  # type: ignore[union-attr]
+    nothing = path_scene(plan.scene, plan.parameter, 0.0)
+    assert dict(nothing.boundary)["top"] == Traction()
+
+
+@pytest.mark.parametrize(
+    ("section", "line"),
+    [
+        ("{parameter: theta_ba, from: 0, to: 1}", "13:19: path.parameter: the scene has no parameter 'theta_ba'"),
+        ("{parameter: alpha, from: 1, to: 2}", "13:19: path.parameter: the load is not affine in heat.alpha"),
+        ("{parameter: friction.tau, from: 1, to: 2}", "path.parameter: the load is not affine in friction.tau"),
+        ("{parameter: E, from: 1, to: 2}", "path.parameter: the load is not affine in material.E"),
+        ("{parameter: boundary.top.g_y, from: 0, to: 1}", "boundary.top.g_y varies in space (1e6*x)"),
+        ("{parameter: boundary.top.u_x, from: 0, to: 1}", "has no parameter 'boundary.top.u_x'"),
+        ("{parameter: theta_bar, from: 1 K, to: 1 K}", "13:45: path.to: is the same value as from"),
+        ("{parameter: theta_bar, from: 0 K, to: 4 mm}", "13:45: path.to: 'mm' is not a unit of a temperature"),
+        ("{parameter: theta_bar, from: 0 K}", "13:7: path.to: is missing"),
+        ("{parameter: theta_bar, from: 0, to: 1, att: 1}", "13:46: path.att: unknown key; did you mean 'at'?"),
+        ("{parameter: theta_bar, from: 0, to: 1, at: [9]}", "13:51: path.at[0]: 9 is outside the range of the path"),
+        ("{parameter: theta_bar, from: 0, to: 1, at: [1, 1.0]}", "path.at[1]: the value 1.0 is repeated"),
+        ("{parameter: theta_bar, from: 0, to: 1, within: [0.5, 1]}", "path.within: does not contain the range"),
+        ("{parameter: theta_bar, from: 0, to: 1, level: 2}", "path.level: must be from 0 to 1"),
+        ("{parameter: theta_bar, from: 0, to: 1, start: high}", "path.start: must be one of zero, lowest"),
+        ("{parameter: theta_bar, from: 0, to: 1, max_pieces: 0}", "path.max_pieces: must be 1 or more"),
+        ("{parameter: theta_bar, from: 0, to: 1, hysteresis: 3}", "path.hysteresis: must be true or false"),
+        ("7", "13:7: path: must be a mapping"),
+    ],
+)
+def test_faults_have_a_place_and_a_remedy(section: str, line: str) -> None:
+    with pytest.raises(StudyError) as error:
+        read_study_text(STUDY.replace(PATH, f"path: {section}"))
+    assert len(error.value.problems) == 1
+    assert line in str(error.value)
+    assert error.value.problems[0].remedy
+
+
+def test_parameters_that_do_nothing_are_refused() -> None:
+    cold = STUDY.replace(", alpha_T: 1e-5 1/K", "")
+    with pytest.raises(StudyError, match="beta is 0, so temperature does not load the body"):
+        read_study_text(cold)
+    unloaded = cold.replace("loads: {f: [1 kN/m^3, 0]}\n", "").replace(
+        "theta_bar, from: 0 K, to: 40 K", "load, from: 0, to: 1"
+    )
+    unloaded = unloaded.replace('{role: traction, g: [2 MPa, "1e6*x"], pressure: 3 MPa}', "free")
+    with pytest.raises(StudyError, match="no f, g or pressure"):
+        read_study_text(unloaded)
+
+
+def test_adaptive_meshes_have_no_path() -> None:
+    with pytest.raises(StudyError, match="adaptive meshes follow from the solutions of a run"):
+        read_study_text(STUDY.replace("levels: 2", "levels: 2, family: adaptive"))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import tcstudy
 from tests.reports.draw_cases import (
     ALPHA,
     TAU,
@@ -24,3 +25,27 @@ def listed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     alpha = replace(ALPHA, values=(25, 100, 25), labels=(25.0, 100.0, 25.0))
     tau = replace(TAU, values=(1, 2, 3), labels=(1e6, 1e6, 2e7))
     return result(tmp_path_factory.mktemp("list") / "plate.nc", "list", (alpha, tau))
+
+
+BLOCK = {
+    "body": {"rectangle": {"width": "200 mm", "height": "100 mm"}},
+    "boundary": {
+        "bottom": "contact",
+        "left": "clamped",
+        "top": {"role": "convection", "g": ["8 MPa", 0]},
+        "right": "free",
+    },
+    "material": {"E": "210 GPa", "nu": 0.3, "k": 45, "alpha_T": 12e-6},
+    "heat": {"alpha": 100, "theta_bar": "20 K"},
+    "friction": {"law": "slip-weakening", "tau_s": "4 MPa", "tau_k": "1 MPa", "delta": "5 um"},
+    "mesh": {"maxh": "50 mm", "levels": 2},
+    "sweep": {"E": ["100 GPa", "210 GPa", "50 GPa"], "theta_bar": ["0 K", "40 K"]},
+    "output": {"fields": True},
+}
+
+
+@pytest.fixture(scope="session")
+def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("block") / "block.nc"
+    tcstudy.run(tcstudy.Study.from_dict(BLOCK), path, jobs=1)
+    return path

@@ -26,6 +26,17 @@ ALPHA = Axis("alpha", ("heat", "alpha"), (25, 100), (25.0, 100.0), "W m-2 K-1")
 FRICTION = Axis("friction", ("friction",), ({}, {}), ("tresca", "softening"), "1")
 TAU = Axis("tau", ("friction", "tau"), (1e6, 2e7), (1e6, 2e7), "Pa")
 FAILED = (1, 1)
+SIDES: dict[str, Any] = {"left": "free", "right": "free"}
+FILM: dict[str, Any] = {
+    "units": "none",
+    "body": {"rectangle": {"width": 2.0, "height": 1.0}},
+    "boundary": {"bottom": "contact", "top": {"role": "clamped", "u_x": 0.3, "u_y": 0}} | SIDES,
+    "material": {"E": 1.0, "nu": 0.3},
+    "friction": {"law": "tresca", "tau": 0.1},
+    "mesh": {"maxh": 0.6, "levels": 2},
+    "path": {"parameter": "boundary.top.u_x", "from": 0, "to": 0.5},
+}  # fmt: skip
+"""A study as a dictionary: a plate whose top is moved along its film."""
 
 
 def study(mode: Literal["grid", "list"], axes: tuple[Axis, ...], units: Literal["SI", "none"] = "SI") -> Study:

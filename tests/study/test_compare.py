@@ -14,19 +14,9 @@ from tcstudy.cli import main
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.store import write
 from tcstudy.errors import StoreError, UsageError
-from tests.reports.draw_cases import ALPHA, TAU, level_record, point_record, study
+from tests.reports.draw_cases import ALPHA, FILM, TAU, level_record, point_record, study
 
-SIDES: dict[str, Any] = {"left": "free", "right": "free"}
-SECTIONS: dict[str, Any] = {
-    "units": "none",
-    "body": {"rectangle": {"width": 2.0, "height": 1.0}},
-    "boundary": {"bottom": "contact", "top": {"role": "clamped", "u_x": 0.3, "u_y": 0}} | SIDES,
-    "material": {"E": 1.0, "nu": 0.3},
-    "friction": {"law": "tresca", "tau": 0.1},
-    "mesh": {"maxh": 0.6, "levels": 2},
-    "path": {"parameter": "boundary.top.u_x", "from": 0, "to": 0.5},
-    "sweep": {"tau": [0.1, 0.2]},
-}  # fmt: skip
+SECTIONS = FILM | {"sweep": {"tau": [0.1, 0.2]}}
 
 
 def plate(path: Path, factor: float = 1.0, seconds: float = 1.0, axes: Any = (ALPHA, TAU), mode: Any = "grid") -> Path:

@@ -1,14 +1,21 @@
-"""What a plan and a run say of studies that their authors may not have meant."""
+"""What a plan and a run say of studies their authors may not have meant, and of bodies from a file before any work."""
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
+from pathlib import Path
 
 import pytest
+from netgen import occ
 
-from tcstudy.read.study import read_study_text
+from tcstudy.errors import StudyError
+from tcstudy.offline.level import Level
+from tcstudy.read.study import read_study, read_study_text
+from tcstudy.refine.family import Family
 from tcstudy.study.doubts import doubts, loaded
-from tcstudy.study.plan import plan, warnings
+from tcstudy.study.plan import expected_bytes, faults, plan, warnings
+from tests.commands import tcstudy_command
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
 ARC = """\
@@ -84,3 +91,171 @@ def test_room_temperature_is_taken_for_an_absolute_one() -> None:
     assert doubts(read_study_text(SI, "a.yaml", ["heat.theta_bar=20"])) == []
     plain = SI.replace(" GPa", "e9").replace(" MPa", "e6").replace(" K", "")
     assert doubts(read_study_text("units: none\n" + plain)) == []
+
+
+STUDY = """body:
+  file:
+    path: plate.step
+    edges: {bottom: [[0.01, 0]], bore: [[0.01, 0.006]]}
+    other: sides
+  regions:
+    heater: {rectangle: {corner: [0.014, 0.002], width: 0.004, height: 0.004}}
+    strip: {rectangle: {corner: [0, 0.008], width: 0.02, height: 0.002}}
+boundary:
+  bottom: contact
+  sides: free
+  bore: clamped
+material: {E: 210 GPa, nu: 0.3}
+friction: {law: tresca, tau: 1 MPa}
+mesh: {maxh: 2 mm, levels: 2}
+"""
+
+ROLES = "bottom: contact\n  sides: free\n  bore: clamped"
+
+
+def plate(path: Path) -> None:
+    """20 × 10 with a bore of radius 1 around (10, 5), in millimetres."""
+    body = occ.WorkPlane().Rectangle(20, 10).Face() - occ.WorkPlane().MoveTo(10, 5).Circle(1).Face()
+    body.WriteStep(str(path))
+
+
+def found(tmp_path: Path, text: str, *overrides: str) -> list[str]:
+    plate(tmp_path / "plate.step")
+    (tmp_path / "study.yaml").write_text(text)
+    study = read_study(tmp_path / "study.yaml", overrides)
+    return [line.replace(str(tmp_path / "study.yaml"), "study.yaml") for line in faults(study, tmp_path / "out.nc")]
+
+
+def test_a_sound_study_has_no_fault(tmp_path: Path) -> None:
+    """The strip ends on three edges of the face, the heater lies inside."""
+    assert found(tmp_path, STUDY) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ("[0.014, 0.002]", "[0.114, 0.002]", "study.yaml:7:13: body.regions.heater: the region lies outside the face"),
+        ("[0.014, 0.002]", "[0.018, 0.002]", "study.yaml:7:13: body.regions.heater: the region leaves the face of the "
+                                             "file: 0.5 of its area is inside; keep it within"),
+        ("[0.014, 0.002]", "[0.008, 0.003]", "study.yaml:7:13: body.regions.heater: the region leaves the face"),
+        ("bore: clamped", "bore: free", "study.yaml:10:3: boundary: no edge is clamped and contact does not hold the "
+                                        "body: it can still slide along x"),
+        (ROLES, "bottom: free\n  sides: free\n  bore: contact", "study.yaml:10:3: boundary: no edge is clamped and "
+                                                               "contact does not hold the body: it can still turn "
+                                                               "about (0.01, 0.005)"),
+        (ROLES, "bottom: contact\n  sides: free\n  bore: {role: clamped, u_y: 0}", "study.yaml:10:3: boundary: the "
+                "supports do not hold the body: it can still slide along x"),
+        ("maxh: 2 mm", "maxh: 1 m", "study.yaml:15:14: mesh.maxh: an element of 1 is larger than the body (0.022"),
+        ("maxh: 2 mm", "maxh: 1 um", "study.yaml:15:14: mesh.maxh: about 10^9.3 triangles are more than a study can"),
+        ("bore: [[0.01, 0.006]]", "bore: [[0.01, 0.006]], top: [[0.01, 0.0061]]",
+         "study.yaml:4:40: body.file.edges.bore: no edge of the face has the name 'bore': another name has a point"),
+        ("[[0.01, 0]]", "[[10, 0]]",
+         "study.yaml:3:5: body.file: plate.step: the point (10, 0) of edges.bottom is 9.98 away from the nearest edge"),
+        ("[[0.01, 0]]", "[[0, 0]]",
+         "study.yaml:3:5: body.file: plate.step: the point (0, 0) of edges.bottom is as near to two edges; give the"),
+        ("    path: plate.step", "    face: 3\n    path: plate.step",
+         "study.yaml:3:5: body.file: plate.step: has 1 faces"),
+    ],
+)  # fmt: skip
+def test_a_fault_has_its_line_and_remedy(tmp_path: Path, old: str, new: str, line: str) -> None:
+    text = STUDY.replace(old, new)
+    if "top:" in new:
+        text = text.replace("  sides: free\n", "  sides: free\n  top: clamped\n")
+    (problem, *more) = found(tmp_path, text)
+    assert problem.startswith(line), problem
+    assert "; " in problem
+    assert not more
+
+
+def test_a_size_of_the_sweep_and_an_option_are_named_as_such(tmp_path: Path) -> None:
+    text = STUDY.replace("mesh: {maxh: 2 mm, levels: 2}\n", "sweep: {h: [2 mm, 1 um]}\n")
+    assert found(tmp_path, text)[0].startswith("study.yaml:15:19: sweep.h[1]: about 10^8.7 triangles")
+    assert found(tmp_path, STUDY, "mesh.maxh=3")[0].startswith("--set mesh.maxh=3: mesh.maxh: an element of 3")
+
+
+@pytest.mark.parametrize("shape", ["rectangle: {corner: [0.016, 0.004], width: 0.002, height: 0.004}",
+                                   "polygon: [[0.016, 0.004], [0.018, 0.004], [0.017, 0.009]]"])  # fmt: skip
+def test_regions_that_overlap_are_found_while_reading(tmp_path: Path, shape: str) -> None:
+    """Without opening the file: as for an outline."""
+    text = STUDY.replace("    strip:", f"    second: {{{shape}}}\n    strip:")
+    with pytest.raises(StudyError) as error:
+        found(tmp_path, text)
+    assert "study.yaml:8:13: body.regions.second: the region overlaps body.regions.heater near" in str(error.value)
+
+
+def test_a_faulty_region_and_holes_of_a_file_are_refused(tmp_path: Path) -> None:
+    crossed = "polygon: [[0.016, 0.004], [0.018, 0.006], [0.018, 0.004], [0.016, 0.006]]"
+    holes = "  holes: [{circle: {center: [0.004, 0.004], radius: 0.001, edge: pin}}]\n"
+    text = STUDY.replace("rectangle: {corner: [0.014, 0.002], width: 0.004, height: 0.004}", crossed)
+    with pytest.raises(StudyError, match=r"body\.regions\.heater: edge 1 .* and edge 3 .* cross"):
+        found(tmp_path, text)
+    with pytest.raises(StudyError, match=r"body\.holes: holes are cut out of an outline.*cut them in the CAD file"):
+        found(
+            tmp_path, STUDY.replace("  regions:", holes + "  regions:").replace("clamped\n", "clamped\n  pin: free\n")
+        )
+
+
+def test_run_tells_the_fault_once_and_leaves_nothing(tmp_path: Path) -> None:
+    plate(tmp_path / "plate.step")
+    (tmp_path / "study.yaml").write_text(STUDY.replace("bore: clamped", "bore: free"))
+    done = tcstudy_command("run", "study.yaml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("study.yaml:10:3: boundary: no edge is clamped")
+    assert done.stderr.count("\n") == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["plate.step", "study.yaml"]
+
+
+def test_a_file_that_is_no_step_is_told_in_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Without what the kernel itself would print."""
+    (tmp_path / "plate.step").write_text("hello\n")
+    (tmp_path / "study.yaml").write_text(STUDY)
+    done = tcstudy_command("plan", "study.yaml", cwd=tmp_path)
+    assert done[:2] == (2, "")
+    assert tuple(capfd.readouterr()) == ("", "")
+    assert done.stderr == (
+        "study.yaml:3:5: body.file: plate.step: is no STEP file, as ISO-10303-21 is missing; export the face again\n"
+    )
+
+
+def test_a_face_of_a_file_is_counted_as_well(tmp_path: Path) -> None:
+    """And a sweep of it does not seem to need space that its lines do not take."""
+    plate(tmp_path / "plate.step")
+    (tmp_path / "study.yaml").write_text(STUDY + "sweep: {tau: {linspace: [1 MPa, 2 MPa, 1000]}}\n")
+    study = read_study(tmp_path / "study.yaml")
+    family, scene = Family(study), study.scenes[0]
+    levels = [Level(family.next(i), scene, (scene,)) for i in range(2)]
+    assert [v.n_dof for v in plan(study).levels] == [level.frames.n_dof for level in levels]
+    assert 500_000 < expected_bytes(study) < 2_000_000
+    assert plan(study).bytes == pytest.approx(expected_bytes(study), rel=0.3)
+
+
+BOAT = """body:
+  file: {path: boat.step, edges: {hull: [HULL], deck: [[0.01, 0.02]]}, other: sides}
+  regions: {strip: {rectangle: {corner: [0.018, 0.012], width: 0.002, height: 0.002}}}
+boundary: {hull: contact, deck: clamped, sides: free}
+material: {E: 210 GPa, nu: 0.3}
+friction: {law: tresca, tau: 1 MPa}
+mesh: {maxh: 2 mm}
+"""
+
+
+@pytest.mark.parametrize(
+    ("chords", "side", "count"), [(6, False, 5), (6, True, 6), (1, False, 0), (1, True, 1), (0, False, 0)]
+)
+def test_pinned_corners_of_a_file_are_counted(tmp_path: Path, chords: int, side: bool, count: int) -> None:
+    """A block above a half circle of chords, 0 for an arc; side: its right one, which a region divides, touches too."""
+    angles = [math.pi * (1 + i / max(chords, 1)) for i in range(chords + 1)]
+    below = [(10 + 10 * math.cos(a), 10 + 10 * math.sin(a)) for a in angles] if chords else [(0, 10), (20, 10)]
+    corners = [occ.Pnt(x, y, 0) for x, y in [*below, (20, 20), (0, 20)]]
+    edges = [occ.Segment(a, b) for a, b in pairwise([*corners, corners[0]])]
+    if not chords:
+        edges[0] = occ.ArcOfCircle(corners[0], occ.Pnt(10, 0, 0), corners[1])
+    occ.Face(occ.Wire(edges)).WriteStep(str(tmp_path / "boat.step"))
+    named = [[(a[0] + b[0]) / 2e3, (a[1] + b[1]) / 2e3] for a, b in pairwise(below)] if chords else [[0.01, 0.0]]
+    named += [[0.02, 0.015]] if side else []
+    (tmp_path / "boat.yaml").write_text(BOAT.replace("HULL", ", ".join(map(str, named))))
+    study = read_study(tmp_path / "boat.yaml")
+    notes = [note for note in warnings(study) if "pinned" in note]
+    assert [int(note.split()[0]) for note in notes] == ([count] if count else [])
+    assert all("make it arcs or splines in the file" in note for note in notes)
+    assert [note for note in plan(study).notes if "pinned" in note] == notes

@@ -11,21 +11,10 @@ from tcstudy.exact.loads import Derivation
 from tcstudy.expressions.expression import Expression, parse
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.records import Clamped, Convection, Exact, Traction
+from tests.benchmarks.mutated import DERIVED
 from tests.expressions.forward_mode import forward_mode
 
-TEXT = """\
-units: none
-body: {rectangle: {width: 1, height: 1}}
-boundary: {bottom: contact, right: convection, top: clamped, left: convection}
-material: {lambda: 1.5, mu: 1, beta: 0.5, k: 2}
-heat: {alpha: 3}
-friction: {law: slip-weakening, tau_s: 1, tau_k: 0.4, delta: 1}
-mesh: {maxh: 0.25}
-exact:
-  u: ["y + (1 - 0.6*y)*(0.3 + 0.2*sin(pi*x))", "0.1*y*cos(pi*x)"]
-  theta: "1 + x*(1 + 0.5*cos(pi*y))"
-  loads: derived
-"""
+TEXT = DERIVED.replace("output: {live: true, fields: true}\n", "")
 U = '"y + (1 - 0.6*y)*(0.3 + 0.2*sin(pi*x))", "0.1*y*cos(pi*x)"'
 THETA = '"1 + x*(1 + 0.5*cos(pi*y))"'
 X, Y = np.array([0.2, 0.7]), np.array([0.35, 0.6])
