@@ -61,11 +61,9 @@ def quadratic(x: Array, Q: Array, q: Array, constant: float = 0.0) -> Piece:
 
 def combine(*terms: tuple[float, Piece]) -> Piece:
     """Σ w_i (f_i, g_i, G_i)."""
-    return (
-        float(sum(w * p[0] for w, p in terms)),
-        np.sum([w * p[1] for w, p in terms], axis=0),
-        np.sum([w * p[2] for w, p in terms], axis=0),
-    )
+    f = float(sum(w * p[0] for w, p in terms))
+    g, G = (np.sum([w * p[i] for w, p in terms], axis=0) for i in (1, 2))
+    return f, g, G
 
 
 def absolute(p: Piece) -> Piece:
@@ -109,14 +107,12 @@ def cb(x: Array, powers: tuple[int, int]) -> Piece:
 
 
 def dem(x: Array) -> Piece:
-    bowl = quadratic(x, 2 * np.eye(2), np.array([0.0, 4.0]))
-    return largest([linear(x, (5, 1)), linear(x, (-5, 1)), bowl])
+    return largest([linear(x, (5, 1)), linear(x, (-5, 1)), quadratic(x, 2 * np.eye(2), np.array([0.0, 4.0]))])
 
 
 def ql(x: Array) -> Piece:
-    s = quadratic(x, 2 * np.eye(2), np.zeros(2))
     cuts = [linear(x, (0, 0)), linear(x, (-40, -10), 40.0), linear(x, (-10, -20), 60.0)]
-    return largest([combine((1.0, s), (1.0, cut)) for cut in cuts])
+    return largest([combine((1.0, quadratic(x, 2 * np.eye(2), np.zeros(2))), (1.0, cut)) for cut in cuts])
 
 
 def lq(x: Array) -> Piece:
