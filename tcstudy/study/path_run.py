@@ -15,7 +15,8 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.path_records import CurveRecord, LoopRecord, PathRecord, SolutionsRecord
 from tcstudy.data.path_store import write_path
 from tcstudy.data.provenance import collect
-from tcstudy.fem.study_meshes import Meshes
+from tcstudy.data.records import LevelRecord
+from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level
 from tcstudy.scene.contact_states import ContactState, contact_states
 from tcstudy.scene.parameters import path_scene
@@ -31,7 +32,7 @@ from tcstudy.solvers.path.proofs import proved_minima
 from tcstudy.solvers.path.query import PathSolution, folds, lowest, solutions_at, solutions_of
 from tcstudy.solvers.path.vertex import NoSolutionError
 from tcstudy.study.path_affine import AffineLoad, PathError, affine_load
-from tcstudy.study.run import level_record
+from tcstudy.study.run import stages
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, float], None]
@@ -59,14 +60,14 @@ def follow_path(study: Study, progress: Progress | None = None) -> PathRecord:
     plan = study.path
     if plan is None:
         raise PathError("the study has no section path; add path: {parameter: theta_bar, from: 0 K, to: 40 K}")
-    level = _level(study, plan)
+    level, line = _level(study, plan)
     try:
         setting = _setting(study, plan, level)
     except NotPositiveDefinite as error:
         raise PathError(str(error)) from error
     path, v = _follow(setting, progress)
     return PathRecord(
-        line=level_record(study, level.mesh, level),
+        line=line,
         curve=_curve(setting, path),
         start=path.start,
         begin=(path.begin.status.name.lower(), path.begin.reason),
@@ -80,16 +81,16 @@ def follow_path(study: Study, progress: Progress | None = None) -> PathRecord:
     )
 
 
-def _level(study: Study, plan: PathPlan) -> Level:
-    """The mesh level of the path; coarser ones are only stations on the way."""
+def _level(study: Study, plan: PathPlan) -> tuple[Level, LevelRecord]:
+    """The mesh level of the path, as a run of its scene would have it, and what the data keep of it."""
     if study.mesh.strategy.adapts:
         raise PathError("adaptive meshes follow from the solutions of a run; use mesh.family uniform or graded")
-    meshes = Meshes(study)
-    mesh = meshes.next(0)
     last = study.mesh.levels - 1 if plan.level is None else plan.level
-    for i in range(1, last + 1):
-        mesh = meshes.next(i)
-    return Level(mesh, plan.scene)
+    mesh = replace(study.mesh, levels=last + 1, tolerance=None, estimate=False)
+    stage = next(stages(replace(study, mesh=mesh, scenes=(plan.scene,), axes=()), first=last))
+    if stage.level is None or stage.record is None:
+        raise GeometryFailed(next(stage.blocks).reasons[0])
+    return stage.level, stage.record
 
 
 def _setting(study: Study, plan: PathPlan, level: Level) -> _Setting:

@@ -109,9 +109,11 @@ def stages(
     finished: Mapping[Key, BlockRecord] | None = None,
     executor: Choice | None = None,
     kept: Kept | None = None,
+    first: int = 0,
 ) -> Iterator[Stage]:
     """The levels of a study one after the other; take all blocks of one before the next is asked for.
 
+    first: the first level that is wanted; those before are meshes on the way to it, which must not need solutions
     Where nothing is estimated, and neither points nor times are wanted, blocks may be left.
     Raises GeometryFailed if the body cannot be meshed.
     """
@@ -126,6 +128,8 @@ def stages(
             clock = time.perf_counter()
             mesh = meshes.next(i)
             times.mesh = time.perf_counter() - clock
+            if i < first:
+                continue
             whole = sum(len(block) for block in known.values()) == len(todo)
             if whole and not study.mesh.estimates and (kept is None or not study.output.live):
                 continue
