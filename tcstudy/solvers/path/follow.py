@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.study import Acceptance
+from tcstudy.solvers.path.dense import SingularCellError
 from tcstudy.solvers.path.problem import ParametricProblem
 from tcstudy.solvers.path.record import Path, PathEnd, PathStatus, Recorder, joined
-from tcstudy.solvers.path.tableau import SingularCellError
 from tcstudy.solvers.path.vertex import Ray, cross, depart, locate, move, rays
 from tcstudy.solvers.path.walk import Codes, Units, Walk, units_of
 

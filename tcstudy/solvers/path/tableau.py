@@ -27,12 +27,21 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.solvers.separable.pieces import cholesky, submatrix
+from tcstudy.solvers.path.dense import (
+    SOUND,
+    SingularCellError,
+    definite_inverse,
+    indefinite_inverse,
+    positive_eigenvalues,
+    solved,
+    sound_pivots,
+)
+from tcstudy.solvers.separable.pieces import submatrix
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-_dgesv, _dgeequ, _dgemv = scipy.linalg.lapack.dgesv, scipy.linalg.lapack.dgeequ, scipy.linalg.blas.dgemv
+_dgesv, _dgemv = scipy.linalg.lapack.dgesv, scipy.linalg.blas.dgemv
 
 CAPACITY = 32
 """Nodes that may differ from the base: small systems below, matrix products of good width above."""
@@ -45,12 +54,6 @@ WORST_GROWTH = 1e8
 
 MAX_HELD = 6
 """Nodes held in the base at most to make it definite and well conditioned."""
-
-SOUND = 0.05
-"""Pivots that shrink below this part of their terms are not taken when the base moves: the node stays a difference."""
-
-LOST_RANK = 1e-13
-"""Pivots of the small system, its rows scaled to one, below which there is no unique direction."""
 
 
 class Tableau:
@@ -252,7 +255,7 @@ class Tableau:
         if z is not None:
             rhs[1:] = z[K]
             rhs[0] -= z[node] if node is not None and at < 0 else 0.0
-        solution = _solved(system, rhs)
+        solution = solved(system, rhs)
         dt, own = float(solution[0] / unit), solution[1:]
         dx: Array = _dgemv(-1.0, columns, gain * own, dt, self.y) if n else self.y * dt
         if z is not None:
@@ -297,82 +300,3 @@ class Tableau:
         out = self.base_free[K] & ~self.free[K]
         stiffer = self.base_free[K] & self.free[K] & (self.k[K] > self.base_k[K])
         return self.base_negatives + positive - int(np.count_nonzero(out | stiffer))
-
-
-class SingularCellError(ArithmeticError):
-    """No direction exists: the equations of the cell have lost rank."""
-
-
-def _solved(system: Array, rhs: Array) -> Array:
-    """The solution; both arguments are overwritten. Raises SingularCellError where the rows, scaled, have lost rank."""
-    scale, _, _, _, _, info = _dgeequ(system)
-    if info != 0 and info <= len(rhs):
-        raise SingularCellError
-    system *= scale[:, None]
-    rhs *= scale
-    lu, _, solution, info = _dgesv(system, rhs, overwrite_a=1, overwrite_b=1)
-    pivots = np.abs(lu.diagonal())
-    if info != 0 or not pivots[pivots.argmin()] > LOST_RANK:
-        raise SingularCellError
-    return np.asarray(solution)
-
-
-def definite_inverse(H: Array, limit: float) -> tuple[Array, int]:
-    """(H⁻¹, −1), or (H, row to leave out) where H is not positive definite or H⁻¹ exceeds the limit."""
-    if not len(H):
-        return H, -1
-    factor, info = cholesky(H.copy())
-    if info != 0:
-        return H, _centre(H, factor, info - 1)
-    inverse, _ = scipy.linalg.lapack.dpotri(factor, lower=1, overwrite_c=1)
-    worst = int(np.argmax(np.diagonal(inverse)))
-    if not inverse[worst, worst] <= limit:
-        return H, worst
-    lower = np.tril(inverse)
-    return lower + np.tril(lower, -1).T, -1
-
-
-def _centre(H: Array, factor: Array, k: int) -> int:
-    """The row that moves most in the direction of negative curvature which the failing pivot k reveals."""
-    if k == 0:
-        return 0
-    leading = np.asfortranarray(factor[:k, :k])
-    direction = np.append(scipy.linalg.lapack.dpotrs(leading, H[:k, k], lower=1)[0], 1.0)
-    return int(np.argmax(np.abs(direction)))
-
-
-def indefinite_inverse(H: Array, limit: float) -> tuple[Array, int]:
-    """(H⁻¹, number of negative eigenvalues); raises SingularCellError where H⁻¹ exceeds the limit."""
-    _, D, _ = scipy.linalg.ldl(H, check_finite=False)
-    bands = np.stack([np.concatenate([[0.0], np.diagonal(D, 1)]), np.diagonal(D)])
-    negatives = int(np.count_nonzero(scipy.linalg.eigvals_banded(bands) < 0.0))
-    lu, pivots, info = scipy.linalg.lapack.dgetrf(H)
-    if info != 0:
-        raise SingularCellError
-    inverse, _ = scipy.linalg.lapack.dgetri(lu, pivots, overwrite_lu=1)
-    if not np.max(np.abs(inverse)) <= limit:
-        raise SingularCellError
-    return 0.5 * (inverse + inverse.T), negatives
-
-
-def positive_eigenvalues(matrix: Array) -> int:
-    """How many a symmetric matrix has, by the signs of the pivots of LDLᵀ (a block of two has one of either)."""
-    ldu, pivots, _ = scipy.linalg.lapack.dsytrf(matrix, lower=1)
-    single = pivots > 0
-    return int(np.count_nonzero(ldu.diagonal()[single] > 0.0) + np.count_nonzero(~single) // 2)
-
-
-def sound_pivots(matrix: Array, size: Array) -> Index:
-    """Rows of a symmetric matrix that can be pivoted on one after the other without loss; `size`: their own terms."""
-    rest, weight = np.asfortranarray(matrix), 1.0 / size
-    chosen: list[int] = []
-    for _ in range(len(rest)):
-        sound = np.abs(rest.diagonal()) * weight
-        i = int(sound.argmax())
-        if not sound[i] > SOUND:
-            break
-        chosen.append(i)
-        weight[i] = 0.0
-        column = rest[:, i].copy()
-        rest = scipy.linalg.blas.dger(-1.0 / column[i], column, column, a=rest, overwrite_a=1)
-    return np.array(chosen, dtype=np.intp)

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.solvers.path.dense import SingularCellError
 from tcstudy.solvers.path.problem import ParametricProblem
-from tcstudy.solvers.path.tableau import SingularCellError
 from tcstudy.solvers.path.walk import Codes, Index, Units, Walk
 
 Array = NDArray[np.float64]

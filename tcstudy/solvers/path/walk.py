@@ -15,8 +15,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.solvers.path.dense import SingularCellError
 from tcstudy.solvers.path.problem import LawGraph, ParametricProblem
-from tcstudy.solvers.path.tableau import SingularCellError, Tableau
+from tcstudy.solvers.path.tableau import Tableau
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int32]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.solvers.path.tableau import CAPACITY, SingularCellError, Tableau, positive_eigenvalues, sound_pivots
+from tcstudy.solvers.path.dense import SingularCellError, positive_eigenvalues, sound_pivots
+from tcstudy.solvers.path.tableau import CAPACITY, Tableau
 from tests.solvers import contact_cases as cases
 
 
