@@ -5,7 +5,7 @@
     tree = tcstudy.run(study.with_(friction_delta="60 um"), "coarse.nc")  # xarray.DataTree; also written to the file
     tree["level_1"]["u_T"]                                                # tangential displacements on the second mesh
 
-Studies:  init, schema, load, Study (from_dict, with_), plan, run, converge, cost, path, history
+Studies:  init, schema, load, Study (from_dict, with_), plan, run, converge, cost, path, history, fit
 Results:  open_results, draw, report, export, compare, merge
 Matrices: ContactProblem, law, solve, certify, follow
 
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         Study,
         converge,
         cost,
+        fit,
         history,
         init,
         load,
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
         ConvergenceError,
         CostError,
         DrawError,
+        FitError,
         GeometryFailed,
         HistoryError,
         PageError,
@@ -71,6 +73,7 @@ __all__ = [
     "ConvergenceError",
     "CostError",
     "DrawError",
+    "FitError",
     "GeometryFailed",
     "HistoryError",
     "PageError",
@@ -88,6 +91,7 @@ __all__ = [
     "cost",
     "draw",
     "export",
+    "fit",
     "follow",
     "history",
     "init",

@@ -297,6 +297,22 @@ def history(
     return _loaded(target)
 
 
+def fit(study: Study | str | FilePath, output: str | FilePath | None = None, *, force: bool = False) -> xarray.DataTree:
+    """Numbers of the study from measurements, as its section `fit` asks, with intervals.
+
+    The data hold `estimate`, `interval`, `covariance`, `residual` and more by parameter and datum, as of `tcstudy fit`.
+    Raises StudyError, FitError (no such section, or data that do not decide), GeometryFailed, StoreError.
+    """
+    from tcstudy.errors import FitError
+    from tcstudy.study.fit import execute_fit
+
+    asked = _study(study)
+    if asked.fit is None:
+        raise FitError("the study has no section fit; add fit: {data: {file: ..., columns: ...}, parameters: ...}")
+    work = lambda target: execute_fit(asked, target, None, ("tcstudy.fit",))  # noqa: E731
+    return _loaded(_made("fit", asked, output, force, work, data_sha256=asked.fit.sha256))
+
+
 def _made(
     kind: Kind,
     study: records.Study,

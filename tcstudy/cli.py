@@ -19,6 +19,7 @@ MODULES = {
     **dict.fromkeys(("run", "plan", "merge"), "run"),
     "path": "path",
     "history": "history",
+    "fit": "fit",
     "show": "results",
     **dict.fromkeys(("converge", "cost"), "measure"),
     **dict.fromkeys(("draw", "report", "sensitivity"), "results"),

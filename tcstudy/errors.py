@@ -89,6 +89,10 @@ class HistoryError(UserFault):
     """A load history cannot be followed."""
 
 
+class FitError(UserFault):
+    """Numbers cannot be found from the measurements."""
+
+
 class DrawError(UserFault):
     """A picture cannot be made."""
 

@@ -146,7 +146,7 @@ def note(options: argparse.Namespace, text: str) -> None:
 
 def check_manner(options: argparse.Namespace) -> None:
     """Raise UsageError for manners that exclude each other."""
-    given = [name for name in ("quiet", "verbose", "json") if getattr(options, name)]
+    given = [name for name in ("quiet", "verbose", "json") if getattr(options, name, False)]
     given += ["format"] if getattr(options, "format", "text") != "text" else []
     if len(given) > 1 and given != ["verbose", "format"]:
         fail(f"--{given[0]} and --{given[1]} exclude each other; leave one out")
@@ -194,7 +194,7 @@ def usual_output(kind: Kind, study: Study) -> Path:
     from tcstudy.data.provenance import measured_path
     from tcstudy.study.plan import output_beside, output_of
 
-    if kind in ("path", "history"):
+    if kind in ("path", "history", "fit"):
         return output_beside(study, kind)
     return output_of(study) if kind == "run" else measured_path(output_of(study), kind)
 

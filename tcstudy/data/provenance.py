@@ -187,8 +187,8 @@ def without_paths(sentence: str) -> str:
     return _PATH.sub("", sentence)
 
 
-Kind = Literal["run", "path", "history", "convergence", "cost"]
-OTHER_KINDS: tuple[Kind, ...] = ("path", "history", "cost")
+Kind = Literal["run", "path", "history", "convergence", "cost", "fit"]
+OTHER_KINDS: tuple[Kind, ...] = ("path", "history", "cost", "fit")
 CONTENT = "content"
 """Global attribute that tells the files of other commands from that of a run."""
 
@@ -261,7 +261,7 @@ def _difference(found: dict[str, Any], wanted: Identity) -> str:
     if found.get("study_sha256") != wanted.study_sha256:
         return "holds the results of another study, or of this one with other values"
     if any(found.get(name) != value for name, value in wanted.asked):
-        return "holds the results of another --at or --runs"
+        return "holds the results of another --at, --runs or table of data"
     if found.get("program") != wanted.program:
         return "holds this study as another version of the program or its libraries computed it"
     return ""

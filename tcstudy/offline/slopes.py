@@ -63,8 +63,7 @@ def load_slope(level: Level, scene: Scene, by: Sensitivity) -> LoadSlope:
         beta = material.beta if by.heat_grows else 0.0
         linear = replace(scene, boundary=_without(scene, Clamped), f=(0.0, 0.0), material=replace(material, beta=beta))
     elif path[0] == "material":
-        bulk = material.E / (1.0 - (2.0 if material.plane == "strain" else 1.0) * material.nu)
-        one = replace(material, beta=bulk if path[1] == "alpha_T" else 1.0)
+        one = replace(material, beta=material.bulk if path[1] == "alpha_T" else 1.0)
         linear = replace(scene, boundary=_without(scene), f=(0.0, 0.0), material=one)
     elif path == ("load",):
         linear = replace(scene, boundary=_without(scene, Traction, Convection), heat=Heat())

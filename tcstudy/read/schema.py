@@ -191,6 +191,10 @@ def _named(items: Schema) -> Schema:
     return {"type": "object", "propertyNames": {"pattern": NAME}, "additionalProperties": items}
 
 
+def _named_by_path(items: Schema) -> Schema:
+    return {"type": "object", "minProperties": 1, "additionalProperties": items}
+
+
 def _value(_: Key) -> Schema:
     """A number with any unit."""
     return {"anyOf": [{"type": "number"}, NUMBER_TEXT]}
@@ -260,6 +264,9 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "numbers": lambda one: _list(_value(one), 1),
     "sweep points": lambda one: {"anyOf": [_list(_sub_section(one), 1), {"type": "integer", "minimum": 1}, SOME_TEXT]},
     "named numbers": lambda one: _named(_value(one)) | {"minProperties": 1},
+    "named quantities": lambda one: {"anyOf": [_named_by_path(_value(one)), {"const": "estimate"}]},
+    "named texts": lambda one: _named_by_path(SOME_TEXT),
+    "fitted numbers": lambda one: _named_by_path(_sub_section(one)),
     "any values": lambda one: {"type": "array", "minItems": 1},
 }
 """What each kind of key may hold."""

@@ -18,6 +18,7 @@ from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge, read_material
 from tcstudy.read.plans import read_mesh, read_output, read_path, read_solver
 from tcstudy.read.scenes import SECTIONS, SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, records
+from tcstudy.scene.fits import FitPlan
 from tcstudy.scene.histories import HistoryPlan
 from tcstudy.scene.keys import row, rows
 from tcstudy.scene.parameters import SHORT, sweepable
@@ -62,6 +63,7 @@ class _Plans:
     exact: Exact | None
     path: PathPlan | None
     history: HistoryPlan | None = None
+    fit: FitPlan | None = None
 
 
 def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...], swept: bool = True) -> Study:
@@ -107,6 +109,7 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
         exact=plans.exact,
         path=plans.path,
         history=plans.history,
+        fit=plans.fit,
         design=sweep.design,
     )
 
@@ -262,6 +265,8 @@ def _refuse_heat_by_edge(ctx: Context, root: Node, plans: _Plans) -> None:
         ctx.errors.at(node, f"{one} a live page takes one alpha and one theta_bar", "remove live: true")
     if plans.output and plans.output.sensitivity and (node := root.child("output")):
         ctx.errors.at(node, f"{one} results are not differentiated then", "remove sensitivity")
+    if plans.fit and (node := root.child("fit")):
+        ctx.errors.at(node, f"{one} results are not differentiated then, as a fit needs", "give the section heat alone")
 
 
 def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scenes: Sequence[Scene]) -> _Plans:
@@ -295,7 +300,12 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
         _refuse_one_law(ctx, root, mesh, output)
     if root.child("materials"):
         _refuse_one_material(ctx, root, mesh, output)
-    plans = _Plans(mesh, solver, output, exact, path, history)
+    fit = None
+    if (section := root.child("fit")) and not ctx.errors.problems:
+        from tcstudy.read.fit import read_fit  # only for a study that has one
+
+        fit = read_fit(ctx, section, root, reader.base, mesh)
+    plans = _Plans(mesh, solver, output, exact, path, history, fit)
     if scenes and scenes[0].heat_by_edge:
         _refuse_heat_by_edge(ctx, root, plans)
     return plans

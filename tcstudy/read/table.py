@@ -36,7 +36,7 @@ def read_table(ctx: Context, node: Node, parameter: Callable[[str, Node], Parame
     except StudyError as error:
         ctx.errors.at(node, f"{path}: {error.problems[0].what}", "name a CSV table beside the study")
         return []
-    lines = list(_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
+    lines = list(csv_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
     if len(ctx.errors) > before:
         return []
     if len(lines) < 2:
@@ -61,7 +61,7 @@ def read_table(ctx: Context, node: Node, parameter: Callable[[str, Node], Parame
     ]
 
 
-def _lines(ctx: Context, text: str, file: str) -> Iterator[tuple[Node, ...]]:
+def csv_lines(ctx: Context, text: str, file: str) -> Iterator[tuple[Node, ...]]:
     """The cells of every line that has some."""
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("#"):

@@ -29,6 +29,7 @@ DRAWN_BY = {
     "path": ("response", *LOOK),
     "convergence": ("at", *LOOK),
     "cost": ("error", *LOOK),
+    "fit": (),
 }
 """Options that a picture of each kind of file depends on."""
 
@@ -61,7 +62,7 @@ class Wanted:
 
     def check(self, kind: str) -> None:
         """Raise UsageError for what does not go together or does not matter to a file of this kind."""
-        if self.at and kind in ("path", "cost"):
+        if self.at and kind in ("path", "cost", "fit"):
             raise UsageError(f"at: the file of tcstudy {kind} has one scene and no sweep points; leave it out")
         given = [name for name in vars(self) if getattr(self, name) not in (None, False)]
         for name in given:
@@ -87,6 +88,10 @@ def picture(file: Path, target: Path, wanted: Wanted) -> str:
     with reading(file):
         if kind == "path":
             return draw_path(file, target, wanted.response or "mean-slip", look)
+        if kind == "fit":
+            from tcstudy.reports.fit_figure import draw_fit
+
+            return draw_fit(file, target)
         if kind == "cost":
             return plot_cost(file, target, wanted.error, look)
         if kind == "convergence":

@@ -17,6 +17,7 @@ from tcstudy.scene import units as u
 from tcstudy.scene.designs import DESIGNS, DISTRIBUTIONS
 from tcstudy.scene.edge_keys import EDGE_ROWS
 from tcstudy.scene.families import FAMILIES
+from tcstudy.scene.fits import FITS
 from tcstudy.scene.histories import HISTORY
 from tcstudy.scene.key import Key, in_section
 from tcstudy.scene.laws import SHAPES
@@ -207,12 +208,7 @@ ROWS: tuple[Key, ...] = (
         "mesh",
         Key("maxh", "sizes", "element size, or a list of them", u.LENGTH, "10 mm", required=True, above=0.0),
         Key("levels", "integer", "number of meshes", default=1, least=1, most=_MOST_LEVELS),
-        Key(
-            *("refine", "integer", "refinements that make the mesh of size maxh"),
-            default=_MESH.refine,
-            least=0,
-            most=MOST_REFINE,
-        ),
+        Key("refine", "integer", "refinements that make the mesh of maxh", default=0, least=0, most=MOST_REFINE),
         Key("family", "choice", "how they are refined", words=tuple(FAMILIES), default=_MESH.family),
         _share("grading", "exponent of graded meshes", 0.1, _MESH.grading),
         _share("marking", "share of the error refined", 0.05, _MESH.marking),
@@ -256,6 +252,7 @@ ROWS: tuple[Key, ...] = (
         Key("geomspace", "span", "the same with equal ratios", example="[a, b, n]"),
     ),
     *DISTRIBUTIONS,
+    *FITS,
     *in_section(
         "exact",
         Key("u", "vector", "displacement", u.LENGTH, '["0.1*sin(pi*x)", "0"]', required=True),

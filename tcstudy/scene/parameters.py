@@ -1,6 +1,6 @@
 """What a sweep may vary, out of the table of keys: key paths with their kind and dimension, and the short names.
 
-The scene of one value of a path's parameter.
+The scene with another value of one of its numbers: of a path's parameter, and of those that a fit is to find.
 """
 
 from __future__ import annotations
@@ -10,10 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tcstudy.expressions.expression import Expression, parse
+from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import ROWS, law_rows, rows
 from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.records import Clamped, Convection, Role, Scalar, Scene, Traction
+from tcstudy.scene.nodal_laws import times
+from tcstudy.scene.records import Clamped, Convection, EdgeLaws, Role, Scalar, Scene, Traction
+from tcstudy.scene.study import Sensitivity
 
 Keys = tuple[str, ...]
 
@@ -131,6 +134,41 @@ def loaded_scene(scene: Scene, values: Mapping[Keys, float]) -> Scene:
     for keys, value in values.items():
         scene = path_scene(scene, keys, value)
     return scene
+
+
+def with_number(scene: Scene, by: Sensitivity, value: float) -> Scene:
+    """The scene with another value of one number. Raises LawError or GrowthError where a law cannot have it."""
+    section, name = by.path[0], by.path[-1]
+    if section == "friction":
+        friction = scene.friction
+        if isinstance(friction, FrictionLaw):
+            return replace(scene, friction=_law(friction, name, value))
+        edges = ("", *by.path)
+        laws = ((edge, _law(law, name, value) if edge in edges else law, at) for edge, law, at in friction.laws)
+        return replace(scene, friction=EdgeLaws(tuple(laws)))
+    if by.path == ("heat", "alpha"):
+        return replace(scene, heat=replace(scene.heat, alpha=value))
+    if section != "material":
+        return path_scene(scene, by.path, value)
+    material = scene.material
+    if name == "k":
+        return replace(scene, material=replace(material, k=value))
+    if name == "E":
+        t = value / material.E
+        beta = t * material.beta if by.heat_grows else material.beta
+        new = replace(material, E=value, lam=t * material.lam, mu=t * material.mu, beta=beta)
+        return replace(scene, material=new)
+    return replace(scene, material=replace(material, beta=value * (material.bulk if name == "alpha_T" else 1.0)))
+
+
+def _law(law: FrictionLaw, name: str, value: float) -> FrictionLaw:
+    made = law.made
+    if made is None:
+        raise KeyError(name)
+    shape = SHAPES[made.shape]
+    if name == "strength":
+        return times(shape.build(**made.values), value)
+    return times(shape.build(**{**made.values, name: value}), made.strength)
 
 
 def affine_numbers(record: object, section: str) -> Iterator[tuple[Key, str, Scalar]]:

@@ -194,6 +194,11 @@ class Material:
         """k and those of the regions."""
         return tuple(one.k for one in self.all)
 
+    @property
+    def bulk(self) -> float:
+        """β over the thermal expansion: 3λ + 2μ in plane strain, E/(1 − ν) in plane stress [Pa]."""
+        return self.E / (1.0 - (2.0 if self.plane == "strain" else 1.0) * self.nu)
+
 
 @dataclass(frozen=True)
 class Heat:

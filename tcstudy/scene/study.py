@@ -24,6 +24,7 @@ from tcstudy.scene.families import FAMILIES, LISTED, PLAIN, FamilyName, MeshFami
 from tcstudy.scene.records import Exact, Point, Scene
 
 if TYPE_CHECKING:
+    from tcstudy.scene.fits import FitPlan
     from tcstudy.scene.histories import HistoryPlan
 
 TOLERANCE = 1e-10
@@ -295,6 +296,7 @@ class Study:
     exact: Exact | None = None
     path: PathPlan | None = None
     history: HistoryPlan | None = None
+    fit: FitPlan | None = None
     design: Design | None = None
 
     def __repr__(self) -> str:

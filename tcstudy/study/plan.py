@@ -73,7 +73,7 @@ def output_of(study: Study) -> Path:
 
 
 def output_beside(study: Study, kind: str) -> Path:
-    """Where `tcstudy path` and `history` write: beside the results of a run, with "-path" added to the name."""
+    """Where `tcstudy path`, `history` and `fit` write: beside the results of a run, with "-path" added to the name."""
     output = output_of(study)
     return output.with_name(f"{output.stem}-{kind}{output.suffix or '.nc'}")
 
@@ -179,6 +179,9 @@ def _other_commands(study: Study) -> list[str]:
             f" at each of {points} points" if points > 1 else ""
         )
         notes.append(f"load history, {how}: tcstudy history follows it, and nothing else is computed of this study")
+    if study.fit is not None:
+        names = ", ".join(one.number.name for one in study.fit.parameters)
+        notes.append(f"fit of {names} to {study.fit.file}: find them with tcstudy fit")
     if study.exact is not None:
         notes.append("exact solution given: measure the errors against it with tcstudy converge")
     return notes

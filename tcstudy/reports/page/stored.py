@@ -59,6 +59,8 @@ class Stored:
 def read(path: Path) -> Stored:
     """Everything in a result file. Raises StoreError if it is none or not complete."""
     kind = kind_of(path)
+    if kind == "fit":
+        raise StoreError(f"{path} is the file of a fit, of which there is no page; use tcstudy show or draw")
     with open_results(path) as tree:
         data = tree.to_dataset().load()
         if kind == "run" and not {"status", "level"} <= set(data.variables):

@@ -1,0 +1,221 @@
+"""Parameters from measurements: least squares in bounds, and what the data say of them and what not.
+
+Residuals r_i(p) = (model − datum)_i/σ_i; minimised is ½ Σ ρ(r_i²) by a trust region that stays inside the bounds, with
+the exact Jacobian, in q = ln p where a parameter has a logarithmic scale. At the minimum, with n data and k free
+parameters, the covariance of q is s²(JᵀJ)⁻¹, s² = 1 where the noise is known and RSS/(n − k) where it is estimated;
+intervals are Student's. A direction of J by ln p whose singular value is below WEAK of the largest is one along which
+the data say nothing: named is the product of powers that they do determine.
+
+The signs of residuals of a right model come in as many runs as those of coins (Wald & Wolfowitz): fewer say that the
+curve is of the wrong shape. Literature: Nocedal & Wright, Numerical Optimization (2006), ch. 10; Seber & Wild,
+Nonlinear Regression (2003), ch. 2 and 5; Branch, Coleman & Li, SIAM J. Sci. Comput. 21 (1999) 1–23 (the trust region).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize, stats
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Model = Callable[[Array], tuple[Array, Array]]
+"""p (k,) to the residuals (n,) in units of their noise and ∂r/∂p (n, k)."""
+
+LEVEL = 0.95
+"""Probability of an interval."""
+WEAK = 1e-3
+"""Singular value, of the largest, below which a direction is not determined."""
+MOST = 200
+"""Evaluations of one start at most."""
+AT_BOUND = 1e-6
+"""Part of the range from a bound within which a parameter lies on it."""
+SAME = 1e-3
+"""Difference in q, relative to the range, up to which two minima are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """Where k parameters may lie: low, high (k,), and which are fitted by their logarithm."""
+
+    low: Array
+    high: Array
+    log: Flags
+
+    def inner(self, p: Array) -> Array:
+        """q of p."""
+        return np.where(self.log, np.log(np.where(self.log, p, 1.0)), p)
+
+    def outer(self, q: Array) -> Array:
+        """p of q, inside the bounds to the bit."""
+        return np.clip(np.where(self.log, np.exp(np.where(self.log, q, 0.0)), q), self.low, self.high)
+
+    def rate(self, p: Array) -> Array:
+        """dp/dq."""
+        return np.where(self.log, p, 1.0)
+
+    def starts(self, first: Array, count: int, seed: int) -> list[Array]:
+        """The first start and count − 1 others, a Latin hypercube in q."""
+        low, high = self.inner(self.low), self.inner(self.high)
+        draws = stats.qmc.LatinHypercube(len(first), rng=np.random.default_rng(seed)).random(max(0, count - 1))
+        return [first, *(self.outer(low + u * (high - low)) for u in draws)]
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """A local minimum: p (k,), residuals (n,), ∂r/∂p (n, k), ½Σρ whenever it was lower, evaluations."""
+
+    p: Array
+    residual: Array
+    jacobian: Array
+    costs: tuple[float, ...]
+    evaluations: int
+    message: str
+
+    @property
+    def cost(self) -> float:
+        """The least ½Σρ."""
+        return self.costs[-1]
+
+
+def minimise(model: Model, start: Array, box: Box, loss: Literal["linear", "soft_l1"] = "linear") -> Minimum:
+    """The minimum that a start leads to. What the model raises passes through."""
+    known: dict[bytes, tuple[Array, Array]] = {}
+    costs: list[float] = []
+
+    def at(q: Array) -> tuple[Array, Array]:
+        key = q.tobytes()
+        if key not in known:
+            known[key] = model(box.outer(q))
+            cost = 0.5 * float(np.sum(_rho(known[key][0], loss)))
+            if not costs or cost < costs[-1]:
+                costs.append(cost)
+        return known[key]
+
+    low, high = box.inner(box.low), box.inner(box.high)
+    margin = 1e-9 * (high - low)
+    found = optimize.least_squares(
+        lambda q: at(q)[0],
+        np.clip(box.inner(start), low + margin, high - margin),
+        jac=lambda q: at(q)[1] * box.rate(box.outer(q)),
+        bounds=(low, high),
+        method="trf",
+        x_scale="jac",
+        loss=loss,
+        ftol=1e-5,  # a few hundredths of a standard error; distances to a polygon have small steps in their slope
+        xtol=1e-6,
+        gtol=1e-10,
+        max_nfev=MOST,
+    )
+    residual, jacobian = at(found.x)
+    return Minimum(box.outer(found.x), residual, jacobian, tuple(costs), len(known), str(found.message))
+
+
+def _rho(residual: Array, loss: str) -> Array:
+    z = residual**2
+    return np.asarray(z if loss == "linear" else 2.0 * (np.sqrt(1.0 + z) - 1.0))
+
+
+def different(minima: Sequence[Minimum], box: Box) -> list[Minimum]:
+    """The minima, the lowest first, each once."""
+    span, kept = box.inner(box.high) - box.inner(box.low), list[Minimum]()
+    for one in sorted(minima, key=lambda minimum: minimum.cost):
+        if all(np.max(np.abs(box.inner(one.p) - box.inner(two.p)) / span) > SAME for two in kept):
+            kept.append(one)
+    return kept
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """What the data say of the parameters at a minimum.
+
+    covariance:     (k, k) of q; NaN for parameters on a bound and where JᵀJ is singular
+    standard_error: (k,) of p;  interval: (k, 2);  at_bound: (k,)
+    singular_value: (k,) of J by ln p (by p/start where p has no logarithm), falling
+    direction:      (k, k) its right singular vectors, a row each;  weak: how many of the last are not determined
+    chi_square:     Σr²;  freedom: n − k;  fit_p: chance of a larger Σr² if the noise is what it is said to be (NaN if
+                    estimated);  runs: of signs of the residuals;  runs_p: chance of as few or fewer
+    information:    Akaike's, corrected for few data (AICc): of two models of the same data the lower one is better
+    """
+
+    covariance: Array
+    standard_error: Array
+    interval: Array
+    at_bound: Flags
+    singular_value: Array
+    direction: Array
+    weak: int
+    chi_square: float
+    freedom: int
+    fit_p: float
+    runs: int
+    runs_p: float
+    information: float
+
+
+def uncertainty(minimum: Minimum, box: Box, groups: Sequence[NDArray[np.intp]], known_noise: bool) -> Uncertainty:
+    """Covariance, intervals, what is not determined, and whether the model has the shape of the data.
+
+    groups: residuals of one curve each, in the order of the data, for the runs of their signs
+    known_noise: whether residuals are in units of a noise that is known
+    """
+    p, r = minimum.p, minimum.residual
+    n, k = len(r), len(p)
+    by_q = minimum.jacobian * box.rate(p)
+    low, high, q = box.inner(box.low), box.inner(box.high), box.inner(p)
+    at_bound = np.minimum(q - low, high - q) <= AT_BOUND * (high - low)
+    free = np.flatnonzero(~at_bound)
+    freedom = n - k
+    square = float(r @ r)
+    scale = 1.0 if known_noise else square / max(freedom, 1)
+    _, sigma, rows = np.linalg.svd(by_q * np.where(box.log, 1.0, np.abs(p)), full_matrices=False)
+    covariance = np.full((k, k), np.nan)
+    own = by_q[:, free]
+    if len(free) and np.linalg.matrix_rank(own) == len(free):
+        covariance[np.ix_(free, free)] = scale * np.linalg.inv(own.T @ own)
+    error = np.sqrt(np.diagonal(covariance))
+    reach = stats.t.ppf(0.5 + 0.5 * LEVEL, max(freedom, 1)) * error
+    with np.errstate(over="ignore"):
+        ends = np.where(box.log, p * np.exp(-reach), p - reach), np.where(box.log, p * np.exp(reach), p + reach)
+    runs, runs_p = _runs([r[group] for group in groups])
+    likelihood = square if known_noise else n * float(np.log(max(square, 1e-300) / n))
+    count = k + (not known_noise)
+    penalty = 2.0 * count + 2.0 * count * (count + 1) / max(n - count - 1, 1)
+    return Uncertainty(
+        covariance=covariance,
+        standard_error=error * box.rate(p),
+        interval=np.stack(ends, axis=1),
+        at_bound=at_bound,
+        singular_value=sigma,
+        direction=rows,
+        weak=int(np.count_nonzero(sigma < WEAK * sigma[0])),
+        chi_square=square,
+        freedom=freedom,
+        fit_p=float(stats.chi2.sf(square, max(freedom, 1))) if known_noise else float("nan"),
+        runs=runs,
+        runs_p=runs_p,
+        information=likelihood + penalty,
+    )
+
+
+def _runs(curves: Sequence[Array]) -> tuple[int, float]:
+    """Runs of signs of all curves, and the chance of as few or fewer for independent signs."""
+    count, mean, variance = 0, 0.0, 0.0
+    for r in curves:
+        above, below = int(np.count_nonzero(r > 0.0)), int(np.count_nonzero(r <= 0.0))
+        n = above + below
+        count += 1 + int(np.count_nonzero(np.diff(r > 0.0)))
+        mean += 1.0 + 2.0 * above * below / n
+        variance += 2.0 * above * below * (2.0 * above * below - n) / (n**2 * max(n - 1, 1))
+    return count, float(stats.norm.cdf((count + 0.5 - mean) / np.sqrt(variance))) if variance > 0.0 else float("nan")
+
+
+def product(direction: Array, names: Sequence[str]) -> str:
+    """A direction in ln p as the product of powers that grows along it: tau_s·delta, E·alpha^-0.5."""
+    powers = direction / direction[np.argmax(np.abs(direction))]
+    factors = [(name, round(float(x), 2)) for name, x in zip(names, powers, strict=True) if abs(x) >= 0.05]
+    return "·".join(name if x == 1.0 else f"{name}^{x:g}" for name, x in factors)

@@ -1,0 +1,251 @@
+"""Reads the section `fit`: a table of measurements, its noise, and the numbers of the study that are to be found.
+
+The table is a CSV file with a heading and its unit over each column, `Delta [mm],P [N/mm]`; the study says what it
+calls the columns: parameters in which the load is affine are given to the scene, results are compared. What the data
+could never decide is refused here; what they do not decide in the end is said with the result.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from collections.abc import Mapping
+
+from tcstudy.errors import StudyError
+from tcstudy.read.document import load_text
+from tcstudy.read.fields import Context, Fields, none_after_fault
+from tcstudy.read.node import Node, nearest
+from tcstudy.read.plans import affine_parameters
+from tcstudy.read.sensitivity import differentiable, heat_grows, path_of, why_not
+from tcstudy.read.table import csv_lines
+from tcstudy.scene.fits import RESULTS, FitColumn, FitParameter, FitPlan
+from tcstudy.scene.friction import GrowthError
+from tcstudy.scene.laws import LawError
+from tcstudy.scene.parameters import with_number
+from tcstudy.scene.records import Scene
+from tcstudy.scene.study import MeshPlan, Sensitivity
+from tcstudy.scene.units import NUMBER, Dimension, UnitError, to_si
+
+Cells = list[tuple[Node, ...]]
+
+
+@none_after_fault
+def read_fit(ctx: Context, node: Node, root: Node, scene: Scene | None, mesh: MeshPlan | None) -> FitPlan | None:
+    """The fit; None after a fault.
+
+    scene: the scene without a sweep, mesh: the meshes; None if they have faults of their own
+    """
+    before, fields = len(ctx.errors), Fields(ctx, node, "fit")
+    if len(ctx.errors) > before or scene is None:
+        return None
+    if root.child("sweep"):
+        ctx.errors.at(node, "a fit is of one scene, but the study has a sweep", "remove the sweep")
+    if mesh and mesh.strategy.adapts:
+        ctx.errors.at(node, "adaptive meshes follow from the solutions of a run", "use family: uniform or graded")
+    columns, sha256 = _columns(ctx, fields, scene)
+    parameters = _parameters(ctx, fields, root, scene)
+    if len(ctx.errors) > before:
+        return None
+    given, measured = (tuple(c for c in columns if bool(c.path) is is_given) for is_given in (True, False))
+    options = fields.given(("compare", "starts", "seed", "loss"))
+    if level := fields["level"]:
+        options["level"] = ctx.integer(level, 0, mesh.levels - 1 if mesh else None)
+    file = str(fields.values["data"].child("file").text())  # type: ignore[union-attr]
+    plan = FitPlan(given, measured, parameters, scene, file, sha256, **options)
+    _check(ctx, fields, plan)
+    return plan
+
+
+def _check(ctx: Context, fields: Fields, plan: FitPlan) -> None:
+    """What goes together: columns with the comparison, data with the numbers to find."""
+    data, names = fields.values["data"], [one.name for one in plan.given]
+    if not plan.measured:
+        ctx.errors.at(data, "no column is a result, so there is nothing to compare", f"add one of {', '.join(RESULTS)}")
+        return
+    n, k = sum(len(one.values) for one in plan.measured), len(plan.parameters)
+    if n <= k:
+        ctx.errors.at(data, f"{n} data cannot decide {k} numbers", "measure more, or fit fewer numbers")
+    for parameter in plan.parameters:
+        if parameter.number.path in [one.path for one in plan.given]:
+            what = f"{parameter.number.name} is a column of the data, so it is known"
+            ctx.errors.at(fields.values["parameters"], what, "remove it from the parameters")
+    if plan.compare == "vertical":
+        return
+    curve = len(names) == 1 and [one.name for one in plan.measured] == ["friction_resultant"]
+    if not curve:
+        remedy = "give one parameter of the load and friction_resultant, or compare: vertical"
+        ctx.errors.at(fields.values["compare"], "distances to a path need two columns", remedy)
+    elif not all(law.piecewise_linear for law in plan.scene.laws):
+        remedy = "use compare: vertical"
+        ctx.errors.at(fields.values["compare"], "a path needs a law of straight pieces", remedy)
+    elif len(plan.scene.laws) > 1:
+        ctx.errors.at(fields.values["compare"], "a path takes one law", "use compare: vertical")
+
+
+def _columns(ctx: Context, fields: Fields, scene: Scene) -> tuple[list[FitColumn], str]:
+    """The columns of the table, and its checksum; none after a fault."""
+    data = Fields(ctx, fields.values["data"], "fit_data")
+    wanted, file = data["columns"], data["file"]
+    if wanted is None or file is None:
+        return [], ""
+    if not isinstance(wanted.value, Mapping) or not wanted.value:
+        ctx.errors.at(wanted, f"must be a mapping of names to headings, but is {wanted.kind()}", _COLUMNS)
+        return [], ""
+    path = ctx.folder / ctx.text(file, "the path of a table")
+    try:
+        text = load_text(path)
+    except StudyError as error:
+        ctx.errors.at(file, f"{path}: {error.problems[0].what}", "name a CSV table beside the study")
+        return [], ""
+    before = len(ctx.errors)
+    lines = list(csv_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
+    if len(lines) < 2:
+        ctx.errors.at(file, f"{path} has no data", "write a heading for each column and a line for each datum")
+    for row in lines[1:]:
+        if len(row) != len(lines[0]):
+            what = f"has {len(row)} entries, but the header {len(lines[0])}"
+            ctx.errors.at(row[-1], what, "give every column a number; decimals have a point")
+    if len(ctx.errors) > before:
+        return [], ""
+    noise = _noise(ctx, fields["noise"], tuple(wanted.value))
+    found = [_column(ctx, name, item, lines, scene, noise) for name, item in wanted.value.items()]
+    return [one for one in found if one], hashlib.sha256(text.encode()).hexdigest()
+
+
+_COLUMNS = 'write {boundary.grip.u_x: "Delta [mm]", friction_resultant: "P [N/mm]"}'
+
+
+def _noise(ctx: Context, node: Node | None, names: tuple[str, ...]) -> Mapping[str, Node]:
+    """The noise of the columns by name; empty where it is to be estimated."""
+    if node is None or node.value == "estimate":
+        return {}
+    if not isinstance(node.value, Mapping):
+        remedy = "write {friction_resultant: 2 N/mm}, or leave it out"
+        ctx.errors.at(node, f"must be a mapping of columns to numbers, but is {node.kind()}", remedy)
+        return {}
+    for name, item in node.value.items():
+        if name not in names:
+            ctx.errors.at(item, f"there is no column {name!r}", f"use {', '.join(names)}", on_key=True)
+    return node.value
+
+
+def _column(
+    ctx: Context, name: str, node: Node, lines: Cells, scene: Scene, noise: Mapping[str, Node]
+) -> FitColumn | None:
+    """One column in SI; None after a fault."""
+    before, path = len(ctx.errors), path_of(name)
+    affine = dict(affine_parameters(scene))
+    if name in RESULTS:
+        path, dimension = (), RESULTS[name]
+    elif path in affine and not affine[path].idle:
+        dimension = affine[path].dimension
+    else:
+        known = [*RESULTS, *(".".join(one) for one, parameter in affine.items() if not parameter.idle)]
+        near = nearest(name, known)
+        remedy = f"did you mean {near!r}?" if near else f"use {', '.join(known)}"
+        ctx.errors.at(node, f"{name!r} is neither a result nor a parameter of the load", remedy, on_key=True)
+        return None
+    heading = ctx.text(node, "the heading of a column")
+    heads = [str(cell.value) for cell in lines[0]]
+    if heading not in heads:
+        shown = ", ".join(map(repr, heads))
+        ctx.errors.at(node, f"the table has no column {heading!r}", f"it has {shown}")
+        return None
+    at = heads.index(heading)
+    unit = _unit(ctx, lines[0][at], dimension)
+    values = tuple(_number(ctx, row[at], unit, dimension) for row in lines[1:]) if unit is not None else ()
+    sigma = ctx.quantity(noise[name], dimension) if name in noise else None
+    if sigma is not None and not sigma > 0.0:
+        ctx.errors.at(noise[name], "must be above 0", "give the standard deviation of the noise")
+    units = dimension.cf if ctx.units == "SI" else "1"
+    return FitColumn(name, path, units, values, sigma) if len(ctx.errors) == before else None
+
+
+def _unit(ctx: Context, cell: Node, dimension: Dimension) -> str | None:
+    """The unit in a heading, empty for a plain number; None after a fault."""
+    match = re.fullmatch(r".*?\[([^\]]*)\]\s*", str(cell.value))
+    plain = ctx.units == "none" or dimension.si == ""
+    if match is None:
+        if plain:
+            return ""
+        what, remedy = f"the heading {cell.brief()!r} has no unit", f"write {cell.brief()} [{dimension.si}]"
+        ctx.errors.at(cell, what, remedy)
+        return None
+    if plain:
+        ctx.errors.at(cell, "has a unit, but the study says units: none", "drop the unit")
+        return None
+    try:
+        to_si("1", match[1].strip(), dimension)
+    except UnitError as error:
+        ctx.errors.at(cell, str(error), error.remedy)
+        return None
+    return match[1].strip()
+
+
+def _number(ctx: Context, cell: Node, unit: str, dimension: Dimension) -> float:
+    word = str(cell.value)
+    if re.fullmatch(NUMBER, word) is None:
+        what = f"{word!r} is no number" if word else "is empty"
+        ctx.errors.at(cell, what, "give every column a number in every line, or take the line out")
+        return math.nan
+    return to_si(word, unit, dimension) if unit else float(word)
+
+
+def _parameters(ctx: Context, fields: Fields, root: Node, scene: Scene) -> tuple[FitParameter, ...]:
+    """The numbers to find."""
+    node = fields.values["parameters"]
+    if not isinstance(node.value, Mapping) or not node.value:
+        remedy = "write {friction.tau_s: {start: 4 MPa, within: [1 MPa, 50 MPa]}}"
+        ctx.errors.at(node, f"must be a mapping of numbers, but is {node.kind()}", remedy)
+        return ()
+    known = dict(differentiable(root, scene, (scene,)))
+    found = []
+    for name, item in node.value.items():
+        path = path_of(name)
+        if path not in known or known[path][1]:
+            what, remedy = why_not(name, path, known)
+            ctx.errors.at(item, what, remedy, on_key=True)
+            continue
+        units = known[path][0].cf if ctx.units == "SI" else "1"
+        number = Sensitivity(name, path, units, heat_grows(root))
+        if one := _parameter(ctx, item, number, known[path][0], scene):
+            found.append(one)
+    return tuple(found)
+
+
+def _parameter(
+    ctx: Context, node: Node, number: Sensitivity, dimension: Dimension, scene: Scene
+) -> FitParameter | None:
+    before, fields = len(ctx.errors), Fields(ctx, node, "fit_parameter")
+    if len(ctx.errors) > before:
+        return None
+    both = ctx.pair(fields.values["within"], "a pair [low, high]", fields.rows["within"].example)
+    start = fields.value("start", dimension)
+    low, high = (ctx.quantity(item, dimension) for item in both) if both else (math.nan, math.nan)
+    if len(ctx.errors) > before:
+        return None
+    if not low < high:
+        ctx.errors.at(fields.values["within"], "does not grow", "give the lower end first")
+    elif not low <= start <= high:
+        ctx.errors.at(fields.values["start"], "lies outside within", "begin between the two ends")
+    scale = fields.value("scale") or ("log" if low > 0.0 else "linear")
+    if scale == "log" and low <= 0.0:
+        ctx.errors.at(fields.values["within"], "begins at 0 or below, which has no logarithm", "write scale: linear")
+    for end in (low, high) if len(ctx.errors) == before else ():
+        if why := _refused(scene, number, end):
+            ctx.errors.at(fields.values["within"], f"{number.name} = {end:g}: {why}", "narrow the bounds")
+    return FitParameter(number, start, low, high, scale == "log") if len(ctx.errors) == before else None
+
+
+def _refused(scene: Scene, number: Sensitivity, value: float) -> str:
+    """Why a scene cannot have this value; empty if it can."""
+    if number.path in (("material", "E"), ("material", "k")) and value <= 0.0:
+        return "must be above 0"
+    if number.path == ("heat", "alpha") and value <= 0.0:
+        return "must be above 0, or the heat of the body cannot be told"
+    try:
+        with_number(scene, number, value)
+    except (LawError, GrowthError) as error:
+        return str(error).partition("; ")[0]
+    return ""

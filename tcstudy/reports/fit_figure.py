@@ -1,0 +1,151 @@
+"""The picture of a fit: data with their noise, the fitted curve with its folds and band, residuals, the fitted law."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.fit_store import open_fit
+from tcstudy.reports import style
+from tcstudy.reports.text import number, prefix
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+HEIGHT, BAND = 6.4, 1.96
+"""Height of the picture [inch]; half width of a band of 95 % in standard errors."""
+DATA: dict[str, Any] = {"color": style.INK, "marker": "o", "markersize": 3, "linestyle": "none", "linewidth": 0.7}
+NAMES = {"friction_resultant": "friction resultant", "u_T_max": "max $|u_T|$", "theta_mean": r"mean $\theta$"}
+
+
+def draw_fit(path: Path, target: Path) -> str:
+    """Draw a fit into `target` (.png, .svg or .pdf); returns what was drawn. Raises StoreError, DrawError."""
+    style.check_target(target)
+    with open_fit(path) as opened:
+        data = opened.load()
+    with style.styled():
+        style.save(fit_figure(data), target)
+    return f"{target}: {data.attrs['title']}, fitted to {data.attrs['data_file']}"
+
+
+def fit_figure(data: Any) -> Figure:
+    """The figure of a fit; call it within `style.styled()` for the usual letters."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(style.WIDTH, HEIGHT))
+    left, width = 0.85, style.WIDTH - 1.2
+    figure.text(left / style.WIDTH, 1 - 0.3 / HEIGHT, data.attrs["title"], fontsize=12, fontweight="bold")
+    figure.text(left / style.WIDTH, 1 - 0.55 / HEIGHT, _caption(data), fontsize=8.5)
+    law = "law_slip" in data
+    below = 0.45 * width
+    curve = style.inches(figure, left, 2.75, width, 2.75)
+    rest = style.inches(figure, left, 0.6, below if law else width, 1.4)
+    _curve(curve, data)
+    _residuals(rest, data)
+    if law:
+        _law(style.inches(figure, left + width - below, 0.6, below, 1.4), data)
+    return figure
+
+
+def _caption(data: Any) -> str:
+    found = []
+    for i, name in enumerate(data["parameter"].values):
+        divisor, unit = prefix([float(data["estimate"][i])], str(data["parameter_units"].values[i]))
+        value, error = (float(data[key][i]) / divisor for key in ("estimate", "standard_error"))
+        sign = style.symbol(str(name))
+        found.append(f"{sign} = {number(value)} ± {number(error, 2)} {style.pretty(unit)}".removesuffix(" 1"))
+    return ",  ".join(found)
+
+
+def _columns(data: Any) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """(name, units) of the given and of the measured columns."""
+    found = []
+    for key in ("given", "measured"):
+        words = [word.rpartition(" [") for word in str(data.attrs[key]).split("; ") if word]
+        found.append([(name, units.removesuffix("]")) for name, _, units in words])
+    return found[0], found[1]
+
+
+def _curve(axes: Axes, data: Any) -> None:
+    """Data and curve of the first measured column."""
+    given, measured = _columns(data)
+    own = data["measured_column"].values == 0
+    x, y = data["datum_given"].values[own], data["datum"].values[own]
+    across, x_unit = style.axis_unit(x, given[0][1] if given else "1")
+    up, y_unit = style.axis_unit(y, measured[0][1])
+    error = _prediction_error(data)[own]
+    at, fitted = data["predicted_given"].values[own], data["predicted"].values[own]
+    if "curve_given" in data:
+        axes.plot(data["curve_given"] / across, data["curve_measured"] / up, color=style.BLUE, linewidth=1.2, zorder=3)
+        folds = data["fold_vertex"].values if "fold_vertex" in data else np.zeros(0, dtype=int)
+        look: dict[str, Any] = {"color": style.VERMILLION, "marker": "o", "markersize": 4, "markerfacecolor": "white"}
+        t, R = data["curve_given"].values[folds], data["curve_measured"].values[folds]
+        axes.plot(t / across, R / up, linestyle="none", zorder=4, label="fold", **look)
+        _oblique_band(axes, data, at / across, fitted / up)
+    else:
+        order = np.argsort(at, kind="stable")
+        low, high = fitted - BAND * error, fitted + BAND * error
+        axes.plot(at[order] / across, fitted[order] / up, color=style.BLUE, linewidth=1.2, zorder=3)
+        axes.fill_between(at[order] / across, low[order] / up, high[order] / up, color=style.BLUE, alpha=0.25, lw=0)
+    noise = data["noise"].values[own] / up
+    across_noise = float(data.attrs["given_noise"]) / across if "curve_given" in data else None
+    axes.errorbar(x / across, y / up, yerr=noise, xerr=across_noise, elinewidth=0.5, label="data", zorder=2, **DATA)
+    room_x, room_y = 0.06 * np.ptp(x) / across, 0.08 * np.ptp(y) / up
+    axes.set_xlim(x.min() / across - room_x, x.max() / across + room_x)
+    axes.set_ylim(min(y.min(), 0.0) / up - room_y, y.max() / up + room_y)
+    name = style.symbol(given[0][0]) if given else "datum"
+    axes.set_xlabel(style.labelled(name, x_unit))
+    axes.set_ylabel(style.labelled(NAMES[measured[0][0]], y_unit))
+    axes.legend(fontsize=8, frameon=False)
+
+
+def _prediction_error(data: Any) -> Array:
+    """(n,) standard errors of the values of the study at the data, in the units of the data."""
+    J, covariance = data["jacobian"].values, np.nan_to_num(data["covariance"].values)
+    return np.asarray(np.sqrt(np.maximum(np.einsum("nk,kl,nl->n", J, covariance, J), 0.0)) * data["noise"].values)
+
+
+def _oblique_band(axes: Axes, data: Any, x: Array, y: Array) -> None:
+    """The band across the curve, at the feet of the data, in units of the noise of both."""
+    J, covariance = data["jacobian"].values, np.nan_to_num(data["covariance"].values)
+    error = BAND * np.sqrt(np.maximum(np.einsum("nk,kl,nl->n", J, covariance, J), 0.0))
+    t, R = data["predicted_given"].values, data["predicted"].values
+    scale = np.array([float(data.attrs["given_noise"]), float(data["noise"].values[0])])
+    way = np.gradient(np.stack([t, R], axis=1) / scale, axis=0)
+    length = np.maximum(np.linalg.norm(way, axis=1), 1e-300)
+    normal = np.stack([-way[:, 1], way[:, 0]], axis=1) / length[:, None]
+    to_axes = np.array([x[-1] / t[-1] if t[-1] else 1.0, y[np.argmax(np.abs(R))] / R[np.argmax(np.abs(R))]])
+    sides = [(np.stack([t, R], axis=1) + s * error[:, None] * normal * scale) * to_axes for s in (1.0, -1.0)]
+    ring = np.concatenate([sides[0], sides[1][::-1]])
+    axes.fill(ring[:, 0], ring[:, 1], color=style.BLUE, alpha=0.25, linewidth=0, zorder=1, label="95 % band")
+
+
+def _residuals(axes: Axes, data: Any) -> None:
+    residual = data["residual"].values
+    column = data["measured_column"].values
+    for i in np.unique(column):
+        own = column == i
+        axes.plot(np.arange(1, own.sum() + 1), residual[own], **(DATA | {"marker": "osD^"[i % 4]}))
+    axes.axhline(0.0, color=style.SHADE, linewidth=0.8, zorder=0)
+    axes.axhspan(-BAND, BAND, color=style.SHADE, alpha=0.5, linewidth=0, zorder=0)
+    axes.set_xlabel("number of the datum")
+    axes.set_ylabel("residual / noise")
+
+
+def _law(axes: Axes, data: Any) -> None:
+    slip, traction, error = (data[name].values for name in ("law_slip", "law_traction", "law_error"))
+    across, x_unit = style.axis_unit(slip, data["law_slip"].attrs["units"])
+    up, y_unit = style.axis_unit(traction, data["law_traction"].attrs["units"])
+    low, high = (traction - BAND * error) / up, (traction + BAND * error) / up
+    axes.fill_between(slip / across, low, high, color=style.BLUE, alpha=0.25, linewidth=0)
+    axes.plot(slip / across, traction / up, color=style.BLUE, linewidth=1.2)
+    axes.set_xlim(0.0, slip[-1] / across)
+    axes.set_ylim(min(0.0, low.min()), 1.08 * high.max())
+    axes.set_xlabel(style.labelled("slip", x_unit))
+    axes.set_ylabel(style.labelled("traction", y_unit))

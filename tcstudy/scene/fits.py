@@ -1,0 +1,104 @@
+"""What a fit is: measured columns, the numbers of the study that are to be found, and how both are compared.
+
+Numbers to find are those by which results can be differentiated (`scene.parameters.with_number` puts values in).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from tcstudy.scene import units as u
+from tcstudy.scene.key import Key
+from tcstudy.scene.records import Scene
+from tcstudy.scene.study import Sensitivity
+
+COMPARE = ("vertical", "orthogonal")
+LOSSES = ("linear", "soft_l1")
+SCALES = ("log", "linear")
+RESULTS = {"friction_resultant": u.LINE_FORCE, "u_T_max": u.LENGTH, "theta_mean": u.TEMPERATURE}
+"""Results that may be measured, with their dimensions."""
+
+FITS: tuple[Key, ...] = (
+    Key("fit", "section", "[numbers of the study from measurements](#numbers-from-measurements)", of=("fit",)),
+    Key("data", "section", "a table of measurements", section="fit", required=True, of=("fit_data",)),
+    Key("noise", "named quantities", "its standard deviation, by column; left out it is estimated", section="fit"),
+    Key(
+        *("compare", "choice", "`vertical`: the results at each datum; `orthogonal`: distances to the path"),
+        section="fit",
+        words=COMPARE,
+        default=COMPARE[0],
+    ),
+    Key("parameters", "fitted numbers", "the numbers to find", section="fit", required=True, of=("fit_parameter",)),
+    Key("starts", "integer", "places to begin from", section="fit", least=1, default=5),
+    Key("seed", "integer", "of the other starts", section="fit", least=0, default=0),
+    Key("loss", "choice", "`soft_l1`: outliers count less", section="fit", words=LOSSES, default=LOSSES[0]),
+    Key("level", "integer", "mesh level (default: finest)", section="fit", least=0),
+    Key("file", "text", "a CSV table beside the study", section="fit_data", example="pull.csv", required=True),
+    Key(
+        *("columns", "named texts", "what the study calls a column, and its heading in the table with its unit"),
+        section="fit_data",
+        example='{friction_resultant: "P [N/mm]"}',
+        required=True,
+    ),
+    Key("start", "quantity", "where the search begins", section="fit_parameter", required=True, example="4 MPa"),
+    Key("within", "span", "where it may go", section="fit_parameter", required=True, example="[1 MPa, 50 MPa]"),
+    Key("scale", "choice", "`log` by default where `within` is positive", section="fit_parameter", words=SCALES),
+)
+"""Rows of the table of keys."""
+
+
+@dataclass(frozen=True)
+class FitParameter:
+    """A number to find: where it stands, where the search begins and may go [SI], by its logarithm or not."""
+
+    number: Sensitivity
+    start: float
+    low: float
+    high: float
+    log: bool
+
+
+@dataclass(frozen=True)
+class FitColumn:
+    """A measured column.
+
+    name:  a parameter in which the load is affine, or a result;  path: of a parameter, empty for a result
+    units: in CF form;  values: (n,) in SI;  noise: its standard deviation, None if that is estimated
+    """
+
+    name: str
+    path: tuple[str, ...]
+    units: str
+    values: tuple[float, ...]
+    noise: float | None
+
+
+@dataclass(frozen=True)
+class FitPlan:
+    """A fit (`tcstudy fit`).
+
+    given, measured: columns that the scene gets, and that are compared with its results
+    parameters:      the numbers to find
+    scene:           that of the study, with its own values
+    file, sha256:    the table and its checksum
+    level:           mesh level, None for the finest
+    """
+
+    given: tuple[FitColumn, ...]
+    measured: tuple[FitColumn, ...]
+    parameters: tuple[FitParameter, ...]
+    scene: Scene
+    file: str
+    sha256: str
+    compare: Literal["vertical", "orthogonal"] = "vertical"
+    starts: int = 5
+    seed: int = 0
+    loss: Literal["linear", "soft_l1"] = "linear"
+    level: int | None = None
+
+    @property
+    def known_noise(self) -> bool:
+        """Whether the noise of all that is compared is known."""
+        columns = (*self.measured, *(self.given if self.compare == "orthogonal" else ()))
+        return all(column.noise is not None for column in columns)

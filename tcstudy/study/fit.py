@@ -1,0 +1,219 @@
+"""Find numbers of a study from measurements: from several starts, with intervals and what is not determined.
+
+The models are those of `study.fit_models`, the statistics those of `accuracy.fitted`; here is what a fit does with
+them and what it keeps. Where no law falls as steeply as the body holds (ω < λ₁) every load has one solution, and other
+starts are not tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from tcstudy.accuracy.fitted import Box, Minimum, Uncertainty, different, minimise, product, uncertainty
+from tcstudy.condense import NotPositiveDefinite
+from tcstudy.data.fit_store import FitRecord, write_fit
+from tcstudy.data.provenance import collect
+from tcstudy.errors import FitError
+from tcstudy.fem.study_meshes import Meshes
+from tcstudy.offline.level import Level
+from tcstudy.scene.dual import law_slopes
+from tcstudy.scene.fits import FitPlan
+from tcstudy.scene.friction import GrowthError
+from tcstudy.scene.laws import LawError
+from tcstudy.scene.study import Study
+from tcstudy.study.fit_models import Compared, FitModel
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+ESTIMATED = 0.01
+"""Noise of a column, of its range, that is assumed where it is estimated: only the ratio of two columns matters."""
+BLIND = 1e-10
+"""Column of the Jacobian by ln p, of the largest, below which the data do not depend on a number."""
+LAW_PLACES = 400
+
+
+def fit(study: Study, progress: Progress | None = None) -> FitRecord:
+    """The numbers that the section `fit` asks for.
+
+    progress: told what is done
+    Raises FitError where there is nothing to fit or no solution, GeometryFailed if the body has no mesh.
+    """
+    plan = study.fit
+    if plan is None:
+        raise FitError("the study has no section fit; add fit: {data: {file: ..., columns: ...}, parameters: ...}")
+    model = model_of(study, plan)
+    box = box_of(plan)
+    try:
+        minima = _minima(model, box, progress)
+    except (NotPositiveDefinite, LawError, GrowthError) as error:
+        raise FitError(str(error)) from error
+    best = minima[0]
+    found = model.compared(best.p)
+    said = uncertainty(best, box, groups_of(plan), plan.known_noise)
+    return _record(plan, model, box, minima, found, said)
+
+
+def model_of(study: Study, plan: FitPlan) -> FitModel:
+    """The study as a function of the numbers to find, on one mesh. Raises GeometryFailed."""
+    meshes = Meshes(study)
+    last = study.mesh.levels - 1 if plan.level is None else plan.level
+    mesh = [meshes.next(i) for i in range(last + 1)][-1]
+    sigma = [_noise(column.noise, column.values) for column in (*plan.measured, *plan.given)]
+    count = len(plan.measured[0].values)
+    noise = np.repeat(sigma[: len(plan.measured)], count)
+    return FitModel(plan, Level(mesh, plan.scene), noise, sigma[-1] if plan.given else 1.0, study.solver.tolerance)
+
+
+def _noise(given: float | None, values: Sequence[float]) -> float:
+    if given is not None:
+        return given
+    return ESTIMATED * (float(np.ptp(values)) or float(np.max(np.abs(values))) or 1.0)
+
+
+def box_of(plan: FitPlan) -> Box:
+    """Where the numbers may lie."""
+    low, high, log = (np.array([getattr(one, name) for one in plan.parameters]) for name in ("low", "high", "log"))
+    return Box(low, high, log)
+
+
+def groups_of(plan: FitPlan) -> list[NDArray[np.intp]]:
+    """Residuals of each measured column."""
+    count = len(plan.measured[0].values)
+    return [np.arange(i * count, (i + 1) * count) for i in range(len(plan.measured))]
+
+
+def _minima(model: FitModel, box: Box, progress: Progress | None) -> list[Minimum]:
+    """The distinct minima, the lowest first."""
+    plan, found, failure = model.plan, list[Minimum](), ""
+    first = np.array([one.start for one in plan.parameters])
+    for number, start in enumerate(box.starts(first, plan.starts, plan.seed)):
+        try:
+            if number == 0:
+                _check_depends(model, start, box)
+            found.append(minimise(model, start, box, plan.loss))
+        except FitError as error:
+            failure = failure or str(error)
+            if (number == 0 and plan.starts == 1) or "do not depend" in failure:
+                raise
+            continue
+        if progress is not None:
+            progress(f"start {number + 1} of {plan.starts}: {found[-1].evaluations} evaluations")
+        if number == 0 and _unique(model, found[0].p) and _unique(model, start):
+            break
+    if not found:
+        raise FitError(f"no start led to a result: {failure}")
+    return different(found, box)
+
+
+def _unique(model: FitModel, p: Array) -> bool:
+    """Whether every load has one solution with these numbers."""
+    scene = model.scene(p)
+    return max(law.omega for law in scene.laws) < model.level.lambda_1(scene)
+
+
+def _check_depends(model: FitModel, start: Array, box: Box) -> None:
+    """Raise FitError for numbers that nothing measured depends on, at the start."""
+    jacobian = model.compared(start).jacobian * np.where(box.log, start, np.maximum(np.abs(start), box.high - box.low))
+    size = np.linalg.norm(jacobian, axis=0)
+    blind = [one.number.name for one, s in zip(model.plan.parameters, size, strict=True) if s <= BLIND * size.max()]
+    if blind or not size.max() > 0.0:
+        names = ", ".join(blind or [one.number.name for one in model.plan.parameters])
+        raise FitError(f"the data do not depend on {names} at the start; begin elsewhere, or leave it out of the fit")
+
+
+def _record(
+    plan: FitPlan, model: FitModel, box: Box, minima: list[Minimum], found: Compared, said: Uncertainty
+) -> FitRecord:
+    best, names = minima[0], [one.number.name for one in plan.parameters]
+    count = len(plan.measured[0].values)
+    given = np.tile(plan.given[0].values if plan.given else np.arange(count, dtype=float), len(plan.measured))
+    values: dict[str, Any] = {
+        "parameter": np.array(names, dtype=object),
+        "parameter_units": np.array([one.number.units for one in plan.parameters], dtype=object),
+        "estimate": best.p,
+        "standard_error": said.standard_error,
+        "interval": said.interval,
+        "parameter_start": np.array([one.start for one in plan.parameters]),
+        "parameter_within": np.stack([box.low, box.high], axis=1),
+        "logarithmic": box.log.astype(np.int8),
+        "at_bound": said.at_bound.astype(np.int8),
+        "covariance": said.covariance,
+        "singular_value": said.singular_value,
+        "singular_vector": said.direction,
+        "measured_column": np.repeat(np.arange(len(plan.measured), dtype=np.int32), count),
+        "datum": np.concatenate([column.values for column in plan.measured]),
+        "datum_given": given,
+        "predicted": found.predicted,
+        "predicted_given": found.foot[:, 0] if len(found.foot) else given,
+        "residual": best.residual,
+        "jacobian": best.jacobian * box.rate(best.p),
+        "noise": model.noise,
+        "cost": np.array(best.costs),
+        "start_cost": np.array([one.cost for one in minima]),
+        "start_estimate": np.array([one.p for one in minima]),
+        "start_evaluations": np.array([one.evaluations for one in minima], dtype=np.int32),
+        **_law(plan, model, best, said),
+    }
+    if len(found.curve):
+        values |= {"curve_given": found.curve[:, 0], "curve_measured": found.curve[:, 1]}
+        values["fold_vertex"] = found.folds.astype(np.int32)
+    weak = [product(row, names) for row in said.direction[len(names) - said.weak :]]
+    attributes = {
+        "compare": plan.compare,
+        "loss": plan.loss,
+        "data_file": Path(plan.file).name,
+        "data_sha256": plan.sha256,
+        "given": "; ".join(f"{column.name} [{column.units}]" for column in plan.given),
+        "measured": "; ".join(f"{column.name} [{column.units}]" for column in plan.measured),
+        "known_noise": np.int32(plan.known_noise),
+        "given_noise": model.given_noise,
+        "chi_square": said.chi_square,
+        "degrees_of_freedom": np.int32(said.freedom),
+        "fit_probability": said.fit_p,
+        "runs": np.int32(said.runs),
+        "runs_probability": said.runs_p,
+        "information_criterion": said.information,
+        "not_determined": "; ".join(weak),
+        "determined": product(said.direction[0], names),
+        "solves": np.int32(model.solves),
+        "evaluations": np.int32(best.evaluations),
+        "message": best.message,
+    }
+    return FitRecord(values, attributes)
+
+
+def _law(plan: FitPlan, model: FitModel, best: Minimum, said: Uncertainty) -> dict[str, Array]:
+    """The fitted law over the slips of the data, with its standard error; empty where laws differ along the line."""
+    scene = model.scene(best.p)
+    if len(scene.laws) != 1 or scene.laws[0].made is None:
+        return {}
+    law = scene.laws[0]
+    reach = 1.25 * float(np.max(np.abs(law.kinks), initial=0.0)) or 5.0 * law.s_scale
+    slips = np.linspace(0.0, reach or 1.0, LAW_PLACES)
+    piece = law.piece(slips)
+    columns = [
+        law_slopes(law, one.number.path[-1]).value(slips, piece)
+        if one.number.path[0] == "friction"
+        else np.zeros(LAW_PLACES)
+        for one in plan.parameters
+    ]
+    rates = np.stack(columns, axis=1) * box_of(plan).rate(best.p)
+    covariance = np.nan_to_num(said.covariance)
+    error = np.sqrt(np.maximum(np.einsum("sk,kl,sl->s", rates, covariance, rates), 0.0))
+    return {"law_slip": slips, "law_traction": law.value(slips, piece), "law_error": error}
+
+
+def execute_fit(
+    study: Study, output: Path, progress: Progress | None = None, command: Sequence[str] = ("tcstudy",)
+) -> None:
+    """Fit and write the file. Raises FitError, StoreError or GeometryFailed."""
+    with threadpool_limits(1, user_api="blas"):
+        record = fit(study, progress)
+    write_fit(output, study, record, collect(study, command))

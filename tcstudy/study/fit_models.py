@@ -1,0 +1,276 @@
+"""What a study says of measurements, for given numbers of it, with exact derivatives by these numbers.
+
+Vertical: the scene is solved at every datum, each from the solution before (the way a test goes: one solve a datum),
+and its results are compared; derivatives from the factor at each solution (`solvers.linearised`).
+
+Orthogonal: the path of the scene along the measured parameter t is followed once, and every datum is projected on the
+curve (t, R), R = Σξ, in units of the noise of both. By the envelope theorem ∂d/∂p = −nᵀ∂(t, R)/∂p, whatever coordinate
+along the curve is held fixed. On a side of the polygon the nodes keep their pieces, and held fixed is eᵀv with e along
+the side: the bordered matrix [H −l̃₁; eᵀ 0] is regular at a simple fold, where H is not. At a corner the slip of the
+node that passes its kink there is held on that kink. Literature: Keller, in Rabinowitz (ed.), Applications of
+Bifurcation Theory (1977) 359–384 (bordering).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.accuracy.curve_distance import Feet, feet
+from tcstudy.errors import FitError
+from tcstudy.offline.level import Level
+from tcstudy.offline.slopes import law_slope, load_slope
+from tcstudy.scene.dual import law_slopes
+from tcstudy.scene.fits import FitPlan
+from tcstudy.scene.parameters import path_scene, with_number
+from tcstudy.scene.records import Scene
+from tcstudy.solvers.contact import solve_contact
+from tcstudy.solvers.linearised import Linearised
+from tcstudy.solvers.loop import Status
+from tcstudy.solvers.path.follow import Follower, Path
+from tcstudy.study.path_affine import affine_load
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """Results of the study at the data, in the order measured column by measured column.
+
+    residual: (n,) in units of the noise;  jacobian: (n, k) ∂residual/∂p
+    predicted: (n,) results;  foot: (n, 2) feet (t, R) of an orthogonal comparison
+    curve: (c, 2) the path (t, R), folds: vertices of it at which t turns
+    """
+
+    residual: Array
+    jacobian: Array
+    predicted: Array
+    foot: Array = field(default_factory=lambda: np.empty((0, 2)))
+    curve: Array = field(default_factory=lambda: np.empty((0, 2)))
+    folds: NDArray[np.intp] = field(default_factory=lambda: np.empty(0, dtype=np.intp))
+
+
+@dataclass
+class FitModel:
+    """The study as a function of the numbers to find.
+
+    noise:  (n,) of the measured columns one after the other; given_noise: of the parameter of a path
+    solves: contact problems solved, or paths followed, so far
+    """
+
+    plan: FitPlan
+    level: Level
+    noise: Array
+    given_noise: float
+    tolerance: float | None = None
+    solves: int = 0
+
+    def scene(self, p: Array) -> Scene:
+        """The scene with these numbers."""
+        scene = self.plan.scene
+        for parameter, value in zip(self.plan.parameters, p, strict=True):
+            scene = with_number(scene, parameter.number, float(value))
+        return scene
+
+    def __call__(self, p: Array) -> tuple[Array, Array]:
+        """Residuals and Jacobian, for the minimiser."""
+        found = self.compared(p)
+        return found.residual, found.jacobian
+
+    def compared(self, p: Array) -> Compared:
+        """The study with the numbers p against the data. Raises FitError where it has no solution."""
+        scene = self.scene(p)
+        found = self._vertical(scene) if self.plan.compare == "vertical" else self._orthogonal(scene)
+        if not np.all(np.isfinite(found.jacobian)):
+            raise FitError("the results have no derivative at a datum: it lies on a fold; use compare: orthogonal")
+        return found
+
+    def _vertical(self, scene: Scene) -> Compared:
+        plan, v = self.plan, None
+        count = len(plan.measured[0].values)
+        predicted = np.empty((len(plan.measured), count))
+        slopes = np.empty((len(plan.measured), count, len(plan.parameters)))
+        for i in range(count):
+            for column in plan.given:
+                scene = path_scene(scene, column.path, column.values[i])
+            v = self._solved(scene, v, i)
+            predicted[:, i], slopes[:, i] = self._results(scene, v)
+        data = np.array([column.values for column in plan.measured])
+        residual = (predicted - data).ravel() / self.noise
+        jacobian = slopes.reshape(-1, len(plan.parameters)) / self.noise[:, None]
+        return Compared(residual, jacobian, predicted.ravel())
+
+    def _solved(self, scene: Scene, before: Array | None, i: int) -> Array:
+        """The solution at a datum, continued from that before."""
+        problem = self.level.condensed(scene).problem
+        branch = "from-zero" if before is None else "continued"
+        answer = solve_contact(problem, tolerance=self.tolerance, branch=branch, neighbour=before)  # type: ignore[arg-type]
+        self.solves += 1
+        if answer.status != Status.CONVERGED:
+            raise FitError(f"datum {i + 1} has no solution with the numbers tried: {answer.reason}")
+        return answer.v
+
+    def _results(self, scene: Scene, v: Array) -> tuple[Array, Array]:
+        """(c,) the measured results of a solution and (c, k) their derivatives."""
+        level, problem = self.level, self.level.condensed(scene).problem
+        at, rows = Linearised.at(problem, v), []
+        largest = int(np.argmax(np.abs(v)))
+        for parameter in self.plan.parameters:
+            slope = load_slope(level, scene, parameter.number)
+            b, kinks = law_slope(level, scene, parameter.number, at)
+            dv = at.step(at.right_side(slope.l_tilde, b, slope.stiffness), kinks)
+            dxi = slope.l_tilde - problem.A_tilde @ (slope.stiffness * v + dv)
+            rows.append([float(dxi.sum()), float(np.sign(v[largest]) * dv[largest]), slope.theta_mean])
+        heated = scene.material.beta != 0.0
+        values = [float(problem.xi(v).sum()), float(np.max(np.abs(v))), level.temperature(scene).mean if heated else 0]
+        which = [("friction_resultant", "u_T_max", "theta_mean").index(one.name) for one in self.plan.measured]
+        return np.array(values)[which], np.array(rows).T[which]
+
+    # -- along the path ----------------------------------------------------------------------------
+
+    def _orthogonal(self, scene: Scene) -> Compared:
+        given, measured = self.plan.given[0], self.plan.measured[0]
+        path = self.follow(scene)
+        sigma = np.array([self.given_noise, self.noise[0]])
+        curve = np.stack([path.t, path.traction @ path.problem.c], axis=1)
+        data = np.stack([given.values, measured.values], axis=1)
+        foot = feet(data / sigma, curve / sigma)
+        jacobian = -np.einsum("nd,ndk->nk", foot.normal / sigma, self._moved(scene, path, foot))
+        return Compared(foot.distance, jacobian, foot.point[:, 1] * sigma[1], foot.point * sigma, curve, path.folds)
+
+    def follow(self, scene: Scene) -> Path:
+        """The path from no load on, as far beyond the data again as they reach."""
+        column = self.plan.given[0]
+        low, high = min(0.0, *column.values), max(0.0, *column.values)
+        reach = high - low
+        load = affine_load(self.level, lambda t: path_scene(scene, column.path, t), low, high, column.name)
+        start = solve_contact(load.problem.at(0.0), tolerance=self.tolerance, branch="from-zero")
+        self.solves += 1
+        if start.status != Status.CONVERGED:
+            raise FitError(f"there is no solution without load to start from: {start.reason}")
+        way = "forward" if max(column.values) > -min(column.values) else "backward"
+        follower = Follower(low - reach, high + reach, tolerance=self.tolerance)
+        path = follower.follow(load.problem, start.v, 0.0, way)  # type: ignore[arg-type]
+        return path if way == "forward" else _reversed(path)
+
+    def _moved(self, scene: Scene, path: Path, foot: Feet) -> Array:
+        """(n, 2, k) derivatives of the feet (t, R) by the numbers."""
+        places = [_Place.of(path, int(side), float(share)) for side, share in zip(foot.side, foot.share, strict=True)]
+        done = {place.key: self._at_place(scene, path, place) for place in {p.key: p for p in places}.values()}
+        found = np.empty((len(places), 2, len(self.plan.parameters)))
+        for row, place in zip(found, places, strict=True):
+            constant, along = done[place.key]
+            row[:] = constant + place.share * along
+        return found
+
+    def _at_place(self, scene: Scene, path: Path, place: _Place) -> tuple[Array, Array]:
+        """(2, k) at the beginning of a side, and what is added at its end: linear in between, as v and t are."""
+        first, last = (self._derivative(scene, path, place, place.side + end) for end in (0, 1))
+        return first, last - first
+
+    def _derivative(self, scene: Scene, path: Path, place: _Place, vertex: int) -> Array:
+        """(2, k) ∂(t, R)/∂p at a vertex of the side, the coordinate of the place held."""
+        problem, codes, v = path.problem, path.codes[place.side], path.u[vertex]
+        free = np.flatnonzero(problem.graph.free[codes])
+        t, m = float(path.t[vertex]), problem.m
+        at = path_scene(scene, self.plan.given[0].path, t)
+        piece = (codes // 2).astype(np.intp)
+        bordered = np.zeros((len(free) + 1, len(free) + 1))
+        bordered[:-1, :-1] = problem.A_tilde[np.ix_(free, free)]
+        bordered[np.arange(len(free)), np.arange(len(free))] += problem.c[free] * problem.graph.slope[codes[free]]
+        scale = float(np.max(np.abs(bordered.diagonal()), initial=0.0)) or 1.0
+        bordered[:-1, -1] = -problem.l_1[free]
+        bordered[-1, :-1] = scale * place.row[free]
+        bordered[-1, -1] = scale * place.time
+        right = np.zeros((len(free) + 1, len(self.plan.parameters)))
+        kinks, loads, stiffness = (np.zeros((m, len(self.plan.parameters))) for _ in range(3))
+        for j, parameter in enumerate(self.plan.parameters):
+            slope = load_slope(self.level, at, parameter.number)
+            b, moving = np.zeros(m), np.zeros(m)
+            if parameter.number.path[0] == "friction":
+                law = law_slopes(at.one_law, parameter.number.path[-1])
+                b = law.value(v, piece)
+                moving[piece < len(law.kinks)] = law.kinks[piece[piece < len(law.kinks)]]
+                right[-1, j] = scale * law.kinks[place.kink] if place.kink >= 0 else 0.0
+            moving[free] = 0.0
+            kinks[:, j], loads[:, j] = moving, slope.l_tilde
+            stiffness[:, j] = slope.stiffness * (problem.A_tilde @ v)
+            right[:-1, j] = (slope.l_tilde - stiffness[:, j] - problem.c * b - problem.A_tilde @ moving)[free]
+        step = np.linalg.solve(bordered, right)
+        dv = kinks
+        dv[free] = step[:-1]
+        dR = (loads - stiffness - problem.A_tilde @ dv).sum(axis=0) + step[-1] * problem.l_1.sum()
+        return np.stack([step[-1], dR])
+
+
+def _reversed(path: Path) -> Path:
+    """A path followed backward begins at its far end: told from its start on."""
+    events = path.events
+    last = path.pieces
+    turned = replace(
+        events,
+        vertex=(last - events.vertex)[::-1],
+        node=events.node[::-1],
+        before=events.after[::-1],
+        after=events.before[::-1],
+    )
+    return replace(
+        path,
+        t=path.t[::-1],
+        u=path.u[::-1],
+        traction=path.traction[::-1],
+        residual=path.residual[::-1],
+        stable=path.stable[::-1],
+        first_codes=path.codes[-1],
+        events=turned,
+        start=last - path.start,
+        begin=path.end,
+        end=path.begin,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where on a path a foot lies, and the coordinate that is held there: row·v + time·t.
+
+    side, share: of the polygon;  node, kink: at a corner the node that passes a kink, and the kink; −1 on a side
+    """
+
+    side: int
+    share: float
+    row: Array
+    time: float = 0.0
+    node: int = -1
+    kink: int = -1
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """Places of one key have derivatives that differ by their share only."""
+        return self.side, self.node
+
+    @classmethod
+    def of(cls, path: Path, side: int, share: float) -> _Place:
+        """The place of a foot; at a corner on the side on which the node that passes its kink there slides."""
+        m = path.problem.m
+        if 0.0 < share < 1.0:
+            return cls._on(path, side, share)
+        vertex = side + int(share == 1.0)
+        for k in np.flatnonzero(path.events.vertex == vertex):
+            node = int(path.events.node[k])
+            for own, code in ((vertex - 1, path.events.before[k]), (vertex, path.events.after[k])):
+                if 0 <= own < path.pieces and path.problem.graph.free[code] and path.codes[own, node] == code:
+                    row = np.zeros(m)
+                    row[node] = 1.0
+                    kink = int(path.problem.law.nearest_kink(np.full(m, path.u[vertex, node]))[node])
+                    return cls(own, float(vertex - own), row, 0.0, node, kink)
+        return cls._on(path, side, share)
+
+    @classmethod
+    def _on(cls, path: Path, side: int, share: float) -> _Place:
+        way = path.u[side + 1] - path.u[side]
+        length = float(np.max(np.abs(way)))
+        if length == 0.0:  # all nodes rest: t alone moves
+            return cls(side, share, np.zeros(len(way)), 1.0)
+        return cls(side, share, way / length)

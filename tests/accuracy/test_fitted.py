@@ -1,0 +1,129 @@
+"""Least squares with intervals against linear regression in closed form; what is not determined; runs of signs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tcstudy.accuracy.curve_distance import feet
+from tcstudy.accuracy.fitted import Box, different, minimise, product, uncertainty
+
+Array = np.ndarray
+X = np.linspace(0.1, 2.0, 30)
+
+
+def box(k: int = 2, log: bool = False) -> Box:
+    return Box(np.full(k, 0.01), np.full(k, 50.0), np.full(k, log))
+
+
+def decay(noise: float = 0.0, seed: int = 3):  # type: ignore[no-untyped-def]
+    """y = a exp(−b x) with a = 3, b = 0.8."""
+    data = 3.0 * np.exp(-0.8 * X) + noise * np.random.default_rng(seed).normal(size=len(X))
+    scale = noise or 1e-3
+
+    def model(p: Array) -> tuple[Array, Array]:
+        e = np.exp(-p[1] * X)
+        return (p[0] * e - data) / scale, np.stack([e, -p[0] * X * e], axis=1) / scale
+
+    return model
+
+
+@pytest.mark.parametrize("log", [False, True])
+@pytest.mark.parametrize("loss", ["linear", "soft_l1"])
+def test_a_curve_is_found_to_rounding(log: bool, loss: str) -> None:
+    found = minimise(decay(), np.array([1.0, 5.0]), box(log=log), loss)  # type: ignore[arg-type]
+    assert found.p == pytest.approx([3.0, 0.8], rel=1e-8)
+    assert found.evaluations <= 40
+    assert found.cost == pytest.approx(0.0, abs=1e-9)
+    assert list(found.costs) == sorted(found.costs, reverse=True)
+
+
+def test_a_straight_line_has_the_intervals_of_regression() -> None:
+    """y = a + b x: errors and Student intervals of the text book, with the noise estimated."""
+    y = 1.0 + 2.0 * X + 0.3 * np.random.default_rng(1).normal(size=len(X))
+
+    def model(p: Array) -> tuple[Array, Array]:
+        return p[0] + p[1] * X - y, np.stack([np.ones_like(X), X], axis=1)
+
+    found = minimise(model, np.array([5.0, 5.0]), box())
+    said = uncertainty(found, box(), [np.arange(len(X))], known_noise=False)
+    line = stats.linregress(X, y)
+    assert found.p == pytest.approx([line.intercept, line.slope], rel=1e-7)
+    assert said.standard_error == pytest.approx([line.intercept_stderr, line.stderr], rel=1e-6)
+    reach = stats.t.ppf(0.975, len(X) - 2) * line.stderr
+    assert said.interval[1] == pytest.approx([line.slope - reach, line.slope + reach], rel=1e-6)
+    assert said.freedom == 28
+    assert np.isnan(said.fit_p)
+    assert said.weak == 0
+
+
+def test_known_noise_gives_chi_square_and_a_wrong_shape_few_runs() -> None:
+    found = minimise(decay(noise=0.02), np.array([1.0, 1.0]), box(log=True))
+    said = uncertainty(found, box(log=True), [np.arange(len(X))], known_noise=True)
+    assert np.all((said.interval[:, 0] < [3.0, 0.8]) & (said.interval[:, 1] > [3.0, 0.8]))
+    assert said.fit_p > 0.01
+    assert said.runs_p > 0.01
+
+    def straight(p: Array) -> tuple[Array, Array]:
+        data = 3.0 * np.exp(-0.8 * X)
+        return (p[0] - p[1] * X - data) / 0.02, np.stack([np.ones_like(X), -X], axis=1) / 0.02
+
+    wrong = uncertainty(minimise(straight, np.array([2.0, 1.0]), box()), box(), [np.arange(len(X))], known_noise=True)
+    assert wrong.fit_p < 1e-6
+    assert wrong.runs == 3
+    assert wrong.runs_p < 1e-4
+    assert wrong.information > said.information
+
+
+def test_what_only_a_product_decides_is_named() -> None:
+    def model(p: Array) -> tuple[Array, Array]:
+        e = np.exp(-X) * np.sqrt(p[0] * p[1])
+        return (e - 2.0 * np.exp(-X)) / 0.01, 0.5 * np.stack([e / p[0], e / p[1]], axis=1) / 0.01
+
+    found = minimise(model, np.array([1.0, 2.0]), box(log=True))
+    said = uncertainty(found, box(log=True), [np.arange(len(X))], known_noise=True)
+    assert found.p.prod() == pytest.approx(4.0, rel=1e-6)
+    assert said.weak == 1
+    assert product(said.direction[0], ("tau_s", "delta")) == "tau_s·delta"
+    assert product(said.direction[1], ("tau_s", "delta")) in ("tau_s·delta^-1", "tau_s^-1·delta")
+
+
+def test_a_parameter_on_its_bound_has_no_interval_and_several_starts_find_several_minima() -> None:
+    tight = Box(np.array([0.01, 0.01]), np.array([2.0, 50.0]), np.array([False, False]))
+    found = minimise(decay(noise=0.02), np.array([1.0, 1.0]), tight)
+    said = uncertainty(found, tight, [np.arange(len(X))], known_noise=True)
+    assert said.at_bound.tolist() == [True, False]
+    assert np.isnan(said.interval[0]).all()
+    assert np.isfinite(said.interval[1]).all()
+
+    def waves(p: Array) -> tuple[Array, Array]:
+        return np.array([np.sin(p[0]), 0.1 * (p[0] - 6.0)]), np.array([[np.cos(p[0])], [0.1]])
+
+    wide = Box(np.array([0.5]), np.array([12.0]), np.array([False]))
+    minima = different([minimise(waves, start, wide) for start in wide.starts(np.array([2.0]), 8, 0)], wide)
+    assert len(minima) >= 3
+    assert minima[0].p[0] == pytest.approx(2.0 * np.pi, abs=0.05)
+
+
+def test_feet_follow_a_curve_that_turns_back() -> None:
+    """A hairpin: points near both arms, of which the order decides the arm."""
+    corners = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 0.2], [0.0, 0.2]])
+    points = np.array([[1.0, 0.12], [3.0, 0.05], [4.5, 0.1], [3.0, 0.11], [1.0, 0.3]])
+    found = feet(points, corners)
+    assert found.side.tolist() == [0, 0, 1, 2, 2]
+    assert found.distance == pytest.approx([0.12, 0.05, -0.5, 0.09, -0.1])
+    assert points - found.point == pytest.approx(found.distance[:, None] * found.normal)
+    assert np.linalg.norm(found.normal, axis=1) == pytest.approx(np.ones(5))
+
+
+def test_distances_change_as_the_envelope_theorem_says() -> None:
+    """A circle of radius R as a polygon: d changes by −n·∂(corner)/∂R, at fixed share of a side."""
+    angle = np.linspace(0.0, 5.0, 400)
+    points = np.array([[1.3, 0.4], [-0.2, 0.7], [-1.1, -0.9], [0.1, -1.4]])
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    at = feet(points, circle)
+    moved = circle[at.side] + at.share[:, None] * (circle[at.side + 1] - circle[at.side])
+    h = 1e-6
+    apart = (feet(points, (1.0 + h) * circle).distance - feet(points, (1.0 - h) * circle).distance) / (2.0 * h)
+    assert -np.sum(at.normal * moved, axis=1) == pytest.approx(apart, abs=1e-8)

@@ -1,0 +1,190 @@
+"""Numbers from measurements: distances through folds, closed forms as data, what is refused, what is written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tcstudy
+from tcstudy.errors import FitError, StoreError, StudyError
+from tcstudy.read.study import read_study_text
+from tcstudy.reports.fit import fit_summary
+from tcstudy.scene.study import Study
+from tcstudy.study.fit import fit, model_of
+from tcstudy.study.fit_models import FitModel
+
+Array = np.ndarray
+
+CONFIG = Path(__file__).parents[2] / "configs" / "pull_fit.yaml"
+D, LENGTH, TAU, DELTA = 42.24e6, 0.19, 7.2e6, 0.16e-3
+"""Stiffness [N/m] and length of the strip of configs/pull_test.yaml, and its law."""
+
+
+def pulled(n: int) -> Array:
+    """(n, 2) Δ [m] and P [N/m] of its closed form: rise, plateau, snap-back."""
+    root = np.sqrt(TAU / (DELTA * D))
+    P, zone, third = TAU / root, 0.5 * np.pi / root, n // 3
+    s, d, c = np.linspace(0.1, 1.0, third), np.linspace(0.05, 0.95, third), np.linspace(0.95, 0.05, n - 2 * third)
+    rise = [DELTA * (1.0 - np.cos(root * zone * s)), P * np.sin(root * zone * s)]
+    plateau = [DELTA + P * d * (LENGTH - zone) / D, np.full(third, P)]
+    back = [DELTA + c * P * (LENGTH - zone) / D, c * P]
+    return np.concatenate([np.transpose(x) for x in (rise, plateau, back)])
+
+
+def study_of(folder: Path, data: Array, change: dict[str, str] | None = None, text: str | None = None) -> Study:
+    """The study of the gallery on a coarse mesh with other data; change: texts in it to replace."""
+    rows = "".join(f"{1e3 * delta:.9g},{1e-3 * P:.9g}\n" for delta, P in data)
+    (folder / "pull_fit.csv").write_text("Delta [mm],P [N/mm]\n" + rows, encoding="utf-8")
+    text = text or CONFIG.read_text(encoding="utf-8")
+    for old, new in {"maxh: 2 mm": "maxh: 5 mm", "starts: 2": "starts: 1", **(change or {})}.items():
+        assert old in text
+        text = text.replace(old, new)
+    return read_study_text(text, "fit.yaml", source=folder / "fit.yaml")
+
+
+def model(study: Study) -> FitModel:
+    assert study.fit is not None
+    return model_of(study, study.fit)
+
+
+def test_distances_through_folds_change_as_differences_say(tmp_path: Path) -> None:
+    """By tau_s, delta and E, at data on the rise, the plateau and the snap-back, away from changes of side."""
+    more = {"    friction.delta": "    E: {start: 42 GPa, within: [30 GPa, 60 GPa]}\n    friction.delta"}
+    data = pulled(18) * (1.0 + 0.01 * np.random.default_rng(5).normal(size=(18, 2)))
+    follow = model(study_of(tmp_path, data, more))
+    p = np.array([6.5e6, 42.24e9, 0.18e-3])
+    exact = follow.compared(p).jacobian
+    h = 2e-6
+    for j in range(3):
+        ends = [follow.compared(p * (1.0 + sign * h * np.eye(3)[j])).residual for sign in (1.0, -1.0)]
+        apart = (ends[0] - ends[1]) / (2.0 * h * p[j])
+        error = np.abs(exact[:, j] - apart) / np.max(np.abs(apart))
+        assert np.sort(error)[-2] < 2e-7
+        assert np.max(error) < 1e-3
+
+
+def test_the_law_of_a_pull_test_is_found_through_its_snap_back(tmp_path: Path) -> None:
+    """Data from the closed form with noise, the model in two dimensions."""
+    rng = np.random.default_rng(11)
+    data = pulled(45) + rng.normal(size=(45, 2)) * [5e-6, 2.2e3]
+    record = fit(study_of(tmp_path, data))
+    found, error = record.values["estimate"], record.values["standard_error"]
+    assert np.all(np.abs(found - [TAU, DELTA]) < 3.0 * error)
+    assert np.all(error < 0.05 * found)
+    assert int(record.attributes["evaluations"]) <= 16
+    assert float(record.attributes["fit_probability"]) > 0.01
+    assert record.attributes["not_determined"] == ""
+
+
+def test_a_plateau_alone_determines_a_product(tmp_path: Path) -> None:
+    """j(Δ) = P²/2D: of a long bond in debonding only tau_s·delta is known, and that is said."""
+    zone = 0.5 * np.pi / np.sqrt(TAU / (DELTA * D))
+    delta = np.linspace(0.35e-3, 0.6e-3, 8)
+    assert zone < 0.3 * LENGTH
+    P = np.sqrt(TAU * DELTA * D) * (1.0 + 1e-3 * np.random.default_rng(2).normal(size=8))
+    record = fit(study_of(tmp_path, np.stack([delta, P], axis=1), {"maxh: 5 mm": "maxh: 4 mm"}))
+    weakest, strongest = record.values["singular_value"][[1, 0]]
+    assert weakest < 0.03 * strongest
+    assert np.abs(record.values["singular_vector"][0]) == pytest.approx(np.sqrt([0.5, 0.5]), abs=0.02)
+    product = np.prod(record.values["estimate"])
+    assert product == pytest.approx(TAU * DELTA, rel=0.02)
+
+
+HEATED = """
+title: Strip on a film, heated
+body: {rectangle: {width: 1 m, height: 5 mm}}
+boundary: {bottom: contact, left: {role: clamped, u_x: 0, u_y: free}, right: free, top: free}
+material: {E: 200 GPa, nu: 0, plane: stress, alpha_T: 10e-6 1/K}
+heat: {theta: 0 K}
+friction: {law: tresca, tau: 2 MPa}
+mesh: {maxh: 20 mm}
+fit:
+  data: {file: heated.csv, columns: {theta: "T [K]", u_T_max: "u [um]", friction_resultant: "R [kN/m]"}}
+  noise: {u_T_max: 0.5 um, friction_resultant: 4 kN/m}
+  parameters:
+    friction.tau: {start: 2 MPa, within: [0.2 MPa, 20 MPa]}
+    alpha_T: {start: 8e-6 1/K, within: [1e-6 1/K, 1e-4 1/K]}
+"""
+
+
+def heated(folder: Path, text: str = HEATED) -> Study:
+    """A bar in closed form: R = EH α T, u = EH (αT)²/2τ, with α = 12e-6/K and τ = 3 MPa."""
+    rng, T, EH = np.random.default_rng(4), np.linspace(20.0, 60.0, 12), 200e9 * 5e-3
+    R, u = EH * 12e-6 * T, EH * (12e-6 * T) ** 2 / (2.0 * 3e6)
+    R, u = R + 4e3 * rng.normal(size=12), u + 0.5e-6 * rng.normal(size=12)
+    rows = "".join(f"{a:.6f},{b * 1e6:.6f},{c * 1e-3:.6f}\n" for a, b, c in zip(T, u, R, strict=True))
+    (folder / "heated.csv").write_text("T [K],u [um],R [kN/m]\n" + rows, encoding="utf-8")
+    return read_study_text(text, "heated.yaml", source=folder / "heated.yaml")
+
+
+def test_two_columns_of_a_heated_strip_find_its_expansion_and_its_film(tmp_path: Path) -> None:
+    study = heated(tmp_path)
+    record = fit(study)
+    found, error = record.values["estimate"], record.values["standard_error"]
+    assert np.all(np.abs(found - [3e6, 12e-6]) < 3.0 * error + 0.01 * found)
+    evaluations = int(record.attributes["evaluations"])
+    assert evaluations <= 12
+    assert int(record.attributes["solves"]) <= 1.5 * 12 * (evaluations + 2)
+    assert record.values["start_cost"].shape == (1,)  # one solution for every load: no other start is tried
+
+
+def test_the_file_the_text_and_the_picture(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    study = heated(tmp_path)
+    tree = tcstudy.fit(study, tmp_path / "a.nc")
+    assert tree["estimate"].shape == (2,)
+    assert tree.attrs["data_sha256"]
+    text = fit_summary(tmp_path / "a.nc")
+    assert "friction.tau" in text
+    assert "95 % interval" in text
+    assert "vertical" in text
+    tcstudy.draw(tmp_path / "a.nc", tmp_path / "a.png")
+    assert (tmp_path / "a.png").stat().st_size > 10_000
+    with pytest.raises(StoreError, match="no page"):
+        tcstudy.report(tmp_path / "a.nc")
+    (tmp_path / "heated.csv").write_text("T [K],u [um],R [kN/m]\n" + "1,1,1\n2,2,2\n3,3,3\n", encoding="utf-8")
+    other = read_study_text(HEATED, "heated.yaml", source=tmp_path / "heated.yaml")
+    with pytest.raises(StoreError, match="table of data"):
+        tcstudy.fit(other, tmp_path / "a.nc")
+
+
+REFUSED = {
+    ("T [K],u", "T,u"): "the heading 'T' has no unit; write T [K]",
+    ("u [um]", "u [K]"): "'K' is not a unit of a length",
+    ("0.5 um", "-1 um"): "fit.noise.u_T_max: must be above 0",
+    ('"R [kN/m]"', '"Q [kN/m]"'): "the table has no column 'Q [kN/m]'",
+    ('u_T_max: "u', 'u_T: "u'): "'u_T' is neither a result nor a parameter of the load; did you mean 'u_T_max'",
+    ("friction.tau:", "nu:"): "it changes the stiffness as a matrix",
+    ("start: 2 MPa", "start: 40 MPa"): "lies outside within",
+    ("[0.2 MPa, 20 MPa]", "[-1 MPa, 20 MPa]"): "friction.tau = -1e+06: tau: must be at least 0",
+    ("mesh: {maxh: 20 mm}", "mesh: {maxh: 20 mm}\nsweep: {tau: [1 MPa, 2 MPa]}"): "but the study has a sweep",
+    ("  noise", "  compare: orthogonal\n  noise"): "distances to a path need two columns",
+    ("alpha_T: {start: 8e-6", "heat.theta: {start: 8e-6"): "is not a unit of a temperature",
+    ("\n20.000000,", "\nnan,"): "heated.csv:2:1: 'nan' is no number",
+    ("file: heated.csv", "file: warmed.csv"): "name a CSV table beside the study",
+}
+
+
+@pytest.mark.parametrize(("change", "said"), REFUSED.items(), ids=[said[:40] for said in REFUSED.values()])
+def test_what_cannot_be_fitted_is_refused(tmp_path: Path, change: tuple[str, str], said: str) -> None:
+    heated(tmp_path)
+    old, new = change
+    table = tmp_path / "heated.csv"
+    data = table.read_text(encoding="utf-8")
+    assert old in HEATED or old in data
+    table.write_text(data.replace(old, new, 1), encoding="utf-8")
+    text = HEATED.replace(old, new, 1)
+    if old == "T [K],u":
+        text = text.replace('theta: "T [K]"', 'theta: "T"')
+    with pytest.raises(StudyError) as info:
+        read_study_text(text, "heated.yaml", source=tmp_path / "heated.yaml")
+    assert said in str(info.value)
+
+
+def test_numbers_that_nothing_depends_on_are_named(tmp_path: Path) -> None:
+    text = HEATED.replace('u_T_max: "u [um]", friction_resultant: "R [kN/m]"', 'theta_mean: "T [K]"')
+    text = text.replace('theta: "T [K]"', 'boundary.left.u_x: "u [um]"', 1).replace("  noise", "  # noise")
+    with pytest.raises(FitError, match=r"do not depend on friction\.tau, alpha_T"):
+        fit(heated(tmp_path, text))
