@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tcstudy.online.law_tables import LawTables
 from tcstudy.scene.friction import BEND, DOWN
+from tcstudy.solvers.hull import lower_hull
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -99,26 +100,16 @@ def _beside_down_jumps(tables: LawTables, kappa: float) -> Array:
 
 def _segments(tables: LawTables, kappa: float, s: Array, j: Array) -> tuple[Index, Index, Index]:
     """(law, first, last sample) of the segments of the lower hulls of (s, j + ½κ s²) on which b + κ s does not rise."""
-    y, rows = j + 0.5 * kappa * s * s, np.arange(len(s))
-    hull, top = np.zeros(s.shape, dtype=np.intp), np.zeros(len(s), dtype=np.intp)
-    for i in range(s.shape[1]):
-        open_ = rows[np.isfinite(s[:, i])]
-        alive = open_[top[open_] > 1]
-        while len(alive):
-            a, b = hull[alive, top[alive] - 2], hull[alive, top[alive] - 1]
-            rise = (y[alive, b] - y[alive, a]) * (s[alive, i] - s[alive, b])
-            popped = rise >= (y[alive, i] - y[alive, b]) * (s[alive, b] - s[alive, a])
-            top[alive[popped]] -= 1
-            alive = alive[popped]
-            alive = alive[top[alive] > 1]
-        hull[open_, top[open_]] = i
-        top[open_] += 1
-    law, place = np.nonzero(np.arange(s.shape[1] - 1) < (top - 1)[:, None])
-    first, last = hull[law, place], hull[law, place + 1]
+    falling, count = np.flatnonzero(tables.omega > kappa), np.count_nonzero(np.isfinite(s), axis=1)
+    y = j + 0.5 * kappa * s * s
+    hulls = [lower_hull(s[row, : count[row]].tolist(), y[row, : count[row]].tolist()) for row in falling]
+    law = np.repeat(falling, [len(hull) - 1 for hull in hulls])
+    first = np.array([i for hull in hulls for i in hull[:-1]], dtype=np.intp)
+    last = np.array([i for hull in hulls for i in hull[1:]], dtype=np.intp)
     s_1, s_2 = s[law, first], s[law, last]
     piece = tables.locate(law, s_1).toward(np.ones(len(law), dtype=bool))
     falls = (tables.slope(s_1, piece) + kappa <= 0.0) | (tables.slope(s_2, piece) + kappa <= 0.0)
-    bridge = (tables.omega[law] > kappa) & ((last > first + 1) | (piece != tables.locate(law, s_2).piece) | falls)
+    bridge = (last > first + 1) | (piece != tables.locate(law, s_2).piece) | falls
     return law[bridge], first[bridge], last[bridge]
 
 

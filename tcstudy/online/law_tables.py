@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
+_SELDOM = 3
+"""Exponentials are formed one by one where fewer than one in so many slips has one."""
+
 
 class Place(NamedTuple):
     """Where slips sit.
@@ -174,13 +177,16 @@ class LawTables:
         return q - self.r.take(piece) * self._exponential(s - self.s_0.take(piece), piece)
 
     def _exponential(self, apart: Array, piece: Index) -> Array:
-        """a exp(−r (s − s_0)), 0 where a = 0, formed where it is not."""
-        apart, piece = np.broadcast_arrays(apart, piece)
+        """a exp(−r (s − s_0)), 0 where a = 0; formed only where it is not if that is seldom."""
         part: Array = self.a.take(piece)
+        count = np.count_nonzero(part)
+        if not count:
+            return np.broadcast_to(part, np.broadcast_shapes(part.shape, apart.shape))
+        if _SELDOM * count >= part.size or part.shape != apart.shape:
+            return np.asarray(part * np.exp(np.where(part != 0.0, -self.r.take(piece) * apart, 0.0)))
         flat = part.reshape(-1)
-        bent = np.flatnonzero(flat)
-        if len(bent):
-            flat[bent] *= np.exp(-self.r.take(piece.reshape(-1)[bent]) * apart.reshape(-1)[bent])
+        bent = flat.nonzero()[0]
+        flat[bent] *= np.exp(-self.r.take(piece.reshape(-1).take(bent)) * apart.reshape(-1).take(bent))
         return part
 
     def piece_integral(self, piece: Index, x: Array, y: Array) -> Array:
@@ -189,15 +195,17 @@ class LawTables:
         total: Array = step * (self.b_0.take(piece) + self.q.take(piece) * (from_anchor + 0.5 * step))
         if self.linear:
             return total
-        total, step, from_anchor, piece = (np.array(x) for x in np.broadcast_arrays(total, step, from_anchor, piece))
-        bent = np.nonzero(self.a.take(piece))
-        if len(bent[0]):
-            step, from_anchor, piece = step[bent], from_anchor[bent], piece[bent]
-            decay = self.r.take(piece) * step  # from the end where the exponential is larger: expm1 cannot overflow
+        amplitude = np.broadcast_to(self.a.take(piece), total.shape).reshape(-1)
+        bent = amplitude.nonzero()[0]
+        if len(bent):
+            step, from_anchor, rate = (
+                np.broadcast_to(x, total.shape).reshape(-1).take(bent) for x in (step, from_anchor, self.r.take(piece))
+            )
+            decay = rate * step  # from the end where the exponential is larger: expm1 cannot overflow
             larger = from_anchor + np.where(decay >= 0.0, 0.0, step)
             decay = np.abs(decay)
             length = np.where(decay == 0.0, step, step * -np.expm1(-decay) / np.where(decay == 0.0, 1.0, decay))
-            total[bent] += self._exponential(larger, piece) * length
+            total.reshape(-1)[bent] += amplitude.take(bent) * np.exp(-rate * larger) * length
         return total
 
     def integral(self, x: Array, y: Array, x_at: Place, y_at: Place) -> Array:

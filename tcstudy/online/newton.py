@@ -120,7 +120,8 @@ def directions(body: CondensedBody, free: Flags, stiffness: Array, g: Array, car
         z[i, nodes] = _on_held(body, nodes, k[i].take(nodes), y[i].take(nodes), bool(trusted[i]))
     d[compliant] = y[compliant] - z[compliant] @ body.inverse
     d[~free] = 0.0
-    uphill = np.flatnonzero(trusted & ~(np.einsum("ri,ri->r", g, d) < 0.0))
+    uphill = np.flatnonzero(trusted)
+    uphill = uphill[~(np.einsum("ri,ri->r", g[uphill], d[uphill]) < 0.0)]
     if len(uphill):
         d[uphill] = directions(body, free[uphill], np.maximum(stiffness[uphill], 0.0), g[uphill])
     return d
@@ -134,7 +135,7 @@ def _stacked(M: Array, mask: Flags, diagonal: Array, rhs: Array) -> Array:
     for n in np.unique(width[size > 0]):
         rows = np.flatnonzero(width == n)
         nodes, valid = order[rows, :n], np.arange(n) < size[rows, None]
-        stack = M[nodes[:, :, None], nodes[:, None, :]]
+        stack = M.reshape(-1).take(nodes[:, :, None] * len(M) + nodes[:, None, :])
         stack *= valid[:, :, None] & valid[:, None, :]
         own = np.where(valid, np.take_along_axis(diagonal[rows], nodes, 1), 1.0)
         np.einsum("rii->ri", stack)[...] += own

@@ -46,7 +46,7 @@ def proximal_hull(law: FrictionLaw, kappa: float) -> tuple[FrictionLaw, Array]:
         return law, np.empty((0, 2))
     s, j = law_samples(law, kappa)
     for further in reversed(range(_PASSES)):
-        hull = _lower_hull(s, j + 0.5 * kappa * s * s)
+        hull = np.array(lower_hull(s.tolist(), (j + 0.5 * kappa * s * s).tolist()))
         first, last, before, after = _bridges(law, kappa, s, hull)
         below = _below(law, kappa, s[first], s[last], s[before], s[after])
         if not (further and len(below)):
@@ -89,9 +89,8 @@ def _beside_down_jumps(law: FrictionLaw, kappa: float) -> Array:
     return np.concatenate([(kink - left)[fits], (kink + right)[fits]])
 
 
-def _lower_hull(s: Array, y: Array) -> Index:
-    """Vertices of the lower convex hull of the points (s, y), s growing."""
-    x, height = s.tolist(), y.tolist()
+def lower_hull(x: list[float], height: list[float]) -> list[int]:
+    """Vertices of the lower convex hull of the points (x, height), x growing."""
     hull: list[int] = []
     for i in range(len(x)):
         while len(hull) > 1:
@@ -100,7 +99,7 @@ def _lower_hull(s: Array, y: Array) -> Index:
                 break
             hull.pop()
         hull.append(i)
-    return np.array(hull)
+    return hull
 
 
 def _bridges(law: FrictionLaw, kappa: float, s: Array, hull: Index) -> tuple[Index, Index, Index, Index]:

@@ -264,7 +264,7 @@ def _failed(study: Study, level: int, block: Block, status: PointStatus, reason:
 
 Places = NDArray[np.intp]
 
-POINTS, ENTRIES = 1024, 2**16
+POINTS, ENTRIES = 1024, 2**17
 """Points of a block at most, and entries of its arrays (P, m) to aim at, so that many have a part in the work."""
 ENOUGH, MOST = 256, 2**18
 """Points from which a larger block is hardly cheaper by the point, and entries at most."""
