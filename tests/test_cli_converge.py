@@ -106,6 +106,17 @@ def test_an_exact_solution_of_another_problem_is_called_that(tmp_path: Path) -> 
     assert "The error of u does not fall at 2 of 2 points" in " ".join(alone.stdout.split())
 
 
+def test_meshes_are_told_with_the_unit_of_their_table(tmp_path: Path) -> None:
+    """So that 0.05 m is not sought in vain among millimetres."""
+    text = STUDY.replace("units: none", "units: SI").replace("width: 2, height: 1", "width: 0.2, height: 0.1")
+    (tmp_path / "block.yaml").write_text(text.replace("maxh: 0.3", "maxh: 50 mm").split("sweep")[0])
+    result = tcstudy_command("converge", "block.yaml", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "h_max [mm]" in result.stdout
+    told = [line.split(",")[0] for line in result.stderr.splitlines() if line.startswith("level")]
+    assert [line.split()[-1] for line in told] == ["mm", "mm"]
+
+
 def test_a_film_without_friction_has_no_error_of_xi(tmp_path: Path) -> None:
     """ξ is rounding there; a spring has errors of ξ although no kink gives its law a scale."""
     text = STUDY.replace("levels: 2", "levels: 4").split("sweep")[0]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from tcstudy.commands.shared import FILE, OK, SOME_FAILED, Command, Option, at, fail, point_of
+from tcstudy.commands.shared import FILE, MANNER, OK, SOME_FAILED, Command, Option, at, check_manner, fail, point_of
 
 TABLES = ("csv", "json")
 FORMS = ("vtu", *TABLES)
@@ -52,11 +53,15 @@ def compare(options: argparse.Namespace) -> int:
 
     if not options.rtol >= 0.0:
         fail(f"--rtol: {options.rtol:g} is no tolerance; give 0 or more")
+    check_manner(options)
     found = compare_files(options.first, options.second, options.rtol)
-    if options.quiet:
-        print(found.verdict)
+    if options.json:
+        from tcstudy.reports.brief import json_text
+
+        about = {"kind": "comparison", "equal": found.equal, "verdict": found.verdict, **asdict(found)}
+        print(json_text({**about, "files": [str(file) for file in found.files]}))
     else:
-        print(found.text)
+        print(found.verdict if options.quiet else found.text)
     return OK if found.equal else SOME_FAILED
 
 
@@ -82,7 +87,7 @@ COMMANDS = {
             Option("first", type=Path, metavar="A.nc"),
             Option("second", type=Path, metavar="B.nc"),
             Option("--rtol", type=float, default=1e-9, metavar="R", help=_RTOL),
-            Option("-q", "--quiet", action="store_true", help="print one line: what came of it"),
+            *MANNER,
         ),
         compare,
     ),

@@ -21,6 +21,7 @@ from tcstudy.commands.shared import (
     checked,
     fail,
     is_there,
+    length_unit,
     note,
     output_option,
     plot_option,
@@ -38,6 +39,7 @@ def converge(options: argparse.Namespace) -> int:
     from tcstudy.reports.convergence import convergence_report
     from tcstudy.reports.convergence_plot import plot_convergence
     from tcstudy.reports.select_point import locate
+    from tcstudy.reports.text import length_words
     from tcstudy.study.convergence import converge_to_file, without_errors
 
     locate(sweep_points(study), point, "study")
@@ -45,7 +47,8 @@ def converge(options: argparse.Namespace) -> int:
         fail(f"--plot: there would be no errors to draw: {lack}")
     there = is_there(options, "convergence", study, path)
     tell = lambda text: note(options, text)  # noqa: E731
-    failed = stored(path)[1] if there else converge_to_file(study, path, tell, options.words)
+    size = lambda h: length_words(h, length_unit(study))  # noqa: E731
+    failed = stored(path)[1] if there else converge_to_file(study, path, tell, options.words, size)
     drawn = plot_convergence(path, options.plot, point) if options.plot is not None else None
     full = options.full or options.verbose
     say(options, path, lambda: convergence_report(path, options.format, point, full))

@@ -106,10 +106,13 @@ def report(options: argparse.Namespace) -> int:
 def sensitivity(options: argparse.Namespace) -> int:
     """Say which swept parameter a number of a run comes from."""
     from tcstudy.reports.brief import json_text
-    from tcstudy.reports.sensitivity import sensitivity_json, sensitivity_text
+    from tcstudy.reports.sensitivity import sensitivity_json, sensitivity_line, sensitivity_text
 
+    check_manner(options)
     if options.json:
         print(json_text(sensitivity_json(options.file, options.of)))
+    elif options.quiet:
+        print(sensitivity_line(options.file, options.of))
     else:
         with spoken(options):
             print(sensitivity_text(options.file, options.of))

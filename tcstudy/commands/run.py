@@ -19,6 +19,7 @@ from tcstudy.commands.shared import (
     STUDY,
     Command,
     Option,
+    check_manner,
     checked,
     fail,
     file_name,
@@ -142,6 +143,7 @@ def _plan_json(study: Study, output: Path, forecast: Plan, expected: Resources) 
 
 def merge(options: argparse.Namespace) -> int:
     """Join result files of one study that have different points of its sweep."""
+    check_manner(options)
     output = options.output
     if len(options.files) < 2:
         fail("merge joins files; name two or more, for example tcstudy merge A.nc B.nc -o C.nc")
@@ -150,9 +152,9 @@ def merge(options: argparse.Namespace) -> int:
     from tcstudy.study.grow import merge as join
 
     points, failed, absent = join(options.files, output, options.words)
-    print(f"{points - failed} of {points} solutions of {len(options.files)} files; data in {output}")
-    if absent:
-        print(f"  not run: {absent} places of the grid, whose points no file has")
+    said = f"{points - failed} of {points} solutions of {len(options.files)} files; data in {output}"
+    lacks = f"\n  not run: {absent} places of the grid, whose points no file has" if absent else ""
+    say(options, output, lambda: said + lacks)
     return SOME_FAILED if failed else OK
 
 
@@ -180,6 +182,7 @@ COMMANDS = {
         (
             Option("files", type=Path, nargs="+", metavar="FILE.nc"),
             Option("-o", "--output", type=file_name, required=True, metavar="FILE", help="the file of all points"),
+            *MANNER,
             Option("--force", action="store_true", help="replace the output if it is there"),
         ),
         merge,

@@ -127,6 +127,15 @@ def sensitivity_text(file: Path, of: str) -> str:
     return wrapped("\n".join(lines))
 
 
+def sensitivity_line(file: Path, of: str) -> str:
+    """What matters most, in one line: of the first table, whose other columns explain less."""
+    one = sample(file, of)
+    table = tables(one)[1][0]
+    heading, index = list(table.columns.items())[-1]
+    first = int(np.nanargmax(index.value))
+    return f"{file}: {table.caption}: {one.names[first]} has the largest, {index.value[first]:.3f} ({heading})"
+
+
 def _cells(columns: Sequence[Index] | Any, i: int) -> Iterator[str]:
     for one in columns:
         yield f"{one.value[i]:.3f}"

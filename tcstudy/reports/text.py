@@ -82,6 +82,12 @@ def prefix(values: ArrayLike, units: str) -> tuple[float, str]:
     return divisor, letter + units
 
 
+def length_words(h: float, units: str) -> str:
+    """A length with the prefix that suits it: 12.5 mm."""
+    divisor, unit = prefix([h], units)
+    return f"{h / divisor:.3g}" + (f" {unit}" if unit != "1" else "")
+
+
 POWER_FIRST = re.compile(r"[A-Za-z]+-?\d")
 """Units that begin with a power (K-1) take no prefix: it would be raised to the power as well."""
 

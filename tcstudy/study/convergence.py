@@ -38,7 +38,7 @@ from tcstudy.scene.records import Point, Scene
 from tcstudy.scene.study import Acceptance, Study
 from tcstudy.study.doubts import locking_notes
 from tcstudy.study.reference import Errors, ExactReference, FineReference, NestedReference, Reference, with_meaning
-from tcstudy.study.solved_levels import Say, Solution, SolvedLevel, solve_levels
+from tcstudy.study.solved_levels import BARE, Length, Say, Solution, SolvedLevel, solve_levels
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -121,7 +121,9 @@ STUCK = 0.95
 """Ratio of the finest level's error to the coarsest's above which nothing converges: the poorest corner gives less."""
 
 
-def converge_to_file(study: Study, path: Path, say: Say, command: Sequence[str] = ("tcstudy",)) -> int:
+def converge_to_file(
+    study: Study, path: Path, say: Say, command: Sequence[str] = ("tcstudy",), length: Length = BARE
+) -> int:
     """Measure the convergence of a study into a file; returns the number of solutions that failed.
 
     Raises ConvergenceError if the study's levels do not suit, StoreError if the file cannot be written, GeometryFailed
@@ -135,7 +137,7 @@ def converge_to_file(study: Study, path: Path, say: Say, command: Sequence[str] 
     problems = check_writable(path, 1_000_000)
     if problems:
         raise StoreError("; ".join(problems))
-    convergence = converge(study, say)
+    convergence = converge(study, say, length)
     write_convergence(path, study, convergence, collect(study, command))
     return sum(status != PointStatus.OK for point in convergence.points for status in point.status)
 
@@ -151,13 +153,14 @@ def without_errors(study: Study) -> str:
     return f"{NO_REFERENCE}; give more levels, or the exact solution"
 
 
-def converge(study: Study, say: Say = lambda text: None) -> Convergence:
+def converge(study: Study, say: Say = lambda text: None, length: Length = BARE) -> Convergence:
     """Solve all levels of a study and measure their convergence.
 
-    say: called with a line of text as work goes on. Raises GeometryFailed if the body cannot be meshed.
+    say: called with a line of text as work goes on;  length: how that has h
+    Raises GeometryFailed if the body cannot be meshed.
     """
     with threadpool_limits(1, user_api="blas"):
-        levels = solve_levels(study, say)
+        levels = solve_levels(study, say, length)
         reference, words, compared, notes = _reference(study, levels)
         points = tuple(
             _point(study, levels, reference, compared, index, scene)

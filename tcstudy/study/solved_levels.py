@@ -23,6 +23,9 @@ from tcstudy.study.starts import contact_line, exact_at, segment_curves
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
+Length = Callable[[float], str]
+BARE: Length = "{:.3g}".format
+"""A length without its unit."""
 
 
 @dataclass(frozen=True)
@@ -81,21 +84,21 @@ class SolvedLevel:
         return lam, mu
 
 
-def solve_levels(study: Study, say: Say) -> list[SolvedLevel]:
+def solve_levels(study: Study, say: Say, length: Length = BARE) -> list[SolvedLevel]:
     """Solve every sweep point on every level, as a run does, and keep the fields.
 
-    say: called with a line of text when a level is ready and when a point fails
+    say: called with a line of text when a level is ready and when a point fails;  length: how that has the size of h
     Raises GeometryFailed if the body cannot be meshed.
     """
     mesh = replace(study.mesh, tolerance=None, estimate=False)  # errors are measured on all levels, not estimated
     study = replace(study, output=replace(study.output, fields=True), mesh=mesh)
-    unit, levels = "" if study.units == "none" else " m", []
+    levels: list[SolvedLevel] = []
     for i, stage in enumerate(stages(study)):
         if stage.level is None:
             raise GeometryFailed(next(stage.blocks).reasons[0])
         level = stage.level
         sizes = f"{level.frames.n_dof} dofs, {level.line.m} contact unknowns"
-        say(f"level {i}: h_max = {level.mesh.h_max:.3g}{unit}, {sizes}")
+        say(f"level {i}: h_max = {length(level.mesh.h_max)}, {sizes}")
         levels.append(empty_level(study, level))
         for record in (point for block in stage.blocks for point in block.one_by_one()):
             scene = study.scenes[int(np.ravel_multi_index(record.index, study.shape)) if study.shape else 0]

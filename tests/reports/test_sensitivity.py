@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import tcstudy
 from tcstudy.errors import UsageError
 from tcstudy.reports.sensitivity import sample, sensitivity_json, sensitivity_text, tables
+from tests.commands import CONFIGS, tcstudy_command
 from tests.verification.scenes import study_of
 
 LINEAR = """
@@ -66,6 +68,23 @@ def test_sides_of_a_jump_are_told_apart(tmp_path: Path) -> None:
     assert [table["caption"].split(":")[0] for table in found["tables"]][1:] == ["Below", "Above"]
     side = found["tables"][0]["total"]
     assert side["tau_s"]["value"] > 0.3
+    quiet = tcstudy_command("sensitivity", file, "-q")
+    largest = max(side, key=lambda name: side[name]["value"])
+    what = "Indices of the side on which a point lies"
+    assert quiet.stdout == f"{file}: {what}: {largest} has the largest, {side[largest]['value']:.3f} (total)\n"
+
+
+def test_the_example(tmp_path: Path) -> None:
+    """On a coarse mesh: what its guide says of it holds, the strength decides whether the pad holds."""
+    words = ("--set", "mesh.maxh=10 mm", "--set", "sweep.points=32", "--output", tmp_path / "pad.nc", "-q")
+    ran = tcstudy_command("run", CONFIGS / "random_adhesive.yaml", *words)
+    assert ran.returncode == 0, ran.stderr
+    assert "160 of 160 solved" in ran.stdout
+    said = tcstudy_command("sensitivity", tmp_path / "pad.nc", "--of", "friction_resultant", "--json")
+    found = json.loads(said.stdout)
+    side = {name: index["value"] for name, index in found["tables"][0]["total"].items()}
+    assert "jumps" in found["said"][-1]
+    assert max(side, key=lambda name: side[name]) == "tau_s"
 
 
 def test_points_without_a_design_have_no_indices(tmp_path: Path) -> None:

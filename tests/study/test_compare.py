@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -86,6 +87,10 @@ def test_exit_codes_and_studies(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "material.nu: 0.3 | 0.25" in said
     assert "title" not in said
     assert "  lambda_1: at 2 of 2 points, worst tau = " in said
+    assert main(["compare", names[0], names[1], "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert (found["equal"], found["files"], found["study"]) == (False, names[:2], ["material.nu: 0.3 | 0.25"])
+    assert found["numbers"][0]["name"] in said
     for words in ([names[0], names[2]], [names[0], names[1], "--rtol", "-1"], [names[0], str(tmp_path / "none.nc")]):
         with pytest.raises(SystemExit) as stop:
             main(["compare", *words])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -186,6 +187,10 @@ def test_merge_is_the_union(file: Path, tmp_path: Path, capsys: pytest.CaptureFi
         main(words)
     assert stop.value.code == 2
     assert "exists; give another --output" in capsys.readouterr().err
+    assert main([*words, "--force", "-q"]) == 0
+    assert capsys.readouterr().out.startswith(f"{tmp_path / 'c.nc'}: 6 of 6 solved")
+    assert main([*words, "--force", "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["points"]) == 6
     again = tcstudy.load(file, whole.attrs["overrides"].split("\n"))
     tcstudy.run(again, tmp_path / "c.nc")  # holds these results
 
