@@ -24,8 +24,8 @@ from tcstudy.expressions.derivative import Calculus, Scalar
 from tcstudy.expressions.expression import Expression
 from tcstudy.expressions.tree import TreeNode
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Body, Clamped, Convection, Exact, Heat, Material, Role, Scene, Traction
-from tcstudy.scene.study import Study
+from tcstudy.scene.records import Body, Clamped, Convection, Heat, Material, Role, Scene, Traction
+from tcstudy.scene.study import Exact, Study
 from tcstudy.shapes.edges import inside
 
 Array = NDArray[np.float64]
@@ -122,7 +122,7 @@ class Derivation:
 
     def _role(self, name: str, role: Role, material: Material) -> Role:
         if isinstance(role, Traction | Convection):
-            return replace(role, g=self.load((name,), material), pressure=0.0)
+            return replace(role, g=self.load((name,), material), pressure=0.0, force=(0.0, 0.0))
         if not isinstance(role, Clamped):
             return role
         a, given = self.algebra, self._exact.u

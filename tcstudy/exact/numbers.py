@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.norms import LineFunction, Triangles
 from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.scene.friction import UP, FrictionLaw
-from tcstudy.scene.records import Body, Contact, Convection, Edge, Exact, Point, Scalar, Scene, Traction
-from tcstudy.scene.study import Goal
+from tcstudy.scene.records import Body, Contact, Convection, Edge, Point, Scalar, Scene, Traction
+from tcstudy.scene.study import Exact, Goal
 from tcstudy.shapes.edges import Arc, body_size, edge_arc, edge_distance, edge_length, edge_normal
 
 Array = NDArray[np.float64]

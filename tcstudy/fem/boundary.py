@@ -20,11 +20,13 @@ from numpy.typing import NDArray
 from tcstudy.errors import GeometryFailed
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.scene.records import Clamped, Contact, Role, Scalar
+from tcstudy.scene.records import Clamped, Contact, Rigid, Role, Scalar, Symmetry
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+EDGES = ("boundary",)
+"""Where a study says what is wrong with its edges."""
 SMOOTH = 1e-6
 """Sine of the angle below which two directions at a node are one (a smooth junction of curves)."""
 
@@ -37,6 +39,8 @@ class Frames:
     fixed:    (2n,) local rows that carry no unknown
     values:   (2n,) prescribed local displacements on the fixed rows, zero elsewhere [m]
     turned:   (k,) nodes whose local frame is not (x, y);  axes: (k, 2, 2) their blocks of R, a local axis a column
+    ties:     (2n, 2n) T of rigid edges, None without: all rows of an edge and a component are ± that of one node, and
+              fixed but for that one; then u = R T w
     """
 
     rotation: sp.csr_array
@@ -44,6 +48,7 @@ class Frames:
     values: Array
     turned: Indices
     axes: Array
+    ties: sp.csr_array | None = None
 
     @property
     def n_dof(self) -> int:
@@ -51,12 +56,17 @@ class Frames:
         return int(np.count_nonzero(~self.fixed))
 
     def local(self, F: Array) -> Array:
-        """RᵀF: a global load in local rows."""
-        return self.rotation.T @ F
+        """RᵀF, or TᵀRᵀF: a global load in local rows."""
+        rows = self.rotation.T @ F
+        return rows if self.ties is None else self.ties.T @ rows
 
     def cartesian(self, w: Array) -> Array:
-        """R w: local displacements in x and y."""
-        return self.rotation @ w
+        """R w, or R T w: local displacements in x and y."""
+        return self.rotation @ (w if self.ties is None else self.ties @ w)
+
+    def tied(self, A: sp.csr_array) -> sp.csr_array:
+        """TᵀAT of a matrix in local rows (2n, 2n)."""
+        return A if self.ties is None else sp.csr_array(self.ties.T @ A @ self.ties)
 
 
 @dataclass(frozen=True)
@@ -86,7 +96,12 @@ def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames
     both = sine[second] > SMOOTH
     u = _solve_pairs(d0, v0, direction[second], value[second], both)
     _check_agreement(mesh, held, order, own, np.einsum("ij,ij->i", direction, u[own]), value)
-    return _frames(n, nodes, d0, v0, u, both)
+    frames = _frames(n, nodes, d0, v0, u, both)
+    if any(isinstance(role, Rigid) for _, role in boundary):
+        from tcstudy.fem.rigid import with_ties  # only for a body that has such an edge
+
+        return with_ties(mesh, boundary, frames)
+    return frames
 
 
 def _collect(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> _Constraints:
@@ -100,6 +115,8 @@ def _collect(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> _Constr
             if curve.name != name:
                 continue
             nodes, normals = curve_normals(mesh, index)
+            if isinstance(role, Symmetry) and np.max(np.abs(_cross(normals, normals[:1]))) > SMOOTH:
+                raise GeometryFailed(f"the symmetry edge {name} is not straight; use u_N: 0 for a guide", EDGES)
             if isinstance(role, Contact):
                 parts.append((nodes, normals, np.zeros(len(nodes)), name))
             else:

@@ -34,7 +34,7 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import ContactLine, values_at
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.records import Clamped, Contact, Convection, Role, Scalar, Scene, Traction
+from tcstudy.scene.records import Clamped, Contact, Convection, Role, Scalar, Scene, Traction, resultant
 
 Array = NDArray[np.float64]
 
@@ -119,6 +119,9 @@ def edge_residual(
         if not np.any(here):
             continue
         target = _target(roles[curve.name], at[here], normal[here], friction.xi[here])
+        if any(force := resultant(roles[curve.name])):
+            edge = np.isin(mesh.segment_curve, [i for i, c in enumerate(mesh.geometry.curves) if c.name == curve.name])
+            target = target + np.array(force) / length[edge].sum()
         rest = traction[here] - target
         square[here] += np.sum(_free_part(roles[curve.name], rest, normal[here]) ** 2, axis=-1)
     weighted = length / (2.0 * np.pi * mu) * length * square.mean(axis=1)

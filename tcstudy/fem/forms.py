@@ -1,4 +1,4 @@
-"""P1 forms: elasticity with thermal stress, heat conduction, and the products of gradients that both are made of.
+"""P1 forms: elasticity with thermal stress, and the products of gradients that it and heat conduction are made of.
 
 Elasticity
 Domain:         Ω, held on Γ_D and (normally) on Γ_C
@@ -6,13 +6,6 @@ PDE:            div σ + f = 0,  σ = λ tr ε(u) I + 2μ ε(u) − βθI, eqs. 
 Weak form:      a(u,v) = ∫cε(u):ε(v),  l_θ(v) = ∫f·v + β∫θ tr ε(v) + ∫_{Γ_N} g·v, eqs. (10), (11)
 Discretisation: P1 for each component, numbering component-blocked (x of all nodes, then y); products of gradients
                 are assembled once, so that a material costs one linear combination
-Literature:     Šestak & Jovanović, Appl. Math. Mech. 31 (2010)
-
-Heat conduction
-Domain:         Ω with convection on Γ_θ, temperature or flux given on other edges, insulated elsewhere
-PDE:            kΔθ + qχ_ω = 0 in Ω,  −k∂θ/∂n = α(θ − θ̄) on Γ_θ, eqs. (2), (5)
-Weak form:      k∫∇θ·∇φ + α∫_{Γ_θ}θφ = ∫_ω qφ + α∫_{Γ_θ}θ̄φ + ∫ flux φ, eq. (8)
-Discretisation: continuous P1; only k and α enter the matrix, so its two parts are assembled once
 Literature:     Šestak & Jovanović, Appl. Math. Mech. 31 (2010)
 
 Products of gradients on one mesh
@@ -24,7 +17,6 @@ Use:        ∫∇θ·∇φ has the entries G_xx + G_yy; ∫div u div v has the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -98,6 +90,8 @@ def vector(form: Any) -> Array:
 Indices = NDArray[np.int32]
 Moduli = tuple[tuple[Where, float, float], ...]
 """Where the body has which λ and μ [Pa]."""
+Springs = tuple[tuple[str, float, float], ...]
+"""(edge, k_N, k_T) of edges on springs [Pa/m]."""
 Conductivity = tuple[tuple[Where, float], ...]
 """Where the body has which k; () where k is the same everywhere."""
 
@@ -246,6 +240,31 @@ class ElasticForms(GradientProducts):
         density = ngs.CF((coefficient(f[0]), coefficient(f[1])))
         return _blocked(ngs.LinearForm(density * v * ngs.dx(bonus_intorder=bonus(*f))).Assemble())
 
+    def force(self, name: str, axis: int) -> Array:
+        """A resultant of 1 along an axis, spread evenly over the study edge `name`, (2n,): its sum is 1."""
+        spread = self.traction(name, Traction(g=(1.0, 0.0) if axis == 0 else (0.0, 1.0)))
+        return spread / spread.sum()
+
+    def springs(self, springs: Springs, frames: Frames) -> sp.csr_array:
+        """Σ_Γ ∫k_N u_N v_N + k_T u_T v_T over study edges, (2n, 2n) in local rows [Pa]."""
+        u, v = self._space.TnT()
+        n = ngs.specialcf.normal(2)
+        t = ngs.CF((-n[1], n[0]))
+        form = ngs.BilinearForm(self._space, check_unused=False)
+        for name, normal, tangential in springs:
+            energy = normal * (u * n) * (v * n) + tangential * (u * t) * (v * t)
+            form += energy * ngs.ds(self.mesh.region(name))
+        values, columns, starts = form.Assemble().mat.CSR()
+        graph = NodeGraph(
+            np.array(np.asarray(starts).view(np.int64), dtype=np.int32), np.array(columns, dtype=np.int32)
+        )
+        blocks, nodes = np.asarray(values).reshape(-1, 2, 2), self.mesh.n_points
+        at = [(graph.rows + c * nodes, graph.columns + d * nodes) for c in (0, 1) for d in (0, 1)]
+        i, j = (np.concatenate(part) for part in zip(*at, strict=True))
+        entries = np.concatenate([blocks[:, c, d] for c in (0, 1) for d in (0, 1)])
+        S = sp.csr_array((entries, (i, j)), shape=(2 * nodes, 2 * nodes))
+        return sp.csr_array(frames.rotation.T @ S @ frames.rotation)
+
     def traction(self, name: str, role: Traction | Convection) -> Array:
         """∫_{Γ}(g − p n)·φ_i over the study edge `name`, (2n,) [N/m]."""
         v = self._space.TestFunction()
@@ -267,82 +286,3 @@ def loads_something(role: Role) -> bool:
     return isinstance(role, Traction | Convection) and not (
         is_zero(role.g[0]) and is_zero(role.g[1]) and is_zero(role.pressure)
     )
-
-
-@dataclass(frozen=True)
-class HeatForms:
-    """The matrices and loads of the heat problem on one mesh (n nodes).
-
-    gradients: products of gradients on the mesh;  convection: study names of the edges that make up Γ_θ
-    k: conductivities over that of the material of the body, where they differ by region
-    held:      study names of the edges whose temperature is given
-    """
-
-    gradients: GradientProducts
-    convection: tuple[str, ...]
-    k: Conductivity = ()
-    held: tuple[str, ...] = ()
-
-    @property
-    def mesh(self) -> PlaneMesh:
-        """The mesh."""
-        return self.gradients.mesh
-
-    @cached_property
-    def _space(self) -> Any:
-        return ngs.H1(self.mesh.mesh, order=1)
-
-    @cached_property
-    def conduction(self) -> sp.csr_array:
-        """K = ∫∇φ_i·∇φ_j, (n, n), dimensionless: the matrix for k = 1 of the body."""
-        return self.gradients.conduction(self.k)
-
-    @cached_property
-    def kept_nodes(self) -> NDArray[np.intp]:
-        """Mesh nodes on the closure of Γ_θ and of the edges whose temperature is given, ascending (r,)."""
-        return self.nodes_on(self.convection + self.held)
-
-    def nodes_on(self, names: tuple[str, ...]) -> NDArray[np.intp]:
-        """Mesh nodes on the closure of the study edges of these names, ascending."""
-        curves = [i for i, c in enumerate(self.mesh.geometry.curves) if c.name in names]
-        on = np.isin(self.mesh.segment_curve, curves)
-        return np.unique(self.mesh.segments[on])
-
-    @cached_property
-    def robin_mass(self) -> Array:
-        """M = ∫_{Γ_θ}φ_iφ_j restricted to kept_nodes, dense (r, r) [m]."""
-        return self.edge_mass(self.convection) if self.convection else self.exchange({})
-
-    def edge_mass(self, names: tuple[str, ...]) -> Array:
-        """∫φ_iφ_j over study edges restricted to kept_nodes, dense (r, r) [m]."""
-        theta, phi = self._space.TnT()
-        boundary = self.mesh.region(*names)
-        full = csr(ngs.BilinearForm(theta * phi * ngs.ds(boundary), check_unused=False).Assemble())
-        nodes = self.kept_nodes
-        return full[nodes][:, nodes].toarray()
-
-    def exchange(self, weights: Mapping[str, float]) -> Array:
-        """Σ w ∫φ_iφ_j over study edges by name, restricted to kept_nodes, dense (r, r)."""
-        zero = np.zeros((len(self.kept_nodes), len(self.kept_nodes)))
-        return np.asarray(sum((weight * self.edge_mass((edge,)) for edge, weight in weights.items()), zero))
-
-    def surroundings(self, theta_bar: Scalar, names: tuple[str, ...] = ()) -> Array:
-        """∫ θ̄ φ_i over study edges, over Γ_θ if none are named, on kept_nodes (r,) [K m]."""
-        return self.flux(theta_bar, names or self.convection)[self.kept_nodes]
-
-    def flux(self, flux: Scalar, names: tuple[str, ...]) -> Array:
-        """∫ flux φ_i over study edges, (n,) [W/m]."""
-        phi = self._space.TestFunction()
-        where = ngs.ds(self.mesh.region(*names), bonus_intorder=bonus(flux))
-        return vector(ngs.LinearForm(coefficient(flux) * phi * where).Assemble())
-
-    def source(self, q: Scalar, omega: tuple[str, ...]) -> Array:
-        """∫_ω q φ_i, (n,) [W/m]; an empty omega means the whole body."""
-        phi = self._space.TestFunction()
-        domain = ngs.dx("|".join(omega), bonus_intorder=bonus(q)) if omega else ngs.dx(bonus_intorder=bonus(q))
-        return vector(ngs.LinearForm(coefficient(q) * phi * domain).Assemble())
-
-    @cached_property
-    def nodal_area(self) -> Array:
-        """∫φ_i, (n,) [m²]; its product with nodal values is the exact integral of a P1 function."""
-        return vector(ngs.LinearForm(self._space.TestFunction() * ngs.dx).Assemble())

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import values_at
-from tcstudy.fem.forms import HeatForms
+from tcstudy.fem.heat_forms import HeatForms
 from tcstudy.offline.heat_factor import ROUNDING, HeatFactor, HeatLoad, basis_of, held_modes, modes
 from tcstudy.offline.loads import Column, FamilyKey, Part, Ratios, Recent
 

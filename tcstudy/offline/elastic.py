@@ -13,12 +13,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, ForwardLoad, condense
+from tcstudy.condense.layout import pattern_of
 from tcstudy.condense.symbolic import EliminationPlan
 from tcstudy.fem.boundary import ContactLine, Frames
-from tcstudy.fem.forms import ElasticForms, Moduli
+from tcstudy.fem.forms import ElasticForms, Moduli, Springs
 from tcstudy.offline.loads import BasisLoad, LoadTerm, Recent
 from tcstudy.solvers.problem import least_eigenvalue
 
@@ -58,13 +60,19 @@ class Elastic:
         memory: float,
         plan: EliminationPlan | None = None,
         held: bool = True,
+        springs: Springs = (),
     ) -> None:
         """frames: which rows are held (their values do not matter here);  plan: that of another ratio on the mesh.
 
         held: False for a body that may slide along the contact line, which then has no λ₁
+        springs: of edges, for μ = 1
         Raises NotPositiveDefinite if the body is not held.
         """
         stiffness = forms.stiffness_of(ratio, frames)
+        if springs or frames.ties is not None:
+            added = forms.springs(springs, frames) if springs else 0.0 * stiffness
+            stiffness = frames.tied(sp.csr_array(stiffness + added))
+            plan = plan if plan is not None and plan.layout.pattern == pattern_of(stiffness) else None
         eliminate = ~frames.fixed
         eliminate[line.nodes] = False
         points = forms.mesh.points

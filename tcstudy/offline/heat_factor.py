@@ -18,7 +18,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, ForwardLoad, condense
-from tcstudy.fem.forms import HeatForms
+from tcstudy.fem.heat_forms import HeatForms
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from tcstudy.condense.symbolic import EliminationPlan
 from tcstudy.fem.boundary import Frames, constrain, contact_line
-from tcstudy.fem.forms import ElasticForms, HeatForms, Moduli
+from tcstudy.fem.forms import ElasticForms, Moduli, Springs
+from tcstudy.fem.heat_forms import HeatForms
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.conduction import BATCH
 from tcstudy.offline.elastic import Elastic, LoadMaker
@@ -19,6 +20,7 @@ from tcstudy.offline.loads import (
     BasisLoad,
     BodyForce,
     Column,
+    EdgeForce,
     EdgePressure,
     EdgeTraction,
     LoadTerm,
@@ -33,7 +35,7 @@ from tcstudy.offline.thermal import Temperature, Temperatures
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.nodal_laws import Law, nodal
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Clamped, Contact, EdgeLaws, Scene
+from tcstudy.scene.records import Clamped, Contact, EdgeLaws, Rigid, Scene
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -82,16 +84,23 @@ class CondensedBlock:
 
 def _held(boundary: Roles) -> Roles:
     """The part of the boundary that constrains displacements, as a key."""
-    return tuple((name, replace(r, heat=None)) for name, r in boundary if isinstance(r, Clamped | Contact))
+    return tuple((name, _constraint(role)) for name, role in boundary if isinstance(role, Clamped | Contact))
 
 
-def _ratio_and_scale(scene: Scene) -> tuple[Moduli, float]:
-    """(all moduli over μ, μ of the material of the body).
+def _constraint(role: Clamped | Contact) -> Clamped | Contact:
+    if isinstance(role, Rigid):
+        role = replace(role, force=(0.0, 0.0))
+    return replace(role, heat=None)
+
+
+def _ratio_and_scale(scene: Scene) -> tuple[tuple[Moduli, Springs], float]:
+    """(all moduli and springs over μ, μ of the material of the body).
 
     The ratio has 15 digits, so that E varies without a new factorisation whatever the rounding.
     """
     mu = scene.material.mu
-    return tuple((at, _digits(one.lam / mu), _digits(one.mu / mu)) for at, one in scene.pieces), mu
+    moduli = tuple((at, _digits(one.lam / mu), _digits(one.mu / mu)) for at, one in scene.pieces)
+    return (moduli, tuple((edge, _digits(n / mu), _digits(t / mu)) for edge, n, t in scene.springs)), mu
 
 
 def _digits(ratio: float) -> float:
@@ -122,8 +131,8 @@ class Level:
         start = time.perf_counter()
         self.mesh, self.held = mesh, held
         self.elastic = ElasticForms(mesh)
-        held = tuple(edge for edge, _ in scene.held_theta)
-        self.heat = HeatForms(self.elastic, tuple(edge for edge, _, _ in scene.exchange), held=held)
+        given = tuple(edge for edge, _ in scene.held_theta)
+        self.heat = HeatForms(self.elastic, tuple(edge for edge, _, _ in scene.exchange), held=given)
         self.temperatures = Temperatures(self.heat, mesh.points, scenes, MEMORY)
         self._groups = _groups(scenes)
         self._frames: dict[Hashable, Frames] = {}
@@ -240,8 +249,8 @@ class Level:
         return l_tilde, constant, theta.mean, theta.heat_balance
 
     @staticmethod
-    def ratio(scene: Scene) -> Moduli:
-        """λ/μ to 15 digits, and that of the regions: scenes that share it share a factor."""
+    def ratio(scene: Scene) -> tuple[Moduli, Springs]:
+        """λ/μ to 15 digits, that of the regions, and springs over μ: scenes that share it share a factor."""
         return _ratio_and_scale(scene)[0]
 
     def lambda_1(self, scene: Scene) -> float:
@@ -285,7 +294,7 @@ class Level:
         body = self._bodies.find(ratio)
         if body is None:
             self._bodies.clear()
-            body = Elastic(self.elastic, frames, self.line, ratio, MEMORY, self._plan, self.held)
+            body = Elastic(self.elastic, frames, self.line, ratio[0], MEMORY, self._plan, self.held, ratio[1])
             self._plan = body.plan
             self._bodies.put(ratio, body)
         return body, mu
@@ -315,5 +324,7 @@ class Level:
                 return self.elastic.expansion(np.ones(self.mesh.n_points), load.where)
             case TemperatureField():
                 return self.elastic.expansion(self.temperatures.field(load.field), load.where)
+            case EdgeForce():
+                return self.elastic.force(load.edge, load.axis)
         assert isinstance(load, EdgeTraction | EdgePressure)  # what is prescribed belongs to a factorised body
         return self.elastic.traction(load.edge, load.role)

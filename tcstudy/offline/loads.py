@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.forms import Conductivity, loads_something
-from tcstudy.scene.records import Clamped, Convection, Role, Scalar, Scene, Traction, Where
+from tcstudy.scene.records import Clamped, Convection, Rigid, Role, Scalar, Scene, Traction, Where, resultant
 
 Roles = tuple[tuple[str, Role], ...]
 
@@ -99,6 +99,14 @@ class EdgePressure:
 
 
 @dataclass(frozen=True)
+class EdgeForce:
+    """A resultant of 1 along axis, spread evenly over the study edge of this name."""
+
+    edge: str
+    axis: int
+
+
+@dataclass(frozen=True)
 class UniformTemperature:
     """∫ tr ε(v) over some regions: what a temperature of 1 everywhere makes for β = 1 there."""
 
@@ -120,7 +128,7 @@ class Prescribed:
     held: Roles
 
 
-BasisLoad = BodyForce | EdgeTraction | EdgePressure | UniformTemperature | TemperatureField | Prescribed
+BasisLoad = BodyForce | EdgeTraction | EdgePressure | EdgeForce | UniformTemperature | TemperatureField | Prescribed
 
 
 @dataclass(frozen=True)
@@ -145,6 +153,8 @@ def mechanical_terms(f: tuple[Scalar, Scalar], boundary: Roles) -> Iterator[Load
         if factor != 0.0:
             yield LoadTerm(BodyForce(axis, shape), factor)
     for name, role in boundary:
+        forces = ((axis, force) for axis, force in enumerate(resultant(role)) if force != 0.0)
+        yield from (LoadTerm(EdgeForce(name, axis), force) for axis, force in forces)
         if not loads_something(role):
             continue
         assert isinstance(role, Traction | Convection)
@@ -180,8 +190,10 @@ def unloaded(role: Role) -> Role:
     """The role without its load, and with displacements of 0 where it prescribes any."""
     if isinstance(role, Clamped):
         x, y = (None if one is None else 0.0 for one in role.u)
-        return replace(role, u=(x, y))
-    return replace(role, g=(0.0, 0.0), pressure=0.0) if isinstance(role, Traction | Convection) else role
+        role = replace(role, u=(x, y))
+        return replace(role, force=(0.0, 0.0)) if isinstance(role, Rigid) else role
+    none = (0.0, 0.0)
+    return replace(role, g=none, pressure=0.0, force=none) if isinstance(role, Traction | Convection) else role
 
 
 def exchange_level(scene: Scene) -> tuple[float, Ratios]:

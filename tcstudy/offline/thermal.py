@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import values_at
-from tcstudy.fem.forms import Conductivity, HeatForms
+from tcstudy.fem.forms import Conductivity
+from tcstudy.fem.heat_forms import HeatForms
 from tcstudy.offline.conduction import Conduction
 from tcstudy.offline.heat_factor import HeatFactor
 from tcstudy.offline.loads import (

@@ -17,17 +17,20 @@ from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.read.fields import Context
-from tcstudy.read.heat import Boundary
+from tcstudy.read.heat import Boundary, value_at
 from tcstudy.read.node import Node, deepest
 from tcstudy.scene.records import (
     Body,
     Clamped,
     Contact,
+    Convection,
     Edge,
     EdgeLaws,
     Point,
+    Rigid,
     Role,
-    value_at,
+    Symmetry,
+    Traction,
 )
 from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_normal, edge_points, loop_size
@@ -41,7 +44,8 @@ ARC_PIECES = 32
 def supports(boundary: Boundary) -> tuple[object, ...]:
     """What of the boundary decides about rigid motions: which components are held on which edges."""
     clamped = [(e, r.frame, r.u[0] is None, r.u[1] is None) for e, r in boundary if isinstance(r, Clamped)]
-    return (*clamped, *(e for e, r in boundary if isinstance(r, Contact)))
+    springs = ((e, r.spring[0] > 0.0, r.spring[1] > 0.0) for e, r in boundary if isinstance(r, Traction | Convection))
+    return (*clamped, *(e for e, r in boundary if isinstance(r, Contact)), *(s for s in springs if any(s[1:])))
 
 
 class BoundaryPiece(NamedTuple):
@@ -96,8 +100,13 @@ def _constraints(piece: BoundaryPiece, role: object, centre: Point, size: float)
         fixed, frame = (True, False), "nt"
     elif isinstance(role, Clamped):
         fixed, frame = (role.u[0] is not None, role.u[1] is not None), role.frame
+    elif isinstance(role, Traction | Convection):
+        fixed, frame = (role.spring[0] > 0.0, role.spring[1] > 0.0), "nt"
     else:
         return
+    if isinstance(role, Rigid):  # what is tied does not turn
+        for x, y in piece.points[1:] - piece.points[0]:
+            yield from ([0.0, 0.0, s / size] for s, u in zip((-y, x), role.u, strict=True) if u is None)
     for (x, y), n in zip(piece.points, piece.normals, strict=True):
         xi, eta = (x - centre[0]) / size, (y - centre[1]) / size
         directions = ((1.0, 0.0), (0.0, 1.0)) if frame == "xy" else ((n[0], n[1]), (-n[1], n[0]))
@@ -173,6 +182,16 @@ def mesh_faults(plan: MeshPlan, area: float, size: float) -> Iterator[tuple[int,
 
 
 Array = NDArray[np.float64]
+
+
+def check_straight(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:
+    """Record every symmetry edge that is an arc: there u_N = 0 mirrors nothing."""
+    mirrors = {name for name, role in boundary if isinstance(role, Symmetry)}
+    arcs = dict.fromkeys(edge.name for edge in _edges(body) if edge.through is not None) if body.outline else {}
+    for name in arcs:
+        if name in mirrors:
+            remedy = "use {role: clamped, u_N: 0} for a guide"
+            ctx.errors.once(deepest(node, (name,)), "a symmetry edge is straight, but this is an arc", remedy)
 
 
 def check_corners(ctx: Context, node: Node, body: Body, boundary: tuple[tuple[str, Role], ...]) -> None:

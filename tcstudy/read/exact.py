@@ -21,7 +21,8 @@ from tcstudy.read.node import COMPONENTS, Node, deepest
 from tcstudy.read.sweep import Sweep
 from tcstudy.scene.keys import of_role, rows
 from tcstudy.scene.points import Scenes
-from tcstudy.scene.records import Body, Convection, Exact, Scene
+from tcstudy.scene.records import Body, Convection, Scene
+from tcstudy.scene.study import Exact
 
 DERIVED = "derived"
 TRACTIONS = tuple(name for name in of_role("traction") if name != "heat")

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from tcstudy.expressions.expression import Expression
 from tcstudy.read.body import REGION_SHAPES, read_region
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, choose, deepest
 from tcstudy.scene.keys import rows
-from tcstudy.scene.records import Body, EdgeHeat, Heat, Material, Role, exchanges, value_at
+from tcstudy.scene.records import Body, EdgeHeat, Heat, Material, Point, Role, Scalar, exchanges
 
 Boundary = tuple[tuple[str, Role], ...]
 
@@ -163,6 +164,11 @@ def _check_section(ctx: Context, root: Node, heat: Heat, boundary: Boundary, own
     elif not own and heat.alpha == 0.0 and heat.q != 0.0:
         what = "with alpha = 0 the heat of q cannot leave the body, so there is no steady state"
         ctx.errors.once(node, what, "give alpha > 0, or q: 0")
+
+
+def value_at(scalar: Scalar, at: Point) -> float:
+    """A number, or the value of an expression at a point."""
+    return float(scalar.evaluate(at[0], at[1])) if isinstance(scalar, Expression) else float(scalar)
 
 
 def check_held(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:

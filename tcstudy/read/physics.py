@@ -15,6 +15,7 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.heat import HEAT_KEYS, Boundary, read_edge_heat
 from tcstudy.read.node import COMPONENTS, Node, choose, nearest
+from tcstudy.scene.edge_keys import LOADED
 from tcstudy.scene.friction import FrictionLaw, GrowthError
 from tcstudy.scene.keys import of_role, row, rows
 from tcstudy.scene.laws import SHAPES, LawError
@@ -26,14 +27,17 @@ from tcstudy.scene.records import (
     EdgeLaws,
     Free,
     Material,
+    Rigid,
     Role,
     Scalar,
+    Symmetry,
     Traction,
 )
 
 ROLES = row("boundary", "role").words
 RECORDS: dict[str, type[Role]] = {
-    **{"traction": Traction, "contact": Contact, "convection": Convection, "free": Free, "clamped": Clamped}
+    **{"traction": Traction, "contact": Contact, "convection": Convection, "free": Free, "clamped": Clamped},
+    **{"symmetry": Symmetry, "rigid": Rigid},
 }
 ALL_KEYS = tuple(name for name in rows("boundary") if name != "role")
 FRAMES: tuple[tuple[Literal["xy", "nt"], str, str], ...] = (("xy", "u_x", "u_y"), ("nt", "u_N", "u_T"))
@@ -99,9 +103,15 @@ def _role(ctx: Context, node: Node) -> Role:
     heat = read_edge_heat(ctx, fields, kind)
     if kind == "clamped":
         return replace(_clamped(ctx, node, fields), heat=heat)
-    if kind == "traction" and not fields["g"] and not fields["pressure"]:
+    if kind == "rigid":
+        return replace(_rigid(ctx, node, fields), heat=heat)
+    if kind == "traction" and not any(fields[key] for key in ("g", "pressure", "force", "spring")):
         remedy = "write {role: traction, g: [gx, gy]} or {role: traction, pressure: p}, or the role free"
         ctx.errors.at(node, "a traction edge needs g or pressure", remedy)
+    if kind in LOADED:
+        given = fields.given(("g", "pressure"))
+        made = Traction if kind == "traction" else Convection
+        return made(**given, heat=heat, force=_force(ctx, fields), spring=_spring(ctx, fields))
     return RECORDS[kind](**fields.given(key for key in of_role(kind) if key not in HEAT_KEYS), heat=heat)
 
 
@@ -112,7 +122,51 @@ def _home(key: str) -> str:
     if key in COMPONENTS:
         given = "u: [a, free]" if key == "u" else f"{key}: a"
         return f"a held displacement is {{role: clamped, {given}}}, which leaves what is not given free of traction"
-    return "give the edge the role traction or convection, which take g and pressure"
+    if key == "spring":
+        return "a support is {role: traction, spring: {normal: 5e9 Pa/m}}"
+    return "give the edge the role traction or convection, which take g, pressure and force"
+
+
+def _force(ctx: Context, fields: Fields) -> tuple[float, float]:
+    """The resultant on an edge: two numbers."""
+    if not fields["force"]:
+        return 0.0, 0.0
+    x, y = fields.value("force")
+    if isinstance(x, Expression) or isinstance(y, Expression):
+        what = "a resultant is one number in x and one in y"
+        ctx.errors.at(fields.values["force"], what, "give g for a traction that varies along the edge")
+        return 0.0, 0.0
+    return x, y
+
+
+def _spring(ctx: Context, fields: Fields) -> tuple[float, float]:
+    """Stiffness of the support along the normal and along the edge."""
+    node = fields["spring"]
+    if node is None:
+        return 0.0, 0.0
+    own = Fields(ctx, node, "spring")
+    if isinstance(node.value, Mapping) and not own.values:
+        ctx.errors.at(node, "says nothing", "give normal or tangential: " + ctx.example("5e9 Pa/m"))
+    return own.value("normal"), own.value("tangential")
+
+
+def _rigid(ctx: Context, node: Node, fields: Fields) -> Rigid:
+    """An edge that moves as a whole: components that are given, and resultants of the others."""
+    if fields["u"] and (fields["u_x"] or fields["u_y"]):
+        ctx.errors.at(node, "the displacement is given in two ways", "give either u: [u_x, u_y], or u_x and u_y")
+        return Rigid()
+    u = fields.value("u") if fields["u"] else (fields.value("u_x"), fields.value("u_y"))
+    force = _force(ctx, fields)
+    if any(isinstance(component, Expression) for component in u):
+        ctx.errors.at(node, "a rigid edge moves as a whole, by one number", "use the role clamped")
+    elif None not in u:
+        what = "both components are given, so nothing is left for the edge to find"
+        ctx.errors.at(node, what, "give the edge the role clamped, or leave a component out")
+    for name, component, given in zip("xy", u, force, strict=True):
+        if component is not None and given != 0.0:
+            what = f"u_{name} is given, so a force in {name} would not be used"
+            ctx.errors.at(fields.values["force"], what, f"write 0 in its place, or leave out u_{name}")
+    return Rigid(u, force=force)
 
 
 def _clamped(ctx: Context, node: Node, fields: Fields) -> Clamped:

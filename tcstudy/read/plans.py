@@ -16,7 +16,7 @@ from tcstudy.read.node import Collector, Node, nearest
 from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT, affine_numbers, path_scene, sweepable
-from tcstudy.scene.records import Clamped, Convection, Scalar, Scene, Traction, exchanges
+from tcstudy.scene.records import Clamped, Convection, Rigid, Scalar, Scene, Traction, exchanges, resultant
 from tcstudy.scene.study import Goal, MeshPlan, OutputPlan, PathPlan, Quantity, SolverPlan
 from tcstudy.scene.units import LENGTH, LINE_FORCE, NONE, TEMPERATURE, Dimension
 
@@ -196,12 +196,16 @@ def affine_parameters(scene: Scene) -> Iterator[tuple[tuple[str, ...], Affine]]:
     loads: list[Scalar] = [*scene.f]
     for edge, role in scene.boundary:
         if isinstance(role, Clamped):
+            loads += resultant(role)
             names = ("u_x", "u_y") if role.frame == "xy" else ("u_N", "u_T")
             for name, held in zip(names, role.u, strict=True):
                 if held is not None:
                     yield ("boundary", edge, name), Affine(rows("boundary")[name].dimension, held)
+                elif isinstance(role, Rigid):
+                    force = f"force_{name[-1]}"
+                    yield ("boundary", edge, force), Affine(LINE_FORCE, role.force["xy".index(name[-1])])
         elif isinstance(role, Traction | Convection):
-            loads += [*role.g, role.pressure]
+            loads += [*role.g, role.pressure, *role.force]
             for row, name, value in affine_numbers(role, "boundary"):
                 yield ("boundary", edge, name), Affine(row.dimension, value)
     no_load = "" if any(isinstance(x, Expression) or x != 0.0 for x in loads) else "the study has no f, g or pressure"

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.read.body import BodyReading, check_shape, read_body
-from tcstudy.read.checks import check_corners, check_finite, check_laws, check_support, supports
+from tcstudy.read.checks import check_corners, check_finite, check_laws, check_straight, check_support, supports
 from tcstudy.read.fields import Context
 from tcstudy.read.heat import check_heat, check_held, needed_of_heat, read_heat, read_inline_region
 from tcstudy.read.node import Node, put
@@ -214,6 +214,7 @@ class SceneReader:
                     check_support(self.ctx, node, self.body, boundary)
             check_corners(self.ctx, node, self.body, boundary)
             check_held(self.ctx, node, self.body, boundary)
+            check_straight(self.ctx, node, self.body, boundary)
         return boundary
 
     def _compare(self, root: Node, values: Mapping[str, Any]) -> None:

@@ -17,8 +17,8 @@ from tcstudy.scene.keys import row
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.parameters import SHORT, path_scene, sweepable
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Convection, EdgeLaws, Exact, Scene
-from tcstudy.scene.study import Sensitivity
+from tcstudy.scene.records import Convection, EdgeLaws, Scene
+from tcstudy.scene.study import Exact, Sensitivity
 from tcstudy.scene.units import NONE, Dimension
 
 Keys = tuple[str, ...]

@@ -23,8 +23,8 @@ from tcstudy.scene.histories import HistoryPlan
 from tcstudy.scene.keys import row, rows
 from tcstudy.scene.parameters import SHORT, sweepable
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import EdgeLaws, Exact, Scene
-from tcstudy.scene.study import MeshPlan, OutputPlan, PathPlan, SolverPlan, Study
+from tcstudy.scene.records import EdgeLaws, Rigid, Scene
+from tcstudy.scene.study import Exact, MeshPlan, OutputPlan, PathPlan, SolverPlan, Study
 
 REQUIRED = tuple(row.name for row in rows("").values() if row.required)
 OPTIONAL = tuple(name for name in rows("") if name not in REQUIRED)
@@ -256,6 +256,20 @@ def _refuse_one_material(ctx: Context, root: Node, mesh: MeshPlan | None, output
         ctx.errors.at(node, f"{one} a live page takes one", "remove live: true")
 
 
+def _refuse_of_body(ctx: Context, root: Node, plans: _Plans, one: str) -> None:
+    """What takes a body that only its material makes stiff."""
+    if plans.mesh and plans.mesh.estimates and (node := root.child("mesh")):
+        remedy = "use a uniform or graded family, and tcstudy converge for errors"
+        ctx.errors.at(node, f"{one} errors are not estimated then", remedy)
+    if node := root.child("exact"):
+        ctx.errors.at(node, f"{one} an exact solution has no such edge", "remove exact")
+    if plans.output and (plans.output.live or plans.output.sensitivity) and (node := root.child("output")):
+        what = "a live page takes none" if plans.output.live else "results are not differentiated then"
+        ctx.errors.at(node, f"{one} {what}", f"remove {'live: true' if plans.output.live else 'sensitivity'}")
+    if plans.fit and (node := root.child("fit")):
+        ctx.errors.at(node, f"{one} a fit differentiates results", "remove fit", on_key=True)
+
+
 def _refuse_heat_by_edge(ctx: Context, root: Node, plans: _Plans) -> None:
     """What takes one α and one θ̄ on all of Γ_θ only."""
     one = "an edge has heat of its own, and"
@@ -265,6 +279,8 @@ def _refuse_heat_by_edge(ctx: Context, root: Node, plans: _Plans) -> None:
         ctx.errors.at(node, f"{one} a live page takes one alpha and one theta_bar", "remove live: true")
     if plans.output and plans.output.sensitivity and (node := root.child("output")):
         ctx.errors.at(node, f"{one} results are not differentiated then", "remove sensitivity")
+    if plans.fit and (node := root.child("fit")):
+        ctx.errors.at(node, f"{one} a fit differentiates results", "remove fit", on_key=True)
     if plans.fit and (node := root.child("fit")):
         ctx.errors.at(node, f"{one} results are not differentiated then, as a fit needs", "give the section heat alone")
 
@@ -306,6 +322,10 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
 
         fit = read_fit(ctx, section, root, reader.base, mesh)
     plans = _Plans(mesh, solver, output, exact, path, history, fit)
+    if scenes and any(isinstance(r, Rigid) for _, r in scenes[0].boundary):
+        _refuse_of_body(ctx, root, plans, "an edge is rigid, and")
+    elif any(scene.springs for scene in distinct(scenes, "boundary")):
+        _refuse_of_body(ctx, root, plans, "an edge rests on springs, and")
     if scenes and scenes[0].heat_by_edge:
         _refuse_heat_by_edge(ctx, root, plans)
     return plans

@@ -33,8 +33,8 @@ from tcstudy.refine.goal_error import goal_error
 from tcstudy.refine.goals import goal_value
 from tcstudy.refine.halved import Halved
 from tcstudy.scene.points import needs_heat_solve
-from tcstudy.scene.records import Exact, Scene
-from tcstudy.scene.study import MeshPlan
+from tcstudy.scene.records import Scene
+from tcstudy.scene.study import Exact, MeshPlan
 
 Array = NDArray[np.float64]
 Index = tuple[int, ...]

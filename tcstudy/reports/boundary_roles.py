@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 ROLES: dict[str, dict[str, Any]] = {
     "clamped": {"color": style.INK, "linewidth": 2.2},
+    "symmetry": {"color": style.INK, "linewidth": 1.6, "linestyle": "dashdot"},
+    "rigid": {"color": style.INK, "linewidth": 3.0},
     "contact": {"color": style.BLUE, "linewidth": 3.0},
     "convection": {"color": style.GREEN, "linewidth": 2.4},
     "traction": {"color": style.SERIES[3], "linewidth": 2.4},

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tcstudy.data.writer import axis_places
 from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.records import Clamped, Convection, Role, Traction
+from tcstudy.scene.records import Clamped, Convection, Role, Traction, resultant
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -78,6 +78,8 @@ def outline(study: Study | None) -> list[NamedEdge]:
 
 
 def _loaded(role: Role | None) -> bool:
+    if role is not None and any(resultant(role)):
+        return True
     return isinstance(role, Traction | Convection) and (role.g != (0.0, 0.0) or role.pressure != 0.0)
 
 

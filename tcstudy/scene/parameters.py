@@ -15,7 +15,7 @@ from tcstudy.scene.key import Key
 from tcstudy.scene.keys import ROWS, law_rows, rows
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.nodal_laws import times
-from tcstudy.scene.records import Clamped, Convection, EdgeLaws, Role, Scalar, Scene, Traction
+from tcstudy.scene.records import Clamped, Convection, EdgeLaws, Rigid, Role, Scalar, Scene, Traction, resultant
 from tcstudy.scene.study import Sensitivity
 
 Keys = tuple[str, ...]
@@ -48,7 +48,7 @@ class Parameter:
         return isinstance(value, Mapping) and any(key in value for key in WHOLE[self.row.kind])
 
 
-OF_EDGES = ("boundary", "edge_heat")
+OF_EDGES = ("boundary", "edge_heat", "spring")
 """Sections whose keys belong to one edge."""
 PLAIN: dict[Keys, Parameter] = {
     path: Parameter(path, row)
@@ -59,6 +59,7 @@ PLAIN: dict[Keys, Parameter] = {
 EDGE: dict[Keys, Key] = {
     **{(row.name,): row for row in rows("boundary").values() if row.swept},
     **{("heat", row.name): row for row in rows("edge_heat").values() if row.swept},
+    **{("spring", row.name): row for row in rows("spring").values() if row.swept},
 }
 """Parameters of one edge, by path in its mapping."""
 
@@ -208,10 +209,13 @@ def _role(role: Role, key: str, t: float) -> Role:
 
 
 def _scaled_role(role: Role, factor: float) -> Role:
+    x, y = resultant(role)
+    if isinstance(role, Rigid):
+        return replace(role, force=(factor * x, factor * y))
     if not isinstance(role, Traction | Convection):
         return role
     g = (_scaled(role.g[0], factor), _scaled(role.g[1], factor))
-    return replace(role, g=g, pressure=_scaled(role.pressure, factor))
+    return replace(role, g=g, pressure=_scaled(role.pressure, factor), force=(factor * x, factor * y))
 
 
 def _scaled(scalar: Scalar, factor: float) -> Scalar:

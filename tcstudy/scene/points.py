@@ -119,6 +119,12 @@ def count_points(scenes: Sequence[Scene], sections: Sequence[str], is_so: Callab
     return int(np.bincount(of, minlength=len(some)) @ np.array([is_so(scene) for scene in some], dtype=np.intp))
 
 
+def of_stiffness(scenes: Sequence[Scene]) -> tuple[str, ...]:
+    """Sections that decide about the stiffness of the body: the material, and springs if an edge has any."""
+    springs = any(scene.springs for scene in distinct(scenes, "boundary"))
+    return ("material", "boundary") if springs else ("material",)
+
+
 THERMAL = ("heat", "material")
 """Sections of which a scene may need only a part."""
 FELT = ("boundary", *THERMAL)

@@ -22,11 +22,6 @@ Scalar = float | Expression
 """A quantity that is one number or an expression in x and y."""
 
 
-def value_at(scalar: Scalar, at: Point) -> float:
-    """A number, or the value of an expression at a point."""
-    return float(scalar.evaluate(at[0], at[1])) if isinstance(scalar, Expression) else float(scalar)
-
-
 @dataclass(frozen=True)
 class Edge:
     """A straight edge, or a circular arc through a third point. The next edge starts where this one ends."""
@@ -82,9 +77,7 @@ class Body:
 
 @dataclass(frozen=True)
 class EdgeHeat:
-    """What an edge does to heat by itself: it holds a temperature, or heat flows in, or it exchanges heat.
-
-    k∂θ/∂n = flux − α(θ − θ̄), or θ given.
+    """What an edge does to heat by itself: k∂θ/∂n = flux − α(θ − θ̄), or θ given.
 
     theta:     temperature held on the edge; then nothing else is given [K]
     flux:      heat into the body [W/m²]
@@ -112,12 +105,39 @@ class Clamped:
 
 
 @dataclass(frozen=True)
+class Symmetry(Clamped):
+    """A straight edge on which the body is mirrored: u_N = 0 and no shear."""
+
+    u: tuple[Scalar | None, Scalar | None] = (0.0, None)
+    frame: Literal["xy", "nt"] = "nt"
+
+
+@dataclass(frozen=True)
+class Rigid(Clamped):
+    """An edge that moves as a whole, without turning: a component is given, or it is one unknown under a resultant.
+
+    u:     the components in x and y [m], None for one that is unknown
+    force: the resultants of the unknown ones, per unit thickness [N/m]
+    """
+
+    u: tuple[Scalar | None, Scalar | None] = (None, None)
+    force: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
 class Traction:
-    """Γ_N: σn = g − p n, g in x and y [Pa], p a normal pressure, positive when it pushes [Pa]."""
+    """Γ_N: σn = g − p n + force/|Γ| − k_N u_N n − k_T u_T t.
+
+    g:        in x and y [Pa];  pressure: positive when it pushes [Pa]
+    force:    a resultant spread evenly over the edge, per unit thickness [N/m]
+    spring:   (k_N, k_T), stiffness of the support per area [Pa/m]
+    """
 
     g: tuple[Scalar, Scalar] = (0.0, 0.0)
     pressure: Scalar = 0.0
     heat: EdgeHeat | None = None
+    force: tuple[float, float] = (0.0, 0.0)
+    spring: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -129,11 +149,13 @@ class Contact:
 
 @dataclass(frozen=True)
 class Convection:
-    """Γ_θ: −k∂θ/∂n = α(θ − θ̄), eq. (5); traction-free unless g or a pressure is given."""
+    """Γ_θ: −k∂θ/∂n = α(θ − θ̄), eq. (5); loaded and supported as `Traction` is, or not at all."""
 
     g: tuple[Scalar, Scalar] = (0.0, 0.0)
     pressure: Scalar = 0.0
     heat: EdgeHeat | None = None
+    force: tuple[float, float] = (0.0, 0.0)
+    spring: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -144,6 +166,11 @@ class Free:
 
 
 Role = Clamped | Traction | Contact | Convection | Free
+
+
+def resultant(role: Role) -> tuple[float, float]:
+    """The force that is spread over an edge, or moves it as a whole, in x and y [N/m]."""
+    return role.force if isinstance(role, Traction | Convection | Rigid) else (0.0, 0.0)
 
 
 def exchanges(role: Role) -> bool:
@@ -288,7 +315,11 @@ class Scene:
         """Names of the edges with one of the given roles, in the order of the study."""
         return tuple(name for name, role in self.boundary if isinstance(role, kinds))
 
-    # -- heat by edge ------------------------------------------------------------------------------
+    @property
+    def springs(self) -> tuple[tuple[str, float, float], ...]:
+        """(edge, k_N, k_T) of the edges that rest on springs [Pa/m]."""
+        loaded = ((name, role) for name, role in self.boundary if isinstance(role, Traction | Convection))
+        return tuple((name, *role.spring) for name, role in loaded if any(role.spring))
 
     @property
     def heat_by_edge(self) -> bool:
@@ -298,43 +329,21 @@ class Scene:
     @property
     def exchange(self) -> tuple[tuple[str, float, Scalar], ...]:
         """(edge, α, θ̄) of Γ_θ, in the order of the study."""
-        return tuple((name, *self._exchange(role.heat)) for name, role in self.boundary if exchanges(role))
-
-    def _exchange(self, own: EdgeHeat | None) -> tuple[float, Scalar]:
-        own = own or EdgeHeat()
-        alpha = self.heat.alpha if own.alpha is None else own.alpha
-        return alpha, self.heat.theta_bar if own.theta_bar is None else own.theta_bar
+        alpha, theta_bar = self.heat.alpha, self.heat.theta_bar
+        own = ((name, role.heat or EdgeHeat()) for name, role in self.boundary if exchanges(role))
+        return tuple((name, h.alpha or alpha, theta_bar if h.theta_bar is None else h.theta_bar) for name, h in own)
 
     @property
     def held_theta(self) -> tuple[tuple[str, Scalar], ...]:
         """(edge, θ) of the edges whose temperature is given, in the order of the study."""
-        own = ((name, role.heat) for name, role in self.boundary if role.heat is not None)
-        return tuple((name, heat.theta) for name, heat in own if heat.theta is not None)
+        return tuple((name, r.heat.theta) for name, r in self.boundary if r.heat and r.heat.theta is not None)
 
     @property
     def flux(self) -> tuple[tuple[str, Scalar], ...]:
         """(edge, heat into the body) of the edges through which a given heat flows, in the order of the study."""
-        own = ((name, role.heat) for name, role in self.boundary if role.heat is not None)
-        return tuple((name, heat.flux) for name, heat in own if heat.flux != 0.0)
+        return tuple((name, r.heat.flux) for name, r in self.boundary if r.heat and r.heat.flux != 0.0)
 
     @property
     def conducts(self) -> bool:
         """True if temperature is decided by an edge: one that exchanges heat, or whose temperature is given."""
         return any(exchanges(role) for _, role in self.boundary) or bool(self.held_theta)
-
-
-@dataclass(frozen=True)
-class Exact:
-    """The exact solution of every sweep point, against which `tcstudy converge` measures errors.
-
-    u:        displacement [m];  theta: temperature, None if it is not compared [K]
-    xi:       tangential traction −S_T on Γ_C [Pa], None to derive it from u
-    exponent: u ~ r^exponent where it is least smooth, None where it is smooth
-    derived:  whether loads, prescribed displacements and temperatures of the scenes were derived from it
-    """
-
-    u: tuple[Scalar, Scalar]
-    theta: Scalar | None = None
-    xi: Scalar | None = None
-    exponent: float | None = None
-    derived: bool = False

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 from tcstudy.scene.designs import Design
 from tcstudy.scene.families import FAMILIES, LISTED, PLAIN, FamilyName, MeshFamily
-from tcstudy.scene.records import Exact, Point, Scene
+from tcstudy.scene.records import Point, Scalar, Scene
 
 if TYPE_CHECKING:
     from tcstudy.scene.fits import FitPlan
@@ -268,6 +268,23 @@ class OutputPlan:
     fields: bool = False
     live: bool = False
     sensitivity: tuple[Sensitivity, ...] = ()
+
+
+@dataclass(frozen=True)
+class Exact:
+    """The exact solution of every sweep point, against which `tcstudy converge` measures errors.
+
+    u:        displacement [m];  theta: temperature, None if it is not compared [K]
+    xi:       tangential traction −S_T on Γ_C [Pa], None to derive it from u
+    exponent: u ~ r^exponent where it is least smooth, None where it is smooth
+    derived:  whether loads, prescribed displacements and temperatures of the scenes were derived from it
+    """
+
+    u: tuple[Scalar, Scalar]
+    theta: Scalar | None = None
+    xi: Scalar | None = None
+    exponent: float | None = None
+    derived: bool = False
 
 
 @dataclass(frozen=True, repr=False)

@@ -25,7 +25,7 @@ from tcstudy.read.body import edge_names
 from tcstudy.read.checks import BoundaryPiece, mesh_faults, support_fault, supports
 from tcstudy.read.document import Found
 from tcstudy.scene.points import combinations, distinct
-from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Traction
+from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Traction, resultant
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import edge_length, edge_normal, loop_area
 from tcstudy.shapes.faults import TOLERANCE
@@ -66,6 +66,7 @@ def _forced(scene: Scene) -> bool:
     """Whether there is a force, a pressure or a displacement."""
     given: list[object] = [*scene.f]
     for _, role in scene.boundary:
+        given += resultant(role)
         if isinstance(role, Traction | Convection):
             given += [*role.g, role.pressure]
         elif isinstance(role, Clamped):

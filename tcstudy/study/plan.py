@@ -17,7 +17,7 @@ from tcstudy.fem.meshes import SAMPLE, triangles_a_second
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import exchange_level
 from tcstudy.read.document import located
-from tcstudy.scene.points import FELT, count_points, distinct, idle_notes, needs_heat_solve, why_no_heat
+from tcstudy.scene.points import FELT, count_points, distinct, idle_notes, needs_heat_solve, of_stiffness, why_no_heat
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.study.doubts import built_doubts, built_faults, doubts, locking_notes
 from tcstudy.study.sizes import LevelForecast, forecast, measured, refined, sizes
@@ -50,7 +50,7 @@ def plan(study: Study) -> Plan:
 
     Raises GeometryFailed where a run would before it solves anything.
     """
-    ratios = {Level.ratio(s) for s in distinct(study.scenes, "material")}
+    ratios = {Level.ratio(s) for s in distinct(study.scenes, *of_stiffness(study.scenes))}
     heats = {(s.heat, s.material.conductivities) for s in distinct(study.scenes, *FELT) if needs_heat_solve(s)}
     levels = sizes(study)
     return Plan(

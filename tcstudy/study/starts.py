@@ -14,8 +14,8 @@ from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.exact.numbers import exact_u_T
 from tcstudy.fem.boundary import curve_normals
 from tcstudy.offline.level import Level
-from tcstudy.scene.records import Contact, Exact
-from tcstudy.scene.study import Study
+from tcstudy.scene.records import Contact
+from tcstudy.scene.study import Exact, Study
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]

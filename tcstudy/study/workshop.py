@@ -26,7 +26,7 @@ from tcstudy.offline.level import CondensedBlock, Level
 from tcstudy.online import CondensedBody, Options, RowLaws
 from tcstudy.online.row_laws import row_laws
 from tcstudy.refine.survey import Survey
-from tcstudy.scene.points import combinations
+from tcstudy.scene.points import combinations, of_stiffness
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import SEPARABLE, Study
 from tcstudy.study.point import block_numbers, line_values, point_status, solve_point
@@ -306,7 +306,7 @@ def blocks_of(study: Study, m: int, n_points: int, todo: Places | None = None) -
     """
     if todo is not None and not len(todo):
         return []
-    materials, of = combinations(study.scenes, "material")
+    materials, of = combinations(study.scenes, *of_stiffness(study.scenes))
     numbers: dict[object, int] = {}
     ratio = np.array([numbers.setdefault(("ratio", Level.ratio(s)), len(numbers)) for s in materials])[of]
     mu = np.array([numbers.setdefault(("mu", s.material.mu), len(numbers)) for s in materials])[of]

@@ -10,7 +10,8 @@ from tcstudy.exact.fields import body_edges, edge_samples
 from tcstudy.exact.loads import Derivation
 from tcstudy.expressions.expression import Expression, parse
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.records import Clamped, Convection, Exact, Traction
+from tcstudy.scene.records import Clamped, Convection, Traction
+from tcstudy.scene.study import Exact
 from tests.benchmarks.mutated import DERIVED
 from tests.expressions.forward_mode import forward_mode
 

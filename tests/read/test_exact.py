@@ -5,7 +5,7 @@ import pytest
 from tcstudy.errors import StudyError
 from tcstudy.expressions.expression import parse
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.records import Exact
+from tcstudy.scene.study import Exact
 
 TEXT = """\
 units: none

@@ -1,0 +1,185 @@
+"""Resultants, springs, symmetry and rigid edges: bars in closed form, balances, and studies that must be the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tcstudy.offline.level import Condensed, Level
+from tcstudy.read.study import read_study
+from tcstudy.scene.parameters import path_scene
+from tcstudy.scene.records import Scene
+from tcstudy.solvers.contact import solve_contact
+from tcstudy.study.path_affine import affine_load
+from tests.test_cli import CONFIGS
+from tests.verification.scenes import HEATED_BRACKET, levels_of, study_of
+
+BAR = """
+units: none
+body: {rectangle: {width: 4, height: 0.5}}
+boundary: {bottom: contact, left: LEFT, right: RIGHT, top: free}
+material: {E: 5, nu: 0, plane: stress, alpha_T: 0.01}
+heat: {theta: 2}
+friction: {law: linear, k: 0}
+mesh: {maxh: 0.5}
+"""
+EPS, D = 0.02, 2.5
+"""Thermal strain, and axial stiffness E H."""
+
+
+def solved(text: str, *changes: str) -> tuple[Scene, Level, Condensed, np.ndarray, np.ndarray]:
+    """Scene, coarse level, condensed problem, slip and the displacement of the body (2, n)."""
+    study = study_of(text, *changes)
+    scene, level = study.scenes[0], levels_of(study)[0]
+    condensed = level.condensed(scene)
+    answer = solve_contact(condensed.problem)
+    return scene, level, condensed, answer.v, level.displacement(scene, condensed, answer.v).reshape(2, -1)
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "at_left", "strain"),
+    [
+        ("symmetry", "{role: traction, force: [0.3, 0]}", 0.0, EPS + 0.3 / D),
+        ("{role: traction, spring: {normal: 2}}", "{role: traction, force: [0.3, 0]}", 0.3, EPS + 0.3 / D),
+        ("{role: traction, spring: {normal: 2}}", "{role: convection, g: [0.6, 0]}", 0.3, EPS + 0.3 / D),
+        ("{role: rigid, force: [-0.3, 0], u_y: 0}", "{role: clamped, u_x: 0}", -4 * 0.3 / D, 0.3 / D),
+        ("symmetry", "{role: rigid, force: [0.3, 0], u_y: 0}", 0.0, 0.3 / D),
+        ("symmetry", "{role: traction, spring: {normal: 2}}", 0.0, EPS / (1 + 4 / D)),
+    ],
+)
+def test_bars(left: str, right: str, at_left: float, strain: float) -> None:
+    """u is linear: exact on P1. A spring of 2 Pa/m on the height 0.5 has the stiffness 1."""
+    text = BAR.replace("LEFT", left).replace("RIGHT", right)
+    if "convection" in right:
+        text = text.replace("theta: 2", "alpha: 1, theta_bar: 2").replace("nu: 0", "nu: 0, k: 1")
+    warm = "rigid" not in left + right  # which would not let its edge grow
+    _, level, _, _, u = solved(text if warm else text.replace("theta: 2", "theta: 0"))
+    assert u[0] == pytest.approx(at_left + strain * level.mesh.points[:, 0], abs=1e-13)
+    assert u[1] == pytest.approx(warm * EPS * level.mesh.points[:, 1], abs=1e-13)
+
+
+def test_springs_count_in_the_energy_and_in_every_ratio() -> None:
+    """Force on a bar on a spring: −F²/2 (1/K + L/D); the same body for many E, each with its own springs over μ."""
+    text = BAR.replace("LEFT", "{role: traction, spring: {normal: 2, tangential: 0}}").replace("theta: 2", "theta: 0")
+    text = text.replace("RIGHT", "{role: traction, force: [0.3, 0]}")
+    text += "sweep: {E: [5, 10], boundary.left.spring.normal: [2, 8]}\n"
+    study = study_of(text)
+    level = Level(levels_of(study)[0].mesh, study.scenes[0], study.scenes)
+    for scene, E, K in zip(study.scenes, (5, 5, 10, 10), (1, 4, 1, 4), strict=True):
+        condensed = level.condensed(scene)
+        answer = solve_contact(condensed.problem)
+        exact = -0.5 * 0.3**2 * (1 / K + 4 / (0.5 * E))
+        assert answer.energy + condensed.constant == pytest.approx(exact, rel=1e-12)
+        block = level.block([scene])
+        assert np.array_equal(block.mu[0] * block.A_tilde, condensed.problem.A_tilde)
+    assert len({level.ratio(scene) for scene in study.scenes}) == 4
+
+
+TANGENTIAL = """
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: free, top: {role: traction, spring: {tangential: 3}}, right: free}
+material: {E: 5, nu: 0.3, plane: stress}
+loads: {f: [0.4, 0]}
+friction: {law: tresca, tau: 0.01}
+mesh: {maxh: 0.4}
+"""
+
+
+def test_tangential_springs_and_friction_carry_the_load() -> None:
+    """Nothing else holds the body along x: f A = ∫k_T u_x on the top + ∫ξ."""
+    scene, level, condensed, v, u = solved(TANGENTIAL)
+    mesh = level.mesh
+    top = mesh.segments[(mesh.points[mesh.segments][..., 1] > 1 - 1e-12).all(axis=1)]
+    carried = sum(np.ptp(mesh.points[s, 0]) * u[0, s].mean() for s in top) * 3
+    xi = condensed.problem.xi(v).sum()
+    assert carried + xi == pytest.approx(0.4 * 2, rel=1e-11)
+    assert xi == pytest.approx(0.01 * 2, rel=1e-9)
+    assert scene.springs == (("top", 0.0, 3.0),)
+
+
+def test_resultants_are_exact_on_arcs_and_shared_out_evenly() -> None:
+    text = HEATED_BRACKET.replace("bore: convection", "bore: {role: convection, force: [0.07, -0.02]}")
+    study, plain = study_of(text), study_of(HEATED_BRACKET)
+    scene, level = study.scenes[0], levels_of(study)[0]
+    added = (level.load(scene) - levels_of(plain)[0].load(plain.scenes[0])).reshape(2, -1)
+    assert added.sum(axis=1) == pytest.approx([0.07, -0.02], rel=1e-12)
+    bore = np.hypot(*(level.mesh.points - [0.9, 0.5]).T) < 0.15 + 1e-9
+    assert np.max(np.abs(added[:, ~bore])) < 1e-15
+    keys = ("boundary", "bore", "force_x")
+    assert affine_load(level, lambda t: path_scene(scene, keys, t), -1.0, 3.0, "force").defect < 1e-12
+
+
+RIGID = """
+units: none
+body:
+  outline: [{from: [0, 0], edge: foot}, {from: [0.5, 0], edge: film}, {from: [2, 0], edge: right},
+    {from: [2, 1], edge: top}, {from: [0, 1], edge: left}]
+boundary: {foot: clamped, film: contact, left: free, top: PLATE, right: END}
+material: {E: 1, nu: 0.3, alpha_T: 0.01}
+heat: {theta: "x*y"}
+friction: {law: slip-weakening, tau_s: 0.02, tau_k: 0.005, delta: 0.2}
+mesh: {maxh: 0.3}
+"""
+
+
+def test_a_rigid_edge_is_the_clamped_one_whose_reaction_is_the_resultant() -> None:
+    """The plate moves as a whole under its force; clamped by as much, its reaction is that force."""
+    free = RIGID.replace("END", "free")
+    text = free.replace("PLATE", "{role: rigid, force: [0.05, -0.1]}")
+    scene, level, _, v, u = solved(text)
+    plate = level.mesh.points[:, 1] > 1 - 1e-12
+    assert np.ptp(u[:, plate], axis=1) == pytest.approx([0, 0], abs=1e-15)
+    U = u[:, plate][:, 0]
+    given = f"{{role: clamped, u: [{float(U[0])!r}, {float(U[1])!r}]}}"
+    other, same, _, w, moved = solved(free.replace("PLATE", given))
+    assert w == pytest.approx(v, abs=1e-11)
+    assert moved == pytest.approx(u, abs=1e-11)
+    K = same.elastic.stiffness(other.material.lam, other.material.mu)
+    forces = (K @ moved.ravel() - same.load(other)).reshape(2, -1)
+    assert forces[:, plate].sum(axis=1) == pytest.approx([0.05, -0.1], abs=1e-11)
+    assert scene.body == other.body
+
+
+def test_a_rigid_edge_that_meets_contact_moves_a_contact_node() -> None:
+    """Its unknown is the node's slip: pushed at the end, the whole end moves as much as that node."""
+    text = RIGID.replace("PLATE", "free").replace("END", "{role: rigid, force: [-0.08, 0], u_y: 0}")
+    _, level, condensed, v, u = solved(text)
+    end = level.mesh.points[:, 0] > 2 - 1e-12
+    corner = int(np.argmax(level.line.xy[:, 0]))
+    assert level.line.xy[corner] == pytest.approx([2.0, 0.0])
+    assert np.ptp(u[0, end]) < 1e-15
+    assert abs(v[corner]) == pytest.approx(abs(u[0, end][0]), rel=1e-13)
+    assert len(v) == condensed.problem.m
+
+
+def test_a_symmetry_edge_is_half_of_a_whole() -> None:
+    """Halves on meshes of their own: twice the energy and the friction of the half, up to the error of the mesh."""
+    whole = """
+units: none
+body: {rectangle: {width: 4, height: 1, corner: [-2, 0]}}
+boundary: {bottom: contact, left: LEFT, top: free, right: {role: traction, g: [0.02, 0], spring: {normal: 0.1}}}
+material: {E: 1, nu: 0.3, alpha_T: 0.01}
+heat: {theta: "1 + x^2"}
+friction: {law: tresca, tau: 0.01}
+mesh: {maxh: 0.08}
+"""
+    half = (
+        whole.replace("width: 4", "width: 2").replace("corner: [-2, 0]", "corner: [0, 0]").replace("LEFT", "symmetry")
+    )
+    whole = whole.replace("LEFT", "{role: traction, g: [-0.02, 0], spring: {normal: 0.1}}")
+    energy = []
+    for text in (whole, half):
+        _, _, condensed, v, _ = solved(text)
+        energy.append(condensed.problem.energy(v) + condensed.constant)
+        energy.append(float(np.max(np.abs(v))))
+    assert 2 * energy[2] == pytest.approx(energy[0], rel=2e-3)
+    assert energy[3] == pytest.approx(energy[1], rel=1e-2)
+
+
+def test_end_of_the_rail_on_its_spring() -> None:
+    """The numbers in the head of configs/spring_rail.yaml."""
+    study = read_study(CONFIGS / "spring_rail.yaml")
+    level = levels_of(study)[0]
+    ends = [1e3 * float(np.max(np.abs(solve_contact(level.condensed(s).problem).v))) for s in study.scenes]
+    assert ends == pytest.approx([12.0960, 9.8479, 6.5940], rel=1e-3)
