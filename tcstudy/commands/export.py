@@ -16,6 +16,8 @@ FORMS = ("vtu", *TABLES)
 
 def export(options: argparse.Namespace) -> int:
     """Write a result file in another form."""
+    if options.geometry:
+        return _geometry(options)
     forms = [form for form in FORMS if getattr(options, form)]
     if len(forms) != 1:
         fail("choose one form: --vtu for the fields of every point, --csv or --json for the table of points")
@@ -23,6 +25,18 @@ def export(options: argparse.Namespace) -> int:
         fail("--level: a table has all levels; leave it out")
     target, lines = exported(options.file, forms[0], options.output, point_of(options), options.level)
     print("\n".join((f"{target}: {lines[0]}", *lines[1:])))
+    return OK
+
+
+def _geometry(options: argparse.Namespace) -> int:
+    """Write the run of one geometry of a sweep over several."""
+    from tcstudy.data.variants import extract
+    from tcstudy.reports.select_point import geometry_of
+
+    if options.output is None or options.output.exists():
+        fail(f"{options.output} exists; name another file" if options.output else "--geometry: name the file with -o")
+    extract(options.file, geometry_of(options.file, point_of(options)), options.output)
+    print(f"{options.output}: the run of one geometry")
     return OK
 
 
@@ -75,6 +89,7 @@ COMMANDS = {
             Option("--vtu", action="store_true", help="body and contact line of every point, and one PVD (ParaView)"),
             Option("--csv", action="store_true", help="a row a point and level, columns `name [unit]`"),
             Option("--json", action="store_true", help="the same rows as objects"),
+            Option("--geometry", action="store_true", help="of a sweep over geometries the run of one, named by --at"),
             Option("-o", "--output", type=Path, metavar="TARGET", help=_OUTPUT),
             at("only points with this value (may be repeated)"),
             Option("--level", type=int, metavar="N", help="mesh level of --vtu (default: the finest)"),

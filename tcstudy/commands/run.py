@@ -84,8 +84,8 @@ def _say(options: argparse.Namespace, output: Path, points: int, failed: int, fo
 
         return (
             f"{summary(output, None if options.verbose else MOST_ROWS)}\n\n"
-            f"  {points - failed} of {points} solutions {found}; data in {output}\n"
-            f"  what accuracy costs here: {again} --plot cost.png"
+            f"  {points - failed} of {points} solutions {found}; data in {output}"
+            + ("" if options.read.variants else f"\n  what accuracy costs here: {again} --plot cost.png")
         )
 
     say(options, output, text)
@@ -101,8 +101,13 @@ def plan(options: argparse.Namespace) -> int:
     from tcstudy.study.jobs import work_words
     from tcstudy.study.plan import plan as forecast_of
 
-    forecast = forecast_of(study)
-    expected = of_run(study, forecast.levels, forecast.factorisations, forecast.heat_solves)
+    if study.variants:
+        from tcstudy.study.variants import plan_variants
+
+        forecast, expected = plan_variants(study)
+    else:
+        forecast = forecast_of(study)
+        expected = of_run(study, forecast.levels, forecast.factorisations, forecast.heat_solves)
     time = expected_words(expected.seconds, expected.memory, study.mesh.open_ended)
     if options.json:
         print(_plan_json(study, output, forecast, expected))

@@ -22,7 +22,7 @@ import os
 import subprocess
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from enum import Enum
 from functools import lru_cache
@@ -265,3 +265,22 @@ def _is_netcdf(file: Path) -> bool:
 
 def _says_ours(found: dict[str, Any]) -> bool:
     return FINISHED in found and str(found.get("source", "")).startswith("tcstudy")
+
+
+GEOMETRIES = "geometries"
+"""Global attribute of a file of a sweep over geometries: how many it has (`tcstudy.data.variants`)."""
+
+
+def refuse_geometries(attributes: Mapping[Any, Any], what: str) -> None:
+    """Raise StoreError for a file of several geometries where one is needed."""
+    if GEOMETRIES in attributes:
+        how = "take one out with tcstudy export FILE.nc --geometry --at NAME=VALUE -o ONE.nc"
+        raise StoreError(f"the file has {attributes[GEOMETRIES]} geometries, and {what} is of one; {how}")
+
+
+def of_largest(data: Any) -> Any:
+    """The table of a run with one number for what a level has once: of several geometries the largest."""
+    if "h_max" not in data or data["h_max"].ndim < 2:
+        return data
+    names = [name for name in ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble") if name in data]
+    return data.assign({name: data[name].max([d for d in data[name].dims if d != "level"]) for name in names})

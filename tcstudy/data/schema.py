@@ -320,7 +320,7 @@ FIELD_NAMES = frozenset(v.name for v in FIELDS)
 
 RESERVED = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES, *CONTACT, *MESH, REGION, *FIELDS)) | {
     *_GOAL_NAMES,
-    *("level", "start", "solver", "node", "mesh_node", "mesh_face", "corner", "mesh", POINT),
+    *("level", "start", "solver", "geometry", "node", "mesh_node", "mesh_face", "corner", "mesh", POINT),
 }
 """Names of the file that no swept parameter may take; see `tcstudy.data.writer`."""
 

@@ -69,11 +69,10 @@ def write(
     problems = axis_problems(study)
     if problems:
         raise StoreError("; ".join(problems))
-    count: Counter[int] = Counter()
-    fill = lambda nc: count.update(_fill(nc, study, levels, records))  # noqa: E731
-    write_dataset(path, global_attributes(study, provenance), fill, KEPT)
-    sought = count.total() - count[PointStatus.NOT_RUN]
-    return sought, sought - count[PointStatus.OK]
+    counts: list[tuple[int, int]] = []
+    make = lambda nc: counts.append(fill(nc, study, levels, records))  # noqa: E731
+    write_dataset(path, global_attributes(study, provenance), make, KEPT)
+    return counts[-1]
 
 
 def open_results(path: Path) -> xarray.DataTree:
@@ -120,13 +119,16 @@ class Window:
     arrays: Arrays
 
 
-def _fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], records: Records) -> Counter[int]:
-    """One complete file: the sweep from front to back, every chunk once. Returns how many points have each status."""
+def fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], records: Records) -> tuple[int, int]:
+    """One complete file: the sweep from front to back, every chunk once. Returns what `write` does.
+
+    Of a sweep over geometries the table alone, without what a level has (`tcstudy.data.variants`).
+    """
     count: Counter[int] = Counter()
     _put_dimensions(nc, study)
     variables = schema.root_variables(study)
     for variable in variables:
-        if variable.dims == ("level",):
+        if variable.dims == ("level",) and not study.variants:
             put(nc, variable, study, _by_level(variable, study, levels))
     known = {level.level: level for level in levels}
     for level in levels:
@@ -149,7 +151,8 @@ def _fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], reco
                 found, times = np.unique(window.arrays["status"], return_counts=True)
                 count.update(dict(zip(found.tolist(), times.tolist(), strict=True)))
             _put_window(window, study)
-    return count
+    sought = count.total() - count[PointStatus.NOT_RUN]
+    return sought, sought - count[PointStatus.OK]
 
 
 def _blocks(records: Records, study: Study, levels: Mapping[int, LevelRecord]) -> Iterator[BlockRecord]:

@@ -69,7 +69,7 @@ def edge_names(body: Body) -> tuple[str, ...]:
 
 def check_shape(ctx: Context, body: Body, root: Node) -> bool:
     """Record what is wrong with the shape of the body where the study gives it; True if it is sound."""
-    faults = _oversized(body) or body_faults.check_body(body)
+    faults = oversized(body) or body_faults.check_body(body)
     for fault in faults:
         where = fault.where
         inline = deepest(root, ("heat", "omega"))
@@ -79,7 +79,7 @@ def check_shape(ctx: Context, body: Body, root: Node) -> bool:
     return not faults
 
 
-def _oversized(body: Body) -> list[body_faults.Fault]:
+def oversized(body: Body) -> list[body_faults.Fault]:
     """Holes and regions many times larger than the body, found before anything is computed with them."""
     if body.outline is None:
         return []

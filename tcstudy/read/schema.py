@@ -134,7 +134,7 @@ def _sweep(made: Callable[[Key], Schema], beside: tuple[str, ...]) -> Schema:
         "patternProperties": by_edge
         | by_region
         | {r"^boundary\.[^.]+\." + r"\.".join(inner) + "$": made(one) for inner, one in EDGE.items()}
-        | {r"^parameters\.[A-Za-z_0-9]+$": made(NAMED)},
+        | {r"^parameters\.[A-Za-z_0-9]+$": made(NAMED), r"^(body|mesh)\..+$": made(NAMED)},
         "additionalProperties": False,
     }
 

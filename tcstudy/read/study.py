@@ -79,6 +79,25 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
     if len(ctx.errors) > before:  # every use of a name without a value would be one fault more
         raise StudyError(ctx.errors.problems)
     sweep = _read_sweep(ctx, root, overrides if swept else ())
+    said = with_sweep(overrides, sweep.written()) if sweep.tabled else overrides
+
+    def one(ctx: Context, root: Node, sweep: Sweep, said: tuple[str, ...]) -> Study:
+        return _one_body(ctx, root, sweep, header, text, source, said)
+
+    if any(axis.parameter.path[0] in ("body", "mesh", "parameters") for axis in sweep.axes):
+        from tcstudy.read.variants import geometric, read_variants, whole
+
+        if geometric(root, sweep):
+            axes, mode, design = records(sweep, ctx.units), sweep.mode, sweep.design
+            study, variants = read_variants(ctx, root, sweep, overrides, one)
+            return whole(study, variants, axes=axes, mode=mode, design=design, overrides=said)
+    return one(ctx, root, sweep, said)
+
+
+def _one_body(
+    ctx: Context, root: Node, sweep: Sweep, header: _Header, text: str, source: Path | None, said: tuple[str, ...]
+) -> Study:
+    """The study of one body and its meshes. said: options that make the text this study."""
     given = without_loads(ctx, root, sweep) if root.child("exact") else root
     base = _with_swept_keys(given, sweep)
     _check_keys(ctx, base, sweep)
@@ -105,7 +124,7 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
         solver=plans.solver,
         output=plans.output,
         institution=header.institution,
-        overrides=with_sweep(overrides, sweep.written()) if sweep.tabled else overrides,
+        overrides=said,
         exact=plans.exact,
         path=plans.path,
         history=plans.history,
@@ -142,9 +161,13 @@ def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
     known = sweepable(edges, by_edge or (law if isinstance(law, str) else None), _regions(root, node))
     if ctx.named:
         known = known | swept_names(ctx.named)
+    if geometric := [words for words in _paths(node) if words[0] in ("body", "mesh")]:
+        from tcstudy.read.variants import geometric_parameters
+
+        known = known | geometric_parameters(root, geometric)
     sweep = _of_sections(ctx, root, read_sweep(ctx, node, known, friction) or Sweep())
     if ctx.named:
-        check_swept_names(ctx, root, sweep, (*SECTIONS, "materials"))
+        check_swept_names(ctx, root, sweep, (*SECTIONS, "materials", "body", "mesh"))
     for option in (text for text in overrides if "=" in text):
         key = SHORT.get(option.partition("=")[0].strip(), option.partition("=")[0].strip())
         keys = split_path(key) or ()

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.provenance import kind_of
-from tcstudy.data.reading import reading
+from tcstudy.data.reading import reading, refuse_geometries
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import STICKS
 from tcstudy.data.store import open_results
@@ -69,6 +69,7 @@ def write_fields(path: Path, folder: Path, point: Mapping[str, Value] | None = N
         raise UsageError(f"--vtu: {path} is a file of tcstudy {kind} and has no fields; name that of a run")
     with reading(path), open_results(path) as tree:
         root = tree.to_dataset()
+        refuse_geometries(root.attrs, "--vtu")
         n = level_number(root, level)
         if f"level_{n}" not in tree.children:
             raise UsageError(f"--vtu: {path} has no mesh of level {n}; see the reasons with: tcstudy show")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.reading import refuse_geometries
 from tcstudy.data.store import open_results
 from tcstudy.reports import style
 from tcstudy.reports.boundary_roles import ROLES, EdgeRun, draw_roles, runs
@@ -49,6 +50,7 @@ def read_mesh(path: Path, point: Mapping[str, Value] | None, level: int) -> Mesh
     """
     with open_results(path) as tree:
         data = tree.to_dataset()
+        refuse_geometries(data.attrs, "a mesh")
         locate(data, point)  # a mesh is the same at all points, but what is named must be there
         at = level_number(data, level)
         group = tree[f"level_{at}"].to_dataset()

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.reading import refuse_geometries
 from tcstudy.data.schema import STICKS, UNKNOWN
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import Value, check_solved, describe, labels, level_number, locate
@@ -148,6 +149,7 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
     """
     with open_results(path) as tree:
         root = tree.to_dataset()
+        refuse_geometries(root.attrs, "a picture of a point")
         where = locate(root, point)
         number = level_number(root, level)
         check_solved(root, where, number)

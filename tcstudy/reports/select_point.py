@@ -5,12 +5,15 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.records import PointStatus
+from tcstudy.data.store import open_results
+from tcstudy.errors import UsageError
 from tcstudy.reports.style import DrawError
 from tcstudy.reports.text import number, scaled_labels
 from tcstudy.scene import units as u
@@ -260,3 +263,19 @@ def _unknown_name(name: str, names: list[str], holder: str) -> str:
 def _listed(texts: Any, most: int = 8) -> str:
     shown = list(texts)
     return ", ".join(shown[:most]) + (", …" if len(shown) > most else "")
+
+
+def geometry_of(path: Path, point: Mapping[str, Value]) -> int:
+    """Number of the one geometry that the points with these labels have.
+
+    Raises StoreError, DrawError as `matching`, UsageError where there is none or are several.
+    """
+    with open_results(path) as tree:
+        data = tree.to_dataset()
+        if "geometry" not in data:
+            raise UsageError(f"{path} has one geometry, which the file is of")
+        found = sorted({int(one) for one in data["geometry"].values.ravel()[matching(data, point)]} - {-1})
+    if len(found) != 1:
+        what = f"{len(found)} geometries have" if found else "no geometry with a mesh has"
+        raise UsageError(f"{what} these values; name swept numbers of body and mesh by --at NAME=VALUE")
+    return found[0]

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from tcstudy.data.reading import of_largest
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, UNBALANCED
 from tcstudy.data.sensitivities import DIFFERENTIABLE, QUANTITIES, STATUS
@@ -36,6 +37,7 @@ def summary(path: Path, most: int | None = MOST_ROWS) -> str:
     """
     with open_results(path) as tree:
         data = tree.to_dataset().drop_vars(NOT_SAID, errors="ignore").load()
+    data = of_largest(data)
     parts = [data.attrs["title"], _levels(data), _stop(data), _points(data, most), solver_table(data), _failures(data)]
     parts += [_derivatives(data), _not_run(data), _rounding(data), _heat(data)]
     return wrapped("\n\n".join(part for part in parts if part))

@@ -56,7 +56,7 @@ ROWS: tuple[Key, ...] = (
             *("body", "section", "the body Ω and the names of its edges: one of `outline`, `rectangle`, `file`"),
             example="{rectangle: {width: 200 mm, height: 100 mm}}",
             required=True,
-            fixed="the mesh belongs to one body; write one study for each body",
+            fixed="sweep a number that it gives, such as body.rectangle.height, or a name of parameters that it uses",
             of=("body",),
         ),
         Key(
@@ -94,7 +94,7 @@ ROWS: tuple[Key, ...] = (
             *("mesh", "section", "element sizes; [which meshes there are](#meshes-that-follow-the-error)"),
             example="{maxh: 10 mm}",
             required=True,
-            fixed="element sizes are the level dimension: write h: [20 mm, 10 mm, 5 mm] in the sweep, or mesh.maxh",
+            fixed="sweep mesh.maxh, mesh.grading or mesh.marking; sizes as levels are h: [20 mm, 10 mm] in the sweep",
             of=("mesh",),
         ),
         Key(
@@ -107,12 +107,12 @@ ROWS: tuple[Key, ...] = (
             "sweep",
             "section",
             "parameters of `material`, `materials`, `loads`, `heat`, `friction` or of an edge's role by path or short "
-            "name (not of `body`, which the mesh belongs to, nor of `solver` and `exact`): `alpha: [1, 10]`, "
-            "`friction.delta: {linspace: [10 um, 50 um, 9]}`, `E: {geomspace: [1 GPa, 100 GPa, 5]}`, "
-            "`boundary.top.pressure: [0, 1 MPa]`; whole laws by name under `friction`, materials under `material` or "
-            "`materials.REGION`. In a mode that draws points `alpha: {uniform: [1, 10]}`, `log-uniform`, `normal: "
-            "{mean, sigma}`, `truncated-normal: {mean, sigma, from, to}`, `lognormal: {median, sigma}`, `triangular: "
-            "{from, mode, to}` or `choice: [1, 2]`",
+            "name (not of `solver` and `exact`): `alpha: [1, 10]`, `friction.delta: {linspace: [10 um, 50 um, 9]}`, "
+            "`E: {geomspace: [1 GPa, 100 GPa, 5]}`, `boundary.top.pressure: [0, 1 MPa]`; whole laws by name under "
+            "`friction`, materials under `material` or `materials.REGION`; numbers of `body` and `mesh` by path "
+            "(`body.rectangle.height`, `mesh.maxh`), [a mesh for each](#geometries). In a mode that draws points "
+            "`alpha: {uniform: [1, 10]}`, `log-uniform`, `normal: {mean, sigma}`, `truncated-normal: {mean, sigma, "
+            "from, to}`, `lognormal: {median, sigma}`, `triangular: {from, mode, to}` or `choice: [1, 2]`",
             of=("sweep",),
         ),
         Key(

@@ -26,6 +26,7 @@ from tcstudy.scene.records import Point, Scalar, Scene
 if TYPE_CHECKING:
     from tcstudy.scene.fits import FitPlan
     from tcstudy.scene.histories import HistoryPlan
+    from tcstudy.scene.variants import Variant
 
 TOLERANCE = 1e-10
 """Largest inclusion residual by default, as long as rounding allows it."""
@@ -296,6 +297,7 @@ class Study:
     text:   the exact YAML text;  source: its file, if any
     units:  "SI" or "none" (dimensionless)
     design: how the points were drawn, None if the study lists them
+    variants: one study for each geometry where the sweep varies the body or its meshes; `mesh` is that of the first
     """
 
     title: str
@@ -315,6 +317,7 @@ class Study:
     history: HistoryPlan | None = None
     fit: FitPlan | None = None
     design: Design | None = None
+    variants: tuple[Variant, ...] = ()
 
     def __repr__(self) -> str:
         """One line: a whole study would fill pages."""

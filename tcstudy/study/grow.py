@@ -70,6 +70,9 @@ def stored_run(path: Path, source: Path | None = None) -> StoredRun:
         raise StoreError(
             f"the study in {path} cannot be read again ({what}); a geometry must be in its place"
         ) from error
+    if study.variants:
+        what = "its sweep varies the body or its meshes, and such files are made whole"
+        raise StoreError(f"{path} cannot be added to, mended or joined: {what}; run the whole study with --force")
     if study.scenes[0].body.brep is not None and study_sha256(study) != found["study_sha256"]:
         raise StoreError(f"{path} was computed for another geometry file; run its study again with --force")
     if study.mesh.open_ended:

@@ -50,6 +50,10 @@ def plan(study: Study) -> Plan:
 
     Raises GeometryFailed where a run would before it solves anything.
     """
+    if study.variants:
+        from tcstudy.study.variants import plan_variants
+
+        return plan_variants(study)[0]
     ratios = {Level.ratio(s) for s in distinct(study.scenes, *of_stiffness(study.scenes))}
     heats = {(s.heat, s.material.conductivities) for s in distinct(study.scenes, *FELT) if needs_heat_solve(s)}
     levels = sizes(study)
@@ -195,6 +199,8 @@ def _mesh_notes(mesh: MeshPlan) -> list[str]:
 
 def expected_bytes(study: Study) -> int:
     """Rough size of the result file, for the check of free space."""
+    if study.variants:
+        return sum(expected_bytes(one.study) for one in study.variants if one.study is not None)
     if study.scenes[0].body.brep is None:
         return _bytes(study, forecast(study))
     try:

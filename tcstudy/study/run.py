@@ -258,6 +258,10 @@ def execute(
     problems = faults(study, output)
     if problems:
         raise StoreError("\n".join(problems))
+    if study.variants:
+        from tcstudy.study.variants import execute_variants
+
+        return execute_variants(study, output, watcher, command, jobs, dask)
     # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
     with (
         threadpool_limits(1, user_api="blas"),

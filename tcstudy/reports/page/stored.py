@@ -9,7 +9,7 @@ from typing import Any
 from tcstudy.data.files import replace_file
 from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS
 from tcstudy.data.provenance import kind_of, measured_path
-from tcstudy.data.reading import reading
+from tcstudy.data.reading import of_largest, reading
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
 from tcstudy.errors import StoreError
@@ -62,7 +62,7 @@ def read(path: Path) -> Stored:
     if kind == "fit":
         raise StoreError(f"{path} is the file of a fit, of which there is no page; use tcstudy show or draw")
     with open_results(path) as tree:
-        data = tree.to_dataset().load()
+        data = of_largest(tree.to_dataset().load())
         if kind == "run" and not {"status", "level"} <= set(data.variables):
             raise StoreError(f"{path} is no file of tcstudy run, converge, cost or path, so there is no page of it")
         levels = {n: tree[f"level_{n}"] for n in range(data.sizes.get("level", 0)) if f"level_{n}" in tree.children}

@@ -9,6 +9,7 @@ from importlib import resources
 from pathlib import Path
 
 from tcstudy.data.provenance import kind_of
+from tcstudy.data.reading import refuse_geometries
 from tcstudy.errors import PageError
 from tcstudy.reports.page.container import Container, Json, size_of
 from tcstudy.reports.page.law_part import law_part
@@ -62,7 +63,9 @@ def write_page(path: Path, target: Path, left_out: tuple[str, ...] = ()) -> Writ
     with reading(path):
         if kind_of(path) == "history":
             raise PageError(f"{path} is a load history, of which there is no page; use tcstudy show, draw and export")
-        text = _fitting(read(path), without)
+        stored = read(path)
+        refuse_geometries(stored.data.attrs, "a page")
+        text = _fitting(stored, without)
     if size_of(text) > MOST:
         raise PageError(
             f"the page would have {size_of(text) / 1e6:.0f} MB, more than {MOST / 1e6:.0f} MB, even without "

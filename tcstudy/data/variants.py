@@ -1,0 +1,154 @@
+"""The file of a sweep over geometries: one table of all points, and for each geometry a group with all that it has.
+
+Root:        status, reason and numbers by point, as of any run; what a level has (h_max, n_dof, times) by geometry, too
+/geometry_i: the file of a run of that geometry alone: attributes, table, and /level_0, … with profiles and fields,
+             whose lengths differ from mesh to mesh. The dimension `point` is `own_point` there: it has another length.
+A point of a refused geometry has the status mesh_failed and its reason; such a geometry has no group, and −1 stands in
+place of its number in the variable `geometry`, by point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.files import write_dataset
+from tcstudy.data.provenance import Provenance, global_attributes
+from tcstudy.data.reading import GEOMETRIES, reading
+from tcstudy.data.records import BlockRecord
+from tcstudy.data.schema import POINT, SWEEP, FileVariable, root_variables
+from tcstudy.data.store import KEPT, fill
+from tcstudy.data.stored import read_blocks
+from tcstudy.data.writer import axis_name, axis_places, define, file_places, in_file_order, put
+from tcstudy.errors import UsageError
+from tcstudy.scene.study import Study
+from tcstudy.scene.variants import Variant
+
+if TYPE_CHECKING:
+    import netCDF4
+
+OWN_POINT = "own_point"
+_COMMENT = (("comment", "i of the group geometry_i; -1 where the geometry was refused or has no mesh"),)
+NUMBER = FileVariable("geometry", "i4", "1", "number of the geometry", (SWEEP,), extra=_COMMENT)
+Blocks = Callable[[], Iterable[BlockRecord]]
+
+
+def write_variants(
+    path: Path, study: Study, files: Sequence[Path | None], others: Sequence[BlockRecord], provenance: Provenance
+) -> tuple[int, int]:
+    """Join the files of the geometries into one, replacing an old file in one step.
+
+    files: of every geometry, None where there is none;  others: the points of those, with their reasons
+    Returns how many solutions were sought and how many failed. Raises StoreError if a file cannot be read or written.
+    """
+
+    def records() -> Iterable[BlockRecord]:
+        yield from others
+        for variant, file in zip(study.variants, files, strict=True):
+            if file is not None:
+                yield from _table(study, variant, file)
+
+    counts: list[tuple[int, int]] = []
+
+    def make(nc: netCDF4.Dataset) -> None:
+        counts.append(fill(nc, study, (), records))
+        _put_levels(nc, study, files)
+        _put_numbers(nc, study, files)
+        for number, file in enumerate(files):
+            if file is not None:
+                with _opened(file) as own:
+                    _copy(own, nc.createGroup(f"geometry_{number}"))
+
+    write_dataset(path, global_attributes(study, provenance) | {GEOMETRIES: len(files)}, make, KEPT)
+    return counts[0]
+
+
+def extract(path: Path, number: int, target: Path) -> None:
+    """Write the file of a run of one geometry. Raises StoreError; UsageError if there is no such geometry."""
+    with _opened(path) as nc:
+        group = nc.groups.get(f"geometry_{number}")
+        if group is None:
+            raise UsageError(f"{path} has no mesh of this geometry; tcstudy show says why")
+        write_dataset(target, {}, lambda new: _copy(group, new))
+
+
+def _table(study: Study, variant: Variant, file: Path) -> Iterable[BlockRecord]:
+    """The points of one geometry, without what has the length of its mesh."""
+    assert variant.study is not None
+    count = len(variant.places)
+    places = np.empty(count, dtype=np.intp)
+    places[file_places(variant.study, np.arange(count))] = variant.places
+    wanted = np.ones((len(study.scenes), study.mesh.levels), dtype=bool)
+    for block in read_blocks(file, study, places, wanted):
+        yield replace(block, u_T=None, xi=None, sticks=None, fields={})
+
+
+def _put_levels(nc: netCDF4.Dataset, study: Study, files: Sequence[Path | None]) -> None:
+    """What a level has once, of every geometry."""
+    paths = {tuple(axis.path) for axis in outer_axes(study)}
+    axes = [axis for axis in study.axes if axis.path in paths]
+    dims = tuple(axis_name(axis) for axis in axes) if study.mode == "grid" else (POINT,)
+    for variable in (v for v in root_variables(study) if v.dims == ("level",)):
+        new = define(nc, replace(variable, dims=(*dims, "level"), coordinate=False), study)
+        values = np.full(new.shape, variable.missing, dtype=object if variable.dtype == "str" else variable.dtype)
+        for variant, file in zip(study.variants, files, strict=True):
+            if file is None:
+                continue
+            at: Any = variant.places
+            if study.mode == "grid":
+                at = tuple(int(axis_places(axis)[i]) for axis, i in zip(axes, variant.index, strict=True))
+            with _opened(file) as own:
+                values[at] = own[variable.name][...]
+        new[...] = values
+
+
+def _put_numbers(nc: netCDF4.Dataset, study: Study, files: Sequence[Path | None]) -> None:
+    """Which group a point belongs to."""
+    numbers = np.full(len(study.scenes), -1, dtype=np.int32)
+    for number, (variant, file) in enumerate(zip(study.variants, files, strict=True)):
+        numbers[variant.places] = -1 if file is None else number
+    put(nc, NUMBER, study, in_file_order(study, numbers.reshape(study.shape)))
+
+
+def outer_axes(study: Study) -> tuple[Any, ...]:
+    """The axes that change the geometry: those that its variants fix, in the order of the study."""
+    inner = next(({axis.path for axis in one.study.axes} for one in study.variants if one.study is not None), set())
+    return tuple(axis for axis in study.axes if axis.path not in inner)
+
+
+def _opened(path: Path) -> Any:
+    import netCDF4
+
+    with reading(path):
+        nc = netCDF4.Dataset(path)
+    nc.set_auto_mask(False)
+    return nc
+
+
+def _copy(source: netCDF4.Dataset, target: netCDF4.Dataset) -> None:
+    """All dimensions, attributes, variables and groups of a group; the dimension `point` of a root changes its name."""
+    rename = {POINT: OWN_POINT} if source.parent is None else {OWN_POINT: POINT}
+    _copy_into(source, target, rename)
+
+
+def _copy_into(source: netCDF4.Dataset, target: netCDF4.Dataset, rename: dict[str, str]) -> None:
+    target.setncatts({name: source.getncattr(name) for name in source.ncattrs()})
+    for name, size in ((name, dim.size) for name, dim in source.dimensions.items()):
+        target.createDimension(rename.get(name, name), size)
+    for name, old in source.variables.items():
+        values: NDArray[Any] = old[...]
+        given = {key: old.getncattr(key) for key in old.ncattrs()}
+        none = given.pop("_FillValue", False)
+        large = old.dtype is not str and values.nbytes > 2**16
+        storage = {"compression": "zlib", "complevel": 1, "shuffle": True, "fletcher32": True} if large else {}
+        dims = tuple(rename.get(dim, dim) for dim in old.dimensions)
+        new = target.createVariable(name, old.dtype, dims, fill_value=none, **storage)
+        new.setncatts(given)
+        new[...] = values
+    for name, group in source.groups.items():
+        _copy_into(group, target.createGroup(name), rename)

@@ -1,0 +1,185 @@
+"""Reads a study whose sweep varies numbers of the body or of the meshes: one study for each geometry.
+
+A geometry is the study with the swept numbers put into `body`, `mesh` or `parameters`, read by the same code as any
+other. What is wrong with its shape, or with its element size for it, refuses its points with the reason, since the
+other geometries are sound; every other fault is one of the study.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tcstudy.errors import StudyError
+from tcstudy.read.body import oversized, read_body
+from tcstudy.read.checks import mesh_faults
+from tcstudy.read.document import with_sweep
+from tcstudy.read.fields import Context
+from tcstudy.read.node import Collector, Node, deepest, put, split_path
+from tcstudy.read.parameters import read_parameters, users, words_in
+from tcstudy.read.physics import read_inline_region
+from tcstudy.read.plans import read_mesh
+from tcstudy.read.sweep import Sweep, SweptAxis
+from tcstudy.scene.key import Key
+from tcstudy.scene.keys import rows
+from tcstudy.scene.parameters import Keys, Parameter
+from tcstudy.scene.study import Study
+from tcstudy.scene.units import LENGTH
+from tcstudy.scene.variants import GEOMETRIC, Variant, VariantScenes
+from tcstudy.shapes.edges import body_area, body_size
+from tcstudy.shapes.faults import check_body
+
+OF_MESH = ("maxh", "refine", "grading", "marking")
+"""Numbers of `mesh` that a sweep may vary; its levels are a dimension of their own."""
+
+
+def geometric_parameters(root: Node, named: Sequence[Sequence[str]]) -> dict[Keys, Parameter]:
+    """Those paths that lead to a number of the body or of the meshes, as parameters.
+
+    named: paths that a sweep names
+    """
+    found: dict[Keys, Parameter] = {}
+    for words in named:
+        path, keys = tuple(words), split_path(".".join(words))
+        if path[0] not in GEOMETRIC or len(path) < 2 or keys is None:
+            continue
+        if path[0] == "mesh" and len(path) == 2 and path[1] in OF_MESH:
+            row = rows("mesh")[path[1]]
+            found[path] = Parameter(path, replace(row, kind="number"))
+        elif path[0] == "body" and (node := _at(root, keys)) is not None and isinstance(node.value, int | float | str):
+            found[path] = Parameter(path, Key(path[-1], "number", "number of the body", LENGTH))
+    return found
+
+
+def _at(root: Node, keys: Sequence[str | int]) -> Node | None:
+    """The node at a path, None if there is none."""
+    node = deepest(root, tuple(keys))
+    return node if split_path(node.path) == tuple(keys) else None
+
+
+def geometric(root: Node, sweep: Sweep) -> list[int]:
+    """The axes that change the body or its meshes: numbers of these sections, and names that they use."""
+    sections = [node for name in GEOMETRIC if (node := root.child(name)) is not None]
+    found = []
+    for i, axis in enumerate(sweep.axes):
+        path = axis.parameter.path
+        names = users(root, path[-1]) if path[0] == "parameters" else ()
+        if path[0] in GEOMETRIC or any(words_in(node, names) for node in sections if names):
+            found.append(i)
+    return found
+
+
+def read_variants(
+    ctx: Context, root: Node, sweep: Sweep, overrides: tuple[str, ...], read: Callable[..., Study]
+) -> tuple[Study, tuple[Variant, ...]]:
+    """The study of the first geometry that is not refused, and all of them.
+
+    read: (ctx, root, sweep, overrides) → Study, for one geometry. Raises StudyError with the faults of the first
+    geometry that has some, or if all are refused.
+    """
+    outer = geometric(root, sweep)
+    variants: list[Variant] = []
+    for index, places, rest in _geometries(sweep, outer):
+        values = [sweep.axes[i].values[k] for i, k in zip(outer, index, strict=True)]
+        words = ", ".join(f"{sweep.axes[i].key} = {value.brief()}" for i, value in zip(outer, values, strict=True))
+        own = root
+        for i, value in zip(outer, values, strict=True):
+            own = put(own, split_path(".".join(sweep.axes[i].parameter.path)) or (), value)
+        inner = Context(Collector(), ctx.units, ctx.folder, ctx.named)
+        inner.errors.point = words
+        if own.child("parameters"):
+            inner.named = read_parameters(inner, own.child("parameters"))
+        reason = _refusal(inner, own, rest)
+        study = None if reason else read(inner, own, rest, _said(overrides, sweep, outer, values, rest))
+        variants.append(Variant(words, index, places, study, reason))
+    first = next((one.study for one in variants if one.study is not None), None)
+    if first is None:
+        what = f"no geometry of the sweep can be made ({variants[0].words}: {variants[0].reason})"
+        ctx.errors.at(sweep.axes[outer[0]].node, what, "sweep over others", on_key=True)
+        raise StudyError(ctx.errors.problems)
+    if first.mesh.open_ended:
+        what = "changes the body or its meshes, and with a tolerance or adaptive meshes each would end on another level"
+        remedy = "use a uniform or graded family, or write one study for each geometry"
+        ctx.errors.at(sweep.axes[outer[0]].node, what, remedy, on_key=True)
+        raise StudyError(ctx.errors.problems)
+    return first, tuple(variants)
+
+
+def whole(study: Study, variants: tuple[Variant, ...], **own: object) -> Study:
+    """The study of all geometries. study: that of one;  own: text, axes and mode of the sweep, overrides, design."""
+    return replace(study, scenes=VariantScenes(variants), variants=variants, **own)  # type: ignore[arg-type]
+
+
+def _geometries(sweep: Sweep, outer: list[int]) -> list[tuple[tuple[int, ...], np.ndarray, Sweep]]:
+    """(places of the values of the outer axes, places of the points, what of the sweep is left) of every geometry."""
+    inner = [i for i in range(len(sweep.axes)) if i not in outer]
+    if sweep.mode == "grid":
+        sizes = [len(axis.values) for axis in sweep.axes]
+        points = np.arange(math.prod(sizes), dtype=np.intp).reshape(sizes)
+        rest = replace(sweep, axes=tuple(sweep.axes[i] for i in inner))
+        return [
+            (index, np.moveaxis(points, outer, range(len(outer)))[index].ravel(), rest)
+            for index in itertools.product(*(range(sizes[i]) for i in outer))
+        ]
+    found: dict[tuple[str, ...], list[int]] = {}
+    for k in range(len(sweep.axes[0].values)):
+        found.setdefault(tuple(sweep.axes[i].values[k].text() for i in outer), []).append(k)
+    made = []
+    for places in found.values():
+        axes = tuple(_of_points(sweep.axes[i], places) for i in inner)
+        rest = replace(sweep, axes=axes, mode="list" if axes else "grid", design=None, tabled=False)
+        made.append(((places[0],) * len(outer), np.array(places, dtype=np.intp), rest))
+    return made
+
+
+def _of_points(axis: SweptAxis, places: list[int]) -> SweptAxis:
+    values, labels = (tuple(whole[k] for k in places) for whole in (axis.values, axis.labels))
+    return replace(axis, values=values, labels=labels)
+
+
+def _refusal(ctx: Context, root: Node, sweep: Sweep) -> str:
+    """Why the body of this geometry, or its mesh, cannot be made; empty if it can, or if that is a fault elsewhere."""
+    probe = Context(Collector(), ctx.units, ctx.folder, ctx.named)
+    node, section = root.child("body"), root.child("mesh")
+    body = read_body(probe, node).body if node else None
+    body = read_inline_region(probe, root.child("heat"), body) if body else None
+    if body is None or body.outline is None or probe.errors.problems:
+        return ""
+    if faults := oversized(body) or check_body(body):
+        return f"{faults[0].where}: {faults[0].what}"
+    mesh = read_mesh(probe, section, sweep.h) if section or sweep.h else None
+    if mesh is None or probe.errors.problems:
+        return ""
+    return next((f"mesh.maxh: {what}" for _, what, _ in mesh_faults(mesh, body_area(body), body_size(body))), "")
+
+
+def _said(
+    overrides: tuple[str, ...], sweep: Sweep, outer: list[int], values: list[Node], rest: Sweep
+) -> tuple[str, ...]:
+    """The options with which the text of the whole study is that of one geometry."""
+    paths = [".".join(sweep.axes[i].parameter.path) for i in outer]
+    fixed = [
+        f"{path}={json.dumps(value.plain(), ensure_ascii=False)}" for path, value in zip(paths, values, strict=True)
+    ]
+    size: dict[str, object] = {"h": rest.h.plain()} if rest.h else {}
+    if not rest.axes:
+        return (*with_sweep(overrides, size), *fixed)
+    if rest.mode == "grid":
+        return (*with_sweep(overrides, {axis.key: _values(axis) for axis in rest.axes} | size), *fixed)
+    rows = [
+        {axis.key: {axis.labels[k]: axis.values[k].plain()} if axis.parameter.is_whole else axis.values[k].plain()
+         for axis in rest.axes}
+        for k in range(len(rest.axes[0].values))
+    ]  # fmt: skip
+    return (*with_sweep(overrides, {"mode": "list", "points": rows} | size), *fixed)
+
+
+def _values(axis: SweptAxis) -> object:
+    """The values of an axis of a grid as a sweep has them."""
+    plain = [value.plain() for value in axis.values]
+    return dict(zip(map(str, axis.labels), plain, strict=True)) if axis.parameter.is_whole else plain
