@@ -20,9 +20,9 @@ from tcstudy.read.body import oversized, read_body
 from tcstudy.read.checks import mesh_faults
 from tcstudy.read.document import with_sweep
 from tcstudy.read.fields import Context
+from tcstudy.read.heat import read_inline_region
 from tcstudy.read.node import Collector, Node, deepest, put, split_path
 from tcstudy.read.parameters import read_parameters, users, words_in
-from tcstudy.read.physics import read_inline_region
 from tcstudy.read.plans import read_mesh
 from tcstudy.read.sweep import Sweep, SweptAxis
 from tcstudy.scene.key import Key

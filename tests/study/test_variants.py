@@ -18,6 +18,7 @@ from tcstudy.read.study import read_study_text
 from tcstudy.reports.summary import summary
 from tcstudy.study.plan import plan
 from tcstudy.study.run import Quiet, execute
+from tests.test_cli import CONFIGS
 
 SCALED = """
 parameters: {s: 1}
@@ -197,3 +198,14 @@ def test_one_geometry_is_taken_out_as_the_run_that_it_was(tmp_path: Path, capsys
     assert (
         main(["draw", str(tmp_path / "out.nc"), str(tmp_path / "map.png"), "--map", "width,E", "--of", "u_T_max"]) == 0
     )
+
+
+def test_thickness_map(tmp_path: Path) -> None:
+    """A thin pad is a layer in shear: λ₁ → G/h, on meshes of any grading."""
+    fewer = ["sweep={parameters.H: [2 mm, 8 mm], mesh.grading: [0.5, 0.8]}", "mesh.levels=1"]
+    study = tcstudy.load(str(CONFIGS / "thickness_map.yaml"), fewer)
+    assert plan(study).factorisations == 4
+    data = tcstudy.run(study, tmp_path / "map.nc").to_dataset().isel(level=0)
+    ratio = data["lambda_1"] * data["H"] / 1e3
+    assert np.all((ratio.sel(H=0.002) > 0.99) & (ratio.sel(H=0.002) < 1.0))
+    assert np.all(ratio.sel(H=0.008) < 0.985)
