@@ -145,7 +145,9 @@ def _copy_into(source: netCDF4.Dataset, target: netCDF4.Dataset, rename: dict[st
         given = {key: old.getncattr(key) for key in old.ncattrs()}
         none = given.pop("_FillValue", False)
         large = old.dtype is not str and values.nbytes > 2**16
-        storage = {"compression": "zlib", "complevel": 1, "shuffle": True, "fletcher32": True} if large else {}
+        storage: dict[str, Any] = (
+            {"compression": "zlib", "complevel": 1, "shuffle": True, "fletcher32": True} if large else {}
+        )
         dims = tuple(rename.get(dim, dim) for dim in old.dimensions)
         new = target.createVariable(name, old.dtype, dims, fill_value=none, **storage)
         new.setncatts(given)

@@ -138,8 +138,7 @@ def _geometries(sweep: Sweep, outer: list[int]) -> list[tuple[tuple[int, ...], n
 
 
 def _of_points(axis: SweptAxis, places: list[int]) -> SweptAxis:
-    values, labels = (tuple(whole[k] for k in places) for whole in (axis.values, axis.labels))
-    return replace(axis, values=values, labels=labels)
+    return replace(axis, values=tuple(axis.values[k] for k in places), labels=tuple(axis.labels[k] for k in places))
 
 
 def _refusal(ctx: Context, root: Node, sweep: Sweep) -> str:
