@@ -62,10 +62,9 @@ def test_a_name_that_follows_from_a_swept_one_follows_it() -> None:
         ("parameters.load=5 J", "'J' is not a unit of any number of a study"),
         ("parameters.x=3", "'x' is no name of a parameter"),
         ("parameters=5", "parameters: must be a mapping of names to numbers"),
-        ("sweep={parameters.height: [1 m, 2 m]}", "is swept, but body depends on it"),
         (
-            "sweep={parameters.height: [1 m, 2 m]}",
-            "is swept, but mesh depends on it (height)",
+            "sweep={parameters.share: [0.2, 0.4]}\nsolver={tolerance: share}",
+            "is swept, but solver depends on it (share)",
         ),
         ("sweep={parameters.load: [1 m]}", "'m' is not a unit of a stress"),
         ("sweep={parameters.lod: [1]}", "did you mean 'parameters.load'?"),
@@ -74,7 +73,7 @@ def test_a_name_that_follows_from_a_swept_one_follows_it() -> None:
 )
 def test_what_is_refused(override: str, what: str) -> None:
     with pytest.raises(StudyError) as caught:
-        of(override)
+        of(*override.split("\n"))
     assert what in str(caught.value)
 
 
