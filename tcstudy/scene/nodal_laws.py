@@ -34,10 +34,10 @@ class LawTable:
 
     laws: tuple[FrictionLaw, ...]
 
-    def _table(self, name: str, beyond: float | None = None) -> Array:
+    def _table(self, name: str, width: int, beyond: float | None = None) -> Array:
         """One of the arrays of the laws, short ones filled with `beyond` or their last value."""
-        rows = [np.asarray(getattr(law, name)) for law in self.laws]
-        table = np.empty((len(rows), max([1, *(len(row) for row in rows)])))
+        rows = [getattr(law, name) for law in self.laws]
+        table = np.empty((len(rows), width))
         for filled, row in zip(table, rows, strict=True):
             filled[: len(row)] = row
             filled[len(row) :] = row[-1] if beyond is None else beyond
@@ -46,33 +46,48 @@ class LawTable:
     @cached_property
     def kinks(self) -> Array:
         """(L, K) kinks [m]."""
-        return self._table("kinks", np.inf)
+        return self._table("kinks", max([1, *(len(law.kinks) for law in self.laws)]), np.inf)
 
     @cached_property
     def kinds(self) -> Array:
-        """(L, K) UP, BEND or DOWN."""
-        return self._table("kinds", BEND)
+        """(L, K) UP, BEND or DOWN, as `FrictionLaw.kinds`; BEND beyond a law's last kink."""
+        (left, terms), (right, others) = self._beside_kinks
+        return np.where(np.abs(right - left) <= 8 * np.finfo(float).eps * (terms + others), BEND, np.sign(right - left))
 
     @cached_property
     def ends(self) -> Array:
         """(L, K+2) −∞, the kinks, +∞."""
-        edge = np.full((len(self.laws), 1), np.inf)
-        return np.concatenate([-edge, self.kinks, edge], axis=1)
+        return np.pad(self.kinks, ((0, 0), (1, 1)), constant_values=(-np.inf, np.inf))
 
     @cached_property
     def limits(self) -> tuple[Array, Array]:
-        """(L, K) left and right limits of b at the kinks [Pa]."""
-        return self._table("b_left", 0.0), self._table("b_right", 0.0)
+        """(L, K) left and right limits of b at the kinks, 0 beyond a law's last [Pa]."""
+        return self._beside_kinks[0][0], self._beside_kinks[1][0]
+
+    @cached_property
+    def _beside_kinks(self) -> list[tuple[Array, Array]]:
+        """(b, the magnitudes that it is made of), (L, K) each, of the pieces to the left and right of the kinks."""
+        found, count, real = [], self.kinks.shape[1], np.isfinite(self.kinks)
+        for side in (0, 1):
+            s_0, b_0, q, a, r = (x[:, side : side + count] for x in self.pieces)
+            apart = np.where(real, self.kinks, s_0) - s_0
+            linear, decays = b_0 + q * apart, a * np.exp(-r * apart)
+            terms = np.abs(b_0) + np.abs(q * apart) + np.abs(decays) * (1.0 + np.abs(r * apart))
+            found.append((np.where(real, linear if self.linear else linear + decays, 0.0), terms))
+        return found
 
     @cached_property
     def from_first(self) -> Array:
-        """(L, K) ∫ b from a law's first kink to each [Pa·m]."""
-        return self._table("from_first", 0.0)
+        """(L, K) ∫ b from a law's first kink to each, to its last beyond that [Pa·m]."""
+        last = np.where(np.isfinite(self.kinks), self.kinks, self.pieces[0][:, 1:])
+        s_0, b_0, q, a, r = (x[:, 1:-1] for x in self.pieces)
+        steps = integral_of_piece(s_0, b_0, q, a, r, last[:, :-1], last[:, 1:], self.linear)
+        return np.pad(np.cumsum(np.where(np.isfinite(self.kinks[:, 1:]), steps, 0.0), axis=1), ((0, 0), (1, 0)))
 
     @cached_property
     def pieces(self) -> tuple[Array, ...]:
         """s_0, b_0, q, a, r, (L, K+1) each."""
-        return tuple(self._table(name) for name in ("s_0", "b_0", "q", "a", "r"))
+        return tuple(self._table(name, self.kinks.shape[1] + 1) for name in ("s_0", "b_0", "q", "a", "r"))
 
     @cached_property
     def linear(self) -> bool:

@@ -197,3 +197,15 @@ def test_strength_two_is_the_law_times_two() -> None:
         v, w = solve_contact(one), solve_contact(two)
         np.testing.assert_allclose(v.v, w.v, rtol=1e-12, atol=1e-14)
         assert v.status == w.status == Status.CONVERGED
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_a_table_holds_what_its_laws_say_of_themselves(smooth: bool) -> None:
+    laws = [cases.random_problem(np.random.default_rng([seed, 9]), 4, seed, smooth).law for seed in range(1, 8)]
+    table = LawTable((*laws, NONE, cases.spring(2.0)))  # type: ignore[arg-type]
+    for row, law in enumerate(table.laws):
+        count = len(law.kinks)
+        assert np.array_equal(table.kinds[row], np.append(law.kinds, np.zeros(table.kinks.shape[1] - count)))
+        for rows, own in zip((*table.limits, table.from_first), (law.b_left, law.b_right, law.from_first), strict=True):
+            assert np.array_equal(rows[row, :count], own)
+            assert np.all(np.isfinite(rows))

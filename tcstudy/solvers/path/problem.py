@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import BEND, DOWN, FrictionLaw
-from tcstudy.scene.nodal_laws import Law
+from tcstudy.scene.nodal_laws import Law, LawTable
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -126,58 +126,47 @@ class LawGraph:
 
 def by_code(law: Law, answer: Callable[[FrictionLaw], NDArray[Any]]) -> NDArray[Any]:
     """What `answer` says of the pieces (2K+1,) of a law, by the codes of its graph."""
-    return answer(law) if isinstance(law, FrictionLaw) else np.concatenate([answer(own) for own in law.table.laws])
+    table = _table(law)
+    rows = [answer(own) for own in table.laws]
+    width = 2 * table.kinks.shape[1] + 1
+    return np.concatenate([np.append(row, np.repeat(row[-1:], width - len(row))) for row in rows])
+
+
+def _table(law: Law) -> LawTable:
+    return LawTable((law,)) if isinstance(law, FrictionLaw) else law.table
 
 
 def law_graph(law: Law) -> LawGraph:
-    """The graph of a piecewise-linear law, or of the laws of nodes; raises ValueError for exponential pieces."""
-    if isinstance(law, FrictionLaw):
-        return _one_graph(law)
-    graphs = [_one_graph(own) for own in law.table.laws]
-    first = np.cumsum([0, *(len(graph.free) for graph in graphs[:-1])]).astype(np.int32)
-    joined = {f.name: np.concatenate([getattr(graph, f.name) for graph in graphs]) for f in fields(LawGraph)}
-    shift = np.repeat(first, [len(graph.free) for graph in graphs])
-    for name in ("after_low", "after_high"):
-        joined[name] = np.where(joined[name] < 0, np.int32(-1), joined[name] + shift)
-    return LawGraph(**joined | {"first": first[law.index]})
+    """The graph of a piecewise-linear law, or of the laws of nodes; raises ValueError for exponential pieces.
 
-
-def _one_graph(law: FrictionLaw) -> LawGraph:
+    All laws have as many codes as the one with most kinks; nothing leads to those that a law does not need.
+    """
     if not law.piecewise_linear:
         raise ValueError(
             f"the law {law.name} is not piecewise linear; replace it by path.problem.piecewise_linear(law, …) first"
         )
-    count = len(law.kinks)
-    codes = np.arange(2 * count + 1)
-    free = codes % 2 == 0
-    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
-    low, high, slope, anchor, start, kink = (np.zeros(len(codes)) for _ in range(6))
-    low[0::2], high[0::2] = ends[:-1], ends[1:]
-    slope[0::2], anchor[0::2], start[0::2] = law.q, law.s_0, law.b_0
-    low[1::2] = np.minimum(law.b_left, law.b_right)
-    high[1::2] = np.maximum(law.b_left, law.b_right)
-    kink[1::2] = law.kinks
-    sense = np.ones(len(codes), dtype=np.int8)
-    sense[1::2] = np.where(law.kinds == DOWN, -1, 1)
-    before, after = (codes - 1).astype(np.int32), (codes + 1).astype(np.int32)
-    after[-1] = -1
-    bends = np.flatnonzero(law.kinds == BEND)
-    after[2 * bends] += 1
-    before[2 * bends + 2] -= 1
+    table = _table(law)
+    laws, count = table.kinks.shape
+    shape, real = (laws, 2 * count + 1), np.isfinite(table.kinks)
+    free, codes = np.zeros(shape, dtype=bool), np.arange(laws * shape[1], dtype=np.int32).reshape(shape)
+    low, high, slope, anchor, start, kink = (np.zeros(shape) for _ in range(6))
+    free[:, 0::2] = True
+    low[:, 0::2], high[:, 0::2] = table.ends[:, :-1], table.ends[:, 1:]
+    anchor[:, 0::2], start[:, 0::2], slope[:, 0::2] = table.pieces[:3]
+    low[:, 1::2], high[:, 1::2] = np.minimum(*table.limits), np.maximum(*table.limits)
+    kink[:, 1::2] = np.where(real, table.kinks, 0.0)
+    sense = np.ones(shape, dtype=np.int8)
+    sense[:, 1::2] = np.where(table.kinds == DOWN, -1, 1)
+    before, after = codes - 1, codes + 1
+    bends = real & (table.kinds == BEND)
+    after[:, :-1:2] += bends
+    before[:, 2::2] -= bends
+    before[:, 0] = after[np.arange(laws), 2 * np.count_nonzero(real, axis=1)] = -1
     falls = sense < 0
-    return LawGraph(
-        free,
-        low,
-        high,
-        sense,
-        np.where(falls, after, before),
-        np.where(falls, before, after),
-        slope,
-        anchor,
-        start,
-        kink,
-        np.zeros(1, dtype=np.int32),
-    )
+    low_after, high_after = np.where(falls, after, before), np.where(falls, before, after)
+    first = codes[:1, 0] if isinstance(law, FrictionLaw) else codes[law.index, 0]
+    moving = (free.ravel(), low.ravel(), high.ravel(), sense.ravel(), low_after.ravel(), high_after.ravel())
+    return LawGraph(*moving, slope.ravel(), anchor.ravel(), start.ravel(), kink.ravel(), first)
 
 
 MAX_CELLS = 100_000
