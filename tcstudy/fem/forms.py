@@ -130,7 +130,8 @@ class GradientProducts:
         if not where:
             return self._assembled[1]
         if where not in self._parts:
-            self._parts[where] = self._assemble(where)[1]
+            inside = bool(self.mesh.inside(where).any())  # of a factor that is 0 everywhere NGSolve makes no form
+            self._parts[where] = self._assemble(where)[1] if inside else np.zeros_like(self._assembled[1])
         return self._parts[where]
 
     def _assemble(self, where: Where) -> tuple[NodeGraph, Array]:

@@ -255,28 +255,15 @@ def _check_keys(ctx: Context, root: Node, sweep: Sweep) -> None:
     Fields(ctx, root, "", required, (*OPTIONAL, "mesh"))
 
 
-def _refuse_one_law(ctx: Context, root: Node, mesh: MeshPlan | None, output: OutputPlan | None) -> None:
-    """What takes one law on all of Γ_C only."""
-    one = "friction differs along the contact line, and"
-    if mesh and mesh.estimates and (node := root.child("mesh")):
+def _refuse_several(ctx: Context, root: Node, plans: _Plans, several: str, one: str) -> None:
+    """What takes one law on all of Γ_C, or one material in the whole body."""
+    if plans.mesh and plans.mesh.estimates and (node := root.child("mesh")):
         remedy = "use a uniform or graded family, and tcstudy converge for errors"
-        ctx.errors.at(node, f"{one} errors are not estimated then", remedy)
+        ctx.errors.at(node, f"{several}, and errors are not estimated then", remedy)
     if node := root.child("exact"):
-        ctx.errors.at(node, f"{one} an exact solution takes one law", "remove exact, or write one law")
-    if output and output.live and (node := root.child("output")):
-        ctx.errors.at(node, f"{one} a live page takes one law", "remove live: true")
-
-
-def _refuse_one_material(ctx: Context, root: Node, mesh: MeshPlan | None, output: OutputPlan | None) -> None:
-    """What takes one material in the whole body only."""
-    one = "materials differ by region, and"
-    if mesh and mesh.estimates and (node := root.child("mesh")):
-        remedy = "use a uniform or graded family, and tcstudy converge for errors"
-        ctx.errors.at(node, f"{one} estimates do not follow jumps of the stress between them", remedy)
-    if node := root.child("exact"):
-        ctx.errors.at(node, f"{one} an exact solution takes one", "remove exact, and let tcstudy converge refine")
-    if output and output.live and (node := root.child("output")):
-        ctx.errors.at(node, f"{one} a live page takes one", "remove live: true")
+        ctx.errors.at(node, f"{several}, and an exact solution takes one {one}", f"remove exact, or write one {one}")
+    if plans.output and plans.output.live and (node := root.child("output")):
+        ctx.errors.at(node, f"{several}, and a live page takes one {one}", "remove live: true")
 
 
 def _refuse_of_body(ctx: Context, root: Node, plans: _Plans, one: str) -> None:
@@ -335,16 +322,16 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
         from tcstudy.read.sensitivity import read_sensitivity  # only for a study that asks for derivatives
 
         output = replace(output, sensitivity=read_sensitivity(ctx, names, root, reader.base, scenes, exact))
-    if any(isinstance(scene.friction, EdgeLaws) for scene in distinct(scenes, "friction")):
-        _refuse_one_law(ctx, root, mesh, output)
-    if root.child("materials"):
-        _refuse_one_material(ctx, root, mesh, output)
     fit = None
     if (section := root.child("fit")) and not ctx.errors.problems:
         from tcstudy.read.fit import read_fit  # only for a study that has one
 
         fit = read_fit(ctx, section, root, reader.base, mesh)
     plans = _Plans(mesh, solver, output, exact, path, history, fit)
+    if any(isinstance(scene.friction, EdgeLaws) for scene in distinct(scenes, "friction")):
+        _refuse_several(ctx, root, plans, "friction differs along the contact line", "law")
+    if root.child("materials"):
+        _refuse_several(ctx, root, plans, "materials differ by region, where stresses jump", "material")
     if scenes and any(isinstance(r, Rigid) for _, r in scenes[0].boundary):
         _refuse_of_body(ctx, root, plans, "an edge is rigid, and")
     elif any(scene.springs for scene in distinct(scenes, "boundary")):
