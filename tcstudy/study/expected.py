@@ -15,15 +15,13 @@ import numpy as np
 
 from tcstudy.scene.study import Study
 from tcstudy.study.jobs import seconds as contact_seconds
-from tcstudy.study.sizes import LevelForecast, refined
+from tcstudy.study.sizes import LevelForecast, meshing_seconds, refined
 
 PROBES = (6.0e-3, 1.2e-2)
 """Seconds of the two probes on the machine of results/speed.md: arithmetic, and scattered memory."""
 REPEATS = 7
 START, LEVEL = 2.0, 0.3
 """Seconds that starting takes, and a level whatever its size."""
-MESHER = 1.4e-4
-"""Seconds of Netgen for each unknown; refinement costs hardly more than assembly."""
 ASSEMBLY, FACTOR, HEAT, LOADS = (1.25e-6, 1.08), (8.6e-7, 1.12), (1.04e-6, 1.07), (1.05e-6, 1.08)
 """(c, p) of the stages: mesh refinement with assembly, Ã, the heat problem, loads."""
 MEMORY, UNKNOWN = 270e6, 2700.0
@@ -44,9 +42,8 @@ def of_run(study: Study, levels: Sequence[LevelForecast], factorisations: int, h
     """What a run is expected to take; the most, where an estimate decides about meshes."""
     all_levels = refined(tuple(levels), study.mesh)
     spent = START + sum(_level(v.n_dof, factorisations, bool(heat_solves)) for v in all_levels)
-    made = all_levels[:1] if study.mesh.nested else all_levels
-    spent += MESHER * sum(v.n_dof for v in made)
-    spent = spent * slowness() + sum(contact_seconds(study, v.n_contact) for v in all_levels)
+    spent = spent * slowness() + meshing_seconds(study.mesh, all_levels)
+    spent += sum(contact_seconds(study, v.n_contact) for v in all_levels)
     return Resources(spent, MEMORY + UNKNOWN * max((v.n_dof for v in all_levels), default=0))
 
 
@@ -55,10 +52,11 @@ def of_cost(study: Study, levels: Sequence[LevelForecast], heat: bool, runs: int
     sizes = [v.n_dof for v in refined(tuple(levels), study.mesh)]
     sizes = [*sizes, 4 * max(sizes, default=0)]
     reference = round(REFERENCE * max(sizes))
-    each = sum(_level(n, 1, heat) for n in sizes) + MESHER * sizes[0]
+    each, meshed = sum(_level(n, 1, heat) for n in sizes), meshing_seconds(study.mesh, levels)
     # an adaptive reference passes meshes that double: twice its finest
-    spent = START + runs * solvers * FAMILIES * each + 2.0 * _level(reference, 1, heat) + MESHER * sizes[0]
-    return Resources(spent * slowness(), MEMORY + UNKNOWN * reference)
+    times = runs * solvers * FAMILIES
+    spent = START + times * each + 2.0 * _level(reference, 1, heat)
+    return Resources(spent * slowness() + (times + 1) * meshed, MEMORY + UNKNOWN * reference)
 
 
 def _level(n_dof: int, factorisations: int, heat: bool) -> float:

@@ -13,14 +13,13 @@ from tcstudy.data import schema
 from tcstudy.data.files import check_writable
 from tcstudy.errors import GeometryFailed, StoreError, UsageError, UserFault
 from tcstudy.exact.loads import description
-from tcstudy.fem.meshes import SAMPLE, triangles_a_second
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import exchange_level
 from tcstudy.read.document import located
 from tcstudy.scene.points import FELT, count_points, distinct, idle_notes, needs_heat_solve, of_stiffness, why_no_heat
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.study.doubts import built_doubts, built_faults, doubts, locking_notes
-from tcstudy.study.sizes import LevelForecast, forecast, measured, refined, sizes
+from tcstudy.study.sizes import LevelForecast, forecast, measured, meshing_seconds, refined, sizes
 
 
 @dataclass(frozen=True)
@@ -127,14 +126,11 @@ WORTH_SAYING = 2.0
 
 def _meshing_note(study: Study, levels: tuple[LevelForecast, ...]) -> list[str]:
     """What meshing will cost, where it costs much, and how it would cost little."""
-    mesh = study.mesh
-    meshed = levels if mesh.listed else levels[:1]
-    triangles = sum(2 * level.nodes for level in meshed) / 4**mesh.refine
-    if triangles <= SAMPLE or (seconds := triangles / triangles_a_second()) < WORTH_SAYING:
+    if (seconds := meshing_seconds(study.mesh, levels)) < WORTH_SAYING:
         return []
     more = math.ceil(math.log(seconds / WORTH_SAYING, 4)) + 1
     what = f"meshing takes about {seconds:.0f} s"
-    return [f"{what}; mesh.refine: {mesh.refine + more} makes meshes of this size from coarser ones, much faster"]
+    return [f"{what}; mesh.refine: {study.mesh.refine + more} makes meshes of this size from coarser ones, much faster"]
 
 
 def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> list[str]:

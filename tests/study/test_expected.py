@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tcstudy.read.study import read_study
-from tcstudy.study import expected
+from tcstudy.study import expected, sizes
 from tcstudy.study.sizes import LevelForecast
 
 CONFIG = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
@@ -18,6 +18,7 @@ CONFIG = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
 @pytest.fixture(autouse=True)
 def usual_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(expected, "slowness", lambda: 1.0)
+    monkeypatch.setattr(sizes, "triangles_a_second", lambda: 10_000.0)
 
 
 def test_the_stages_of_the_speed_benchmark() -> None:
@@ -36,7 +37,10 @@ def test_more_work_takes_longer_and_more_memory() -> None:
     assert two.memory - one.memory > 1e8
     assert expected.of_run(study, large, 5, 9).seconds > two.seconds
     listed = replace(study, mesh=replace(study.mesh, maxh=(0.02, 0.01)))
-    assert expected.of_run(listed, large, 1, 9).seconds > two.seconds
+    dear = expected.of_run(listed, large, 1, 9).seconds
+    assert dear > two.seconds
+    coarser = replace(listed, mesh=replace(listed.mesh, refine=2))  # Netgen makes a sixteenth of the triangles
+    assert dear - expected.of_run(coarser, large, 1, 9).seconds == pytest.approx(15 / 16 * 100_200 / 1e4)
     chart = [expected.of_cost(study, small, True, runs, 2).seconds for runs in (1, 5)]
     assert one.seconds < chart[0] < chart[1]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import tcstudy
-from tcstudy.study import plan as plan_module
+from tcstudy.study import sizes as sizes_module
 from tcstudy.study.plan import plan
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 
@@ -98,10 +98,10 @@ def test_a_swept_parameter_that_changes_nothing_is_named() -> None:
 
 def test_dear_meshing_is_said_with_what_makes_it_cheap(monkeypatch: pytest.MonkeyPatch) -> None:
     """In seconds of this machine, which is timed only where there is much to mesh."""
-    monkeypatch.setattr(plan_module, "triangles_a_second", lambda: 100.0)
+    monkeypatch.setattr(sizes_module, "triangles_a_second", lambda: 100.0)
     slow = [n for n in plan(study_of(RECTANGLE, "mesh={maxh: 0.05}")).notes if "meshing" in n]
     assert 15 < float(slow[0].split()[3]) < 25  # 2 · 1 body, 0.866 h² for two triangles
-    monkeypatch.setattr(plan_module, "triangles_a_second", None)
+    monkeypatch.setattr(sizes_module, "triangles_a_second", None)
     assert not any("meshing" in n for n in plan(study_of(RECTANGLE)).notes)
     monkeypatch.undo()
     (note,) = [n for n in plan(study_of(RECTANGLE, "mesh={maxh: 0.005}")).notes if "meshing" in n]
