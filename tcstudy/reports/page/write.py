@@ -17,6 +17,8 @@ from tcstudy.reports.page.other_part import convergence_part, cost_part, path_pa
 from tcstudy.reports.page.point_part import body_part, drawn_level, line_part, live_part
 from tcstudy.reports.page.run_part import run_part
 from tcstudy.reports.page.stored import Stored, StoreError, outline, read, reading, replace_file, sources
+from tcstudy.scene.key import GREEK, symbol
+from tcstudy.scene.keys import ROWS
 
 SCRIPTS = ("format.js", "charts.js", "laws.js", "solver.js", "parts.js", "run.js", "point.js", "live.js", "others.js",
            "main.js")  # fmt: skip
@@ -129,6 +131,7 @@ def _about(stored: Stored) -> Json:
         "file": stored.path.name,
         "unit_system": str(attrs.get("unit_system", "SI")),
         "solver": str(attrs.get("solver", "")),
+        "symbols": {row.name: symbol(row.name) for row in ROWS if row.name.partition("_")[0] in GREEK},
         "tolerance": float(attrs.get("solver_tolerance", float("nan"))),
         "provenance": {
             name: str(attrs[name])

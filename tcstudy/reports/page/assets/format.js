@@ -49,14 +49,14 @@ TC.field = function (fields, p) {
   return out;
 };
 
-TC.SYMBOLS = {
-  alpha: "α", theta_bar: "θ̄", theta: "θ", beta: "β", alpha_T: "α_T", lambda: "λ", mu: "μ", nu: "ν", tau: "τ", tau_s: "τ_s", tau_k: "τ_k",
-  delta: "δ", omega: "ω", lambda_1: "λ₁", u_T_max: "largest |u_T|", slip_length: "slip length", friction_resultant: "friction resultant ∫ξ",
+// Results in words; parameters have their symbols from the page's data.
+TC.WORDS = {
+  lambda_1: "λ₁", u_T_max: "largest |u_T|", slip_length: "slip length", friction_resultant: "friction resultant ∫ξ",
   energy: "energy", theta_mean: "mean θ", uniqueness_margin: "λ₁ − ω", inclusion_residual: "inclusion residual", error_estimate: "estimated error",
   iterations: "solver steps", time_solve: "time to solve", time_condense: "time to condense", heat_balance: "heat balance defect", goal: "goal",
   goal_estimate: "estimated error of goal", goal_error: "error of goal", evaluations: "evaluations", h_max: "longest edge h",
 };
-TC.symbol = (name) => TC.SYMBOLS[name] || name.replace(/_/g, " ");
+TC.symbol = (name) => TC.WORDS[name] || TC.data.symbols[name] || name.replace(/_/g, " ");
 
 TC.UP = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
 TC.unit = function (units) {
