@@ -23,10 +23,15 @@ import numpy as np
 import xarray as xr
 
 from tcstudy.data.records import PointStatus
+from tcstudy.read.study import read_study
+from tcstudy.study.run import execute
 from tests.verification.scenes import RECTANGLE
 
 RESULTS = Path(__file__).parents[2] / "results"
-STUDY = RECTANGLE.replace("levels: 3", "levels: 1") + "\nsweep: {friction.tau: {linspace: [0.005, 0.03, POINTS]}}\n"
+STUDY = (
+    RECTANGLE.replace("maxh: 0.1, levels: 3", "maxh: 0.3, levels: 1")
+    + "\nsweep: {friction.tau: {linspace: [0.005, 0.03, POINTS]}}\n"
+)
 RUN = """
 import sys, time
 from pathlib import Path
@@ -64,8 +69,7 @@ def survive(folder: Path, kills: int, seed: int, points: int) -> Kills:
         assert done.starts < kills + 10, "runs end without a result"
         done.starts += 1
         _one_run(study, output, kills, chance, done)
-    words = [sys.executable, "-c", RUN, str(study), str(plain), "1", "0"]
-    subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
+    execute(read_study(study), plain, jobs=1)
     assert_same(plain, output)
     return done
 

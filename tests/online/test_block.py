@@ -220,7 +220,7 @@ def test_many_wells_end_where_the_single_solve_ends() -> None:
 def test_strengths_and_gaps_by_node_agree_with_the_single_solve() -> None:
     """Two laws of the table, strengths from 0.5 to 2 and a gap: answers, flags and margins of the nodes' laws."""
     laws = [*some_laws(), NONE]
-    body, loads, _tables, law = block(20, laws[:-1], 30)
+    body, loads, _tables, law = block(20, laws[:-1], 12)
     index = np.repeat(law[:, None], body.m, axis=1)
     index[:, 8:14], index[:, 14:17] = (index[:, 8:14] + 1) % len(laws[:-1]), len(laws) - 1
     strength = np.broadcast_to(np.linspace(0.5, 2.0, body.m), index.shape)

@@ -74,7 +74,7 @@ def test_bends_are_those_of_the_laws_and_few_parts_never_less() -> None:
     low, high = v - rng.exponential(0.5, len(v)), v + rng.exponential(0.5, len(v))
     zeta = by_law(law, v, of=lambda b, s: np.mean(b.interval(s), axis=0))
     given = (RowLaws(TABLES, law[None]), v[None], zeta[None], low[None], high[None])
-    exact = bends_below_tangent(*given, 4000)[0]
+    exact = bends_below_tangent(*given, 400)[0]
     expected = by_law(law, v, zeta, low, high, of=global_bound.bend_below_tangent)
     finite = np.isfinite(expected)
     for parts in (6, 48):

@@ -132,7 +132,7 @@ body: {rectangle: {width: 2, height: 1}}
 boundary: {bottom: contact, left: free, top: {role: clamped, u_x: 0.1, u_y: 0}, right: free}
 material: {E: 1, nu: 0.3}
 friction: {law: slip-weakening, tau_s: 0.05, tau_k: 0.01, delta: 0.02}
-mesh: {maxh: 0.5, levels: 4}
+mesh: {maxh: 2, levels: 4}
 path: {parameter: boundary.top.u_x, from: 0, to: 0.2, at: [0.1]}
 """
 
