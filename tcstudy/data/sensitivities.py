@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from tcstudy.data.records import SENSITIVITY
 from tcstudy.data.schema import POINT_LEVEL, FileVariable, flags
 from tcstudy.scene.study import Sensitivity
@@ -48,7 +50,10 @@ def variables(numbers: Sequence[Sensitivity]) -> tuple[FileVariable, ...]:
     return tuple(found)
 
 
-_EVENTS = (("valid_min", 0), ("comment", "where a node begins to slide, comes to rest or passes a kink, to 1e-9"))
+_EVENTS = (
+    ("valid_min", np.int32(0)),
+    ("comment", "where a node begins to slide, comes to rest or passes a kink, to 1e-9"),
+)
 
 
 def quotient(units: str, by: str) -> str:

@@ -30,7 +30,7 @@ from tcstudy.offline.loads import (
     split,
     unloaded,
 )
-from tcstudy.scene.dual import law_slopes
+from tcstudy.scene.dual import law_slopes, number_of
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Clamped, Convection, Heat, Role, Scene, Traction
@@ -126,7 +126,7 @@ def law_slope(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> tu
     if by.path[0] != "friction":
         return b, kinks
     for law, nodes, factor in _laws(level, scene, by.path):
-        slopes, s = law_slopes(law, by.path[-1]), at.v[nodes]
+        slopes, s = law_slopes(law, number_of(by.path)), at.v[nodes]
         b[nodes] = factor * slopes.value(s, law.piece(s))
         if len(law.kinks):
             kinks[nodes] = slopes.kinks[law.nearest_kink(s)]

@@ -13,13 +13,14 @@ from tcstudy.read.checks import check_corners
 from tcstudy.read.fields import Context
 from tcstudy.read.node import Collector, Node, nearest
 from tcstudy.read.plans import affine_parameters
+from tcstudy.scene.dual import POINTS
 from tcstudy.scene.keys import row
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.parameters import SHORT, path_scene, sweepable
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Convection, EdgeLaws, Scene
 from tcstudy.scene.study import Exact, Sensitivity
-from tcstudy.scene.units import NONE, Dimension
+from tcstudy.scene.units import NONE, TRACTION, Dimension
 
 Keys = tuple[str, ...]
 
@@ -91,9 +92,12 @@ def _of_laws(scene: Scene) -> Iterator[tuple[Keys, tuple[Dimension, str]]]:
     laws = friction.laws if isinstance(friction, EdgeLaws) else (("", friction, 1.0),)
     for edge, law, strength in laws:
         place = ("friction", edge) if edge else ("friction",)
+        values = law.made.values if law.made else {}
         for key in SHAPES[law.made.shape].parameters if law.made else ():
-            if isinstance(law.made and law.made.values[key.name], float) and key.kind != "integer":
+            if isinstance(values[key.name], float) and key.kind != "integer":
                 yield (*place, key.name), (key.dimension, "")
+        for i in range(len(values.get(POINTS, ()))):
+            yield (*place, POINTS, str(i)), (TRACTION, "")
         yield (*place, "strength"), (NONE, "it varies in space" if isinstance(strength, Expression) else "")
 
 

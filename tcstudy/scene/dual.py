@@ -88,9 +88,56 @@ class LawSlopes:
         return value + factor * np.exp(-law.r[k] * apart)
 
 
-def law_slopes(law: FrictionLaw, parameter: str) -> LawSlopes:
-    """Derivatives of a law by one of its parameters, or by its `strength`, a factor of b.
+@dataclass(frozen=True, eq=False)
+class PointSlopes:
+    """Derivatives of a law through points (s_j, b_j) by one b_i: the hat function of the point, times a factor.
 
+    It is not taken from the pieces of the law, which has none for a point on the straight line of its neighbours.
+
+    kinks: (K,) 0, since only b moves;  s: (n,) of the points;  at: i;  odd: whether b is given for s ≥ 0 and mirrored
+    """
+
+    kinks: Array
+    s: Array
+    at: int
+    odd: bool
+    factor: float
+
+    def value(self, s: ArrayLike, piece: ArrayLike) -> Array:
+        """∂b/∂b_i at s (shape of s)."""
+        s = np.asarray(s, dtype=float)
+        x = np.abs(s) if self.odd else s
+        i, own = self.at, self.s[self.at]
+        left = self.s[i - 1] if i else -np.inf
+        right = self.s[i + 1] if i + 1 < len(self.s) else np.inf
+        rise = np.where(np.isinf(left), 1.0, (x - left) / (own - left if own > left > -np.inf else 1.0))
+        fall = np.where(np.isinf(right), 1.0, (right - x) / (right - own if np.inf > right > own else 1.0))
+        below, above = (x < own) & (left < own), (x >= own) & (right > own)
+        hat = np.where(below, np.maximum(rise, 0.0), np.where(above, np.maximum(fall, 0.0), 0.0))
+        return self.factor * np.asarray(np.where(s < 0.0, -hat, hat) if self.odd else hat)
+
+
+POINTS = "points"
+
+
+def number_of(path: tuple[str, ...]) -> str:
+    """What a key path calls a number of a law: "delta", "points.2" for the b of the third point."""
+    return ".".join(path[-2:]) if path[-2] == POINTS else path[-1]
+
+
+def point_of(law: FrictionLaw, parameter: str) -> int:
+    """Which point of a law "points.2" means. Raises KeyError if it has none of this number."""
+    made, (name, _, number) = law.made, parameter.partition(".")
+    points = made.values.get(POINTS, ()) if made and name == POINTS else ()
+    if not number.isascii() or not number.isdigit() or int(number) >= len(points):
+        raise KeyError(parameter)
+    return int(number)
+
+
+def law_slopes(law: FrictionLaw, parameter: str) -> LawSlopes | PointSlopes:
+    """Derivatives of a law by one of its parameters, by its `strength`, a factor of b, or by the b of a point.
+
+    parameter: as `number_of` has it
     Raises KeyError if it has no such parameter, or if it is not known what it was made of.
     """
     from tcstudy.scene.laws import SHAPES  # laws are built of numbers of this file
@@ -101,6 +148,10 @@ def law_slopes(law: FrictionLaw, parameter: str) -> LawSlopes:
     if parameter == "strength":
         zero, share = np.zeros(len(law.q)), 1.0 / made.strength
         return LawSlopes(law, np.zeros(len(law.kinks)), zero, law.b_0 * share, law.q * share, law.a * share, zero)
+    if parameter.startswith(f"{POINTS}."):
+        at, points = point_of(law, parameter), made.values[POINTS]
+        slips = np.array([s for s, _ in points], dtype=float)
+        return PointSlopes(np.zeros(len(law.kinks)), slips, at, made.values["odd"], made.strength)
     value = made.values[parameter]
     if not isinstance(value, float):
         raise KeyError(parameter)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tcstudy.expressions.expression import Expression, parse
+from tcstudy.scene.dual import POINTS, number_of, point_of
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import ROWS, law_rows, rows
@@ -141,7 +142,7 @@ def with_number(scene: Scene, by: Sensitivity, value: float) -> Scene:
     """The scene with another value of one number. Raises LawError or GrowthError where a law cannot have it."""
     section, name = by.path[0], by.path[-1]
     if section == "friction":
-        friction = scene.friction
+        name, friction = number_of(by.path), scene.friction
         if isinstance(friction, FrictionLaw):
             return replace(scene, friction=_law(friction, name, value))
         edges = ("", *by.path)
@@ -169,6 +170,10 @@ def _law(law: FrictionLaw, name: str, value: float) -> FrictionLaw:
     shape = SHAPES[made.shape]
     if name == "strength":
         return times(shape.build(**made.values), value)
+    if name.startswith(f"{POINTS}."):
+        points = list(made.values[POINTS])
+        points[point_of(law, name)] = (points[point_of(law, name)][0], value)
+        name, value = POINTS, points  # type: ignore[assignment]
     return times(shape.build(**{**made.values, name: value}), made.strength)
 
 

@@ -22,7 +22,7 @@ from tcstudy.data.provenance import collect
 from tcstudy.errors import FitError
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
-from tcstudy.scene.dual import law_slopes
+from tcstudy.scene.dual import law_slopes, number_of
 from tcstudy.scene.fits import FitPlan
 from tcstudy.scene.friction import GrowthError
 from tcstudy.scene.laws import LawError
@@ -56,6 +56,8 @@ def fit(study: Study, progress: Progress | None = None) -> FitRecord:
         raise FitError(str(error)) from error
     best = minima[0]
     found = model.compared(best.p)
+    if found.early:
+        raise FitError(f"the path that fits best ends early: {found.early}")
     said = uncertainty(best, box, groups_of(plan), plan.known_noise)
     return _record(plan, model, box, minima, found, said)
 
@@ -199,7 +201,7 @@ def _law(plan: FitPlan, model: FitModel, best: Minimum, said: Uncertainty) -> di
     slips = np.linspace(0.0, reach or 1.0, LAW_PLACES)
     piece = law.piece(slips)
     columns = [
-        law_slopes(law, one.number.path[-1]).value(slips, piece)
+        law_slopes(law, number_of(one.number.path)).value(slips, piece)
         if one.number.path[0] == "friction"
         else np.zeros(LAW_PLACES)
         for one in plan.parameters

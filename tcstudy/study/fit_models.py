@@ -19,20 +19,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.curve_distance import Feet, feet
-from tcstudy.errors import FitError
+from tcstudy.errors import FitError, PathError
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import law_slope, load_slope
-from tcstudy.scene.dual import law_slopes
+from tcstudy.scene.dual import LawSlopes, PointSlopes, law_slopes, number_of
 from tcstudy.scene.fits import FitPlan
 from tcstudy.scene.parameters import path_scene, with_number
 from tcstudy.scene.records import Scene
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.linearised import Linearised
 from tcstudy.solvers.loop import Status
-from tcstudy.solvers.path.follow import Follower, Path
+from tcstudy.solvers.path.follow import Follower, Path, PathStatus
+from tcstudy.solvers.path.vertex import NoSolutionError
 from tcstudy.study.path_affine import affine_load
 
 Array = NDArray[np.float64]
+WHOLE = (PathStatus.RANGE_END, PathStatus.UNBOUNDED, PathStatus.CLOSED_LOOP)
+"""Ends of a path at which there is nothing more to follow."""
+Laws = list[LawSlopes | PointSlopes | None]
+"""Derivatives of the law by each number, None where that is no number of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +47,7 @@ class Compared:
     residual: (n,) in units of the noise;  jacobian: (n, k) ∂residual/∂p
     predicted: (n,) results;  foot: (n, 2) feet (t, R) of an orthogonal comparison
     curve: (c, 2) the path (t, R), folds: vertices of it at which t turns
+    early: why the path ends before it has to; empty if it does not
     """
 
     residual: Array
@@ -50,6 +56,7 @@ class Compared:
     foot: Array = field(default_factory=lambda: np.empty((0, 2)))
     curve: Array = field(default_factory=lambda: np.empty((0, 2)))
     folds: NDArray[np.intp] = field(default_factory=lambda: np.empty(0, dtype=np.intp))
+    early: str = ""
 
 
 @dataclass
@@ -138,39 +145,51 @@ class FitModel:
         data = np.stack([given.values, measured.values], axis=1)
         foot = feet(data / sigma, curve / sigma)
         jacobian = -np.einsum("nd,ndk->nk", foot.normal / sigma, self._moved(scene, path, foot))
-        return Compared(foot.distance, jacobian, foot.point[:, 1] * sigma[1], foot.point * sigma, curve, path.folds)
+        early = "" if path.end.status in WHOLE else path.end.reason
+        found = foot.point * sigma
+        return Compared(foot.distance, jacobian, found[:, 1], found, curve, path.folds, early)
 
     def follow(self, scene: Scene) -> Path:
         """The path from no load on, as far beyond the data again as they reach."""
         column = self.plan.given[0]
         low, high = min(0.0, *column.values), max(0.0, *column.values)
         reach = high - low
-        load = affine_load(self.level, lambda t: path_scene(scene, column.path, t), low, high, column.name)
+        try:
+            load = affine_load(self.level, lambda t: path_scene(scene, column.path, t), low, high, column.name)
+        except PathError as error:
+            raise FitError(str(error)) from error
         start = solve_contact(load.problem.at(0.0), tolerance=self.tolerance, branch="from-zero")
         self.solves += 1
         if start.status != Status.CONVERGED:
             raise FitError(f"there is no solution without load to start from: {start.reason}")
         way = "forward" if max(column.values) > -min(column.values) else "backward"
         follower = Follower(low - reach, high + reach, tolerance=self.tolerance)
-        path = follower.follow(load.problem, start.v, 0.0, way)  # type: ignore[arg-type]
+        try:
+            path = follower.follow(load.problem, start.v, 0.0, way)  # type: ignore[arg-type]
+        except NoSolutionError as error:
+            raise FitError(str(error)) from error
         return path if way == "forward" else _reversed(path)
 
     def _moved(self, scene: Scene, path: Path, foot: Feet) -> Array:
         """(n, 2, k) derivatives of the feet (t, R) by the numbers."""
         places = [_Place.of(path, int(side), float(share)) for side, share in zip(foot.side, foot.share, strict=True)]
-        done = {place.key: self._at_place(scene, path, place) for place in {p.key: p for p in places}.values()}
+        laws = [
+            law_slopes(scene.one_law, number_of(one.number.path)) if one.number.path[0] == "friction" else None
+            for one in self.plan.parameters
+        ]
+        done = {place.key: self._at_place(scene, path, laws, place) for place in {p.key: p for p in places}.values()}
         found = np.empty((len(places), 2, len(self.plan.parameters)))
         for row, place in zip(found, places, strict=True):
             constant, along = done[place.key]
             row[:] = constant + place.share * along
         return found
 
-    def _at_place(self, scene: Scene, path: Path, place: _Place) -> tuple[Array, Array]:
+    def _at_place(self, scene: Scene, path: Path, laws: Laws, place: _Place) -> tuple[Array, Array]:
         """(2, k) at the beginning of a side, and what is added at its end: linear in between, as v and t are."""
-        first, last = (self._derivative(scene, path, place, place.side + end) for end in (0, 1))
+        first, last = (self._derivative(scene, path, laws, place, place.side + end) for end in (0, 1))
         return first, last - first
 
-    def _derivative(self, scene: Scene, path: Path, place: _Place, vertex: int) -> Array:
+    def _derivative(self, scene: Scene, path: Path, laws: Laws, place: _Place, vertex: int) -> Array:
         """(2, k) ∂(t, R)/∂p at a vertex of the side, the coordinate of the place held."""
         problem, codes, v = path.problem, path.codes[place.side], path.u[vertex]
         free = np.flatnonzero(problem.graph.free[codes])
@@ -189,8 +208,7 @@ class FitModel:
         for j, parameter in enumerate(self.plan.parameters):
             slope = load_slope(self.level, at, parameter.number)
             b, moving = np.zeros(m), np.zeros(m)
-            if parameter.number.path[0] == "friction":
-                law = law_slopes(at.one_law, parameter.number.path[-1])
+            if (law := laws[j]) is not None:
                 b = law.value(v, piece)
                 moving[piece < len(law.kinks)] = law.kinks[piece[piece < len(law.kinks)]]
                 right[-1, j] = scale * law.kinks[place.kink] if place.kink >= 0 else 0.0

@@ -40,6 +40,26 @@ def test_laws_are_differentiated_exactly(shape: str, name: str) -> None:
         np.testing.assert_allclose(found, (4.0 * two - one) / 3.0, rtol=0.0, atol=2e-8 * scale)
 
 
+@pytest.mark.parametrize("odd", [True, False])
+def test_the_b_of_a_point_is_a_hat(odd: bool) -> None:
+    """Also of a point that lies straight between its neighbours, where the law has no kink, and at a jump."""
+    points = [(0.0, 1.0), (0.5, 0.75), (1.0, 0.5), (1.0, 0.2), (2.0, 0.3)]
+    slips = np.linspace(-2.5, 2.5, 41) + 0.0123
+
+    def law(i: int = 0, h: float = 0.0):  # type: ignore[no-untyped-def]
+        moved = [(s, b + h * (j == i)) for j, (s, b) in enumerate(points)]
+        own = moved if odd else [(-3.0, -1.0), *moved]
+        return SHAPES["piecewise-linear"].build(points=own, odd=odd)
+
+    for i in range(len(points)):
+        found = law_slopes(law(), f"points.{i + (not odd)}").value(slips, law().piece(slips))
+        apart = [law(i, h).b(slips) for h in (1e-3, -1e-3)]
+        np.testing.assert_allclose(found, (apart[0] - apart[1]) / 2e-3, rtol=0.0, atol=1e-11, err_msg=str(i))
+    for name in ("points.9", "points.", "points.-1"):
+        with pytest.raises(KeyError):
+            law_slopes(law(), name)
+
+
 def test_strength_is_a_factor_and_others_are_refused() -> None:
     law = times(SHAPES["slip-weakening"].build(**LAWS["slip-weakening"]), 0.5)
     piece = law.piece(0.1)
