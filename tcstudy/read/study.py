@@ -291,8 +291,6 @@ def _refuse_heat_by_edge(ctx: Context, root: Node, plans: _Plans) -> None:
         ctx.errors.at(node, f"{one} results are not differentiated then", "remove sensitivity")
     if plans.fit and (node := root.child("fit")):
         ctx.errors.at(node, f"{one} a fit differentiates results", "remove fit", on_key=True)
-    if plans.fit and (node := root.child("fit")):
-        ctx.errors.at(node, f"{one} results are not differentiated then, as a fit needs", "give the section heat alone")
 
 
 def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scenes: Sequence[Scene]) -> _Plans:
