@@ -20,6 +20,7 @@ from tcstudy.data.reading import attributes, is_foreign
 from tcstudy.data.records import LevelRecord, PointStatus
 from tcstudy.data.schema import edge_flags
 from tcstudy.data.writer import in_file_order, put, put_all, put_axes
+from tcstudy.scene.points import distinct
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def write_history(
     plan = study.history
     assert plan is not None
     loads = schema.load_variables(study)
-    told = {CONTENT: "history", "memory": plan.memory.name, "branch": plan.branch, "substeps": plan.substeps}
+    told = {CONTENT: "history", "memory": plan.memory.name, "branch": plan.branch, "substeps": _substeps(study)}
     told["loads"] = " ".join(variable.name for variable, _ in loads if variable.dtype == "f8")
 
     def fill(nc: netCDF4.Dataset) -> None:
@@ -53,6 +54,14 @@ def write_history(
             put(nc, variable, study, in_file_order(study, shaped))
 
     write_dataset(path, global_attributes(study, provenance) | told, fill, kept)
+
+
+def _substeps(study: Study) -> int:
+    """Descents a step, 0 where all steps are followed along their paths."""
+    plan = study.history
+    assert plan is not None
+    smooth = any(not law.piecewise_linear for scene in distinct(study.scenes, "friction") for law in scene.laws)
+    return plan.substeps or int(plan.loose or smooth or plan.branch == "lowest")
 
 
 def open_history(path: Path) -> xarray.Dataset:

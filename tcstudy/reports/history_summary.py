@@ -83,7 +83,8 @@ def history_summary(path: Path, every_row: bool = False) -> str:
 
 def _head(data: Any) -> str:
     attrs, loads = data.attrs, ", ".join(_loads(data))
-    how = f"in {counted(int(attrs['substeps']), 'substep')}"
+    substeps = int(attrs["substeps"])
+    how = f"by {counted(substeps, 'descent')}" if substeps else "along its exact path"
     lowest = "the state of least energy" if attrs["branch"] == "lowest" else f"continued from the last state {how}"
     cycles = int(data["cycle"].max())
     return (

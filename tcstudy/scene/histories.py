@@ -99,7 +99,7 @@ def _check_virgin(law: FrictionLaw) -> None:
     after = law.kinks[law.kinks > 0.0]
     starts = np.concatenate([[0.0], after])
     least = float(np.min(np.concatenate([law.b(starts, +1), law.b(after, -1)])))
-    if least < 0.0:
+    if least < -1e-12 * law.b_scale:
         raise UnfitLaw(f"a history needs a law that opposes slip, but b falls to {least:g} Pa at s > 0 and would push; "
                        "let it end at 0")  # fmt: skip
 
@@ -142,7 +142,7 @@ class HistoryPlan:
     lines:      one after the other, `repeat` times
     parameters: (key path, CF units, value in the scene) of every load that changes
     branch:     which solution of a step: "continued" from the last state, or the one of least energy, "lowest"
-    substeps:   equal parts of every step, each solved by descent
+    substeps:   equal parts of every step, each solved by descent; None to follow the path inside the step
     level:      mesh level, None for the finest
     loose:      whether nothing but friction holds the body
     """
@@ -152,7 +152,7 @@ class HistoryPlan:
     parameters: tuple[tuple[Keys, str, float], ...]
     repeat: int = 1
     branch: HistoryBranch = "continued"
-    substeps: int = 1
+    substeps: int | None = None
     level: int | None = None
     loose: bool = False
 
@@ -216,8 +216,7 @@ HISTORY = (
         "history",
         "substeps",
         "integer",
-        "equal parts of a step, each solved by descent",
-        default=1,
+        "equal parts of a step, each solved by descent (default: its exact path)",
         least=1,
         most=1000,
     ),

@@ -166,6 +166,14 @@ class MemoryModel:
         assert self.memory.stiffness is not None
         return self.memory.stiffness
 
+    def done(self, state: NodeState, w: Array) -> Array:
+        """(m,) what cannot be undone since the state: slip, plastic slip, or |v| beyond κ [m]."""
+        if self.memory.name == "friction":
+            return np.abs(w)
+        if self.memory.name == "damage":
+            return np.maximum(np.abs(w) - state.kappa, 0.0)
+        return self.after(state, w).state.kappa - state.kappa
+
     def after(self, state: NodeState, w: Array) -> Bonds:
         """What the step to v = a + w leaves behind."""
         v = self.origin(state) + w

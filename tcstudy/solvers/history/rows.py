@@ -14,8 +14,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tcstudy.scene.friction import BEND, FrictionLaw
+from tcstudy.scene.friction import BEND, DOWN, FrictionLaw
 from tcstudy.scene.nodal_laws import Flags, Index, LawTable, NodalLaws
+from tcstudy.solvers.path.problem import LawGraph
 from tcstudy.solvers.separable.pieces import integral
 
 Array = NDArray[np.float64]
@@ -157,6 +158,31 @@ class RememberedLaws(NodalLaws):
         """(m,) the primitive j(s) [Pa·m]."""
         at = np.asarray(s, dtype=float)
         return integral(self, np.zeros_like(at), at)
+
+
+def graph_of(laws: RememberedLaws) -> LawGraph:
+    """The pieces of all rows by their codes, as `law_graph` numbers them; rows must be of straight pieces."""
+    table = laws.table
+    (L, K), (s_0, b_0, q, _, _) = table.kinks.shape, table.pieces
+    code = np.arange(2 * K + 1)
+    low, high, slope, anchor, start, kink = (np.zeros((L, 2 * K + 1)) for _ in range(6))
+    low[:, 0::2], high[:, 0::2] = table.ends[:, :-1], table.ends[:, 1:]
+    slope[:, 0::2], anchor[:, 0::2], start[:, 0::2] = q, s_0, b_0
+    low[:, 1::2], high[:, 1::2] = np.minimum(*table.limits), np.maximum(*table.limits)
+    kink[:, 1::2] = table.kinks
+    sense = np.ones((L, 2 * K + 1), dtype=np.int8)
+    sense[:, 1::2] = np.where(table.kinds == DOWN, -1, 1)
+    bends = table.kinds == BEND
+    before, after = np.tile(code - 1, (L, 1)), np.tile(code + 1, (L, 1))
+    after[:, 0:-1:2] += bends
+    before[:, 2::2] -= bends
+    first = (2 * K + 1) * np.arange(L)[:, None]
+    before, after = (np.where(np.isfinite(end), at + first, -1) for end, at in ((low, before), (high, after)))
+    falls = sense < 0
+    after_low, after_high = np.where(falls, after, before), np.where(falls, before, after)
+    arrays = (low, high, sense, after_low.astype(np.int32), after_high.astype(np.int32), slope, anchor, start, kink)
+    free = np.tile(code % 2 == 0, (L, 1))
+    return LawGraph(free.ravel(), *(x.ravel() for x in arrays), first.ravel()[laws.index].astype(np.int32))
 
 
 def laws_of(halves: Sequence[HalfRows], m: int, omega: Array, scale: float) -> RememberedLaws:

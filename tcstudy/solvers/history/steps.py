@@ -115,7 +115,8 @@ class HistoryProblem:
     A_tilde, c: as in `ContactProblem`, Ã only semidefinite for a body that nothing but friction holds
     law, memory: the scene's law and what is remembered of it
     branch:     "lowest": least energy of the step from all starts; "continued": from the last state
-    substeps:   of every step, equal parts of the load's change, each solved by descent from the state before
+    substeps:   of every step, equal parts of the load's change, each solved by descent from the state before; None to
+                follow the path inside the step (continued.py)
     tolerance:  of the inclusion residual, as in `solve_contact`
     lambda_1:   λ₁ if it is known
     held:       False for a body that only friction holds, which then has no λ₁
@@ -128,7 +129,7 @@ class HistoryProblem:
     law: Law
     memory: Memory
     branch: HistoryBranch = "continued"
-    substeps: int = 1
+    substeps: int | None = 1
     tolerance: float | None = None
     lambda_1: float | None = None
     held: bool = True
@@ -170,6 +171,11 @@ class HistoryProblem:
         """True if no law falls, so that every solution has the least energy."""
         return not np.any(self.model.omega)
 
+    @property
+    def follows_paths(self) -> bool:
+        """Whether steps are followed along their paths: of straight pieces, of a body that is held."""
+        return self.substeps is None and self.branch == "continued" and self.held and self.law.piecewise_linear
+
     @cached_property
     def inverse(self) -> Array:
         """Ã⁻¹, for certificates."""
@@ -207,10 +213,14 @@ def next_step(body: HistoryProblem, last: HistoryStep, load: Array) -> HistorySt
     """The step from `last` to a load; loads that do not change change nothing, to the bit."""
     if np.array_equal(load, last.load):
         return replace(last, energies=Energies(), parts=0, iterations=0, jumps=0, jumped=np.zeros(body.m, dtype=bool))
+    if body.follows_paths:
+        from tcstudy.solvers.history.continued import continued  # which needs the path follower
+
+        return continued(body, last, load)
     change, now = load - last.load, last
-    energies, parts, iterations = Energies(), 0, 0
-    for part in range(1, body.substeps + 1):
-        target = load if part == body.substeps else last.load + (part / body.substeps) * change
+    energies, parts, iterations, count = Energies(), 0, 0, body.substeps or 1
+    for part in range(1, count + 1):
+        target = load if part == count else last.load + (part / count) * change
         now = descended(body, now, target)
         energies, parts, iterations = energies + now.energies, parts + now.parts, iterations + now.iterations
         if not now.solved:
@@ -227,8 +237,8 @@ def descended(body: HistoryProblem, last: HistoryStep, load: Array) -> HistorySt
     if answer.status == Status.NOT_POSITIVE_DEFINITE:
         answer = _held_by_friction(body, problem, w, answer)
     bonds = body.model.after(last.state, answer.v)
-    step = _booked(body, last, load, answer, bonds)
-    return _proved(body, problem, answer, step) if step.solved else step
+    step = booked(body, last, load, answer, bonds)
+    return proved(body, problem, answer, step) if step.solved else step
 
 
 def _held_by_friction(body: HistoryProblem, problem: ContactProblem, w: Array, failed: Answer) -> Answer:
@@ -243,14 +253,23 @@ def _held_by_friction(body: HistoryProblem, problem: ContactProblem, w: Array, f
     return replace(answer, iterations=answer.iterations + failed.iterations)
 
 
-def _booked(body: HistoryProblem, last: HistoryStep, load: Array, answer: Answer, bonds: Bonds) -> HistoryStep:
-    """The step with its energies."""
+def booked(
+    body: HistoryProblem,
+    last: HistoryStep,
+    load: Array,
+    answer: Answer,
+    bonds: Bonds,
+    way: tuple[float, float] | None = None,
+) -> HistoryStep:
+    """The step with its energies.
+
+    way: work and ∫ξᵀdv of a path from the last state that is known between its ends; else it is taken as straight
+    """
     v, xi, old = bonds.state.v, answer.xi, last.state.v
     stored, dissipated = float(body.c @ bonds.stored), float(body.c @ bonds.dissipated)
     energy = body.energy(v, load)
-    moved, change = v - old, load - last.load
-    work = -0.5 * float((v + old) @ change)
-    friction = 0.5 * float((xi + last.xi) @ moved)
+    straight = -0.5 * float((v + old) @ (load - last.load)), 0.5 * float((xi + last.xi) @ (v - old))
+    work, friction = straight if way is None else way
     closure = friction - (stored - last.stored) - dissipated
     defect = abs(energy - last.body - work + friction) / (_size(body, v, load) + _size(body, old, last.load) or 1.0)
     energies = Energies(work, dissipated, closure, 0.0, defect)
@@ -278,7 +297,7 @@ def _size(body: HistoryProblem, v: Array, load: Array) -> float:
     return float(size @ (np.abs(body.A_tilde) @ size) + np.abs(load) @ size)
 
 
-def _proved(body: HistoryProblem, problem: ContactProblem, answer: Answer, step: HistoryStep) -> HistoryStep:
+def proved(body: HistoryProblem, problem: ContactProblem, answer: Answer, step: HistoryStep) -> HistoryStep:
     """The step with its certificates; a loose body whose motion as a whole is free has none, and fails."""
     if body.convex:
         return replace(step, unique=True, strict=True, lowest=True)

@@ -10,6 +10,8 @@ from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.histories import Memory, UnfitLaw
 from tcstudy.scene.nodal_laws import Law, nodal
 from tcstudy.solvers.history.memory import MemoryModel, NodeState
+from tcstudy.solvers.history.rows import graph_of
+from tcstudy.solvers.path.problem import law_graph
 
 SOFTENING = law("slip-weakening", tau_s=3.0, tau_k=1.0, delta=2.0)
 DECAYING = law("exponential", a=3.0, b=1.0, delta=2.0)
@@ -96,3 +98,19 @@ def test_healing_forgets_at_every_step() -> None:
 def test_laws_that_cannot_be_remembered_are_refused(memory: Memory, law: FrictionLaw, said: str) -> None:
     with pytest.raises(UnfitLaw, match=said):
         MemoryModel(memory, law, 3)
+
+
+@pytest.mark.parametrize(("memory", "law"), [case for case in CASES if case[1].piecewise_linear])
+def test_the_graph_of_all_rows_is_that_of_their_laws(memory: Memory, law: Law) -> None:
+    """Code by code as the path follower makes it law by law; rows may have more codes, which none reaches."""
+    m = len(KAPPA)
+    rows = MemoryModel(memory, law, m).next_law(NodeState(np.zeros(m), KAPPA, np.zeros(m)))
+    whole = graph_of(rows)
+    for i in range(m):
+        own, first = law_graph(rows.single(i)), int(whole.first[i])
+        count = len(own.free)
+        for name in ("free", "low", "high", "sense", "slope", "anchor", "start", "kink"):
+            assert np.array_equal(getattr(whole, name)[first : first + count], getattr(own, name))
+        for name in ("after_low", "after_high"):
+            after = getattr(whole, name)[first : first + count]
+            assert np.array_equal(np.where(after < 0, -1, after - first), getattr(own, name))

@@ -1,0 +1,100 @@
+"""continued: exact parts of a step, jumps with their energy, nodes that turn back inside a step."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tcstudy.matrices import law
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.histories import Memory
+from tcstudy.solvers.history.steps import HistoryProblem, HistoryStep, history
+from tests.solvers.history.cases import coupled_line, softening, strip
+from tests.solvers.history.test_steps import FALLING, check_energies
+
+Array = NDArray[np.float64]
+
+
+def followed(body: HistoryProblem, loads: list[Array]) -> list[HistoryStep]:
+    """All steps along their paths: solved, energies in order, closure to rounding, no jump without energy."""
+    assert body.follows_paths
+    steps = list(history(body, loads))
+    assert [step.reason for step in steps] == [""] * len(loads)
+    before = HistoryStep.virgin(body.m)
+    for step in steps:
+        check_energies(body, before, step)
+        e = step.energies
+        assert abs(e.closure) <= 1e-8 * (e.dissipated + step.stored + abs(step.body) + abs(before.body))
+        assert (e.released > 0.0) == (step.jumps > 0)
+        before = step
+    return steps
+
+
+def test_one_cell_jumps_where_it_must() -> None:
+    """H8: s = 0 is kept to U = 1, where 0.16 is released; slips, tractions and dissipation by hand."""
+    body = HistoryProblem(np.eye(1), np.ones(1), FALLING, Memory("friction"), substeps=None)
+    steps = followed(body, [np.array([U]) for U in (0.8, 1.2, 0.8, 0.4, -0.2, 1.4)])
+    assert [step.state.v[0] for step in steps] == pytest.approx([0.0, 1.0, 1.0, 0.6, 0.0, 1.2], abs=1e-14)
+    assert [step.xi[0] for step in steps] == pytest.approx([0.8, 0.2, -0.2, -0.2, -0.2, 0.2], abs=1e-14)
+    dissipated = np.cumsum([step.energies.dissipated for step in steps])
+    assert dissipated == pytest.approx([0.0, 0.36, 0.36, 0.44, 0.56, 0.8], abs=1e-14)
+    assert [step.energies.released for step in steps] == pytest.approx([0.0, 0.16, 0.0, 0.0, 0.0, 0.0], abs=1e-14)
+    assert [step.jumps for step in steps] == [0, 1, 0, 0, 0, 0]
+    assert steps[1].jumped.all()
+    assert all(step.strict for step in steps)
+
+
+def test_a_strip_pulled_off_and_let_go() -> None:
+    """H5: secant unloading of a film that softens from 7.2 MPa to 0 over 0.16 mm; the end displacement is driven."""
+    D, cells = 42.24e9 * 1e-3, 95
+    A, c, _ = strip(cells, 0.19, D, held=False)
+    drive, A, c = -A[:-1, -1], A[:-1, :-1], np.append(c[:-2], c[-2] + c[-1])
+    body = HistoryProblem(A, c, law(points=[(0, 7.2e6), (0.16e-3, 0)]), Memory("damage"), substeps=None)
+    steps = followed(body, [1e-3 * u * drive for u in (0.5, 0.25, 0.0, -0.25, 0.55, 0.1)])
+    pull = [1e-3 * step.xi.sum() for step in steps]
+    assert pull == pytest.approx([220.59121, 110.29560, 0.0, -110.29560, 220.59121, 40.107492], rel=4e-4, abs=1e-9)
+    spent = [step.energies.dissipated for step in steps]
+    assert spent[0] == pytest.approx(47.573517, rel=6e-4)
+    assert np.all(np.array(spent)[[1, 2, 3, 5]] <= 1e-12 * spent[0])
+    assert body.margin < 0.0
+
+
+CASES: list[tuple[Memory, FrictionLaw]] = [
+    (Memory("friction"), law("tresca", tau=2e7)),
+    (Memory("friction"), softening()),
+    (Memory("elastic-plastic", 3e10), softening()),
+    (Memory("damage"), softening()),
+]
+
+
+@pytest.mark.parametrize(("memory", "film"), CASES, ids=lambda x: getattr(x, "name", None))
+def test_a_step_in_which_nodes_turn_back_is_the_limit_of_many_small_ones(memory: Memory, film: FrictionLaw) -> None:
+    """Two loads at different places, one taken off as the other grows: some nodes turn round, others start to slip."""
+    A, c, load = coupled_line(30)
+    place = np.linspace(0.0, 1.0, 30)
+    one, two = load * (place < 0.6), -load * (place > 0.3)
+    loads = [4.0 * one, 1.0 * one + 4.0 * two, -1.5 * one]
+    exact = followed(HistoryProblem(A, c, film, memory, substeps=None), loads)
+    coarse, fine = (list(history(HistoryProblem(A, c, film, memory, substeps=k), loads)) for k in (4, 64))
+    size = np.max(np.abs(exact[1].state.v))
+    apart = [max(float(np.max(np.abs(a.state.v - b.state.v))) for a, b in zip(exact, some, strict=True))
+             for some in (coarse, fine)]  # fmt: skip
+    assert apart[1] <= 3e-3 * size
+    assert apart[1] <= 0.5 * apart[0] or apart[0] <= 1e-9 * size
+    lost = [sum(step.energies.closure for step in some) for some in (coarse, fine)]
+    assert abs(lost[1]) <= 0.05 * abs(lost[0])
+    total = sum(step.energies.dissipated for step in exact)
+    assert sum(step.energies.dissipated for step in fine) == pytest.approx(total, rel=5e-3)
+
+
+def test_a_branch_that_falls_jumps_by_itself_and_before_that_the_lowest_does() -> None:
+    """A steep film on a coupled line: both branches end in the same state, one jumps on the way."""
+    A, c, load = coupled_line(24)
+    steep = law("slip-weakening", tau_s=2e7, tau_k=4e6, delta=1e-3)
+    loads = [e * load for e in np.linspace(0.5, 6.0, 12)]
+    stayed = followed(HistoryProblem(A, c, steep, Memory("friction"), substeps=None), loads)
+    lowest = list(history(HistoryProblem(A, c, steep, Memory("friction"), branch="lowest"), loads))
+    assert sum(step.energies.released for step in stayed) > 0.0
+    assert all(b.state.kappa.sum() >= a.state.kappa.sum() * (1 - 1e-9) for a, b in zip(stayed, lowest, strict=True))
+    assert stayed[-1].state.v == pytest.approx(lowest[-1].state.v, abs=1e-2 * np.max(np.abs(stayed[-1].state.v)))
