@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import ast
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import FrameType
 
 import pytest
+
+from tcstudy.cli import main
 
 PACKAGE = Path(__file__).parents[1] / "tcstudy"
 
@@ -147,3 +151,25 @@ def test_no_two_public_classes_share_a_name() -> None:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 found.setdefault(node.name, []).append(str(path.relative_to(PACKAGE)))
     assert not {name: places for name, places in found.items() if len(places) > 1}
+
+
+FILES_OF_A_POINT = 70
+"""Files of the package in which a run of one point executes functions; a scene pays only for what it uses."""
+
+
+def test_a_point_crosses_few_files(tmp_path: Path) -> None:
+    """Run for the second time, so that what is made once on import does not count."""
+    study = str(PACKAGE.parent / "configs" / "quickstart.yaml")
+    entered: set[str] = set()
+
+    def enter(frame: FrameType, event: str, _: object) -> None:
+        if event == "call" and frame.f_code.co_filename.startswith(str(PACKAGE)):
+            entered.add(frame.f_code.co_filename)
+
+    for name in ("a.nc", "b.nc"):
+        sys.setprofile(enter if name == "b.nc" else None)
+        try:
+            assert main(["run", study, "--set=sweep={}", "--set=mesh.levels=1", f"--output={tmp_path / name}"]) == 0
+        finally:
+            sys.setprofile(None)
+    assert len(entered) <= FILES_OF_A_POINT, sorted(entered)
