@@ -18,12 +18,12 @@ from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge, read_material
 from tcstudy.read.plans import read_mesh, read_output, read_path, read_solver
 from tcstudy.read.scenes import SECTIONS, SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, records
+from tcstudy.read.together import Asked, check_together
 from tcstudy.scene.fits import FitPlan
 from tcstudy.scene.histories import HistoryPlan
 from tcstudy.scene.keys import row, rows
 from tcstudy.scene.parameters import SHORT, sweepable
-from tcstudy.scene.points import distinct
-from tcstudy.scene.records import EdgeLaws, Rigid, Scene
+from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Exact, MeshPlan, OutputPlan, PathPlan, SolverPlan, Study
 
 REQUIRED = tuple(row.name for row in rows("").values() if row.required)
@@ -255,44 +255,6 @@ def _check_keys(ctx: Context, root: Node, sweep: Sweep) -> None:
     Fields(ctx, root, "", required, (*OPTIONAL, "mesh"))
 
 
-def _refuse_several(ctx: Context, root: Node, plans: _Plans, several: str, one: str) -> None:
-    """What takes one law on all of Γ_C, or one material in the whole body."""
-    if plans.mesh and plans.mesh.estimates and (node := root.child("mesh")):
-        remedy = "use a uniform or graded family, and tcstudy converge for errors"
-        ctx.errors.at(node, f"{several}, and errors are not estimated then", remedy)
-    if node := root.child("exact"):
-        ctx.errors.at(node, f"{several}, and an exact solution takes one {one}", f"remove exact, or write one {one}")
-    if plans.output and plans.output.live and (node := root.child("output")):
-        ctx.errors.at(node, f"{several}, and a live page takes one {one}", "remove live: true")
-
-
-def _refuse_of_body(ctx: Context, root: Node, plans: _Plans, one: str) -> None:
-    """What takes a body that only its material makes stiff."""
-    if plans.mesh and plans.mesh.estimates and (node := root.child("mesh")):
-        remedy = "use a uniform or graded family, and tcstudy converge for errors"
-        ctx.errors.at(node, f"{one} errors are not estimated then", remedy)
-    if node := root.child("exact"):
-        ctx.errors.at(node, f"{one} an exact solution has no such edge", "remove exact")
-    if plans.output and (plans.output.live or plans.output.sensitivity) and (node := root.child("output")):
-        what = "a live page takes none" if plans.output.live else "results are not differentiated then"
-        ctx.errors.at(node, f"{one} {what}", f"remove {'live: true' if plans.output.live else 'sensitivity'}")
-    if plans.fit and (node := root.child("fit")):
-        ctx.errors.at(node, f"{one} a fit differentiates results", "remove fit", on_key=True)
-
-
-def _refuse_heat_by_edge(ctx: Context, root: Node, plans: _Plans) -> None:
-    """What takes one α and one θ̄ on all of Γ_θ only."""
-    one = "an edge has heat of its own, and"
-    if plans.exact and plans.exact.derived and (node := root.child("exact")):
-        ctx.errors.at(node, f"{one} loads are derived for the section heat only", "give the loads, or loads: given")
-    if plans.output and plans.output.live and (node := root.child("output")):
-        ctx.errors.at(node, f"{one} a live page takes one alpha and one theta_bar", "remove live: true")
-    if plans.output and plans.output.sensitivity and (node := root.child("output")):
-        ctx.errors.at(node, f"{one} results are not differentiated then", "remove sensitivity")
-    if plans.fit and (node := root.child("fit")):
-        ctx.errors.at(node, f"{one} a fit differentiates results", "remove fit", on_key=True)
-
-
 def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scenes: Sequence[Scene]) -> _Plans:
     """Meshes, solver, output and the exact solution."""
     before, body = len(ctx.errors), reader.body
@@ -325,15 +287,6 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
         from tcstudy.read.fit import read_fit  # only for a study that has one
 
         fit = read_fit(ctx, section, root, reader.base, mesh)
-    plans = _Plans(mesh, solver, output, exact, path, history, fit)
-    if any(isinstance(scene.friction, EdgeLaws) for scene in distinct(scenes, "friction")):
-        _refuse_several(ctx, root, plans, "friction differs along the contact line", "law")
-    if root.child("materials"):
-        _refuse_several(ctx, root, plans, "materials differ by region, where stresses jump", "material")
-    if scenes and any(isinstance(r, Rigid) for _, r in scenes[0].boundary):
-        _refuse_of_body(ctx, root, plans, "an edge is rigid, and")
-    elif any(scene.springs for scene in distinct(scenes, "boundary")):
-        _refuse_of_body(ctx, root, plans, "an edge rests on springs, and")
-    if scenes and scenes[0].heat_by_edge:
-        _refuse_heat_by_edge(ctx, root, plans)
-    return plans
+    if exact or fit or (mesh and mesh.estimates) or (output and (output.live or output.sensitivity)):
+        check_together(ctx, root, scenes, Asked(mesh, output, exact, fit))
+    return _Plans(mesh, solver, output, exact, path, history, fit)
