@@ -19,13 +19,13 @@ from tcstudy.read.node import Node, nearest
 from tcstudy.read.plans import affine_parameters
 from tcstudy.read.sensitivity import differentiable, heat_grows, path_of, why_not
 from tcstudy.read.table import csv_lines
-from tcstudy.scene.fits import RESULTS, FitColumn, FitParameter, FitPlan
+from tcstudy.scene.fits import PLACE, RESULTS, FitColumn, FitParameter, FitPlan
 from tcstudy.scene.friction import GrowthError
 from tcstudy.scene.laws import LawError
 from tcstudy.scene.parameters import with_number
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import MeshPlan, Sensitivity
-from tcstudy.scene.units import NUMBER, Dimension, UnitError, to_si
+from tcstudy.scene.units import LENGTH, NUMBER, Dimension, UnitError, to_si
 
 Cells = list[tuple[Node, ...]]
 
@@ -63,6 +63,8 @@ def _check(ctx: Context, fields: Fields, plan: FitPlan) -> None:
     if not plan.measured:
         ctx.errors.at(data, "no column is a result, so there is nothing to compare", f"add one of {', '.join(RESULTS)}")
         return
+    if (plan.place is None) != ("u_T" not in [one.name for one in plan.measured]):
+        ctx.errors.at(data, "a profile of u_T needs the columns x and u_T", 'write {x: "x [mm]", u_T: "u [um]"}')
     n, k = sum(len(one.values) for one in plan.measured), len(plan.parameters)
     if n <= k:
         ctx.errors.at(data, f"{n} data cannot decide {k} numbers", "measure more, or fit fewer numbers")
@@ -72,7 +74,7 @@ def _check(ctx: Context, fields: Fields, plan: FitPlan) -> None:
             ctx.errors.at(fields.values["parameters"], what, "remove it from the parameters")
     if plan.compare == "vertical":
         return
-    curve = len(names) == 1 and [one.name for one in plan.measured] == ["friction_resultant"]
+    curve = len(names) == 1 and plan.place is None and [one.name for one in plan.measured] == ["friction_resultant"]
     if not curve:
         remedy = "give one parameter of the load and friction_resultant, or compare: vertical"
         ctx.errors.at(fields.values["compare"], "distances to a path need two columns", remedy)
@@ -138,6 +140,8 @@ def _column(
     affine = dict(affine_parameters(scene))
     if name in RESULTS:
         path, dimension = (), RESULTS[name]
+    elif path == PLACE:
+        dimension = LENGTH
     elif path in affine and not affine[path].idle:
         dimension = affine[path].dimension
     else:

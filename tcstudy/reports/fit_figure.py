@@ -21,7 +21,12 @@ Array = NDArray[np.float64]
 HEIGHT, BAND = 6.4, 1.96
 """Height of the picture [inch]; half width of a band of 95 % in standard errors."""
 DATA: dict[str, Any] = {"color": style.INK, "marker": "o", "markersize": 3, "linestyle": "none", "linewidth": 0.7}
-NAMES = {"friction_resultant": "friction resultant", "u_T_max": "max $|u_T|$", "theta_mean": r"mean $\theta$"}
+NAMES = {
+    "friction_resultant": "friction resultant",
+    "u_T_max": "max $|u_T|$",
+    "theta_mean": r"mean $\theta$",
+    "u_T": "$u_T$",
+}
 
 
 def draw_fit(path: Path, target: Path) -> str:

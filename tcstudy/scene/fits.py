@@ -16,8 +16,10 @@ from tcstudy.scene.study import Sensitivity
 COMPARE = ("vertical", "orthogonal")
 LOSSES = ("linear", "soft_l1")
 SCALES = ("log", "linear")
-RESULTS = {"friction_resultant": u.LINE_FORCE, "u_T_max": u.LENGTH, "theta_mean": u.TEMPERATURE}
-"""Results that may be measured, with their dimensions."""
+RESULTS = {"friction_resultant": u.LINE_FORCE, "u_T_max": u.LENGTH, "theta_mean": u.TEMPERATURE, "u_T": u.LENGTH}
+"""Results that may be measured, with their dimensions; u_T is that at the x of the datum."""
+PLACE = ("x",)
+"""Key path of the column that says where on the contact line u_T was measured."""
 
 FITS: tuple[Key, ...] = (
     Key("fit", "section", "[numbers of the study from measurements](#numbers-from-measurements)", of=("fit",)),
@@ -63,7 +65,7 @@ class FitParameter:
 class FitColumn:
     """A measured column.
 
-    name:  a parameter in which the load is affine, or a result;  path: of a parameter, empty for a result
+    name:  a parameter in which the load is affine, x, or a result;  path: of what is given, empty for a result
     units: in CF form;  values: (n,) in SI;  noise: its standard deviation, None if that is estimated
     """
 
@@ -96,6 +98,16 @@ class FitPlan:
     seed: int = 0
     loss: Literal["linear", "soft_l1"] = "linear"
     level: int | None = None
+
+    @property
+    def loads(self) -> tuple[FitColumn, ...]:
+        """The given columns that are parameters of the load."""
+        return tuple(column for column in self.given if column.path != PLACE)
+
+    @property
+    def place(self) -> FitColumn | None:
+        """Where on the contact line u_T was measured."""
+        return next((column for column in self.given if column.path == PLACE), None)
 
     @property
     def known_noise(self) -> bool:

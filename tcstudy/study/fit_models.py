@@ -14,6 +14,7 @@ Bifurcation Theory (1977) 359–384 (bordering).
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,7 @@ from tcstudy.study.path_affine import affine_load
 Array = NDArray[np.float64]
 WHOLE = (PathStatus.RANGE_END, PathStatus.UNBOUNDED, PathStatus.CLOSED_LOOP)
 """Ends of a path at which there is nothing more to follow."""
+SCALARS = ("friction_resultant", "u_T_max", "theta_mean")
 Laws = list[LawSlopes | PointSlopes | None]
 """Derivatives of the law by each number, None where that is no number of it."""
 
@@ -95,19 +97,25 @@ class FitModel:
         return found
 
     def _vertical(self, scene: Scene) -> Compared:
-        plan, v = self.plan, None
-        count = len(plan.measured[0].values)
-        predicted = np.empty((len(plan.measured), count))
-        slopes = np.empty((len(plan.measured), count, len(plan.parameters)))
+        plan, v, known = self.plan, None, None
+        count, k = len(plan.measured[0].values), len(plan.parameters)
+        predicted, slopes = np.empty((len(plan.measured), count)), np.empty((len(plan.measured), count, k))
         for i in range(count):
-            for column in plan.given:
-                scene = path_scene(scene, column.path, column.values[i])
-            v = self._solved(scene, v, i)
-            predicted[:, i], slopes[:, i] = self._results(scene, v)
+            loads = tuple(column.values[i] for column in plan.loads)
+            if loads != known:  # the data of a profile have one load
+                for column, value in zip(plan.loads, loads, strict=True):
+                    scene = path_scene(scene, column.path, value)
+                v, known = self._solved(scene, v, i), loads
+                values, rates = self._results(scene, v)
+            for j, column in enumerate(plan.measured):
+                if column.name == "u_T":
+                    predicted[j, i], slopes[j, i] = self._weights[i] @ values[3:], self._weights[i] @ rates[3:]
+                else:
+                    at = SCALARS.index(column.name)
+                    predicted[j, i], slopes[j, i] = values[at], rates[at]
         data = np.array([column.values for column in plan.measured])
         residual = (predicted - data).ravel() / self.noise
-        jacobian = slopes.reshape(-1, len(plan.parameters)) / self.noise[:, None]
-        return Compared(residual, jacobian, predicted.ravel())
+        return Compared(residual, slopes.reshape(-1, k) / self.noise[:, None], predicted.ravel())
 
     def _solved(self, scene: Scene, before: Array | None, i: int) -> Array:
         """The solution at a datum, continued from that before."""
@@ -120,7 +128,7 @@ class FitModel:
         return answer.v
 
     def _results(self, scene: Scene, v: Array) -> tuple[Array, Array]:
-        """(c,) the measured results of a solution and (c, k) their derivatives."""
+        """(3 + m,) the SCALARS of a solution and u_T, and (3 + m, k) their derivatives."""
         level, problem = self.level, self.level.condensed(scene).problem
         at, rows = Linearised.at(problem, v), []
         largest = int(np.argmax(np.abs(v)))
@@ -129,11 +137,29 @@ class FitModel:
             b, kinks = law_slope(level, scene, parameter.number, at)
             dv = at.step(at.right_side(slope.l_tilde, b, slope.stiffness), kinks)
             dxi = slope.l_tilde - problem.A_tilde @ (slope.stiffness * v + dv)
-            rows.append([float(dxi.sum()), float(np.sign(v[largest]) * dv[largest]), slope.theta_mean])
-        heated = scene.material.beta != 0.0
-        values = [float(problem.xi(v).sum()), float(np.max(np.abs(v))), level.temperature(scene).mean if heated else 0]
-        which = [("friction_resultant", "u_T_max", "theta_mean").index(one.name) for one in self.plan.measured]
-        return np.array(values)[which], np.array(rows).T[which]
+            rows.append([dxi.sum(), np.sign(v[largest]) * dv[largest], slope.theta_mean, *dv])
+        mean = level.temperature(scene).mean if scene.material.beta != 0.0 else 0.0
+        return np.array([problem.xi(v).sum(), np.max(np.abs(v)), mean, *v]), np.array(rows).T
+
+    @cached_property
+    def _weights(self) -> Array:
+        """(n, m) u_T at the x of every datum is linear between the contact nodes beside it."""
+        place, nodes = self.plan.place, self.level.line.xy[:, 0]
+        assert place is not None
+        order, x = np.argsort(nodes), np.array(place.values)
+        along = nodes[order]
+        cell = np.diff(along)
+        if len(along) < 2 or not np.all(cell > 0.0):
+            raise FitError("a profile of u_T over x needs a contact line of which no two nodes have the same x")
+        if np.any((x < along[0] - cell[0]) | (x > along[-1] + cell[-1])):
+            raise FitError(f"x = {x[np.argmax(np.abs(x - along.mean()))]:g} of the profile is not on the contact line")
+        left = np.clip(np.searchsorted(along, x) - 1, 0, len(along) - 2)
+        share = np.clip((x - along[left]) / cell[left], 0.0, 1.0)
+        found = np.zeros((len(x), len(along)))
+        rows = np.arange(len(x))
+        found[rows, order[left]] = 1.0 - share
+        found[rows, order[left + 1]] = share
+        return found
 
     # -- along the path ----------------------------------------------------------------------------
 

@@ -150,6 +150,23 @@ def test_two_columns_of_a_heated_strip_find_its_expansion_and_its_film(tmp_path:
     assert record.values["start_cost"].shape == (1,)  # one solution for every load: no other start is tried
 
 
+def test_a_slip_profile_finds_the_film(tmp_path: Path) -> None:
+    """u(x) = (τ/2EH)(x − x₀)² behind the front x₀ = L − EHαT/τ, at 40 K: where it slips and how much."""
+    x, EH, tau = np.linspace(0.5, 0.98, 25), 200e9 * 5e-3, 3e6
+    front = 1.0 - EH * 10e-6 * 40.0 / tau
+    u = tau / (2.0 * EH) * np.maximum(0.0, x - front) ** 2 + 0.3e-6 * np.random.default_rng(3).normal(size=25)
+    columns = 'columns: {x: "x [mm]", u_T: "u [um]"}}\n  noise: {u_T: 0.3 um}'
+    head = HEATED[: HEATED.index("columns:")].replace("theta: 0 K", "theta: 40 K")
+    text = f"{head}{columns}\n  parameters:\n    friction.tau: {{start: 1 MPa, within: [0.2 MPa, 20 MPa]}}\n"
+    rows = "".join(f"{1e3 * a:.4f},{1e6 * b:.5f}\n" for a, b in zip(x, u, strict=True))
+    (tmp_path / "heated.csv").write_text("x [mm],u [um]\n" + rows, encoding="utf-8")
+    record = fit(read_study_text(text, "heated.yaml", source=tmp_path / "heated.yaml"))
+    assert record.values["estimate"] == pytest.approx([tau], rel=0.01)
+    assert int(record.attributes["solves"]) <= int(record.attributes["evaluations"]) + 2
+    with pytest.raises(StudyError, match=r"a profile of u_T needs the columns x and u_T"):
+        read_study_text(text.replace('x: "x [mm]", ', ""), "heated.yaml", source=tmp_path / "heated.yaml")
+
+
 def test_the_file_the_text_and_the_picture(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     study = heated(tmp_path)
@@ -175,7 +192,7 @@ REFUSED = {
     ("u [um]", "u [K]"): "'K' is not a unit of a length",
     ("0.5 um", "-1 um"): "fit.noise.u_T_max: must be above 0",
     ('"R [kN/m]"', '"Q [kN/m]"'): "the table has no column 'Q [kN/m]'",
-    ('u_T_max: "u', 'u_T: "u'): "'u_T' is neither a result nor a parameter of the load; did you mean 'u_T_max'",
+    ('u_T_max: "u', 'u_Tmax: "u'): "'u_Tmax' is neither a result nor a parameter of the load; did you mean 'u_T_max'",
     ("friction.tau:", "nu:"): "it changes the stiffness as a matrix",
     ("start: 2 MPa", "start: 40 MPa"): "lies outside within",
     ("[0.2 MPa, 20 MPa]", "[-1 MPa, 20 MPa]"): "friction.tau = -1e+06: tau: must be at least 0",
