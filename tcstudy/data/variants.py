@@ -26,7 +26,7 @@ from tcstudy.data.store import KEPT, fill
 from tcstudy.data.stored import read_blocks
 from tcstudy.data.writer import axis_name, axis_places, define, file_places, in_file_order, put
 from tcstudy.errors import UsageError
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import Axis, Study
 from tcstudy.scene.variants import Variant
 
 if TYPE_CHECKING:
@@ -57,12 +57,17 @@ def write_variants(
 
     def make(nc: netCDF4.Dataset) -> None:
         counts.append(fill(nc, study, (), records))
-        _put_levels(nc, study, files)
         _put_numbers(nc, study, files)
-        for number, file in enumerate(files):
+        axes, new = _level_variables(nc, study)
+        values = {name: np.full(one.shape, missing, dtype=kind) for name, (one, missing, kind) in new.items()}
+        for number, (variant, file) in enumerate(zip(study.variants, files, strict=True)):
             if file is not None:
                 with _opened(file) as own:
+                    for name, array in values.items():
+                        array[_place(study, variant, axes)] = own[name][...]
                     _copy(own, nc.createGroup(f"geometry_{number}"))
+        for name, array in values.items():
+            new[name][0][...] = array
 
     write_dataset(path, global_attributes(study, provenance) | {GEOMETRIES: len(files)}, make, KEPT)
     return counts[0]
@@ -88,23 +93,22 @@ def _table(study: Study, variant: Variant, file: Path) -> Iterable[BlockRecord]:
         yield replace(block, u_T=None, xi=None, sticks=None, fields={})
 
 
-def _put_levels(nc: netCDF4.Dataset, study: Study, files: Sequence[Path | None]) -> None:
-    """What a level has once, of every geometry."""
-    paths = {tuple(axis.path) for axis in outer_axes(study)}
-    axes = [axis for axis in study.axes if axis.path in paths]
+def _level_variables(nc: netCDF4.Dataset, study: Study) -> tuple[list[Axis], dict[str, Any]]:
+    """The axes of the geometries, and what a level has once, of every geometry: (variable, missing value, type)."""
+    axes = outer_axes(study)
     dims = tuple(axis_name(axis) for axis in axes) if study.mode == "grid" else (POINT,)
+    made = {}
     for variable in (v for v in root_variables(study) if v.dims == ("level",)):
-        new = define(nc, replace(variable, dims=(*dims, "level"), coordinate=False), study)
-        values = np.full(new.shape, variable.missing, dtype=object if variable.dtype == "str" else variable.dtype)
-        for variant, file in zip(study.variants, files, strict=True):
-            if file is None:
-                continue
-            at: Any = variant.places
-            if study.mode == "grid":
-                at = tuple(int(axis_places(axis)[i]) for axis, i in zip(axes, variant.index, strict=True))
-            with _opened(file) as own:
-                values[at] = own[variable.name][...]
-        new[...] = values
+        kind = object if variable.dtype == "str" else variable.dtype
+        made[variable.name] = define(nc, replace(variable, dims=(*dims, "level")), study), variable.missing, kind
+    return axes, made
+
+
+def _place(study: Study, variant: Variant, axes: list[Axis]) -> Any:
+    """Where a geometry stands in what a level has once."""
+    if study.mode != "grid":
+        return variant.places
+    return tuple(int(axis_places(axis)[i]) for axis, i in zip(axes, variant.index, strict=True))
 
 
 def _put_numbers(nc: netCDF4.Dataset, study: Study, files: Sequence[Path | None]) -> None:
@@ -115,10 +119,10 @@ def _put_numbers(nc: netCDF4.Dataset, study: Study, files: Sequence[Path | None]
     put(nc, NUMBER, study, in_file_order(study, numbers.reshape(study.shape)))
 
 
-def outer_axes(study: Study) -> tuple[Any, ...]:
+def outer_axes(study: Study) -> list[Axis]:
     """The axes that change the geometry: those that its variants fix, in the order of the study."""
     inner = next(({axis.path for axis in one.study.axes} for one in study.variants if one.study is not None), set())
-    return tuple(axis for axis in study.axes if axis.path not in inner)
+    return [axis for axis in study.axes if axis.path not in inner]
 
 
 def _opened(path: Path) -> Any:

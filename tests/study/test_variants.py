@@ -29,7 +29,7 @@ boundary: {bottom: contact, left: clamped, right: free, top: {role: traction, g:
 material: {E: 70 GPa, nu: 0.3}
 friction: {law: tresca, tau: 2 MPa}
 mesh: {maxh: "0.005*s"}
-sweep: {tau: [3 MPa, 4 MPa], parameters.s: [1, 2, 4]}
+sweep: {tau: [3 MPa, 4 MPa], parameters.s: [1, 2]}
 """
 BAR = """
 body: {rectangle: {width: 200 mm, height: 20 mm}}
@@ -56,18 +56,27 @@ def run(text: str, path: Path, *changes: str) -> xr.DataTree:
     return tcstudy.run(read_study_text(text, "study", changes), path)
 
 
+@pytest.fixture(scope="module")
+def bar(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The file of BAR, which no test changes."""
+    path = tmp_path_factory.mktemp("bar") / "out.nc"
+    run(BAR, path)
+    return path
+
+
 def test_doubling_all_lengths_at_the_same_law_scales(tmp_path: Path) -> None:
     """At one stress u ∝ s, ∫ξ ∝ s, energy ∝ s², λ₁ ∝ 1/s, as the law knows no length."""
     data = run(SCALED, tmp_path / "out.nc").to_dataset().isel(level=0)
     for name, power in (("u_T_max", 1), ("slip_length", 1), ("friction_resultant", 1), ("energy", 2), ("lambda_1", -1)):
         values = data[name].transpose("tau", "s").values
-        assert np.allclose(values / values[:, :1], np.array([1.0, 2.0, 4.0]) ** power, rtol=1e-9), name
+        assert np.allclose(values / values[:, :1], np.array([1.0, 2.0]) ** power, rtol=1e-9), name
     assert 0.0 < float(data["slip_length"][0, 0]) < 0.02
 
 
-def test_a_bar_of_several_lengths_has_the_closed_form_and_the_bits_of_single_runs(tmp_path: Path) -> None:
+def test_a_bar_of_several_lengths_has_the_closed_form_and_the_bits_of_single_runs(bar: Path, tmp_path: Path) -> None:
     """u_end = g L/E, in P1 exactly; lengths are sorted in the file, profiles are those of a study of one length."""
-    tree = run(BAR, tmp_path / "out.nc")
+    with xr.open_datatree(bar) as opened:
+        tree = opened.load()
     data = tree.to_dataset()
     assert data["h_max"].dims == ("width", "level")
     assert data["width"].values.tolist() == [0.1, 0.2, 0.4]
@@ -75,12 +84,12 @@ def test_a_bar_of_several_lengths_has_the_closed_form_and_the_bits_of_single_run
         for E in (70e9, 35e9):
             at = data.sel(width=width, E=E)
             assert np.allclose(at["u_T_max"], 1e6 * width / E, rtol=1e-10)
-        group = tree[f"geometry_{int(data['geometry'].sel(width=width)[0])}"]
-        one = run(BAR, tmp_path / f"{width}.nc", f"body.rectangle.width={width}", "sweep={E: [70 GPa, 35 GPa]}")
-        for path in ("level_0", "level_1"):
-            for name in ("arclength", "u_T", "xi"):
-                assert np.array_equal(group[path][name].values, one[path][name].values)
-        assert float(group["level_1"]["arclength"].max()) == pytest.approx(width)
+    group = tree[f"geometry_{int(data['geometry'].sel(width=0.1)[0])}"]
+    one = run(BAR, tmp_path / "one.nc", "body.rectangle.width=0.1", "sweep={E: [70 GPa, 35 GPa]}")
+    for path in ("level_0", "level_1"):
+        for name in ("arclength", "u_T", "xi"):
+            assert np.array_equal(group[path][name].values, one[path][name].values)
+    assert float(group["level_1"]["arclength"].max()) == pytest.approx(0.1)
 
 
 def test_plan_tells_geometries_meshes_and_factorisations() -> None:
@@ -136,7 +145,7 @@ class Stops(Quiet):
             raise KeyboardInterrupt
 
 
-def test_a_stopped_sweep_goes_on_and_leaves_nothing_beside_its_file(tmp_path: Path) -> None:
+def test_a_stopped_sweep_goes_on_and_leaves_nothing_beside_its_file(bar: Path, tmp_path: Path) -> None:
     study, path = read_study_text(BAR), tmp_path / "out.nc"
     with pytest.raises(KeyboardInterrupt):
         execute(study, path, Stops())
@@ -144,16 +153,14 @@ def test_a_stopped_sweep_goes_on_and_leaves_nothing_beside_its_file(tmp_path: Pa
     assert (tmp_path / "out.nc.geometries" / "0.nc").exists()
     execute(study, path)
     assert sorted(one.name for one in tmp_path.iterdir()) == ["out.nc"]
-    again = run(BAR, tmp_path / "again.nc")
-    with xr.open_datatree(path) as tree:
+    with xr.open_datatree(path) as tree, xr.open_datatree(bar) as again:
         for name in ("u_T_max", "energy", "xi"):
             for group in ("/",) if name != "xi" else ("/geometry_0/level_1", "/geometry_2/level_0"):
                 assert np.array_equal(tree[group][name].values, again[group][name].values)
 
 
-def test_what_takes_one_geometry_refuses_several(tmp_path: Path) -> None:
-    study, path = read_study_text(BAR), tmp_path / "out.nc"
-    tcstudy.run(study, path)
+def test_what_takes_one_geometry_refuses_several(bar: Path, tmp_path: Path) -> None:
+    study, path = read_study_text(BAR), bar
     with pytest.raises(UsageError, match=r"this takes one geometry; fix it by --set sweep=null"):
         Meshes(study)
     with pytest.raises(StoreError, match=r"such files are made whole; run the whole study with --force"):
@@ -185,27 +192,25 @@ def test_what_is_refused(change: str, what: str) -> None:
     assert len(fault.value.problems) == 1
 
 
-def test_one_geometry_is_taken_out_as_the_run_that_it_was(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run(BAR, tmp_path / "out.nc")
+def test_one_geometry_is_taken_out_as_the_run_that_it_was(
+    bar: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     one = tmp_path / "one.nc"
     with pytest.raises(SystemExit):
-        main(["export", str(tmp_path / "out.nc"), "--geometry", "-o", str(one)])
+        main(["export", str(bar), "--geometry", "-o", str(one)])
     assert "3 geometries have these values" in capsys.readouterr().err
-    words = ["export", str(tmp_path / "out.nc"), "--geometry", "--at", "width=0.2", "-o", str(one)]
+    words = ["export", str(bar), "--geometry", "--at", "width=0.2", "-o", str(one)]
     assert main(words) == 0
     assert main(["show", str(one)]) == 0
-    tcstudy.report(one)
-    assert (
-        main(["draw", str(tmp_path / "out.nc"), str(tmp_path / "map.png"), "--map", "width,E", "--of", "u_T_max"]) == 0
-    )
+    assert main(["draw", str(bar), str(tmp_path / "map.png"), "--map", "width,E", "--of", "u_T_max"]) == 0
 
 
 def test_thickness_map(tmp_path: Path) -> None:
     """A thin pad is a layer in shear: λ₁ → G/h, on meshes of any grading."""
-    fewer = ["sweep={parameters.H: [2 mm, 8 mm], mesh.grading: [0.5, 0.8]}", "mesh.levels=1"]
+    fewer = ["sweep={parameters.H: [2 mm, 8 mm], mesh.grading: [0.5, 0.8]}", "mesh={maxh: H, family: graded}"]
     study = tcstudy.load(str(CONFIGS / "thickness_map.yaml"), fewer)
     assert plan(study).factorisations == 4
     data = tcstudy.run(study, tmp_path / "map.nc").to_dataset().isel(level=0)
     ratio = data["lambda_1"] * data["H"] / 1e3
     assert np.all((ratio.sel(H=0.002) > 0.99) & (ratio.sel(H=0.002) < 1.0))
-    assert np.all(ratio.sel(H=0.008) < 0.985)
+    assert float(ratio.sel(H=0.008, grading=0.5)) < 0.985
