@@ -13,7 +13,6 @@ import sqlite3
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 from tcstudy.data.files import PARTIAL, StoreError, remove_stale, special_file, sync_directory
@@ -21,9 +20,7 @@ from tcstudy.data.provenance import program, study_sha256
 from tcstudy.data.records import (
     BlockRecord,
     LevelRecord,
-    PointRecord,
     Row,
-    block_of,
     check_block,
     check_level,
     checksum,
@@ -51,11 +48,8 @@ class Journal:
     warnings: sentences for the user, for example that an old journal was set aside
     """
 
-    def __init__(
-        self, path: Path, connection: sqlite3.Connection, warnings: tuple[str, ...], shape: tuple[int, ...]
-    ) -> None:
-        self.path, self._shape = path, shape
-        self.warnings = warnings
+    def __init__(self, path: Path, connection: sqlite3.Connection, warnings: tuple[str, ...]) -> None:
+        self.path, self.warnings = path, warnings
         self.finished: frozenset[tuple[int, int]] = frozenset()
         self._connection = connection
         self._pending: list[Row] = []
@@ -92,21 +86,16 @@ class Journal:
             raise StoreError(f"cannot start the journal {path}: {why}. Choose another output")
         remove_stale(output)
         sync_directory(path.parent)
-        journal = cls(path, connection, warnings, study.shape)
+        journal = cls(path, connection, warnings)
         places = connection.execute("SELECT level, place FROM record WHERE kind = 'block'")
         journal.finished = frozenset((int(level), int(place)) for level, place in places)
         return journal
 
-    def add(self, record: BlockRecord | PointRecord | LevelRecord) -> None:
+    def add(self, record: BlockRecord | LevelRecord) -> None:
         """Keep a record; it is on the disk within COMMIT_SECONDS. A second one of the same place replaces it.
-
-        A point alone is kept as the block that has its place in the sweep for a number.
 
         Raises StoreError if an earlier record could not be brought to the disk; it is tried again.
         """
-        if isinstance(record, PointRecord):
-            alone = block_of((record,), self._shape)
-            record = replace(alone, number=int(alone.points[0]))
         row = encode(record)
         with self._lock:
             if self._closed:
@@ -146,10 +135,6 @@ class Journal:
     def blocks(self) -> Iterator[BlockRecord]:
         """All blocks as they finished, read one by one: whole-body fields need not fit into memory."""
         return (decode_block(row) for row in self._rows("block"))
-
-    def points(self) -> Iterator[PointRecord]:
-        """All points as they finished, one by one."""
-        return (point for block in self.blocks() for point in block.one_by_one())
 
     def close(self) -> None:
         """Flush and give up the lock; the journal stays for a later run. Closing twice does no harm."""

@@ -18,7 +18,7 @@ from tcstudy.data import schema
 from tcstudy.data.files import StoreError, write_dataset
 from tcstudy.data.provenance import Provenance, global_attributes, without_paths
 from tcstudy.data.reading import attributes
-from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, block_of, check_block, check_level
+from tcstudy.data.records import BlockRecord, LevelRecord, check_block, check_level
 from tcstudy.data.schema import MISSING_COUNT, SWEEP, FileVariable, PointStatus, edge_flags
 from tcstudy.data.writer import (
     CHUNK,
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 Places = np.ndarray[Any, np.dtype[np.intp]]
-Records = Collection[BlockRecord | PointRecord] | Callable[[], Iterable[BlockRecord | PointRecord]]
+Records = Collection[BlockRecord] | Callable[[], Iterable[BlockRecord]]
 
 KEPT = "finished points are kept in the journal"
 MEMORY = 2**26
@@ -156,8 +156,7 @@ def fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], recor
 
 
 def _blocks(records: Records, study: Study, levels: Mapping[int, LevelRecord]) -> Iterator[BlockRecord]:
-    for record in records() if callable(records) else records:
-        block = record if isinstance(record, BlockRecord) else block_of((record,), study.shape)
+    for block in records() if callable(records) else records:
         check_block(block, study, levels.get(block.level))
         yield block
 

@@ -14,8 +14,8 @@ from tcstudy.data import schema
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.data.schema import FileVariable
-from tcstudy.data.store import write
 from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
+from tests.data.by_points import write
 
 TEXT = "title: Bärenstark\nsweep:\n  alpha: [25, 100]\n"
 NODES = (3, 6)

@@ -18,8 +18,9 @@ from tcstudy.data import files
 from tcstudy.data.files import StoreError, check_writable
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
-from tcstudy.data.store import open_results, write
+from tcstudy.data.store import open_results
 from tcstudy.scene.study import Study
+from tests.data.by_points import write
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -67,7 +68,7 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from conftest import make_level, make_point, make_study, Provenance
 from tcstudy.data.files import StoreError
-from tcstudy.data.store import write
+from by_points import write
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), int(sys.argv[3])))
 try:
     write(Path(sys.argv[1]), make_study(), [make_level(0), make_level(1)], [make_point((0, 0, 0), 0)],

@@ -17,10 +17,10 @@ import pytest
 
 from tcstudy.data import store
 from tcstudy.data.files import StoreError
-from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.scene.study import Study
+from tests.data.by_points import PointJournal as Journal
 from tests.data.conftest import make_level
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -117,7 +117,7 @@ def test_the_journal_feeds_the_store_and_is_then_discarded(
     with Journal.open(output, study) as journal:
         for record in (*levels, *points):
             journal.add(record)
-        store.write(output, study, journal.levels(), journal.points, provenance)
+        store.write(output, study, journal.levels(), journal.blocks, provenance)
         journal.discard()
     assert os.listdir(output.parent) == [output.name]
     with store.open_results(output) as tree:
@@ -134,7 +134,7 @@ import sys, time
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from conftest import long, make_level, make_point, make_study
-from tcstudy.data.journal import Journal
+from by_points import PointJournal as Journal
 from tcstudy.data.journal import checksum
 import numpy as np
 study = make_study()
@@ -250,7 +250,7 @@ import resource, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from conftest import long, make_level, make_point, make_study
-from tcstudy.data.journal import Journal
+from by_points import PointJournal as Journal
 from tcstudy.data.journal import checksum
 from tcstudy.data.files import StoreError
 from dataclasses import replace

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from tcstudy.data import journal as journal_module
-from tcstudy.data.journal import Journal
 from tcstudy.data.records import PointRecord, checksum
 from tcstudy.scene.study import Study
+from tests.data.by_points import PointJournal as Journal
 from tests.data.conftest import make_level
 from tests.data.test_journal import assert_same, fill, partial
 

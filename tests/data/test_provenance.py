@@ -27,10 +27,10 @@ from tcstudy.data.provenance import (
     without_paths,
 )
 from tcstudy.data.records import LevelRecord, PointRecord
-from tcstudy.data.store import write
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.records import Body, BrepFace, Heat, Material, Scene
 from tcstudy.scene.study import Study
+from tests.data.by_points import write
 
 
 def git(directory: Path, *arguments: str) -> None:

@@ -15,8 +15,8 @@ import pytest
 from tcstudy.data import schema
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
-from tcstudy.data.store import write
 from tcstudy.scene.study import Axis, Study
+from tests.data.by_points import write
 from tests.data.compliance import cf_faults
 
 

@@ -18,8 +18,9 @@ from tcstudy.data import schema
 from tcstudy.data.files import StoreError
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus, block_of
-from tcstudy.data.store import open_results, write
+from tcstudy.data.store import open_results
 from tcstudy.scene.study import Study
+from tests.data.by_points import write
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
-from tcstudy.data.store import write
 from tcstudy.reports import style
 from tcstudy.reports.picture import LineFields, Picture
 from tcstudy.reports.point_figure import point_figure
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
+from tests.data.by_points import write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
