@@ -139,11 +139,13 @@ class BlockRecord:
 
 SENSITIVITY = "sensitivity_"
 """How the names of derivatives begin (`tcstudy.data.sensitivities`)."""
+ON_REQUEST = (SENSITIVITY, "probe_", "reaction_", "theta_mean_", "von_mises_")
+"""How the names of all numbers on request begin (`tcstudy.data.on_request`)."""
 
 
 def is_number(name: str) -> bool:
     """Whether `PointRecord.numbers` may hold this name."""
-    return name in NUMBERS or name.startswith(SENSITIVITY)
+    return name in NUMBERS or name.startswith(ON_REQUEST)
 
 
 def _check_names(numbers: AbstractSet[str], fields: AbstractSet[str]) -> None:

@@ -308,10 +308,10 @@ def root_variables(study: Study) -> tuple[FileVariable, ...]:
     solvers = SOLVERS if len(study.solver.names) > 1 else ()
     estimates = ESTIMATES + _goal_variables(study.mesh.goal, study.exact is not None) if study.mesh.estimates else ()
     derived: tuple[FileVariable, ...] = ()
-    if study.output.sensitivity:
-        from tcstudy.data.sensitivities import variables  # only for a study that asks for them
+    if study.output.asks:
+        from tcstudy.data.on_request import variables  # only for a study that asks for more
 
-        derived = variables(study.output.sensitivity)
+        derived = variables(study)
     return (*ROOT, *solvers, *estimates, *derived)
 
 

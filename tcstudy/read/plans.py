@@ -136,8 +136,10 @@ def read_solver(ctx: Context, node: Node | None) -> SolverPlan:
 @none_after_fault
 def read_output(ctx: Context, node: Node | None) -> OutputPlan:
     """Where the data go; None after a fault."""
-    given = Fields(ctx, node, "output").given() if node else {}
-    given.pop("sensitivity", None)  # names are judged where the scenes are known (read/sensitivity.py)
+    if node is None:
+        return OutputPlan()
+    fields = Fields(ctx, node, "output")  # the last two are judged where the scenes are known
+    given = fields.given(key for key in fields.rows if key not in ("sensitivity", "probes"))
     return OutputPlan(**(given | {"path": Path(given["path"])} if "path" in given else given))
 
 

@@ -248,6 +248,7 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "displacement": lambda one: {"anyOf": [{"const": "derived"}, _list(_field(one), 2, 2)]},
     "point": _point,
     "points": lambda one: _list(_point(one), int(one.least or 0)),
+    "named places": lambda one: _named(_point(one)) | {"minProperties": 1},
     "named points": lambda one: _named(_list(_point(one), 1)),
     "section": _sub_section,
     "sections": lambda one: _list(_sub_section(one), int(one.least or 0)),

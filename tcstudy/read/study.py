@@ -270,6 +270,10 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
         if scenes and (goal := given or next(words, None)):
             check_goal(ctx, goal, mesh.goal, body, scenes[0].boundary)
     solver, output = read_solver(ctx, root.child("solver")), read_output(ctx, root.child("output"))
+    if output and (places := deepest(root, ("output", "probes"))).path == "output.probes":
+        from tcstudy.read.probes import read_probes  # only for a study that has them
+
+        output = replace(output, probes=read_probes(ctx, places, body, scenes))
     path = read_path(ctx, node, reader.base, mesh) if (node := root.child("path")) else None
     exact = read_exact(ctx, node, root, body) if (node := root.child("exact")) else None
     history = None

@@ -36,6 +36,7 @@ _MOST_LEVELS = max(family.max_levels for family in FAMILIES.values())
 _MESH, _SOLVER = MeshPlan((), 1), SolverPlan()
 _PATH = {name: field.default for name, field in PathPlan.__dataclass_fields__.items()}
 _STRENGTH = Key("strength", "field", "factor of the law, 0 in a gap of the bond", default=1.0, example="1", swept=True)
+_QUANTITIES = ("reactions", "theta_edges", "von_mises")
 _HOLE = ("circle", "rectangle", "outline")
 
 ROWS: tuple[Key, ...] = (
@@ -280,6 +281,8 @@ ROWS: tuple[Key, ...] = (
         Key("path", "text", "of the file (default: results/<study>.nc)", example="results/study.nc"),
         Key("fields", "flag", "keep θ and u of the whole body", default=False),
         Key("sensitivity", "words", "numbers by which results are differentiated", example="[friction.delta, E]"),
+        Key("probes", "named places", "points whose u, θ and σ are kept", u.LENGTH, "{tip: [200 mm, 60 mm]}"),
+        Key("quantities", "one or more", "further numbers of every point", words=_QUANTITIES, example="reactions"),
         Key("live", "flag", "keep what a page needs to solve by itself, up to half a megabyte a level", default=False),
     ),
     *HISTORY,

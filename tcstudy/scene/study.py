@@ -256,6 +256,15 @@ class Sensitivity:
 
 
 @dataclass(frozen=True)
+class Probe:
+    """A point at which u, θ and σ are stored, and u_T where it lies on a contact edge."""
+
+    name: str
+    at: Point
+    on_contact: bool = False
+
+
+@dataclass(frozen=True)
 class OutputPlan:
     """Where the data go and what beside the mandatory variables is kept.
 
@@ -263,12 +272,20 @@ class OutputPlan:
     live:   what a page needs to solve the contact problem by itself (offline.live); off unless asked for, because it
             costs a run some thirty temperatures and up to half a megabyte a level
     sensitivity: numbers by which the results of every point are differentiated
+    probes, quantities: points and words for further numbers of every point (data.on_request)
     """
 
     path: Path | None = None
     fields: bool = False
     live: bool = False
     sensitivity: tuple[Sensitivity, ...] = ()
+    probes: tuple[Probe, ...] = ()
+    quantities: tuple[str, ...] = ()
+
+    @property
+    def asks(self) -> bool:
+        """True if there are numbers on request."""
+        return bool(self.sensitivity or self.probes or self.quantities)
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,7 @@ class Workshop:
     def _must_wait(self, last: Block, block: Block) -> bool:
         """Whether a block needs the solutions of those before, or takes away the factor that these need to end."""
         output = self.study.output
-        more = self.survey is not None or output.fields or bool(output.sensitivity)
+        more = self.survey is not None or output.fields or output.asks
         return (self.solutions.kept and block.wave != last.wave) or (more and block.ratio != last.ratio)
 
     def _prepare(self, block: Block, tries: int = 1) -> Prepared:
@@ -144,10 +144,10 @@ class Workshop:
         block = prepared.block
         record = self._together(prepared) if in_blocks(self.study) else self._singly(block)
         self.solutions.take(record)
-        if self.study.output.sensitivity:
-            from tcstudy.study.sensitivities import with_sensitivities  # only for a study that asks for them
+        if self.study.output.asks:
+            from tcstudy.study.requested import with_requested  # only for a study that asks for more
 
-            record = with_sensitivities(self.study, self.level, record)
+            record = with_requested(self.study, self.level, record)
         yield replace(record, number=block.number)
 
     def _singly(self, block: Block) -> BlockRecord:

@@ -1,0 +1,141 @@
+"""Numbers of a solved point that a study asks for: u, θ and σ at points, reactions, θ by edge, the largest stress.
+
+Stress:     σ = cε(u) − βθI, one on each triangle, θ being its mean there; in plane strain σ_zz = λ div u − βθ
+Reactions:  r = Au + Su − l_θ at the nodes that are held or in contact (S: springs); Σ r + Σ loads − ΣSu = 0 to rounding
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.fem.recovery import ElementGeometry
+from tcstudy.fem.rigid import nodes_of
+from tcstudy.offline.level import Level
+from tcstudy.scene.records import Clamped, Contact, Scene
+from tcstudy.scene.study import OutputPlan, Probe
+
+Array = NDArray[np.float64]
+OUTSIDE = 0.1
+"""How far outside all triangles a point may lie, in barycentric coordinates: between a chord and its arc, say."""
+
+
+@dataclass(frozen=True)
+class Requested:
+    """What a study asks for, on one level."""
+
+    level: Level
+    output: OutputPlan
+
+    @cached_property
+    def _triangles(self) -> ElementGeometry:
+        return ElementGeometry(self.level.mesh)
+
+    @cached_property
+    def _places(self) -> dict[Probe, tuple[int, Array]]:
+        """The triangle of every probe, and the barycentric coordinates in it."""
+        return {probe: _place(self._triangles, np.array(probe.at)) for probe in self.output.probes}
+
+    def of(self, scene: Scene, u_T: Array) -> dict[str, float]:
+        """The numbers by variable name (data.on_request) at a solution u_T (m,) of a scene."""
+        level, wanted = self.level, self.output.quantities
+        u = level.displacement(scene, level.condensed(scene), u_T)
+        warm = scene.material.expands
+        theta = level.temperature(scene).theta if warm else np.zeros(level.mesh.n_points)
+        found: dict[str, float] = {}
+        if self.output.probes or "von_mises" in wanted:
+            sigma = self._stress(scene, u, theta)
+            found |= self._probes(u, theta if warm else theta + np.nan, sigma)
+            found |= self._largest(sigma) if "von_mises" in wanted else {}
+        if "reactions" in wanted:
+            found |= self._reactions(scene, u)
+        if "theta_edges" in wanted and warm:
+            found |= {f"theta_mean_{name}": self._mean(name, theta) for name, _ in scene.boundary}
+        return found
+
+    def _stress(self, scene: Scene, u: Array, theta: Array) -> Array:
+        """(t, 4) σ_xx, σ_yy, σ_xy, σ_zz of the triangles [Pa]."""
+        own = self._triangles.gradient(u.reshape(2, -1).T)
+        mean = theta[self.level.mesh.triangles].mean(axis=1)
+        sigma = np.empty((len(mean), 4))
+        for where, material in scene.pieces:
+            here = self.level.mesh.inside(where) if where else np.ones(len(mean), dtype=bool)
+            strain = own[here]
+            even = material.lam * (strain[:, 0, 0] + strain[:, 1, 1]) - material.beta * mean[here]
+            sigma[here, 0] = even + 2.0 * material.mu * strain[:, 0, 0]
+            sigma[here, 1] = even + 2.0 * material.mu * strain[:, 1, 1]
+            sigma[here, 2] = material.mu * (strain[:, 0, 1] + strain[:, 1, 0])
+            sigma[here, 3] = even if material.plane == "strain" else 0.0
+        return sigma
+
+    def _probes(self, u: Array, theta: Array, sigma: Array) -> dict[str, float]:
+        found: dict[str, float] = {}
+        components = u.reshape(2, -1)
+        for probe, (triangle, weights) in self._places.items():
+            nodes, start = self.level.mesh.triangles[triangle], f"probe_{probe.name}"
+            if triangle < 0:
+                continue
+            at = components[:, nodes] @ weights
+            found |= {f"{start}_u_x": at[0], f"{start}_u_y": at[1], f"{start}_theta": theta[nodes] @ weights}
+            found |= {f"{start}_sigma_{c}": sigma[triangle, i] for i, c in enumerate(("xx", "yy", "xy"))}
+            if probe.on_contact:
+                found[f"{start}_u_T"] = self._along(probe, components)
+        return {name: float(value) for name, value in found.items()}
+
+    def _along(self, probe: Probe, u: Array) -> float:
+        """u_T at a point of the contact line, whose ends may be held: from the segment that is nearest."""
+        line = self.level.line
+        a, along = line.ends[:, 0], line.ends[:, 1] - line.ends[:, 0]
+        length = np.hypot(*along.T)
+        s = np.clip(np.einsum("sd,sd->s", np.array(probe.at) - a, along) / length**2, 0.0, 1.0)
+        k = int(np.argmin(np.hypot(*(a + s[:, None] * along - probe.at).T)))
+        first, second = line.segments[k]
+        value: Array = (1.0 - s[k]) * u[:, first] + s[k] * u[:, second]
+        return float(value @ along[k]) / float(length[k])
+
+    def _largest(self, sigma: Array) -> dict[str, float]:
+        xx, yy, xy, zz = sigma.T
+        size = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2)
+        worst = int(np.argmax(size))
+        x, y = self._triangles.corners[worst].mean(axis=0)
+        return {"von_mises_max": float(size[worst]), "von_mises_x": float(x), "von_mises_y": float(y)}
+
+    def _reactions(self, scene: Scene, u: Array) -> dict[str, float]:
+        """Force of every support on the body, x and y; a node where two meet counts to the first, clamped before
+        contact."""
+        level = self.level
+        moduli = tuple((where, one.lam, one.mu) for where, one in scene.pieces)
+        rest = level.elastic.stiffness_of(moduli) @ u - level.load(scene)
+        if scene.springs:
+            R = level.frames.rotation
+            rest += R @ (level.elastic.springs(scene.springs, level.frames) @ (R.T @ u))
+        found: dict[str, float] = {}
+        taken = np.zeros(level.mesh.n_points, dtype=bool)
+        for name, role in sorted(scene.boundary, key=lambda item: not isinstance(item[1], Clamped)):
+            if isinstance(role, Clamped | Contact):
+                nodes = nodes_of(level.mesh, name)
+                nodes = nodes[~taken[nodes]]
+                taken[nodes] = True
+                x, y = rest.reshape(2, -1)[:, nodes].sum(axis=1)
+                found |= {f"reaction_{name}_x": float(x), f"reaction_{name}_y": float(y)}
+        return found
+
+    def _mean(self, name: str, theta: Array) -> float:
+        """Mean of θ over an edge."""
+        mesh = self.level.mesh
+        curves = [i for i, curve in enumerate(mesh.geometry.curves) if curve.name == name]
+        ends = mesh.segments[np.isin(mesh.segment_curve, curves)]
+        length = np.hypot(*(mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]]).T)
+        return float(length @ theta[ends].mean(axis=1) / length.sum())
+
+
+def _place(triangles: ElementGeometry, at: Array) -> tuple[int, Array]:
+    """(triangle, barycentric coordinates) of a point; −1 outside the body."""
+    corners = triangles.corners
+    slopes = triangles.slopes
+    weights = 1.0 / 3.0 + np.einsum("tkd,td->tk", slopes, at - corners.mean(axis=1))
+    best = int(np.argmax(weights.min(axis=1)))
+    return (best if weights[best].min() > -OUTSIDE else -1), weights[best]
