@@ -19,8 +19,15 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 _dgesv, _dgeequ = scipy.linalg.lapack.dgesv, scipy.linalg.lapack.dgeequ
 
+MOST_GROWTH = 100.0
+"""Nodes that differ enter the base at once if the inverse of their equations, scaled, is no larger: at most two
+digits are lost. Otherwise they are taken one by one, as long as they are sound."""
+
 SOUND = 0.05
 """Pivots that shrink below this part of their terms are not taken when the base moves: the node stays a difference."""
+
+CLEAR = 1e-6
+"""Least over largest pivot above which no rank is lost, whatever the scales of rows."""
 
 LOST_RANK = 1e-13
 """Pivots of the small system, its rows scaled to one, below which there is no unique direction."""
@@ -31,15 +38,19 @@ class SingularCellError(ArithmeticError):
 
 
 def solved(system: Array, rhs: Array) -> Array:
-    """The solution; both arguments are overwritten. Raises SingularCellError where the rows, scaled, have lost rank."""
+    """The solution. Raises SingularCellError where the rows, scaled to one, have lost rank.
+
+    Scaling is left out where pivots are far from that without it.
+    """
+    lu, _, solution, info = _dgesv(system, rhs)
+    pivots = np.abs(lu.diagonal())
+    if info == 0 and pivots.item(pivots.argmin()) > CLEAR * pivots.item(pivots.argmax()):
+        return np.asarray(solution)
     scale, _, _, _, _, info = _dgeequ(system)
     if info != 0 and info <= len(rhs):
         raise SingularCellError
-    system *= scale[:, None]
-    rhs *= scale
-    lu, _, solution, info = _dgesv(system, rhs, overwrite_a=1, overwrite_b=1)
-    pivots = np.abs(lu.diagonal())
-    if info != 0 or not pivots[pivots.argmin()] > LOST_RANK:
+    lu, _, solution, info = _dgesv(system * scale[:, None], rhs * scale)
+    if info != 0 or not np.min(np.abs(lu.diagonal())) > LOST_RANK:
         raise SingularCellError
     return np.asarray(solution)
 

@@ -28,7 +28,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.solvers.path.dense import (
-    SOUND,
+    MOST_GROWTH,
     SingularCellError,
     definite_inverse,
     indefinite_inverse,
@@ -148,7 +148,7 @@ class Tableau:
             self.change(i, free, k)
         return None
 
-    def _small_inverse(self, limit: float = 1.0 / SOUND) -> tuple[Array | None, Array]:
+    def _small_inverse(self, limit: float = MOST_GROWTH) -> tuple[Array | None, Array]:
         """(inverse of the equations of the nodes that differ, these in symmetric form).
 
         None for the inverse where it exceeds the limit, every node's equation scaled by its own terms: a pivot on all
@@ -256,7 +256,7 @@ class Tableau:
             rhs[1:] = z[K]
             rhs[0] -= z[node] if node is not None and at < 0 else 0.0
         solution = solved(system, rhs)
-        dt, own = float(solution[0] / unit), solution[1:]
+        dt, own = speed if node is None else solution.item(0) / unit, solution[1:]
         dx: Array = _dgemv(-1.0, columns, gain * own, dt, self.y) if n else self.y * dt
         if z is not None:
             dx += z
