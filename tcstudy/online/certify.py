@@ -9,30 +9,19 @@ Which of many matrices Ã + C diag(s_r − μ) are positive definite, with as fe
 If the matrix with the pointwise least diagonal of a group is positive definite, all of the group are. If its Cholesky
 factorisation breaks down, the direction d of negative curvature refutes every row with dᵀ(Ã + C diag(s_r − μ))d ≤ 0 at
 the price of a product; what is left is halved.
-
-How far j bends below its tangent at v, D_i of tcstudy/solvers/bounds.py:
-
-D_i = sup over s in [low_i, high_i] of 2 [j(v_i) + ζ_i (s − v_i) − j(s)] / (s − v_i)²,  ζ_i ∈ b̂(v_i)
-
-On a linear piece the quotient is a parabola in 1/(s − v_i). An exponential piece is cut into parts, on which b is
-bounded from below by a line through its value at the near end (the tangent where b is convex, the chord where it is
-concave), while j there is exact: an upper bound of D_i for any number of parts, so that few will do where they suffice.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.online.law_tables import LawTables
 from tcstudy.online.newton import factor_free, slopes
 from tcstudy.online.problems import CondensedBody, Rows
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.friction import UP
-from tcstudy.solvers.bounds import quotient, start_excess
+from tcstudy.solvers.bounds import FEW, PARTS, bends
 from tcstudy.solvers.problem import least_lowered
 from tcstudy.solvers.separable.pieces import cholesky
 
@@ -87,8 +76,6 @@ MARGIN = 1e-6
 """μ/λ₁, by how much a matrix must be positive definite."""
 _ROUNDS, _SHRINKS = 30, 0.01
 """Improvements of a box at most, and by which part of its size one must shrink it."""
-_FEW_PARTS = 6
-"""Parts of exponential pieces that are tried before PARTS."""
 
 
 def solution_boxes(rows: Rows) -> tuple[Array, Array]:
@@ -148,7 +135,7 @@ def global_minimum(rows: Rows, v: Array, low: Array, high: Array) -> Flags:
     """
     _, zeta = nearest_traction(rows, v)
     low, high = np.minimum(low, v), np.maximum(high, v)
-    few = PARTS if rows.laws.tables.linear else _FEW_PARTS
+    few = PARTS if rows.laws.tables.linear else FEW
     upper, lower = bends_below_tangent(rows.laws, v, zeta, low, high, few)
     proved = np.all(np.isfinite(upper), axis=1)
     open_ = np.flatnonzero(proved)
@@ -196,12 +183,6 @@ def energy_gap(rows: Rows, v: Array) -> Array:
     return np.asarray((traction - zeta) ** 2 @ rows.body.c / (2.0 * rows.body.shift(MARGIN)))
 
 
-PARTS = 48
-"""Parts of an exponential piece of the careful bound."""
-_DECAY, _ROUNDINGS = 16.0, 64.0
-"""Decay lengths that the parts cover (one more takes the rest), and roundings of j by which every D is enlarged."""
-
-
 def bends_below_tangent(
     laws: RowLaws, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS
 ) -> tuple[Array, Array]:
@@ -209,83 +190,8 @@ def bends_below_tangent(
 
     zeta: elements of b̂(v), exactly b(v) off the kinks [Pa]
     """
-    tables, law = laws.tables, np.broadcast_to(laws.law, v.shape).ravel()
+    law = np.broadcast_to(laws.law, v.shape).ravel()
     v_own, low, high = (laws.own_slip(x).ravel() for x in (v, low, high))
-    zeta = laws.own_traction(zeta).ravel()
-    right = _one_side(tables, law, v_own, zeta, high, parts)
-    left = _one_side(tables.mirrored, law, -v_own, -zeta, -low, parts)
-    upper, lower = (laws.traction(np.maximum(*sides).reshape(v.shape), -1) for sides in zip(right, left, strict=True))
+    sides = bends(laws.tables, law, v_own, laws.own_traction(zeta).ravel(), low, high, parts)
+    upper, lower = (laws.traction(np.maximum(*bound).reshape(v.shape), -1) for bound in zip(*sides, strict=True))
     return upper, lower
-
-
-@dataclass
-class _March:
-    """Nodes on their way from v to the right: where they are and the gap h = j(v) + ζ(s − v) − j(s) there."""
-
-    tables: LawTables
-    v: Array
-    zeta: Array
-    at: Array
-    gap: Array
-    D: Array
-    least: Array
-    size: Array
-
-    def advance(self, nodes: Index, piece: Index, width: Array) -> None:
-        """Take the part [at, at + width] of the pieces (n,) of the named nodes into account and go to its end."""
-        tables, at, gap = self.tables, self.at[nodes], self.gap[nodes]
-        v, zeta = self.v[nodes], self.zeta[nodes]
-        value, slope = tables.value(at, piece), tables.slope(at, piece)
-        excess = np.where(at == v, start_excess(value, zeta), zeta - value)
-        tangent = np.where((at == v) & (excess == 0.0) & (width > 0.0), -slope, -np.inf)
-        concave = tables.a.take(piece) < 0.0
-        if np.any(concave):
-            chord = (tables.value(at + width, piece) - value) / np.where(width > 0.0, width, 1.0)
-            slope = np.where(concave & (width > 0.0), np.minimum(chord, slope), slope)
-        self.size[nodes] = np.maximum(self.size[nodes], np.abs(value))
-        distance = at - v
-        noise = np.zeros(len(nodes))  # of the quotient, which at v itself is a limit
-        np.divide(_ROUNDINGS * np.finfo(float).eps * self.size[nodes], distance, out=noise, where=distance > 0.0)
-        largest = quotient(gap, excess, slope, distance, width) + noise
-        self.D[nodes] = np.maximum(self.D[nodes], np.where(width > 0.0, largest, -np.inf))
-        gap = gap + width * zeta - tables.piece_integral(piece, at, at + width)
-        at = at + width
-        self.gap[nodes], self.at[nodes] = gap, at
-        self.least[nodes] = np.maximum(self.least[nodes], np.maximum(tangent, self._at_end(nodes, gap, at - v)))
-
-    def _at_end(self, nodes: Index, gap: Array, distance: Array) -> Array:
-        """The quotient at a point, lowered by rounding; −∞ at v itself and infinitely far away."""
-        quotient = np.full(len(gap), -np.inf)
-        lowered = gap - _ROUNDINGS * np.finfo(float).eps * self.size[nodes] * distance
-        known = (distance > 0.0) & np.isfinite(distance)
-        np.divide(2.0 * lowered, distance**2, out=quotient, where=known)
-        return quotient
-
-
-def _one_side(tables: LawTables, law: Index, v: Array, zeta: Array, high: Array, parts: int) -> tuple[Array, Array]:
-    """(upper, lower) bounds of the sup of the quotient over s ∈ (v, high] (−∞ where that is empty)."""
-    at = tables.locate(law, v)
-    begin = at.piece + at.on
-    none = np.full(len(v), -np.inf)
-    march = _March(tables, v, zeta, v.copy(), np.zeros(len(v)), none, none.copy(), np.abs(zeta))
-    for column in range(tables.q.shape[1]):
-        piece = tables.first[law] + column
-        end = np.minimum(tables.upper.take(piece), high)
-        active = np.flatnonzero((begin <= piece) & (march.at < end))
-        bent = tables.a.take(piece[active]) != 0.0
-        for nodes, count in ((active[~bent], 1), (active[bent], parts)):
-            if len(nodes):
-                for width in _parts(tables.r.take(piece[nodes]), end[nodes] - march.at[nodes], count):
-                    march.advance(nodes, piece[nodes], width)
-                march.at[nodes] = end[nodes]
-    return march.D, march.least
-
-
-def _parts(rate: Array, width: Array, count: int) -> list[Array]:
-    """Widths of the parts into which [at, at + width] is cut: fine on the side where b changes fast."""
-    if count == 1:
-        return [width]
-    with np.errstate(divide="ignore"):
-        fine = np.minimum(width, _DECAY / np.abs(rate))
-    rest, inner = width - fine, [fine / count] * count
-    return [np.where(rate < 0.0, rest, 0.0), *inner, np.where(rate > 0.0, rest, 0.0)]

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online.law_tables import Place
 from tcstudy.online.newton import BlockSlopes, directions, leave_saddles, slopes
 from tcstudy.online.problems import Rows, prolonged
+from tcstudy.solvers.law_tables import Place
 from tcstudy.solvers.separable.descent import NodeEnergy
 
 Array = NDArray[np.float64]

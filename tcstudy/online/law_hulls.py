@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online.law_tables import LawTables
 from tcstudy.scene.friction import BEND, DOWN
 from tcstudy.solvers.hull import lower_hull
+from tcstudy.solvers.law_tables import LawTables
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

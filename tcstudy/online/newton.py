@@ -21,9 +21,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.online.law_tables import Place
 from tcstudy.online.problems import CondensedBody, Rows
 from tcstudy.scene.friction import BEND
+from tcstudy.solvers.law_tables import Place
 from tcstudy.solvers.separable.pieces import cholesky
 
 Array = NDArray[np.float64]

@@ -17,10 +17,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.online.law_tables import Place
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.extended import extended_residual
+from tcstudy.solvers.law_tables import Place
 from tcstudy.solvers.problem import ContactProblem, least_eigenvalue
 from tcstudy.solvers.separable.newton import interpolation
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online.law_tables import LawTables, Place, far, largest_push, least_slope, value_range
 from tcstudy.scene.friction import BEND, FrictionLaw
 from tcstudy.scene.nodal_laws import Law, NodalLaws, nodal
+from tcstudy.solvers.law_tables import LawTables, Place, far, largest_push, least_slope, value_range
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from tcstudy.online.descent import descend, descend_nested
 from tcstudy.online.law_hulls import proximal_hulls
-from tcstudy.online.law_tables import LawTables
 from tcstudy.online.newton import block_of, factor_free, slopes
 from tcstudy.online.problems import Rows
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.friction import UP
+from tcstudy.solvers.law_tables import LawTables
 from tcstudy.solvers.search import GROWTH, LOOSE, PROMISES
 
 Array = NDArray[np.float64]

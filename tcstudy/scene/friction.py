@@ -93,12 +93,6 @@ class FrictionLaw:
         """True if b ≡ 0: a film without friction."""
         return not (np.any(self.b_0) or np.any(self.q) or np.any(self.a))
 
-    @cached_property
-    def mirrored(self) -> FrictionLaw:
-        """The law −b(−s)."""
-        kinks, s_0, b_0, a, r = (-x[::-1] for x in (self.kinks, self.s_0, self.b_0, self.a, self.r))
-        return FrictionLaw(self.name, kinks, s_0, b_0, self.q[::-1], a, r)
-
     def piece(self, s: ArrayLike, side: int = 1) -> NDArray[np.intp]:
         """Index of the piece that holds s; at a kink the piece to its right (side=1) or left (side=-1)."""
         return np.searchsorted(self.kinks, np.asarray(s), side="right" if side > 0 else "left")

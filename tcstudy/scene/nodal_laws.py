@@ -95,11 +95,6 @@ class LawTable:
         return all(law.piecewise_linear for law in self.laws)
 
     @cached_property
-    def mirrored(self) -> LawTable:
-        """The laws −b(−s)."""
-        return LawTable(tuple(law.mirrored for law in self.laws))
-
-    @cached_property
     def omega(self) -> Array:
         """(L,) steepest falls [Pa/m]."""
         return np.array([law.omega for law in self.laws])

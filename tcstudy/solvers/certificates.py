@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.scene.study import Acceptance
-from tcstudy.solvers.bounds import bend_below_tangent, least_slope, solution_box
+from tcstudy.solvers.bounds import FEW, PARTS, bend_below_tangent, least_slope, solution_box
 from tcstudy.solvers.problem import ContactProblem, least_lowered
 from tcstudy.solvers.separable.pieces import cholesky, slopes, submatrix
 
@@ -162,6 +162,8 @@ def _global_gap(
     low, high = np.minimum(low, v), np.maximum(high, v)
     if unique:
         return gap
-    bend = bend_below_tangent(problem.law, v, zeta, low, high)
-    certified = np.all(np.isfinite(bend)) and positive_definite(problem, -bend, lambda_1, margin)
-    return gap if certified else float("nan")
+    for parts in (PARTS,) if problem.law.piecewise_linear else (FEW, PARTS):
+        bend = bend_below_tangent(problem.law, v, zeta, low, high, parts)
+        if np.all(np.isfinite(bend)) and positive_definite(problem, -bend, lambda_1, margin):
+            return gap
+    return float("nan")

@@ -28,6 +28,7 @@ import scipy.linalg
 import xarray as xr
 from numpy.typing import NDArray
 
+from tcstudy.executors.protocol import keep_freed_memory
 from tcstudy.online import BlockAnswers, CondensedBody, LawTables
 from tcstudy.reports.style import INK, WIDTH, inches, save, styled
 from tcstudy.scene import laws as shapes
@@ -164,6 +165,7 @@ def cpu(work: Callable[[], T]) -> tuple[T, float]:
 
 def measure(progress: Callable[[str], None]) -> xr.Dataset:
     """(sweep, m) CPU ms a point before and now, of one potrf, and how the answers compare."""
+    keep_freed_memory()  # as whoever solves the blocks of a study does
     shape = len(SWEEPS), len(LEVELS)
     before, now, factor = np.full(shape, np.inf), np.full(shape, np.inf), np.full(len(LEVELS), np.inf)
     counts, sizes = Comparison(), np.zeros(len(LEVELS), dtype=np.int64)

@@ -8,10 +8,10 @@ import pytest
 from tcstudy.online import LawTables, RowLaws
 from tcstudy.online.certify import bends_below_tangent
 from tcstudy.online.law_hulls import proximal_hulls
-from tcstudy.online.law_tables import largest_push, least_slope, value_range
-from tcstudy.solvers import bounds as global_bound
-from tcstudy.solvers import bounds as solution_box
+from tcstudy.solvers import bounds
+from tcstudy.solvers.bounds import tables_of
 from tcstudy.solvers.hull import proximal_hull
+from tcstudy.solvers.law_tables import largest_push, least_slope, value_range
 from tcstudy.solvers.separable import pieces as nodal_pieces
 from tests.online.rows import some_laws
 
@@ -59,12 +59,15 @@ def test_ranges_and_least_slopes_are_those_of_the_laws() -> None:
     law, low = slips(rng, (8, 60))
     high = low + np.where(rng.random(low.shape) < 0.2, 0.0, rng.exponential(0.3, low.shape))
     for one, found in enumerate(value_range(TABLES, law, low, high)):
-        expected = by_law(law, low, high, of=lambda b, x, y, one=one: solution_box.b_range(b, x, y)[one])
+        expected = by_law(law, low, high, of=lambda b, x, y, one=one: value_range(*tables_of(b, len(x)), x, y)[one])
         np.testing.assert_allclose(found, expected, rtol=1e-14)
     np.testing.assert_allclose(
-        least_slope(TABLES, law, low, high), by_law(law, low, high, of=solution_box.least_slope), rtol=1e-14
+        least_slope(TABLES, law, low, high), by_law(law, low, high, of=bounds.least_slope), rtol=1e-14
     )
-    np.testing.assert_allclose(largest_push(TABLES), [solution_box.largest_push(law) for law in LAWS], rtol=1e-14)
+    for own, push in zip(LAWS, largest_push(TABLES), strict=True):
+        s = np.union1d(np.linspace(-3.0, 3.0, 20001), own.kinks)
+        sampled = max(0.0, *(float(np.max(-np.sign(s) * own.b(s, side))) for side in (-1, 1)))
+        assert sampled - 1e-12 <= push <= max(1.001 * sampled, own.b_scale) + 1e-12
 
 
 def test_bends_are_those_of_the_laws_and_few_parts_never_less() -> None:
@@ -75,7 +78,7 @@ def test_bends_are_those_of_the_laws_and_few_parts_never_less() -> None:
     zeta = by_law(law, v, of=lambda b, s: np.mean(b.interval(s), axis=0))
     given = (RowLaws(TABLES, law[None]), v[None], zeta[None], low[None], high[None])
     exact = bends_below_tangent(*given, 400)[0]
-    expected = by_law(law, v, zeta, low, high, of=global_bound.bend_below_tangent)
+    expected = by_law(law, v, zeta, low, high, of=bounds.bend_below_tangent)
     finite = np.isfinite(expected)
     for parts in (6, 48):
         upper, lower = bends_below_tangent(*given, parts)

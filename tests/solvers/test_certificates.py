@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.solvers.bounds import b_range, bend_below_tangent, least_slope, mirrored, solution_box
+from tcstudy.solvers.bounds import bend_below_tangent, least_slope, solution_box, tables_of
 from tcstudy.solvers.certificates import certify
+from tcstudy.solvers.law_tables import value_range
 from tcstudy.solvers.loop import iterate
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.finish import ActivePieces, solve_on
@@ -93,7 +94,9 @@ def test_integral_of_the_law(smooth: bool) -> None:
 def test_mirrored_law() -> None:
     law = cases.random_law(np.random.default_rng(4), 1.0, 9, True)
     s = np.linspace(-2.0, 2.0, 101)
-    assert np.allclose(mirrored(law).b(s, -1), -law.b(-s, +1), rtol=1e-12, atol=1e-12)
+    tables, index = tables_of(law, len(s))
+    mirrored = tables.mirrored
+    assert np.allclose(mirrored.value(s, mirrored.locate(index, s).piece), -law.b(-s, +1), rtol=1e-12, atol=1e-12)
 
 
 def quadrature(law: FrictionLaw, points: np.ndarray) -> np.ndarray:
@@ -159,7 +162,7 @@ def test_range_and_least_slope_on_intervals(smooth: bool) -> None:
         law = cases.random_law(rng, 1.0, 7, smooth)
         low = rng.uniform(-1.0, 1.0, 4)
         high = low + rng.uniform(0.0, 1.5, 4)
-        least, largest = b_range(law, low, high)
+        least, largest = value_range(*tables_of(law, 4), low, high)
         slope = least_slope(law, low, high)
         for i in range(4):
             s = np.linspace(low[i], high[i], 4001)

@@ -176,10 +176,21 @@ class LawTables:
             return q + 0.0 * s
         return q - self.r.take(piece) * self._exponential(s - self.s_0.take(piece), piece)
 
+    def value_and_slope(self, s: Array, piece: Index) -> tuple[Array, Array]:
+        """`value` and `slope` with one exponential for both; all of one shape."""
+        apart, q = s - self.s_0.take(piece), self.q.take(piece)
+        value: Array = self.b_0.take(piece) + q * apart
+        if self.linear:
+            return value, q + 0.0 * s
+        part = self._exponential(apart, piece)
+        return value + part, q - self.r.take(piece) * part
+
     def _exponential(self, apart: Array, piece: Index) -> Array:
         """a exp(−r (s − s_0)), 0 where a = 0; formed only where it is not if that is seldom."""
         part: Array = self.a.take(piece)
         count = np.count_nonzero(part)
+        if count == part.size:
+            return np.asarray(part * np.exp(-self.r.take(piece) * apart))
         if not count:
             return np.broadcast_to(part, np.broadcast_shapes(part.shape, apart.shape))
         if _SELDOM * count >= part.size or part.shape != apart.shape:
@@ -196,16 +207,16 @@ class LawTables:
         if self.linear:
             return total
         amplitude = np.broadcast_to(self.a.take(piece), total.shape).reshape(-1)
-        bent = amplitude.nonzero()[0]
-        if len(bent):
+        bent: Index | slice = slice(None) if np.all(amplitude) else amplitude.nonzero()[0]
+        if isinstance(bent, slice) or len(bent):
             step, from_anchor, rate = (
-                np.broadcast_to(x, total.shape).reshape(-1).take(bent) for x in (step, from_anchor, self.r.take(piece))
+                np.broadcast_to(x, total.shape).reshape(-1)[bent] for x in (step, from_anchor, self.r.take(piece))
             )
             decay = rate * step  # from the end where the exponential is larger: expm1 cannot overflow
             larger = from_anchor + np.where(decay >= 0.0, 0.0, step)
             decay = np.abs(decay)
             length = np.where(decay == 0.0, step, step * -np.expm1(-decay) / np.where(decay == 0.0, 1.0, decay))
-            total.reshape(-1)[bent] += amplitude.take(bent) * np.exp(-rate * larger) * length
+            total.reshape(-1)[bent] += amplitude[bent] * np.exp(-rate * larger) * length
         return total
 
     def integral(self, x: Array, y: Array, x_at: Place, y_at: Place) -> Array:
