@@ -149,6 +149,8 @@ class _Block:
     def certify(self, points: Index) -> None:
         """Prove a global minimum where that is possible."""
         points = points[self.solved[points]]
+        if not len(points):
+            return
         rows = self.rows.take(points)
         self.lowest[points] = global_minimum(rows, self.v[points], self.low[points], self.high[points])
 
