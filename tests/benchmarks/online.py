@@ -13,6 +13,7 @@ Writes results/online.md, results/online.nc and results/online.png.
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -190,7 +191,7 @@ def measure(progress: Callable[[str], None]) -> xr.Dataset:
             "potrf": (("m",), factor, {"long_name": "one Cholesky factorisation of A_tilde", "units": "ms"}),
         },
         {"sweep": list(SWEEPS), "m": sizes},
-        {"comparison": str(counts)},
+        {"comparison": str(counts), "load": f"{os.getloadavg()[0]:.0f} on {os.cpu_count()} processors"},
     )
 
 
@@ -234,7 +235,7 @@ def whole(progress: Callable[[str], None]) -> xr.Dataset:
 def lines(data: xr.Dataset) -> Iterator[str]:
     """The report."""
     yield "Made by `python -m tests.benchmarks.online`, with `online.png` and `online.nc`."
-    yield "CPU ms a point (solve and certificates) of one thread, least of two runs in turns; the machine was shared."
+    yield f"CPU ms a point (solve and certificates) of one thread, least of two runs in turns; load {data.attrs['load']}."
     yield "Before: one point after the other. Now: 1,000 points at once. potrf: one Cholesky factorisation of Ã."
     yield ""
     yield "| sweep | " + " | ".join(f"m = {m}" for m in data["m"].values) + " |"
