@@ -235,7 +235,8 @@ def whole(progress: Callable[[str], None]) -> xr.Dataset:
 def lines(data: xr.Dataset) -> Iterator[str]:
     """The report."""
     yield "Made by `python -m tests.benchmarks.online`, with `online.png` and `online.nc`."
-    yield f"CPU ms a point (solve and certificates) of one thread, least of two runs in turns; load {data.attrs['load']}."
+    load = data.attrs["load"]
+    yield f"CPU ms a point (solve and certificates) of one thread, least of two runs in turns; load {load}."
     yield "Before: one point after the other. Now: 1,000 points at once. potrf: one Cholesky factorisation of Ã."
     yield ""
     yield "| sweep | " + " | ".join(f"m = {m}" for m in data["m"].values) + " |"
