@@ -167,7 +167,7 @@ ROOT: tuple[FileVariable, ...] = (
     FileVariable("start_used", "i1", "1", "start of the stored solution", extra=_STARTS),
     FileVariable("start_energy", "f8", "J m-1", "energy by start", (*POINT_LEVEL, "start")),
     _result("theta_mean", "K", "mean temperature", "of the body above its stress-free state", DIFFERENCE),
-    _result("heat_balance", "1", "defect of heat balance", "heat convected away against heat put in, relative"),
+    _result("heat_balance", "1", "defect of heat balance", "heat through edges against heat put in, relative"),
     FileVariable("heat_status", "i1", "1", "verdict on heat balance", extra=_BALANCE),
     _time("time_mesh", "mesh", _LEVEL),
     _time("time_assemble", "assemble", _LEVEL),
