@@ -260,8 +260,8 @@ def _difference(found: dict[str, Any], wanted: Identity) -> str:
         return f"holds results of another command ({kind})"
     if found.get("study_sha256") != wanted.study_sha256:
         return "holds the results of another study, or of this one with other values"
-    if any(found.get(name) != value for name, value in wanted.asked):
-        return "holds the results of another --at, --runs or table of data"
+    if other := [name for name, value in wanted.asked if found.get(name) != value]:
+        return f"holds the results of another {'table of data' if 'data_sha256' in other else '--at or --runs'}"
     if found.get("program") != wanted.program:
         return "holds this study as another version of the program or its libraries computed it"
     return ""

@@ -133,7 +133,7 @@ def test_a_file_holds_one_study_of_one_program(written: Path, study: Study, tmp_
         (identity("run", replace(study, overrides=())), "another study, or of this one with other values"),
         (identity("path", study), r"another command \(run\)"),
         (replace(wanted, program="edited"), "another version of the program"),
-        (replace(wanted, asked=(("runs", 3),)), "another --at, --runs or table of data"),
+        (replace(wanted, asked=(("runs", 3),)), "another --at or --runs"),
     ):
         with pytest.raises(StoreError, match=f"holds .*{what}.*; give another --output, or --force"):
             holds(written, other)
