@@ -141,7 +141,7 @@ def _table(part: Any, all_cycles: bool) -> str:
         cells.append([number(value / divisor, 6) for value in values])
     with np.errstate(divide="ignore", invalid="ignore"):
         cells.append([number(x, 2) for x in closure / columns["dissipated"]])
-    cells.append([_certified(part, i) for i in listed])
+    cells.append([_certified(part, int(i)) for i in listed])
     table = plain_table([*header, "closure/dissipated", "proved"], list(zip(*cells, strict=True)))
     return table + ("\n  …" if len(listed) < len(rows) else "")
 

@@ -189,7 +189,7 @@ class HistoryPlan:
 
 
 def _row(section: str, name: str, *told: object, **more: object) -> Key:
-    return Key(name, *told, section=section, **more)  # type: ignore[arg-type]
+    return Key(name, *told, section=section, **more)  # type: ignore[arg-type,misc]
 
 
 HISTORY = (

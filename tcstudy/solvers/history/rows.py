@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -182,7 +183,8 @@ def graph_of(laws: RememberedLaws) -> LawGraph:
     after_low, after_high = np.where(falls, after, before), np.where(falls, before, after)
     arrays = (low, high, sense, after_low.astype(np.int32), after_high.astype(np.int32), slope, anchor, start, kink)
     free = np.tile(code % 2 == 0, (L, 1))
-    return LawGraph(free.ravel(), *(x.ravel() for x in arrays), first.ravel()[laws.index].astype(np.int32))
+    flat: list[Any] = [*(x.ravel() for x in (free, *arrays)), first.ravel()[laws.index].astype(np.int32)]
+    return LawGraph(*flat)
 
 
 def laws_of(halves: Sequence[HalfRows], m: int, omega: Array, scale: float) -> RememberedLaws:
