@@ -14,7 +14,6 @@ import numpy as np
 from tcstudy.data.reading import of_largest
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, UNBALANCED
-from tcstudy.data.sensitivities import DIFFERENTIABLE, QUANTITIES, STATUS
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.tables import plain_table, wrapped
@@ -176,8 +175,10 @@ def _change(values: Any) -> str:
 
 def _derivatives(data: Any) -> str:
     """The derivatives of the first point on the finest level that has them; the file has those of all."""
-    if STATUS not in data:
+    if "sensitivity_status" not in data:
         return ""
+    from tcstudy.data.sensitivities import DIFFERENTIABLE, QUANTITIES, STATUS
+
     fine = data.isel(level=-1)
     places = np.argwhere(fine[STATUS].values == DIFFERENTIABLE)
     known = f"known at {len(places)} of {fine[STATUS].size} points of the finest level, NaN at events and folds"
