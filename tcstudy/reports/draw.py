@@ -30,6 +30,7 @@ DRAWN_BY = {
     "convergence": ("at", *LOOK),
     "cost": ("error", *LOOK),
     "fit": (),
+    "history": ("at", "x", "y", *LOOK),
 }
 """Options that a picture of each kind of file depends on."""
 
@@ -68,6 +69,8 @@ class Wanted:
         for name in given:
             if name not in DRAWN_BY[kind] and not (name == "at" and not self.at):
                 raise UsageError(f"{name}: the picture of a {kind} file does not depend on it; leave it out")
+        if kind == "history":
+            return
         for one, other in (("x", "y"), ("y", "x"), ("map", "of"), ("of", "map"), ("by", "x")):
             if one in given and other not in given:
                 raise UsageError(f"{one}: give {other}, too, for example {EXAMPLES[other]}")
@@ -88,6 +91,10 @@ def picture(file: Path, target: Path, wanted: Wanted) -> str:
     with reading(file):
         if kind == "path":
             return draw_path(file, target, wanted.response or "mean-slip", look)
+        if kind == "history":
+            from tcstudy.reports.history_figure import draw_history
+
+            return draw_history(file, target, wanted.at, wanted.x, wanted.y, look)
         if kind == "fit":
             from tcstudy.reports.fit_figure import draw_fit
 

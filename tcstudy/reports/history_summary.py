@@ -153,20 +153,24 @@ def _certified(part: Any, i: int) -> str:
     return "–"
 
 
+def cycle_words(part: Any) -> str:
+    """What the last whole cycle of a point's history has changed; empty where there are less than two."""
+    status, cycle, spent = part["status"].values, part["cycle"].values, part["dissipated"].values
+    whole = [c for c in range(1, int(cycle.max()) + 1) if np.all(status[cycle == c] == PointStatus.OK)]
+    ends = [0, *(int(np.flatnonzero(cycle == c)[-1]) for c in whole)]
+    each = np.array([spent[cycle == c].sum() for c in whole])
+    return cycle_change(part["u_T"].values[ends], each, str(part["u_T"].attrs["units"])).words
+
+
 def _sentences(part: Any) -> list[str]:
     """Change from cycle to cycle, energies, and why the history ended early."""
     found = []
-    status, cycle = part["status"].values, part["cycle"].values
+    status = part["status"].values
     done = np.flatnonzero(status == PointStatus.OK)
     if not len(done):
         return [f"no step was solved: {part['reason'].values.item()}"]
-    whole = [c for c in range(1, int(cycle.max()) + 1) if np.all(status[cycle == c] == PointStatus.OK)]
-    ends = [0, *(int(np.flatnonzero(cycle == c)[-1]) for c in whole)]
-    spent = part["dissipated"].values
-    change = cycle_change(part["u_T"].values[ends], np.array([spent[cycle == c].sum() for c in whole]),
-                          str(part["u_T"].attrs["units"]))  # fmt: skip
-    if change.words:
-        found.append(change.words)
+    if words := cycle_words(part):
+        found.append(words)
     worst = float(np.nanmax(part["inclusion_residual"].values[done]))
     jumps = int(part["jumps"].values[done].sum())
     more = f", {counted(jumps, 'jump')}" if jumps else ""
