@@ -83,7 +83,7 @@ def energy_norm(triangles: ElementGeometry, u: Strain, lam: float, mu: float) ->
     return float(np.sqrt(product(triangles, own, own, lam, mu).sum()))
 
 
-def _stress(recovered: Array, lam: float, mu: float) -> Array:
+def stress_of(recovered: Array, lam: float, mu: float) -> Array:
     """cε, (…, 3) → (…, 3) [Pa]."""
     trace = recovered[..., 0] + recovered[..., 1]
     stress = 2.0 * mu * recovered
@@ -94,7 +94,7 @@ def _stress(recovered: Array, lam: float, mu: float) -> Array:
 def element_residual(triangles: ElementGeometry, u: Strain, theta: Array, scene: Scene) -> Array:
     """(t,) (h_K/π)²/(2μ) ‖f + div σ*‖²_K [J/m]."""
     lam, mu, beta = scene.material.lam, scene.material.mu, scene.material.beta
-    slope = triangles.gradient(_stress(u.recovered, lam, mu))
+    slope = triangles.gradient(stress_of(u.recovered, lam, mu))
     divergence = np.column_stack([slope[:, 0, 0] + slope[:, 2, 1], slope[:, 2, 0] + slope[:, 1, 1]])
     divergence -= beta * triangles.gradient(theta)
     at = triangles.inner_points.reshape(-1, 2)
@@ -148,7 +148,7 @@ def boundary_edges(triangles: ElementGeometry) -> Edges:
 
 def boundary_traction(triangles: ElementGeometry, u: Strain, scene: Scene) -> Array:
     """cε* n of the recovered strain at the Gauss points of the boundary (s, 2, 2) [Pa]."""
-    stress = _on_segments(_stress(u.recovered, scene.material.lam, scene.material.mu), triangles.mesh.segments)
+    stress = _on_segments(stress_of(u.recovered, scene.material.lam, scene.material.mu), triangles.mesh.segments)
     normal = boundary_edges(triangles).normal
     return np.stack([_row(stress, 0, 2, normal), _row(stress, 2, 1, normal)], axis=-1)
 
@@ -271,8 +271,7 @@ def _element_residual(triangles: ElementGeometry, recovered: Array, scene: Scene
     slope = triangles.gradient(recovered)
     q = values_at(scene.heat.q, triangles.inner_points.reshape(-1, 2)).reshape(-1, 3)
     if scene.heat.omega:
-        inside = [str(element.mat) in scene.heat.omega for element in triangles.mesh.mesh.Elements()]
-        q = q * np.array(inside)[:, None]
+        q = q * triangles.inside(scene.heat.omega)[:, None]
     square = np.mean((q + k * (slope[:, 0, 0] + slope[:, 1, 1])[:, None]) ** 2, axis=1) * triangles.area
     return (triangles.diameter / np.pi) ** 2 / k * square
 

@@ -4,7 +4,7 @@ Recovery:   at every node the linear polynomial that fits the values at the cent
             (area-weighted least squares), evaluated at the node. Nodes on the boundary and nodes with few triangles
             use two rings of triangles, so that the recovered gradient keeps its order up to the boundary
 Literature: Zienkiewicz & Zhu, Int. J. Numer. Methods Eng. 33 (1992) 1331–1364 (superconvergent patch recovery)
-Left out:   patches do not stop at edges where the data jump; material is the same in the whole body
+Left out:   patches do not stop at edges where the data jump; where materials do, each region is a mesh (fem/regions.py)
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.fem.meshes import PlaneMesh, doubled_areas
+from tcstudy.scene.records import Where
 
 Array = NDArray[np.float64]
 
@@ -29,9 +30,18 @@ FLAT = 1e-6
 
 @dataclass(frozen=True)
 class ElementGeometry:
-    """What estimates need to know of a mesh's t triangles and n nodes; everything is computed once."""
+    """What estimates need to know of a mesh's t triangles and n nodes; everything is computed once.
+
+    part: its triangles in the NGSolve mesh, where it is only a region of that
+    """
 
     mesh: PlaneMesh
+    part: NDArray[np.intp] | None = None
+
+    def inside(self, where: Where) -> NDArray[np.bool_]:
+        """(t,) triangles in some regions."""
+        inside = self.mesh.inside(where)
+        return inside if self.part is None else inside[self.part]
 
     @cached_property
     def corners(self) -> Array:

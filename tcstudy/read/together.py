@@ -30,6 +30,7 @@ Why = tuple[str, str]
 """Why something is excluded, what to do."""
 
 ESTIMATES = ("errors are not estimated then", "use a uniform or graded family, and tcstudy converge for errors")
+GOALS = ("errors of goals are not estimated then", "estimate the energy norm, or use tcstudy converge")
 NO_FIT = ("a fit differentiates results", "remove fit")
 NO_SLOPES = ("results are not differentiated then", "remove sensitivity")
 
@@ -61,7 +62,7 @@ FEATURES: tuple[tuple[str, Callable[[Node, Sequence[Scene]], bool], dict[str, Wh
     (
         "materials differ by region, where stresses jump",
         lambda root, _: root.child("materials") is not None,
-        _one("material"),
+        {"goals": GOALS, **{what: why for what, why in _one("material").items() if what != "estimates"}},
     ),
     (
         "an edge is rigid",
@@ -91,6 +92,7 @@ def check_together(ctx: Context, root: Node, scenes: Sequence[Scene], asked: Ask
     output, exact = asked.output, asked.exact
     wanted = {
         "estimates": ("mesh", bool(asked.mesh and asked.mesh.estimates)),
+        "goals": ("mesh", bool(asked.mesh and asked.mesh.estimates and asked.mesh.goal.quantity != "energy")),
         "exact": ("exact", exact is not None),
         "derived": ("exact", bool(exact and exact.derived)),
         "live": ("output", bool(output and output.live)),

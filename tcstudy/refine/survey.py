@@ -27,6 +27,7 @@ from tcstudy.fem.estimators import (
     strain,
 )
 from tcstudy.fem.recovery import ElementGeometry
+from tcstudy.fem.regions import Part, parts_of, squares_by_region
 from tcstudy.offline.level import Condensed, Level
 from tcstudy.refine.ends import Hidden, hidden_on
 from tcstudy.refine.goal_error import goal_error
@@ -81,6 +82,7 @@ class Survey:
     exact: Exact | None = None
     estimates: dict[Index, Estimate] = field(default_factory=dict)
     _halved: Halved | None = None
+    _parts: list[Part] | None = None
 
     def __post_init__(self) -> None:
         self.triangles = ElementGeometry(self.level.mesh)
@@ -134,10 +136,13 @@ class Survey:
     def _squares(self, scene: Scene, condensed: Condensed, v: Array, u: Array) -> tuple[Array, float]:
         """(t,) η_K² of the energy norm and ‖u_h‖."""
         level, triangles, material = self.level, self.triangles, scene.material
-        theta = level.temperature(scene).theta if material.beta != 0.0 else np.zeros(level.mesh.n_points)
-        own = strain(triangles, u)
+        theta = level.temperature(scene).theta if material.expands else np.zeros(level.mesh.n_points)
         xi = condensed.problem.xi(v) / level.line.c
         friction = contact_traction(triangles, level.line, scene.one_law, v, xi, u)
+        if material.regions:
+            self._parts = self._parts or parts_of(triangles, scene)
+            return squares_by_region(self._parts, level.mesh, u, theta, scene, friction)
+        own = strain(triangles, u)
         squares = product(triangles, own.excess, own.excess, material.lam, material.mu)
         squares += element_residual(triangles, own, theta, scene)
         squares += edge_residual(triangles, own, theta, scene, friction)

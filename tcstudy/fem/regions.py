@@ -1,0 +1,151 @@
+"""Estimates of the error where materials differ by region: recovery stops at interfaces, where tractions must agree.
+
+Within each region: η_K² of `tcstudy.fem.estimators`, with the stress σ* recovered from its own triangles alone, since
+            σ jumps along an interface where λ, μ or β do
+Interface:  + Σ_e h_e/(2π max μ) ‖[σ*n − βθn]‖²_e, half of it to either side: only the traction is continuous there. The
+            stiffer side bounds v − Iv on e, hence its μ
+Heat:       + β²/(λ+μ) (h_K/π)²/k · h_e/(π max k) ‖[k ∇θ* · n]‖²_e, as the temperature's error loads the body
+Left out:   singular ends of interfaces and corners of regions, beyond what refinement there leaves
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.fem.estimators import (
+    GAUSS,
+    ContactTraction,
+    coupling,
+    dirichlet_gap,
+    dirichlet_residual,
+    edge_residual,
+    element_residual,
+    energy_norm,
+    product,
+    strain,
+    stress_of,
+)
+from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.recovery import ElementGeometry
+from tcstudy.scene.points import needs_heat_solve
+from tcstudy.scene.records import Material, Scene
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A piece of the body as a mesh of its own: which triangles, nodes and segments of the whole mesh it has.
+
+    piece: its number in the scene's pieces, as whose materials differ from point to point
+    """
+
+    piece: int
+    triangles: Indices
+    nodes: Indices
+    segments: Indices
+    geometry: ElementGeometry
+
+
+def parts_of(whole: ElementGeometry, scene: Scene) -> list[Part]:
+    """The pieces of a body, by material, that have triangles; the same for all scenes of a study."""
+    inside = [np.flatnonzero(whole.mesh.inside(where)) for where, _ in scene.pieces]
+    return [_part(whole, triangles, piece) for piece, triangles in enumerate(inside) if len(triangles)]
+
+
+def _part(whole: ElementGeometry, triangles: Indices, piece: int) -> Part:
+    mesh = whole.mesh
+    nodes = np.unique(mesh.triangles[triangles])
+    number = np.full(mesh.n_points, -1, dtype=np.intp)
+    number[nodes] = np.arange(len(nodes))
+    segments = np.flatnonzero(np.isin(whole.owner, triangles))
+    own = replace(
+        mesh,
+        points=mesh.points[nodes],
+        triangles=number[mesh.triangles[triangles]],
+        segments=number[mesh.segments[segments]],
+        segment_curve=mesh.segment_curve[segments],
+    )
+    return Part(piece, triangles, nodes, segments, ElementGeometry(own, triangles))
+
+
+def squares_by_region(
+    parts: list[Part], mesh: PlaneMesh, u: Array, theta: Array, scene: Scene, friction: ContactTraction
+) -> tuple[Array, float]:
+    """(t,) η_K² of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a displacement u (2n,) at a temperature θ (n,)."""
+    squares, norm, n = np.zeros(len(mesh.triangles)), 0.0, mesh.n_points
+    materials = [scene.pieces[part.piece][1] for part in parts]
+    tractions = np.full((len(parts), n, 3), np.nan)
+    flows = np.full((len(parts), n, 2), np.nan)
+    solved = scene.material.expands and needs_heat_solve(scene)
+    for number, (part, material) in enumerate(zip(parts, materials, strict=True)):
+        one, triangles = replace(scene, material=material), part.geometry
+        own, heat = np.concatenate([u[part.nodes], u[n + part.nodes]]), theta[part.nodes]
+        found = strain(triangles, own)
+        lam, mu, beta = material.lam, material.mu, material.beta
+        eta = product(triangles, found.excess, found.excess, lam, mu) + element_residual(triangles, found, heat, one)
+        touched = ContactTraction(friction.xi[part.segments], friction.defect[part.segments])
+        eta += edge_residual(triangles, found, heat, one, touched)
+        eta += dirichlet_residual(triangles, dirichlet_gap(triangles, own, one), one)
+        if beta != 0.0:
+            eta += coupling(triangles, heat, one, solved)
+        squares[part.triangles] += eta
+        norm += energy_norm(triangles, found, lam, mu) ** 2
+        tractions[number, part.nodes] = stress_of(found.recovered, lam, mu) - beta * heat[:, None] * [1.0, 1.0, 0.0]
+        if solved and material.k:
+            flows[number, part.nodes] = material.k * (triangles.recovery @ triangles.gradient(heat))
+    squares += _jumps(parts, materials, mesh, tractions, flows if solved else None)
+    return squares, float(np.sqrt(norm))
+
+
+def _jumps(parts: list[Part], materials: list[Material], mesh: PlaneMesh, stress: Array, flow: Array | None) -> Array:
+    """(t,) the terms of interfaces. stress, flow: (parts, n, 3) and (parts, n, 2) recovered at the nodes of a part."""
+    of = np.empty(len(mesh.triangles), dtype=np.intp)
+    for number, part in enumerate(parts):
+        of[part.triangles] = number
+    first, second, a, b = _interfaces(mesh, of)
+    along = mesh.points[b] - mesh.points[a]
+    length = np.linalg.norm(along, axis=1)
+    normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
+
+    def jump(nodal: Array) -> Array:
+        """(e, 2, …) the difference of both sides at the Gauss points."""
+        ends = [nodal[of[first], at] - nodal[of[second], at] for at in (a, b)]
+        return np.stack([(1.0 - w) * ends[0] + w * ends[1] for w in GAUSS], axis=1)
+
+    def of_parts(name: str) -> Array:
+        return np.array([getattr(material, name) or 0.0 for material in materials], dtype=float)
+
+    s, n = jump(stress), normal[:, None]
+    traction = np.stack(
+        [s[..., 0] * n[..., 0] + s[..., 2] * n[..., 1], s[..., 2] * n[..., 0] + s[..., 1] * n[..., 1]], -1
+    )
+    mu = of_parts("mu")
+    term = length**2 / (2.0 * np.pi * np.maximum(mu[of[first]], mu[of[second]])) * np.mean(np.sum(traction**2, -1), 1)
+    both = [0.5 * term, 0.5 * term]
+    if flow is not None:
+        k, heat = of_parts("k"), np.sum(jump(flow) * n, axis=-1)
+        term = length**2 / (np.pi * np.maximum(k[of[first]], k[of[second]])) * np.mean(heat**2, axis=1)
+        factor = of_parts("beta") ** 2 / (of_parts("lam") + mu) / np.where(k > 0.0, k, 1.0)
+        for side, triangle in enumerate((first, second)):
+            both[side] = both[side] + 0.5 * factor[of[triangle]] * (length / np.pi) ** 2 * term
+    found = np.zeros(len(of))
+    for triangle, value in zip((first, second), both, strict=True):
+        np.add.at(found, triangle, value)
+    return found
+
+
+def _interfaces(mesh: PlaneMesh, of: Indices) -> tuple[Indices, Indices, Indices, Indices]:
+    """Both triangles and both nodes of every edge between different parts."""
+    t = mesh.triangles
+    edges = np.sort(np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]]), axis=1)
+    owner = np.tile(np.arange(len(t)), 3)
+    order = np.lexsort((edges[:, 1], edges[:, 0]))
+    edges, owner = edges[order], owner[order]
+    twin = np.flatnonzero((edges[1:] == edges[:-1]).all(axis=1))
+    between = twin[of[owner[twin]] != of[owner[twin + 1]]]
+    return owner[between], owner[between + 1], edges[between, 0], edges[between, 1]
