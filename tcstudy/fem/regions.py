@@ -38,7 +38,7 @@ Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
-class Piece:
+class RegionMesh:
     """A piece of the body as a mesh of its own: which triangles, nodes and segments of the whole mesh it has.
 
     piece: its number in the scene's pieces, as whose materials differ from point to point
@@ -51,13 +51,13 @@ class Piece:
     geometry: ElementGeometry
 
 
-def parts_of(whole: ElementGeometry, scene: Scene) -> list[Piece]:
+def parts_of(whole: ElementGeometry, scene: Scene) -> list[RegionMesh]:
     """The pieces of a body, by material, that have triangles; the same for all scenes of a study."""
     inside = [np.flatnonzero(whole.mesh.inside(where)) for where, _ in scene.pieces]
     return [_part(whole, triangles, piece) for piece, triangles in enumerate(inside) if len(triangles)]
 
 
-def _part(whole: ElementGeometry, triangles: Indices, piece: int) -> Piece:
+def _part(whole: ElementGeometry, triangles: Indices, piece: int) -> RegionMesh:
     mesh = whole.mesh
     nodes = np.unique(mesh.triangles[triangles])
     number = np.full(mesh.n_points, -1, dtype=np.intp)
@@ -70,11 +70,11 @@ def _part(whole: ElementGeometry, triangles: Indices, piece: int) -> Piece:
         segments=number[mesh.segments[segments]],
         segment_curve=mesh.segment_curve[segments],
     )
-    return Piece(piece, triangles, nodes, segments, ElementGeometry(own, triangles))
+    return RegionMesh(piece, triangles, nodes, segments, ElementGeometry(own, triangles))
 
 
 def squares_by_region(
-    parts: list[Piece], mesh: PlaneMesh, u: Array, theta: Array, scene: Scene, friction: ContactTraction
+    parts: list[RegionMesh], mesh: PlaneMesh, u: Array, theta: Array, scene: Scene, friction: ContactTraction
 ) -> tuple[Array, float]:
     """(t,) η_K² of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a displacement u (2n,) at a temperature θ (n,)."""
     squares, norm, n = np.zeros(len(mesh.triangles)), 0.0, mesh.n_points
@@ -102,7 +102,9 @@ def squares_by_region(
     return squares, float(np.sqrt(norm))
 
 
-def _jumps(parts: list[Piece], materials: list[Material], mesh: PlaneMesh, stress: Array, flow: Array | None) -> Array:
+def _jumps(
+    parts: list[RegionMesh], materials: list[Material], mesh: PlaneMesh, stress: Array, flow: Array | None
+) -> Array:
     """(t,) the terms of interfaces. stress, flow: (parts, n, 3) and (parts, n, 2) recovered at the nodes of a part."""
     of = np.empty(len(mesh.triangles), dtype=np.intp)
     for number, part in enumerate(parts):

@@ -27,7 +27,7 @@ from tcstudy.fem.estimators import (
     strain,
 )
 from tcstudy.fem.recovery import ElementGeometry
-from tcstudy.fem.regions import Piece, parts_of, squares_by_region
+from tcstudy.fem.regions import RegionMesh, parts_of, squares_by_region
 from tcstudy.offline.level import Condensed, Level
 from tcstudy.refine.ends import Hidden, hidden_on
 from tcstudy.refine.goal_error import goal_error
@@ -82,7 +82,7 @@ class Survey:
     exact: Exact | None = None
     estimates: dict[Index, Estimate] = field(default_factory=dict)
     _halved: Halved | None = None
-    _parts: list[Piece] | None = None
+    _parts: list[RegionMesh] | None = None
 
     def __post_init__(self) -> None:
         self.triangles = ElementGeometry(self.level.mesh)
