@@ -221,7 +221,16 @@ def make(name: str, scratch: Path) -> Path:
         scratch / f"{name}.nc",
         ROOT / "results" / f"gallery-{name}.png",
     )
-    if name == "pull_test":
+    if name in HISTORIES:
+        tcstudy.history(study, data)
+        tcstudy.draw(data, target)
+    elif name == "pull_fit":
+        tcstudy.fit(study, data)
+        tcstudy.draw(data, target)
+    elif name == "thickness_map":
+        tcstudy.run(study, data)
+        tcstudy.draw(data, target, map=("H", "grading"), of="lambda_1")
+    elif name == "pull_test":
         tcstudy.path(study, data)
         tcstudy.draw(data, target, response="friction")
     elif name == "singular":
@@ -241,7 +250,8 @@ def make(name: str, scratch: Path) -> Path:
     return target
 
 
-NAMES = ("quickstart", "pull_test", "singular", *FIGURES)
+HISTORIES = ("rail_year", "pipeline_cycles", "cyclic_pull")
+NAMES = ("quickstart", "pull_test", "singular", *FIGURES, *HISTORIES, "pull_fit", "thickness_map")
 
 
 def main(asked: list[str]) -> None:
