@@ -280,7 +280,7 @@ def refuse_geometries(attributes: Mapping[Any, Any], what: str) -> None:
 
 def of_largest(data: Any) -> Any:
     """The table of a run with one number for what a level has once: of several geometries the largest."""
-    if "h_max" not in data or data["h_max"].ndim < 2:
+    if GEOMETRIES not in data.attrs:
         return data
     names = [name for name in ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble") if name in data]
     return data.assign({name: data[name].max([d for d in data[name].dims if d != "level"]) for name in names})

@@ -204,6 +204,8 @@ def exchange_level(scene: Scene) -> tuple[float, Ratios]:
     if not scene.heat_by_edge:
         return scene.heat.alpha, ()
     alpha = max((own for _, own, _ in scene.exchange), default=0.0)
+    if alpha == 0.0:
+        return alpha, ()
     ratios = tuple((edge, float(f"{own / alpha:.14e}")) for edge, own, _ in scene.exchange)
     return alpha, ratios if any(ratio != 1.0 for _, ratio in ratios) else ()
 

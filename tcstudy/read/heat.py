@@ -154,6 +154,13 @@ def _check_section(ctx: Context, root: Node, heat: Heat, boundary: Boundary, own
     """α of the section heat: it acts somewhere, and where it is 0 nothing needs it."""
     section, node = root.child("heat"), deepest(root, ("heat", "alpha"))
     if section is None:
+        examples = {"alpha": "alpha: 100 W/(m^2*K)", "theta_bar": "theta_bar: 20 K"}
+        for edge, role in boundary:
+            for key, example in examples.items() if exchanges(role) and role.heat is not None else ():
+                if getattr(role.heat, key) is None:
+                    what = "is missing, and there is no section heat to take it from"
+                    place = deepest(root, ("boundary", edge, "heat"))
+                    ctx.errors.once(place, what, f"add {example}", key=f"boundary.{edge}.heat.{key}")
         return
     users = [role for _, role in boundary if exchanges(role) and (role.heat is None or role.heat.alpha is None)]
     if own and section.child("alpha") and not users:

@@ -92,6 +92,13 @@ def test_one_temperature_everywhere_is_no_heat_problem() -> None:
             "",
             "hold different temperatures at their corner (0, 0.4)",
         ),
+        (
+            "top: free",
+            "top: {role: free, heat: {theta_bar: 3 K}}",
+            "",
+            "boundary.top.heat.alpha: is missing, and",
+        ),
+        ("top: free", "top: {role: free, heat: {alpha: 3}}", "", "boundary.top.heat.theta_bar: is missing, and"),
         ("top: free", "top: free", "output: {live: true}\n", "a live page takes one alpha and one theta_bar"),
         (
             *("top: free", "top: free"),

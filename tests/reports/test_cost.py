@@ -19,6 +19,7 @@ from tcstudy.data.provenance import collect, kind_of
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import StoreError
 from tcstudy.reports import style
+from tcstudy.reports.brief import brief
 from tcstudy.reports.cost import advice, best, cost_report, curves_on_front, front, measure_of, settings, stretches
 from tcstudy.reports.cost_plot import _figure, plot_cost
 from tcstudy.reports.style import DrawError
@@ -271,3 +272,10 @@ def test_every_text_stays_on_a_page_of_any_size(file: Path, look: style.Look) ->
     data = open_cost(file)
     with style.styled(look):
         assert off_the_page(_figure(data, "u_energy", look)) == []
+
+
+def test_the_chart_in_one_object(file: Path) -> None:
+    """Its meshes have their sizes by family and level, as those of geometries have by point."""
+    found = brief(file)
+    assert found["kind"] == "cost"
+    assert "graded" in found["verdict"]

@@ -17,7 +17,7 @@ import tcstudy
 from tcstudy.data.journal import COMMIT_SECONDS
 from tcstudy.data.records import PointStatus
 from tcstudy.executors import protocol
-from tcstudy.fem import forms as heat
+from tcstudy.fem import heat_forms as heat
 from tcstudy.offline import elastic as elastic_module
 from tcstudy.online import RowLaws
 from tcstudy.solvers.contact import solve_contact

@@ -12,7 +12,7 @@ import pytest
 
 import tcstudy
 from tcstudy.data.records import PointStatus
-from tcstudy.fem import meshes as families_module
+from tcstudy.fem import study_meshes as families_module
 from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study
