@@ -100,7 +100,7 @@ def test_history_is_date_and_command_without_directories(study: Study) -> None:
     command = [
         "/opt/x/bin/tcstudy",
         "run",
-        "/home/me/a study.yaml",
+        "/srv/me/a study.yaml",
         "--set",
         "output.path=/scratch/me/out.nc",
         "a/b.yaml",

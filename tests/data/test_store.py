@@ -96,7 +96,7 @@ def test_a_failed_point_keeps_its_reason_and_what_it_has(
     provenance: Provenance,
     new_failure: Callable[..., PointRecord],
 ) -> None:
-    reason = "Ã is singular: is an edge of /home/someone/body.step clamped? (slope 3 N/m)"
+    reason = "Ã is singular: is an edge of /srv/someone/body.step clamped? (slope 3 N/m)"
     write(output, study, levels, [new_failure((1, 2, 0), 1, reason)], provenance)
     with open_results(output) as tree:
         here = tree.to_dataset().isel(alpha=1, theta_bar=2, friction=0, level=1)

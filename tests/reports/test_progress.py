@@ -40,7 +40,7 @@ def test_failures_that_differ_in_numbers_have_one_line(kind: type[PlainProgress]
     progress.begin(WORK, [])
     for residual in ("3.1e-9", "2e-07", "4"):
         progress.block(record(1, PointStatus.INCLUSION_VIOLATED, f"residual {residual}; coarsen"))
-    progress.block(record(1, PointStatus.NOT_CONVERGED, "no solution; /home/someone/part.step"))
+    progress.block(record(1, PointStatus.NOT_CONVERGED, "no solution; /srv/someone/part.step"))
     progress.close()
     progress.close()
     text = stream.getvalue()
