@@ -199,7 +199,7 @@ _GOALS = {
 }
 
 
-def _goal_variables(goal: Goal, exact: bool) -> tuple[FileVariable, ...]:
+def goal_variables(goal: Goal, exact: bool) -> tuple[FileVariable, ...]:
     """What is kept of a goal; the energy norm has none, its error is `error_estimate`."""
     if goal.quantity == "energy":
         return ()
@@ -301,18 +301,6 @@ LIVE_PREFIX = "live_"
 _POINTWISE = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES) if v.dims[:2] == POINT_LEVEL)
 NUMBERS = (_POINTWISE | {*_GOAL_NAMES}) - {"status", "reason"}
 """Names that `PointRecord.numbers` may hold, derivatives apart."""
-
-
-def root_variables(study: Study) -> tuple[FileVariable, ...]:
-    """The variables of the root group of this study's file."""
-    solvers = SOLVERS if len(study.solver.names) > 1 else ()
-    estimates = ESTIMATES + _goal_variables(study.mesh.goal, study.exact is not None) if study.mesh.estimates else ()
-    derived: tuple[FileVariable, ...] = ()
-    if study.output.asks:
-        from tcstudy.data.on_request import variables  # only for a study that asks for more
-
-        derived = variables(study)
-    return (*ROOT, *solvers, *estimates, *derived)
 
 
 FIELD_NAMES = frozenset(v.name for v in FIELDS)

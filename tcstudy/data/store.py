@@ -75,6 +75,19 @@ def write(
     return counts[-1]
 
 
+def root_variables(study: Study) -> tuple[FileVariable, ...]:
+    """The variables of the root group of this study's file."""
+    solvers = schema.SOLVERS if len(study.solver.names) > 1 else ()
+    goal = schema.goal_variables(study.mesh.goal, study.exact is not None) if study.mesh.estimates else ()
+    estimates = schema.ESTIMATES + goal if study.mesh.estimates else ()
+    asked: tuple[FileVariable, ...] = ()
+    if study.output.asks:
+        from tcstudy.data.on_request import variables  # only for a study that asks for more
+
+        asked = variables(study)
+    return (*schema.ROOT, *solvers, *estimates, *asked)
+
+
 def open_results(path: Path) -> xarray.DataTree:
     """Open a result file lazily; close it after use or open it in a `with`.
 
@@ -126,7 +139,7 @@ def fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], recor
     """
     count: Counter[int] = Counter()
     _put_dimensions(nc, study)
-    variables = schema.root_variables(study)
+    variables = root_variables(study)
     for variable in variables:
         if variable.dims == ("level",) and not study.variants:
             put(nc, variable, study, _by_level(variable, study, levels))

@@ -21,8 +21,8 @@ from tcstudy.data.files import write_dataset
 from tcstudy.data.provenance import Provenance, global_attributes
 from tcstudy.data.reading import GEOMETRIES, reading
 from tcstudy.data.records import BlockRecord
-from tcstudy.data.schema import POINT, SWEEP, FileVariable, root_variables
-from tcstudy.data.store import KEPT, fill
+from tcstudy.data.schema import POINT, SWEEP, FileVariable
+from tcstudy.data.store import KEPT, fill, root_variables
 from tcstudy.data.stored import read_blocks
 from tcstudy.data.writer import axis_name, axis_places, define, file_places, in_file_order, put
 from tcstudy.errors import UsageError

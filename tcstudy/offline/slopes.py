@@ -6,7 +6,7 @@ Exact, each by how the number enters:
 - E: Ã and what prescribed displacements load grow with it, so does heat where alpha_T is given (β ∝ E): l̃/E of these;
 - alpha_T, beta: heat alone;
 - α, k: θ is a sum of modes with factors 1/(μ_k + α/k), differentiated mode by mode (`Conduction.slope`);
-- a number of a law, or its strength: by the numbers that the law is made of (`scene.dual`).
+- a number of a law, or its strength: by the numbers that the law is made of (`scene.law_slopes`).
 
 Left out: ν, λ, μ and the geometry, which change Ã as a matrix; where materials differ by region, all their numbers.
 """
@@ -30,8 +30,8 @@ from tcstudy.offline.loads import (
     split,
     unloaded,
 )
-from tcstudy.scene.dual import law_slopes, number_of
 from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.law_slopes import law_slopes, number_of
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Clamped, Convection, Heat, Role, Scene, Traction
 from tcstudy.scene.study import Sensitivity

@@ -13,8 +13,8 @@ from tcstudy.read.checks import check_corners
 from tcstudy.read.fields import Context
 from tcstudy.read.node import Collector, Node, nearest
 from tcstudy.read.plans import affine_parameters
-from tcstudy.scene.dual import POINTS
 from tcstudy.scene.keys import row
+from tcstudy.scene.law_slopes import POINTS
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.parameters import SHORT, path_scene, sweepable
 from tcstudy.scene.points import distinct

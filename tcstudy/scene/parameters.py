@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tcstudy.expressions.expression import Expression, parse
-from tcstudy.scene.dual import POINTS, number_of, point_of
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import ROWS, law_rows, rows
+from tcstudy.scene.law_slopes import POINTS, number_of, point_of
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.nodal_laws import times
 from tcstudy.scene.records import Clamped, Convection, EdgeLaws, Rigid, Role, Scalar, Scene, Traction, resultant

@@ -22,9 +22,9 @@ from tcstudy.data.provenance import collect
 from tcstudy.errors import FitError
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
-from tcstudy.scene.dual import law_slopes, number_of
 from tcstudy.scene.fits import FitPlan
 from tcstudy.scene.friction import GrowthError
+from tcstudy.scene.law_slopes import law_slopes, number_of
 from tcstudy.scene.laws import LawError
 from tcstudy.scene.study import Study
 from tcstudy.study.fit_models import Compared, FitModel

@@ -23,8 +23,8 @@ from tcstudy.accuracy.curve_distance import Feet, feet
 from tcstudy.errors import FitError, PathError
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import law_slope, load_slope
-from tcstudy.scene.dual import LawSlopes, PointSlopes, law_slopes, number_of
 from tcstudy.scene.fits import FitPlan
+from tcstudy.scene.law_slopes import LawSlopes, PointSlopes, law_slopes, number_of
 from tcstudy.scene.parameters import path_scene, with_number
 from tcstudy.scene.records import Scene
 from tcstudy.solvers.contact import solve_contact

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tcstudy.scene.dual import law_slopes
 from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.law_slopes import law_slopes
 from tcstudy.scene.laws import SHAPES
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.linearised import Linearised

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.scene.dual import Dual, law_slopes
+from tcstudy.scene.dual import Dual
+from tcstudy.scene.law_slopes import law_slopes
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.nodal_laws import times
 
