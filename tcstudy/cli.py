@@ -58,7 +58,7 @@ def _command(arguments: list[str]) -> int:
     """What the words ask for."""
     named = arguments[0] if arguments and arguments[0] in MODULES else None
     options = parser_of(named).parse_args(arguments)
-    options.words = ["tcstudy", *arguments]
+    options.words, options.parser_of = ["tcstudy", *arguments], parser_of
     try:
         return int(options.run(options))
     except UserFault as fault:

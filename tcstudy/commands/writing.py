@@ -84,9 +84,7 @@ def completion(options: argparse.Namespace) -> int:
     """Print what makes a shell complete commands, options and file names."""
     import shtab
 
-    from tcstudy.cli import parser_of
-
-    parser = parser_of()
+    parser = options.parser_of()
     for action in _actions(parser):
         if action.type in (Path, file_name):
             action.complete = shtab.FILE  # type: ignore[attr-defined]  # where shtab looks for it

@@ -13,14 +13,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from tcstudy.scene.study import START_NAMES, Goal, Study
-
-if TYPE_CHECKING:
-    from tcstudy.data.records import LevelRecord
 
 
 class PointStatus(IntEnum):
@@ -316,23 +313,18 @@ BESIDE = 500
 """Bytes that HDF5 spends on a variable beside its values, at least."""
 
 
-def expected_bytes(study: Study, levels: Sequence[LevelRecord | tuple[int, int]]) -> int:
+def expected_bytes(study: Study, levels: Sequence[tuple[int, int]]) -> int:
     """Size of the result file [byte] without compression, for a look at the disk before the work.
 
-    levels: one record per level, or predicted (contact nodes, mesh nodes)
+    levels: contact nodes and mesh nodes of each
     """
     points = int(np.prod(study.shape, dtype=np.int64))
     total = 60_000 + len(study.text.encode()) + 8 * (len(ROOT) + 2) * points * study.mesh.levels
     total += BESIDE * (len(ROOT) + len(CONTACT) * len(levels))
-    for level in levels:
-        contact, nodes = level if isinstance(level, tuple) else _counts(level)
+    for contact, nodes in levels:
         total += (17 * points + 48) * contact
         if study.output.fields:
             total += 8 * (len(FIELDS) * points + 5) * nodes
         if study.output.live:
             total += 8 * (min(contact, 250) + 40) * contact + 72 * points
     return total
-
-
-def _counts(level: LevelRecord) -> tuple[int, int]:
-    return level.n_contact, len(level.fields.get("node_x", ()))

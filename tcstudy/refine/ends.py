@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.scene.friction import UP, FrictionLaw, sticking
+from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.scene.nodal_laws import sticking
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]

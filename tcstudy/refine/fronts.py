@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import ContactLine
-from tcstudy.scene.friction import UP, sticking
+from tcstudy.scene.friction import UP
+from tcstudy.scene.nodal_laws import sticking
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]

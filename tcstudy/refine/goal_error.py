@@ -63,7 +63,7 @@ from tcstudy.refine.ends import end_cells
 from tcstudy.refine.fronts import fronts, slip_length
 from tcstudy.refine.goals import dual, goal_value, lost, lumping, torn
 from tcstudy.refine.halved import Halved, contributions
-from tcstudy.scene.friction import sticking
+from tcstudy.scene.nodal_laws import sticking
 from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import Material, Point, Scene
 from tcstudy.scene.study import Goal

@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.refine.fronts import slopes
-from tcstudy.scene.friction import FrictionLaw, sticking
-from tcstudy.scene.nodal_laws import each
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.nodal_laws import each, sticking
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal
 from tcstudy.solvers.problem import ContactProblem

@@ -33,7 +33,7 @@ from tcstudy.fem.estimators import own_strain
 from tcstudy.fem.meshes import PlaneMesh, refine_uniformly
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
-from tcstudy.scene.friction import sticking
+from tcstudy.scene.nodal_laws import sticking
 from tcstudy.scene.records import Material, Scene
 from tcstudy.scene.study import Goal
 from tcstudy.solvers.problem import ContactProblem

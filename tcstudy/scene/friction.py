@@ -18,13 +18,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-if TYPE_CHECKING:
-    from tcstudy.scene.nodal_laws import NodalLaws
 
 Array = NDArray[np.float64]
 
@@ -337,8 +334,3 @@ def integral_of_piece(s_0: Array, b_0: Array, q: Array, a: Array, r: Array, x: A
     decay = np.abs(r * step)
     length = np.where(decay == 0.0, step, step * -np.expm1(-decay) / np.where(decay == 0.0, 1.0, decay))
     return total + a * np.exp(-r * (larger - s_0)) * length
-
-
-def sticking(law: FrictionLaw | NodalLaws, v: Array) -> NDArray[np.bool_]:
-    """(m,) nodes that rest on an up-jump of b."""
-    return np.asarray(law.kind_at(v) == UP)

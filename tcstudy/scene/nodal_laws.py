@@ -343,3 +343,8 @@ def placed(law: FrictionLaw, beta: float, sigma: float, a: float) -> FrictionLaw
     kept = np.concatenate([[True], np.diff(kinks) > 0.0, [True]]) if len(kinks) else np.ones(1, dtype=bool)
     pieces = law.s_0 * sigma + a, law.b_0 * beta, law.q * (beta / sigma), law.a * beta, law.r / sigma
     return FrictionLaw(law.name, kinks[kept[1:]], *(x[kept] for x in pieces))
+
+
+def sticking(law: FrictionLaw | NodalLaws, v: Array) -> NDArray[np.bool_]:
+    """(m,) nodes that rest on an up-jump of b."""
+    return np.asarray(law.kind_at(v) == UP)

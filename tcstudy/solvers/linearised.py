@@ -20,7 +20,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import sticking
+from tcstudy.scene.nodal_laws import sticking
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]

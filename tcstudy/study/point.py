@@ -18,7 +18,8 @@ from tcstudy.data.schema import BALANCED, HEAT_BOUND, LIMITED, MET, NOT_JUDGED, 
 from tcstudy.offline.level import Condensed, CondensedBlock, Level
 from tcstudy.offline.thermal import Temperature
 from tcstudy.online import BlockAnswers, RowLaws
-from tcstudy.scene.friction import UP, sticking
+from tcstudy.scene.friction import UP
+from tcstudy.scene.nodal_laws import sticking
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.solvers.certificates import Certificate, certify

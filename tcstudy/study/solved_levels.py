@@ -12,7 +12,7 @@ from tcstudy.accuracy.norms import Line, Modulus, Triangles
 from tcstudy.data.records import PointRecord, PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level
-from tcstudy.scene.friction import sticking
+from tcstudy.scene.nodal_laws import sticking
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.solvers.contact import TIE

@@ -20,7 +20,7 @@ from ruamel.yaml import YAML
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import Family
-from tcstudy.scene.friction import sticking
+from tcstudy.scene.nodal_laws import sticking
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal, Study
 from tcstudy.solvers.contact import solve_contact
