@@ -132,6 +132,13 @@ def say(options: argparse.Namespace, path: Path, text: Callable[[], str]) -> Non
         with spoken(options):
             print(text().rstrip("\n"))
         return
+    from tcstudy.data.provenance import kind_of
+
+    if options.quiet and kind_of(path) == "run":
+        from tcstudy.reports.verdict import of_file
+
+        print(f"{path}: {of_file(path)}")
+        return
     from tcstudy.reports.brief import brief, json_text
 
     found = brief(path)

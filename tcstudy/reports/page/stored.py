@@ -19,9 +19,7 @@ from tcstudy.reports.path_states import seen_folds
 from tcstudy.reports.picture import BodyFields, LineFields
 from tcstudy.reports.select_point import axis_names
 from tcstudy.reports.stored_study import at_rest, file_order, nearest, outline, sources, stored_study
-from tcstudy.reports.style import DrawError, pretty
-from tcstudy.reports.sweep import different_energies
-from tcstudy.reports.text import scaled_labels
+from tcstudy.reports.style import DrawError
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.records import EdgeLaws
@@ -31,8 +29,8 @@ __all__ = [
     "DOWN", "ERRORS", "NUMBERS", "SHAPES", "UP", "VERDICTS", "BodyFields", "DrawError", "EdgeLaws", "FrictionLaw",
     "LineFields",
     "PointStatus", "StoreError", "Stored", "Study", "advice", "at_rest", "axis_names", "boundary_edges",
-    "different_energies", "file_order", "measure_of", "nearest", "outline", "pretty", "read", "reading",
-    "replace_file", "scaled_labels", "seen_folds", "settings", "sources",
+    "file_order", "measure_of", "nearest", "outline", "read", "reading",
+    "replace_file", "seen_folds", "settings", "sources",
 ]  # fmt: skip
 
 

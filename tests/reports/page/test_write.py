@@ -8,7 +8,6 @@ import xarray as xr
 
 from tcstudy.data.files import StoreError
 from tcstudy.reports.page import PageError, write, write_page
-from tcstudy.reports.page.run_part import jumps
 from tests.reports.page.unpacked import data_of
 
 
@@ -86,17 +85,3 @@ def test_nothing_but_a_page_is_overwritten(result: Path, tmp_path: Path) -> None
 def test_no_result_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(StoreError):
         write_page(tmp_path / "none.nc", tmp_path / "page.html")
-
-
-def _line(slip: list[float]) -> xr.Dataset:
-    theta = np.arange(len(slip), dtype=float)
-    units = {"units": "K", "long_name": "swept parameter heat.theta_bar"}
-    data = xr.Dataset({"u_T_max": ("theta_bar", slip), "status": ("theta_bar", np.ones(len(slip), dtype=np.int8))})
-    return data.assign_coords(theta_bar=("theta_bar", theta, units)).assign_attrs(sweep_mode="grid")
-
-
-def test_a_jump_is_told_from_a_slope() -> None:
-    ok = np.ones(6, dtype=bool)
-    assert jumps(_line([0.0, 1.0, 2.0, 9.0, 10.0, 11.0]), ok) == ["between θ̄ = 2 and 3 K"]
-    assert jumps(_line([0.0, 1.0, 2.0, 3.0, 4.0, 5.0]), ok) == []
-    assert jumps(_line([10.0, 10.1, 10.1, 10.9, 10.9, 11.0]), ok) == []

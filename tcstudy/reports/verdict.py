@@ -1,0 +1,182 @@
+"""A run in one sentence: what was solved, what is proved, how exact it is, where the slip jumps.
+
+It reads the few variables that it speaks of and, of a file, only their last levels, without the libraries of tables
+and pictures: the sentence of a file of a million points takes no longer than its bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import UNBALANCED
+from tcstudy.errors import StoreError
+from tcstudy.reports.style import pretty
+from tcstudy.reports.sweep import different_energies
+from tcstudy.reports.text import scaled_labels
+from tcstudy.scene.key import symbol
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+FEWEST, STEEP, NOTABLE = 4, 4.0, 0.25
+"""A jump is told from a slope where a line has so many points, a step is so many times the median of the others and
+so large a part of the largest value of the whole line."""
+
+
+@dataclass(frozen=True)
+class RunSeen:
+    """A run as the sentence sees it.
+
+    dims:   sweep dimensions;  levels: how many;  mode: "grid" or "list"
+    labels: values and unit along a dimension, by name
+    take:   values of a variable on one level, counted from the end, (*dims, …); None if the file has none
+    """
+
+    dims: tuple[str, ...]
+    levels: int
+    mode: str
+    labels: Callable[[str], tuple[NDArray[Any], str]]
+    take: Callable[[str, int], NDArray[Any] | None]
+
+    @classmethod
+    def of_data(cls, data: Any) -> RunSeen:
+        """Of the root dataset of an opened file."""
+        dims = tuple(str(d) for d in data["status"].dims if d != "level")
+
+        def take(name: str, level: int) -> NDArray[Any] | None:
+            return np.asarray(data[name].isel(level=level).transpose(*dims, ...).values) if name in data else None
+
+        def labels(dim: str) -> tuple[NDArray[Any], str]:
+            return data[dim].values, str(data[dim].attrs.get("units", "1"))
+
+        return cls(dims, int(data.sizes["level"]), str(data.attrs["sweep_mode"]), labels, take)
+
+    def ok(self, level: int = -1) -> Flags:
+        """(*dims) which points have a solution on a level."""
+        return np.asarray(self.take("status", level) == int(PointStatus.OK))
+
+
+def of_file(path: Path) -> str:
+    """The sentence of a file of tcstudy run, which must be readable (`tcstudy.data.reading`). Raises StoreError."""
+    import netCDF4
+
+    with closing(netCDF4.Dataset(path)) as nc:
+        if not {"status", "level"} <= {*nc.variables}:
+            raise StoreError(f"{path} is no file of tcstudy run, converge, cost or path")
+        nc.set_auto_maskandscale(False)
+        dims = tuple(d for d in nc["status"].dimensions if d != "level")
+
+        def take(name: str, level: int) -> NDArray[Any] | None:
+            if name not in nc.variables:
+                return None
+            return np.asarray(nc[name][(slice(None),) * len(dims) + (nc.dimensions["level"].size + level,)])
+
+        def labels(dim: str) -> tuple[NDArray[Any], str]:
+            return np.asarray(nc[dim][...]), str(getattr(nc[dim], "units", "1"))
+
+        run = RunSeen(dims, int(nc.dimensions["level"].size), str(nc.sweep_mode), labels, take)
+        return str(verdict(run)["text"])
+
+
+def verdict(run: RunSeen) -> dict[str, Any]:
+    """The sentence as `text`, how the mesh error in it is known as `how`, and whether all points are solved as `ok`."""
+    ok = run.ok()
+    total, solved = int(ok.size), int(ok.sum())
+    parts = [f"{solved} of {total} solved"]
+    unique, lowest = (_count(run, name, ok) for name in ("unique", "global_minimum"))
+    parts.append(f"{unique} proved unique" if unique else "none proved unique")
+    if lowest > unique:
+        parts.append(f"{lowest} proved to have the least energy")
+    starts = run.take("start_energy", -1)
+    several = int(np.count_nonzero(ok & (different_energies(starts) > 1))) if starts is not None else 0
+    if several:
+        parts.append(f"{several} with more than one solution found")
+    error, how = mesh_error(run, ok)
+    if error is not None:
+        parts.append(f"mesh error about {_percent(error)}")
+    if places := jumps(run, ok)[:2]:
+        parts.append(f"slip jumps {' and '.join(places)}")
+    heat = [run.take("heat_status", i - run.levels) for i in range(run.levels)]
+    if bad := sum(int(np.count_nonzero(one == UNBALANCED)) for one in heat if one is not None):
+        parts.append(f"heat balance missed at {bad}")
+    return {"text": ", ".join(parts) + ".", "how": how, "ok": solved == total}
+
+
+def _count(run: RunSeen, name: str, ok: Flags) -> int:
+    values = run.take(name, -1)
+    return int(np.count_nonzero(ok & (values == 1))) if values is not None else 0
+
+
+def _percent(error: float) -> str:
+    return f"{100 * error:.2g} %" if error >= 1e-6 else f"{error:.1e}"
+
+
+def mesh_error(run: RunSeen, ok: Flags) -> tuple[float | None, str]:
+    """The largest relative mesh error of the solved points and how it is known; None if it is not."""
+    estimates = run.take("error_estimate", -1)
+    if estimates is not None and np.isfinite(estimates[ok]).any():
+        return float(np.nanmax(estimates[ok])), "largest estimated error of the displacement in the energy norm"
+    last = run.take("friction_resultant", -1)
+    if run.levels < 2 or last is None or not ok.any():
+        return None, "one mesh says nothing about its own error: add levels"
+    before, both = run.take("friction_resultant", -2), ok & run.ok(-2)
+    assert before is not None
+    size = np.abs(last[both])
+    if not len(size) or not np.any(size > 0.0):
+        return None, "there is no friction to measure it by"
+    change = np.max(np.abs(last - before)[both][size > 0.0] / size[size > 0.0])
+    return float(change), "largest change of the friction resultant from the level before; first order is assumed"
+
+
+def jumps(run: RunSeen, ok: Flags) -> list[str]:
+    """Places between two neighbouring values of a swept number where the slip changes abruptly, the largest first."""
+    slip = run.take("u_T_max", -1)
+    if run.mode != "grid" or slip is None:
+        return []
+    values, found = np.where(ok, slip, np.nan), list[tuple[float, str]]()
+    for axis, name in enumerate(run.dims):
+        if run.labels(name)[0].dtype.kind in "OUS" or values.shape[axis] < FEWEST:
+            continue
+        lines = np.moveaxis(values, axis, -1)
+        step = np.abs(np.diff(lines, axis=-1))
+        ordered = np.sort(step, axis=-1)  # NaN last
+        largest, size = ordered[..., -1], np.max(np.abs(lines), axis=-1)
+        others = np.median(ordered[..., :-1], axis=-1)
+        with np.errstate(invalid="ignore"):
+            abrupt = (largest > STEEP * others) & (largest > NOTABLE * size)
+        if not abrupt.any():
+            continue
+        line = np.unravel_index(int(np.argmax(np.where(abrupt, largest, 0.0))), abrupt.shape)
+        where = dict(zip([d for d in run.dims if d != name], (int(i) for i in line), strict=True))
+        at = int(np.argmax(step[line]))
+        found.append((float(step[line][at]), _between(run, name, at, where)))
+    return [text for _, text in sorted(found, reverse=True)]
+
+
+def _between(run: RunSeen, name: str, at: int, where: dict[str, int]) -> str:
+    """ "between θ̄ = 12 and 14 K (friction: brittle)"."""
+    labels, unit = _shown(run, name)
+    ends = f"between {symbol(name)} = {labels[at]} and {labels[at + 1]} {unit}".rstrip()
+    rest = []
+    for other, i in where.items():
+        values = run.labels(other)[0]
+        if len(values) > 1:
+            labels, unit = _shown(run, other)
+            mark = ": " if values.dtype.kind in "OUS" else " = "
+            rest.append(f"{symbol(other)}{mark}{labels[i]} {unit}".rstrip())
+    return ends + (f" ({', '.join(rest)})" if rest else "")
+
+
+def _shown(run: RunSeen, name: str) -> tuple[list[str], str]:
+    """The labels of an axis and their unit as it is read."""
+    values, units = run.labels(name)
+    shown, unit = scaled_labels(values.tolist(), units)
+    return shown, pretty(unit) if unit != "1" else ""

@@ -1,0 +1,46 @@
+"""The sentence on a run: from the file as from the opened dataset, and where the slip jumps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tcstudy.data.store import open_results
+from tcstudy.reports.verdict import RunSeen, jumps, of_file, verdict
+
+
+def test_a_file_says_what_its_dataset_says(grid: Path) -> None:
+    with open_results(grid) as tree:
+        said = verdict(RunSeen.of_data(tree.to_dataset()))
+    assert of_file(grid) == said["text"]
+    assert said["text"].startswith("3 of 4 solved")
+    assert not said["ok"]
+
+
+def _run(slip: Any) -> RunSeen:
+    """A grid of slips over θ̄, and over a number or a text before it."""
+    values = np.asarray(slip, dtype=float)
+    known: dict[str, Any] = {"theta_bar": (np.arange(values.shape[-1], dtype=float), "K")}
+    dims = ("theta_bar",)
+    if values.ndim > 1:
+        known["friction"] = np.array([f"law {i}" for i in range(len(values))], dtype=object), "1"
+        dims = ("friction", *dims)
+    return RunSeen(dims, 1, "grid", known.__getitem__, lambda name, level: values if name == "u_T_max" else None)
+
+
+@pytest.mark.parametrize(
+    ("slip", "said"),
+    [
+        ([0.0, 1.0, 2.0, 9.0, 10.0, 11.0], ["between θ̄ = 2 and 3 K"]),
+        ([0.0, 1.0, 2.0, 3.0, 4.0, 5.0], []),
+        ([10.0, 10.1, 10.1, 10.9, 10.9, 11.0], []),
+        ([[0.0, 1.0, 2.0, 9.0, 10.0], [0.0, 1.0, 20.0, 21.0, 22.0]], ["between θ̄ = 1 and 2 K (friction: law 1)"]),
+        ([[0.0, 1.0, 2.0, 9.0, 10.0], [0.0, 1.0, np.nan, 21.0, 22.0]], ["between θ̄ = 2 and 3 K (friction: law 0)"]),
+    ],
+)
+def test_a_jump_is_told_from_a_slope(slip: Any, said: list[str]) -> None:
+    run = _run(slip)
+    assert jumps(run, np.ones(np.shape(slip), dtype=bool)) == said
