@@ -96,13 +96,13 @@ def minimise(model: Model, start: Array, box: Box, loss: Literal["linear", "soft
                 costs.append(cost)
         return known[key]
 
-    low, high = box.inner(box.low), box.inner(box.high)
-    margin = 1e-9 * (high - low)
+    low, span = box.inner(box.low), box.inner(box.high) - box.inner(box.low)
+    margin = 1e-9
     found = optimize.least_squares(
-        lambda q: at(q)[0],
-        np.clip(box.inner(start), low + margin, high - margin),
-        jac=lambda q: at(q)[1] * box.rate(box.outer(q)),
-        bounds=(low, high),
+        lambda z: at(low + z * span)[0],
+        np.clip((box.inner(start) - low) / span, margin, 1.0 - margin),
+        jac=lambda z: at(low + z * span)[1] * box.rate(box.outer(low + z * span)) * span,
+        bounds=(0.0, 1.0),  # its norms of steps must not depend on units
         method="trf",
         x_scale="jac",
         loss=loss,
@@ -111,8 +111,8 @@ def minimise(model: Model, start: Array, box: Box, loss: Literal["linear", "soft
         gtol=1e-10,
         max_nfev=MOST,
     )
-    residual, jacobian = at(found.x)
-    return Minimum(box.outer(found.x), residual, jacobian, tuple(costs), len(known), str(found.message))
+    residual, jacobian = at(low + found.x * span)
+    return Minimum(box.outer(low + found.x * span), residual, jacobian, tuple(costs), len(known), str(found.message))
 
 
 def _rho(residual: Array, loss: str) -> Array:

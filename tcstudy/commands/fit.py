@@ -6,17 +6,17 @@ import argparse
 
 from tcstudy.commands.shared import (
     FORCE,
+    MANNER,
     OK,
     STUDY,
     Command,
-    Option,
     checked,
     fail,
     is_there,
     note,
     output_option,
     plot_option,
-    spoken,
+    say,
 )
 
 
@@ -34,8 +34,8 @@ def fit(options: argparse.Namespace) -> int:
     if not is_there(options, "fit", study, output, data_sha256=study.fit.sha256):
         execute_fit(study, output, lambda text: note(options, text), options.words)
     drawn = [draw_fit(output, options.plot)] if options.plot is not None else []
-    with spoken(options):
-        print(wrapped("\n".join([fit_summary(output), "", *(f"  {line}" for line in (*drawn, f"data in {output}"))])))
+    said = (*drawn, f"data in {output}")
+    say(options, output, lambda: wrapped("\n".join([fit_summary(output), "", *(f"  {line}" for line in said)])))
     return OK
 
 
@@ -46,8 +46,7 @@ COMMANDS = {
             *STUDY,
             output_option("result file (default: results/<study>-fit.nc)"),
             plot_option("also draw it"),
-            Option("-q", "--quiet", action="store_true", help="say nothing while it works"),
-            Option("-v", "--verbose", action="store_true", help="print tables whatever the width of the terminal"),
+            *MANNER,
             FORCE,
         ),
         fit,

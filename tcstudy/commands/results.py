@@ -67,8 +67,6 @@ def _show(options: argparse.Namespace, file: Path) -> None:
     if kind == "fit":
         from tcstudy.reports.fit import fit_summary
 
-        if options.json or options.quiet:
-            fail("--json and --quiet have no form for a file of tcstudy fit; leave them out")
         texts["fit"] = lambda: wrapped(fit_summary(file))
     say(options, file, texts[kind])
 

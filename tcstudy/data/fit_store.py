@@ -46,6 +46,7 @@ VARIABLES = (
     _own("estimate", "estimate"),
     _own("standard_error", "standard error"),
     _own("interval", "95 % interval", (*P, "end")),
+    FileVariable("mesh_shift", "f8", "1", "change on a mesh of half the size over the standard error", P),
     _own("parameter_start", "where the search began"),
     _own("parameter_within", "where it could go", (*P, "end")),
     FileVariable("logarithmic", "i1", "1", "found by its logarithm", P, extra=flags("no", "yes")),

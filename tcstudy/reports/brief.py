@@ -13,7 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from tcstudy.data.provenance import kind_of
 from tcstudy.data.records import PointStatus
+from tcstudy.reports.fit import fit_brief
 from tcstudy.reports.page.container import Container, Json, plain
 from tcstudy.reports.page.other_part import convergence_part, cost_part, path_part
 from tcstudy.reports.page.run_part import axes, run_part
@@ -34,6 +36,8 @@ class Lists(Container):
 
 def brief(path: Path) -> dict[str, Json]:
     """The object that --json prints; its `verdict` is the sentence of --quiet. Raises StoreError."""
+    if kind_of(path) == "fit":
+        return {"kind": "fit", "file": str(path), **fit_brief(path)}
     stored = read(path)
     of_kind = {"run": _run, "convergence": _convergence, "cost": _cost, "path": _path, "history": _history}
     found = of_kind[stored.kind](stored)

@@ -3,11 +3,16 @@
 The models are those of `study.fit_models`, the statistics those of `accuracy.fitted`; here is what a fit does with
 them and what it keeps. Where no law falls as steeply as the body holds (ω < λ₁) every load has one solution, and other
 starts are not tried.
+
+A fit takes the mesh for the body. What that does to the numbers is measured at the end: on a mesh of half the size the
+residuals change by Δr, and the estimates by −(JᵀJ)⁻¹Jᵀ Δr, one step of Gauss and Newton. As much again may be left
+where the error falls with the size of the elements, a third of it where it falls with its square.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +24,8 @@ from tcstudy.accuracy.fitted import Box, Minimum, Uncertainty, different, minimi
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.fit_store import FitRecord, write_fit
 from tcstudy.data.provenance import collect
-from tcstudy.errors import FitError
+from tcstudy.errors import FitError, GeometryFailed
+from tcstudy.fem.meshes import refine_uniformly
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.scene.fits import FitPlan
@@ -59,7 +65,26 @@ def fit(study: Study, progress: Progress | None = None) -> FitRecord:
     if found.early:
         raise FitError(f"the path that fits best ends early: {found.early}")
     said = uncertainty(best, box, groups_of(plan), plan.known_noise)
-    return _record(plan, model, box, minima, found, said)
+    record = _record(plan, model, box, minima, found, said)
+    if progress is not None:
+        progress("the same on a mesh of half the size")
+    return replace(record, values={**record.values, "mesh_shift": mesh_shift(model, best, box, said)})
+
+
+def mesh_shift(model: FitModel, best: Minimum, box: Box, said: Uncertainty) -> Array:
+    """(k,) how far a mesh of half the size would move the estimates, in standard errors; NaN on bounds, and all of it
+    where that mesh gives no result."""
+    free, shift = np.flatnonzero(~said.at_bound), np.full(len(best.p), np.nan)
+    try:
+        level = Level(refine_uniformly(model.level.mesh), model.plan.scene)
+        finer = replace(model, level=level).compared(best.p)
+    except (FitError, GeometryFailed, NotPositiveDefinite, MemoryError):
+        return shift
+    own = (best.jacobian * box.rate(best.p))[:, free]
+    if not finer.early and np.all(np.isfinite(said.standard_error[free])):
+        step = np.linalg.lstsq(own, best.residual - finer.residual)[0]
+        shift[free] = step * box.rate(best.p)[free] / said.standard_error[free]
+    return shift
 
 
 def model_of(study: Study, plan: FitPlan) -> FitModel:

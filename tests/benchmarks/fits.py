@@ -27,16 +27,18 @@ from tcstudy.study.fit import box_of, groups_of, model_of
 Array = NDArray[np.float64]
 
 D, LENGTH, TAU, DELTA = 42.24e6, 0.19, 7.2e6, 0.16e-3
-"""Stiffness [N/m], length [m] and law of the strip of configs/pull_test.yaml."""
+"""Stiffness [N/m], length [m] and law of the strip of configs/pull_test.yaml. Here it is a quarter as high and four
+times as stiff: the first points, of a short slip zone, told 1 mm from the thin strip of the closed form, and biased
+fits of the stable branch by 0.15 standard errors whatever the mesh (0.4 with its elements of 2 mm)."""
 ZONE = 0.5 * np.pi / np.sqrt(TAU / (DELTA * D))
 PEAK = np.sqrt(TAU * DELTA * D)
 STRIP = """
 title: pull
 body:
   outline: [{from: [0, 0], edge: bond}, {from: [190 mm, 0], edge: grip},
-            {from: [190 mm, 1 mm], edge: top}, {from: [0, 1 mm], edge: tail}]
+            {from: [190 mm, 0.25 mm], edge: top}, {from: [0, 0.25 mm], edge: tail}]
 boundary: {bond: contact, grip: {role: clamped, u_x: 0, u_y: free}, top: free, tail: free}
-material: {E: 42.24 GPa, nu: 0, plane: stress}
+material: {E: 168.96 GPa, nu: 0, plane: stress}
 friction: {law: slip-weakening, tau_s: 4 MPa, tau_k: 0, delta: 0.3 mm}
 mesh: {maxh: MAXH}
 fit:
@@ -102,7 +104,7 @@ def heated(n: int) -> Array:
 
 def cases(size: float) -> list[Case]:
     """The three tests; size: of elements, over the usual one."""
-    strip = STRIP.replace("MAXH", f"{2.0 * size:g} mm")
+    strip = STRIP.replace("MAXH", f"{1.0 * size:g} mm")
     truth = (TAU, DELTA)
     return [
         Case("through the fold", strip.replace("COMPARE", "orthogonal"), pulled(60, 3), (5e-6, 2.2e3), truth),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import tcstudy
 from tcstudy.errors import FitError, StoreError, StudyError
 from tcstudy.read.study import read_study_text
+from tcstudy.reports.brief import brief, json_text
 from tcstudy.reports.fit import fit_summary
 from tcstudy.scene.study import Study
 from tcstudy.study.fit import fit, model_of
@@ -76,6 +78,19 @@ def test_the_law_of_the_gallery_is_found_through_its_snap_back(tmp_path: Path) -
     assert int(record.attributes["evaluations"]) <= 16
     assert float(record.attributes["fit_probability"]) > 0.01
     assert record.attributes["not_determined"] == ""
+
+
+def test_what_the_mesh_does_to_the_numbers_is_said(tmp_path: Path) -> None:
+    """Data of the closed form without noise: half the size takes about half of a bias, and a coarse mesh is told."""
+    record = fit(study_of(tmp_path, pulled(45), {"maxh: 5 mm": "maxh: 8 mm"}))
+    shift, error = (record.values[name] for name in ("mesh_shift", "standard_error"))
+    bias = (record.values["estimate"] - [TAU, DELTA]) / error
+    assert np.all(np.abs(bias) > 1.0)
+    assert -shift / bias == pytest.approx([0.5, 0.5], abs=0.1)
+    study = study_of(tmp_path, pulled(45), {"maxh: 5 mm": "maxh: 2 mm"})
+    tcstudy.fit(study, tmp_path / "fine.nc")
+    assert "half its size would move" in fit_summary(tmp_path / "fine.nc")
+    assert "fine enough" in fit_summary(tmp_path / "fine.nc")
 
 
 def test_a_law_by_points_and_one_of_the_wrong_shape(tmp_path: Path) -> None:
@@ -177,6 +192,10 @@ def test_the_file_the_text_and_the_picture(tmp_path: Path) -> None:
     assert "friction.tau" in text
     assert "95 % interval" in text
     assert "vertical" in text
+    told = brief(tmp_path / "a.nc")
+    assert told["parameters"]["alpha_T"]["estimate"] == tree["estimate"].values[1]
+    assert told["verdict"].startswith("friction.tau = ")
+    assert json.loads(json_text(told))["evaluations"] == tree.attrs["evaluations"]
     tcstudy.draw(tmp_path / "a.nc", tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 10_000
     with pytest.raises(StoreError, match="no page"):
