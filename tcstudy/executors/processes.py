@@ -73,7 +73,7 @@ class _Job:
 
 
 class Processes:
-    """Worker processes; they start with the first tasks, as many as there are tasks for."""
+    """Worker processes; they start with the first tasks, as many as there are tasks for, unless they are warmed."""
 
     def __init__(
         self, jobs: int, limit: float | None = None, memory: int = 0, worker: tuple[str, ...] = WORKER
@@ -89,7 +89,13 @@ class Processes:
         self._workers: dict[threading.Thread, _Worker] = {}
         self._lock = threading.Lock()
         self._closed = False
-        self._failed_starts = 0
+        self._failed_starts, self._reason = 0, ""
+
+    def warm(self) -> Processes:
+        """Start the workers now; whoever gives tasks is told of those that do not come up."""
+        while len(self._threads) < self.jobs:
+            self._employ(early=True)
+        return self
 
     def grow(self, jobs: int) -> Processes:
         """Let there be at least so many workers."""
@@ -102,8 +108,7 @@ class Processes:
         job = _Job(task, tries)
         self._jobs.put(job)
         if len(self._threads) < self.jobs:
-            self._threads.append(threading.Thread(target=self._attend, daemon=True))
-            self._threads[-1].start()
+            self._employ()
         return job.future
 
     def close(self) -> None:
@@ -120,9 +125,16 @@ class Processes:
 
     # -- one thread for each worker ----------------------------------------------------------------
 
-    def _attend(self) -> None:
-        """Hand tasks to one worker after the other until the executor is closed."""
+    def _employ(self, early: bool = False) -> None:
+        self._threads.append(threading.Thread(target=self._attend, args=(early,), daemon=True))
+        self._threads[-1].start()
+
+    def _attend(self, early: bool) -> None:
+        """Hand tasks to one worker after the other until the executor is closed; early: start the first at once."""
         try:
+            if early:
+                with contextlib.suppress(Exception):  # the first task tries again, or says so
+                    self._start()
             while (job := self._jobs.get()) is not None:
                 if self._closed:
                     job.future.cancel()
@@ -176,10 +188,10 @@ class Processes:
                     self._failed_starts = 0
                     return worker
             self._failed_starts += 1
-            reason = _death(self._dismiss())
+            self._reason = _death(self._dismiss())
         if self._closed:
             raise WorkerDied("the run was ended")
-        raise WorkersFailed(f"worker processes cannot be started ({reason}); run with --jobs 1")
+        raise WorkersFailed(f"worker processes cannot be started ({self._reason}); run with --jobs 1")
 
     def _launch(self) -> _Worker:
         ours, theirs = socket.socketpair()

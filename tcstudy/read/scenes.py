@@ -57,6 +57,7 @@ class SceneReader:
         self.nodes: dict[tuple[str, Indices], Node | None] = {}
         self.values: dict[tuple[str, Indices], Any] = {}
         self.supports: set[tuple[object, ...]] = set()
+        self.finite: set[int] = set()
         self.base: Scene | None = None
         ctx.errors.drawn = sweep.design is not None
 
@@ -221,8 +222,10 @@ class SceneReader:
         """Checks across the sections of one scene."""
         if self.body:
             for section in ("boundary", "loads", "heat"):
-                if values[section] is not None:
-                    check_finite(self.ctx, root, section, values[section], self.body)
+                value = values[section]
+                if value is not None and id(value) not in self.finite:  # points share their sections' records
+                    self.finite.add(id(value))
+                    check_finite(self.ctx, root, section, value, self.body)
             if isinstance(values["friction"], EdgeLaws) and values["boundary"] is not None:
                 check_laws(self.ctx, root, values["friction"], values["boundary"], self.body)
         if all(values[s] is not None for s in THERMAL):

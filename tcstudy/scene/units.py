@@ -1,7 +1,7 @@
 """Physical dimensions and texts such as "210 GPa": a number and a unit, converted to SI.
 
-Units are known to pint; its registry is made when the first text with a unit occurs. Left out on purpose: units with
-an offset (degC), because temperatures are counted from the stress-free state, and logarithmic units.
+Units are known to pint; its registry is made when the first text with an unusual unit occurs. Left out on purpose:
+units with an offset (degC), because temperatures are counted from the stress-free state, and logarithmic units.
 """
 
 from __future__ import annotations
@@ -40,6 +40,12 @@ CONDUCTIVITY = Dimension("a thermal conductivity", "W/(m*K)", "W m-1 K-1", "45 W
 EXPANSION = Dimension("a coefficient of thermal expansion", "1/K", "K-1", "12e-6 1/K")
 THERMAL_STRESS = Dimension("a stress per temperature", "Pa/K", "Pa K-1", "6 MPa/K")
 VELOCITY = Dimension("a velocity", "m/s", "m s-1", "0.5 m/s")
+
+PLAIN: dict[Dimension, dict[str, float]] = {
+    LENGTH: {"km": 1e3, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9},
+    TRACTION: {"kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
+}
+"""Units that need no parser beside the SI unit itself: pint takes a third of a second before its first answer."""
 
 USUAL = ("nm", "um", "mm", "cm", "m", "Pa", "kPa", "MPa", "GPa", "N", "kN", "mW", "W", "kW", "K", "kg", "s", "J")
 """Units that are suggested when one is misspelt in upper and lower case."""
@@ -121,6 +127,8 @@ def dimensions_of(unit: str) -> Any:
 @lru_cache(maxsize=1024)
 def _factor(unit: str, dimension: Dimension) -> float:
     """How many SI units one `unit` is."""
+    if unit == dimension.si or unit in PLAIN.get(dimension, ()):
+        return 1.0 if unit == dimension.si else PLAIN[dimension][unit]
     example = f"write for example {dimension.example}"
     spelt = re.sub(r"\s+", " ", _in_ascii(unit).replace("**", "^"))
     spelt = re.sub(r"(?<=[A-Za-zµμ])(-?\d)\b", r"^\1", spelt)

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 from tcstudy.executors import Cluster, Executor, Here, Processes, available
 from tcstudy.scene.study import Study
-from tcstudy.study.sizes import LevelForecast
+from tcstudy.study.sizes import LevelForecast, forecast
 from tcstudy.study.workshop import in_blocks
 
 Choice = Callable[[Study, int], Executor]
@@ -50,13 +50,18 @@ def work_words(study: Study, levels: Sequence[LevelForecast], jobs: int | None) 
 
 
 @contextmanager
-def choosing(jobs: int | None, dask: str | None = None) -> Iterator[Choice]:
+def choosing(study: Study, jobs: int | None, dask: str | None = None) -> Iterator[Choice]:
     """Who solves the blocks of each level; workers end with the context, whatever happens.
 
     dask: address of a scheduler, whose workers solve all of them. Raises WorkersFailed if it does not answer.
+    Workers of this machine start at once where the study's levels promise to pay for them, since they take about as
+    long as the first mesh.
     """
     here, cluster = Here(), Cluster(dask, jobs) if dask is not None else None
-    pools: list[Processes] = []
+    expected = (
+        1 if cluster is not None else max((workers(study, one.n_contact, jobs) for one in forecast(study)), default=1)
+    )
+    pools = [Processes(expected).warm()] if expected > 1 else []
 
     def choose(study: Study, m: int) -> Executor:
         if cluster is not None:

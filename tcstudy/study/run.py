@@ -268,7 +268,7 @@ def execute(
         Journal.open(output, study, kept.digest if kept is not None else "") as journal,
     ):
         # workers have ended when the file, which takes memory, is written
-        with choosing(jobs, dask) as executor:
+        with choosing(study, jobs, dask) as executor:
             # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
             known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
             finished = {(block.level, block.number): as_start(study, block) for block in known}

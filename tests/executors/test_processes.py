@@ -103,13 +103,31 @@ def test_a_point_that_kills_its_workers_is_recorded_and_the_rest_goes_on(tmp_pat
     np.testing.assert_allclose(first.u_T[1 - row], expected[0].u_T[1 - row], rtol=1e-12, atol=1e-15)
 
 
-def test_workers_that_never_start_end_the_run() -> None:
+@pytest.mark.parametrize("warm", [False, True])
+def test_workers_that_never_start_end_the_run(warm: bool) -> None:
     workers = Processes(2, worker=("-c", "raise SystemExit(3)"))
     try:
+        if warm:
+            workers.warm()
         with pytest.raises(WorkersFailed, match=r"exit code 3.*--jobs 1"):
             solved(study_of(SWEPT, "mesh.levels=1"), workers)
     finally:
         workers.close()
+
+
+def test_warm_workers_are_there_before_the_first_task() -> None:
+    workers = Processes(2).warm()
+    try:
+        deadline = time.monotonic() + 60
+        while len(workers._workers) < 2 and time.monotonic() < deadline:
+            time.sleep(0.01)
+        early = {worker.process.pid for worker in workers._workers.values()}
+        study = study_of(SWEPT, "mesh.levels=1")
+        assert_same(solved(study, workers), solved(study, Here()))
+        assert {worker.process.pid for worker in workers._workers.values()} == early
+    finally:
+        workers.close()
+    assert all(gone(pid) for pid in early)
 
 
 LONG = """

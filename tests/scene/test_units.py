@@ -125,3 +125,10 @@ def test_reading_imports_no_mesher_and_no_units_without_need() -> None:
     code = "import sys, tcstudy.read.study; print([m for m in ('ngsolve', 'xarray', 'pint') if m in sys.modules])"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
+
+
+def test_units_that_need_no_parser_are_what_the_parser_says() -> None:
+    for dimension in units.DIMENSIONS:
+        for unit, factor in {**units.PLAIN.get(dimension, {}), dimension.si: 1.0}.items():
+            quantity = units._registry().Quantity(1.0, unit or "dimensionless")
+            assert float(f"{quantity.to(dimension.si or 'dimensionless').magnitude:.15g}") == factor
