@@ -23,7 +23,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.errors import UsageError
+from tcstudy.errors import GeometryFailed
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import PlaneMesh, curve_ends, mesh_at, refine_marked, refine_uniformly
 from tcstudy.scene.families import GRADED
@@ -128,10 +128,11 @@ class Meshes:
     """
 
     def __init__(self, study: Study) -> None:
-        """Raises GeometryFailed if the body cannot be made, UsageError if there are several."""
+        """Raises GeometryFailed if the body cannot be made, or if there are several."""
         if study.variants:
             what = "the sweep varies the body or its meshes, and this takes one geometry"
-            raise UsageError(f"{what}; fix it by --set sweep=null, or by --set sweep={{...}} without its numbers")
+            remedy = "fix it by --set sweep=null, or by --set sweep={...} without its numbers"
+            raise GeometryFailed(f"{what}; {remedy}", ("sweep",))
         scene = study.scenes[0]
         self.geometry = build(scene.body)
         self.mesh: PlaneMesh | None = None

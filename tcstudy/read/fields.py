@@ -26,6 +26,7 @@ from tcstudy.scene.keys import rows, short_of
 from tcstudy.scene.named import Named, expression_of
 from tcstudy.scene.records import Point, Scalar
 from tcstudy.scene.units import LENGTH, NUMBER, TRACTION, Dimension, UnitError, split_quantity, to_si
+from tcstudy.shapes.faults import LARGEST, SMALLEST
 
 P = ParamSpec("P")
 T = TypeVar("T", bound=str)
@@ -79,6 +80,9 @@ class Context:
     def _finite(self, node: Node, value: float) -> float:
         if not abs(value) <= sys.float_info.max:  # before the conversion, which whole numbers can be too large for
             return self._none(node, f"{node.brief()} is not a finite number", "write a finite number")
+        if value and not SMALLEST <= abs(value) <= LARGEST:
+            size = "large" if abs(value) > 1.0 else "small"
+            return self._none(node, f"{node.brief()} is too {size} to compute with", "check the number and its unit")
         return float(value)
 
     def _example(self, dimension: Dimension, varies: bool) -> str:
@@ -93,7 +97,7 @@ class Context:
             return self._none(node, f"{node.brief()!r} has a unit, but the study says units: none", remedy)
         if parts:
             try:
-                return to_si(*parts, dimension)
+                return self._finite(node, to_si(*parts, dimension))
             except UnitError as error:
                 return self._none(node, str(error), error.remedy)
         if comma := re.match(r"\s*[-+]?\d+,\d", text):

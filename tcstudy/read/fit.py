@@ -11,6 +11,7 @@ import hashlib
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 
 from tcstudy.errors import StudyError
 from tcstudy.read.document import load_text
@@ -193,7 +194,7 @@ def _number(ctx: Context, cell: Node, unit: str, dimension: Dimension) -> float:
         what = f"{word!r} is no number" if word else "is empty"
         ctx.errors.at(cell, what, "give every column a number in every line, or take the line out")
         return math.nan
-    return to_si(word, unit, dimension) if unit else float(word)
+    return ctx.quantity(replace(cell, value=f"{word} {unit}" if unit else float(word)), dimension)
 
 
 def _parameters(ctx: Context, fields: Fields, root: Node, scene: Scene) -> tuple[FitParameter, ...]:

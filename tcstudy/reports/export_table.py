@@ -1,9 +1,10 @@
 """A result file as one table, for spreadsheets, pandas and R: a CSV or JSON file with a row a point and level.
 
 Rows are those of the result file's `status`: of a run and of its convergence every point on every level, of cost every
-family, solver and level; of a path they are the vertices. Every variable of the root that has a value a row is a column
-`name [unit]`, of one with several (by start, by solver) each is one, `start_energy.zero [J m-1]`. Numbers are written
-so that reading gives them back to the bit; flags are their words; what is missing is an empty field, or null.
+family, solver and level, of a history every point and step; of a path they are the vertices, of a fit the data. Every
+variable of the root that has a value a row is a column `name [unit]`, of one with several (by start, by solver) each is
+one, `start_energy.zero [J m-1]`. Numbers are written so that reading gives them back to the bit; flags are their words;
+what is missing is an empty field, or null.
 
 The table goes through memory some thousand rows at a time. Left out: what lies along the contact line and in the body
 (`tcstudy.reports.export_fields`), and of a path what is no number of a vertex.
@@ -35,8 +36,8 @@ if TYPE_CHECKING:
 
 VALUES = 2**18
 """Values that are in memory at a time."""
-ROW = "vertex"
-"""Dimension of the rows where there is no status: of a path."""
+ROWS = {"path": "vertex", "fit": "datum"}
+"""Dimension of the rows where there is no status, by the kind of the file."""
 LABELLED = ("start", "solver", "run")
 """Dimensions after those of the rows whose every label makes a column of its own."""
 
@@ -127,7 +128,7 @@ def _write(path: Path, target: Path, point: Mapping[str, Value] | None, fill: An
         with netCDF4.Dataset(path) as nc:
             nc.set_auto_mask(False)
             about = {"title": str(nc.getncattr("title")), "kind": kind}
-            dims = nc["status"].dimensions if "status" in nc.variables else (ROW,)
+            dims = nc["status"].dimensions if "status" in nc.variables else (ROWS[kind],)
             columns = _columns(nc, dims)
 
             def make(aside: Path) -> None:
@@ -142,7 +143,7 @@ def _wanted(path: Path, kind: str, point: Mapping[str, Value] | None) -> NDArray
     """(points,) those that were asked for; None for all."""
     if not point:
         return None
-    if kind in ("path", "history", "cost"):
+    if kind in (*ROWS, "cost"):
         raise UsageError(f"--at: the file of tcstudy {kind} has one scene and no sweep points; leave it out")
     with open_results(path) as tree:
         return matching(tree.to_dataset(), point)

@@ -26,16 +26,9 @@ CLOSE = 1e-3
 """Relative distance at which a number is taken for a label: what tables print has four digits."""
 
 
-_DIMENSIONS = (
-    *(u.LENGTH, u.TRACTION, u.STIFFNESS, u.BODY_FORCE, u.HEAT_SOURCE, u.HEAT_TRANSFER, u.TEMPERATURE),
-    *(u.CONDUCTIVITY, u.EXPANSION, u.THERMAL_STRESS),
-)
-"""Physical dimensions whose units stand in a result file."""
-
-
 def axis_names(data: Any) -> list[str]:
     """Names of the swept parameters of an opened result file (its root dataset)."""
-    sweep = set(data["status"].dims) - {"level"}
+    sweep = set(data["status"].dims) - {"level", "step"}
     return [str(name) for name in data.coords if data[name].dims and set(data[name].dims) <= sweep]
 
 
@@ -71,7 +64,7 @@ def matching(data: Any, point: Mapping[str, Value]) -> NDArray[np.bool_]:
     """(points,) those that have all the given labels, in the order of the file. Raises DrawError as `locate`, and
     where no point has them together."""
     locate(data, point)
-    dims = [str(d) for d in data["status"].dims if d != "level"]
+    dims = [str(d) for d in data["status"].dims if d not in ("level", "step")]
     fits = np.ones([int(data.sizes[d]) for d in dims], dtype=bool)
     for name, value in _by_name(data, point, "file").items():
         own = str(data[name].dims[0])
@@ -243,7 +236,7 @@ def _as_number(name: str, value: Value, units: str) -> float:
         return float(value)
     except ValueError:
         pass
-    quantity, dimension = u.split_quantity(str(value)), next((d for d in _DIMENSIONS if d.cf == units), None)
+    quantity, dimension = u.split_quantity(str(value)), next((d for d in u.DIMENSIONS if d.cf == units), None)
     if quantity is None or dimension is None:
         raise DrawError(f"{name} = {value!r} is not a number; give one{f' in {units}' if units != '1' else ''}")
     try:

@@ -185,4 +185,5 @@ class Distribution:
                 law = stats.lognorm(sigma, scale=has["median"])
             case _:
                 law = stats.triang((has["mode"] - low) / (high - low), low, high - low)
-        return np.array([float(f"{value:.15g}") for value in law.ppf(u)])
+        with np.errstate(over="ignore"):  # a value that no number can hold is inf, which is refused where it is read
+            return np.array([float(f"{value:.15g}") for value in law.ppf(u)])

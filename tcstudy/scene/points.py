@@ -142,8 +142,10 @@ def needs_heat_solve(scene: Scene) -> bool:
 
 
 def why_no_heat(scenes: Sequence[Scene]) -> str:
-    """Why the first scene without a heat problem has none."""
-    scene = next(s for s in distinct(scenes, *FELT) if not needs_heat_solve(s))
+    """Why the first scene without a heat problem has none; if all have one, why one of its numbers changes nothing."""
+    scene = next((s for s in distinct(scenes, *FELT) if not needs_heat_solve(s)), None)
+    if scene is None:
+        return "every edge that exchanges heat has its own"
     if not scene.material.expands:
         return "beta is 0, so temperature does not load the body"
     if scene.heat.theta is not None:

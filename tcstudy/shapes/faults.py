@@ -31,7 +31,7 @@ MAX_FAULTS = 20
 """Most faults of one kind that are named for one loop."""
 
 LARGEST, SMALLEST = (bound**0.25 for bound in (sys.float_info.max, sys.float_info.min))
-"""Lengths whose fourth powers, as shapes need them, are still floating-point numbers."""
+"""Numbers whose fourth powers, as shapes and energies need them, are still floating-point numbers."""
 
 SHARPEST = 1e-4
 """Smallest angle of a corner [rad]."""

@@ -104,8 +104,9 @@ def plan_variants(study: Study) -> tuple[Plan, Resources]:
     largest = max((plan for _, plan in found), key=lambda plan: plan.levels[-1].n_dof)
     factors, meshes = sum(plan.factorisations for _, plan in found), sum(own.mesh.levels for own, _ in found)
     note = (
-        f"{len(found)} geometries, one after the other: {meshes} meshes, {factors * study.mesh.levels} stiffness "
-        "factorisations; the points of a geometry share both. Sizes are those of the largest"
+        f"{len(found)} {'geometry' if len(found) == 1 else 'geometries'}, one after the other: {meshes} meshes, "
+        f"{factors * study.mesh.levels} stiffness factorisations; the points of a geometry share both. "
+        "Sizes are those of the largest"
     )
     refused = [f"refused, {one.words}: {one.reason}" for one in study.variants if one.study is None]
     plan = replace(

@@ -259,7 +259,7 @@ def test_a_body_whose_size_no_number_can_be_computed_with(size: str) -> None:
     text = BASE[: BASE.index("  regions:")].replace("[2, 0]", f"[{size}, 0]").replace("[2, 1]", f"[{size}, {size}]")
     text = text.replace("[0, 1]", f"[0, {size}]") + BASE[BASE.index("boundary:") :].replace(", omega: hot", "")
     lines = problems(text, "mesh={maxh: 0.2}")
-    assert lines[0].startswith("study.yaml:3:")
+    assert lines[0].startswith("study.yaml:4:15: body.outline[1].from[0]: ")
     assert "to compute with; check the number" in lines[0]
 
 

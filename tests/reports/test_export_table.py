@@ -6,6 +6,7 @@ import csv
 import json
 import tracemalloc
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +16,10 @@ from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.data.store import write
 from tcstudy.errors import UsageError
+from tcstudy.read.study import read_study_text
 from tcstudy.reports.export_fields import write_fields
 from tcstudy.reports.export_table import write_csv, write_json
+from tcstudy.reports.style import DrawError
 from tcstudy.scene.study import Axis
 from tests.reports.draw_cases import ALPHA, FILM, study
 
@@ -62,6 +65,30 @@ def test_tables_of_paths_and_charts(tmp_path: Path) -> None:
     for call in (write_csv, write_fields):
         with pytest.raises(UsageError, match=r"--at|--vtu"):
             call(tmp_path / "path.nc", tmp_path / "none.csv", {"alpha": 1})
+
+
+def test_tables_of_histories_and_fits(tmp_path: Path) -> None:
+    sections: dict[str, Any] = FILM | {"mesh": {"maxh": 0.6}}
+    history = {"memory": "friction", "steps": [{"boundary.top.u_x": 0.5, "in": 2}, {"boundary.top.u_x": 0.0}]}
+    of = tcstudy.Study.from_dict(sections | {"history": history, "sweep": {"E": [1, 2]}})
+    tcstudy.history(of, tmp_path / "history.nc")
+    assert write_csv(tmp_path / "history.nc", tmp_path / "history.csv") == 8
+    assert write_csv(tmp_path / "history.nc", tmp_path / "history.csv", {"E": 2}) == 4
+    with open(tmp_path / "history.csv", newline="") as stream:
+        assert [row["E"] for row in csv.DictReader(stream)] == ["2.0"] * 4
+    with pytest.raises(DrawError, match="step"):
+        write_csv(tmp_path / "history.nc", tmp_path / "history.csv", {"step": 2})
+    rows = "\n".join(f"{0.1 * i:.1f},{0.04 * i:.2f}" for i in range(5))
+    (tmp_path / "pull.csv").write_text(f"u,R\n{rows}\n")
+    data = {"file": "pull.csv", "columns": {"boundary.top.u_x": "u", "friction_resultant": "R"}}
+    numbers = {"E": {"start": 1.0, "within": [0.01, 10.0]}}
+    text = json.dumps(sections | {"fit": {"data": data, "parameters": numbers}})
+    tcstudy.fit(read_study_text(text, "fit.yaml", source=tmp_path / "fit.yaml"), tmp_path / "fit.nc")
+    assert write_csv(tmp_path / "fit.nc", tmp_path / "fit.csv") == 5
+    with open(tmp_path / "fit.csv", newline="") as stream:
+        assert [float(row["datum_given"]) for row in csv.DictReader(stream)] == [0.0, 0.1, 0.2, 0.3, 0.4]
+    with pytest.raises(UsageError, match="--at"):
+        write_csv(tmp_path / "fit.nc", tmp_path / "none.csv", {"alpha": 1})
 
 
 def test_a_long_table_takes_little_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -92,6 +92,9 @@ def test_a_swept_parameter_that_changes_nothing_is_named() -> None:
     assert [note.split()[0] for note in without if "changes nothing" in note] == ["alpha", "theta_bar", "k"]
     some = HEATED_BRACKET + "sweep: {alpha: [1, 2, 3], q: [0, 0.5]}\n"
     assert not any("changes nothing" in note for note in plan(study_of(some, constant)).notes)
+    of_edges = [f"boundary.{edge}={{role: convection, theta_bar: 1}}" for edge in ("right", "bore")]
+    own = plan(study_of(HEATED_BRACKET + "sweep: {theta_bar: [0, 1]}\n", *of_edges)).notes
+    assert own[0].startswith("theta_bar changes nothing (every edge that exchanges heat has its own)")
     elastic = HEATED_BRACKET + "sweep: {E: [1, 2]}"
     assert not any("changes nothing" in note for note in plan(study_of(elastic, constant)).notes)
 

@@ -12,7 +12,7 @@ import tcstudy
 from tcstudy.cli import main
 from tcstudy.data.files import StoreError
 from tcstudy.data.records import BlockRecord, PointStatus
-from tcstudy.errors import StudyError, UsageError
+from tcstudy.errors import GeometryFailed, StudyError
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.summary import summary
@@ -161,7 +161,7 @@ def test_a_stopped_sweep_goes_on_and_leaves_nothing_beside_its_file(bar: Path, t
 
 def test_what_takes_one_geometry_refuses_several(bar: Path, tmp_path: Path) -> None:
     study, path = read_study_text(BAR), bar
-    with pytest.raises(UsageError, match=r"this takes one geometry; fix it by --set sweep=null"):
+    with pytest.raises(GeometryFailed, match=r"this takes one geometry; fix it by --set sweep=null"):
         Meshes(study)
     with pytest.raises(StoreError, match=r"such files are made whole; run the whole study with --force"):
         tcstudy.run(study, path, append=True)
