@@ -18,10 +18,13 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, ForwardLoad, condense
 from tcstudy.condense.layout import pattern_of
+from tcstudy.condense.multifrontal import Known
 from tcstudy.condense.symbolic import EliminationPlan
 from tcstudy.fem.boundary import ContactLine, Frames
 from tcstudy.fem.forms import ElasticForms, Moduli, Springs
 from tcstudy.offline.loads import BasisLoad, LoadTerm, Recent
+from tcstudy.scene.points import distinct, of_stiffness
+from tcstudy.scene.records import Scene, Where
 from tcstudy.solvers.problem import least_eigenvalue
 
 Array = NDArray[np.float64]
@@ -48,6 +51,36 @@ class Span:
     held: Array
 
 
+def ratio_and_scale(scene: Scene) -> tuple[tuple[Moduli, Springs], float]:
+    """(all moduli and springs over μ, μ of the material of the body).
+
+    The ratio has 15 digits, so that E varies without a new factorisation whatever the rounding.
+    """
+    mu = scene.material.mu
+    moduli = tuple((at, _digits(one.lam / mu), _digits(one.mu / mu)) for at, one in scene.pieces)
+    return (moduli, tuple((edge, _digits(n / mu), _digits(t / mu)) for edge, n, t in scene.springs)), mu
+
+
+def _digits(ratio: float) -> float:
+    return float(f"{ratio:.14e}")
+
+
+def swept_parts(scenes: Sequence[Scene]) -> tuple[Where, ...]:
+    """The parts of the body in which the stiffness over μ differs between scenes; () where that is nowhere or all over.
+
+    What the other parts have of a factor serves all scenes.
+    """
+    ratios = [ratio_and_scale(scene)[0] for scene in distinct(scenes, *of_stiffness(scenes))]
+    found: dict[Where, set[tuple[float, float]]] = {}
+    for moduli, springs in ratios:
+        if springs != ratios[0][1]:
+            return ()
+        for where, lam, mu in moduli:
+            found.setdefault(where, set()).add((lam, mu))
+    swept = tuple(where for where, values in found.items() if len(values) > 1)
+    return swept if len(swept) < len(found) else ()
+
+
 class Elastic:
     """Everything that depends on the ratio of moduli, for μ = 1."""
 
@@ -59,11 +92,14 @@ class Elastic:
         ratio: Moduli,
         memory: float,
         plan: EliminationPlan | None = None,
+        changing: NDArray[np.bool_] | None = None,
+        known: Known | None = None,
         held: bool = True,
         springs: Springs = (),
     ) -> None:
         """frames: which rows are held (their values do not matter here);  plan: that of another ratio on the mesh.
 
+        changing, known: rows in which other ratios differ, and what a factor of one of these has of the others
         held: False for a body that may slide along the contact line, which then has no λ₁
         springs: of edges, for μ = 1
         Raises NotPositiveDefinite if the body is not held.
@@ -76,7 +112,9 @@ class Elastic:
         eliminate = ~frames.fixed
         eliminate[line.nodes] = False
         points = forms.mesh.points
-        self._condensation: Condensation = condense(stiffness, points, line.nodes, eliminate, components=2, plan=plan)
+        self._condensation: Condensation = condense(
+            stiffness, points, line.nodes, eliminate, components=2, plan=plan, changing=changing, known=known
+        )
         if held:
             self._condensation.require_definite()
         self.lambda_1 = least_eigenvalue(self._condensation.A_tilde, line.c) if held else 0.0
@@ -92,6 +130,11 @@ class Elastic:
     def plan(self) -> EliminationPlan:
         """The order of elimination."""
         return self._condensation.plan
+
+    @property
+    def known(self) -> Known | None:
+        """What the factor of another ratio has in common with this one."""
+        return self._condensation.known
 
     def A_tilde(self, mu: float) -> Array:
         """Ã for a shear modulus μ [Pa]; the same array for the same μ."""

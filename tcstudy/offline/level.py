@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.condense.multifrontal import Known
 from tcstudy.condense.symbolic import EliminationPlan
 from tcstudy.fem.boundary import Frames, constrain, contact_line
 from tcstudy.fem.forms import ElasticForms, Moduli, Springs
 from tcstudy.fem.heat_forms import HeatForms
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.conduction import BATCH
-from tcstudy.offline.elastic import Elastic, LoadMaker
+from tcstudy.offline.elastic import Elastic, LoadMaker, ratio_and_scale, swept_parts
 from tcstudy.offline.loads import (
     BasisLoad,
     BodyForce,
@@ -93,20 +94,6 @@ def _constraint(role: Clamped | Contact) -> Clamped | Contact:
     return replace(role, heat=None)
 
 
-def _ratio_and_scale(scene: Scene) -> tuple[tuple[Moduli, Springs], float]:
-    """(all moduli and springs over μ, μ of the material of the body).
-
-    The ratio has 15 digits, so that E varies without a new factorisation whatever the rounding.
-    """
-    mu = scene.material.mu
-    moduli = tuple((at, _digits(one.lam / mu), _digits(one.mu / mu)) for at, one in scene.pieces)
-    return (moduli, tuple((edge, _digits(n / mu), _digits(t / mu)) for edge, n, t in scene.springs)), mu
-
-
-def _digits(ratio: float) -> float:
-    return float(f"{ratio:.14e}")
-
-
 def _groups(scenes: Sequence[Scene]) -> dict[BasisLoad, list[BasisLoad]]:
     """Load that needs no temperature → all that go through the factor with it."""
     loads: dict[BasisLoad, None] = {}
@@ -138,12 +125,22 @@ class Level:
         self._frames: dict[Hashable, Frames] = {}
         self._laws: dict[EdgeLaws, Law] = {}
         self._plan: EliminationPlan | None = None
+        self._known: Known | None = None
+        self._changing = self._changing_rows(scenes) if scene.material.regions else None
         self._bodies: Recent[Elastic] = Recent(1, lambda _: 1)  # one factor at a time: they are large
         self._rows: Recent[tuple[Array, float, float, float]] = Recent(MEMORY / 8, lambda row: row[0].nbytes + 1000)
         self.frames = self._frames_of(scene.boundary)
         self.line = contact_line(mesh, self.frames, scene.edges(Contact))
         self.elastic.assemble()
         self.time_assemble = time.perf_counter() - start
+
+    def _changing_rows(self, scenes: Sequence[Scene]) -> NDArray[np.bool_] | None:
+        """(2n,) rows of the stiffness in which factors of the scenes differ; None where that is no part of the body."""
+        if not (parts := swept_parts(scenes)):
+            return None
+        nodes = np.zeros(self.mesh.n_points, dtype=bool)
+        nodes[self.mesh.triangles[self.mesh.inside(tuple(name for part in parts for name in part))]] = True
+        return np.tile(nodes, 2)
 
     # -- displacement constraints ------------------------------------------------------------------
 
@@ -251,7 +248,7 @@ class Level:
     @staticmethod
     def ratio(scene: Scene) -> tuple[Moduli, Springs]:
         """λ/μ to 15 digits, that of the regions, and springs over μ: scenes that share it share a factor."""
-        return _ratio_and_scale(scene)[0]
+        return ratio_and_scale(scene)[0]
 
     def lambda_1(self, scene: Scene) -> float:
         """λ₁ of the body on this mesh (method §5) [Pa/m], once per λ/μ."""
@@ -290,12 +287,15 @@ class Level:
 
     def _body(self, scene: Scene, frames: Frames) -> tuple[Elastic, float]:
         """The body of this λ/μ, factorised, and μ."""
-        ratio, mu = _ratio_and_scale(scene)
+        ratio, mu = ratio_and_scale(scene)
         body = self._bodies.find(ratio)
         if body is None:
             self._bodies.clear()
-            body = Elastic(self.elastic, frames, self.line, ratio[0], MEMORY, self._plan, self.held, ratio[1])
-            self._plan = body.plan
+            sharing = (self._plan, self._changing, self._known)
+            body = Elastic(
+                self.elastic, frames, self.line, ratio[0], MEMORY, *sharing, held=self.held, springs=ratio[1]
+            )
+            self._plan, self._known = body.plan, body.known
             self._bodies.put(ratio, body)
         return body, mu
 

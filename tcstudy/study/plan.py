@@ -13,6 +13,7 @@ from tcstudy.data import schema
 from tcstudy.data.files import check_writable
 from tcstudy.errors import GeometryFailed, StoreError, UsageError, UserFault
 from tcstudy.exact.loads import description
+from tcstudy.offline.elastic import swept_parts
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import exchange_level
 from tcstudy.read.document import located
@@ -139,11 +140,21 @@ def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> list[str]:
         notes.insert(0, study.design.note)
     if (derived := description(study)) is not None:
         notes.insert(0, derived)
-    notes += [*_heat_by_edge(study), *locking_notes(study.scenes), *_meshing_note(study, levels)]
+    notes += [*_shared_parts(study), *_heat_by_edge(study), *locking_notes(study.scenes), *_meshing_note(study, levels)]
     down = count_points(study.scenes, ("friction",), lambda s: any(math.isinf(law.omega) for law in s.laws))
     if down:
         notes.append(f"{down} of {len(study.scenes)} points have a law with down-jumps: solutions may not be unique")
     return notes
+
+
+def _shared_parts(study: Study) -> list[str]:
+    """What factorisations share where only a part of the body has moduli that are swept."""
+    scenes = study.scenes
+    if not scenes[0].material.regions or not (swept := swept_parts(scenes)):
+        return []
+    count = len({Level.ratio(scene) for scene in distinct(scenes, *of_stiffness(scenes))})
+    names = ", ".join(name for where in swept for name in where)
+    return [f"only what meets {names} is computed again after the first of the {count} stiffness factorisations"]
 
 
 def _heat_by_edge(study: Study) -> list[str]:

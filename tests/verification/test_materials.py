@@ -227,7 +227,13 @@ output: {fields: true}
 def test_sweeps_of_a_region_refactorise_and_of_the_body_at_fixed_ratios_do_not() -> None:
     text = SLAB + "parameters: {stiff: 1}\nsweep: {SWEEP}\n"
     one = text.replace("SWEEP", "material.E: [100 GPa, 200 GPa, 300 GPa]")
-    assert plan(read_study_text(one)).factorisations == 3
+    study = read_study_text(one)
+    assert plan(study).factorisations == 3
+    note = "only what meets coating, middle is computed again after the first of the 3 stiffness factorisations"
+    assert note in plan(study).notes
+    [level] = levels_of(study)
+    last = [level.condensed(scene).problem.A_tilde for scene in study.scenes][-1]
+    assert np.array_equal(last, levels_of(study)[0].condensed(study.scenes[-1]).problem.A_tilde)
     together = text.replace("E: 200 GPa", 'E: "stiff*200e9"').replace("E: 3 GPa", 'E: "stiff*3e9"')
     together = together.replace("E: 70 GPa", 'E: "stiff*70e9"').replace("SWEEP", "parameters.stiff: [1, 2, 3]")
     study = read_study_text(together)
