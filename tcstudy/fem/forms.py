@@ -269,12 +269,16 @@ class ElasticForms(GradientProducts):
     def traction(self, name: str, role: Traction | Convection) -> Array:
         """∫_{Γ}(g − p n)·φ_i over the study edge `name`, (2n,) [N/m]."""
         v = self._space.TestFunction()
-        stress = ngs.CF((coefficient(role.g[0]), coefficient(role.g[1])))
+        order, region = bonus(*role.g, role.pressure), self.mesh.region(name)
+        form = ngs.LinearForm(self._space)
+        if not all(map(is_zero, role.g)):
+            stress = ngs.CF((coefficient(role.g[0]), coefficient(role.g[1])))
+            form += stress * v * ngs.ds(region, bonus_intorder=order)
         if not is_zero(role.pressure):
-            stress = stress - coefficient(role.pressure) * ngs.specialcf.normal(2)
-        order = bonus(*role.g, role.pressure)
-        where = ngs.ds(self.mesh.region(name), bonus_intorder=order)
-        return _blocked(ngs.LinearForm(stress * v * where).Assemble())
+            # the normal of a curve by itself points to either side, into the body at holes; that of a triangle does not
+            push = -coefficient(role.pressure) * ngs.specialcf.normal(2)
+            form += push * v * ngs.ds(region, skeleton=True, bonus_intorder=order)
+        return _blocked(form.Assemble())
 
 
 def _blocked(form: Any) -> Array:

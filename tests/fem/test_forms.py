@@ -6,10 +6,12 @@ import ngsolve as ngs
 import numpy as np
 import pytest
 
+from tcstudy.expressions.expression import parse
 from tcstudy.fem.boundary import Frames, constrain
-from tcstudy.fem.forms import GradientProducts, csr
+from tcstudy.fem.forms import ElasticForms, GradientProducts, csr
 from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.meshes import PlaneMesh, doubled_areas
+from tcstudy.scene.records import Scalar, Traction
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, mesh_family, study_of
 
 HEATED = RECTANGLE.replace("nu: 0.3}", "nu: 0.3, k: 1, alpha_T: 0.1}").replace("top: free", "top: convection")
@@ -69,3 +71,30 @@ def test_thermal_load_is_that_of_the_weak_form(bracket: tuple[PlaneMesh, Frames,
     loads = gradients.expansion(values)
     assert np.max(np.abs(loads - B @ values)) < 1e-14 * np.max(np.abs(loads))
     assert np.max(np.abs(gradients.expansion(values[:, 1]) - loads[:, 1])) < 1e-15 * np.max(np.abs(loads))
+
+
+PRESSED = """
+units: none
+body:
+  rectangle: {width: 2, height: 1}
+  holes:
+    - circle: {center: [0.5, 0.5], radius: 0.2, edge: bore}
+    - rectangle: {corner: [1.2, 0.3], width: 0.4, height: 0.3, edge: slot}
+  regions: {insert: {rectangle: {corner: [1.6, 0.7], width: 0.4, height: 0.3}}}
+boundary: {bottom: contact, left: clamped, top: free, right: free, bore: free, slot: free}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: 0.01}
+mesh: {maxh: 0.3, levels: 2}
+"""
+
+
+@pytest.mark.parametrize("pressure", [0.3, parse("0.3 + 0*x")])
+def test_pressure_pushes_on_outlines_and_in_holes(pressure: Scalar) -> None:
+    """Pressure all around: −p∮n·x = −2p|Ω|, and 0 over a straight motion; in a hole alone +2p times its area."""
+    for mesh in mesh_family(build((study := study_of(PRESSED)).scenes[0].body), study.mesh):
+        forms, area = ElasticForms(mesh), 0.5 * doubled_areas(mesh.points[mesh.triangles]).sum()
+        pushes = [forms.traction(name, Traction(pressure=pressure)) for name, _ in study.scenes[0].boundary]
+        along = np.concatenate(mesh.points.T)
+        assert sum(pushes) @ along == pytest.approx(-2 * 0.3 * area, rel=1e-12)
+        assert np.max(np.abs(sum(pushes).reshape(2, -1).sum(axis=1))) < 1e-13
+        assert pushes[-1] @ along == pytest.approx(2 * 0.3 * 0.12, rel=1e-12)
