@@ -149,9 +149,9 @@ class Rows:
         """
         laws, body = self.laws, self.body
         if not self.counted_from_law:
-            law = laws.table_law(int(laws.law[row, 0])) if laws.plain else laws.of_row(row, body.m)
+            law = laws.tables.law(int(laws.law[row, 0])) if laws.plain else laws.of_row(row, body.m)
             return ContactProblem(body.A_tilde, self.loads[row], body.c, law)
-        law = laws.table_law(int(laws.law[row, 0]))
+        law = laws.tables.law(int(laws.law[row, 0]))
         s_p, sigma, beta = (
             np.broadcast_to(fill if x is None else x[row], body.m)
             for x, fill in ((laws.moved, 0.0), (laws.stretched, 1.0), (laws.stronger, 1.0))

@@ -85,12 +85,6 @@ class RowLaws:
         parts = (x if x is None or x.shape[1] == 1 else x[:, ::2] for x in (self.moved, self.stretched, self.stronger))
         return RowLaws(self.tables, self.law if self.law.shape[1] == 1 else self.law[:, ::2], *parts)
 
-    def table_law(self, k: int) -> FrictionLaw:
-        """Row k of the tables as a record of its own."""
-        t, used = self.tables, np.isfinite(self.tables.kinks[k])
-        pieces = np.concatenate([[True], used])
-        return FrictionLaw("row", t.kinks[k][used], *(x[k][pieces] for x in (t.s_0, t.b_0, t.q, t.a, t.r)))
-
     @property
     def in_place(self) -> bool:
         """True if no law is moved or stretched in slip: slips are those of the tables."""
@@ -103,7 +97,7 @@ class RowLaws:
             fill if x is None else np.broadcast_to(x[row], m)
             for x, fill in ((self.stronger, 1.0), (self.stretched, 1.0), (self.moved, 0.0))
         )
-        return nodal([self.table_law(int(k)) for k in used], index, beta, sigma, s_p)
+        return nodal([self.tables.law(int(k)) for k in used], index, beta, sigma, s_p)
 
     def omega_by_node(self) -> Array:
         """(R, 1) or (R, m) steepest fall of every node's law [Pa/m]."""
@@ -111,7 +105,7 @@ class RowLaws:
 
     def single(self, row: int, node: int = 0) -> FrictionLaw:
         """The law of one node as a record of its own."""
-        law = self.table_law(int(self.law[row, min(node, self.law.shape[1] - 1)]))
+        law = self.tables.law(int(self.law[row, min(node, self.law.shape[1] - 1)]))
         if self.plain:
             return law
         s_p, sigma, beta = (

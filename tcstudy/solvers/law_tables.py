@@ -93,6 +93,14 @@ class LawTables:
             np.array([law.omega for law in laws]),
         )
 
+    def law(self, k: int, name: str = "row") -> FrictionLaw:
+        """The k-th law as a record of its own."""
+        used = np.isfinite(self.kinks[k])
+        pieces = np.concatenate([[True], used])
+        return FrictionLaw(
+            name, self.kinks[k][used], *(x[k][pieces] for x in (self.s_0, self.b_0, self.q, self.a, self.r))
+        )
+
     def take(self, laws: Index) -> LawTables:
         """The named laws."""
         return LawTables(*(np.ascontiguousarray(getattr(self, field.name)[laws]) for field in fields(self)))

@@ -2,16 +2,11 @@
 
 Descent ends in the well that the start lies in; down-jumps and steep falls give L̃ many wells. Two steps follow, and
 both only ever lower the energy that is reported:
-  1. `hull_start`, by graduated nonconvexity along the proximal hulls of the law (hull.py): with κ below λ₁ the problem
+  1. `hull_start`, by graduated nonconvexity along the proximal hulls of the law (hulls.py): with κ below λ₁ the problem
      of b_κ is convex and sees all wells of j at once. Then κ grows by a fixed factor, each problem starting from the
      solution of the one before, until b_κ is b at all nodes, or κ the stiffness of a single node, from where on wells
      can no longer merge but node by node (Blake & Zisserman, Visual Reconstruction, MIT Press 1987);
-  2. `node_moves`, as long as it helps, of one node to another piece or kink of b while all others relax. At a strict
-     local minimum v let F be the nodes that do not rest on an up-jump and H = A_FF + C b_F′ ≻ 0. If node i is put at s
-     and the others of F follow on their pieces (linearised), the energy changes by
-         φ_i(s) = ½ k_i (s − v_i)² − ξ_i (s − v_i) + c_i (j(s) − j(v_i)),
-         k_i = 1/(H⁻¹)_ii − c_i b_i′ for i in F,   k_i = ã_ii − ã_iFᵀ H⁻¹ ã_Fi for a resting node,
-     exactly so for linear pieces as long as nobody else leaves its piece; descent puts the least φ_i to the test.
+  2. `node_moves`, as long as it helps, of one node to another piece or kink of b while all others relax (moves.py).
 Nothing here is random. Cost: a Newton run for every κ (two to five), one for what they lead to, and for every move one
 and about three factorisations more; none where the answer seems global. Left out: moves of several nodes that only
 together lower the energy, and any proof that nothing lower exists (certificates).
@@ -21,18 +16,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import islice
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import UP, FrictionLaw
-from tcstudy.scene.nodal_laws import Law, each
-from tcstudy.solvers.bounds import bend_below_tangent, first_box
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.nodal_laws import Law, LawTable, NodalLaws
+from tcstudy.solvers.bounds import bend_below_tangent, first_box, tables_of
 from tcstudy.solvers.certificates import positive_definite
-from tcstudy.solvers.hull import proximal_hull
+from tcstudy.solvers.hulls import Bridges, proximal_hulls
+from tcstudy.solvers.law_tables import LawTables
 from tcstudy.solvers.loop import Outcome
+from tcstudy.solvers.moves import best_places, follow, relaxed_stiffness
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.pieces import cholesky, energy_change, integral, slopes, submatrix
 
@@ -46,12 +44,12 @@ GROWTH = 4.0
 of single nodes; 92 were above it before."""
 MOVES, PROMISES = 20, 2
 """Moves of single nodes at most (trials needed two), and how many promises of a move are put to the test."""
-_ROUNDING, _NO_GAIN = 1e-12, 1e-10
-"""Differences of energy, and gains of a move, below this part of their terms are none."""
+_ROUNDING = 1e-12
+"""Differences of energy below this part of their terms are none."""
 _SAFELY, _ITERATIONS, _TURNS = 0.9, 4, np.array([0.0, 2.0, 0.7])
 """Share of the estimate of λ₁ that is below it; steps of the estimate, and angles that draw its first vectors."""
-_NEWTON, _PARTS = 5, 4
-"""Of an exponential piece: Newton steps to the stationary point, parts on which its bend is bounded."""
+_PARTS = 4
+"""Parts of an exponential piece on which its bend is bounded."""
 
 Solve = Callable[[ContactProblem, Array, float], Outcome]
 """Descent on a problem from a start, and from nowhere else, to a tolerance."""
@@ -147,7 +145,7 @@ def hull_start(
     v, kappa, first = x0, _SAFELY * lambda_1, True
     stiffest = min(problem.law.omega, float(np.max(np.diagonal(problem.A_tilde) / problem.c)))
     while True:
-        law, on_bridge = _hulls(problem.law, kappa)
+        law, on_bridge = _hulls(problem.law, problem.m, kappa)
         outcome = solve(replace(problem, law=law), v)
         v, kappa = outcome.x, GROWTH * kappa
         settled = not np.any(on_bridge(v))
@@ -174,31 +172,27 @@ def estimate_lambda_1(problem: ContactProblem) -> float:
     return 1.0 / float(np.linalg.eigvalsh(softness)[-1])
 
 
-def _hulls(law: Law, kappa: float) -> tuple[Law, Callable[[Array], NDArray[np.bool_]]]:
-    """The proximal hull, of every node's own law, and which slips (m,) are inside its bridges."""
-    if isinstance(law, FrictionLaw):
-        hull, bridges = proximal_hull(law, kappa)
-        return hull, lambda v: _on_bridge(bridges, v)
-    hulls = {own: proximal_hull(own, kappa) for own in law.table.laws}
-    smooth = law.mapped(lambda own: hulls[own][0])
-    return smooth, lambda v: np.asarray(each(law, lambda own, s: _on_bridge(hulls[own][1], s), v))
+def _hulls(law: Law, m: int, kappa: float) -> tuple[Law, Callable[[Array], NDArray[np.bool_]]]:
+    """The proximal hull, of every node's own law, and which slips (m,) are strictly inside its bridges: b_κ ≠ b."""
+    tables, index = tables_of(law, m)
+    hulls, bridges = _hulls_of(tables, kappa)
+    smooth = hulls[0] if isinstance(law, FrictionLaw) else NodalLaws(LawTable(hulls), law.index)
+    return smooth, lambda v: bridges.cover(index, v)
 
 
-def _on_bridge(bridges: Array, v: Array) -> NDArray[np.bool_]:
-    """Nodes strictly inside a bridge, where b_κ is not b (m,)."""
-    if not len(bridges):
-        return np.zeros(len(v), dtype=bool)
-    i = np.maximum(np.searchsorted(bridges[:, 0], v, side="left") - 1, 0)
-    return (bridges[i, 0] < v) & (v < bridges[i, 1])
+@lru_cache(maxsize=64)
+def _hulls_of(tables: LawTables, kappa: float) -> tuple[tuple[FrictionLaw, ...], Bridges]:
+    """Cached, since a sweep asks for few laws and bodies many times."""
+    hulls, bridges = proximal_hulls(tables, kappa)
+    return tuple(hulls.law(k, "proximal hull") for k in range(len(tables.q))), bridges
 
 
 @dataclass(frozen=True)
 class _Relaxed:
-    """How the free nodes follow one node: Cholesky factor of H, free and resting nodes, stiffnesses k_i (m,)."""
+    """How the free nodes follow one node: the free nodes, Cholesky factor of H, stiffnesses k_i (m,)."""
 
-    factor: Array
     free: Index
-    resting: Index
+    factor: Array
     stiffness: Array
 
 
@@ -207,13 +201,14 @@ def node_moves(problem: ContactProblem, v: Array) -> Iterator[Array]:
 
     None where H is not positive definite. A promise is broken where another node leaves its piece on the way.
     """
-    xi = problem.xi(v)
+    xi, c = problem.xi(v), problem.c
     relaxed = _relaxed(problem, v, xi)
     if relaxed is None:
         return
-    gain, target = _best_places(problem, v, xi, relaxed.stiffness)
-    for node in np.argsort(gain, kind="stable")[: np.count_nonzero(gain)]:
-        yield v + _follow(problem, relaxed, int(node), float(target[node] - v[node]))
+    gain, target = best_places(*tables_of(problem.law, problem.m), v, xi / c, relaxed.stiffness / c)
+    for node in np.argsort(c * gain, kind="stable")[: np.count_nonzero(gain)]:
+        step = follow(problem.A_tilde, relaxed.free, relaxed.factor, int(node), float(target[node] - v[node]))
+        yield v + step
 
 
 def _relaxed(problem: ContactProblem, v: Array, xi: Array) -> _Relaxed | None:
@@ -227,78 +222,4 @@ def _relaxed(problem: ContactProblem, v: Array, xi: Array) -> _Relaxed | None:
     factor, info = cholesky(matrix)
     if info != 0:
         return None
-    stiffness = np.diagonal(A).copy()
-    if len(free):
-        inverse = scipy.linalg.lapack.dtrtri(factor, lower=1)[0]
-        stiffness[free] = 1.0 / np.sum(np.tril(inverse) ** 2, axis=0) - c[free] * q
-        if len(resting):
-            held = scipy.linalg.blas.dtrmm(1.0, inverse, A.take(free, axis=0).take(resting, axis=1), lower=1)
-            stiffness[resting] -= np.sum(held**2, axis=0)
-    return _Relaxed(factor, free, resting, stiffness)
-
-
-def _follow(problem: ContactProblem, relaxed: _Relaxed, node: int, move: float) -> Array:
-    """Displacement of all nodes if one is moved and the others in F relax (m,)."""
-    free = relaxed.free
-    step = np.zeros(problem.m)
-    place = int(np.searchsorted(free, node))
-    if place < len(free) and free[place] == node:
-        rhs = np.zeros(len(free))
-        rhs[place] = 1.0
-        response = scipy.linalg.lapack.dpotrs(relaxed.factor, rhs, lower=1)[0]
-        step[free] = response * (move / response[place])
-    elif len(free):
-        step[free] = -move * scipy.linalg.lapack.dpotrs(relaxed.factor, problem.A_tilde[free, node], lower=1)[0]
-    step[node] = move
-    return step
-
-
-def _best_places(problem: ContactProblem, v: Array, xi: Array, stiffness: Array) -> tuple[Array, Array]:
-    """(gain, target), (m,): least φ_i over all pieces and up-jumps of b, 0 where it is no gain, and where it is."""
-    gain, target = each(problem.law, _best_of_law, v, xi / problem.c, stiffness / problem.c)
-    return problem.c * gain, target
-
-
-def _best_of_law(law: FrictionLaw, v: Array, force: Array, k: Array) -> tuple[Array, Array]:
-    """The same, per length, for nodes with one law."""
-    ups = law.kinks[law.kinds == UP]
-    s = np.concatenate([_on_pieces(law, v, force, k), np.broadcast_to(ups, (len(v), len(ups)))], axis=1)
-    move = s - v[:, None]
-    parts = np.stack([0.5 * k[:, None] * move**2, -force[:, None] * move, law.j(s) - law.j(v)[:, None]])
-    phi = np.sum(parts, axis=0)
-    phi = np.where(phi < -_NO_GAIN * np.sum(np.abs(parts), axis=0), phi, 0.0)
-    best = np.nanargmin(np.where(np.isfinite(phi), phi, np.inf), axis=1)
-    node = np.arange(len(v))
-    return phi[node, best], s[node, best]
-
-
-def _on_pieces(law: FrictionLaw, v: Array, force: Array, k: Array) -> Array:
-    """(m, …) stationary slips of φ_i on every piece but the one v_i is on; v_i itself where there is none.
-
-    Newton begins at the end of a piece that is nearest to v_i. A law that falls like an exponential is steepest there
-    and φ_i concave; so it begins also where the slip would be without the exponential, beyond the minimum.
-    """
-    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
-    low, high = ends[:-1], ends[1:]
-    near = np.clip(v[:, None], low, high)
-    if law.piecewise_linear:
-        found = [_stationary(law, v, force, k, near, 1)]
-    else:
-        beyond = v[:, None] + (force[:, None] - law.b_0 - law.q * (v[:, None] - law.s_0)) / (law.q + k[:, None])
-        starts = near, np.clip(beyond, low, high)
-        found = [_stationary(law, v, force, k, start, _NEWTON) for start in starts]
-    elsewhere = (v[:, None] <= low) | (v[:, None] >= high)
-    inside = [(low < s) & (s < high) & elsewhere for s in found]
-    return np.concatenate([np.where(own, s, v[:, None]) for own, s in zip(inside, found, strict=True)], axis=1)
-
-
-def _stationary(law: FrictionLaw, v: Array, force: Array, k: Array, s: Array, steps: int) -> Array:
-    """(m, K+1) Newton's method for φ_i′ = 0 on every piece from s; NaN where φ_i is not convex on the way."""
-    piece = np.broadcast_to(np.arange(len(law.q)), s.shape)
-    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
-    for _ in range(steps):
-        slope = law.slope(s, piece) + k[:, None]
-        defect = law.value(s, piece) + k[:, None] * (s - v[:, None]) - force[:, None]
-        step = defect / np.where(slope > 0.0, slope, 1.0)
-        s = np.where(slope > 0.0, np.clip(s - step, ends[:-1], ends[1:]), np.nan)
-    return s
+    return _Relaxed(free, factor, relaxed_stiffness(A, free, resting, factor, c[free] * q))

@@ -7,10 +7,9 @@ import pytest
 
 from tcstudy.online import LawTables, RowLaws
 from tcstudy.online.certify import bends_below_tangent
-from tcstudy.online.law_hulls import proximal_hulls
 from tcstudy.solvers import bounds
 from tcstudy.solvers.bounds import tables_of
-from tcstudy.solvers.hull import proximal_hull
+from tcstudy.solvers.hulls import proximal_hulls
 from tcstudy.solvers.law_tables import largest_push, least_slope, value_range
 from tcstudy.solvers.separable import pieces as nodal_pieces
 from tests.online.rows import some_laws
@@ -90,11 +89,12 @@ def test_bends_are_those_of_the_laws_and_few_parts_never_less() -> None:
 
 
 @pytest.mark.parametrize("kappa", [0.5, 3.0, 20.0])
-def test_hulls_are_those_of_the_laws(kappa: float) -> None:
+def test_hulls_of_many_laws_are_those_of_each_alone(kappa: float) -> None:
     hulls, bridges = proximal_hulls(TABLES, kappa)
     s = np.linspace(-1.2, 1.2, 501)
     for k, law in enumerate(LAWS):
-        expected, ends = proximal_hull(law, kappa)
+        alone, own = proximal_hulls(LawTables.of([law]), kappa)
+        expected, ends = alone.law(0), np.column_stack([own.left, own.right])
         np.testing.assert_allclose(np.column_stack([bridges.left, bridges.right])[bridges.law == k], ends, rtol=1e-6)
         index = np.full(s.shape, k)
         at = hulls.locate(index, s)
