@@ -5,9 +5,11 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from tcstudy.solvers.bounds import tables_of
 from tcstudy.solvers.loop import iterate
+from tcstudy.solvers.moves import best_places, follow
 from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.search import _best_places, _follow, _relaxed, node_moves
+from tcstudy.solvers.search import _relaxed, node_moves
 from tcstudy.solvers.separable.newton import SeparableNewton
 from tcstudy.solvers.separable.pieces import energy_change, slopes
 from tests.solvers import contact_cases as cases
@@ -77,13 +79,14 @@ def test_a_promise_is_the_exact_change_where_nobody_else_leaves_his_piece() -> N
         xi = problem.xi(v)
         relaxed = _relaxed(problem, v, xi)
         assert relaxed is not None
-        gain, target = _best_places(problem, v, xi, relaxed.stiffness)
+        c, laws = problem.c, tables_of(problem.law, problem.m)
+        gain, target = best_places(*laws, v, xi / c, relaxed.stiffness / c)
         for node in np.flatnonzero(gain):
-            step = _follow(problem, relaxed, int(node), float(target[node] - v[node]))
+            step = follow(problem.A_tilde, relaxed.free, relaxed.factor, int(node), float(target[node] - v[node]))
             same = problem.law.piece(v + step) == problem.law.piece(v)
             if np.all(same | slopes(problem, v, xi).at_rest | (np.arange(10) == node)):
                 change = energy_change(problem, v, xi, step, problem.A_tilde @ step)
-                assert change == pytest.approx(gain[node], rel=1e-8)
+                assert change == pytest.approx(c[node] * gain[node], rel=1e-8)
                 kept += 1
     assert kept >= 3
 
