@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tcstudy.reports import style
 from tcstudy.reports.picture import NEAR, BodyFields, LineFields
-from tcstudy.reports.text import number
+from tcstudy.reports.text import number, pretty
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -120,7 +120,7 @@ def _fill(axes: Axes, shape: Drawn, body: BodyFields) -> str:
     low, high = float(body.theta.min()), float(body.theta.max())
     if high - low <= UNIFORM * max(abs(low), abs(high)):
         _fill_evenly(axes, shape, body, style.EVEN)
-        return rf",  $\theta$ = {number(0.5 * (low + high))} {style.pretty(body.theta_units)}".rstrip() + " everywhere"
+        return rf",  $\theta$ = {number(0.5 * (low + high))} {pretty(body.theta_units)}".rstrip() + " everywhere"
     bands = MaxNLocator(nbins=12, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
     filled = axes.tricontourf(
         Triangulation(shape.x, shape.y, body.triangles), body.theta, levels=bands, cmap=style.HEAT

@@ -13,7 +13,7 @@ import numpy as np
 from tcstudy.accuracy.rates import dominated
 from tcstudy.data.measured import MEASURES, OWN, STAGES, open_cost
 from tcstudy.data.records import PointStatus
-from tcstudy.reports.style import DrawError
+from tcstudy.errors import DrawError
 from tcstudy.reports.tables import Heading, Part, Table, render
 from tcstudy.scene.families import FAMILIES
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.fit_store import open_fit
 from tcstudy.reports import style
-from tcstudy.reports.text import number, prefix
+from tcstudy.reports.text import number, prefix, pretty
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,7 +64,7 @@ def _caption(data: Any) -> str:
         divisor, unit = prefix([float(data["estimate"][i])], str(data["parameter_units"].values[i]))
         value, error = (float(data[key][i]) / divisor for key in ("estimate", "standard_error"))
         sign = style.symbol(str(name))
-        found.append(f"{sign} = {number(value)} ± {number(error, 2)} {style.pretty(unit)}".removesuffix(" 1"))
+        found.append(f"{sign} = {number(value)} ± {number(error, 2)} {pretty(unit)}".removesuffix(" 1"))
     return ",  ".join(found)
 
 

@@ -16,7 +16,7 @@ from tcstudy.reports.picture import Picture, read_picture
 from tcstudy.reports.select_point import Value, locate
 from tcstudy.reports.sheet import Sheet
 from tcstudy.reports.stored_study import file_order, stored_study
-from tcstudy.reports.text import counted, label, number
+from tcstudy.reports.text import counted, label, number, pretty
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw
 from tcstudy.scene.records import EdgeLaws
 
@@ -117,11 +117,11 @@ def _facts(picture: LawPicture) -> list[str]:
             words.append(f"{style.symbol(name)}: " + value.replace("$", r"\$"))
         else:
             divisor, unit = style.scaled_unit([value], units)
-            words.append(f"{style.symbol(name)} = {label(value / divisor)} {style.pretty(unit)}".rstrip())
+            words.append(f"{style.symbol(name)} = {label(value / divisor)} {pretty(unit)}".rstrip())
     words.append(f"level {picture.point.level}")
     divisor, unit = style.axis_unit([picture.lambda_1], picture.stiffness_units)
     omega, lambda_1 = number(picture.omega / divisor, 3), number(picture.lambda_1 / divisor, 3)
-    unit = style.pretty(unit)
+    unit = pretty(unit)
     steep = rf"steepest fall $\omega$ = {omega}, stiffness $\lambda_1$ = {lambda_1} {unit}".rstrip()
     return [",  ".join(words), steep if np.isfinite(picture.lambda_1) else ""]
 

@@ -18,7 +18,7 @@ from tcstudy.reports.picture import BodyFields
 from tcstudy.reports.select_point import Value, level_number, locate
 from tcstudy.reports.sheet import Sheet
 from tcstudy.reports.stored_study import outline, sources, stored_study
-from tcstudy.reports.text import number
+from tcstudy.reports.text import number, pretty
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -74,7 +74,7 @@ def mesh_figure(picture: MeshPicture, look: style.Look) -> Figure:
     """The figure of one mesh."""
     body = picture.body
     h, h_unit = style.scaled_unit([picture.h_max], picture.units)
-    size = f"{number(picture.h_max / h, 3)} {style.pretty(h_unit)}"
+    size = f"{number(picture.h_max / h, 3)} {pretty(h_unit)}"
     facts = [
         f"level {picture.level}:  {len(body.triangles)} elements,  {len(body.x)} nodes,  longest edge {size}".rstrip(),
         "" if picture.runs else "the roles of the edges are not known: the body comes from a file of its own",

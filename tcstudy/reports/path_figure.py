@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.errors import DrawError
 from tcstudy.reports import style
 from tcstudy.reports.paper import KEY_LINE, LINE, NARROW, Paper
-from tcstudy.reports.path_states import RESPONSES, PathPicture, draw_states, read_path_picture, seen_folds
-from tcstudy.reports.style import DrawError
-from tcstudy.reports.text import number
+from tcstudy.reports.path_states import RESPONSES, PathPicture, draw_states, read_path_picture
+from tcstudy.reports.path_summary import seen_folds
+from tcstudy.reports.text import number, pretty
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -110,7 +111,7 @@ def _caption(picture: PathPicture) -> str:
     if "energy_lost" in data:
         lost = float(data["energy_lost"])
         divisor, unit = style.scaled_unit([lost], data["energy_lost"].attrs["units"])
-        parts.append(f"{number(lost / divisor)} {style.pretty(unit)}".rstrip() + " lost in one loop")
+        parts.append(f"{number(lost / divisor)} {pretty(unit)}".rstrip() + " lost in one loop")
     if float(data["law_error"]) > 0.0:
         parts.append(f"law approximated to {float(data['law_error']):.1g}")
     return ",  ".join(parts)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.path_store import open_path
 from tcstudy.reports import style
+from tcstudy.reports.path_summary import seen_folds
 from tcstudy.scene.contact_states import ContactState
 
 if TYPE_CHECKING:
@@ -90,33 +91,6 @@ def read_path_picture(path: Path, response: str = "mean-slip") -> PathPicture:
         response_units="N m-1" if like == "energy" and units != "1" else units,
         loop=values("loop_u_T", "loop_xi") if "loop_u_T" in data else None,
         asked=values("solution_u_T", "solution_xi"),
-    )
-
-
-VISIBLE = 0.005
-"""Part of the range below which a step back of the parameter cannot be told from a point of the picture."""
-
-
-def seen_folds(data: Any) -> tuple[NDArray[np.intp], int]:
-    """(vertices of the folds that show, number of smaller turns): these come from nodes that let go one by one."""
-    if not data.sizes.get("fold", 0):
-        return np.zeros(0, dtype=np.intp), 0
-    vertices = data["fold_vertex"].values.astype(np.intp)
-    if "fold_size" not in data:
-        return vertices, 0
-    low, high = data.attrs["parameter_range"]
-    large = data["fold_size"].values >= VISIBLE * abs(float(high) - float(low))
-    return vertices[large], int(np.count_nonzero(~large))
-
-
-def folds_in_words(data: Any) -> str:
-    """How many folds there are, and how many smaller turns beside them."""
-    vertices, small = seen_folds(data)
-    text = f"{len(vertices)} {'fold' if len(vertices) == 1 else 'folds'}"
-    return (
-        f"{text} and {small} {'turn' if small == 1 else 'turns'} below {100 * VISIBLE:g} % of the range"
-        if small
-        else text
     )
 
 

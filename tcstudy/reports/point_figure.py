@@ -16,7 +16,7 @@ from tcstudy.reports.boundary_roles import draw_roles, name_parts, runs
 from tcstudy.reports.paper import Paper
 from tcstudy.reports.picture import NEAR, BodyFields, LineFields, Picture, read_picture
 from tcstudy.reports.select_point import Value
-from tcstudy.reports.text import label, number
+from tcstudy.reports.text import label, number, pretty
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -133,9 +133,9 @@ def _caption(picture: Picture) -> list[str]:
             parts.append(f"{symbol}: " + value.replace("$", r"\$"))
             continue
         divisor, unit = style.scaled_unit([value], units)
-        parts.append(f"{symbol} = {label(value / divisor)} {style.pretty(unit)}".rstrip())
+        parts.append(f"{symbol} = {label(value / divisor)} {pretty(unit)}".rstrip())
     divisor, unit = style.scaled_unit([picture.h_max], picture.line.length_units)
-    size = f"{number(picture.h_max / divisor, 3)} {style.pretty(unit)}".rstrip()
+    size = f"{number(picture.h_max / divisor, 3)} {pretty(unit)}".rstrip()
     mesh = [
         f"level {picture.level}",
         f"longest element edge {size}",

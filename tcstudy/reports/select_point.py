@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
-from tcstudy.errors import UsageError
-from tcstudy.reports.style import DrawError
+from tcstudy.errors import DrawError, UsageError
 from tcstudy.reports.text import number, scaled_labels
 from tcstudy.scene import units as u
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from tcstudy.data.files import place_faults, replace_file
 from tcstudy.errors import DrawError, StoreError, UsageError
-from tcstudy.reports.text import POWER_FIRST, prefix
+from tcstudy.reports.text import POWER_FIRST, RAISED, prefix, pretty
 from tcstudy.scene import key
 from tcstudy.scene.key import GREEK
 
@@ -48,7 +48,6 @@ LETTER = 0.09
 HEAT = "YlOrRd"
 """Colour map of the body: light enough for dark lines and letters on most of its range."""
 
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 USUAL = 9.5
 """Usual size of letters [pt]."""
@@ -216,14 +215,7 @@ def axis_unit(values: Iterable[float], units: str) -> tuple[float, str]:
     if units != "1" or largest == 0.0 or 1e-2 <= largest < 1e4:
         return scaled_unit([largest], units)
     power = math.floor(math.log10(largest))
-    return 10.0**power, f"10{str(power).translate(_RAISED)}"
-
-
-def pretty(units: str) -> str:
-    """Units with raised exponents, "W m⁻² K⁻¹"; empty for a plain number."""
-    if units == "1":
-        return ""
-    return re.sub(r"(?<=[A-Za-z])-?\d+", lambda power: power[0].translate(_RAISED), units)
+    return 10.0**power, f"10{str(power).translate(RAISED)}"
 
 
 NARROW = 100.0

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tcstudy.reports import style
 from tcstudy.reports.sheet import Sheet
 from tcstudy.reports.sweep import DrawnParameter, SweepPicture
+from tcstudy.reports.text import pretty
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +31,7 @@ MISSING: dict[str, Any] = {"marker": "x", "linestyle": "none", "markersize": 5, 
 def facts(picture: SweepPicture) -> list[str]:
     """What is the same at all points drawn, and how many are left out."""
     parts = [
-        f"{style.symbol(one.name)} = {_escaped(one.label)}{' ' + style.pretty(one.unit) if one.unit != '1' else ''}"
+        f"{style.symbol(one.name)} = {_escaped(one.label)}{' ' + pretty(one.unit) if one.unit != '1' else ''}"
         + (" (its first value)" if one.first else "")
         for one in picture.fixed
     ]

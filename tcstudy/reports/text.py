@@ -13,6 +13,15 @@ from numpy.typing import ArrayLike
 from tcstudy.data.provenance import without_paths
 from tcstudy.data.records import PointStatus
 
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def pretty(units: str) -> str:
+    """Units with raised exponents, "W m⁻² K⁻¹"; empty for a plain number."""
+    if units == "1":
+        return ""
+    return re.sub(r"(?<=[A-Za-z])-?\d+", lambda power: power[0].translate(RAISED), units)
+
 
 def number(value: float, digits: int = 4) -> str:
     """A number for a table: few digits, '–' for a missing one."""

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import UNBALANCED
 from tcstudy.errors import StoreError
-from tcstudy.reports.style import pretty
 from tcstudy.reports.sweep import different_energies
-from tcstudy.reports.text import scaled_labels
+from tcstudy.reports.text import pretty, scaled_labels
 from tcstudy.scene.key import symbol
 
 Array = NDArray[np.float64]

@@ -10,11 +10,11 @@ from tcstudy.data.measured import Convergence, ErrorSeries, NumberSeries, PointC
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
+from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports import style
 from tcstudy.reports.convergence import _fixed, _uncertain, convergence_report
 from tcstudy.reports.convergence_plot import plot_convergence
-from tcstudy.reports.style import DrawError
 from tests.reports.draw_cases import LOOKS, off_the_page
 
 STUDY = read_study_text("""\

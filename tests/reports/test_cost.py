@@ -18,11 +18,11 @@ from tcstudy.data.measured import STAGES, Cost, open_cost, write_cost
 from tcstudy.data.provenance import collect, kind_of
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import StoreError
+from tcstudy.errors import DrawError
 from tcstudy.reports import style
 from tcstudy.reports.brief import brief
 from tcstudy.reports.cost import advice, best, cost_report, curves_on_front, front, measure_of, settings, stretches
 from tcstudy.reports.cost_plot import _figure, plot_cost
-from tcstudy.reports.style import DrawError
 from tests.data.compliance import cf_faults
 from tests.reports.draw_cases import LOOKS, off_the_page
 from tests.verification.scenes import RECTANGLE, study_of

@@ -15,11 +15,10 @@ import tcstudy
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.data.store import write
-from tcstudy.errors import UsageError
+from tcstudy.errors import DrawError, UsageError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.export_fields import write_fields
 from tcstudy.reports.export_table import write_csv, write_json
-from tcstudy.reports.style import DrawError
 from tcstudy.scene.study import Axis
 from tests.reports.draw_cases import ALPHA, FILM, study
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.reports import style
 from tcstudy.reports.path_figure import draw_path, path_figure, symbol
-from tcstudy.reports.path_states import read_path_picture, seen_folds
-from tcstudy.reports.path_summary import path_summary
-from tcstudy.reports.style import DrawError
+from tcstudy.reports.path_states import read_path_picture
+from tcstudy.reports.path_summary import path_summary, seen_folds
 from tcstudy.study.path_run import execute_path
 from tests.reports.draw_cases import LOOKS, off_the_page
 

@@ -12,14 +12,13 @@ from tcstudy.data.provenance import kind_of, measured_path
 from tcstudy.data.reading import of_largest, reading
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
-from tcstudy.errors import StoreError
+from tcstudy.errors import DrawError, StoreError
 from tcstudy.reports.body_panel import boundary_edges
 from tcstudy.reports.cost import advice, measure_of, settings
-from tcstudy.reports.path_states import seen_folds
+from tcstudy.reports.path_summary import seen_folds
 from tcstudy.reports.picture import BodyFields, LineFields
 from tcstudy.reports.select_point import axis_names
 from tcstudy.reports.stored_study import at_rest, file_order, nearest, outline, sources, stored_study
-from tcstudy.reports.style import DrawError
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.records import EdgeLaws

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from tcstudy.reports.path_states import folds_in_words, seen_folds
+from tcstudy.reports.path_summary import folds_in_words, seen_folds
 
 
 def path(*sizes: float) -> xr.Dataset:
