@@ -58,6 +58,12 @@ def read_status(path: Path) -> NDArray[np.int8]:
     return status.reshape(-1, status.shape[-1])
 
 
+def read_geometries(path: Path) -> Places:
+    """(P,) number of the group geometry_i that a point of a sweep over geometries belongs to, −1 for none."""
+    with _opened(path) as nc:
+        return np.asarray(nc["geometry"][...], dtype=np.intp).ravel()
+
+
 def read_levels(path: Path) -> dict[int, LevelRecord]:
     """The records of the levels that have a mesh, without what a page needs to solve by itself. Raises StoreError."""
     with _opened(path) as nc:

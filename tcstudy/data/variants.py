@@ -9,8 +9,9 @@ place of its number in the variable `geometry`, by point.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,13 +74,14 @@ def write_variants(
     return counts[0]
 
 
-def extract(path: Path, number: int, target: Path) -> None:
-    """Write the file of a run of one geometry. Raises StoreError; UsageError if there is no such geometry."""
+def extract(path: Path, targets: Mapping[int, Path]) -> None:
+    """Write the files of runs of one geometry each, by number. Raises StoreError; UsageError for one without a mesh."""
     with _opened(path) as nc:
-        group = nc.groups.get(f"geometry_{number}")
-        if group is None:
-            raise UsageError(f"{path} has no mesh of this geometry; tcstudy show says why")
-        write_dataset(target, {}, lambda new: _copy(group, new))
+        for number, target in targets.items():
+            group = nc.groups.get(f"geometry_{number}")
+            if group is None:
+                raise UsageError(f"{path} has no mesh of this geometry; tcstudy show says why")
+            write_dataset(target, {}, partial(_copy, group))
 
 
 def _table(study: Study, variant: Variant, file: Path) -> Iterable[BlockRecord]:

@@ -126,9 +126,9 @@ def _geometries(sweep: Sweep, outer: list[int]) -> list[tuple[tuple[int, ...], n
             (index, np.moveaxis(points, outer, range(len(outer)))[index].ravel(), rest)
             for index in itertools.product(*(range(sizes[i]) for i in outer))
         ]
-    found: dict[tuple[str, ...], list[int]] = {}
+    found: dict[tuple[float | str, ...], list[int]] = {}
     for k in range(len(sweep.axes[0].values)):
-        found.setdefault(tuple(sweep.axes[i].values[k].text() for i in outer), []).append(k)
+        found.setdefault(tuple(sweep.axes[i].labels[k] for i in outer), []).append(k)
     made = []
     for places in found.values():
         axes = tuple(_of_points(sweep.axes[i], places) for i in inner)

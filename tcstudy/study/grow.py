@@ -1,7 +1,8 @@
 """Finished files that grow: points are added to them, failed ones solved again, several are joined.
 
-What a file has is read back as records and written again, to the bit. Not here: what makes two studies one but for
-their sweep (`study.union`), solving (`study.run`), reading files (`data.stored`).
+What a file has is read back as records and written again, to the bit; in a sweep over geometries every geometry is
+taken out of the file, grows by itself, and goes back. Not here: what makes two studies one but for their sweep
+(`study.union`), solving (`study.run`), reading files (`data.stored`).
 """
 
 from __future__ import annotations
@@ -9,8 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from hashlib import sha256
 from itertools import chain, combinations, islice
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +23,8 @@ from tcstudy.data.provenance import Provenance, collect, program, study_sha256
 from tcstudy.data.reading import attributes
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.store import write
-from tcstudy.data.stored import digest, disagreement, read_blocks, read_levels, read_status
+from tcstudy.data.stored import digest, disagreement, read_blocks, read_geometries, read_levels, read_status
+from tcstudy.data.variants import extract, write_variants
 from tcstudy.data.writer import file_places
 from tcstudy.errors import StoreError, StudyError, shortened
 from tcstudy.read.study import read_study_text
@@ -33,16 +37,22 @@ Label = float | str
 
 @dataclass(frozen=True)
 class StoredRun:
-    """A finished run's file and the study that it holds."""
+    """A finished run's file and the study that it holds; name: of the file, or of what was taken out of it."""
 
     path: Path
     study: Study
     history: str
+    name: str
 
     @cached_property
     def status(self) -> NDArray[np.int8]:
         """(P, levels) in the order of the file."""
         return read_status(self.path)
+
+    @cached_property
+    def geometry(self) -> Places:
+        """(P,) number of the geometry of every point, −1 for none."""
+        return read_geometries(self.path)
 
     def places_in(self, study: Study) -> Places:
         """(P,) where the points of the file, in its order, stand in the sweep of a study that has them all."""
@@ -70,15 +80,12 @@ def stored_run(path: Path, source: Path | None = None) -> StoredRun:
         raise StoreError(
             f"the study in {path} cannot be read again ({what}); a geometry must be in its place"
         ) from error
-    if study.variants:
-        what = "its sweep varies the body or its meshes, and such files are made whole"
-        raise StoreError(f"{path} cannot be added to, mended or joined: {what}; run the whole study with --force")
     if study.scenes[0].body.brep is not None and study_sha256(study) != found["study_sha256"]:
         raise StoreError(f"{path} was computed for another geometry file; run its study again with --force")
     if study.mesh.open_ended:
         why = "its meshes follow from the solutions at all points of its sweep"
         raise StoreError(f"{path} cannot be added to, mended or joined: {why}; run the whole study with --force")
-    return StoredRun(path, study, str(found["history"]))
+    return StoredRun(path, study, str(found["history"]), str(path))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,28 +93,59 @@ class Kept:
     """What a finished file has of a study, and what is still to be solved.
 
     places: (P of the file,) where its points stand in the study;  todo: (points of the study, levels)
+    mark:   by which journals know that they go on from this file; that of the file of all geometries for one of them
     """
 
     file: StoredRun
     places: Places
     todo: NDArray[np.bool_]
+    mark: str = ""
 
     @cached_property
     def levels(self) -> dict[int, LevelRecord]:
         """The levels that the file has, by number."""
-        return read_levels(self.file.path)
+        return read_levels(self.file.path) if len(self.places) else {}
 
     @cached_property
     def digest(self) -> str:
         """By which a journal knows that it went on from this file."""
-        return digest(self.file.path)
+        return self.mark or digest(self.file.path)
 
     def blocks(self, study: Study, level: int | None = None) -> Iterator[BlockRecord]:
         """The points that are not solved again, of one level or of all."""
         wanted = ~self.todo
         if level is not None:
             wanted &= np.arange(self.todo.shape[1]) == level
-        return read_blocks(self.file.path, study, self.places, wanted)
+        return read_blocks(self.file.path, study, self.places, wanted) if len(self.places) else iter(())
+
+    def of_geometries(self, study: Study, folder: Path) -> list[Kept]:
+        """The same of every geometry of the study; those that the file has are taken out of it, into the folder."""
+        mark = sha256(self.digest.encode() + np.packbits(self.todo).tobytes()).hexdigest()
+        numbers = np.full(len(study.scenes), -1, dtype=np.intp)
+        numbers[self.places] = self.file.geometry
+        found = [int(numbers[variant.places].max(initial=-1)) for variant in study.variants]
+        files = {number: folder / f"{mark[:16]}-{number}-before.nc" for number in found if number >= 0}
+        extract(self.file.path, files)
+        kept = []
+        for variant, number in zip(study.variants, found, strict=True):
+            run, places = self.file, np.zeros(0, dtype=np.intp)
+            own = self.file.study.variants[number].study if number >= 0 else None
+            if own is not None and variant.study is not None:
+                history = str(attributes(files[number])["history"])
+                run = StoredRun(files[number], own, history, f"{self.file.name} ({variant.words})")
+                places = run.places_in(variant.study)
+            kept.append(Kept(run, places, self.todo[variant.places], mark))
+        return kept
+
+    def without_geometry(self, study: Study) -> list[BlockRecord]:
+        """The points that are not solved again and whose geometry has no mesh."""
+        wanted = ~self.todo
+        wanted[self.places[self.file.geometry >= 0]] = False
+        return list(read_blocks(self.file.path, study, self.places, wanted))
+
+    def write(self, output: Path, study: Study, provenance: Provenance) -> None:
+        """Write the file of a study with nothing but what is kept."""
+        write(output, study, self.with_levels(()), lambda: self.blocks(study), self.before(provenance))
 
     def with_levels(self, new: Sequence[LevelRecord]) -> tuple[LevelRecord, ...]:
         """The levels of the file and those of the journal, coarse to fine."""
@@ -116,7 +154,8 @@ class Kept:
 
     def before(self, provenance: Provenance) -> Provenance:
         """The provenance with the file's history before it."""
-        return replace(provenance, history=f"{self.file.history}\n{provenance.history}")
+        history = f"{self.file.history}\n{provenance.history}"
+        return replace(provenance, history=history) if len(self.places) else provenance
 
     def joined(self, record: LevelRecord) -> LevelRecord:
         """The file's record of a level, with what a page needs of all points. Raises StoreError for another mesh."""
@@ -127,7 +166,7 @@ class Kept:
             np.array_equal(getattr(old, name), getattr(record, name)) for name in ("arclength", "x", "y", "c", "edge")
         )
         if not same:
-            what = f"the mesh of level {record.level} is not that of {self.file.path}, whose points stay"
+            what = f"the mesh of level {record.level} is not that of {self.file.name}, whose points stay"
             raise StoreError(f"{what}; run the whole study with --force")
         return replace(old, fields=record.fields)
 
@@ -187,22 +226,50 @@ def merge(files: Sequence[Path], output: Path, command: Sequence[str] = ("tcstud
     study = replace(study, title=runs[0].study.title, output=replace(study.output, live=False))
     if problems := check_writable(output, sum(path.stat().st_size for path in files)):
         raise StoreError("\n".join(problems))
+    points, failed = (_join_geometries if study.variants else _join)(study, runs, output, command)
+    return points, failed, len(study.scenes) * study.mesh.levels - points
+
+
+def _join(study: Study, runs: Sequence[StoredRun], output: Path, command: Sequence[str]) -> tuple[int, int]:
+    """Write the file of a study with the points of runs of it; how many solutions were sought, how many failed."""
     places = [run.places_in(study) for run in runs]
     for k, j in combinations(range(len(runs)), 2):
         _refuse_disagreement(study, (runs[k], places[k]), (runs[j], places[j]))
-    owner = _owners(study, runs, places)
-    kept = [Kept(run, at, owner != k) for k, (run, at) in enumerate(zip(runs, places, strict=True))]
+    kept = _owned(study, runs, places)
     levels: dict[int, LevelRecord] = {}
     for one in kept:
         levels |= {i: record for i, record in one.levels.items() if i not in levels}
         for record in levels.values():
             one.joined(record)
-    provenance = collect(study, command)
-    history = "\n".join([*(run.history for run in runs), provenance.history])
-    ordered = [levels[i] for i in sorted(levels)]
     records = lambda: chain.from_iterable(one.blocks(study) for one in kept)  # noqa: E731
-    points, failed = write(output, study, ordered, records, replace(provenance, history=history))
-    return points, failed, owner.size - points
+    return write(output, study, [levels[i] for i in sorted(levels)], records, _after(study, runs, command))
+
+
+def _join_geometries(study: Study, runs: Sequence[StoredRun], output: Path, command: Sequence[str]) -> tuple[int, int]:
+    """The same of a sweep over geometries: one after the other is joined, then all of them."""
+    whole = _owned(study, runs, [run.places_in(study) for run in runs])
+    lost = [block for one in whole for block in one.without_geometry(study)]
+    files: list[Path | None] = []
+    with TemporaryDirectory(prefix=f"{output.name}.", dir=output.parent) as name:
+        found = [one.of_geometries(study, Path(name)) for one in whole]
+        for number, variant in enumerate(study.variants):
+            having = [own[number].file for own in found if len(own[number].places)]
+            files.append(Path(name, f"{number}.nc") if having else None)
+            if variant.study is not None and having:
+                _join(variant.study, having, Path(name, f"{number}.nc"), command)
+        return write_variants(output, study, files, lost, _after(study, runs, command))
+
+
+def _after(study: Study, runs: Sequence[StoredRun], command: Sequence[str]) -> Provenance:
+    """The provenance of a join, with the histories of what it joins before its own."""
+    provenance = collect(study, command)
+    return replace(provenance, history="\n".join([*(run.history for run in runs), provenance.history]))
+
+
+def _owned(study: Study, runs: Sequence[StoredRun], places: Sequence[Places]) -> list[Kept]:
+    """Of every run the points that the file of all takes from it."""
+    owner = _owners(study, runs, places)
+    return [Kept(run, at, owner != k) for k, (run, at) in enumerate(zip(runs, places, strict=True))]
 
 
 def _owners(study: Study, runs: Sequence[StoredRun], places: Sequence[Places]) -> NDArray[np.int32]:
@@ -231,4 +298,4 @@ def _refuse_disagreement(study: Study, one: tuple[StoredRun, Places], two: tuple
         point = next(islice(points_of(study, study.axes), int(others[shared[row]]), None))[0]
         names = (f"{axis.name} = {label}" for axis, label in zip(study.axes, point, strict=True))
         name = ", ".join(names) or "the point"
-        raise StoreError(f"{run.path} and {other.path} have other numbers for {name} {what}; run one of them anew")
+        raise StoreError(f"{run.name} and {other.name} have other numbers for {name} {what}; run one of them anew")

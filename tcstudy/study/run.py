@@ -261,7 +261,7 @@ def execute(
     if study.variants:
         from tcstudy.study.variants import execute_variants
 
-        return execute_variants(study, output, watcher, command, jobs, dask)
+        return execute_variants(study, output, watcher, command, jobs, dask, kept)
     # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
     with (
         threadpool_limits(1, user_api="blas"),

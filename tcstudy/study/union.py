@@ -116,12 +116,16 @@ def _grid(old: Study, new: Study) -> dict[str, object]:
         values = list(zip(axis.labels, axis.values, strict=True))
         other = _axis(new, axis)
         values += [pair for pair in zip(other.labels, other.values, strict=True) if pair[0] not in axis.labels]
-        law = axis.path == ("friction",)
-        sweep[".".join(axis.path)] = dict(values) if law else [value for _, value in values]
+        sweep[".".join(axis.path)] = dict(values) if _is_whole(axis) else [value for _, value in values]
         count *= len(values)
     if count > MAX_POINTS:
         raise StoreError(f"the grid of all values has {count} points, at most {MAX_POINTS}; give points by mode: list")
     return sweep
+
+
+def _is_whole(axis: Axis) -> bool:
+    """Whether its values are laws or materials, by name."""
+    return axis.path == ("friction",) or all(isinstance(value, Mapping) for value in axis.values)
 
 
 def _list(old: Study, new: Study) -> dict[str, object]:
@@ -138,7 +142,7 @@ def points_of(study: Study, axes: Sequence[Axis]) -> Iterator[tuple[tuple[Label,
     for index in np.ndindex(study.shape):
         rows = [index[place if study.mode == "grid" else 0] for place in places]
         values = {
-            ".".join(axis.path): {axis.labels[i]: axis.values[i]} if axis.path == ("friction",) else axis.values[i]
+            ".".join(axis.path): {axis.labels[i]: axis.values[i]} if _is_whole(axis) else axis.values[i]
             for axis, i in zip(own, rows, strict=True)
         }
         yield tuple(axis.labels[i] for axis, i in zip(own, rows, strict=True)), values

@@ -7,10 +7,14 @@ all geometries stands.
 
 from __future__ import annotations
 
+import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tcstudy.data.files import StoreError
 from tcstudy.data.provenance import collect, holds, identity
@@ -21,6 +25,7 @@ from tcstudy.errors import GeometryFailed
 from tcstudy.scene.study import Study
 from tcstudy.scene.variants import Variant
 from tcstudy.study.expected import Resources, of_run
+from tcstudy.study.grow import Kept
 from tcstudy.study.plan import Plan
 from tcstudy.study.plan import plan as plan_of
 from tcstudy.study.run import LevelWork, Summary, Watcher, execute
@@ -28,38 +33,65 @@ from tcstudy.study.workshop import all_failed
 
 
 def execute_variants(
-    study: Study, output: Path, watcher: Watcher, command: Sequence[str], jobs: int | None, dask: str | None
+    study: Study,
+    output: Path,
+    watcher: Watcher,
+    command: Sequence[str],
+    jobs: int | None,
+    dask: str | None,
+    kept: Kept | None = None,
 ) -> Summary:
     """Run all geometries and join their files.
 
+    kept: what the output has of the study already and keeps
     Raises as `execute`; a geometry without a mesh is a status of its points.
     """
     if problems := axis_problems(study):
         raise StoreError("; ".join(problems))
     folder = output.with_name(f"{output.name}.geometries")
-    one = _OneSweep(study, watcher)
+    todo = np.ones((len(study.scenes), study.mesh.levels), dtype=bool) if kept is None else kept.todo
+    one = _OneSweep(study, watcher, todo)
+    folder.mkdir(parents=True, exist_ok=True)
+    before = [None] * len(study.variants) if kept is None else kept.of_geometries(study, folder)
     files: list[Path | None] = []
-    failed: list[BlockRecord] = []
-    for number, variant in enumerate(study.variants):
-        file, reason = folder / f"{number}.nc", variant.reason
+    failed = [] if kept is None else kept.without_geometry(study)
+    for number, (variant, own) in enumerate(zip(study.variants, before, strict=True)):
+        file, reason = folder / (f"{number}.nc" if own is None else f"{own.mark[:16]}-{number}.nc"), variant.reason
         if variant.study is not None:
             one.variant = variant
             try:
                 if not _finished(file, variant.study):
-                    folder.mkdir(parents=True, exist_ok=True)
-                    execute(variant.study, file, one, command, jobs, dask)
+                    _grow(variant.study, file, one, command, jobs, dask, own)
             except GeometryFailed as error:
                 reason = str(error)
         files.append(None if reason else file)
         if reason:
-            status, levels = PointStatus.MESH_FAILED, range(study.mesh.levels)
-            lost = [all_failed(study, level, variant.places, status, reason) for level in levels]
-            failed += lost
-            for block in lost:
-                watcher.block(block)
-    points, bad = write_variants(output, study, files, failed, collect(study, command))
+            wanted = todo[variant.places]
+            for level in np.flatnonzero(wanted.any(axis=0)).tolist():
+                at, status = variant.places[wanted[:, level]], PointStatus.MESH_FAILED
+                failed.append(all_failed(study, level, at, status, reason))
+                watcher.block(failed[-1])
+    provenance = collect(study, command)
+    provenance = provenance if kept is None else kept.before(provenance)
+    points, bad = write_variants(output, study, files, failed, provenance)
     shutil.rmtree(folder, ignore_errors=True)
     return Summary(output, points, bad, one.resumed)
+
+
+def _grow(
+    study: Study,
+    file: Path,
+    watcher: Watcher,
+    command: Sequence[str],
+    jobs: int | None,
+    dask: str | None,
+    kept: Kept | None,
+) -> None:
+    """The file of one geometry; without a mesh where nothing is left to solve."""
+    if kept is None or kept.todo.any() or study.output.live:
+        execute(study, file, watcher, command, jobs, dask, kept)
+    else:
+        kept.write(file, study, collect(study, command))
 
 
 def _finished(file: Path, study: Study) -> bool:
@@ -74,8 +106,10 @@ def _finished(file: Path, study: Study) -> bool:
 class _OneSweep:
     """Shows the runs of all geometries as one."""
 
-    def __init__(self, study: Study, watcher: Watcher) -> None:
+    def __init__(self, study: Study, watcher: Watcher, todo: NDArray[np.bool_]) -> None:
+        """todo: (points, levels) which solutions are sought."""
         self._study, self._watcher, self._begun = study, watcher, False
+        self._todo = todo.sum(axis=0).tolist()
         self.variant: Variant = study.variants[0]
         self.resumed = 0
 
@@ -83,8 +117,8 @@ class _OneSweep:
         """The first geometry stands for all."""
         self.resumed += sum(level.done for level in work)
         if not self._begun:
-            points = len(self._study.scenes)
-            self._watcher.begin([replace(level, points=points) for level in work], warnings)
+            whole = [replace(level, points=points) for level, points in zip(work, self._todo, strict=True)]
+            self._watcher.begin(whole, warnings)
         self._begun = True
 
     def level(self, record: LevelRecord) -> None:
@@ -114,7 +148,23 @@ def plan_variants(study: Study) -> tuple[Plan, Resources]:
         points=len(study.scenes),
         factorisations=factors,
         heat_solves=sum(plan.heat_solves for _, plan in found),
-        notes=(note, *refused, *dict.fromkeys(note for _, plan in found for note in plan.notes)),
+        notes=(note, *refused, *_once(note for _, plan in found for note in plan.notes)),
         bytes=sum(plan.bytes for _, plan in found),
     )
     return plan, Resources(sum(one.seconds for one in spent), max(one.memory for one in spent))
+
+
+NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+
+
+def _once(notes: Iterable[str]) -> list[str]:
+    """Every note once; of those that differ in numbers only one, with the least and the greatest of each."""
+    alike: dict[str, list[list[str]]] = {}
+    for note in dict.fromkeys(notes):
+        alike.setdefault(NUMBER.sub("{}", note.replace("{", "{{").replace("}", "}}")), []).append(NUMBER.findall(note))
+    return [words.format(*map(_span, zip(*numbers, strict=True))) for words, numbers in alike.items()]
+
+
+def _span(texts: Sequence[str]) -> str:
+    least, greatest = min(texts, key=float), max(texts, key=float)
+    return least if least == greatest else f"{least} to {greatest}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,10 @@ from tcstudy.errors import GeometryFailed, StudyError
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.summary import summary
+from tcstudy.study.grow import appended
 from tcstudy.study.plan import plan
 from tcstudy.study.run import Quiet, execute
+from tests.study.test_grow import Counted
 from tests.test_cli import CONFIGS
 
 SCALED = """
@@ -134,21 +137,21 @@ def test_lists_and_draws_share_what_has_one_geometry(tmp_path: Path) -> None:
 
 
 class Stops(Quiet):
-    """Stops in the second geometry."""
+    """Stops at a block."""
 
-    def __init__(self) -> None:
-        self.blocks = 0
+    def __init__(self, left: int) -> None:
+        self.left = left
 
     def block(self, record: BlockRecord) -> None:
-        self.blocks += 1
-        if self.blocks == 3:
+        self.left -= 1
+        if self.left == 0:
             raise KeyboardInterrupt
 
 
 def test_a_stopped_sweep_goes_on_and_leaves_nothing_beside_its_file(bar: Path, tmp_path: Path) -> None:
     study, path = read_study_text(BAR), tmp_path / "out.nc"
     with pytest.raises(KeyboardInterrupt):
-        execute(study, path, Stops())
+        execute(study, path, Stops(3))
     assert not path.exists()
     assert (tmp_path / "out.nc.geometries" / "0.nc").exists()
     execute(study, path)
@@ -163,8 +166,6 @@ def test_what_takes_one_geometry_refuses_several(bar: Path, tmp_path: Path) -> N
     study, path = read_study_text(BAR), bar
     with pytest.raises(GeometryFailed, match=r"this takes one geometry; fix it by --set sweep=null"):
         Meshes(study)
-    with pytest.raises(StoreError, match=r"such files are made whole; run the whole study with --force"):
-        tcstudy.run(study, path, append=True)
     with pytest.raises(StoreError, match=r"the file has 3 geometries, and a page is of one"):
         tcstudy.report(path)
     with pytest.raises(StoreError, match=r"the file has 3 geometries, and a picture of a point is of one"):
@@ -214,3 +215,74 @@ def test_thickness_map(tmp_path: Path) -> None:
     ratio = data["lambda_1"] * data["H"] / 1e3
     assert np.all((ratio.sel(H=0.002) > 0.99) & (ratio.sel(H=0.002) < 1.0))
     assert float(ratio.sel(H=0.008, grading=0.5)) < 0.985
+
+
+ONE = BAR.replace(", levels: 2", "")
+
+
+def same(one: Path, two: Path, at: dict[str, object]) -> None:
+    """The points of one file are those of the other, to the bit: numbers, and profiles of their geometries."""
+    with xr.open_datatree(one) as a, xr.open_datatree(two) as b:
+        for name in ("status", "energy", "u_T_max", "h_max"):
+            pair = [t[name].sel({k: v for k, v in at.items() if k in t[name].dims}).values for t in (a, b)]
+            assert np.array_equal(*pair), name
+        inner = {name: at[name] for name in ("E",) if name in at}
+        for i, j in {*zip(*(t["geometry"].sel(at).values.ravel() for t in (a, b)), strict=True)}:
+            pair = [t[f"geometry_{k}/level_0"].to_dataset().sel(inner) for t, k in ((a, i), (b, j))]
+            for name in ("arclength", "u_T", "xi"):
+                assert np.array_equal(*(lines[name].values for lines in pair)), (name, i, j)
+
+
+def right(tree: xr.DataTree) -> bool:
+    """Whether all bars have their length g L/E."""
+    at = tree.to_dataset().isel(level=0)
+    return bool((abs(at["u_T_max"] / (1e6 * at["width"] / at["E"]) - 1.0) < 1e-10).all())
+
+
+def test_files_of_geometries_grow_and_are_mended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """New lengths, and new moduli at old ones, are added, also after a stop; what was there stays to the bit."""
+    path, before, counted = tmp_path / "out.nc", tmp_path / "before.nc", Counted(monkeypatch)
+    execute(read_study_text(ONE, "s", ["sweep={body.rectangle.width: [400 mm, 100 mm], E: [70 GPa]}"]), path)
+    shutil.copy(path, before)
+    more = read_study_text(ONE, "s", ["sweep={body.rectangle.width: [0.1, 0.2], E: [70 GPa, 35 GPa]}"])
+    study, kept = appended(path, more)
+    with pytest.raises(KeyboardInterrupt):
+        execute(study, path, Stops(2), kept=kept)
+    assert counted.points == 2 + 3
+    tree = tcstudy.run(more, path, append=True)
+    assert counted.points == 2 + 3  # the stop came when all were solved
+    assert tree["status"].isel(level=0).sel(width=0.4).values.tolist() == [int(PointStatus.OK), 0]
+    same(before, path, {"width": [0.4, 0.1], "E": [70e9]})
+    assert right(tcstudy.run(read_study_text(ONE), path, retry=True))
+    assert counted.points == 6
+    same(before, path, {"width": [0.4, 0.1], "E": [70e9]})
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["before.nc", "out.nc"]
+
+
+def test_files_of_geometries_are_joined(tmp_path: Path) -> None:
+    """Also with a list, whose lengths are written otherwise."""
+    one, two, three = (tmp_path / f"{name}.nc" for name in "abc")
+    execute(read_study_text(ONE, "s", ["sweep={body.rectangle.width: [400 mm, 100 mm], E: [70 GPa, 35 GPa]}"]), one)
+    execute(read_study_text(ONE, "s", ["sweep={E: [70 GPa, 35 GPa], body.rectangle.width: [200 mm, 0.1]}"]), two)
+    tree = tcstudy.merge([one, two], three)
+    assert right(tree)
+    assert tree.attrs["history"].count("\n") == 2
+    same(one, three, {"width": [0.1, 0.4]})
+    two.unlink()
+    execute(read_study_text(ONE, "s", ["sweep={mode: list, points: [{body.rectangle.width: 10 cm, E: 1 GPa}]}"]), two)
+    tree = tcstudy.merge([one, two], three, force=True)
+    assert right(tree)
+    assert tree["geometry"].values.tolist() == [0, 0, 1, 1, 1]
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["a.nc", "b.nc", "c.nc"]
+
+
+def test_what_is_refused_stays_so_in_a_join(tmp_path: Path) -> None:
+    one, two, three = (tmp_path / f"{name}.nc" for name in "abc")
+    execute(read_study_text(HOLED, "s", ["sweep={parameters.height: [10 mm, 20 mm]}"]), one)
+    execute(read_study_text(HOLED, "s", ["sweep={parameters.height: [8 mm, 10 mm, 20 mm]}"]), two)
+    tree = tcstudy.merge([one, two], three)
+    assert tree["geometry"].values.tolist() == [-1, -1, 2]  # 20 mm is the third of them
+    assert tree["status"].values[:2, 0].tolist() == [PointStatus.MESH_FAILED] * 2
+    assert all(str(words).startswith("body.holes[0]: the hole") for words in tree["reason"].values[:2, 0])
+    tree = tcstudy.run(read_study_text(HOLED, "s", ["sweep={parameters.height: [10 mm, 20 mm]}"]), one, retry=True)
+    assert tree["geometry"].values.tolist() == [-1, 1]
