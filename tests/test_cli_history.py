@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import netCDF4
 import pytest
 
+from tcstudy.read.study import read_study
+from tcstudy.study.history_run import execute_history
+from tcstudy.study.plan import plan
 from tests.commands import tcstudy_command
 
 HISTORY = """\
@@ -73,3 +77,15 @@ def test_there_is_no_page_of_a_history(folder: Path) -> None:
     result = tcstudy_command("report", "results/strip-history.nc", cwd=folder)
     assert result.returncode == 2
     assert "is a load history, of which there is no page; use tcstudy show, draw and export" in result.stderr
+
+
+def test_plan_tells_of_the_file_of_a_history(folder: Path) -> None:
+    """Its name, how large it gets without compression; nothing that a history refuses is offered."""
+    said = tcstudy_command("plan", "strip.yaml", cwd=folder).stdout
+    assert "strip-history.nc" in said
+    assert "output.fields" not in said
+    study = read_study(folder / "strip.yaml", ["history.repeat=30"])
+    execute_history(study, folder / "long.nc")
+    with netCDF4.Dataset(folder / "long.nc") as nc:
+        values = sum(v.size * v.dtype.itemsize for v in nc.variables.values() if v.dtype is not str)
+    assert values < plan(study).bytes < values + 150_000

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.path_records import LINE
-from tcstudy.data.schema import CERTIFIED, DIFFERENCE, MISSING_COUNT, STATUS, SWEEP, FileVariable
+from tcstudy.data.schema import BESIDE, CERTIFIED, DIFFERENCE, MISSING_COUNT, STATUS, SWEEP, FileVariable
 from tcstudy.data.writer import axis_name
 from tcstudy.scene.histories import START
 from tcstudy.scene.study import Study
@@ -157,6 +157,15 @@ def variables(study: Study) -> tuple[FileVariable, ...]:
     name, jumping = study.history.memory.name, study.history.branch == "continued"
     without = {"plastic"} if name != "elastic-plastic" else set()
     return tuple(v for v in (*STEPS, *NODES, *POINTS) if v.name not in without and (jumping or v.name != "jumped"))
+
+
+def history_bytes(study: Study, m: int) -> int:
+    """Size of the file [byte] without compression, with m contact unknowns."""
+    assert study.history is not None
+    steps, row = len(study.scenes) * (study.history.steps + 1), {"step": 1, "node": m}
+    own = variables(study)
+    numbers = sum(np.dtype(v.dtype).itemsize * row.get(v.dims[-1], 0) for v in own if v.dtype != "str")
+    return 60_000 + len(study.text.encode()) + BESIDE * len(own) + steps * numbers
 
 
 def load_variables(study: Study) -> list[tuple[FileVariable, Array]]:

@@ -10,9 +10,9 @@ Hughes, Computational Inelasticity (1998) (return mapping). Here only what a stu
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, TypeVar, get_args
 
 import numpy as np
 
@@ -26,6 +26,7 @@ MEMORIES: tuple[MemoryName, ...] = get_args(MemoryName)
 HistoryBranch = Literal["continued", "lowest"]
 HISTORY_BRANCHES: tuple[HistoryBranch, ...] = get_args(HistoryBranch)
 Keys = tuple[str, ...]
+T = TypeVar("T")
 MOST_STEPS = 100_000
 """Steps of one history."""
 START = "start"
@@ -160,6 +161,10 @@ class HistoryPlan:
     def steps(self) -> int:
         """Number of steps, without step 0."""
         return self.repeat * sum(line.count for line in self.lines)
+
+    def of(self, levels: Sequence[T]) -> T:
+        """That of the levels of a study on which the history is followed."""
+        return levels[-1 if self.level is None else self.level]
 
     @property
     def names(self) -> tuple[str, ...]:

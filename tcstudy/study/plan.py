@@ -102,11 +102,11 @@ def _left_out(study: Study, heat_solved: bool) -> list[str]:
         out.append(f"heat problem at {cold} of {len(scenes)} points: {why_no_heat(scenes)}")
     if not any(s.f != (0.0, 0.0) for s in distinct(scenes, "f")):
         out.append("body force: f is zero or not given")
-    if not study.mesh.estimates:
+    if not study.mesh.estimates and study.history is None:
         out.append("error estimates: not asked for (mesh.estimate: true, a tolerance or family: adaptive adds them)")
     if study.mesh.tolerance is not None:
         out.append(_levels_not_needed(study.mesh, "" if study.units == "none" else " m"))
-    if not study.output.fields:
+    if not study.output.fields and study.history is None:
         out.append("whole-body fields u₂ and θ in the data: not asked for (output.fields: true keeps them)")
     return out
 
@@ -217,6 +217,10 @@ def expected_bytes(study: Study) -> int:
 
 
 def _bytes(study: Study, levels: tuple[LevelForecast, ...]) -> int:
+    if study.history is not None:
+        from tcstudy.data.history_records import history_bytes
+
+        return history_bytes(study, study.history.of(levels).n_contact)
     return schema.expected_bytes(study, [(level.n_contact, level.nodes) for level in refined(levels, study.mesh)])
 
 
