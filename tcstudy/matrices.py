@@ -26,7 +26,7 @@ from tcstudy.solvers import certificates
 from tcstudy.solvers.certificates import Certificate
 from tcstudy.solvers.contact import Answer, solve_contact
 from tcstudy.solvers.path.follow import Direction, Follower, ParametricProblem, Path
-from tcstudy.solvers.path.vertex import NoSolutionError
+from tcstudy.solvers.path.start import NoSolutionError
 from tcstudy.solvers.problem import ContactProblem as PlainProblem
 
 __all__ = ["ContactProblem", "certify", "follow", "law", "solve"]

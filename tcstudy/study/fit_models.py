@@ -31,7 +31,7 @@ from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.linearised import Linearised
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.path.follow import Follower, Path, PathStatus
-from tcstudy.solvers.path.vertex import NoSolutionError
+from tcstudy.solvers.path.start import NoSolutionError
 from tcstudy.study.path_affine import affine_load
 
 Array = NDArray[np.float64]

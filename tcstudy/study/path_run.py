@@ -25,12 +25,13 @@ from tcstudy.solvers.bounds import solution_box
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import TIE, solve_contact
 from tcstudy.solvers.loop import Status
+from tcstudy.solvers.path.chords import piecewise_linear
 from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path
 from tcstudy.solvers.path.hysteresis import Hysteresis, hysteresis
-from tcstudy.solvers.path.problem import by_code, piecewise_linear
+from tcstudy.solvers.path.problem import by_code
 from tcstudy.solvers.path.proofs import proved_minima
 from tcstudy.solvers.path.query import PathSolution, folds, lowest, solutions_at, solutions_of
-from tcstudy.solvers.path.vertex import NoSolutionError
+from tcstudy.solvers.path.start import NoSolutionError
 from tcstudy.study.path_affine import AffineLoad, PathError, affine_load
 from tcstudy.study.run import stages
 

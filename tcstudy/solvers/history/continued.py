@@ -3,11 +3,11 @@
 Inside a step the load is l̃(t) = l̃ⁿ⁻¹ + t (l̃ⁿ − l̃ⁿ⁻¹), t from 0 to 1, with the laws that the last state gives. They hold
 as long as no node takes back what it has done since: slipped, yielded or torn. So a step is a sequence of parts, each
 with laws of its own and each a piece of a piecewise-linear path (solvers/path):
-  1. A descent to the load a little further on finds the pieces on which every node goes on. The path through it is
-     traced back to the state: where it ends elsewhere, no solution is near, and the state *jumps* there at once, with
-     the energy that is released.
-  2. Else the path is followed forward as long as it is stable; at a fold the next part begins with a jump.
-  3. It is cut where the first node begins to take back what it has done: there the memory is updated.
+  1. From the state the path is followed on the stable way on which t grows, up to a fold, or to where the first node
+     begins to take back what it has done: there the memory is updated. All parts of a step share one tableau.
+  2. Where there is no such way, a descent to the load a little further on finds what comes next. The path through it
+     is traced back: where it ends elsewhere, no solution is near, and the state *jumps* there at once, with the energy
+     that is released. Else the path through it leads on.
 Between vertices forces and slips are linear, so that work and dissipation are exact: closure is rounding.
 Left out: exponential pieces, and bodies that only friction holds, whose Ã has no inverse (`substeps`).
 """
@@ -20,11 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.solvers.contact import Answer, solve_contact
-from tcstudy.solvers.history.rows import RememberedLaws, graph_of
+from tcstudy.solvers.history.memory import NodeState
 from tcstudy.solvers.history.steps import Energies, HistoryProblem, HistoryStep, booked, proved
 from tcstudy.solvers.loop import Status, iterate
-from tcstudy.solvers.path.follow import Direction, Follower, ParametricProblem, Path
-from tcstudy.solvers.path.vertex import NoSolutionError
+from tcstudy.solvers.path.follow import Direction, Follower, ParametricProblem, Path, PathStatus
+from tcstudy.solvers.path.start import locate
+from tcstudy.solvers.path.tableau import Tableau
+from tcstudy.solvers.path.walk import Walk, units_of
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.newton import SeparableNewton
 
@@ -62,37 +64,66 @@ class _Step:
         self.now, self.t, self.energies = last, 0.0, Energies()
         self.jumped = np.zeros(body.m, dtype=bool)
         self.parts = self.pieces = self.jumps = self.iterations = 0
-        self.before, self.reason = last.state, ""
+        self.judged: tuple[ContactProblem, Answer] | None = None
+        self.reason, self.beyond = "", last.state.v
+        self.tableau: Tableau | None = None
+        on = 1.0 if float(np.sign(last.xi) @ self.change) >= 0.0 else -1.0
+        self.ways = np.where(last.xi == 0.0, np.sign(self.change), on * np.sign(last.xi))
 
     def load_at(self, t: float) -> Array:
         return self.load if t == 1.0 else self.last.load + t * self.change
 
     def go_on(self) -> bool:
         """The next part or the next jump; False if there is none."""
-        body, state = self.body, self.now.state
         self.parts += 1
-        w = state.v - body.model.origin(state)
-        ahead = self._ahead()
-        problem = body.problem(state, self.load_at(ahead))
-        found = self._descended(problem, w)
-        if self._in_one_cell(problem, w, found):
-            return True
-        path = self._path(found, ahead, "forward")
-        if path is None:
-            return False
-        self.pieces += path.pieces
-        way, size = found - w, float(np.max(np.abs(path.u)))
-        allowed = max(BACK * float(np.max(np.abs(way))), ROUNDING * size)
-        if path.pieces and path.t[1] > path.t[0]:
-            speed = (path.u[1] - path.u[0]) / (path.t[1] - path.t[0])
-            if np.max(np.abs(way - (ahead - self.t) * speed)) <= allowed:
-                return self._along(path)
-        back = self._path(found, ahead, "backward")  # follows all that happens on the way, where much does
+        path = self._onward()
+        return (path is not None and self._along(path)) or self._elsewhere()
+
+    def _onward(self) -> Path | None:
+        """The path from the state, as far as it is stable and nobody turns back; None without one."""
+        problem, state = self._parametric(), self.now.state
+        try:
+            units = units_of(problem, self.t)
+            walk = locate(problem, units, self._w(state), self.t, self.ways, self.tableau)
+        except ValueError as error:
+            self.reason = str(error).partition("; ")[0]
+            return None
+        self.tableau = walk.tableau
+        path = self._follower(one_way=True).onward(walk)
+        self.ways = walk.graph.sense[walk.codes] * np.sign(walk.dx)
+        if path is not None:
+            self.beyond = self.body.model.origin(state) + self._over(path, walk)
+        return path
+
+    def _over(self, path: Path, walk: Walk) -> Array:
+        """Half a piece beyond the end of a path that ends at a fold, where the energy falls; else the end itself."""
+        if path.end.status != PathStatus.UNSTABLE:
+            return path.u[-1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step, _ = walk.reach()
+        step = step if np.isfinite(step) else float(np.max(np.abs(walk.u)) / np.max(np.abs(walk.dx)))
+        return np.asarray(np.where(walk.free, walk.x + 0.5 * step * walk.dx, walk.u))
+
+    def _elsewhere(self) -> bool:
+        """By a descent to the load a little further on, where the path does not lead on by itself."""
+        w, ahead = self._w(self.now.state), self._ahead()
+        problem = self.body.problem(self.now.state, self.load_at(ahead))
+        found = self._descended(problem, self.beyond - self.body.model.origin(self.now.state))
+        way = found - w
+        back = self._path(found, ahead, "backward")
         if back is None:
             return False
+        allowed = max(BACK * float(np.max(np.abs(way))), ROUNDING * float(np.max(np.abs(back.u))))
         if np.max(np.abs(back.u[-1] - w)) > allowed:
             return self._jump(back)
-        return self._along(path)
+        path = self._path(found, ahead, "forward")
+        if path is None or not self._along(path):
+            return False
+        self.beyond = self.now.state.v
+        return True
+
+    def _w(self, state: NodeState) -> Array:
+        return np.asarray(state.v - self.body.model.origin(state))
 
     def _descended(self, problem: ContactProblem, w: Array) -> Array:
         """Where descent from w ends, to rounding: a state that is nearly a solution is moved, too."""
@@ -100,49 +131,29 @@ class _Step:
         self.iterations += outcome.iterations
         return outcome.x
 
-    def _in_one_cell(self, problem: ContactProblem, w: Array, found: Array) -> bool:
-        """Whether all nodes stay on their pieces to the end of the step, which then is straight and is taken.
-
-        The pieces of all nodes together are a convex cell in which the solution is linear in t.
-        """
-        law, model, state = problem.law, self.body.model, self.now.state
-        end = replace(problem, l_tilde=problem.l_tilde + (self.load - self.load_at(self._ahead())))
-        last = self._descended(end, found)
-        same = np.array_equal(law.on_kink(found), law.on_kink(last)) and np.array_equal(
-            law.piece(found), law.piece(last)
-        )
-        share = (self._ahead() - self.t) / (1.0 - self.t)
-        straight = np.max(np.abs(w + share * (last - w) - found)) <= BACK * np.max(np.abs(found - w))
-        grown = np.all(model.done(state, last) >= model.done(state, found))
-        if not (same and grown and straight):
-            return False
-        answer = self._answer(last, 1.0)
-        if answer.status != Status.CONVERGED:
-            return False
-        step = booked(self.body, self.now, self.load, answer, model.after(state, answer.v))
-        self.energies += step.energies
-        self.pieces += 1
-        self._take(step, 1.0)
-        return True
-
     def _ahead(self) -> float:
         """The share to look at: a little further, but not so little that rounding of the loads decides."""
         size = float(np.max(np.abs(self.load))) + float(np.max(np.abs(self.last.load)))
         share = max(AHEAD * (1.0 - self.t), DIGITS * size / float(np.max(np.abs(self.change))))
         return min(1.0, self.t + share)
 
+    def _parametric(self) -> ParametricProblem:
+        """The problem of the present part, over the shares of the step."""
+        body, state = self.body, self.now.state
+        law = body.model.next_law(state)
+        begin = self.last.load - body.A_tilde @ body.model.origin(state)
+        problem = ParametricProblem(body.A_tilde, begin, self.change, body.c, law)
+        vars(problem)["body"] = body.scaled  # the same in all parts and steps
+        return problem
+
+    def _follower(self, one_way: bool = False) -> Follower:
+        return Follower(self.t, 1.0, tolerance=self.body.tolerance, stable_only=True, one_way=one_way)
+
     def _path(self, w: Array, t: float, direction: Direction) -> Path | None:
         """The path through w at t, backward to the present share or forward; None, with the reason, without one."""
-        body, state = self.body, self.now.state
-        origin, law = body.model.origin(state), body.model.next_law(state)
-        begin = self.last.load - body.A_tilde @ origin
-        problem = ParametricProblem(body.A_tilde, begin, self.change, body.c, law)
-        if isinstance(law, RememberedLaws):
-            vars(problem)["graph"] = graph_of(law)  # in place of one made law by law
-        follower = Follower(self.t, 1.0, tolerance=body.tolerance, stable_only=True)
         try:
-            return follower.follow(problem, w, t, direction)
-        except (NoSolutionError, ValueError) as error:
+            return self._follower().follow(self._parametric(), w, t, direction)
+        except ValueError as error:
             self.reason = str(error).partition("; ")[0]
             return None
 
@@ -158,41 +169,40 @@ class _Step:
         self.energies += replace(step.energies, closure=0.0, released=released)
         moved = np.abs(step.state.v - state.v)
         self.jumped |= moved > ROUNDING * np.max(moved)
-        self.jumps += 1
-        self._take(step, t)
+        self.jumps, self.beyond = self.jumps + 1, step.state.v
+        self.now, self.t = step, t
         return True
 
     def _along(self, path: Path) -> bool:
         """Forward to where the first node takes something back, or to the end of the path."""
         body, state = self.body, self.now.state
         last = self._first_return(path)
-        t = float(path.t[last]) if last else self.t
+        if not (last and path.t[last] > self.t):
+            self.reason = path.end.reason
+            return False
+        t = float(path.t[last])
         answer = self._answer(path.u[last], t)
         if answer.status != Status.CONVERGED:
             self.reason = answer.reason
             return False
-        if not t > self.t:
-            self.reason = path.end.reason
-            return False
-        begin = state.v - body.model.origin(state)
+        self.pieces += last
         ts = np.array([self.t, *path.t[1 : last + 1]])
-        ws = np.array([begin, *path.u[1:last], answer.v])
+        ws = np.array([self._w(state), *path.u[1:last], answer.v])
         xi = np.array([self.now.xi, *path.traction[1:last] * body.c, answer.xi])
         slips, shares = np.diff(ws, axis=0), np.diff(ts)
         middle = 0.5 * (ws[1:] + ws[:-1]) + body.model.origin(state)
         way = -float(shares @ (middle @ self.change)), 0.5 * float(np.sum((xi[1:] + xi[:-1]) * slips))
         step = booked(body, self.now, self.load_at(t), answer, body.model.after(state, answer.v), way)
         self.energies += step.energies
-        self._take(step, t)
+        self.now, self.t = step, t
         return True
-
-    def _take(self, step: HistoryStep, t: float) -> None:
-        self.before, self.now, self.t = self.now.state, step, t
 
     def _answer(self, w: Array, t: float) -> Answer:
         """w, judged as a solution at the share t."""
         problem = self.body.problem(self.now.state, self.load_at(t))
-        return solve_contact(problem, tolerance=self.body.tolerance, branch="continued", neighbour=w)
+        answer = solve_contact(problem, tolerance=self.body.tolerance, branch="continued", neighbour=w)
+        self.judged = problem, answer
+        return answer
 
     def _first_return(self, path: Path) -> int:
         """Vertex up to which nobody takes back anything: slips, plastic slips and openings only grow."""
@@ -208,10 +218,7 @@ class _Step:
 
     def finished(self) -> HistoryStep:
         """The whole step, with the certificates of its last part."""
-        body, before = self.body, self.before
-        problem = body.problem(before, self.load)
-        answer = solve_contact(problem, tolerance=body.tolerance, branch="continued",
-                               neighbour=self.now.state.v - body.model.origin(before))  # fmt: skip
+        assert self.judged is not None
         whole = replace(self.now, energies=self.energies, parts=self.pieces, iterations=self.iterations,
                         jumps=self.jumps, jumped=self.jumped)  # fmt: skip
-        return proved(body, problem, answer, whole)
+        return proved(self.body, *self.judged, whole)

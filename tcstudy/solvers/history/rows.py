@@ -10,14 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tcstudy.scene.friction import BEND, DOWN, FrictionLaw
+from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.nodal_laws import Flags, Index, LawTable, NodalLaws
-from tcstudy.solvers.path.problem import LawGraph
 from tcstudy.solvers.separable.pieces import integral
 
 Array = NDArray[np.float64]
@@ -62,7 +60,7 @@ class HalfRows:
 
 
 class RowTable(LawTable):
-    """One law a row, given as arrays; what `LawTable` collects from laws is computed for all rows together.
+    """One law a row, given as arrays.
 
     kinks: (L, K) with +∞ where a row has fewer;  pieces: five of (L, K+1);  omega: (L,)
     """
@@ -78,48 +76,6 @@ class RowTable(LawTable):
             FrictionLaw("remembering", self.kinks[i, :k], *(part[i, : k + 1] for part in self.pieces))
             for i, k in enumerate(finite)
         )
-
-    @cached_property
-    def ends(self) -> Array:
-        """(L, K+2) −∞, the kinks, +∞."""
-        edge = np.full((len(self.kinks), 1), np.inf)
-        return np.concatenate([-edge, self.kinks, edge], axis=1)
-
-    def _at_kinks(self, side: int) -> tuple[Array, Array]:
-        """(values, sizes of their terms) of the pieces left (0) or right (1) of every kink, 0 at +∞ (L, K)."""
-        K = self.kinks.shape[1]
-        s_0, b_0, q, a, r = (part[:, side : side + K] for part in self.pieces)
-        apart = np.where(np.isfinite(self.kinks), self.kinks - s_0, 0.0)
-        falling = a * np.exp(-r * apart) if np.any(a) else np.zeros_like(apart)
-        size = np.abs(b_0) + np.abs(q * apart) + np.abs(falling) * (1.0 + np.abs(r * apart))
-        return b_0 + q * apart + falling, size
-
-    @cached_property
-    def limits(self) -> tuple[Array, Array]:
-        """(L, K) left and right limits of b at the kinks [Pa]."""
-        return self._at_kinks(0)[0], self._at_kinks(1)[0]
-
-    @cached_property
-    def kinds(self) -> NDArray[np.int8]:  # type: ignore[override]
-        """(L, K) UP, BEND or DOWN, as `FrictionLaw.kinds` has them."""
-        (left, size), (right, more) = self._at_kinks(0), self._at_kinks(1)
-        jump = right - left
-        level = (np.abs(jump) <= 8 * np.finfo(float).eps * (size + more)) | ~np.isfinite(self.kinks)
-        return np.where(level, BEND, np.sign(jump)).astype(np.int8)
-
-    @cached_property
-    def from_first(self) -> Array:
-        """(L, K) ∫ b from a row's first kink to each [Pa·m]."""
-        K = self.kinks.shape[1]
-        x, y = self.kinks[:, :-1], self.kinks[:, 1:]
-        inside = np.isfinite(y)
-        x, y = np.where(inside, x, 0.0), np.where(inside, y, 0.0)
-        s_0, b_0, q, a, r = (part[:, 1:K] for part in self.pieces)
-        total = (y - x) * (b_0 + q * (0.5 * (x + y) - s_0))
-        if not self.linear:
-            rate = np.where(a == 0.0, 1.0, r)
-            total = total + np.where(a == 0.0, 0.0, a * np.exp(-rate * (x - s_0)) * -np.expm1(-rate * (y - x)) / rate)
-        return np.concatenate([np.zeros((len(self.kinks), 1)), np.cumsum(np.where(inside, total, 0.0), axis=1)], axis=1)
 
     @cached_property
     def linear(self) -> bool:
@@ -159,32 +115,6 @@ class RememberedLaws(NodalLaws):
         """(m,) the primitive j(s) [Pa·m]."""
         at = np.asarray(s, dtype=float)
         return integral(self, np.zeros_like(at), at)
-
-
-def graph_of(laws: RememberedLaws) -> LawGraph:
-    """The pieces of all rows by their codes, as `law_graph` numbers them; rows must be of straight pieces."""
-    table = laws.table
-    (L, K), (s_0, b_0, q, _, _) = table.kinks.shape, table.pieces
-    code = np.arange(2 * K + 1)
-    low, high, slope, anchor, start, kink = (np.zeros((L, 2 * K + 1)) for _ in range(6))
-    low[:, 0::2], high[:, 0::2] = table.ends[:, :-1], table.ends[:, 1:]
-    slope[:, 0::2], anchor[:, 0::2], start[:, 0::2] = q, s_0, b_0
-    low[:, 1::2], high[:, 1::2] = np.minimum(*table.limits), np.maximum(*table.limits)
-    kink[:, 1::2] = table.kinks
-    sense = np.ones((L, 2 * K + 1), dtype=np.int8)
-    sense[:, 1::2] = np.where(table.kinds == DOWN, -1, 1)
-    bends = table.kinds == BEND
-    before, after = np.tile(code - 1, (L, 1)), np.tile(code + 1, (L, 1))
-    after[:, 0:-1:2] += bends
-    before[:, 2::2] -= bends
-    first = (2 * K + 1) * np.arange(L)[:, None]
-    before, after = (np.where(np.isfinite(end), at + first, -1) for end, at in ((low, before), (high, after)))
-    falls = sense < 0
-    after_low, after_high = np.where(falls, after, before), np.where(falls, before, after)
-    arrays = (low, high, sense, after_low.astype(np.int32), after_high.astype(np.int32), slope, anchor, start, kink)
-    free = np.tile(code % 2 == 0, (L, 1))
-    flat: list[Any] = [*(x.ravel() for x in (free, *arrays)), first.ravel()[laws.index].astype(np.int32)]
-    return LawGraph(*flat)
 
 
 def laws_of(halves: Sequence[HalfRows], m: int, omega: Array, scale: float) -> RememberedLaws:

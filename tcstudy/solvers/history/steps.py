@@ -26,6 +26,7 @@ from tcstudy.solvers.certificates import MARGIN, certify, positive_definite
 from tcstudy.solvers.contact import Answer, solve_contact
 from tcstudy.solvers.history.memory import Bonds, MemoryModel, NodeState
 from tcstudy.solvers.loop import Status
+from tcstudy.solvers.path.problem import ScaledBody
 from tcstudy.solvers.problem import ContactProblem, least_eigenvalue, least_lowered
 from tcstudy.solvers.separable.convex_step import convex_step
 from tcstudy.solvers.separable.pieces import slopes
@@ -175,6 +176,11 @@ class HistoryProblem:
     def follows_paths(self) -> bool:
         """Whether steps are followed along their paths: of straight pieces, of a body that is held."""
         return self.substeps is None and self.branch == "continued" and self.held and self.law.piecewise_linear
+
+    @cached_property
+    def scaled(self) -> ScaledBody:
+        """Ã as paths have it."""
+        return ScaledBody.of(self.A_tilde, self.held)
 
     @cached_property
     def inverse(self) -> Array:

@@ -62,12 +62,29 @@ def definite_inverse(H: Array, limit: float) -> tuple[Array, int]:
     factor, info = cholesky(H.copy())
     if info != 0:
         return H, _centre(H, factor, info - 1)
-    inverse, _ = scipy.linalg.lapack.dpotri(factor, lower=1, overwrite_c=1)
+    inverse = inverse_of(factor)
     worst = int(np.argmax(np.diagonal(inverse)))
-    if not inverse[worst, worst] <= limit:
-        return H, worst
-    lower = np.tril(inverse)
-    return lower + np.tril(lower, -1).T, -1
+    return (inverse, -1) if inverse[worst, worst] <= limit else (H, worst)
+
+
+def sound_factor(H: Array, limit: float) -> Array | None:
+    """Lower factor of H; None where H is not positive definite or ‖H⁻¹‖₁, as it is estimated, exceeds the limit."""
+    if not len(H):
+        return H
+    size = float(np.max(np.sum(np.abs(H), axis=0)))
+    factor, info = cholesky(H)
+    if info != 0:
+        return None
+    condition, _ = scipy.linalg.lapack.dpocon(factor, size, uplo="L")
+    return factor if condition * size * limit >= 1.0 else None
+
+
+def inverse_of(factor: Array) -> Array:
+    """H⁻¹ from the lower factor of H."""
+    if not len(factor):
+        return factor
+    lower = np.tril(scipy.linalg.lapack.dpotri(factor, lower=1)[0])
+    return np.asarray(lower + np.tril(lower, -1).T)
 
 
 def _centre(H: Array, factor: Array, k: int) -> int:

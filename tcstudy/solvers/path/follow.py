@@ -28,8 +28,9 @@ from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.path.dense import SingularCellError
 from tcstudy.solvers.path.problem import ParametricProblem
 from tcstudy.solvers.path.record import Path, PathEnd, PathStatus, Recorder, joined
-from tcstudy.solvers.path.vertex import Ray, cross, depart, locate, move, rays
-from tcstudy.solvers.path.walk import Codes, Units, Walk, units_of
+from tcstudy.solvers.path.start import Ray, depart, locate, onward, rays
+from tcstudy.solvers.path.vertex import cross, move
+from tcstudy.solvers.path.walk import Codes, Walk, units_of
 
 __all__ = ["Follower", "ParametricProblem", "Path", "PathEnd", "PathStatus", "follow"]
 
@@ -47,6 +48,7 @@ class Follower:
                   for the default of scene/study.py
     stable_only:  end where the branch stops being stable
     check_every:  vertices whose residuals are checked together
+    one_way:      end where a node turns back towards slip 0 on a piece that lies on one side of it
     """
 
     t_min: float = -np.inf
@@ -55,6 +57,7 @@ class Follower:
     tolerance: float | None = None
     stable_only: bool = False
     check_every: int = 64
+    one_way: bool = False
 
     @property
     def acceptance(self) -> Acceptance:
@@ -89,14 +92,21 @@ class Follower:
         chosen = {"both": ways, "forward": ways[:1], "backward": ways[1:]}[direction]
         halves: list[tuple[Recorder, Codes, PathEnd]] = []
         seen: dict[int, int] = {}
-        used = walk.tableau.factorisations
         for ray in chosen:
-            run = Run(self, problem, units, ray, t, seen, progress)
+            run = Run(self, walk, ray, t, seen, progress)
             halves.append((run.record, ray.codes, run.follow()))
-            used += run.walk.tableau.factorisations
             if halves[-1][2].status == PathStatus.CLOSED_LOOP:
                 break
-        return joined(problem, halves, used)
+        return joined(problem, halves, walk.tableau.factorisations)
+
+    def onward(self, walk: Walk) -> Path | None:
+        """The path along the stable way on which t grows from where the walk stands; None if there is none."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ray = onward(walk)
+        if ray is None:
+            return None
+        run = Run(self, walk, ray, walk.t, {}, None)
+        return joined(walk.problem, [(run.record, ray.codes, run.follow())], walk.tableau.factorisations)
 
 
 def follow(problem: ParametricProblem, v: Array, t: float, t_min: float = -np.inf, t_max: float = np.inf) -> Path:
@@ -121,6 +131,10 @@ AIM = 0.1
 """Part of the tolerance that is worked for with fresh factorisations, as far as rounding lets it be reached."""
 
 
+BACKWARD = 1e-12
+"""A node that moves back more slowly than this part of the fastest one does not turn."""
+
+
 class Checkpoint(NamedTuple):
     """A point of the path to which the run can return."""
 
@@ -137,15 +151,16 @@ class Run:
     def __init__(
         self,
         options: Follower,
-        problem: ParametricProblem,
-        units: Units,
+        walk: Walk,
         ray: Ray,
         t: float,
         seen: dict[int, int],
         progress: Callable[[int, float], None] | None,
     ) -> None:
-        self.options, self.problem, self.units, self.progress = options, problem, units, progress
-        self.walk = depart(problem, units, ray, t)
+        self.options, self.problem, self.units, self.progress = options, walk.problem, walk.units, progress
+        self.walk = walk
+        depart(walk, ray, t)
+        self.outward = walk.graph.outward if options.one_way else None
         self.record = Recorder()
         self.seen, self.own = seen, [_key(ray.codes)]
         self.home, self.start_x, self.start_t = _key(ray.codes), ray.x.copy(), t
@@ -184,6 +199,10 @@ class Run:
             return PathStatus.PIECE_LIMIT
         if self.options.stable_only and not walk.stable:
             return PathStatus.UNSTABLE
+        if self.outward is not None and record.count > 1:
+            speed = self.outward[walk.codes] * walk.dx
+            if float(speed.min()) < -BACKWARD * float(np.abs(walk.dx).max()):
+                return PathStatus.TURNS
         step, first = walk.reach()
         last = self._last_step(step)
         if last is not None:
@@ -321,10 +340,9 @@ class Run:
                 self.seen.pop(key, None)
         del self.own[mark.vertices :]
         self.record.cut(mark.vertices)
-        used = self.walk.tableau.factorisations
-        ray = Ray(mark.codes, mark.x, mark.dx, 0.0)
-        self.walk = depart(self.problem, self.units, ray, mark.t)
-        self.walk.tableau.factorisations += used
+        self.walk.put(mark.codes, mark.x, mark.t)
+        self.walk.tableau.refactor()
+        depart(self.walk, Ray(mark.codes, mark.x, mark.dx, 0.0), mark.t)
         self._steady()
 
 

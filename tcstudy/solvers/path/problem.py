@@ -7,20 +7,17 @@ vertical side it is ξ/c.
 
 Where nodes have laws of their own (scene/nodal_laws.py) the pieces of all of them are numbered through, law after
 law, so that a piece's code says of which law it is and whatever is asked by code needs no law.
-
-A law with exponential pieces gets a stand-in of straight ones with a guaranteed error.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import BEND, DOWN, FrictionLaw
@@ -67,12 +64,65 @@ class ParametricProblem:
         return replace(self, law=law)
 
     @cached_property
+    def body(self) -> ScaledBody:
+        """Ã in working units; raises ValueError if it is not positive definite."""
+        return ScaledBody.of(self.A_tilde)
+
+    @cached_property
     def graph(self) -> LawGraph:
         """The law's pieces by their codes; raises ValueError for exponential pieces."""
         return law_graph(self.law)
 
 
 Codes = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class ScaledBody:
+    """A stiffness in units of its mean diagonal.
+
+    stiffness:  mean diagonal of Ã [Pa];  A: Ã divided by it
+    compliance: largest of some diagonal entries of A⁻¹;  spread: ‖A⁻¹‖₁, about
+    blur:       rounding of a displacement relative to the largest one, about: ε √m times a condition number of Ã
+    """
+
+    stiffness: float
+    A: Array
+    compliance: float
+    spread: float
+    blur: float
+
+    @classmethod
+    def of(cls, A_tilde: Array, held: bool = True) -> ScaledBody:
+        """held: False for a body that can move freely, whose compliance is that with its first node held."""
+        m, stiffness = len(A_tilde), float(np.mean(np.diagonal(A_tilde)))
+        A = np.asfortranarray(A_tilde / stiffness)
+        part = A if held else A[1:, 1:]
+        factor, info = scipy.linalg.lapack.dpotrf(part, lower=1, clean=0)
+        if info != 0 or not stiffness > 0.0:
+            raise ValueError(
+                "the condensed stiffness is not positive definite; clamp the body, check its elastic constants"
+            )
+        probes = np.unique(np.linspace(0, len(part) - 1, 16).astype(int))
+        columns = scipy.linalg.lapack.dpotrs(factor, np.eye(len(part))[:, probes], lower=1)[0]
+        compliance, size = float(np.max(np.abs(columns), initial=0.0)), float(np.linalg.norm(A, np.inf))
+        spread = float(np.max(np.sum(np.abs(columns), axis=0), initial=0.0))
+        return cls(stiffness, A, compliance, spread, float(np.sqrt(m) * np.finfo(float).eps * compliance * size))
+
+
+Row = tuple[bool, float, float, int, int, int, float, float, float, float]
+
+
+class CodeRows(dict[int, Row]):
+    """CodeRows of arrays, made when they are asked for the first time."""
+
+    def __init__(self, columns: list[NDArray[Any]]) -> None:
+        self.columns = columns
+
+    def __missing__(self, code: int) -> Row:
+        row: Row = tuple(column.item(code) for column in self.columns)
+        self[code] = row
+        return row
 
 
 @dataclass(frozen=True)
@@ -101,10 +151,15 @@ class LawGraph:
     first: Codes
 
     @cached_property
-    def rows(self) -> list[tuple[bool, float, float, int, int, int, float, float, float, float]]:
+    def rows(self) -> CodeRows:
         """The arrays as one tuple a code, for the one node that changes its piece."""
-        columns = (getattr(self, f.name).tolist() for f in fields(self) if f.name != "first")
-        return list(zip(*columns, strict=True))
+        return CodeRows([getattr(self, f.name) for f in fields(self) if f.name != "first"])
+
+    @cached_property
+    def outward(self) -> Array:
+        """Sense in which |s| grows on a segment that lies on one side of 0, else 0."""
+        sense = np.where(self.low >= 0.0, 1.0, np.where(self.high <= 0.0, -1.0, 0.0))
+        return np.asarray(self.free * sense)
 
     def points(self, codes: Codes, x: Array, weight: Array) -> tuple[Array, Array]:
         """(u, ξ/c) where the moving coordinates are x, forces in units of `weight` on a vertical side.
@@ -143,7 +198,7 @@ def law_graph(law: Law) -> LawGraph:
     """
     if not law.piecewise_linear:
         raise ValueError(
-            f"the law {law.name} is not piecewise linear; replace it by path.problem.piecewise_linear(law, …) first"
+            f"the law {law.name} is not piecewise linear; replace it by path.chords.piecewise_linear(law, …) first"
         )
     table = _table(law)
     laws, count = table.kinks.shape
@@ -167,142 +222,3 @@ def law_graph(law: Law) -> LawGraph:
     first = codes[:1, 0] if isinstance(law, FrictionLaw) else codes[law.index, 0]
     moving = (free.ravel(), low.ravel(), high.ravel(), sense.ravel(), low_after.ravel(), high_after.ravel())
     return LawGraph(*moving, slope.ravel(), anchor.ravel(), start.ravel(), kink.ravel(), first)
-
-
-MAX_CELLS = 100_000
-"""Cells of one piece; a finer approximation than this is a mistake in the tolerance."""
-
-
-def piecewise_linear(law: FrictionLaw, tolerance: float, s_max: float) -> FrictionLaw:
-    """The law with every exponential piece replaced by chords, |b − b_h| ≤ tolerance · b_scale on [−s_max, s_max].
-
-    tolerance: relative to law.b_scale
-    s_max:     largest slip of interest [m]; beyond it the exponential part stays at its last value, and it is
-               frozen earlier where what is left of it is below the tolerance
-
-    The exponential part is convex or concave, so the polygon of fewest sides has its inner corners at the distance of
-    the error on the side away from the curve's chords, and in the middle of every side the same distance on the other
-    (Chebyshev): √2 times fewer sides than chords. Kinks of the law are kept bitwise with the values there, and so is
-    an odd law's symmetry.
-    Raises ValueError for a tolerance or s_max that is not positive, and GrowthError if the part that is cut off is
-    what satisfied (15).
-    """
-    if not (tolerance > 0.0 and s_max > 0.0 and np.isfinite(s_max)):
-        raise ValueError(f"tolerance and s_max must be positive and finite, not {tolerance:g} and {s_max:g}")
-    if law.piecewise_linear:
-        return law
-    allowed = tolerance * law.b_scale
-    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
-    kinks: list[float] = []
-    pieces: list[tuple[float, float, float]] = []
-    for k in range(len(law.q)):
-        nodes, offsets = _nodes(law, k, float(ends[k]), float(ends[k + 1]), s_max, allowed)
-        kinks += [*nodes[1:-1], *([nodes[-1]] if k + 1 < len(law.q) else [])]
-        pieces += _sides(law, k, nodes, offsets)
-    s_0, b_0, q = (np.array(column) for column in zip(*pieces, strict=True))
-    zero = np.zeros(len(q))
-    result = FrictionLaw(f"{law.name}, piecewise linear", np.array(kinks), s_0, b_0, q, zero, zero)
-    result.check_growth()
-    return result
-
-
-Corners = tuple[list[float], list[float]]
-
-
-def _nodes(law: FrictionLaw, k: int, left: float, right: float, s_max: float, allowed: float) -> Corners:
-    """Ends of the sides of piece k, its own ends included (±∞ where it has none), and how far |b| is below there."""
-    a, r, anchor = abs(float(law.a[k])), float(law.r[k]), float(law.s_0[k])
-    if a == 0.0 or r == 0.0:
-        return [left, right], [0.0, 0.0]
-    if r < 0.0:  # the mirror image, so that an odd law stays odd to the bit
-        nodes, offsets = _decaying(a, -r, -anchor, -right, -left, s_max, allowed)
-        return [-s for s in nodes[::-1]], offsets[::-1]
-    return _decaying(a, r, anchor, left, right, s_max, allowed)
-
-
-def _decaying(a: float, r: float, anchor: float, left: float, right: float, s_max: float, allowed: float) -> Corners:
-    """Corners for a exp(−r (s − anchor)), a, r > 0, between left and right."""
-    faded = anchor + float(np.log(a / (2.0 * allowed))) / r  # a constant serves for all that is left beyond
-    first, last = max(left, -s_max), min(right, s_max)
-    fades = not np.isfinite(right) and faded < last
-    last = max(faded, first) if fades else last
-    if last <= first:
-        return [left, right], [0.0, 0.0]
-    height = a * float(np.exp(-r * (first - anchor)))
-    tail = allowed if fades else 0.0
-    cuts, error = _equal(allowed / height, r * (last - first), tail / height)
-    inner = [first + x / r for x in cuts[1:-1]]
-    nodes = [first, *inner, last]
-    offsets = [0.0, *[error * height] * len(inner), tail]
-    if left < first:
-        nodes, offsets = [left, *nodes], [0.0, *offsets]
-    if right > last:
-        nodes, offsets = [*nodes, right], [*offsets, 0.0]
-    return nodes, offsets
-
-
-def _equal(allowed: float, length: float, tail: float) -> tuple[list[float], float]:
-    """(corners of the polygon for exp(−x) on [0, length], its error ≤ allowed): the fewest sides, the least error.
-
-    tail: how far the last corner lies below the curve
-    """
-    cuts = _march(allowed, length, tail)
-    low, high, best = 0.0, allowed, allowed
-    for _ in range(20 if len(cuts) < 300 else 0):
-        middle = 0.5 * (low + high)
-        tried = _march(middle, length, tail)
-        if len(tried) == len(cuts):
-            high, best, cuts = middle, middle, tried
-        else:
-            low = middle
-    return cuts, best
-
-
-def _march(error: float, length: float, tail: float) -> list[float]:
-    """Corners one after the other, every side as long as the error allows."""
-    cuts, begin = [0.0], 0.0
-    while True:
-        height = float(np.exp(-cuts[-1]))
-        rest = length - cuts[-1]
-        if _excess(rest, begin / height, tail / height) <= error / height:
-            return [*cuts, length]
-        if len(cuts) > MAX_CELLS:
-            raise ValueError(f"more than {MAX_CELLS} chords are needed; the tolerance is too small")
-        low, high = 0.0, rest
-        for _ in range(45):
-            middle = 0.5 * (low + high)
-            within = _excess(middle, begin / height, error / height) <= error / height
-            low, high = (middle, high) if within else (low, middle)
-        cuts.append(cuts[-1] + low)
-        begin = error
-
-
-def _excess(h: float, z_0: float, z_1: float) -> float:
-    """How far the line from (0, 1 − z₀) to (h, e^(−h) − z₁) rises above exp(−x) between them."""
-    if h == 0.0:
-        return 0.0
-    fall = (float(-np.expm1(-h)) + z_1 - z_0) / h
-    where = min(max(-math.log(fall), 0.0), h) if fall > 0.0 else h
-    return -z_0 - fall * where - math.expm1(-where)
-
-
-def _sides(law: FrictionLaw, k: int, nodes: list[float], offsets: list[float]) -> list[tuple[float, float, float]]:
-    """(anchor, value there, slope) of the lines between consecutive nodes, each hung on its end nearer to s = 0.
-
-    Beyond the first and last finite node it is the linear part that goes on.
-    """
-    q, a = float(law.q[k]), float(law.a[k])
-    way = math.copysign(1.0, a)
-    sides = []
-    for (x, z_x), (y, z_y) in pairwise(zip(nodes, offsets, strict=True)):
-        inner = bool(np.isfinite(x) and np.isfinite(y))
-        from_x = abs(x) <= abs(y) if inner else bool(np.isfinite(x))
-        anchor, offset = (x, z_x) if from_x else (y, z_y)
-        if a == 0.0 or not np.isfinite(anchor):
-            sides.append((float(law.s_0[k]), float(law.b_0[k]) + a, q))
-            continue
-        slope = q
-        if inner:
-            slope = (float(law.value(y, k) - law.value(x, k)) - way * (z_y - z_x)) / (y - x)
-        sides.append((anchor, float(law.value(anchor, k)) - way * offset, slope))
-    return sides

@@ -28,6 +28,7 @@ class PathStatus(IntEnum):
     SINGULAR = 6
     LOST_ACCURACY = 7
     START = 8
+    TURNS = 9
 
 
 REASONS = {
@@ -40,6 +41,7 @@ REASONS = {
     "start again from another solution to follow the others",
     PathStatus.SINGULAR: "no unique way leads on from here (a bifurcation, or a solution that no others join); start "
     "again from another solution",
+    PathStatus.TURNS: "a node turns back here",
     PathStatus.START: "the path was followed from here in one direction only",
     PathStatus.LOST_ACCURACY: "rounding left a residual above the tolerance even after a fresh factorisation; the "
     "problem is too badly conditioned for it, raise the tolerance or check the units",

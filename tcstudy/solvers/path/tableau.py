@@ -9,7 +9,8 @@ nodes V, with H = A_FF + diag(k), the symmetric swept matrix
 gives the moving coordinates of the base for every r. A cell that differs from the base in the nodes K needs a dense
 system of size |K| only, and |K| columns of P: O(m|K|) a cell, and nothing accumulates from cell to cell. When K is
 full the base moves to the present cell by one block pivot, O(m²|K|), so a cell costs O(m²) on average, in matrix
-products. A fresh factorisation is made when the caller finds the accuracy lost.
+products. The caller asks for a fresh factorisation when it finds the accuracy lost. P itself is made when the base
+first moves: few cells need few of its columns, which the factor of H gives.
 
 The direction along a path is fixed by the speed of one node, not of t: a piece on which the matrix is singular
 (t stands still) is nothing special.
@@ -32,8 +33,10 @@ from tcstudy.solvers.path.dense import (
     SingularCellError,
     definite_inverse,
     indefinite_inverse,
+    inverse_of,
     positive_eigenvalues,
     solved,
+    sound_factor,
     sound_pivots,
 )
 from tcstudy.solvers.separable.pieces import submatrix
@@ -64,10 +67,11 @@ class Tableau:
     compliance: largest diagonal entry of A⁻¹, roughly
     free: (m,) nodes whose displacement moves
     k:    (m,) stiffness that the law adds at a free node (c × slope), 0 at a held one
+    spread: ‖A⁻¹‖₁, roughly; 0 takes the compliance
     """
 
-    def __init__(self, A: Array, load: Array, compliance: float, free: Mask, k: Array) -> None:
-        self.A, self.load, self.compliance = A, load, compliance
+    def __init__(self, A: Array, load: Array, compliance: float, free: Mask, k: Array, spread: float = 0.0) -> None:
+        self.A, self.load, self.compliance, self.spread = A, load, compliance, max(spread, compliance)
         self.free, self.k = free.copy(), k.copy()
         self.m = len(load)
         self.load_size = float(np.max(np.abs(load)))
@@ -86,21 +90,38 @@ class Tableau:
         falls on a short stretch only. If they are not, H itself is inverted, indefinite as it is.
         """
         self.factorisations += 1
-        base, inverse, negatives = self.free.copy(), None, 0
-        for _ in range(MAX_HELD):
-            F = np.flatnonzero(base)
-            inverse, culprit = definite_inverse(self._H(F), GROWTH * self.compliance)
-            if culprit < 0:
-                break
-            base[F[culprit]] = False
-        else:
-            base = self.free.copy()
-            inverse, negatives = indefinite_inverse(self._H(np.flatnonzero(base)), WORST_GROWTH * self.compliance)
-        self.P, self.base_negatives = self._swept(base, inverse), negatives
+        self.inner, self.base_negatives = np.flatnonzero(self.free), 0
+        self.P: Array | None = None
+        self.factor, base = sound_factor(self._H(self.inner), GROWTH * self.spread), self.free.copy()
+        if self.factor is None:
+            base = self._inverted()
         self._new_base(base, np.where(base, self.k, 0.0))
         self.y = self._respond(self.load)
         for i in np.flatnonzero(self.free & ~base):
             self.change(int(i), True, float(self.k[i]))
+
+    def _inverted(self) -> Mask:
+        """The nodes that are free in the base; P is made of the inverse."""
+        base = self.free.copy()
+        for _ in range(MAX_HELD):
+            F = np.flatnonzero(base)
+            inverse, culprit = definite_inverse(self._H(F), GROWTH * self.compliance)
+            if culprit < 0:
+                self.P = self._swept(base, inverse)
+                return base
+            base[F[culprit]] = False
+        base = self.free.copy()
+        limit = WORST_GROWTH * self.compliance
+        inverse, self.base_negatives = indefinite_inverse(self._H(np.flatnonzero(base)), limit)
+        self.P = self._swept(base, inverse)
+        return base
+
+    def reload(self, load: Array) -> None:
+        """Another load per unit of t."""
+        self.load, self.load_size = load, float(np.max(np.abs(load)))
+        self.y = self._respond(load)
+        n = self.size
+        self.matrix[1 : n + 1, 0] = self.y[self.nodes[:n]] * (-1.0 / self.load_size)
 
     def _H(self, F: Index) -> Array:
         H = submatrix(self.A, F)
@@ -118,6 +139,8 @@ class Tableau:
         F, V = np.flatnonzero(base), np.flatnonzero(~base)
         if not len(V):
             return np.asfortranarray(inverse)
+        if not len(F):
+            return np.asfortranarray(-self.A)
         P = np.empty((self.m, self.m), order="F")
         A_FV = self.A[np.ix_(F, V)]
         X = inverse @ A_FV
@@ -126,11 +149,27 @@ class Tableau:
         P[np.ix_(V, V)] = 0.5 * (S + S.T) - submatrix(self.A, V)
         return P
 
+    def _column(self, i: int) -> Array:
+        """Column i of P."""
+        if self.P is not None:
+            return np.asarray(self.P[:, i])
+        on_free = np.zeros(self.m)
+        if len(self.inner):
+            rhs = self.A[self.inner, i] if not self.base_free[i] else (self.inner == i).astype(float)
+            on_free[self.inner] = self._solved(rhs)
+        column = self.A @ on_free if self.base_free[i] else self.A @ on_free - self.A[:, i]
+        return np.where(self.base_free, on_free, column)
+
+    def _solved(self, rhs: Array) -> Array:
+        """H⁻¹ rhs of the base, from its factor."""
+        return np.asarray(scipy.linalg.lapack.dpotrs(self.factor, rhs, lower=1)[0])
+
     def rebase(self) -> None:
         """Move the base to the present cell by one block pivot on the nodes that differ, except unsound pivots."""
-        n = self.size
-        if n == 0:
+        if (n := self.size) == 0:
             return None
+        if self.P is None and self.factor is not None:
+            self.P = self._swept(self.base_free, inverse_of(self.factor))
         inverse, capacitance = self._small_inverse()
         if inverse is not None:
             return self._pivot(inverse, capacitance)
@@ -172,13 +211,12 @@ class Tableau:
         y_K = inverse @ self.y[K]
         y = _dgemv(-1.0, self.columns[:, :n], gain * y_K, 1.0, self.y)
         y[K] = y_K
-        self.P = scipy.linalg.blas.dgemm(-1.0, rows, gain[:, None] * X, 1.0, self.P, overwrite_c=1)
+        self.P = P = scipy.linalg.blas.dgemm(-1.0, rows, gain[:, None] * X, 1.0, self.P, overwrite_c=1)
         out = np.flatnonzero(self.base_free[K] & ~self.free[K])
         X[out, K[out]] -= self.base_k[K[out]]
         block = np.where(self.free[K], 1.0, -1.0)[:, None] * X
         block[:, K] = 0.5 * (block[:, K] + block[:, K].T)
-        self.P[K, :] = block
-        self.P[:, K] = block.T
+        P[K, :], P[:, K] = block, block.T
         self.y, self.base_negatives = y, self._negatives(capacitance)
         self._new_base(self.free.copy(), self.k.copy())
 
@@ -197,7 +235,7 @@ class Tableau:
             self.size += 1
             self.nodes[at], self.position[i] = i, at
             column = self.columns[:, at]
-            np.multiply(self.sign, self.P[:, i], out=column)
+            np.multiply(self.sign, self._column(i), out=column)
             self.small[at, : at + 1] = self.columns[i, : at + 1]
             self.small[:at, at] = column[self.nodes[:at]]
             self.matrix[at + 1, 0] = self.y[i] * (-1.0 / self.load_size)
@@ -207,6 +245,11 @@ class Tableau:
         n = self.size
         np.multiply(self.small[:n, at], gain, out=self.matrix[1 : n + 1, at + 1])
         self.matrix[at + 1, at + 1] += own
+
+    def become(self, free: Mask, k: Array) -> None:
+        """Move to the cell in which these nodes are free, with this stiffness."""
+        changed = np.flatnonzero((free != self.free) | (k != self.k))
+        self.change_many([(i, bool(free[i]), float(k[i])) for i in changed.tolist()])
 
     def change_many(self, changes: Sequence[tuple[int, bool, float]]) -> None:
         """Move several nodes, (i, free, k) each; with more than fit beside the base it is made anew."""
@@ -275,6 +318,11 @@ class Tableau:
 
     def _respond(self, r: Array) -> Array:
         """Moving coordinates of the base for the load r."""
+        moving = np.zeros(self.m)
+        if self.P is None:
+            if len(self.inner):
+                moving[self.inner] = self._solved(r[self.inner])
+            return np.where(self.base_free, moving, r - self.A @ moving)
         on_free = np.where(self.base_free, r, 0.0)
         return self.sign * (self.P @ on_free) + np.where(self.base_free, 0.0, r)
 

@@ -12,11 +12,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.solvers.path.dense import SingularCellError
-from tcstudy.solvers.path.problem import LawGraph, ParametricProblem
+from tcstudy.solvers.path.problem import LawGraph, ParametricProblem, ScaledBody
 from tcstudy.solvers.path.tableau import Tableau
 
 Array = NDArray[np.float64]
@@ -25,7 +24,7 @@ Index = NDArray[np.intp]
 
 TIE = 1e-12
 """Nodes this close to their bound, relative to slip and traction there, reach it together with the first one, or as
-close as rounding of the problem lets their place be known (Units.blur)."""
+close as rounding of the problem lets their place be known (ScaledBody.blur)."""
 
 BLURS = 64.0
 """Where a whole zone reaches its bounds at once its motion is nearly singular, and rounding that much larger."""
@@ -44,60 +43,40 @@ STILL = 1e-14
 class Units:
     """Working units and scales of one problem.
 
-    stiffness: mean diagonal of Ã [Pa]
-    A, load:   Ã and l̃₁ divided by it
+    body:      Ã divided by its mean diagonal
+    load:      l̃₁ divided by that, (m,)
     diagonal:  diagonal of A, (m,)
-    compliance: largest of some diagonal entries of A⁻¹
     weight:    c divided by it, (m,)
     traction:  scale of b [Pa]
     slip:      (m,) slip that changes a node's own traction by the scale of b [m]
-    blur:      rounding of a displacement relative to the largest one, about: ε √m times a condition number of Ã
     """
 
-    stiffness: float
-    A: Array
+    body: ScaledBody
     load: Array
     diagonal: Array
-    compliance: float
     weight: Array
     traction: float
     slip: Array
-    blur: float
+
+    @property
+    def stiffness(self) -> float:
+        """Mean diagonal of Ã [Pa]."""
+        return self.body.stiffness
 
     @property
     def tie(self) -> float:
         """Relative distance from a bound at which a node has reached it."""
-        return max(TIE, min(BLURS * self.blur, LARGEST_TIE))
+        return max(TIE, min(BLURS * self.body.blur, LARGEST_TIE))
 
 
 def units_of(problem: ParametricProblem, t: float) -> Units:
     """Scales that make every tolerance below relative; raises ValueError if Ã is not positive definite."""
-    diagonal = np.diagonal(problem.A_tilde)
-    stiffness = float(np.mean(diagonal))
+    body, diagonal = problem.body, np.diagonal(problem.A_tilde)
     traction = problem.at(t).traction_scale
     if traction == 0.0:
         traction = float(np.max(np.abs(problem.l_1 / problem.c)))
-    A = np.asfortranarray(problem.A_tilde / stiffness)
-    factor, info = scipy.linalg.lapack.dpotrf(A, lower=1, clean=0)
-    if info != 0 or not stiffness > 0.0:
-        raise ValueError(
-            "the condensed stiffness is not positive definite; clamp the body, check its elastic constants"
-        )
-    probes = np.unique(np.linspace(0, problem.m - 1, 16).astype(int))
-    columns = scipy.linalg.lapack.dpotrs(factor, np.eye(problem.m)[:, probes], lower=1)[0]
-    compliance = float(np.max(np.abs(columns)))
-    slip = traction * problem.c / diagonal
-    return Units(
-        stiffness,
-        A,
-        problem.l_1 / stiffness,
-        diagonal / stiffness,
-        compliance,
-        problem.c / stiffness,
-        traction,
-        slip,
-        float(np.sqrt(problem.m) * np.finfo(float).eps * compliance * np.linalg.norm(A, np.inf)),
-    )
+    stiffness, slip = body.stiffness, traction * problem.c / diagonal
+    return Units(body, problem.l_1 / stiffness, diagonal / stiffness, problem.c / stiffness, traction, slip)
 
 
 class Walk:
@@ -108,21 +87,40 @@ class Walk:
     negatives: negative eigenvalues of the free nodes' matrix
     """
 
-    def __init__(self, problem: ParametricProblem, units: Units, codes: Codes, x: Array, t: float) -> None:
+    def __init__(
+        self,
+        problem: ParametricProblem,
+        units: Units,
+        codes: Codes,
+        x: Array,
+        t: float,
+        tableau: Tableau | None = None,
+    ) -> None:
+        """tableau: that of a walk on the same body, which this one takes over."""
         self.problem, self.units = problem, units
         self.graph: LawGraph = problem.graph
+        self.tie, self.watch = units.tie, 1.001 * DRIFTED * units.tie
+        body = units.body
+        if tableau is None:
+            free, k = self.graph.free[codes], units.weight * self.graph.slope[codes]
+            tableau = Tableau(body.A, units.load, body.compliance, free, k, body.spread)
+        elif tableau.load is not units.load:
+            tableau.reload(units.load)
+        self.tableau = tableau
+        self.put(codes, x, t)
+
+    def put(self, codes: Codes, x: Array, t: float) -> None:
+        """To another point, with the node's pieces there, at rest."""
+        units = self.units
         self.codes, self.x, self.t = codes.copy(), x.copy(), t
-        self.tie = units.tie
         self.free, self.kink = self.graph.free[codes], self.graph.kink[codes]
         unit = np.where(self.free, 1.0, units.weight)
         self.own = np.where(self.free, 1.0, units.diagonal)
         self.low, self.high = self.graph.low[codes] * unit, self.graph.high[codes] * unit
-        self.watch = 1.001 * DRIFTED * units.tie
         self.near_low, self.near_high = self._watched(self.low, 1.0), self._watched(self.high, -1.0)
-        stiffness = units.weight * self.graph.slope[codes]
-        self.tableau = Tableau(units.A, units.load, units.compliance, self.free, stiffness)
+        self.tableau.become(self.free, units.weight * self.graph.slope[codes])
         self.negatives = self.tableau.negatives()
-        self.dx, self.dt = np.zeros(problem.m), 0.0
+        self.dx, self.dt = np.zeros(len(x)), 0.0
         self.downs = int(np.count_nonzero(self.graph.sense[codes] < 0))
 
     def place(self, nodes: Sequence[int], codes: Sequence[int]) -> None:
@@ -246,7 +244,7 @@ class Walk:
     def direction_defect(self) -> float:
         """How far the direction is from satisfying the equations of the cell, relative to its speeds."""
         force = np.where(self.free, self.tableau.k * self.dx, self.dx)
-        defect = self.units.A @ np.where(self.free, self.dx, 0.0) + force - self.dt * self.units.load
+        defect = self.units.body.A @ np.where(self.free, self.dx, 0.0) + force - self.dt * self.units.load
         return float(np.max(np.abs(defect)) / np.max(np.abs(self.dx)))
 
     def refine(self, node: int | None) -> None:

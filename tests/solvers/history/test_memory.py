@@ -10,7 +10,6 @@ from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.histories import Memory, UnfitLaw
 from tcstudy.scene.nodal_laws import Law, nodal
 from tcstudy.solvers.history.memory import MemoryModel, NodeState
-from tcstudy.solvers.history.rows import graph_of
 from tcstudy.solvers.path.problem import law_graph
 
 SOFTENING = law("slip-weakening", tau_s=3.0, tau_k=1.0, delta=2.0)
@@ -105,7 +104,7 @@ def test_the_graph_of_all_rows_is_that_of_their_laws(memory: Memory, law: Law) -
     """Code by code as the path follower makes it law by law; rows may have more codes, which none reaches."""
     m = len(KAPPA)
     rows = MemoryModel(memory, law, m).next_law(NodeState(np.zeros(m), KAPPA, np.zeros(m)))
-    whole = graph_of(rows)
+    whole = law_graph(rows)
     for i in range(m):
         own, first = law_graph(rows.single(i)), int(whole.first[i])
         count = len(own.free)

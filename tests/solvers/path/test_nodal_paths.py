@@ -12,9 +12,10 @@ from tcstudy.scene.laws import tresca
 from tcstudy.scene.nodal_laws import NONE, LawTable, NodalLaws, nodal
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.certificates import certify
+from tcstudy.solvers.path.chords import piecewise_linear
 from tcstudy.solvers.path.follow import Follower, ParametricProblem, PathStatus, follow
 from tcstudy.solvers.path.hysteresis import hysteresis
-from tcstudy.solvers.path.problem import by_code, piecewise_linear
+from tcstudy.solvers.path.problem import by_code
 from tcstudy.solvers.path.proofs import proved_minima
 from tcstudy.solvers.path.query import lowest, solutions_at, solutions_of
 from tests.solvers import contact_cases as cases

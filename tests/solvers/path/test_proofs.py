@@ -8,8 +8,8 @@ import pytest
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.path import proofs
+from tcstudy.solvers.path.chords import piecewise_linear
 from tcstudy.solvers.path.follow import Path, follow
-from tcstudy.solvers.path.problem import piecewise_linear
 from tcstudy.solvers.path.proofs import proved_minima
 from tcstudy.solvers.path.query import Lowest, lowest
 from tests.solvers import contact_cases as cases

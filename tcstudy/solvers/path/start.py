@@ -1,0 +1,234 @@
+"""Where a path starts: the pieces on which a given solution sits, and the ways that lead away from it.
+
+On a vertex several ways lead away. `rays` finds two, one for either sense of t, by following a perturbed path around
+the vertex. `onward` asks for less, the stable way on which t grows, and begins with a guess on which side of its kink
+every node goes: where most have gone on as before that is one solve.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.solvers.path.dense import SingularCellError
+from tcstudy.solvers.path.problem import ParametricProblem
+from tcstudy.solvers.path.tableau import Tableau
+from tcstudy.solvers.path.vertex import Corner, along_perturbation, corner, move
+from tcstudy.solvers.path.walk import Codes, Units, Walk
+
+Array = NDArray[np.float64]
+
+REMEMBERED = 1e-10
+"""Where a node is said to go on from where two pieces meet it stands there, as exactly as a solution is accepted."""
+
+NEAR = 1e-8
+"""A given solution may miss the exact one by this much, relative to slip and traction; it is corrected."""
+
+
+class NoSolutionError(ValueError):
+    """The given point is no solution at the given t."""
+
+
+def locate(
+    problem: ParametricProblem,
+    units: Units,
+    v: Array,
+    t: float,
+    ways: Array | None = None,
+    tableau: Tableau | None = None,
+) -> Walk:
+    """A walk at the solution v of parameter t, corrected to rounding.
+
+    ways:    (m,) sense in which nodes that stand where two pieces meet are to go along their graphs, 0 for no wish
+    tableau: of another walk on the same body, which this one takes over
+    Raises NoSolutionError if no solution lies within NEAR of v.
+    """
+    codes = _codes(problem, units, v, t) if ways is None else _towards(problem, units, v, t, ways)
+    graph = problem.graph
+    xi = (problem.load(t) - problem.A_tilde @ v) / units.stiffness
+    tie = units.tie if ways is None else max(units.tie, REMEMBERED)
+    for _ in range(20):
+        free = graph.free[codes]
+        x = np.where(free, v, xi)
+        walk = Walk(problem, units, codes, x, t, tableau)
+        tableau = walk.tableau
+        with suppress(SingularCellError):  # where t is at rest no correction at fixed t exists
+            for _ in range(3):
+                walk.refine(None)
+        outside = (walk.x < walk.low) | (walk.x > walk.high)
+        outside &= walk.gaps() < -tie
+        if not np.any(outside):
+            break
+        after = np.where(walk.x > walk.high, graph.after_high[codes], graph.after_low[codes])
+        codes = np.where(outside, after, codes).astype(np.int32)
+    u = walk.u
+    moved = np.max(np.abs(u - v) / (np.abs(u) + units.slip), initial=0.0)
+    if not (moved <= 1e3 * NEAR and walk.residual() <= NEAR) or np.any(outside):
+        raise NoSolutionError(
+            f"the start is no solution at t = {t:g}: inclusion residual {problem.at(t).inclusion_residual(v):.1e}; "
+            "solve the problem at this t first and start from its answer"
+        )
+    at = np.flatnonzero(walk.gaps() <= tie)
+    upper = walk.high[at] - walk.x[at] < walk.x[at] - walk.low[at]
+    walk.x[at] = np.where(upper, walk.high[at], walk.low[at])
+    return walk
+
+
+def _codes(problem: ParametricProblem, units: Units, v: Array, t: float) -> Codes:
+    """First guess of the pieces: on a jump where v_i is near one and ξ_i/c_i in it, else the segment of v_i."""
+    law, graph = problem.law, problem.graph
+    codes = (graph.first + 2 * law.piece(v)).astype(np.int32)
+    if not law.kinks.size:
+        return codes
+    traction = (problem.load(t) - problem.A_tilde @ v) / problem.c
+    near = law.nearest_kink(v)
+    kink = law.kink(near)
+    on = np.abs(v - kink) <= NEAR * (np.abs(v) + units.slip)
+    side = np.where(np.isfinite(kink), graph.first + 2 * near + 1, codes)
+    low, high = graph.low[side], graph.high[side]
+    margin = NEAR * units.traction
+    inside = (traction > low + margin) & (traction < high - margin) | (kink == v)
+    inside &= (traction >= low - margin) & (traction <= high + margin)
+    jumps = graph.after_high[side - 1] == side  # a side that only bends is passed over
+    return np.where(on & inside & jumps, side, codes).astype(np.int32)
+
+
+def _towards(problem: ParametricProblem, units: Units, v: Array, t: float, ways: Array) -> Codes:
+    """The pieces of v; where two meet, the one in the given sense."""
+    law, graph = problem.law, problem.graph
+    codes = (graph.first + 2 * law.piece(v)).astype(np.int32)
+    near = law.nearest_kink(v)
+    kink = law.kink(near)
+    side = (graph.first + 2 * near + 1).astype(np.int32)
+    on = np.isfinite(kink) & (np.abs(v - kink) <= NEAR * (np.abs(v) + units.slip))
+    side = np.where(on, side, codes)
+    jumps = graph.after_high[side - 1] == side
+    traction = (problem.load(t) - problem.A_tilde @ v) / problem.c
+    left, right = (limit for limit in law.limits(near))
+    margin = NEAR * units.traction
+    place = np.sign(right - left) * (traction - left)  # along the side, from 0 to its height
+    height = np.abs(right - left)
+    to_left = (place < -margin) | ((place <= margin) & (ways < 0.0))
+    to_right = (place > height + margin) | ((place >= height - margin) & (ways >= 0.0))
+    to_left, to_right = (np.where(jumps, to, way) for to, way in ((to_left, ways < 0.0), (to_right, ways >= 0.0)))
+    return np.where(on, np.where(to_left, side - 1, np.where(to_right, side + 1, side)), codes).astype(np.int32)
+
+
+@dataclass(frozen=True)
+class Ray:
+    """A way out of the start: codes, moving coordinates and direction."""
+
+    codes: Codes
+    x: Array
+    dx: Array
+    dt: float
+
+
+def rays(walk: Walk) -> tuple[Ray, Ray]:
+    """(forward, backward) ways out of the start; forward is the one along which t grows, if only one does.
+
+    Raises SingularCellError if there is none.
+    """
+    at = np.flatnonzero((walk.x == walk.low) | (walk.x == walk.high))
+    _any_direction(walk)
+    if not len(at):
+        here = _ray(walk)
+        pair = here, Ray(here.codes, here.x, -here.dx, -here.dt)
+    else:
+        c = corner(walk, at)
+        pair = _uniform(walk, c) or _perturbed(walk, c)
+    return pair if pair[0].dt >= pair[1].dt else (pair[1], pair[0])
+
+
+def _any_direction(walk: Walk) -> None:
+    """The direction of growing t; where t stands still, that of some node."""
+    try:
+        move(walk, None, 1.0)
+        if np.max(np.abs(walk.dx)) < 1e10 * np.max(np.abs(walk.units.load)) * len(walk.dx):
+            return None
+    except SingularCellError:
+        pass
+    for node in range(len(walk.dx)):
+        try:
+            return move(walk, node, 1.0)
+        except SingularCellError:
+            continue
+    raise SingularCellError
+
+
+def _ray(walk: Walk) -> Ray:
+    return Ray(walk.codes.copy(), walk.x.copy(), walk.dx.copy(), walk.dt)
+
+
+def _uniform(walk: Walk, c: Corner) -> tuple[Ray, Ray] | None:
+    """Ways out with all tied nodes on one side: kept together, as a symmetric solution wants it."""
+    found: list[Ray] = []
+    for side, sign, leave in ((c.near, c.near_sign, -1.0), (c.far, c.far_sign, 1.0)):
+        walk.place(c.nodes.tolist(), side.tolist())
+        try:
+            _any_direction(walk)
+        except SingularCellError:
+            continue
+        speeds = sign * walk.dx[c.nodes] * leave
+        if np.all(speeds >= 0.0):
+            found.append(_ray(walk))
+        elif np.all(speeds <= 0.0):
+            walk.turn(-walk.dx, -walk.dt, np.abs(walk.dx))
+            found.append(_ray(walk))
+    walk.place(c.nodes.tolist(), c.near.tolist())
+    return (found[0], found[1]) if len(found) == 2 else None
+
+
+def _perturbed(walk: Walk, c: Corner) -> tuple[Ray, Ray]:
+    """Both ends of the perturbed path through the cone at the start."""
+    _any_direction(walk)
+    start = _ray(walk)
+    along_perturbation(walk, c, resting=True)
+    one = _ray(walk)
+    walk.place(c.nodes.tolist(), c.near.tolist())
+    walk.turn(-start.dx, -start.dt, np.abs(start.dx))
+    along_perturbation(walk, c, resting=True)
+    return one, _ray(walk)
+
+
+def depart(walk: Walk, ray: Ray, t: float) -> None:
+    """Put the walk on a ray from its start."""
+    walk.put(ray.codes, ray.x, t)
+    lead = int(np.argmax(np.abs(ray.dx)))
+    move(walk, lead, float(ray.dx[lead]))
+
+
+MOST_TURNS = 12
+"""How often nodes are moved to the other side of their kinks before `onward` gives up."""
+
+
+def onward(walk: Walk) -> Ray | None:
+    """The stable way on which t grows, from the walk's pieces and those beside them; None if none is found.
+
+    Every node that stands on a bound goes on on its piece or on the next one, whichever it then moves along: where all
+    nodes wish otherwise than guessed they are moved at once (the semismooth Newton method for this linear
+    complementarity problem). With a definite matrix on all sides there is one answer.
+    """
+    at = np.flatnonzero((walk.x == walk.low) | (walk.x == walk.high))
+    try:
+        move(walk, None, 1.0)
+        if len(at):
+            c = corner(walk, at)
+            far = np.zeros(len(at), dtype=bool)
+            for _ in range(MOST_TURNS):
+                speed = walk.dx[at]
+                wrong = np.where(far, c.far_sign * speed < 0.0, c.near_sign * speed > 0.0)
+                if not np.any(wrong):
+                    break
+                far ^= wrong
+                walk.place(at[wrong].tolist(), np.where(far, c.far, c.near)[wrong].tolist())
+                move(walk, None, 1.0)
+            else:
+                return None
+    except SingularCellError:
+        return None
+    walk.negatives = walk.tableau.negatives()
+    return _ray(walk) if walk.stable else None
