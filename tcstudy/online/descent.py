@@ -20,6 +20,7 @@ from tcstudy.solvers.separable.descent import NodeEnergy
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Flags = NDArray[np.bool_]
 
 TOLERANCE = 1e-12
 """Residual that descent aims at; what is accepted as a solution is up to tcstudy/scene/study.py."""
@@ -29,8 +30,9 @@ _STEPS, _SADDLES, _HALVINGS, _ARMIJO = 80, 20, 4, 1e-4
 that a step must realise."""
 _ROUNDING = 1e-13
 """Changes of energy below this part of the work of ξ are rounding."""
-_POLISHED = 3
-"""Steps at rounding level that may follow each other as long as they lower the residual."""
+_POLISHED, _CREPT = 3, 10
+"""Steps at rounding level that may follow each other as long as they lower the residual; steps node by node of a row:
+one that needs more of them creeps, and is left to the single solve."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,21 +70,22 @@ def _descend(rows: Rows, start: Array, tolerance: float, careful: bool) -> Desce
     """Newton's method to a first-order stationary point; careful: as newton.directions has it."""
     count = len(start)
     best, residual, taken = start.copy(), np.full(count, np.inf), np.zeros(count, dtype=np.intp)
-    at, v, polished = np.arange(count), start, np.zeros(count, dtype=np.intp)
+    at, v = np.arange(count), start
+    polished, crept = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
     for step in range(_STEPS + 1):
         xi = rows.xi(v)
         s = slopes(rows, v, xi)
         better = s.residual < residual[at]
         best[at[better]], residual[at[better]], taken[at] = v[better], s.residual[better], step
-        going = (s.residual > tolerance) & (polished < _POLISHED) & ((polished == 0) | better)
+        going = (s.residual > tolerance) & (polished < _POLISHED) & ((polished == 0) | better) & (crept < _CREPT)
         if step == _STEPS or not np.any(going):
             break
         if not np.all(going):
             on = np.flatnonzero(going)
             s, rows, at = s.take(on), rows.take(on), at[on]
-            v, xi, polished = v[on], xi[on], polished[on]
-        v, level = _step(rows, v, xi, s, careful)
-        polished = np.where(level, polished + 1, 0)
+            v, xi, polished, crept = v[on], xi[on], polished[on], crept[on]
+        v, level, node_by_node = _step(rows, v, xi, s, careful)
+        polished, crept = np.where(level, polished + 1, 0), crept + node_by_node
     return Descended(best, residual, taken)
 
 
@@ -106,12 +109,12 @@ def descend_nested(
     return descend(rows, start, tolerance, minima)
 
 
-def _step(rows: Rows, v: Array, xi: Array, s: BlockSlopes, careful: bool) -> tuple[Array, NDArray[np.bool_]]:
-    """(next v, whether the change of energy was within rounding) of every row."""
+def _step(rows: Rows, v: Array, xi: Array, s: BlockSlopes, careful: bool) -> tuple[Array, Flags, Flags]:
+    """(next v, whether the change of energy was within rounding, whether it went node by node) of every row."""
     d = _newton(rows, v, s, careful)
     first_order = np.where(d > 0.0, s.right, s.left)
     stop = rows.laws.next_up_jump(s.at, d)
-    new, level = v.copy(), np.zeros(len(v), dtype=bool)
+    new, level, node_by_node = v.copy(), np.zeros(len(v), dtype=bool), np.zeros(len(v), dtype=bool)
     todo = np.arange(len(v))
     for halving in range(_HALVINGS + 1):
         x, direction, end = v[todo], 0.5**halving * d[todo], stop[todo]
@@ -127,10 +130,11 @@ def _step(rows: Rows, v: Array, xi: Array, s: BlockSlopes, careful: bool) -> tup
         new[todo[taken]], level[todo[within]] = target[taken], True
         todo = todo[~taken]
         if not len(todo):
-            return new, level
+            break
     for i in todo:
         new[i] = _node_by_node(rows, int(i), v[i], xi[i], s.descent[i])
-    return new, level
+    node_by_node[todo] = True
+    return new, level, node_by_node
 
 
 def _newton(rows: Rows, v: Array, s: BlockSlopes, careful: bool) -> Array:

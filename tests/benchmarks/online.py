@@ -115,11 +115,11 @@ def _law(shape: int, peak: float, rest: float, slip: float) -> FrictionLaw:
 
 def sweep(body: CondensedBody, loads: Array, name: str, points: int = 1000) -> Sweep:
     """The points of a sweep: loads and laws in all combinations, as many as asked for."""
-    laws = laws_of(name)
-    number = np.arange(points)
-    each = max(1, points // len(laws))
-    spread = np.arange(len(loads))[:: max(1, len(loads) // each)] if len(laws) < points else np.arange(len(loads))
-    return Sweep(body, loads[spread[number % len(spread)]], laws, (number // len(spread) % len(laws)).astype(np.intp))
+    laws, number = laws_of(name), np.arange(points)
+    law = number * len(laws) // points
+    own = number - np.searchsorted(law, law)
+    load = own * len(loads) // np.bincount(law)[law] if points > len(laws) else number % len(loads)
+    return Sweep(body, loads[load], laws, law)
 
 
 def single(points: Sweep, which: Index) -> list[tuple[float, dict[str, bool]]]:
