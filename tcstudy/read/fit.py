@@ -12,6 +12,9 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
 
 from tcstudy.errors import StudyError
 from tcstudy.read.document import load_text
@@ -84,6 +87,25 @@ def _check(ctx: Context, fields: Fields, plan: FitPlan) -> None:
         ctx.errors.at(fields.values["compare"], "a path needs a law of straight pieces", remedy)
     elif len(plan.scene.laws) > 1:
         ctx.errors.at(fields.values["compare"], "a path takes one law", "use compare: vertical")
+    elif _to_and_fro(plan) > SHUFFLED:
+        what = "the data jump to and fro, but feet on a path need them in the order of the test"
+        ctx.errors.at(data.child("file") or data, what, "sort the lines by time, or compare: vertical")
+
+
+SHUFFLED = 4.0
+"""Way through the data over one from each to the nearest that is left, above which they are in no order."""
+
+
+def _to_and_fro(plan: FitPlan) -> float:
+    """How much longer the way through the data is than one that goes to the nearest next."""
+    points = np.array([plan.given[0].values, plan.measured[0].values])
+    left = list((points / np.maximum(np.ptp(points, axis=1, keepdims=True), np.finfo(float).tiny)).T)
+    own = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(left))
+    way, here = 0.0, left.pop(0)
+    while left:
+        far = np.linalg.norm(np.array(left) - here, axis=1)
+        here, way = left.pop(int(np.argmin(far))), way + float(far.min())
+    return own / way if way > 0.0 else 1.0
 
 
 def _columns(ctx: Context, fields: Fields, scene: Scene) -> tuple[list[FitColumn], str]:
@@ -105,15 +127,32 @@ def _columns(ctx: Context, fields: Fields, scene: Scene) -> tuple[list[FitColumn
     lines = list(csv_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
     if len(lines) < 2:
         ctx.errors.at(file, f"{path} has no data", "write a heading for each column and a line for each datum")
-    for row in lines[1:]:
-        if len(row) != len(lines[0]):
-            what = f"has {len(row)} entries, but the header {len(lines[0])}"
-            ctx.errors.at(row[-1], what, "give every column a number; decimals have a point")
+    _check_lines(ctx, lines)
     if len(ctx.errors) > before:
         return [], ""
     noise = _noise(ctx, fields["noise"], tuple(wanted.value))
     found = [_column(ctx, name, item, lines, scene, noise) for name, item in wanted.value.items()]
     return [one for one in found if one], hashlib.sha256(text.encode()).hexdigest()
+
+
+def _check_lines(ctx: Context, lines: Cells) -> None:
+    """One fault for what is wrong with all lines alike."""
+    heads = [str(cell.value) for cell in lines[0]] if lines else []
+    for mark, name in ((";", "semicolons"), ("\t", "tabs")):
+        if len(heads) == 1 and mark in heads[0]:
+            ctx.errors.at(lines[0][0], f"columns are separated by {name}", "write commas, and a point in decimals")
+            return
+    if heads and all(re.fullmatch(NUMBER, head) for head in heads):
+        ctx.errors.at(lines[0][0], "the table has no headings", "write a name and a unit over each column: P [N/mm]")
+        return
+    for k, head in enumerate(heads):
+        if head and head in heads[:k]:
+            ctx.errors.at(lines[0][k], f"the heading {head!r} stands twice", "give every column its own heading")
+    wrong = [row for row in lines[1:] if len(row) != len(heads)]
+    if wrong:
+        others = f", and {len(wrong) - 1} other lines likewise" if len(wrong) > 1 else ""
+        what = f"has {len(wrong[0])} entries, but the header {len(heads)}{others}"
+        ctx.errors.at(wrong[0][-1], what, "give every column a number; decimals have a point, columns a comma")
 
 
 _COLUMNS = 'write {boundary.grip.u_x: "Delta [mm]", friction_resultant: "P [N/mm]"}'

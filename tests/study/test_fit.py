@@ -220,6 +220,11 @@ REFUSED = {
     ("alpha_T: {start: 8e-6", "heat.theta: {start: 8e-6"): "is not a unit of a temperature",
     ("\n20.000000,", "\nnan,"): "heated.csv:2:1: 'nan' is no number",
     ("file: heated.csv", "file: warmed.csv"): "name a CSV table beside the study",
+    ("\n20.000000,", "\n1e999,"): "heated.csv:2:1: '1e999' is too large for a number",
+    ("T [K],u [um]", "T [K],T [K]"): "heated.csv:1:7: the heading 'T [K]' stands twice",
+    ("T [K],u [um],R [kN/m]\n", ""): "heated.csv:1:1: the table has no headings",
+    ("T [K],u [um],R", "T [K];u [um];R"): "heated.csv:1:1: columns are separated by semicolons; write commas",
+    (",", ",5,"): "has 5 entries, but the header 3, and 11 other lines likewise",
 }
 
 
@@ -230,13 +235,23 @@ def test_what_cannot_be_fitted_is_refused(tmp_path: Path, change: tuple[str, str
     table = tmp_path / "heated.csv"
     data = table.read_text(encoding="utf-8")
     assert old in HEATED or old in data
-    table.write_text(data.replace(old, new, 1), encoding="utf-8")
-    text = HEATED.replace(old, new, 1)
+    head, _, rows = data.partition("\n")
+    data = head + "\n" + rows.replace(old, new) if old == "," else data.replace(old, new, 1)
+    table.write_text("\N{BYTE ORDER MARK}" + data.replace("\n", "\r\n"), encoding="utf-8")
+    text = HEATED if old == "," else HEATED.replace(old, new, 1)
     if old == "T [K],u":
         text = text.replace('theta: "T [K]"', 'theta: "T"')
     with pytest.raises(StudyError) as info:
         read_study_text(text, "heated.yaml", source=tmp_path / "heated.yaml")
     assert said in str(info.value)
+
+
+def test_data_of_a_path_in_no_order_are_refused(tmp_path: Path) -> None:
+    """Feet on a path go forward with the data."""
+    data = pulled(45)
+    study_of(tmp_path, data[::-1])
+    with pytest.raises(StudyError, match="the data jump to and fro"):
+        study_of(tmp_path, np.random.default_rng(1).permutation(data))
 
 
 def test_numbers_that_nothing_depends_on_are_named(tmp_path: Path) -> None:
