@@ -24,9 +24,11 @@ QUANTITIES = {
     "friction_resultant": ("N m-1", "friction resultant"),
     "theta_mean": ("K", "mean temperature"),
     "lambda_1": ("Pa m-1", "tangential stiffness lambda_1"),
+    "omega": ("Pa m-1", "steepest fall omega of b"),
+    "energy": ("J m-1", "energy"),
 }
 """Differentiated quantities, their units and names. `slip_length` is not among them: on one mesh it is a step function
-of every number, and its derivative 0 would say nothing; those of the energy are left out."""
+of every number, and its derivative 0 would say nothing."""
 
 
 def name_of(quantity: str, number: str) -> str:

@@ -171,6 +171,14 @@ class Conduction:
         constant = -float(family.moments[0] * self._spectrum[1][0, 0]) / a**2 if family.load is not None else 0.0
         return Part(constant, ((Column(key, family.slopes[a]), 1.0),))
 
+    def response(self, source: Array, a: float) -> Array:
+        """(n,) θ for k = 1 that a source at the nodes (n,) makes, surroundings and held edges being at 0."""
+        factor = self._new_factor()
+        load, free = factor.load(source), self._free
+        on_line, own = np.zeros((len(free), 1)), np.ix_(free, free)
+        on_line[free, 0] = np.linalg.solve((self._S + a * self._M)[own], load.l_tilde[free])
+        return factor.expand(on_line, load, np.ones(1))[:, 0]
+
     # -- families ----------------------------------------------------------------------------------
 
     def _family(self, key: FamilyKey) -> _Family:

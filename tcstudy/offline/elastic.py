@@ -197,6 +197,10 @@ class Elastic:
             made[load] = known
         return made
 
+    def condensed(self, load: Array) -> Array:
+        """(m,) a load in local rows (2n,), condensed."""
+        return np.asarray(self._condensation.forward(load[:, None]).l_tilde[:, 0])
+
     def displacement(self, mu: float, u_T: Array, terms: Sequence[LoadTerm], make: LoadMaker) -> Array:
         """Local displacements (2n,), eq. (20), without the prescribed ones."""
         bases = self._bases([term.load for term in terms], make)

@@ -191,6 +191,15 @@ class Level:
         span = body.span(tuple(term.load for term in terms), self._maker(body, frames))
         return np.asarray(span.l_tilde @ np.array([term.coefficient for term in terms]))
 
+    def condensed_of(self, scene: Scene, load: Array) -> Array:
+        """(m,) l̃ of a load (2n,) in x and y on the body of a scene [N/m]: one forward elimination."""
+        frames = self._frames_of(scene.boundary)
+        return self._body(scene, frames)[0].condensed(frames.local(load))
+
+    def held_values(self, scene: Scene) -> Array:
+        """(2n,) the displacements that a scene prescribes, in local rows [m]."""
+        return self._frames_of(scene.boundary).values
+
     def _condensed_load(self, scene: Scene) -> tuple[Array, float, tuple[LoadTerm, ...]]:
         """l̃ (m,) [N/m], what the energy has beside L̃ [J/m], and the basis terms of the load."""
         frames = self._frames_of(scene.boundary)

@@ -6,9 +6,8 @@ Exact, each by how the number enters:
 - E: Ã and what prescribed displacements load grow with it, so does heat where alpha_T is given (β ∝ E): l̃/E of these;
 - alpha_T, beta: heat alone;
 - α, k: θ is a sum of modes with factors 1/(μ_k + α/k), differentiated mode by mode (`Conduction.slope`);
-- a number of a law, or its strength: by the numbers that the law is made of (`scene.law_slopes`).
-
-Left out: ν, λ, μ and the geometry, which change Ã as a matrix; where materials differ by region, all their numbers.
+- a number of a law, or its strength: by the numbers that the law is made of (`scene.law_slopes`);
+- ν, springs, α of edges, all of materials by region: by the whole body (`offline.whole_slopes`).
 """
 
 from __future__ import annotations
@@ -30,10 +29,10 @@ from tcstudy.offline.loads import (
     split,
     unloaded,
 )
+from tcstudy.offline.whole_slopes import WholeBody, affine_scene, change_of
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.law_slopes import law_slopes, number_of
-from tcstudy.scene.parameters import path_scene
-from tcstudy.scene.records import Clamped, Convection, Heat, Role, Scene, Traction
+from tcstudy.scene.law_slopes import agreed, law_slopes, number_of
+from tcstudy.scene.records import Clamped, Convection, Role, Scene
 from tcstudy.scene.study import Sensitivity
 from tcstudy.solvers.linearised import Linearised
 
@@ -43,47 +42,59 @@ Index = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class LoadSlope:
-    """What does not depend on the solution: ∂Ã/∂p = stiffness·Ã; (m,) l_tilde = ∂l̃/∂p; ∂(mean θ)/∂p."""
+    """(m,) right = ∂l̃/∂p − (∂Ã/∂p) v at a solution v, and ∂(mean θ)/∂p."""
 
-    stiffness: float
-    l_tilde: Array
+    right: Array
     theta_mean: float
 
 
-def load_slope(level: Level, scene: Scene, by: Sensitivity) -> LoadSlope:
-    """∂Ã/∂p, ∂l̃/∂p and that of the mean temperature. Raises NotPositiveDefinite as `Level.condensed`."""
+def load_slope(level: Level, scene: Scene, by: Sensitivity, v: Array, whole: WholeBody | None = None) -> LoadSlope:
+    """What a number does to the load and the stiffness, at v (m,).
+
+    whole: the body at v, if it is at hand
+    Raises NotPositiveDefinite as `Level.condensed`.
+    """
     path = by.path
     if path[0] == "friction":
-        return LoadSlope(0.0, np.zeros(level.line.m), 0.0)
-    if path == ("heat", "alpha") or path == ("material", "k"):
+        return LoadSlope(np.zeros(level.line.m), 0.0)
+    if not _is_short(scene, path):
+        change = change_of(level, scene, by)
+        return LoadSlope((whole or WholeBody(level, scene, v)).right_side(change), change.theta_mean)
+    if path in (("heat", "alpha"), ("material", "k")):
         return _by_heat(level, scene, path[1])
-    material, stiffness, factor = scene.material, 0.0, 1.0
+    material, factor = scene.material, 1.0
     if path == ("material", "E"):
-        stiffness = factor = 1.0 / material.E
-        beta = material.beta if by.heat_grows else 0.0
+        factor, beta = 1.0 / material.E, material.beta if by.heat_grows else 0.0
         linear = replace(scene, boundary=_without(scene, Clamped), f=(0.0, 0.0), material=replace(material, beta=beta))
-    elif path[0] == "material":
+        stiff = level.condensed(scene).problem.A_tilde @ v
+        return LoadSlope(factor * (level.block([linear]).l_tilde[0] - stiff), 0.0)
+    if path[0] == "material":
         one = replace(material, beta=material.bulk if path[1] == "alpha_T" else 1.0)
         linear = replace(scene, boundary=_without(scene), f=(0.0, 0.0), material=one)
-    elif path == ("load",):
-        linear = replace(scene, boundary=_without(scene, Traction, Convection), heat=Heat())
-    else:
-        linear = path_scene(_bare(scene), path, 1.0)
+        return LoadSlope(level.block([linear]).l_tilde[0], 0.0)
+    linear = affine_scene(scene, path)
     block = level.block([linear])
-    mean = float(block.theta_mean[0]) if path[0] == "heat" else 0.0
-    return LoadSlope(stiffness, factor * block.l_tilde[0], mean)
+    mean = float(block.theta_mean[0]) if path[0] == "heat" or linear.heat_by_edge else 0.0
+    return LoadSlope(block.l_tilde[0], mean)
+
+
+def _is_short(scene: Scene, path: tuple[str, ...]) -> bool:
+    """Whether ∂Ã/∂p is Ã/p or 0 and ∂l̃/∂p a sum of basis loads."""
+    one, plain = not scene.material.regions, not scene.heat_by_edge
+    if path[0] in ("material", "materials"):
+        alone = {"E": not scene.springs, "alpha_T": True, "beta": True, "k": plain}
+        return one and alone.get(path[-1], False)
+    return (path[-1] != "alpha" or (plain and one)) and path[-2:-1] != ("spring",)
 
 
 def _without(scene: Scene, *kept: type) -> tuple[tuple[str, Role], ...]:
-    """The boundary without loads and prescribed displacements, those of the kept roles apart."""
-    return tuple((name, role if isinstance(role, kept) else unloaded(role)) for name, role in scene.boundary)
+    """The boundary without loads; kept: roles that keep the displacements that they prescribe."""
 
+    def bare(role: Role) -> Role:
+        own = unloaded(role)
+        return replace(own, u=role.u) if isinstance(role, kept) and isinstance(role, Clamped) else own  # type: ignore[arg-type]
 
-def _bare(scene: Scene) -> Scene:
-    """The scene without any load; its temperature is 0."""
-    heat = scene.heat
-    cold = replace(heat, theta=0.0) if heat.theta is not None else replace(heat, theta_bar=0.0, q=0.0)
-    return replace(scene, boundary=_without(scene), f=(0.0, 0.0), heat=cold)
+    return tuple((name, bare(role)) for name, role in scene.boundary)
 
 
 def _by_heat(level: Level, scene: Scene, name: str) -> LoadSlope:
@@ -96,7 +107,7 @@ def _by_heat(level: Level, scene: Scene, name: str) -> LoadSlope:
         terms += [LoadTerm(TemperatureField(field, at), beta * factor) for field, factor in fields]
         terms.append(LoadTerm(UniformTemperature(at), beta * constant))
     mean = constant + sum(factor * level.temperatures.mean(field) for field, factor in fields)
-    return LoadSlope(0.0, level.load_of(scene, terms), mean)
+    return LoadSlope(level.load_of(scene, terms), mean)
 
 
 def _heat_parts(level: Level, scene: Scene, name: str) -> list[Part]:
@@ -133,6 +144,44 @@ def law_slope(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> tu
     return b, kinks
 
 
+def friction_energy(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> float:
+    """∂/∂p of Σ c_i j_i at the slips of a solution, and of what nodes that rest on a moving kink do [J/m per unit].
+
+    Of such a node v = κ(p): with b on the inner side of κ, c (∂j/∂p + b κ′) − ξ κ′.
+    """
+    if by.path[0] != "friction":
+        return 0.0
+    found, c, rests = 0.0, at.problem.c, np.isin(np.arange(len(at.v)), at.rest)
+    xi = at.problem.xi(at.v)
+    for law, nodes, factor in _laws(level, scene, by.path):
+        slopes, s = law_slopes(law, number_of(by.path)), at.v[nodes]
+        found += float(np.sum(c[nodes] * factor * slopes.potential(s)))
+        if np.any(slopes.kinks):
+            near, own = law.nearest_kink(s), rests[nodes]
+            inner = np.where(s > 0.0, law.b_left[near], law.b_right[near])
+            found += float(np.sum((c[nodes] * factor * inner - xi[nodes])[own] * slopes.kinks[near][own]))
+    return found
+
+
+def omega_slope(level: Level, scene: Scene, by: Sensitivity) -> float:
+    """∂ω/∂p of the law that falls most; NaN at a down-jump, and where several fall as much and do not agree."""
+    if by.path[0] != "friction":
+        return 0.0
+    every = _laws(level, scene, ())
+    falls = [float(np.max(factor, initial=0.0)) * law.omega if law.omega else 0.0 for law, _, factor in every]
+    named = [law for law, _, _ in _laws(level, scene, by.path)]
+    largest, found = max(falls), []
+    if not np.isfinite(largest):
+        return float("nan")
+    for (law, _, factor), fall in zip(every, falls, strict=True):
+        if fall >= largest * (1.0 - 1e-9):
+            own = any(law is one for one in named)
+            found.append(
+                float(np.max(factor, initial=0.0)) * law_slopes(law, number_of(by.path)).omega() if own else 0.0
+            )
+    return agreed(np.array(found))
+
+
 def _laws(level: Level, scene: Scene, path: tuple[str, ...]) -> list[tuple[FrictionLaw, Index, Array]]:
     """(law, its nodes, strength there) of the laws that a parameter belongs to."""
     friction = scene.friction
@@ -140,5 +189,9 @@ def _laws(level: Level, scene: Scene, path: tuple[str, ...]) -> list[tuple[Frict
         nodes = np.arange(level.line.m, dtype=np.intp)
         return [(friction, nodes, np.ones(len(nodes)))]
     index, strength = friction.along(level.line.edge_names, level.line.edge, level.line.xy)
-    named = [(law, np.flatnonzero(index == k)) for k, (edge, law, _) in enumerate(friction.laws) if edge in ("", *path)]
+    named = [
+        (law, np.flatnonzero(index == k))
+        for k, (edge, law, _) in enumerate(friction.laws)
+        if edge in ("", *path) or not path
+    ]
     return [(law, nodes, strength[nodes]) for law, nodes in named]

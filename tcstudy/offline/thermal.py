@@ -149,6 +149,26 @@ class Temperatures:
             self._means[name] = float(area @ self.field(name)) / float(area.sum())
         return self._means[name]
 
+    def response(self, scene: Scene, source: Array) -> Array:
+        """(n,) θ [K] that heat put in at the nodes (n,) [W/m] makes, surroundings and held edges being at 0."""
+        alpha, ratios = exchange_level(scene)
+        k = scene.material.k or 1.0
+        return self.conduction(relative_k(scene), ratios).response(source / k, alpha / k)
+
+    def exchanged(self, scene: Scene, edges: tuple[str, ...]) -> Array:
+        """(n,) −∫(θ − θ̄)φ_i over edges: what one more of their α puts in [K m]."""
+        forms, theta = self._forms[()], self.of(scene).theta
+        found, kept = np.zeros(len(theta)), forms.kept_nodes
+        for edge, _, theta_bar in scene.exchange:
+            if edge in edges:
+                found[kept] += forms.surroundings(theta_bar, (edge,)) - forms.edge_mass((edge,)) @ theta[kept]
+        return found
+
+    def mean_of(self, theta: Array) -> float:
+        """Mean over the body of a temperature at the nodes (n,)."""
+        area = self._forms[()].nodal_area
+        return float(area @ theta) / float(area.sum())
+
     def _parts(self, scene: Scene) -> tuple[list[Part], float]:
         """All parts of θ and the heat put in (NaN if nothing judges it), once where the same scene is asked for again.
 

@@ -252,7 +252,7 @@ def _parameters(ctx: Context, fields: Fields, root: Node, scene: Scene) -> tuple
             ctx.errors.at(item, what, remedy, on_key=True)
             continue
         units = known[path][0].cf if ctx.units == "SI" else "1"
-        number = Sensitivity(name, path, units, heat_grows(root))
+        number = Sensitivity(name, path, units, heat_grows(root, path))
         if one := _parameter(ctx, item, number, known[path][0], scene):
             found.append(one)
     return tuple(found)

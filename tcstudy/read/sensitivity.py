@@ -1,12 +1,13 @@
 """Reads `output.sensitivity`: the numbers of a study by which results are differentiated exactly.
 
 What a number may be is what can be differentiated without another factorisation (`offline.slopes`): those in which the
-load is affine, E, alpha_T or beta, k, α, and the numbers of friction laws. Everything else is refused with its reason.
+load is affine, of materials E, nu, alpha_T or beta and k, α, stiffness of springs, and the numbers of friction laws.
+Everything else is refused with its reason.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.read.checks import check_corners
@@ -18,12 +19,14 @@ from tcstudy.scene.law_slopes import POINTS
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.parameters import SHORT, path_scene, sweepable
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Convection, EdgeLaws, Scene
+from tcstudy.scene.records import Convection, EdgeLaws, Scene, Traction, exchanges
 from tcstudy.scene.study import Exact, Sensitivity
-from tcstudy.scene.units import NONE, TRACTION, Dimension
+from tcstudy.scene.units import NONE, STIFFNESS, TRACTION, Dimension
 
 Keys = tuple[str, ...]
 
+NUMBERS = ("E", "nu", "alpha_T", "beta", "k")
+"""Of materials."""
 REMEDY = "compare points of a sweep over it"
 
 
@@ -49,7 +52,7 @@ def read_sensitivity(
             ctx.errors.at(item, f"{word} is given twice", "give every number once")
         elif path in known and not known[path][1]:
             units = known[path][0].cf if ctx.units == "SI" else "1"
-            found[path] = Sensitivity(word, path, units, heat_grows(root))
+            found[path] = Sensitivity(word, path, units, heat_grows(root, path))
             _check_corner(ctx, item, root, base, path)
         elif word:
             what, remedy = why_not(word, path, known)
@@ -63,9 +66,10 @@ def path_of(word: str) -> Keys:
     return tuple(short.get(word, word).split("."))
 
 
-def heat_grows(root: Node) -> bool:
-    """Whether the heat load grows with E: β follows from alpha_T."""
-    material = root.child("material")
+def heat_grows(root: Node, path: Keys) -> bool:
+    """Whether the heat load of the material that a number belongs to grows with E: β follows from alpha_T."""
+    every = root.child("materials")
+    material = every.child(path[1]) if every and path[0] == "materials" else root.child("material")
     return material is None or material.child("beta") is None
 
 
@@ -74,16 +78,33 @@ def differentiable(root: Node, base: Scene, scenes: Sequence[Scene]) -> Iterator
     for path, parameter in affine_parameters(base):
         varies = isinstance(parameter.value, Expression)
         yield path, (parameter.dimension, "it varies in space" if varies else parameter.idle)
-    material = root.child("material")
-    given = set(material.value) if material and isinstance(material.value, dict) else set()
-    for name in ("E", "alpha_T", "beta", "k"):
-        if name in given:
-            why = "materials differ by region" if base.material.regions else ""
-            yield ("material", name), (row("material", name).dimension, why)
-    if base.heat.theta is None and base.edges(Convection):
-        yield ("heat", "alpha"), (row("heat", "alpha").dimension, "")
+    every = root.child("materials")
+    places = [("material",), *(("materials", region) for region, _ in base.material.regions)]
+    for place in places:
+        own = root.child("material") if len(place) == 1 else every.child(place[1]) if every else None
+        given = set(own.value) if own and isinstance(own.value, Mapping) else set()
+        for name in NUMBERS:
+            if name in given:
+                yield (*place, name), (row("material", name).dimension, "")
+    if base.heat.theta is None and base.conducts:
+        yield from _of_edges(base)
+    for edge, role in base.boundary:
+        if isinstance(role, Traction | Convection) and any(role.spring):
+            for name in ("normal", "tangential"):
+                yield ("boundary", edge, "spring", name), (STIFFNESS, "")
     for scene in distinct(scenes, "friction"):
         yield from _of_laws(scene)
+
+
+def _of_edges(base: Scene) -> Iterator[tuple[Keys, tuple[Dimension, str]]]:
+    """The heat transfer coefficients."""
+    dimension = row("heat", "alpha").dimension
+    if any(exchanges(role) and not (role.heat and role.heat.alpha) for _, role in base.boundary):
+        yield ("heat", "alpha"), (dimension, "")
+    for edge, role in base.boundary:
+        if role.heat and role.heat.alpha:
+            inner = () if isinstance(role, Convection) else ("heat",)
+            yield ("boundary", edge, *inner, "alpha"), (dimension, "")
 
 
 def _of_laws(scene: Scene) -> Iterator[tuple[Keys, tuple[Dimension, str]]]:
@@ -105,10 +126,10 @@ def why_not(word: str, path: Keys, known: dict[Keys, tuple[Dimension, str]]) -> 
     """What is wrong with a name, and the remedy."""
     if path in known:
         return f"there is no derivative by {word}: {known[path][1]}", "name a single number that has an effect"
-    if path[0] == "material" and path[-1] in ("nu", "lambda", "mu"):
-        return f"there is no derivative by {word}: it changes the stiffness as a matrix, not by a factor", REMEDY
-    if path[0] == "materials":
-        return f"there is no derivative by {word}: materials differ by region", REMEDY
+    if path[0] in ("body", "mesh"):
+        return f"there is no derivative by {word}: it moves the mesh", REMEDY
+    if path[0] in ("material", "materials") and path[-1] in ("lambda", "mu"):
+        return f"there is no derivative by {word}", "give the material by E and nu, and name these"
     if path[0] == "parameters":
         return f"there is no derivative by {word}: it may stand in any expression", "name a number of a section"
     if path in sweepable({}, None):

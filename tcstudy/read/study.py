@@ -292,5 +292,5 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
 
         fit = read_fit(ctx, section, root, reader.base, mesh)
     if exact or fit or (mesh and mesh.estimates) or (output and (output.live or output.sensitivity)):
-        check_together(ctx, root, scenes, Asked(mesh, output, exact, fit))
+        check_together(ctx, root, scenes, Asked(mesh, output, exact))
     return _Plans(mesh, solver, output, exact, path, history, fit)

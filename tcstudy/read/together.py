@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 from tcstudy.read.fields import Context
 from tcstudy.read.node import Node
-from tcstudy.scene.fits import FitPlan
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import EdgeLaws, Rigid, Scene
 from tcstudy.scene.study import Exact, MeshPlan, OutputPlan
@@ -23,7 +22,6 @@ class Asked:
     mesh: MeshPlan | None
     output: OutputPlan | None
     exact: Exact | None
-    fit: FitPlan | None
 
 
 Why = tuple[str, str]
@@ -31,8 +29,6 @@ Why = tuple[str, str]
 
 ESTIMATES = ("errors are not estimated then", "use a uniform or graded family, and tcstudy converge for errors")
 GOALS = ("errors of goals are not estimated then", "estimate the energy norm, or use tcstudy converge")
-NO_FIT = ("a fit differentiates results", "remove fit")
-NO_SLOPES = ("results are not differentiated then", "remove sensitivity")
 
 
 def _one(what: str) -> dict[str, Why]:
@@ -48,8 +44,6 @@ OF_BODY: dict[str, Why] = {
     "estimates": ESTIMATES,
     "exact": ("an exact solution has no such edge", "remove exact"),
     "live": ("a live page takes none", "remove live: true"),
-    "sensitivity": NO_SLOPES,
-    "fit": NO_FIT,
 }
 """Of a body that not its material alone makes stiff."""
 
@@ -80,8 +74,6 @@ FEATURES: tuple[tuple[str, Callable[[Node, Sequence[Scene]], bool], dict[str, Wh
         {
             "derived": ("loads are derived for the section heat only", "give the loads, or loads: given"),
             "live": ("a live page takes one alpha and one theta_bar", "remove live: true"),
-            "sensitivity": NO_SLOPES,
-            "fit": NO_FIT,
         },
     ),
 )
@@ -96,8 +88,6 @@ def check_together(ctx: Context, root: Node, scenes: Sequence[Scene], asked: Ask
         "exact": ("exact", exact is not None),
         "derived": ("exact", bool(exact and exact.derived)),
         "live": ("output", bool(output and output.live)),
-        "sensitivity": ("output", bool(output and output.sensitivity)),
-        "fit": ("fit", asked.fit is not None),
     }
     for feature, has, excluded in FEATURES:
         if not any(wanted[what][1] for what in excluded) or not has(root, scenes):
@@ -105,4 +95,4 @@ def check_together(ctx: Context, root: Node, scenes: Sequence[Scene], asked: Ask
         for what, (why, remedy) in excluded.items():
             section, there = wanted[what]
             if there and (node := root.child(section)):
-                ctx.errors.at(node, f"{feature}, and {why}", remedy, on_key=what == "fit")
+                ctx.errors.at(node, f"{feature}, and {why}", remedy)

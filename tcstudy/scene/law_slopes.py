@@ -43,6 +43,54 @@ class LawSlopes:
         factor = self.a[k] - law.a[k] * (self.r[k] * apart - law.r[k] * self.s_0[k])
         return value + factor * np.exp(-law.r[k] * apart)
 
+    def potential(self, s: ArrayLike) -> Array:
+        """∂j/∂p at s, which is no kink that moves, or the inner side of one (shape of s) [Pa m per unit of p].
+
+        ∫₀ˢ ∂b/∂p, and of every kink on the way, which moves by κ′, κ′(b⁻ − b⁺).
+        """
+        law, s = self.law, np.asarray(s, dtype=float)
+        sign, found = np.where(s < 0.0, -1.0, 1.0), np.zeros_like(s)
+        ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
+        for k in range(len(law.q)):
+            x, y = (
+                np.clip(np.clip(ends[k + i], np.minimum(s, 0.0), np.maximum(s, 0.0)), *ends[k : k + 2]) for i in (0, 1)
+            )
+            inside = y > x
+            found += np.where(inside, sign * self._integral(k, np.where(inside, x, 0.0), np.where(inside, y, 0.0)), 0.0)
+        for kink, moved, jump in zip(law.kinks, self.kinks, law.b_left - law.b_right, strict=True):
+            found += np.where((sign * kink > 0.0) & (sign * kink < np.abs(s)), sign * moved * jump, 0.0)
+        return found
+
+    def _integral(self, k: int, x: Array, y: Array) -> Array:
+        """∫_x^y ∂b_k/∂p."""
+        law, u, v = self.law, x - self.law.s_0[k], y - self.law.s_0[k]
+        value = (self.b_0[k] - law.q[k] * self.s_0[k]) * (y - x) + 0.5 * self.q[k] * (v - u) * (v + u)
+        r = law.r[k]
+        if r == 0.0 or (law.a[k] == 0.0 and self.a[k] == 0.0):
+            return np.asarray(value)
+        first, second = self.a[k] + law.a[k] * r * self.s_0[k], law.a[k] * self.r[k]
+        fall = -np.exp(-r * u) * np.expm1(-r * (y - x))  # e^{-ru} - e^{-rv}
+        ramp = u * np.exp(-r * u) - v * np.exp(-r * v)
+        return np.asarray(value + first / r * fall - second * (ramp / r + fall / r**2))
+
+    def omega(self) -> float:
+        """∂ω/∂p: that of the slope at the end of a piece where b falls most; NaN where two do not agree."""
+        law, pieces = self.law, np.arange(len(self.q))
+        if not np.isfinite(law.omega) or law.omega == 0.0:
+            return 0.0 if law.omega == 0.0 else float("nan")
+        own = []
+        for shift in (0, 1):
+            at = np.clip(pieces - 1 + shift, 0, max(len(law.kinks) - 1, 0))
+            far = (pieces == 0) if shift == 0 else (pieces == len(law.kinks))
+            s = np.where(far, np.inf, law.kinks[at]) if len(law.kinks) else np.full(len(pieces), np.inf)
+            moved = np.where(far, 0.0, self.kinks[at]) if len(law.kinks) else np.zeros(len(pieces))
+            apart = np.where(np.isinf(s), 0.0, s - law.s_0)
+            decay = np.where(np.isinf(s), 0.0, np.exp(-law.r * apart))
+            turn = self.a * law.r + law.a * self.r - law.a * law.r * (self.r * apart + law.r * (moved - self.s_0))
+            own.append((law.q - law.a * law.r * decay, -(self.q - turn * decay)))
+        slope, change = (np.concatenate(part) for part in zip(*own, strict=True))
+        return agreed(change[slope <= -law.omega * (1.0 - 1e-9)])
+
 
 @dataclass(frozen=True, eq=False)
 class PointSlopes:
@@ -53,6 +101,7 @@ class PointSlopes:
     kinks: (K,) 0, since only b moves;  s: (n,) of the points;  at: i;  odd: whether b is given for s ≥ 0 and mirrored
     """
 
+    law: FrictionLaw
     kinks: Array
     s: Array
     at: int
@@ -71,6 +120,47 @@ class PointSlopes:
         below, above = (x < own) & (left < own), (x >= own) & (right > own)
         hat = np.where(below, np.maximum(rise, 0.0), np.where(above, np.maximum(fall, 0.0), 0.0))
         return self.factor * np.asarray(np.where(s < 0.0, -hat, hat) if self.odd else hat)
+
+    def potential(self, s: ArrayLike) -> Array:
+        """∂j/∂b_i at s: the integral of the hat from 0 (shape of s)."""
+        x, at = np.abs(s) if self.odd else np.asarray(s, dtype=float), self.s
+        return self.factor * (self._from_left(x, at) - self._from_left(np.zeros_like(x), at))
+
+    def _from_left(self, x: Array, at: Array) -> Array:
+        """The primitive of the hat that is 0 on its left, or at its point where it has no left."""
+        i, own, last = self.at, at[self.at], len(at) - 1
+        left, right = at[max(i - 1, 0)], at[min(i + 1, last)]
+        rise = np.minimum(x - own, 0.0)
+        if i > 0:
+            rise = np.clip(x - left, 0.0, own - left) ** 2 / (2.0 * (own - left)) if own > left else 0.0 * x
+        fall = np.maximum(x - own, 0.0)
+        if i < last:
+            y = np.clip(x - own, 0.0, right - own)
+            fall = y - y**2 / (2.0 * (right - own)) if right > own else 0.0 * x
+        return np.asarray(rise + fall)
+
+    def omega(self) -> float:
+        """∂ω/∂b_i: NaN where the fall is not between two neighbouring points."""
+        law, at = self.law, self.s
+        if not np.isfinite(law.omega) or law.omega == 0.0:
+            return 0.0 if law.omega == 0.0 else float("nan")
+        left, right = law.kinks[:-1], law.kinks[1:]
+        change = []
+        for k in np.flatnonzero(law.q[1:-1] <= -law.omega * (1.0 - 1e-9)):
+            x, y = sorted(np.abs([left[k], right[k]])) if self.odd else (left[k], right[k])
+            between = bool(np.any((at > x) & (at < y)))
+            change.append(np.nan if between else (self._on(x, at) - self._on(y, at)) / (y - x))
+        return agreed(self.factor * np.array(change))
+
+    def _on(self, x: float, at: Array) -> float:
+        """1 at the point, 0 at the others."""
+        return float(x == at[self.at])
+
+
+def agreed(changes: Array) -> float:
+    """The one value that all have, to rounding; NaN where they differ."""
+    size = float(np.max(np.abs(changes), initial=0.0))
+    return float(changes[0]) if len(changes) and np.ptp(changes) <= 1e-9 * size else float("nan")
 
 
 POINTS = "points"
@@ -105,7 +195,7 @@ def law_slopes(law: FrictionLaw, parameter: str) -> LawSlopes | PointSlopes:
     if parameter.startswith(f"{POINTS}."):
         at, points = point_of(law, parameter), made.values[POINTS]
         slips = np.array([s for s, _ in points], dtype=float)
-        return PointSlopes(np.zeros(len(law.kinks)), slips, at, made.values["odd"], made.strength)
+        return PointSlopes(law, np.zeros(len(law.kinks)), slips, at, made.values["odd"], made.strength)
     value = made.values[parameter]
     if not isinstance(value, float):
         raise KeyError(parameter)

@@ -15,6 +15,7 @@ from tcstudy.scene.key import Key
 from tcstudy.scene.keys import ROWS, law_rows, rows
 from tcstudy.scene.law_slopes import POINTS, number_of, point_of
 from tcstudy.scene.laws import SHAPES
+from tcstudy.scene.moduli import with_modulus
 from tcstudy.scene.nodal_laws import times
 from tcstudy.scene.records import Clamped, Convection, EdgeLaws, Rigid, Role, Scalar, Scene, Traction, resultant
 from tcstudy.scene.study import Sensitivity
@@ -150,17 +151,28 @@ def with_number(scene: Scene, by: Sensitivity, value: float) -> Scene:
         return replace(scene, friction=EdgeLaws(tuple(laws)))
     if by.path == ("heat", "alpha"):
         return replace(scene, heat=replace(scene.heat, alpha=value))
-    if section != "material":
-        return path_scene(scene, by.path, value)
     material = scene.material
-    if name == "k":
-        return replace(scene, material=replace(material, k=value))
-    if name == "E":
-        t = value / material.E
-        beta = t * material.beta if by.heat_grows else material.beta
-        new = replace(material, E=value, lam=t * material.lam, mu=t * material.mu, beta=beta)
-        return replace(scene, material=new)
-    return replace(scene, material=replace(material, beta=value * (material.bulk if name == "alpha_T" else 1.0)))
+    if section == "material":
+        return replace(scene, material=with_modulus(material, name, value, by.heat_grows))
+    if section == "materials":
+        own = (
+            (at, with_modulus(m, name, value, by.heat_grows) if at == by.path[1] else m) for at, m in material.regions
+        )
+        return replace(scene, material=replace(material, regions=tuple(own)))
+    if section == "boundary" and (by.path[-2] == "spring" or name == "alpha"):
+        boundary = tuple(
+            (edge, _with_edge(role, name, value) if edge == by.path[1] else role) for edge, role in scene.boundary
+        )
+        return replace(scene, boundary=boundary)
+    return path_scene(scene, by.path, value)
+
+
+def _with_edge(role: Any, name: str, value: float) -> Role:
+    """The role with another stiffness of its springs, or another α of its own."""
+    if name == "alpha":
+        return replace(role, heat=replace(role.heat, alpha=value))
+    normal, tangential = role.spring
+    return replace(role, spring=(value, tangential) if name == "normal" else (normal, value))
 
 
 def _law(law: FrictionLaw, name: str, value: float) -> FrictionLaw:

@@ -23,6 +23,7 @@ from tcstudy.accuracy.curve_distance import Feet, feet
 from tcstudy.errors import FitError, PathError
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import law_slope, load_slope
+from tcstudy.offline.whole_slopes import WholeBody
 from tcstudy.scene.fits import FitPlan
 from tcstudy.scene.law_slopes import LawSlopes, PointSlopes, law_slopes, number_of
 from tcstudy.scene.parameters import path_scene, with_number
@@ -130,13 +131,13 @@ class FitModel:
     def _results(self, scene: Scene, v: Array) -> tuple[Array, Array]:
         """(3 + m,) the SCALARS of a solution and u_T, and (3 + m, k) their derivatives."""
         level, problem = self.level, self.level.condensed(scene).problem
-        at, rows = Linearised.at(problem, v), []
+        at, whole, rows = Linearised.at(problem, v), WholeBody(level, scene, v), []
         largest = int(np.argmax(np.abs(v)))
         for parameter in self.plan.parameters:
-            slope = load_slope(level, scene, parameter.number)
+            slope = load_slope(level, scene, parameter.number, v, whole)
             b, kinks = law_slope(level, scene, parameter.number, at)
-            dv = at.step(at.right_side(slope.l_tilde, b, slope.stiffness), kinks)
-            dxi = slope.l_tilde - problem.A_tilde @ (slope.stiffness * v + dv)
+            dv = at.step(at.right_side(slope.right, b), kinks)
+            dxi = slope.right - problem.A_tilde @ dv
             rows.append([dxi.sum(), np.sign(v[largest]) * dv[largest], slope.theta_mean, *dv])
         mean = level.temperature(scene).mean if scene.material.beta != 0.0 else 0.0
         return np.array([problem.xi(v).sum(), np.max(np.abs(v)), mean, *v]), np.array(rows).T
@@ -230,22 +231,22 @@ class FitModel:
         bordered[-1, :-1] = scale * place.row[free]
         bordered[-1, -1] = scale * place.time
         right = np.zeros((len(free) + 1, len(self.plan.parameters)))
-        kinks, loads, stiffness = (np.zeros((m, len(self.plan.parameters))) for _ in range(3))
+        kinks, loads = (np.zeros((m, len(self.plan.parameters))) for _ in range(2))
+        whole = WholeBody(self.level, at, v)
         for j, parameter in enumerate(self.plan.parameters):
-            slope = load_slope(self.level, at, parameter.number)
+            slope = load_slope(self.level, at, parameter.number, v, whole)
             b, moving = np.zeros(m), np.zeros(m)
             if (law := laws[j]) is not None:
                 b = law.value(v, piece)
                 moving[piece < len(law.kinks)] = law.kinks[piece[piece < len(law.kinks)]]
                 right[-1, j] = scale * law.kinks[place.kink] if place.kink >= 0 else 0.0
             moving[free] = 0.0
-            kinks[:, j], loads[:, j] = moving, slope.l_tilde
-            stiffness[:, j] = slope.stiffness * (problem.A_tilde @ v)
-            right[:-1, j] = (slope.l_tilde - stiffness[:, j] - problem.c * b - problem.A_tilde @ moving)[free]
+            kinks[:, j], loads[:, j] = moving, slope.right
+            right[:-1, j] = (slope.right - problem.c * b - problem.A_tilde @ moving)[free]
         step = np.linalg.solve(bordered, right)
         dv = kinks
         dv[free] = step[:-1]
-        dR = (loads - stiffness - problem.A_tilde @ dv).sum(axis=0) + step[-1] * problem.l_1.sum()
+        dR = (loads - problem.A_tilde @ dv).sum(axis=0) + step[-1] * problem.l_1.sum()
         return np.stack([step[-1], dR])
 
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.data.sensitivities import AT_EVENT, AT_FOLD, DIFFERENTIABLE, EVENTS, QUANTITIES, STATUS, name_of
 from tcstudy.offline.level import Level
-from tcstudy.offline.slopes import law_slope, load_slope
+from tcstudy.offline.slopes import friction_energy, law_slope, load_slope, omega_slope
+from tcstudy.offline.whole_slopes import WholeBody, change_of
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Sensitivity, Study
 from tcstudy.solvers.linearised import EVENT, Linearised
@@ -40,19 +41,23 @@ def of_point(level: Level, scene: Scene, v: Array, numbers: tuple[Sensitivity, .
     found: dict[str, float] = {STATUS: verdict, EVENTS: at.events}
     if verdict != DIFFERENTIABLE:
         return found
+    whole = WholeBody(level, scene, v)
     for number in numbers:
         try:
-            slope = load_slope(level, scene, number)
+            change = change_of(level, scene, number)
+            slope = load_slope(level, scene, number, v, whole)
             b, kinks = law_slope(level, scene, number, at)
         except KeyError:  # a law of the sweep that has no such parameter
             continue
-        dv = at.step(at.right_side(slope.l_tilde, b, slope.stiffness), kinks)
-        dxi = slope.l_tilde - at.problem.A_tilde @ (slope.stiffness * v + dv)
+        dv = at.step(at.right_side(slope.right, b), kinks)
+        dxi = slope.right - at.problem.A_tilde @ dv
         values = {
             "u_T_max": _of_largest(v, dv),
             "friction_resultant": float(dxi.sum()),
             "theta_mean": slope.theta_mean,
-            "lambda_1": slope.stiffness * level.lambda_1(scene),
+            "lambda_1": whole.lambda_1(change),
+            "omega": omega_slope(level, scene, number),
+            "energy": whole.energy(change) + friction_energy(level, scene, number, at),
         }
         found |= {name_of(quantity, number.name): value for quantity, value in values.items()}
     return found

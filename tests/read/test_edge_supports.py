@@ -72,11 +72,6 @@ def test_roles_are_read() -> None:
             'exact: {u: ["0", "0"]}\n',
             "on springs, and an exact solution has no",
         ),
-        (
-            *("top: free", "top: free"),
-            "output: {sensitivity: [tau]}\n",
-            "an edge rests on springs, and results are not differentiated then",
-        ),
     ],
 )
 def test_faults_are_one_line(old: str, new: str, more: str, said: str) -> None:

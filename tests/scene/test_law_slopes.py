@@ -41,6 +41,28 @@ def test_laws_are_differentiated_exactly(shape: str, name: str) -> None:
         np.testing.assert_allclose(found, (4.0 * two - one) / 3.0, rtol=0.0, atol=2e-8 * scale)
 
 
+@pytest.mark.parametrize(("shape", "name"), PAIRS)
+def test_energies_and_steepest_falls_are_differentiated_exactly(shape: str, name: str) -> None:
+    """∂j/∂p with the kinks that move on the way, and ∂ω/∂p, against Richardson's differences."""
+    values = LAWS[shape]
+    law = SHAPES[shape].build(**values)
+    slips = np.linspace(-1.0, 1.0, 37) * 0.9 + 0.013
+
+    def difference(h: float) -> tuple[np.ndarray, float]:
+        two = [SHAPES[shape].build(**{**values, name: values[name] + sign * h}) for sign in (1.0, -1.0)]  # type: ignore[operator]
+        falls = [law.omega if np.isfinite(law.omega) else 0.0 for law in two]
+        return (two[0].j(slips) - two[1].j(slips)) / (2.0 * h), (falls[0] - falls[1]) / (2.0 * h)
+
+    coarse, fine = difference(2e-3), difference(1e-3)
+    slopes = law_slopes(law, name)
+    exact = (4.0 * fine[0] - coarse[0]) / 3.0
+    np.testing.assert_allclose(slopes.potential(slips), exact, rtol=0.0, atol=2e-8 * np.max(np.abs(exact)))
+    if np.isfinite(law.omega):
+        assert slopes.omega() == pytest.approx((4.0 * fine[1] - coarse[1]) / 3.0, rel=1e-7, abs=1e-12)
+    else:
+        assert np.isnan(slopes.omega())
+
+
 @pytest.mark.parametrize("odd", [True, False])
 def test_the_b_of_a_point_is_a_hat(odd: bool) -> None:
     """Also of a point that lies straight between its neighbours, where the law has no kink, and at a jump."""
@@ -56,9 +78,20 @@ def test_the_b_of_a_point_is_a_hat(odd: bool) -> None:
         found = law_slopes(law(), f"points.{i + (not odd)}").value(slips, law().piece(slips))
         apart = [law(i, h).b(slips) for h in (1e-3, -1e-3)]
         np.testing.assert_allclose(found, (apart[0] - apart[1]) / 2e-3, rtol=0.0, atol=1e-11, err_msg=str(i))
+        found = law_slopes(law(), f"points.{i + (not odd)}").potential(slips)
+        apart = [law(i, h).j(slips) for h in (1e-3, -1e-3)]
+        np.testing.assert_allclose(found, (apart[0] - apart[1]) / 2e-3, rtol=0.0, atol=1e-11, err_msg=str(i))
     for name in ("points.9", "points.", "points.-1"):
         with pytest.raises(KeyError):
             law_slopes(law(), name)
+
+
+def test_the_steepest_fall_between_points() -> None:
+    """b falls from 1 to 0.5 over 0.5: ω = (b_0 − b_1)/0.5; a point on a straight fall has no one derivative."""
+    law = SHAPES["piecewise-linear"].build(points=[(0.0, 1.0), (0.5, 0.5), (2.0, 0.3)])
+    assert [law_slopes(law, f"points.{i}").omega() for i in range(3)] == pytest.approx([2.0, -2.0, 0.0])
+    law = SHAPES["piecewise-linear"].build(points=[(0.0, 1.0), (0.5, 0.5), (1.0, 0.0)])
+    assert np.isnan(law_slopes(law, "points.1").omega())
 
 
 def test_strength_is_a_factor_and_others_are_refused() -> None:

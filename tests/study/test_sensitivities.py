@@ -16,7 +16,9 @@ from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.summary import summary
-from tcstudy.scene.study import Study
+from tcstudy.scene.parameters import with_number
+from tcstudy.scene.records import Scene
+from tcstudy.scene.study import Sensitivity, Study
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.study.sensitivities import of_point
 
@@ -39,6 +41,7 @@ NUMBERS = {
     "friction.delta": 0.03,
     "friction.strength": 1.0,
     "E": 2.0,
+    "nu": 0.25,
     "alpha_T": 0.05,
     "k": 0.7,
     "alpha": 0.8,
@@ -50,7 +53,7 @@ NUMBERS = {
     "boundary.left.u_x": 0.002,
 }
 KEYS = {"loads.f_x": "loads.f=[{}, -0.02]", "boundary.right.g_y": "boundary.right.g=[0.02, {}]"}
-QUANTITIES = ("u_T_max", "friction_resultant", "theta_mean")
+QUANTITIES = ("u_T_max", "friction_resultant", "theta_mean", "energy", "lambda_1", "omega")
 
 
 def asking(text: str, *names: str) -> Study:
@@ -65,18 +68,23 @@ def level() -> Level:
 
 def results(level: Level, text: str, *overrides: str) -> tuple[np.ndarray, np.ndarray]:
     """The numbers of QUANTITIES and u_T on the same mesh."""
-    scene = read_study_text(text, overrides=overrides).scenes[0]
+    return numbers_of(level, read_study_text(text, overrides=overrides).scenes[0])
+
+
+def numbers_of(level: Level, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """The same of a scene."""
     problem = level.condensed(scene).problem
     answer = solve_contact(problem)
-    values = [np.max(np.abs(answer.v)), answer.xi.sum(), level.temperature(scene).mean]
-    return np.array(values), answer.v
+    energy = problem.energy(answer.v) + level.condensed(scene).constant
+    values = [np.max(np.abs(answer.v)), answer.xi.sum(), level.temperature(scene).mean, energy, level.lambda_1(scene)]
+    return np.array([*values, problem.law.omega]), answer.v
 
 
 @pytest.mark.parametrize("theta_bar", ["0.2", '"0.2 + 0.1*x"'])
 def test_every_kind_of_number_against_differences(level: Level, theta_bar: str) -> None:
     """Differences of points solved on the same mesh, whose nodes keep their pieces."""
     text = BRACKET.replace("theta_bar: 0.2", f"theta_bar: {theta_bar}")
-    names = [name for name in NUMBERS if theta_bar == "0.2" or name in ("k", "alpha", "E")]
+    names = [name for name in NUMBERS if theta_bar == "0.2" or name in ("k", "alpha", "E", "nu")]
     study = asking(text, *names)
     _, v = results(level, text)
     found = of_point(level, study.scenes[0], v, study.output.sensitivity)
@@ -97,6 +105,57 @@ def test_every_kind_of_number_against_differences(level: Level, theta_bar: str) 
         exact = np.array([found[name_of(quantity, name)] for quantity in QUANTITIES])
         np.testing.assert_allclose(exact, apart, rtol=1e-7, atol=1e-9, err_msg=name)
     assert found[name_of("lambda_1", "E")] == pytest.approx(level.lambda_1(study.scenes[0]) / 2.0)
+
+
+LAYERED = """
+units: none
+body: {rectangle: {width: 2, height: 1}, regions: {coat: {rectangle: {corner: [0, 0.75], width: 2, height: 0.25}}}}
+boundary:
+  bottom: {role: contact, heat: {theta_bar: "0.1 + 0.2*x"}}
+  left: {role: clamped, u_x: 0.002, u_y: free, heat: {theta: 0.3}}
+  top: {role: convection, pressure: 0.03, alpha: 1.3, theta_bar: 0.4}
+  right: {role: traction, g: [0.02, 0.01], spring: {normal: 0.3, tangential: 0.1}, heat: {flux: 0.1}}
+material: {E: 2, nu: 0.25, plane: PLANE, k: 0.7, alpha_T: 0.05}
+materials: {coat: {E: 3, nu: 0.1, k: 1.4, beta: 0.2}}
+heat: {alpha: 0.8, q: 0.6}
+friction: {law: exponential, a: 0.06, b: 0.02, delta: 0.03}
+mesh: {maxh: 0.3}
+"""
+OF_LAYERS = {
+    **{"material.E": 2.0, "material.nu": 0.25, "material.alpha_T": 0.05, "material.k": 0.7, "heat.q": 0.6, "load": 1.0},
+    **{"materials.coat.E": 3.0, "materials.coat.nu": 0.1, "materials.coat.k": 1.4, "materials.coat.beta": 0.2},
+    **{"boundary.right.spring.normal": 0.3, "boundary.right.spring.tangential": 0.1, "boundary.top.theta_bar": 0.4},
+    **{"heat.alpha": 0.8, "boundary.top.alpha": 1.3, "boundary.right.heat.flux": 0.1},
+    **{"boundary.left.heat.theta": 0.3, "boundary.left.u_x": 0.002, "friction.delta": 0.03},
+}
+
+
+@pytest.mark.parametrize("plane", ["strain", "stress"])
+def test_layers_springs_and_heat_by_edge_against_differences(plane: str) -> None:
+    """Numbers that change the stiffness as a matrix, or the heat problem: the same bar, on the same mesh."""
+    text = LAYERED.replace("PLANE", plane)
+    study = asking(text, *OF_LAYERS)
+    scene = study.scenes[0]
+    own = Level(Meshes(study).next(0), scene)
+    _, v = results(own, text)
+    found = of_point(own, scene, v, study.output.sensitivity)
+    assert found["sensitivity_status"] == DIFFERENTIABLE
+    for name, value in OF_LAYERS.items():
+        number = next(one for one in study.output.sensitivity if one.name == name)
+
+        def at(share: float, name: str = name, value: float = value, number: Sensitivity = number) -> np.ndarray:
+            if name != "load":  # the fit's way to the same scene
+                other = read_study_text(text, overrides=[f"{name}={value * (1.0 + share)!r}"]).scenes[0]
+                mine = with_number(scene, number, value * (1.0 + share))
+                np.testing.assert_allclose(*(own.condensed(s).problem.l_tilde for s in (mine, other)), rtol=1e-12)
+            else:
+                mine = with_number(scene, number, value * (1.0 + share))
+            return numbers_of(own, mine)[0]
+
+        h = 1e-4
+        coarse, fine = ((at(step) - at(-step)) / (2.0 * step * value) for step in (2.0 * h, h))
+        exact = np.array([found[name_of(quantity, name)] for quantity in QUANTITIES])
+        np.testing.assert_allclose(exact, (4.0 * fine - coarse) / 3.0, rtol=1e-7, atol=3e-9, err_msg=name)
 
 
 def test_a_sweep_keeps_them_with_units_and_show_prints_them(tmp_path: Path) -> None:
@@ -150,7 +209,7 @@ def test_no_derivative_at_an_event(level: Level) -> None:
 
 
 REFUSED = {
-    "nu": "it changes the stiffness as a matrix",
+    "body.rectangle.width": "it moves the mesh",
     "frction.delta": "did you mean 'friction.delta'",
     "E, material.E": "is given twice",
     "boundary.top.g_x, theta": "this study has no number theta by which",

@@ -1,0 +1,181 @@
+"""Derivatives of the whole body's problem A(p) u = l(p) by one number of its scene, and what follows for contact.
+
+With û the displacement of the body at a solution, prescribed part included, and E the extension of contact nodes,
+
+    r = ∂l̃/∂p − (∂Ã/∂p) v = Eᵀ(∂l/∂p − (∂A/∂p) û)           one forward elimination
+    ∂(energy)/∂p = ½ ûᵀ(∂A/∂p)û − (∂l/∂p)ᵀû + (Aû − l)ᵀ ∂w_D/∂p         envelope theorem; friction's part is the law's
+    ∂λ₁/∂p = x̂ᵀ(∂A/∂p)x̂ / xᵀCx,   x̂ = E x, x the eigenvector
+
+exactly, for E and ν of the body or of a region, stiffness of springs, α of edges and k of regions (the heat problem
+solved once more with what the change puts in: −∫_e (θ − θ̄)φ, −∫_ω ∇θ·∇φ), and all in which the load is affine.
+
+Left out: the geometry, which moves the mesh.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tcstudy.fem.forms import Moduli, Springs
+from tcstudy.offline.level import Level
+from tcstudy.offline.loads import unloaded
+from tcstudy.scene.moduli import moduli_slope
+from tcstudy.scene.parameters import path_scene
+from tcstudy.scene.records import Convection, EdgeHeat, Rigid, Role, Scene, Traction, exchanges
+from tcstudy.scene.study import Sensitivity
+
+Array = NDArray[np.float64]
+
+
+def bare(scene: Scene, *kept: type) -> Scene:
+    """The scene without any load, those of edges of the kept roles apart; its temperature is 0."""
+    heat = scene.heat
+    cold = replace(heat, theta=0.0) if heat.theta is not None else replace(heat, theta_bar=0.0, q=0.0)
+    boundary = tuple((name, _unloaded(role, isinstance(role, kept))) for name, role in scene.boundary)
+    return replace(scene, boundary=boundary, f=(0.0, 0.0), heat=cold)
+
+
+def _unloaded(role: Role, kept: bool) -> Role:
+    """The role without load, prescribed displacement and heat; kept: without heat alone."""
+    if (own := role.heat) is not None:
+        cold = EdgeHeat(None if own.theta is None else 0.0, 0.0, own.alpha, None if own.theta_bar is None else 0.0)
+        role = replace(role, heat=cold)
+    return role if kept else unloaded(role)
+
+
+def affine_scene(scene: Scene, path: tuple[str, ...]) -> Scene:
+    """The scene whose load is the derivative by a number in which the load is affine."""
+    if path != ("load",):
+        return path_scene(bare(scene), path, 1.0)
+    loads = replace(bare(scene, Traction, Convection), f=scene.f)
+    forces = {name: role.force for name, role in scene.boundary if isinstance(role, Rigid)}
+    boundary = ((name, replace(role, force=forces[name]) if name in forces else role) for name, role in loads.boundary)  # type: ignore[arg-type]
+    return replace(loads, boundary=tuple(boundary))
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What a number changes of the whole body.
+
+    moduli, springs: of ∂A/∂p;  load: (2n,) ∂l/∂p in x and y;  held: (2n,) ∂w_D/∂p in local rows
+    theta_mean:      ∂(mean θ)/∂p
+    """
+
+    moduli: Moduli
+    springs: Springs
+    load: Array
+    held: Array
+    theta_mean: float
+
+
+def change_of(level: Level, scene: Scene, by: Sensitivity) -> Change:
+    """∂A/∂p, ∂l/∂p and ∂w_D/∂p. Raises KeyError for a number that there is not."""
+    path, none = by.path, np.zeros(2 * level.mesh.n_points)
+    if path[0] == "friction":
+        return Change((), (), none, none, 0.0)
+    if path[0] in ("material", "materials"):
+        return _by_material(level, scene, by)
+    if path[-2:-1] == ("spring",):
+        normal, tangential = (float(path[-1] == name) for name in ("normal", "tangential"))
+        return Change((), ((path[1], normal, tangential),), none, none, 0.0)
+    if path[-1] == "alpha":
+        theta = level.temperatures.response(scene, level.temperatures.exchanged(scene, exchanging(scene, path)))
+        return Change((), (), _heated(level, scene, theta), none, level.temperatures.mean_of(theta))
+    linear = affine_scene(scene, path)
+    values = level.held_values(linear)
+    theta_mean = level.temperature(linear).mean if path[0] == "heat" or linear.heat_by_edge else 0.0
+    return Change((), (), level.load(linear), values, theta_mean)
+
+
+def exchanging(scene: Scene, path: tuple[str, ...]) -> tuple[str, ...]:
+    """The edges whose α a number is: one, or all without an α of their own."""
+    if path[0] == "boundary":
+        return (path[1],)
+    return tuple(name for name, role in scene.boundary if exchanges(role) and not (role.heat and role.heat.alpha))
+
+
+def _by_material(level: Level, scene: Scene, by: Sensitivity) -> Change:
+    none, pieces = np.zeros(2 * level.mesh.n_points), scene.pieces
+    where, own = pieces[0] if by.path[0] == "material" else next(one for one in pieces if one[0] == (by.path[1],))
+    slope = moduli_slope(own, by.path[-1], by.heat_grows)
+    moduli: Moduli = ((where, slope.lam, slope.mu),) if slope.lam or slope.mu else ()
+    load, mean = none, 0.0
+    if slope.beta:
+        load = slope.beta * level.elastic.expansion(level.temperature(scene).theta, where)
+    if slope.k and scene.heat.theta is None and scene.conducts:
+        flows = level.elastic.conduction(((where, 1.0),)) @ level.temperature(scene).theta
+        theta = level.temperatures.response(scene, -flows)
+        load, mean = load + _heated(level, scene, theta), level.temperatures.mean_of(theta)
+    return Change(moduli, (), load, none, mean)
+
+
+def _heated(level: Level, scene: Scene, theta: Array) -> Array:
+    """(2n,) the load of a temperature at the nodes."""
+    loads = (own.beta * level.elastic.expansion(theta, where) for where, own in scene.pieces if own.beta != 0.0)
+    return np.asarray(sum(loads, np.zeros(2 * level.mesh.n_points)))
+
+
+@dataclass(frozen=True)
+class WholeBody:
+    """A scene on a level at a solution v (m,) of its contact problem."""
+
+    level: Level
+    scene: Scene
+    v: Array
+
+    @cached_property
+    def u(self) -> Array:
+        """(2n,) the displacement in x and y."""
+        return self.level.displacement(self.scene, self.level.condensed(self.scene), self.v)
+
+    def right_side(self, change: Change) -> Array:
+        """(m,) ∂l̃/∂p − (∂Ã/∂p) v, prescribed displacements apart (`offline.slopes` has those)."""
+        return self.level.condensed_of(self.scene, change.load - self._times(change, self.u))
+
+    def energy(self, change: Change) -> float:
+        """∂/∂p of the energy but for that of friction, v being kept [J/m per unit of p]."""
+        u = self.u
+        found = 0.5 * float(u @ self._times(change, u)) - float(change.load @ u)
+        if np.any(change.held):
+            found += float(self.reaction @ change.held)
+        return found
+
+    @cached_property
+    def reaction(self) -> Array:
+        """(2n,) Aû − l in local rows."""
+        moduli = tuple((where, one.lam, one.mu) for where, one in self.scene.pieces)
+        whole = Change(moduli, self.scene.springs, np.zeros(0), np.zeros(0), 0.0)
+        return self.level.frames.local(self._times(whole, self.u) - self.level.load(self.scene))
+
+    def lambda_1(self, change: Change) -> float:
+        """∂λ₁/∂p; NaN where λ₁ is a double eigenvalue."""
+        if not change.moduli and not change.springs:
+            return 0.0
+        (first, second), x = self._least
+        if second - first <= 1e-9 * second:
+            return float("nan")
+        moved = self.level.extension(self.scene, x)
+        return float(moved @ self._times(change, moved))
+
+    @cached_property
+    def _least(self) -> tuple[Array, Array]:
+        """λ₁ and the next eigenvalue, and the eigenvector x (m,) with xᵀCx = 1."""
+        problem = self.level.condensed(self.scene).problem
+        last = min(1, problem.m - 1)
+        values, vectors = scipy.linalg.eigh(problem.A_tilde, np.diag(problem.c), subset_by_index=[0, last])
+        return np.append(values, np.inf)[:2], vectors[:, 0]
+
+    def _times(self, change: Change, u: Array) -> Array:
+        """(∂A/∂p) u, (2n,) in x and y."""
+        level, found = self.level, np.zeros(len(u))
+        if change.moduli:
+            found += level.elastic.stiffness_of(change.moduli) @ u
+        if change.springs:
+            R = level.frames.rotation
+            found += R @ (level.elastic.springs(change.springs, level.frames) @ (R.T @ u))
+        return found
