@@ -220,7 +220,7 @@ REFUSED = {
     ("alpha_T: {start: 8e-6", "heat.theta: {start: 8e-6"): "is not a unit of a temperature",
     ("\n20.000000,", "\nnan,"): "heated.csv:2:1: 'nan' is no number",
     ("file: heated.csv", "file: warmed.csv"): "name a CSV table beside the study",
-    ("\n20.000000,", "\n1e999,"): "heated.csv:2:1: '1e999' is too large for a number",
+    ("\n20.000000,", "\n1e999,"): "heated.csv:2:1: 1e999 K is too large for a number",
     ("T [K],u [um]", "T [K],T [K]"): "heated.csv:1:7: the heading 'T [K]' stands twice",
     ("T [K],u [um],R [kN/m]\n", ""): "heated.csv:1:1: the table has no headings",
     ("T [K],u [um],R", "T [K];u [um];R"): "heated.csv:1:1: columns are separated by semicolons; write commas",
