@@ -284,10 +284,15 @@ def _parameter(
 
 def _refused(scene: Scene, number: Sensitivity, value: float) -> str:
     """Why a scene cannot have this value; empty if it can."""
-    if number.path in (("material", "E"), ("material", "k")) and value <= 0.0:
+    section, name = number.path[0], number.path[-1]
+    if name in ("E", "k") and section in ("material", "materials") and value <= 0.0:
         return "must be above 0"
-    if number.path == ("heat", "alpha") and value <= 0.0:
+    if name == "nu" and not -1.0 < value < 0.5:
+        return "must lie between -1 and 0.5"
+    if name == "alpha" and section in ("heat", "boundary") and value <= 0.0:
         return "must be above 0, or the heat of the body cannot be told"
+    if number.path[-2:-1] == ("spring",) and value < 0.0:
+        return "must be at least 0"
     try:
         with_number(scene, number, value)
     except (LawError, GrowthError) as error:

@@ -212,7 +212,11 @@ REFUSED = {
     ("0.5 um", "-1 um"): "fit.noise.u_T_max: must be above 0",
     ('"R [kN/m]"', '"Q [kN/m]"'): "the table has no column 'Q [kN/m]'",
     ('u_T_max: "u', 'u_Tmax: "u'): "'u_Tmax' is neither a result nor a parameter of the load; did you mean 'u_T_max'",
-    ("friction.tau:", "nu:"): "it changes the stiffness as a matrix",
+    ("friction.tau:", "body.rectangle.width:"): "it moves the mesh",
+    (
+        "alpha_T: {start: 8e-6 1/K, within: [1e-6 1/K, 1e-4 1/K]",
+        "nu: {start: 0.3, within: [0, 0.6]",
+    ): "between -1 and 0.5",
     ("start: 2 MPa", "start: 40 MPa"): "lies outside within",
     ("[0.2 MPa, 20 MPa]", "[-1 MPa, 20 MPa]"): "friction.tau = -1e+06: tau: must be at least 0",
     ("mesh: {maxh: 20 mm}", "mesh: {maxh: 20 mm}\nsweep: {tau: [1 MPa, 2 MPa]}"): "but the study has a sweep",
