@@ -75,7 +75,7 @@ def draw(
 def report(file: str | FilePath, target: str | FilePath | None = None, *, without: Sequence[str] = ()) -> FilePath:
     """Make one HTML page of a result file of any kind (FILE.html unless named); returns its name.
 
-    without: parts to leave out: "levels", "live", "body", "lines". Raises StoreError, PageError, UsageError.
+    without: parts to leave out: "levels", "live", "body", "memory", "lines". Raises StoreError, PageError, UsageError.
     """
     from tcstudy.reports.page import LEAVE_OUT, write_page
 

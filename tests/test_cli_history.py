@@ -72,11 +72,11 @@ def test_bad_input_is_one_line_and_exit_code_2(folder: Path, words: tuple[str, .
     assert sorted(p.name for p in folder.iterdir()) == ["strip.yaml"]
 
 
-def test_there_is_no_page_of_a_history(folder: Path) -> None:
+def test_a_history_has_a_page(folder: Path) -> None:
     tcstudy_command("history", "strip.yaml", "--set", "history.repeat=1", cwd=folder)
     result = tcstudy_command("report", "results/strip-history.nc", cwd=folder)
-    assert result.returncode == 2
-    assert "is a load history, of which there is no page; use tcstudy show, draw and export" in result.stderr
+    assert result.returncode == 0
+    assert result.stdout.startswith("results/strip-history.html: ")
 
 
 def test_plan_tells_of_the_file_of_a_history(folder: Path) -> None:

@@ -119,7 +119,7 @@ def sensitivity(options: argparse.Namespace) -> int:
 
 _TABLES = "of a convergence file: the point whose tables to show"
 _PAGE = "the page (default: FILE.html)"
-_WITHOUT = "leave out what makes a page large: levels, live, body or lines (may be repeated)"
+_WITHOUT = "leave out what makes a page large: levels, live, body, memory or lines (may be repeated)"
 DRAWN = (
     Option("--x", metavar="NAME", help="curves of a whole run over this swept parameter"),
     Option("--y", metavar="NUMBER", help="what the curves are of, e.g. slip_length"),

@@ -32,12 +32,11 @@ from tcstudy.errors import UsageError
 from tcstudy.reports.page.point_part import contact_line
 from tcstudy.reports.picture import BodyFields, body_fields
 from tcstudy.reports.select_point import Value, labels, level_number, matching
-from tcstudy.reports.stored_study import file_order, stored_study
+from tcstudy.reports.stored_study import file_order, law_of_nodes, stored_study
 from tcstudy.reports.vtk_files import SYMMETRIC, Grid, Values, write_collection, write_lines, write_mesh
 from tcstudy.scene.contact_states import ContactState, node_states
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.nodal_laws import Law, each, nodal
-from tcstudy.scene.records import EdgeLaws, Material
+from tcstudy.scene.nodal_laws import each
+from tcstudy.scene.records import Material
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -119,16 +118,6 @@ def _write_point(
     words = ("slip", "stick") if law is None else tuple(state.name.lower() for state in ContactState)
     write_lines(folder / f"{name}.vtp", _line(group, states, words, about))
     yield i, LINE, "contact line", f"{name}.vtp"
-
-
-def law_of_nodes(friction: FrictionLaw | EdgeLaws, group: Any) -> Law:
-    """The law of the contact line of a stored level, or of its nodes."""
-    if isinstance(friction, FrictionLaw):
-        return friction
-    xy = np.stack([group["x"].values, group["y"].values], axis=1)
-    names = str(group["edge"].attrs.get("flag_meanings", "")).split()
-    index, strength = friction.along(names, group["edge"].values, xy)
-    return nodal([law for _, law, _ in friction.laws], index, strength)
 
 
 def _file_name(start: str, point: list[Label]) -> str:

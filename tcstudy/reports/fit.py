@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tcstudy.data.fit_store import open_fit
 from tcstudy.reports.tables import plain_table
@@ -24,8 +25,8 @@ ABOUT = (
     *("solves", "evaluations", "message"),
 )
 """Attributes of a file that are told of it as they are."""
-DOUBTS = ("determined:", "do not agree", "wrong shape", "too coarse", "not known")
-"""Words of what speaks against a fit."""
+BAND = 1.96
+"""Half width of a band of 95 % in standard errors."""
 
 
 def fit_summary(path: Path) -> str:
@@ -52,7 +53,7 @@ def fit_brief(path: Path) -> dict[str, Any]:
         divisor, unit = prefix([estimate], units[i])
         value = f"{number(estimate / divisor)} ± {number(error / divisor, 2)}"
         words.append(f"{name} = {value} {unit}".removesuffix(" 1"))
-    doubts = [line.strip() for line in _said(data)[0].split("\n") if any(doubt in line for doubt in DOUBTS)]
+    doubts = [said for said, doubt in fit_doubts(data) if doubt]
     about = {key: data.attrs[key] for key in ABOUT if key in data.attrs}
     found = {"title": str(data.attrs["title"]), "verdict": "; ".join([", ".join(words), *doubts]), "parameters": told}
     lists = {key: data[key].values.tolist() for key in ("covariance", "singular_value", "singular_vector")}
@@ -63,8 +64,7 @@ def fit_brief(path: Path) -> dict[str, Any]:
 def _estimates(data: Any) -> str:
     """A row for each number, with its correlations."""
     names = [str(name) for name in data["parameter"].values]
-    covariance = data["covariance"].values
-    error = np.sqrt(np.diagonal(covariance))
+    correlations = correlation(data)
     rows = []
     for i, name in enumerate(names):
         low, high = data["interval"].values[i]
@@ -72,60 +72,91 @@ def _estimates(data: Any) -> str:
         divisor, unit = prefix([estimate], units)
         between = f"{number(low / divisor)} … {number(high / divisor)}" if np.isfinite(low) else "on its bound"
         own = [number(estimate / divisor, 5), number(float(data["standard_error"][i]) / divisor, 2), between]
-        with np.errstate(invalid="ignore"):
-            correlated = covariance[i] / (error[i] * error)
-        rows.append([name, *own, unit, *(number(x, 2) for x in correlated[:i]), *("" for _ in names[i:])])
+        rows.append([name, *own, unit, *(number(x, 2) for x in correlations[i, :i]), *("" for _ in names[i:])])
     header = ["number", "estimate", "standard error", "95 % interval", "unit"]
     header += [f"corr. {k + 1}" for k in range(len(names))]
     last = len(header) - 1  # nothing stands above the diagonal
     return plain_table(header[:last], [row[:last] for row in rows])
 
 
-def _said(data: Any) -> list[str]:
-    """What the data do not determine, and whether the model has their shape."""
-    about, n = data.attrs, data.sizes["datum"]
+def columns(data: Any) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """(name, units) of the given and of the measured columns."""
+    found = []
+    for key in ("given", "measured"):
+        words = [word.rpartition(" [") for word in str(data.attrs[key]).split("; ") if word]
+        found.append([(name, units.removesuffix("]")) for name, _, units in words])
+    return found[0], found[1]
+
+
+def prediction_error(data: Any) -> NDArray[np.float64]:
+    """(n,) standard errors of the values of the study at the data, in the units of the data."""
+    J, covariance = data["jacobian"].values, np.nan_to_num(data["covariance"].values)
+    return np.asarray(np.sqrt(np.maximum(np.einsum("nk,kl,nl->n", J, covariance, J), 0.0)) * data["noise"].values)
+
+
+def correlation(data: Any) -> NDArray[np.float64]:
+    """(n, n) correlations of the numbers, NaN for one on its bound."""
+    covariance = data["covariance"].values
+    error = np.sqrt(np.diagonal(covariance))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(covariance / np.outer(error, error))
+
+
+def fit_doubts(data: Any) -> list[tuple[str, bool]]:
+    """Sentences on what the data do not determine and whether the study has their shape; True where one is a doubt."""
+    about = data.attrs
     freedom, square = int(about["degrees_of_freedom"]), float(about["chi_square"])
-    lines = []
+    found = []
     if about["not_determined"]:
-        lines.append(f"  not determined: {about['not_determined']}; the data determine {about['determined']} only")
+        told = f"not determined: {about['not_determined']}; the data determine {about['determined']} only"
+        found.append((told, True))
     wide = [
         str(data["parameter"].values[i])
         for i in range(data.sizes["parameter"])
         if np.ptp(data["interval"].values[i]) > 2.0 * WIDE * abs(float(data["estimate"][i]))
     ]
     if wide:
-        lines.append(f"  hardly determined: {', '.join(wide)}: the interval is wider than the number")
+        found.append((f"hardly determined: {', '.join(wide)}: the interval is wider than the number", True))
     if int(about["known_noise"]):
         p = float(about["fit_probability"])
         verdict = "the data do not agree with the study and this noise" if p < DOUBT else "as the noise lets expect"
         shown = number(square / max(freedom, 1), 3)
-        lines.append(f"  χ² per degree of freedom {shown} ({freedom}), probability {number(p, 2)}: {verdict}")
+        told = f"χ² per degree of freedom {shown} ({freedom}), probability {number(p, 2)}: {verdict}"
+        found.append((told, p < DOUBT))
     else:
         shown = number(np.sqrt(square / max(freedom, 1)), 3)
-        lines.append(f"  noise estimated from the residuals: {shown} of what was assumed (1 % of a column's range)")
-    lines += _mesh(data)
+        told = f"noise estimated from the residuals: {shown} of what was assumed (1 % of a column's range)"
+        found.append((told, False))
+    found += _mesh(data)
     p = float(about["runs_probability"])
     verdict = "the curve may be of the wrong shape" if p < DOUBT else "no trend"
-    lines.append(f"  signs of the residuals: {int(about['runs'])} runs, probability {number(p, 2)}: {verdict}")
+    told = f"signs of the residuals: {int(about['runs'])} runs, probability {number(p, 2)}: {verdict}"
+    return [*found, (told, p < DOUBT)]
+
+
+def _said(data: Any) -> list[str]:
+    """The same as lines, and how much work the fit was."""
+    about, n = data.attrs, data.sizes["datum"]
     evaluations, solves = int(about["evaluations"]), int(about["solves"])
     what = "paths followed" if about["compare"] == "orthogonal" else "contact problems solved"
-    lines.append(
-        f"  {n} data ({about['data_file']}), {about['compare']}, {counted(evaluations, 'evaluation')}, {solves} {what} "
+    work = (
+        f"{n} data ({about['data_file']}), {about['compare']}, {counted(evaluations, 'evaluation')}, {solves} {what} "
         f"in all; AICc {number(float(about['information_criterion']), 5)}"
     )
-    return ["\n".join(lines)]
+    return ["\n".join(f"  {line}" for line in [*(told for told, _ in fit_doubts(data)), work])]
 
 
-def _mesh(data: Any) -> list[str]:
+def _mesh(data: Any) -> list[tuple[str, bool]]:
     """What the mesh does to the numbers."""
     if "mesh_shift" not in data:  # an older file
         return []
     shift, names = data["mesh_shift"].values, data["parameter"].values
     if not np.any(np.isfinite(shift)):
-        return ["  mesh: what it does to the numbers is not known"]
+        return [("mesh: what it does to the numbers is not known", True)]
     told = ", ".join(f"{name} by {x:+.2f}" for name, x in zip(names, shift, strict=True) if np.isfinite(x))
-    verdict = "too coarse for these data; refine" if np.nanmax(np.abs(shift)) > COARSE else "fine enough"
-    return [f"  mesh: half its size would move {told} standard errors: {verdict}"]
+    coarse = bool(np.nanmax(np.abs(shift)) > COARSE)
+    verdict = "too coarse for these data; refine" if coarse else "fine enough"
+    return [(f"mesh: half its size would move {told} standard errors: {verdict}", coarse)]
 
 
 def _starts(data: Any) -> str:

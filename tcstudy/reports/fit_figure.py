@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.fit_store import open_fit
 from tcstudy.reports import style
+from tcstudy.reports.fit import BAND, columns, prediction_error
 from tcstudy.reports.text import number, prefix, pretty
 
 if TYPE_CHECKING:
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-HEIGHT, BAND = 6.4, 1.96
-"""Height of the picture [inch]; half width of a band of 95 % in standard errors."""
+HEIGHT = 6.4
+"""Height of the picture [inch]."""
 DATA: dict[str, Any] = {"color": style.INK, "marker": "o", "markersize": 3, "linestyle": "none", "linewidth": 0.7}
 NAMES = {
     "friction_resultant": "friction resultant",
@@ -68,23 +69,14 @@ def _caption(data: Any) -> str:
     return ",  ".join(found)
 
 
-def _columns(data: Any) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-    """(name, units) of the given and of the measured columns."""
-    found = []
-    for key in ("given", "measured"):
-        words = [word.rpartition(" [") for word in str(data.attrs[key]).split("; ") if word]
-        found.append([(name, units.removesuffix("]")) for name, _, units in words])
-    return found[0], found[1]
-
-
 def _curve(axes: Axes, data: Any) -> None:
     """Data and curve of the first measured column."""
-    given, measured = _columns(data)
+    given, measured = columns(data)
     own = data["measured_column"].values == 0
     x, y = data["datum_given"].values[own], data["datum"].values[own]
     across, x_unit = style.axis_unit(x, given[0][1] if given else "1")
     up, y_unit = style.axis_unit(y, measured[0][1])
-    error = _prediction_error(data)[own]
+    error = prediction_error(data)[own]
     at, fitted = data["predicted_given"].values[own], data["predicted"].values[own]
     if "curve_given" in data:
         axes.plot(data["curve_given"] / across, data["curve_measured"] / up, color=style.BLUE, linewidth=1.2, zorder=3)
@@ -108,12 +100,6 @@ def _curve(axes: Axes, data: Any) -> None:
     axes.set_xlabel(style.labelled(name, x_unit))
     axes.set_ylabel(style.labelled(NAMES[measured[0][0]], y_unit))
     axes.legend(fontsize=8, frameon=False)
-
-
-def _prediction_error(data: Any) -> Array:
-    """(n,) standard errors of the values of the study at the data, in the units of the data."""
-    J, covariance = data["jacobian"].values, np.nan_to_num(data["covariance"].values)
-    return np.asarray(np.sqrt(np.maximum(np.einsum("nk,kl,nl->n", J, covariance, J), 0.0)) * data["noise"].values)
 
 
 def _oblique_band(axes: Axes, data: Any, x: Array, y: Array) -> None:

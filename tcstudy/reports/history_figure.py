@@ -13,7 +13,7 @@ from tcstudy.data.history_store import open_history
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import DrawError
 from tcstudy.reports import style
-from tcstudy.reports.history_summary import SAME, cycle_words
+from tcstudy.reports.history_summary import MOVES, last_change, motion
 from tcstudy.reports.paper import KEY_LINE, LINE, Paper
 from tcstudy.reports.select_point import Value, describe, locate
 from tcstudy.reports.text import counted
@@ -32,13 +32,8 @@ NEAR = 0.06
 """Steps closer to each other than this part of the panel share a name's place."""
 NAMED = 12
 """Most names of steps that stand beside the loop."""
-MOTION = (
-    (style.SHADE, "rests"),
-    ("#7fb8de", "slides along t"),
-    ("#e69f00", "slides back"),
-    (style.VERMILLION, "jumps"),
-)
-"""Colours and words for what a node does in a step."""
+MOTION = (style.SHADE, "#7fb8de", "#e69f00", style.VERMILLION)
+"""Colours of MOVES."""
 
 
 def draw_history(
@@ -91,7 +86,7 @@ def history_figure(data: Any, x: str, y: str, point: str, look: style.Look) -> F
     """The figure of one history, its solved steps; call it within `style.styled()` for its letters."""
     spent, ends = _cycles(data)
     several = len(spent) > 1
-    told = [f"memory: {data.attrs['memory']}", counted(data.sizes["step"] - 1, "step"), cycle_words(data)]
+    told = [f"memory: {data.attrs['memory']}", counted(data.sizes["step"] - 1, "step"), last_change(data).words]
     paper = Paper(
         look, LEFT, data.attrs["title"], [*filter(None, [style.point_words(point)]), ";  ".join(filter(None, told))]
     )
@@ -170,22 +165,19 @@ def _draw_motion(axes: Axes, data: Any) -> list[Any]:
     from matplotlib.patches import Patch
 
     u = data["u_T"].values
-    moved = np.diff(u, axis=0)
-    still = SAME * (float(np.abs(u).max()) or 1.0)
-    what = np.where(np.abs(moved) <= still, 0, np.where(moved > 0.0, 1, 2))
-    what = np.where(data["jumped"].values[1:] == 1, 3, what)
+    what = motion(u, data["jumped"].values if "jumped" in data else None)[1:]
     order = np.argsort(data["arclength"].values, kind="stable")
     ends = np.concatenate([[0.0], np.cumsum(data["c"].values[order])])
     metre, unit = style.axis_unit([ends[-1]], str(data["arclength"].attrs["units"]))
     norm = BoundaryNorm(np.arange(len(MOTION) + 1) - 0.5, len(MOTION))
-    colours = ListedColormap([colour for colour, _ in MOTION])
+    colours = ListedColormap(MOTION)
     steps = np.arange(len(u)) + 0.5
     axes.pcolormesh(steps, ends / metre, what[:, order].T, cmap=colours, norm=norm, rasterized=True)
     for i in np.flatnonzero(np.diff(data["cycle"].values[1:])):
         axes.axvline(i + 1.5, color=style.INK, linewidth=0.7, linestyle=(0, (4, 2)))
     axes.set_xlabel("step (dashed: cycles)" if data["cycle"].values[-1] > 1 else "step")
     axes.set_ylabel(style.labelled("arclength", unit))
-    return [Patch(color=MOTION[k][0], label=MOTION[k][1]) for k in range(len(MOTION)) if np.any(what == k)]
+    return [Patch(color=MOTION[k], label=MOVES[k]) for k in range(len(MOTION)) if np.any(what == k)]
 
 
 def _cycles(data: Any) -> tuple[Array, NDArray[np.intp]]:

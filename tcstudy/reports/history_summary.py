@@ -23,6 +23,21 @@ SAME = 1e-9
 """Changes below this part of the largest slip are none; equal changes agree as well."""
 
 
+MOVES = ("rests", "slides along t", "slides back", "jumps")
+"""What a node may do in a step."""
+
+
+def motion(u_T: Array, jumped: NDArray[np.int8] | None) -> NDArray[np.int8]:
+    """(N, m) place in MOVES of every node in every step; in step 0 against zero.
+
+    u_T: (N, m) of the steps that were solved;  jumped: (N, m) 1 where a node moved by a jump, None where none can
+    """
+    moved = np.diff(u_T, axis=0, prepend=0.0)
+    still = SAME * (float(np.abs(u_T).max()) or 1.0)
+    what = np.where(np.abs(moved) <= still, 0, np.where(moved > 0.0, 1, 2)).astype(np.int8)
+    return what if jumped is None else np.where(jumped == 1, np.int8(3), what)
+
+
 @dataclass(frozen=True)
 class CycleChange:
     """What the last cycle has changed.
@@ -153,13 +168,13 @@ def _certified(part: Any, i: int) -> str:
     return "–"
 
 
-def cycle_words(part: Any) -> str:
-    """What the last whole cycle of a point's history has changed; empty where there are less than two."""
+def last_change(part: Any) -> CycleChange:
+    """What the last whole cycle of a point's history has changed."""
     status, cycle, spent = part["status"].values, part["cycle"].values, part["dissipated"].values
     whole = [c for c in range(1, int(cycle.max()) + 1) if np.all(status[cycle == c] == PointStatus.OK)]
     ends = [0, *(int(np.flatnonzero(cycle == c)[-1]) for c in whole)]
     each = np.array([spent[cycle == c].sum() for c in whole])
-    return cycle_change(part["u_T"].values[ends], each, str(part["u_T"].attrs["units"])).words
+    return cycle_change(part["u_T"].values[ends], each, str(part["u_T"].attrs["units"]))
 
 
 def _sentences(part: Any) -> list[str]:
@@ -169,7 +184,7 @@ def _sentences(part: Any) -> list[str]:
     done = np.flatnonzero(status == PointStatus.OK)
     if not len(done):
         return [f"no step was solved: {part['reason'].values.item()}"]
-    if words := cycle_words(part):
+    if words := last_change(part).words:
         found.append(words)
     worst = float(np.nanmax(part["inclusion_residual"].values[done]))
     jumps = int(part["jumps"].values[done].sum())

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.path_store import open_path
 from tcstudy.reports import style
-from tcstudy.reports.path_summary import seen_folds
+from tcstudy.reports.path_summary import STATES, seen_folds
 from tcstudy.scene.contact_states import ContactState
 
 if TYPE_CHECKING:
@@ -95,11 +95,11 @@ def read_path_picture(path: Path, response: str = "mean-slip") -> PathPicture:
 
 
 COLOURS = {
-    ContactState.STICK: ("#dedede", "sticks"),
-    ContactState.SLIP: ("#7fb8de", "slips"),
-    ContactState.SOFTEN: ("#f2c14e", "slips and softens"),
-    ContactState.DROP: ("#d55e00", "on a drop of b"),
-    ContactState.WEAKENED: ("#b7a3d6", "slips, weakened"),
+    ContactState.STICK: "#dedede",
+    ContactState.SLIP: "#7fb8de",
+    ContactState.SOFTEN: "#f2c14e",
+    ContactState.DROP: "#d55e00",
+    ContactState.WEAKENED: "#b7a3d6",
 }
 
 
@@ -133,7 +133,7 @@ def _map(axes: Axes, x: Array, y: Array, states: Array, pieces: NDArray[np.intp]
     """Columns of states between the edges x; a piece of −1 leaves a gap."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
-    colours = ListedColormap([colour for colour, _ in COLOURS.values()])
+    colours = ListedColormap(list(COLOURS.values()))
     values = np.where((pieces >= 0)[:, None], states[pieces], np.nan)
     if len(values):
         norm = BoundaryNorm(np.arange(len(COLOURS) + 1) - 0.5, len(COLOURS))
@@ -198,7 +198,7 @@ def _key(axes: Axes, states: Array, columns: int) -> None:
     from matplotlib.patches import Patch
 
     present = [state for state in ContactState if np.any(states == state)]
-    patches = [Patch(color=COLOURS[state][0], label=COLOURS[state][1]) for state in present]
+    patches = [Patch(color=COLOURS[state], label=STATES[state]) for state in present]
     axes.legend(
         handles=patches,
         loc="upper left",

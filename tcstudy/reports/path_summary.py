@@ -15,6 +15,9 @@ from tcstudy.reports.text import number, prefix
 MOST_ROWS = 60
 """Solutions that are listed; the file has them all."""
 
+STATES = ("sticks", "slips", "slips and softens", "on a drop of b", "slips, weakened")
+"""What a contact node does, by ContactState."""
+
 VISIBLE = 0.005
 """Part of the range below which a step back of the parameter cannot be told from a point of the picture."""
 

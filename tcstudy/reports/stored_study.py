@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from tcstudy.data.writer import axis_places
 from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.records import Clamped, Convection, Role, Traction, resultant
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.nodal_laws import Law, nodal
+from tcstudy.scene.records import Clamped, Convection, EdgeLaws, Role, Traction, resultant
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -52,6 +54,16 @@ def file_order(study: Study) -> list[int]:
     if study.mode == "grid" and study.axes:
         numbers = numbers[np.ix_(*(np.argsort(axis_places(axis)) for axis in study.axes))]
     return [int(i) for i in numbers.ravel()]
+
+
+def law_of_nodes(friction: FrictionLaw | EdgeLaws, group: Any) -> Law:
+    """The law of the contact line of a stored level, or of its nodes."""
+    if isinstance(friction, FrictionLaw):
+        return friction
+    xy = np.stack([group["x"].values, group["y"].values], axis=1)
+    names = str(group["edge"].attrs.get("flag_meanings", "")).split()
+    index, strength = friction.along(names, group["edge"].values, xy)
+    return nodal([law for _, law, _ in friction.laws], index, strength)
 
 
 def at_rest(study: Study | None) -> bool:

@@ -69,8 +69,10 @@ GREEK = {
 
 
 def symbol(name: str) -> str:
-    """How reports write a parameter: `friction.tau_s` is τ_s, `theta_bar` θ̄; what has no symbol is written in words."""
+    """How reports write a parameter: `friction.tau_s` is τ_s, `theta_bar` θ̄, `u_x` itself; the rest in words."""
     letter, _, rest = name.rpartition(".")[2].partition("_")
+    if len(letter) == 1:
+        return name.rpartition(".")[2]
     if letter not in GREEK:
         return f"{letter} {rest}".replace("_", " ").strip()
     return GREEK[letter] + ("\N{COMBINING MACRON}" if rest == "bar" else f"_{rest}" if rest else "")

@@ -14,11 +14,10 @@ from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports import style
 from tcstudy.reports.boundary_roles import runs, words
-from tcstudy.reports.export_fields import law_of_nodes
 from tcstudy.reports.law_figure import LawPicture, curves, law_figure, read_law, slip_window
 from tcstudy.reports.mesh_figure import MeshPicture, mesh_figure, read_mesh
 from tcstudy.reports.picture import read_picture
-from tcstudy.reports.stored_study import NamedEdge
+from tcstudy.reports.stored_study import NamedEdge, law_of_nodes
 from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.nodal_laws import each

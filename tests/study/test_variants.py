@@ -166,8 +166,6 @@ def test_what_takes_one_geometry_refuses_several(bar: Path, tmp_path: Path) -> N
     study, path = read_study_text(BAR), bar
     with pytest.raises(GeometryFailed, match=r"this takes one geometry; fix it by --set sweep=null"):
         Meshes(study)
-    with pytest.raises(StoreError, match=r"the file has 3 geometries, and a page is of one"):
-        tcstudy.report(path)
     with pytest.raises(StoreError, match=r"the file has 3 geometries, and a picture of a point is of one"):
         tcstudy.draw(path, tmp_path / "p.png")
 

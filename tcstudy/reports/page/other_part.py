@@ -176,7 +176,6 @@ def path_part(stored: Stored, box: Container) -> Json:
         "u_T": box.rows(data["u_T"].values[keep]),
         "xi": box.rows(data["xi"].values[keep]),
         "state": box.array(data["state"].values, "i1"),
-        "states": str(data["state"].attrs["flag_meanings"]).replace("_", " ").split(),
         "stable": box.array(data["stable"].values, "i1"),
         "folds": folds.tolist(),
         "turns": turns,

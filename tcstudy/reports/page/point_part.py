@@ -11,7 +11,24 @@ import numpy as np
 
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.law_part import node_part
-from tcstudy.reports.page.stored import BodyFields, LineFields, Stored, at_rest, boundary_edges, nearest, outline
+from tcstudy.reports.page.stored import (
+    STICKS,
+    UNKNOWN,
+    BodyFields,
+    ContactState,
+    EdgeLaws,
+    FrictionLaw,
+    LineFields,
+    Stored,
+    at_rest,
+    boundary_edges,
+    each,
+    file_order,
+    law_of_nodes,
+    nearest,
+    node_states,
+    outline,
+)
 
 MOST_NODES = 8_000
 """Mesh nodes up to which a level is drawn; finer ones would cost room that no screen shows."""
@@ -65,16 +82,38 @@ def line_part(stored: Stored, level: int, box: Container) -> Json:
     def flat(name: str) -> Any:
         return group[name].transpose(*dims, "node").values.reshape(-1, m)
 
+    u_T = flat("u_T")
     return {
         **geometry(group, box),
         **node_part(stored.study, contact_line(group), box),
-        "u_T": box.rows(flat("u_T")),
+        "u_T": box.rows(u_T),
         "xi": box.rows(flat("xi")),
-        "sticks": box.array(flat("sticks"), "i1") if "sticks" in group else None,
+        "state": box.array(_states(stored, group, u_T, flat("sticks") if "sticks" in group else None), "i1"),
         "u_T_units": str(group["u_T"].attrs["units"]),
         "xi_units": str(group["xi"].attrs["units"]),
         "rest": at_rest(stored.study),
     }
+
+
+def _states(stored: Stored, group: Any, u_T: Any, stored_sticks: Any) -> Any:
+    """(P, m) ContactState of every node, −1 where there is no solution; only stick and slip where no law is known.
+
+    stored_sticks: as the file has them; older ones do not, or not of all points
+    """
+    sticks = u_T == 0.0
+    if stored_sticks is not None:
+        sticks = np.where(stored_sticks == UNKNOWN, sticks, stored_sticks == STICKS)
+    states = np.where(sticks, np.int8(ContactState.STICK), np.int8(ContactState.SLIP))
+    solved = np.isfinite(u_T).all(axis=1)
+    laws: dict[FrictionLaw | EdgeLaws, Any] = {}
+    for p, i in enumerate([] if stored.study is None else file_order(stored.study)):
+        friction = stored.study.scenes[i].friction  # type: ignore[union-attr]
+        if solved[p]:
+            if friction not in laws:
+                laws[friction] = law_of_nodes(friction, group)
+            states[p] = each(laws[friction], node_states, u_T[p], sticks[p])
+    states[~solved] = -1
+    return states
 
 
 def geometry(group: Any, box: Container) -> Json:

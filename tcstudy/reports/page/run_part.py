@@ -45,7 +45,8 @@ def run_part(stored: Stored, box: Container) -> Json:
         }
         for name in names
     }
-    reasons = flat("reason")
+    reasons, told = flat("reason"), verdict(RunSeen.of_data(data))
+    geometries = f"{len(stored.homes)} geometries: " if stored.homes else ""
     texts = sorted({str(one) for one in reasons.ravel()} - {""})
     place = {text: i + 1 for i, text in enumerate(texts)}
     return {
@@ -53,7 +54,7 @@ def run_part(stored: Stored, box: Container) -> Json:
         "dims": dims,
         "shape": shape,
         "axes": axes(data),
-        "levels": {name: data[name].values.tolist() for name in LEVEL_NUMBERS if name in data},
+        "levels": level_numbers(data),
         "stop": [str(one) for one in data["stop"].values] if "stop" in data else [],
         "units": {name: str(data[name].attrs.get("units", "1")) for name in LEVEL_NUMBERS if name in data},
         "numbers": numbers,
@@ -63,8 +64,19 @@ def run_part(stored: Stored, box: Container) -> Json:
         "reason": box.array([[place.get(str(one), 0) for one in row] for row in reasons], "u2"),
         "starts": [str(one) for one in data["start"].values] if "start" in data else [],
         "start_energy": box.array(flat("start_energy"), "f8") if "start_energy" in data else None,
-        "verdict": verdict(RunSeen.of_data(data)),
+        "verdict": told | {"text": geometries + told["text"]},
     }
+
+
+def level_numbers(data: Any) -> Json:
+    """Sizes and times of the levels."""
+    return {name: data[name].values.tolist() for name in LEVEL_NUMBERS if name in data}
+
+
+def time_of_levels(geometries: list[Any]) -> Json:
+    """The times of the levels of all geometries together."""
+    names = [name for name in LEVEL_NUMBERS if name.startswith("time") and all(name in data for data in geometries)]
+    return {name: np.nansum([data[name].values for data in geometries], axis=0).tolist() for name in names}
 
 
 def axes(data: Any) -> list[Json]:

@@ -9,27 +9,42 @@ from typing import Any
 from tcstudy.data.files import replace_file
 from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS
 from tcstudy.data.provenance import kind_of, measured_path
-from tcstudy.data.reading import of_largest, reading
+from tcstudy.data.reading import GEOMETRIES, of_largest, reading
 from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import STICKS, UNKNOWN
 from tcstudy.data.store import open_results
 from tcstudy.errors import DrawError, StoreError
 from tcstudy.reports.body_panel import boundary_edges
 from tcstudy.reports.cost import advice, measure_of, settings
-from tcstudy.reports.path_summary import seen_folds
+from tcstudy.reports.fit import BAND, columns, correlation, fit_doubts, prediction_error
+from tcstudy.reports.history_summary import MOVES, last_change, motion
+from tcstudy.reports.path_summary import STATES, seen_folds
 from tcstudy.reports.picture import BodyFields, LineFields
 from tcstudy.reports.select_point import axis_names
-from tcstudy.reports.stored_study import at_rest, file_order, nearest, outline, sources, stored_study
+from tcstudy.reports.stored_study import (
+    at_rest,
+    file_order,
+    law_of_nodes,
+    nearest,
+    outline,
+    sources,
+    stored_study,
+)
+from tcstudy.reports.text import counted, number, prefix, pretty
+from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw
 from tcstudy.scene.laws import SHAPES
+from tcstudy.scene.nodal_laws import each
 from tcstudy.scene.records import EdgeLaws
 from tcstudy.scene.study import Study
 
 __all__ = [
-    "DOWN", "ERRORS", "NUMBERS", "SHAPES", "UP", "VERDICTS", "BodyFields", "DrawError", "EdgeLaws", "FrictionLaw",
-    "LineFields",
-    "PointStatus", "StoreError", "Stored", "Study", "advice", "at_rest", "axis_names", "boundary_edges",
-    "file_order", "measure_of", "nearest", "outline", "read", "reading",
-    "replace_file", "seen_folds", "settings", "sources",
+    "BAND", "DOWN", "ERRORS", "MOVES", "NUMBERS", "SHAPES", "STATES", "STICKS", "UNKNOWN", "UP", "VERDICTS",
+    "BodyFields", "ContactState", "DrawError", "EdgeLaws", "FrictionLaw", "LineFields", "PointStatus", "StoreError",
+    "Stored", "Study", "advice", "at_rest", "axis_names", "boundary_edges", "columns", "correlation", "counted", "each",
+    "file_order", "fit_doubts", "last_change", "law_of_nodes", "measure_of", "motion", "nearest", "node_states",
+    "number", "outline", "prediction_error", "prefix", "pretty", "read", "reading", "replace_file", "seen_folds",
+    "settings", "sources",
 ]  # fmt: skip
 
 
@@ -37,11 +52,12 @@ __all__ = [
 class Stored:
     """One result file in memory.
 
-    kind:   "run", "convergence", "cost" or "path"
+    kind:   "run", "convergence", "cost", "path", "history" or "fit"
     data:   the root dataset
     groups: datasets of the level groups by number; those of live data by number
     study:  the study in the file, None if its text can no longer be read (a body's own file may be gone)
     beside: convergence and cost files of the same study that lie beside a run's file
+    homes:  what each geometry has of its own, None for one without a mesh; empty where all points share one
     """
 
     path: Path
@@ -51,22 +67,36 @@ class Stored:
     live: dict[int, Any]
     study: Study | None
     beside: tuple[Stored, ...] = ()
+    homes: tuple[Stored | None, ...] = ()
 
 
 def read(path: Path) -> Stored:
     """Everything in a result file. Raises StoreError if it is none or not complete."""
     kind = kind_of(path)
-    if kind == "fit":
-        raise StoreError(f"{path} is the file of a fit, of which there is no page; use tcstudy show or draw")
     with open_results(path) as tree:
         data = of_largest(tree.to_dataset().load())
         if kind == "run" and not {"status", "level"} <= set(data.variables):
-            raise StoreError(f"{path} is no file of tcstudy run, converge, cost or path, so there is no page of it")
-        levels = {n: tree[f"level_{n}"] for n in range(data.sizes.get("level", 0)) if f"level_{n}" in tree.children}
-        groups = {n: group.to_dataset().load() for n, group in levels.items()}
-        live = {n: group["live"].to_dataset().load() for n, group in levels.items() if "live" in group.children}
-    found = Stored(path, kind, data, groups, live, stored_study(data))
+            raise StoreError(f"{path} is no file of a command of tcstudy, so there is no page of it")
+        study = stored_study(data)
+        found = Stored(path, kind, data, *_levels(tree), study, homes=_homes(path, tree, data, study))
     return replace(found, beside=tuple(_beside(found))) if kind == "run" else found
+
+
+def _levels(tree: Any) -> tuple[dict[int, Any], dict[int, Any]]:
+    """The groups of the levels of a run, and of their live data."""
+    levels = {n: tree[f"level_{n}"] for n in range(tree.sizes.get("level", 0)) if f"level_{n}" in tree.children}
+    groups = {n: group.to_dataset(inherit=False).load() for n, group in levels.items()}
+    return groups, {n: group["live"].to_dataset().load() for n, group in levels.items() if "live" in group.children}
+
+
+def _homes(path: Path, tree: Any, data: Any, study: Study | None) -> tuple[Stored | None, ...]:
+    """The geometries of a sweep over several, in the order of their numbers."""
+    found: list[Stored | None] = []
+    for i in range(int(data.attrs.get(GEOMETRIES, 0))):
+        group = tree.children.get(f"geometry_{i}")
+        own = None if study is None else study.variants[i].study
+        found.append(group and Stored(path, "run", group.to_dataset(inherit=False).load(), *_levels(group), own))
+    return tuple(found)
 
 
 def _beside(run: Stored) -> list[Stored]:

@@ -8,28 +8,28 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
-from tcstudy.data.provenance import kind_of
-from tcstudy.data.reading import refuse_geometries
 from tcstudy.errors import PageError
 from tcstudy.reports.page.container import Container, Json, size_of
+from tcstudy.reports.page.fit_part import fit_part
+from tcstudy.reports.page.history_part import history_content
 from tcstudy.reports.page.law_part import law_part
 from tcstudy.reports.page.other_part import convergence_part, cost_part, path_part
 from tcstudy.reports.page.point_part import body_part, drawn_level, line_part, live_part
-from tcstudy.reports.page.run_part import run_part
-from tcstudy.reports.page.stored import Stored, StoreError, outline, read, reading, replace_file, sources
+from tcstudy.reports.page.run_part import level_numbers, run_part, time_of_levels
+from tcstudy.reports.page.stored import STATES, Stored, StoreError, outline, read, reading, replace_file, sources
 from tcstudy.scene.key import GREEK, symbol
 from tcstudy.scene.keys import ROWS
 
 SCRIPTS = ("format.js", "charts.js", "laws.js", "solver.js", "parts.js", "run.js", "point.js", "live.js", "others.js",
-           "main.js")  # fmt: skip
+           "history.js", "fit.js", "main.js")  # fmt: skip
 
 AIM = 1_900_000
 """Bytes that a page should not exceed: it still travels by mail and opens at once on a phone."""
 MOST = 10_000_000
 """Bytes that no page exceeds."""
-LEAVE_OUT = ("levels", "live", "body", "lines")
+LEAVE_OUT = ("levels", "live", "body", "memory", "lines")
 """What may be left out, in the order in which it goes where a page is too large: contact lines of the coarser levels,
-the data of the live mode, the body's fields, all contact lines."""
+the data of the live mode, the body's fields, what a history's nodes remember, all contact lines."""
 
 
 @dataclass(frozen=True)
@@ -63,11 +63,7 @@ def write_page(path: Path, target: Path, left_out: tuple[str, ...] = ()) -> Writ
         raise PageError(f"{target} is a directory; give the name of a file in it")
     without = list(left_out)
     with reading(path):
-        if kind_of(path) == "history":
-            raise PageError(f"{path} is a load history, of which there is no page; use tcstudy show, draw and export")
-        stored = read(path)
-        refuse_geometries(stored.data.attrs, "a page")
-        text = _fitting(stored, without)
+        text = _fitting(read(path), without)
     if size_of(text) > MOST:
         raise PageError(
             f"the page would have {size_of(text) / 1e6:.0f} MB, more than {MOST / 1e6:.0f} MB, even without "
@@ -94,13 +90,16 @@ def _fitting(stored: Stored, without: list[str]) -> str:
 
 def _has(stored: Stored, part: str) -> bool:
     """Whether leaving a part out would save anything."""
-    having: dict[str, object] = {
-        "levels": stored.kind == "run" and len(stored.groups) > 1,
-        "live": stored.live,
-        "body": stored.kind == "run" and drawn_level(stored) is not None,
-        "lines": stored.kind == "run" and stored.groups,
+    if stored.kind == "history":
+        return part in ("memory", "lines")
+    homes = [home for home in stored.homes or (stored,) if home is not None and stored.kind == "run"]
+    having: dict[str, bool] = {
+        "levels": any(len(home.groups) > 1 for home in homes),
+        "live": bool(stored.live),
+        "body": any(drawn_level(home) is not None for home in homes),
+        "lines": any(home.groups for home in homes),
     }
-    return bool(having[part])
+    return having.get(part, False)
 
 
 def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
@@ -123,7 +122,7 @@ def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
 
 
 def _about(stored: Stored) -> Json:
-    attrs = stored.data.attrs
+    attrs, names = stored.data.attrs, [*(row.name for row in ROWS), *map(str, stored.data.coords)]
     return {
         "format": 1,
         "kind": stored.kind,
@@ -131,7 +130,8 @@ def _about(stored: Stored) -> Json:
         "file": stored.path.name,
         "unit_system": str(attrs.get("unit_system", "SI")),
         "solver": str(attrs.get("solver", "")),
-        "symbols": {row.name: symbol(row.name) for row in ROWS if row.name.partition("_")[0] in GREEK},
+        "states": STATES,
+        "symbols": {name: symbol(name) for name in names if name.partition("_")[0] in GREEK},
         "tolerance": float(attrs.get("solver_tolerance", float("nan"))),
         "provenance": {
             name: str(attrs[name])
@@ -151,25 +151,23 @@ def _content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
         return {"cost": cost_part(stored)}
     if stored.kind == "path":
         return {"path": path_part(stored, box), "laws": law_part(stored.study)}
+    if stored.kind == "history":
+        return history_content(stored, without, box)
+    if stored.kind == "fit":
+        return {"fit": fit_part(stored.data, box)}
     return _run_content(stored, without, box)
 
 
 def _run_content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
-    levels = sorted(stored.groups)
-    if "lines" in without:
-        levels = []
-    elif "levels" in without:
-        levels = levels[-1:]
-    body = drawn_level(stored) if "body" not in without else None
-    content = {
-        "run": run_part(stored, box),
-        "lines": {str(level): line_part(stored, level, box) for level in levels},
-        "laws": law_part(stored.study),
-        "outline": [{**vars(edge), "line": edge.line.tolist()} for edge in outline(stored.study)],
-        "sources": [line.tolist() for line in sources(stored.study)],
-        "body": None if body is None else body_part(stored, body, box),
-    }
-    if stored.live and "live" not in without and levels and (live := live_part(stored, box)) is not None:
+    content = {"run": run_part(stored, box), "laws": law_part(stored.study)}
+    if stored.homes:
+        content["run"]["home"] = stored.data["geometry"].values.ravel().tolist()
+        content["run"]["levels"] |= time_of_levels([home.data for home in stored.homes if home is not None])
+        content["homes"] = [home and _home(home, without, box) for home in stored.homes]
+    else:
+        content |= _home(stored, without, box)
+    usable = "live" not in without and "lines" not in without
+    if stored.live and usable and stored.groups and (live := live_part(stored, box)) is not None:
         content["live"] = live
         level = str(live["level"])
         if level not in content["lines"]:
@@ -177,6 +175,19 @@ def _run_content(stored: Stored, without: tuple[str, ...], box: Container) -> Js
     for other in stored.beside:
         content[other.kind] = convergence_part(other, box) if other.kind == "convergence" else cost_part(other)
     return content
+
+
+def _home(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
+    """What the points of one geometry share, and their fields and contact lines."""
+    levels = [] if "lines" in without else sorted(stored.groups)
+    body = drawn_level(stored) if "body" not in without else None
+    return {
+        "levels": level_numbers(stored.data),
+        "lines": {str(n): line_part(stored, n, box) for n in (levels[-1:] if "levels" in without else levels)},
+        "outline": [{**vars(edge), "line": edge.line.tolist()} for edge in outline(stored.study)],
+        "sources": [line.tolist() for line in sources(stored.study)],
+        "body": None if body is None else body_part(stored, body, box),
+    }
 
 
 __all__ = ["LEAVE_OUT", "PageError", "StoreError", "Written", "page", "write_page"]

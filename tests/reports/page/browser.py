@@ -115,3 +115,14 @@ class Browser:
         except urllib.error.HTTPError as error:
             with error:
                 raise RuntimeError(json.load(error)["value"]["message"]) from None
+
+
+def text_of(browser: Browser, selector: str) -> str:
+    """What a person reads in an element."""
+    return str(browser.run("return document.querySelector(arguments[0]).innerText", selector))
+
+
+def fragment(browser: Browser) -> dict[str, str]:
+    """The state that the address holds."""
+    found = browser.run("return Object.fromEntries(new URLSearchParams(location.hash.slice(1)))")
+    return {str(key): str(value) for key, value in found.items()}

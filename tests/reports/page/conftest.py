@@ -1,14 +1,19 @@
-"""A small study with fields, run once for all tests of the page."""
+"""A browser, and small studies of which pages are made, run once for all tests of the page."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from tcstudy.cli import main
 from tcstudy.read.study import read_study_text
+from tcstudy.study.history_run import execute_history
 from tcstudy.study.run import execute
+from tests.reports.page.browser import Browser
 
+ROOT = Path(__file__).parents[3]
 STUDY = """
 title: A block <on> a film
 body: {outline: [{from: [0, 0], edge: film}, {from: [0.2, 0], edge: end}, {from: [0.2, 0.1], edge: top},
@@ -32,3 +37,61 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("page") / "block.nc"
     execute(read_study_text(STUDY), path)
     return path
+
+
+RAIL = """
+units: none
+title: A bar that warms and cools on friction
+body: {rectangle: {width: 8, height: 0.5, edges: {bottom: base, left: middle, right: end, top: head}}}
+boundary: {base: contact, middle: {role: clamped, u_x: 0, u_y: free}, head: free, end: free}
+material: {E: 100, nu: 0, plane: stress, alpha_T: 0.01}
+heat: {theta: 0}
+friction: {law: tresca, tau: 0.5}
+mesh: {maxh: 0.5}
+history:
+  memory: friction
+  steps: [{theta: 4, in: 2, name: warm}, {theta: -4, in: 4, name: cold}, {theta: 0, in: 2, name: back}]
+  repeat: 2
+sweep: {friction.tau: [0.5, 0.25, 1], E: [100, 50]}
+"""
+
+
+@pytest.fixture(scope="session")
+def history(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("history") / "rail.nc"
+    execute_history(read_study_text(RAIL), path)
+    return path
+
+
+PADS = """
+title: Pads of several thicknesses
+body: {rectangle: {width: 60 mm, height: 10 mm}}
+boundary: {bottom: contact, top: {role: clamped, u_x: 2 mm, u_y: 0}, left: free, right: free}
+material: {E: 5 MPa, nu: 0.3}
+friction: {law: slip-weakening, tau_s: 80 kPa, tau_k: 20 kPa, delta: 1 mm}
+mesh: {maxh: 5 mm, levels: 2}
+sweep: {boundary.top.u_x: [1 mm, 2 mm], body.rectangle.height: [20 mm, 5 mm, 10 mm]}
+output: {fields: true}
+"""
+
+
+@pytest.fixture(scope="session")
+def pads(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("pads") / "pads.nc"
+    execute(read_study_text(PADS), path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The fit of the gallery on a coarse mesh."""
+    path, config = tmp_path_factory.mktemp("fit") / "pull.nc", ROOT / "configs" / "pull_fit.yaml"
+    assert main(["fit", str(config), "--set", "mesh.maxh=8 mm", "--set", "fit.starts=1", "--output", str(path)]) == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    window = Browser(tmp_path_factory.mktemp("profile"))
+    yield window
+    window.close()

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from PIL import Image
 
+from tcstudy.cli import main as tcstudy
 from tcstudy.read.study import read_study
 from tcstudy.reports.page import write_page
 from tcstudy.study.run import execute
@@ -18,6 +19,8 @@ OPTIONS = ("output.fields=true", "output.live=true", "sweep.theta_bar={linspace:
 WIDTH = 1100
 PARTS = {"sweep": ("header", "#sweep"), "point": ("#point", "#point"), "accuracy": ("#accuracy", "#accuracy")}
 """First and last element of every picture; a part's own heading stands just before it."""
+OTHERS = (("history", "cyclic_pull", "#step=4", "#accuracy"), ("fit", "pull_fit", "#datum=56", "#found"))
+"""Pages of other files, from the header to the element that is named last."""
 
 BOX = """
 const box = (name) => document.querySelector(name).getBoundingClientRect();
@@ -43,6 +46,12 @@ def main() -> None:
             browser.open(page, "#at=2,5,3&mode=live")
             height = browser.run("return document.documentElement.scrollHeight")
             browser.picture(ROOT / "results" / "page-live.png", (0, 0, WIDTH, height - 40))
+            for command, study, place, last in OTHERS:
+                file = Path(folder) / f"{study}.nc"
+                tcstudy([command, str(ROOT / "configs" / f"{study}.yaml"), "--output", str(file), "-q"])
+                browser.open(write_page(file, file.with_suffix(".html")).path, place)
+                bottom = browser.run(BOX, "header", last)[1]
+                browser.picture(ROOT / "results" / f"page-{command}.png", (0, 0, WIDTH, bottom + 20))
         finally:
             browser.close()
     for picture in (ROOT / "results").glob("page-*.png"):  # a palette makes a third of the size

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,17 +12,10 @@ from tcstudy.read.study import read_study_text
 from tcstudy.reports.page import write_page
 from tcstudy.study.run import execute
 from tests.reports import draw_cases
-from tests.reports.page.browser import Browser, missing
+from tests.reports.page.browser import Browser, fragment, missing, text_of
 from tests.reports.page.conftest import STUDY
 
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(bool(missing()), reason=missing())]
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    window = Browser(tmp_path_factory.mktemp("profile"))
-    yield window
-    window.close()
 
 
 @pytest.fixture(scope="module")
@@ -36,15 +28,6 @@ def shown(browser: Browser, page: Path) -> Browser:
     browser.size(1280, 1000)
     browser.open(page)
     return browser
-
-
-def text_of(browser: Browser, selector: str) -> str:
-    return str(browser.run("return document.querySelector(arguments[0]).innerText", selector))
-
-
-def fragment(browser: Browser) -> dict[str, str]:
-    found = browser.run("return Object.fromEntries(new URLSearchParams(location.hash.slice(1)))")
-    return {str(key): str(value) for key, value in found.items()}
 
 
 def test_every_part_is_drawn(shown: Browser) -> None:

@@ -101,7 +101,7 @@ TC.live = {
   apart: (a, b) => a.reduce((t, x, i) => t + (x - b[i]) ** 2, 0),
   result(left, right, p, done, all, solved) {
     const L = TC.data.live, law = done.problem.law, drawn = law.drawn(), lambda = TC.live.lambda, unique = solved && law.omega < lambda.proved;
-    const one = TC.live.case(TC.live.shown, drawn), stored = TC.live.same(p) ? TC.point.contact(L.line, p) : null, cases = stored ? [one, stored] : [one], line = { ...L.line };
+    const one = TC.live.case(TC.live.shown), stored = TC.live.same(p) ? TC.point.contact(L.line, p) : null, cases = stored ? [one, stored] : [one], line = { ...L.line };
     const frame = { ...TC.point.frame(line, TC.width(left)), shape: false };
     TC.fill(left);
     TC.point.profiles(left, line, cases, frame, stored ? "dashed: the stored solution of this point" : "");
@@ -116,9 +116,9 @@ TC.live = {
   },
   // Whether the sliders stand where the stored point was solved.
   same: (p) => JSON.stringify(TC.live.base(p)) === JSON.stringify(TC.live.set),
-  case(answer, drawn) {
+  case(answer) {
     const c = TC.data.live.c, xi = answer.xi.map((x, i) => x / c[i]);
-    return TC.point.contact(TC.data.live.line, 0, { u: answer.v, xi, sticks: answer.rests, law: drawn });
+    return { line: TC.data.live.line, u: answer.v, xi, state: answer.rests.map((rests) => (rests ? 0 : 1)) };
   },
   lawPanel(width, drawn, cases, line) {
     const set = TC.live.set, host = TC.el("div"), { plot, us, ys } = TC.point.lawPlot(width, drawn, cases.slice(0, 1), line, TC.live.frozen || {});

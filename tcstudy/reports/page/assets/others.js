@@ -99,8 +99,7 @@ TC.others = {
     const point = section("2  One state on the path"), left = TC.el("div", { class: "panel" }), right = TC.el("div", { class: "panel" });
     point.append(TC.el("p", {}, TC.el("b", {}, `${TC.symbol(name)} = ${TC.quantity(c.curve.parameter[kept[v]], c.units.parameter)}`), `, vertex ${kept[v]} of ${n}, energy ${TC.quantity(c.curve.energy[kept[v]], c.units.energy, 5)}, residual ${TC.number(c.curve.residual[kept[v]], 2)}`), TC.el("div", { class: "columns wide" }, left, right));
     const line = { ...c.line, u_T_units: c.units.slip, xi_units: c.units.xi, rest: false }, m = line.x.length, law = d.laws && !d.laws.edges ? d.laws.laws[0] : null, u = TC.row(c.u_T, v), xi = TC.row(c.xi, v), piece = Math.min(kept[v], n - 2);
-    const sticks = [...Array(m)].map((_, i) => /stick/.test(c.states[c.state[piece * m + i]]));
-    const one = TC.point.contact(line, 0, { u, xi, sticks, law });
+    const one = { line, u, xi, state: c.state.subarray(piece * m, (piece + 1) * m) };
     TC.point.profiles(left, line, [one], TC.point.frame(line, TC.width(left)), "");
     if (law) { const { plot: lp } = TC.point.lawPlot(TC.width(right), law, [one], line); right.append(TC.el("h3", {}, `Friction law (${law.name})`), lp.svg); }
     if (c.solutions) {
@@ -123,6 +122,7 @@ TC.others = {
   page(kind) {
     const main = document.getElementById("main");
     if (kind === "path") return TC.others.path(main);
+    if (kind === "fit") return TC.fit.draw(main);
     if (!TC.others.host) {
       TC.others.host = TC.el("div");
       const data = TC.el("div");

@@ -26,6 +26,8 @@ TC.slider = function (label, options, value, change) {
   const range = TC.el("input", { type: "range", min: 0, max: options.length - 1, step: 1, value, "aria-label": label, oninput: (e) => change(Number(e.target.value)) });
   return TC.el("label", {}, TC.el("span", {}, `${label}: `, TC.el("output", {}, options[value])), range);
 };
+TC.swatch = (fill, text) => TC.el("span", { style: "display:inline-block;margin-right:14px" }, TC.svgNode("svg", { width: 20, height: 10, style: "display:inline-block;margin-right:5px" }, TC.svgNode("rect", { width: 20, height: 10, fill })), text);
+TC.stroke = (k, text) => TC.el("span", { style: "display:inline-block;margin-right:14px" }, TC.svgNode("svg", { width: 28, height: 10, style: "display:inline-block;margin-right:5px" }, TC.svgNode("line", { x1: 0, x2: 28, y1: 5, y2: 5, "stroke-width": 2, ...TC.series(k) })), text);
 // Put children into a host without losing the focus of the control that was used.
 TC.fill = function (host, ...children) {
   const active = document.activeElement, inside = host.contains(active) ? active.getAttribute("aria-label") : null;
@@ -33,18 +35,18 @@ TC.fill = function (host, ...children) {
   if (inside) host.querySelector(`[aria-label="${CSS.escape(inside)}"]`)?.focus();
 };
 
-// A table that sorts by its columns; columns: {title, get(row), text(row), left}.
+// A table that sorts by its columns; columns: {title, get(row), text(row), left, minor}; minor ones are not printed.
 TC.table = function ({ columns, rows, sort, down, onsort, chosen, pick }) {
-  const order = rows.slice();
+  const order = rows.slice(), cls = (c) => (c.left ? "text" : "") + (c.minor ? " noprint" : "");
   if (columns[sort]) {
     const key = columns[sort].get;
     const rank = (v) => (typeof v === "number" && Number.isNaN(v) ? -Infinity : v);
     order.sort((a, b) => { const u = rank(key(a)), v = rank(key(b)); return (u < v ? -1 : u > v ? 1 : 0) * (down ? -1 : 1); });
   }
-  const head = columns.map((c, i) => TC.el("th", { class: c.left ? "text" : "", "aria-sort": i === sort ? (down ? "descending" : "ascending") : undefined },
+  const head = columns.map((c, i) => TC.el("th", { class: cls(c), "aria-sort": i === sort ? (down ? "descending" : "ascending") : undefined },
     TC.el("button", { title: "sort", "aria-label": `sort by ${c.title}`, onclick: () => onsort(i) }, c.title + (i === sort ? (down ? " ▼" : " ▲") : ""))));
   const body = order.map((row) => TC.el("tr", { "data-row": typeof row === "number" ? row : undefined, class: [chosen && chosen(row) ? "chosen" : "", pick ? "link" : ""].join(" "), onclick: pick ? () => pick(row) : undefined },
-    columns.map((c) => TC.el("td", { class: c.left ? "text" : "" }, c.text ? c.text(row) : TC.number(c.get(row))))));
+    columns.map((c) => TC.el("td", { class: cls(c) }, c.text ? c.text(row) : TC.number(c.get(row))))));
   return { node: TC.el("table", {}, TC.el("thead", {}, TC.el("tr", {}, head)), TC.el("tbody", {}, body)), order };
 };
 TC.facts = (pairs) => TC.el("table", { class: "facts" }, TC.el("tbody", {}, pairs.filter((p) => p[1] !== undefined && p[1] !== "").map(([k, v]) => TC.el("tr", {}, TC.el("th", {}, k), TC.el("td", {}, v)))));
@@ -55,7 +57,7 @@ TC.provenance = function (host) {
   pairs.unshift(["file", d.file]);
   pairs.push(["solver", `${d.solver}, tolerance ${TC.number(d.tolerance)}`], ["versions", Object.entries(d.versions).map((p) => p.join(" ")).join(", ")]);
   if (d.overrides.length) pairs.push(["set on the command line", d.overrides.join("  ")]);
-  const left = { levels: "contact lines of the coarser levels", live: "the data of the live mode", body: "temperature and displacement of the body", lines: "all contact lines" };
+  const left = { levels: "contact lines of the coarser levels", live: "the data of the live mode", body: "temperature and displacement of the body", memory: "what the nodes remember", lines: "all contact lines" };
   if (d.without.length) pairs.push(["left out of this page", d.without.map((k) => left[k]).join(", ") + "; the file has it"]);
   host.append(TC.el("h3", {}, "Where it comes from"), TC.facts(pairs));
   host.append(TC.el("details", { open: false }, TC.el("summary", {}, "The study (YAML)"), TC.el("button", { class: "noprint", onclick: () => TC.save("study.yaml", d.yaml, "text/yaml") }, "download"), TC.el("pre", {}, d.yaml)));

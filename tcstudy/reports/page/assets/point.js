@@ -1,17 +1,27 @@
 // One point: body, slip and friction along the contact line, law with operating points, energies.
-TC.STATES = [
-  { name: "sticks", colour: "var(--c1)" }, { name: "slips", colour: "var(--c2)" }, { name: "slips, weakened", colour: "var(--c4)" },
-];
+// What a contact node does, by the number that the data have; the words are those of the data.
+TC.STATES = ["--c1", "--c2", "--c5", "--c3", "--c4"];
+TC.stateOf = (line, k) => { const words = line.moves || TC.data.states, colours = line.moves ? TC.MOVES : TC.STATES; return { name: words[k] || "not known", colour: k >= 0 ? `var(${colours[k]})` : "none" }; };
 TC.ROLES = {
   contact: { words: "contact", stroke: "var(--c1)", "stroke-width": 4 }, clamped: { words: "held", stroke: "var(--ink)", "stroke-width": 4 },
   convection: { words: "convection", stroke: "var(--c2)", "stroke-width": 2.5, "stroke-dasharray": "7 4" }, traction: { words: "traction", stroke: "var(--c3)", "stroke-width": 2.5, "stroke-dasharray": "2 3" },
   free: { words: "free", stroke: "var(--soft)", "stroke-width": 1.2 },
 };
 TC.point = {
+  // What the points of the geometry of point p share: outline, mesh and fields, contact lines.
+  home: (p) => (TC.data.homes ? TC.data.homes[TC.data.run.home[p]] || {} : TC.data),
+  // The number of a point among those of its geometry.
+  own(p) {
+    const r = TC.data.run;
+    if (!TC.data.homes) return p;
+    if (!r.own) { const seen = {}; r.own = r.home.map((g) => (seen[g] = (seen[g] ?? -1) + 1)); }
+    return r.own[p];
+  },
+  get here() { return TC.point.home(TC.data.run && TC.state.at ? TC.run.flat(TC.state.at) : 0); },
+  line(p, level) { const lines = TC.point.home(p).lines || {}; return lines[String(level)] || lines[Object.keys(lines).sort((a, b) => b - a)[0]]; },
   draw(host) {
-    const s = TC.state, p = TC.run.flat(s.at), level = s.level, d = TC.data;
-    const line = d.lines[String(level)] || d.lines[Object.keys(d.lines).sort((a, b) => b - a)[0]], proof = TC.run.proof(p, level);
-    const reason = d.run.reasons[d.run.reason[p * d.run.nlevels + level]];
+    const s = TC.state, p = TC.run.flat(s.at), level = s.level, d = TC.point.home(p);
+    const r = TC.data.run, line = TC.point.line(p, level), proof = TC.run.proof(p, level), reason = r.reasons[r.reason[p * r.nlevels + level]];
     const head = TC.el("p", {}, TC.el("b", {}, TC.run.words(s.at)), ` on level ${level}: `, TC.el("span", { class: `badge ${proof === "failed" ? "bad" : proof === "nothing" || proof === "local" ? "" : "good"}` }, TC.run.PROOFS[proof]), reason && proof === "failed" ? TC.el("span", { class: "bad" }, reason) : null);
     const buttons = TC.el("div", { class: "controls noprint" },
       TC.el("button", { "aria-pressed": s.vs ? "true" : "false", title: "keep this point and compare others with it (c)", "aria-label": "compare", onclick: () => TC.set({ vs: s.vs ? null : s.at.slice() }) }, s.vs ? "stop comparing" : "compare with …"),
@@ -26,40 +36,28 @@ TC.point = {
       const frame = TC.point.frame(line, TC.width(left));
       if (frame.shape) TC.point.bodyPanel(left, p, line, frame);
     } else if (line) {
-      const shownLevel = d.lines[String(level)] === line ? level : d.run.nlevels - 1;
-      const cases = [p, vs].filter((k) => k !== null).map((k) => TC.point.contact(line, k));
+      const shownLevel = d.lines[String(level)] === line ? level : r.nlevels - 1;
+      const cases = [p, vs].filter((k) => k !== null && TC.point.line(k, level)).map((k) => TC.point.contact(TC.point.line(k, level), k));
       const width = TC.width(left), frame = TC.point.frame(line, width);
       TC.point.left = left;
       if (frame.shape) TC.point.bodyPanel(left, p, line, frame);
       TC.point.profiles(left, line, cases, frame, shownLevel !== level ? `level ${shownLevel} (the page holds no contact line of level ${level})` : "");
       TC.point.law(right, line, cases, p, vs);
-    } else left.append(TC.el("p", { class: "note" }, "The page was made without contact lines; the file has them."));
+    } else if (proof !== "failed") left.append(TC.el("p", { class: "note" }, "The page was made without contact lines; the file has them."));
     TC.point.energies(right, p, level);
     TC.point.table(right, p, vs, level);
   },
-  // Slip, friction and state at every contact node of a point.
-  contact(line, p, given) {
-    const u = given ? given.u : TC.row(line.u_T, p), xi = given ? given.xi : TC.row(line.xi, p), m = u.length, state = new Int8Array(m);
-    const laws = given ? [given.law] : TC.point.lawsOf(p), peaks = laws.map((law) => (law ? TC.point.peaks(law) : null)), strength = given ? null : TC.point.strength(line, p);
-    for (let i = 0; i < m; i++) {
-      const sticks = given ? given.sticks[i] : line.sticks && line.sticks[p * m + i] >= 0 ? line.sticks[p * m + i] === 1 : u[i] === 0; // older files do not say
-      const peak = peaks[strength && laws.length > 1 ? line.of_law[i] : 0];
-      state[i] = sticks ? 0 : peak && Math.abs(xi[i]) < 0.995 * (strength ? strength[i] : 1) * peak(u[i]) ? 2 : 1;
-    }
-    return { u, xi, state };
+  // Slip, friction and state at every contact node of a point, with the line that they are on.
+  contact(line, p) {
+    const q = TC.point.own(p), m = line.x.length;
+    return { line, u: TC.row(line.u_T, q), xi: TC.row(line.xi, q), state: line.state.subarray(q * m, (q + 1) * m) };
   },
   // The laws of a point: one, or one of every edge.
   lawsOf: (p) => (TC.data.laws ? [TC.data.laws.index[p]].flat().map((k) => TC.data.laws.laws[k]) : [null]),
-  strength: (line, p) => (line.of_law ? TC.row(line.strengths, line.strength_of[p]) : null),
-  // s -> largest |b| between 0 and s.
-  peaks(law) {
-    const at = [];
-    for (const [ss, bs] of law.curves) ss.forEach((s, i) => at.push([s, Math.abs(bs[i])]));
-    return (u) => { let most = 0; for (const [s, b] of at) if (s * u >= 0 && Math.abs(s) <= Math.abs(u) * (1 + 1e-12)) most = Math.max(most, b); return most; };
-  },
+  strength: (line, p) => (line.of_law ? TC.row(line.strengths, line.strength_of[TC.point.own(p)]) : null),
   // Where things stand: drawn body in pixels, and whether the contact line runs along x so that all share one axis.
   frame(line, width) {
-    const d = TC.data, xs = [], ys = [];
+    const d = TC.point.here, xs = [], ys = [];
     for (const e of d.outline || []) for (const [x, y] of e.line) { xs.push(x); ys.push(y); }
     if (d.body) { xs.push(...TC.range(d.body.x)); ys.push(...TC.range(d.body.y)); }
     const shape = xs.length > 0, [y0, y1] = TC.range(line.y), bx = shape ? TC.range(xs) : TC.range(line.x), by = shape ? TC.range(ys) : [y0, y1];
@@ -69,16 +67,15 @@ TC.point = {
     return { shape, width, margin, bx, by, per, along, scale, used, top: 34, high: (by[1] - by[0]) / per };
   },
   exaggeration() {
-    const b = TC.data.body;
+    const b = TC.point.here.body;
     if (b.factor) return b.factor;
     let most = 0;
-    const s = TC.state;
-    for (let p = 0; p < TC.data.run.points; p++) { const x = TC.field(b.u_x, p), y = TC.field(b.u_y, p); for (let i = 0; i < x.length; i += 7) most = Math.max(most, Math.hypot(x[i], y[i])); if (p > 60) break; }
+    for (let q = 0; q < Math.min(61, b.u_x.factor.shape[0]); q++) { const x = TC.field(b.u_x, q), y = TC.field(b.u_y, q); for (let i = 0; i < x.length; i += 7) most = Math.max(most, Math.hypot(x[i], y[i])); }
     const [x0, x1] = TC.range(b.x), [y0, y1] = TC.range(b.y), wanted = most > 0 ? (0.06 * Math.hypot(x1 - x0, y1 - y0)) / most : 1, power = 10 ** Math.floor(Math.log10(wanted));
     return (b.factor = most > 0 ? [5, 2, 1].find((f) => f * power <= wanted) * power : 1);
   },
   bodyPanel(host, p, line, frame) {
-    const extra = 26, width = frame.width, height = Math.ceil(frame.high + 2 * frame.top + extra), d = TC.data;
+    const extra = 26, width = frame.width, height = Math.ceil(frame.high + 2 * frame.top + extra), d = TC.point.here;
     const canvas = TC.el("canvas", { style: `width:${width}px;height:${height}px`, role: "img", "aria-label": "the body" }), svg = TC.svgNode("svg", { width, height, role: "img", "aria-label": "the body with the roles of its edges" });
     const ratio = Math.min(3, window.devicePixelRatio || 1) * (width < 500 ? 1 : 1);
     canvas.width = width * ratio; canvas.height = height * ratio;
@@ -88,19 +85,19 @@ TC.point = {
     TC.point.body(p);
   },
   roleKey() {
-    const used = [...new Set((TC.data.outline || []).map((e) => e.role))];
+    const used = [...new Set((TC.point.here.outline || []).map((e) => e.role))];
     if (!used.length) return TC.el("span");
     const out = TC.el("div", { class: "legend" });
     for (const role of Object.keys(TC.ROLES).filter((r) => used.includes(r))) {
       const { words, ...look } = TC.ROLES[role];
       out.append(TC.el("span", { style: "display:inline-block;margin-right:14px" }, TC.svgNode("svg", { width: 28, height: 10, style: "display:inline-block;margin-right:5px;vertical-align:1px" }, TC.svgNode("line", { x1: 0, x2: 28, y1: 5, y2: 5, ...look })), words));
     }
-    if ((TC.data.sources || []).length) out.append(TC.el("span", { style: "display:inline-block" }, TC.svgNode("svg", { width: 28, height: 12, style: "display:inline-block;margin-right:5px;vertical-align:-1px" }, TC.svgNode("rect", { x: 1, y: 1, width: 26, height: 10, fill: "none", stroke: "var(--bad)", "stroke-width": 1.5, "stroke-dasharray": "4 3" })), "heated"));
+    if ((TC.point.here.sources || []).length) out.append(TC.el("span", { style: "display:inline-block" }, TC.svgNode("svg", { width: 28, height: 12, style: "display:inline-block;margin-right:5px;vertical-align:-1px" }, TC.svgNode("rect", { x: 1, y: 1, width: 26, height: 10, fill: "none", stroke: "var(--bad)", "stroke-width": 1.5, "stroke-dasharray": "4 3" })), "heated"));
     return out;
   },
   toPx(frame, x, y) { return [frame.margin.left + (x - frame.bx[0]) / frame.per, frame.top + frame.high - (y - frame.by[0]) / frame.per]; },
   body(p) {
-    const { canvas, svg, frame, line, ratio } = TC.point.panel, d = TC.data, b = d.body, g = canvas.getContext("2d");
+    const { canvas, svg, frame, line, ratio } = TC.point.panel, b = TC.point.here.body, g = canvas.getContext("2d");
     const factor = b && TC.run.flag("status", p, b.level) === 1 ? TC.point.exaggeration() * TC.state.deform : 0, text = document.getElementById("deform-text");
     if (text) text.textContent = `× ${TC.number(factor, 2)}`;
     g.setTransform(ratio, 0, 0, ratio, 0, 0);
@@ -112,11 +109,11 @@ TC.point = {
     svg.replaceChildren(...over);
   },
   fillBody(g, p, factor, frame, over) {
-    const b = TC.data.body, n = b.x.length, ux = TC.field(b.u_x, p), uy = TC.field(b.u_y, p), X = new Float64Array(n), Y = new Float64Array(n);
+    const b = TC.point.here.body, n = b.x.length, ux = TC.field(b.u_x, TC.point.own(p)), uy = TC.field(b.u_y, TC.point.own(p)), X = new Float64Array(n), Y = new Float64Array(n);
     for (let i = 0; i < n; i++) [X[i], Y[i]] = TC.point.toPx(frame, b.x[i] + factor * ux[i], b.y[i] + factor * uy[i]);
     const solved = TC.run.flag("status", p, b.level) === 1; // a failed point has no fields
     if (!solved) over.push(TC.svgNode("text", { x: frame.margin.left, y: 16 }, "no solution, so neither temperature nor deformation"));
-    const theta = b.theta && solved ? TC.field(b.theta, p) : null, [lo, hi] = theta ? TC.range(theta) : [0, 0], even = !theta || hi - lo <= 2e-3 * Math.max(Math.abs(lo), Math.abs(hi));
+    const theta = b.theta && solved ? TC.field(b.theta, TC.point.own(p)) : null, [lo, hi] = theta ? TC.range(theta) : [0, 0], even = !theta || hi - lo <= 2e-3 * Math.max(Math.abs(lo), Math.abs(hi));
     const style = getComputedStyle(document.documentElement), levels = even ? [] : TC.ticks(lo, hi, 11), colour = (t) => TC.css(TC.colour(t, TC.HEAT));
     const tri = b.triangle;
     if (even) {
@@ -142,10 +139,10 @@ TC.point = {
       TC.point.heatBar(over, frame, first, step, count, colour);
     }
     if (theta && even) over.push(TC.svgNode("text", { x: frame.margin.left, y: 16 }, `θ = ${TC.number(0.5 * (lo + hi), 4)} ${TC.unit(b.theta_units)} everywhere`));
-    for (const e of TC.data.outline || []) over.push(TC.point.path(e.line.map(([x, y]) => TC.point.toPx(frame, x, y)), { fill: "none", stroke: "var(--soft)", "stroke-width": 1, "stroke-dasharray": "4 3" }));
+    for (const e of TC.point.here.outline || []) over.push(TC.point.path(e.line.map(([x, y]) => TC.point.toPx(frame, x, y)), { fill: "none", stroke: "var(--soft)", "stroke-width": 1, "stroke-dasharray": "4 3" }));
     const edges = b.boundary, byRole = {};
     for (let k = 0; k < edges.length / 2; k++) {
-      const known = TC.data.outline && b.edge[k] >= 0 ? TC.data.outline[b.edge[k]].role : "free";
+      const known = TC.point.here.outline && b.edge[k] >= 0 ? TC.point.here.outline[b.edge[k]].role : "free";
       (byRole[known] = byRole[known] || []).push(`M${X[edges[2 * k]].toFixed(1)},${Y[edges[2 * k]].toFixed(1)}L${X[edges[2 * k + 1]].toFixed(1)},${Y[edges[2 * k + 1]].toFixed(1)}`);
     }
     for (const role of ["free", "traction", "convection", "clamped", "contact"]) if (byRole[role]) {
@@ -153,7 +150,7 @@ TC.point = {
       over.push(TC.svgNode("path", { d: byRole[role].join(""), fill: "none", "stroke-linecap": "butt", ...look, ...(role === "convection" || role === "traction" ? { "stroke-dasharray": null } : {}) }));
       if (role === "convection" || role === "traction") over[over.length - 1].setAttribute("stroke-width", 3);
     }
-    for (const loop of TC.data.sources || []) over.push(TC.point.path([...loop, loop[0]].map(([x, y]) => TC.point.toPx(frame, x, y)), { fill: "none", stroke: "var(--bad)", "stroke-width": 1.5, "stroke-dasharray": "4 3" }));
+    for (const loop of TC.point.here.sources || []) over.push(TC.point.path([...loop, loop[0]].map(([x, y]) => TC.point.toPx(frame, x, y)), { fill: "none", stroke: "var(--bad)", "stroke-width": 1.5, "stroke-dasharray": "4 3" }));
   },
   // The part of a polygon [x, y, value] with sign·value ≥ sign·bound.
   clip(poly, bound, sign) {
@@ -172,15 +169,15 @@ TC.point = {
   },
   path: (pts, attrs) => TC.svgNode("path", { d: pts.map(([x, y], i) => `${i ? "L" : "M"}${x.toFixed(1)},${y.toFixed(1)}`).join(""), ...attrs }),
   fillOutline(over, frame) {
-    const d = TC.data.outline.map((e) => e.line.map(([x, y]) => TC.point.toPx(frame, x, y)));
+    const d = TC.point.here.outline.map((e) => e.line.map(([x, y]) => TC.point.toPx(frame, x, y)));
     over.push(TC.svgNode("path", { d: d.map((pts, k) => pts.map(([x, y], i) => `${i || (k && Math.hypot(x - d[k - 1][d[k - 1].length - 1][0], y - d[k - 1][d[k - 1].length - 1][1]) < 1e-6) ? "L" : "M"}${x.toFixed(1)},${y.toFixed(1)}`).join("")).join(""), fill: "var(--body)", "fill-rule": "evenodd", stroke: "none" }));
-    TC.data.outline.forEach((e, k) => { const { words, ...look } = TC.ROLES[e.role]; over.push(TC.point.path(d[k], { fill: "none", ...look })); });
-    for (const loop of TC.data.sources || []) over.push(TC.point.path([...loop, loop[0]].map(([x, y]) => TC.point.toPx(frame, x, y)), { fill: "none", stroke: "var(--bad)", "stroke-width": 1.5, "stroke-dasharray": "4 3" }));
+    TC.point.here.outline.forEach((e, k) => { const { words, ...look } = TC.ROLES[e.role]; over.push(TC.point.path(d[k], { fill: "none", ...look })); });
+    for (const loop of TC.point.here.sources || []) over.push(TC.point.path([...loop, loop[0]].map(([x, y]) => TC.point.toPx(frame, x, y)), { fill: "none", stroke: "var(--bad)", "stroke-width": 1.5, "stroke-dasharray": "4 3" }));
   },
   // Names of edges, each once, outside its longest piece.
   // Where the middle of a named edge goes with the deformation, in pixels.
   moved(p, factor) {
-    const b = TC.data.body, ux = TC.field(b.u_x, p), uy = TC.field(b.u_y, p), frame = TC.point.panel.frame;
+    const b = TC.point.here.body, ux = TC.field(b.u_x, TC.point.own(p)), uy = TC.field(b.u_y, TC.point.own(p)), frame = TC.point.panel.frame;
     return (x, y) => {
       let best = 0, least = Infinity;
       for (const i of b.boundary) { const far = (b.x[i] - x) ** 2 + (b.y[i] - y) ** 2; if (far < least) { least = far; best = i; } }
@@ -189,12 +186,12 @@ TC.point = {
   },
   names(over, frame, moved) {
     const seen = {}, size = (e) => e.line.slice(1).reduce((t, q, i) => t + Math.hypot(q[0] - e.line[i][0], q[1] - e.line[i][1]), 0);
-    for (const e of TC.data.outline || []) if (!seen[e.name] || size(e) > size(seen[e.name])) seen[e.name] = e;
+    for (const e of TC.point.here.outline || []) if (!seen[e.name] || size(e) > size(seen[e.name])) seen[e.name] = e;
     for (const e of Object.values(seen)) {
       const k = Math.floor((e.line.length - 1) / 2), a = e.line[k], b = e.line[k + 1], [ax, ay] = TC.point.toPx(frame, ...a), [bx, by] = TC.point.toPx(frame, ...b), len = Math.hypot(bx - ax, by - ay) || 1;
       const nx = -(by - ay) / len, ny = (bx - ax) / len; // outward for a counter-clockwise outline, y downwards on the screen
       if (e.loop) { // a hole's name stands inside the hole
-        const all = TC.data.outline.filter((o) => o.loop === e.loop).flatMap((o) => o.line).map(([x, y]) => TC.point.toPx(frame, x, y)), [x0, x1] = TC.range(all.map((q) => q[0])), [y0, y1] = TC.range(all.map((q) => q[1]));
+        const all = TC.point.here.outline.filter((o) => o.loop === e.loop).flatMap((o) => o.line).map(([x, y]) => TC.point.toPx(frame, x, y)), [x0, x1] = TC.range(all.map((q) => q[0])), [y0, y1] = TC.range(all.map((q) => q[1]));
         if (x1 - x0 > 8 * e.name.length) over.push(TC.svgNode("text", { x: (x0 + x1) / 2, y: (y0 + y1) / 2 + 4, class: "soft", "text-anchor": "middle" }, e.name));
         continue;
       }
@@ -204,20 +201,20 @@ TC.point = {
     }
   },
   profiles(host, line, cases, frame, note) {
-    const pos = frame.along ? line.x : line.arclength, width = frame.width, right = frame.along && frame.shape ? width - frame.margin.left - frame.used : 20;
-    const by = frame.scale.by, shift = (part) => (frame.along ? line.x[part.a] - line.arclength[part.a] : 0), sense = (part) => (frame.along && part.b - part.a > 1 && line.x[part.b - 1] < line.x[part.a] ? -1 : 1);
-    const edge = (part, s) => (frame.along ? (line.x[part.a] + sense(part) * (s - line.arclength[part.a])) / by : s / by);
-    const ends = line.parts.flatMap((part) => [edge(part, part.cells[0]), edge(part, part.cells[part.cells.length - 1])]);
-    const xr = frame.along && frame.shape ? frame.bx.map((v) => v / by) : TC.range(ends), margin = { left: frame.margin.left, right, top: 20, bottom: 10 };
+    const width = frame.width, right = frame.along && frame.shape ? width - frame.margin.left - frame.used : 20;
+    const by = frame.scale.by, sense = (on, part) => (frame.along && part.b - part.a > 1 && on.x[part.b - 1] < on.x[part.a] ? -1 : 1);
+    const place = (on, part, s) => (frame.along ? (on.x[part.a] + sense(on, part) * (s - on.arclength[part.a])) / by : s / by);
+    const ends = cases.flatMap(({ line: on }) => on.parts.flatMap((part) => [place(on, part, part.cells[0]), place(on, part, part.cells[part.cells.length - 1])]));
+    const xr = frame.along && frame.shape ? TC.range([...frame.bx.map((v) => v / by), ...ends]) : TC.range(ends), margin = { left: frame.margin.left, right, top: 20, bottom: 10 };
     const us = TC.scale(cases.flatMap((c) => TC.range(c.u)), line.u_T_units), xs = TC.scale(cases.flatMap((c) => TC.range(c.xi)), line.xi_units);
     const label = (frame.along ? "x" : "arc length along the contact line") + (frame.scale.unit ? ` [${frame.scale.unit}]` : "");
     const upper = new TC.Plot({ width, height: 178, x: xr, y: TC.pad(TC.range([0, ...cases.flatMap((c) => TC.range(c.u).map((v) => v / us.by))])), ylabel: `slip u_T${us.unit ? ` [${us.unit}]` : ""}`, margin: { ...margin, bottom: 8 }, xnone: true, label: "slip along the contact line" });
     const lower = new TC.Plot({ width, height: 214, x: xr, y: TC.pad(TC.range([0, ...cases.flatMap((c) => TC.range(c.xi).map((v) => v / xs.by))])), xlabel: label, ylabel: `friction ξ = −S_T${xs.unit ? ` [${xs.unit}]` : ""}`, margin: { ...margin, top: 8, bottom: 46 }, label: "friction along the contact line" });
     cases.forEach((c, k) => {
-      const dash = k ? { "stroke-dasharray": "6 4", opacity: 0.85 } : {};
+      const dash = k ? { "stroke-dasharray": "6 4", opacity: 0.85 } : {}, line = c.line, pos = frame.along ? line.x : line.arclength, edge = (part, s) => place(line, part, s);
       for (const part of line.parts) {
         const xsPart = [], uPart = [];
-        for (let i = part.a; i < part.b; i++) { xsPart.push(frame.along ? pos[i] / by : pos[i] / by); uPart.push(c.u[i] / us.by); }
+        for (let i = part.a; i < part.b; i++) { xsPart.push(pos[i] / by); uPart.push(c.u[i] / us.by); }
         const a = edge(part, part.cells[0]), b = edge(part, part.cells[part.cells.length - 1]);
         if (part.held[0] && line.rest) { xsPart.unshift(a); uPart.unshift(0); }
         if (part.held[1] && line.rest) { xsPart.push(b); uPart.push(0); }
@@ -230,7 +227,7 @@ TC.point = {
         if (k) continue;
         for (let i = part.a; i < part.b; i++) {
           const l = upper.px(edge(part, part.cells[i - part.a])), r = upper.px(edge(part, part.cells[i - part.a + 1]));
-          upper.over.append(TC.svgNode("rect", { x: Math.min(l, r), y: 4, width: Math.abs(r - l) + 0.4, height: 9, fill: TC.STATES[c.state[i]].colour }));
+          upper.over.append(TC.svgNode("rect", { x: Math.min(l, r), y: 4, width: Math.abs(r - l) + 0.4, height: 9, fill: TC.stateOf(line, c.state[i]).colour }));
         }
         for (const [held, at] of [[part.held[0], a], [part.held[1], b]]) if (held) for (const plot of [upper, lower]) {
           const x = plot.px(at), y = plot.py(0);
@@ -238,9 +235,9 @@ TC.point = {
         }
       }
     });
-    const held = line.parts.some((part) => part.held[0] || part.held[1]), shares = [0, 0, 0], total = line.c.reduce((a, b) => a + b, 0);
+    const held = line.parts.some((part) => part.held[0] || part.held[1]), shares = TC.STATES.map(() => 0), total = line.c.reduce((a, b) => a + b, 0);
     for (let i = 0; i < line.c.length; i++) shares[cases[0].state[i]] += line.c[i] / total;
-    const key = TC.el("div", { class: "legend" }, TC.STATES.map((st, k) => (shares[k] > 0 ? TC.el("span", { style: "display:inline-block;margin-right:14px" }, TC.svgNode("svg", { width: 20, height: 10, style: "display:inline-block;margin-right:5px" }, TC.svgNode("rect", { width: 20, height: 10, fill: st.colour })), `${st.name} (${Math.round(100 * shares[k])} %)`) : null)).filter(Boolean));
+    const key = TC.el("div", { class: "legend" }, shares.map((_, k) => TC.stateOf(line, k)).map((st, k) => (shares[k] > 0 ? TC.swatch(st.colour, `${st.name} (${Math.round(100 * shares[k])} %)`) : null)).filter(Boolean));
     if (held) key.append(TC.el("span", {}, "hatched bar: held end"));
     TC.point.hover(upper, lower, line, cases[0], us, xs);
     host.append(TC.el("h3", {}, `Slip and friction along ${line.edges.join(", ") || "the contact line"}`), upper.svg, lower.svg, key);
@@ -249,7 +246,6 @@ TC.point = {
   hover(upper, lower, line, c, us, xs) {
     const marks = [upper, lower].map((plot) => plot.over.appendChild(TC.svgNode("line", { y1: plot.top, y2: plot.bottom, stroke: "var(--ink)", "stroke-width": 1, visibility: "hidden", "pointer-events": "none" })));
     const text = upper.text(upper.right, 30, "", { "text-anchor": "end", visibility: "hidden" });
-    const centre = (i) => { const part = line.parts.find((q) => i >= q.a && i < q.b); const k = i - part.a; return 0.5 * (part.cells[k] + part.cells[k + 1]); };
     const frame = TC.point.frame(line, upper.width), pos = (i) => (frame.along ? line.x[i] : line.arclength[i]) / frame.scale.by;
     for (const plot of [upper, lower]) {
       plot.svg.addEventListener("pointermove", (e) => {
@@ -257,12 +253,11 @@ TC.point = {
         let best = 0;
         for (let i = 1; i < c.u.length; i++) if (Math.abs(pos(i) - v) < Math.abs(pos(best) - v)) best = i;
         marks.forEach((mark, k) => { const x = [upper, lower][k].px(pos(best)); mark.setAttribute("x1", x); mark.setAttribute("x2", x); mark.setAttribute("visibility", "visible"); });
-        text.textContent = `u_T = ${TC.number(c.u[best] / us.by)} ${us.unit}, ξ = ${TC.number(c.xi[best] / xs.by)} ${xs.unit}, ${TC.STATES[c.state[best]].name}`;
+        text.textContent = `u_T = ${TC.number(c.u[best] / us.by)} ${us.unit}, ξ = ${TC.number(c.xi[best] / xs.by)} ${xs.unit}, ${TC.stateOf(line, c.state[best]).name}`;
         text.setAttribute("visibility", "visible");
       });
       plot.svg.addEventListener("pointerleave", () => { marks.forEach((m) => m.setAttribute("visibility", "hidden")); text.setAttribute("visibility", "hidden"); });
     }
-    void centre;
   },
   // The law with the place of every node on it.
   lawPlot(width, law, cases, line, extra = {}) {
@@ -282,7 +277,7 @@ TC.point = {
       plot.line(s.map((x) => x / us_.by), v.map((x) => x / ys.by), { stroke: "var(--ink)", "stroke-width": 1.6 });
     }
     for (const [s, l, r, kind] of law.jumps) plot.line([s / us_.by, s / us_.by], [l / ys.by, r / ys.by], { stroke: kind > 0 ? "var(--c1)" : "var(--c2)", "stroke-width": kind > 0 ? 3 : 2, "stroke-dasharray": kind > 0 ? "" : "4 3" });
-    cases.forEach((c, k) => { for (let i = 0; i < c.u.length; i++) if (Number.isFinite(c.u[i])) plot.inner.append(TC.svgNode("circle", { cx: plot.px(c.u[i] / us_.by), cy: plot.py(c.xi[i] / ys.by), r: 3.2, fill: k ? "none" : TC.STATES[c.state[i]].colour, stroke: TC.STATES[c.state[i]].colour, "stroke-width": 1, "fill-opacity": 0.55 })); });
+    cases.forEach((c, k) => { for (let i = 0; i < c.u.length; i++) if (Number.isFinite(c.u[i])) plot.inner.append(TC.svgNode("circle", { cx: plot.px(c.u[i] / us_.by), cy: plot.py(c.xi[i] / ys.by), r: 3.2, fill: k ? "none" : TC.stateOf(line, c.state[i]).colour, stroke: TC.stateOf(line, c.state[i]).colour, "stroke-width": 1, "fill-opacity": 0.55 })); });
     return { plot, us: us_, ys };
   },
   law(host, line, cases, p, vs) {
@@ -291,14 +286,14 @@ TC.point = {
     laws.forEach((law, k) => {
       const other = vs !== null && TC.point.lawsOf(vs)[k] !== law ? " (the compared point has another law; its places are drawn all the same)" : "";
       const edge = strength && TC.data.laws.edges[k] ? ` of ${TC.data.laws.edges[k]}` : "", scaled = strength && [...strength].some((s) => s > 0 && Math.abs(s - 1) > 1e-4);
-      const { plot } = TC.point.lawPlot(TC.width(host), law, strength ? cases.map((c) => TC.point.onEdge(c, line, strength, k)) : cases, line);
+      const { plot } = TC.point.lawPlot(TC.width(host), law, strength ? cases.map((c) => TC.point.onEdge(c, strength, k)) : cases, line);
       const omega = law.omega === Infinity || law.omega === null ? "∞" : TC.quantity(law.omega, units);
       host.append(TC.el("h3", {}, `Friction law${edge} (${law.name}) and where every node stands on it`), plot.svg, TC.el("p", { class: "legend" }, `steepest fall ω = ${omega}; thick: up-jump (sticking), dashed: down-jump${scaled ? "; ξ divided by the strength at its node" : ""}${other}`));
     });
   },
   // The nodes of one edge's law, without gaps in the bond, ξ as the law has it.
-  onEdge(c, line, strength, k) {
-    const own = [...c.u.keys()].filter((i) => line.of_law[i] === k && strength[i] > 0), pick = (values) => own.map((i) => values[i]);
+  onEdge(c, strength, k) {
+    const own = [...c.u.keys()].filter((i) => c.line.of_law[i] === k && strength[i] > 0), pick = (values) => own.map((i) => values[i]);
     return { u: pick(c.u), xi: own.map((i) => c.xi[i] / strength[i]), state: pick(c.state) };
   },
   energies(host, p, level) {

@@ -21,6 +21,7 @@ TC.run = {
     s.deform = given.deform !== undefined && Number.isFinite(Number(given.deform)) ? Number(given.deform) : 1;
     s.sort = given.sort !== undefined ? Number(given.sort) : -1;
     s.down = given.down === "1" ? 1 : 0;
+    if (TC.data.history) TC.history.setup(given);
     s.mode = given.mode === "live" && TC.data.live ? "live" : "";
   },
   whole(text, count, other) { const n = Number(text); return text !== undefined && Number.isInteger(n) && n >= 0 && n < count ? n : other; },
@@ -44,6 +45,8 @@ TC.run = {
   flag(name, p, level) { const f = TC.data.run.flags[name]; return f ? f[p * TC.data.run.nlevels + level] : 0; },
   value(name, p, level) { const n = TC.data.run.numbers[name]; return n ? n.v[p * TC.data.run.nlevels + level] : NaN; },
   energies(p, level) { const r = TC.data.run, k = r.starts.length; return r.start_energy ? Array.from(r.start_energy.slice((p * r.nlevels + level) * k, (p * r.nlevels + level + 1) * k)) : []; },
+  // Sizes of the levels, of the geometry of point p where there are several.
+  levels: (p) => TC.point.home(p).levels || TC.data.run.levels,
   several(p, level) {
     const r = TC.data.run, known = (r.counted = r.counted || new Int8Array(r.points * r.nlevels).fill(-1)), at = p * r.nlevels + level;
     return known[at] >= 0 ? known[at] : (known[at] = TC.run.count(p, level));
@@ -66,6 +69,8 @@ TC.run = {
     for (const [flag, word] of [["unique", "unique"], ["global_minimum", "global"], ["strict_minimum", "local"]]) if (TC.run.flag(flag, p, level) === 1) return word;
     return "nothing";
   },
+  // What is said of a point: of a history of all its steps.
+  proofs: () => (TC.data.history ? TC.history.PROOFS : TC.run.PROOFS),
   PROOFS: { unique: "proved to be the only solution", global: "proved to have the least energy", local: "proved to be a local minimum only", nothing: "a solution, nothing proved of it", failed: "no solution" },
 
   draw() {
@@ -73,9 +78,11 @@ TC.run = {
     TC.run.controls(host.controls);
     TC.run.map(host.map);
     TC.run.curves(host.curves);
-    TC.point.draw(host.point);
-    TC.run.accuracy(host.accuracy);
-    TC.run.rows(host.rows);
+    const steps = TC.data.history && TC.history;
+    (steps || TC.point).draw(host.point);
+    (steps || TC.run).accuracy(host.accuracy);
+    if (host.steps) steps.rows(host.steps);
+    if (host.rows) TC.run.rows(host.rows);
   },
   layout() {
     const main = document.getElementById("main"), part = (title, id) => { const body = TC.el("div", { id }); main.append(TC.el("h2", {}, title), body); return body; };
@@ -84,11 +91,12 @@ TC.run = {
     const controls = TC.el("div", { class: "controls noprint" }), map = TC.el("div", { class: "panel" }), curves = TC.el("div", { class: "panel" });
     const two = TC.data.run.varied.length > 1;
     sweep.append(controls, two ? TC.el("div", { class: "columns" }, map, curves) : curves);
-    const point = part(TC.data.run.varied.length ? "2  The point" : "The solution", "point"), accuracy = part("3  How accurate, at what cost", "accuracy"), data = part("4  The data", "table");
-    const rows = TC.el("div");
-    data.append(rows);
+    const swept = TC.data.run.varied.length > 0, steps = Boolean(TC.data.history), n = (k) => `${swept ? k : k - 1}  `;
+    const point = part(steps ? n(2) + "Loop and steps" : swept ? "2  The point" : "The solution", "point"), accuracy = part(steps ? n(3) + "Energies and cycles" : "3  How accurate, at what cost", "accuracy"), data = part((steps ? n(4) : "4  ") + "The data", "table");
+    const rows = steps && !swept ? null : TC.el("div"), stepRows = steps ? TC.el("div", { id: "steps" }) : null;
+    data.append(...[stepRows, rows].filter(Boolean));
     TC.provenance(data);
-    return { controls, map: two ? map : null, curves, point, accuracy, rows };
+    return { controls, map: two ? map : null, curves, point, accuracy, rows, steps: stepRows };
   },
   controls(host) {
     const r = TC.data.run, s = TC.state, out = [];
@@ -99,7 +107,7 @@ TC.run = {
       out.push(TC.choice("map: up", names.filter(([n]) => n !== s.x), s.y, (y) => TC.set({ y })));
       out.push(TC.choice("curves: one for each", names.filter(([n]) => n !== s.x), s.by, (by) => TC.set({ by })));
     }
-    if (r.nlevels > 1) out.push(TC.slider("level", r.levels.h_max.map((h, i) => `${i} (h = ${TC.quantity(h, r.units.h_max, 3)})`), s.level, (level) => TC.set({ level })));
+    if (r.nlevels > 1) out.push(TC.slider("level", TC.run.levels(TC.run.flat(s.at)).h_max.map((h, i) => `${i} (h = ${TC.quantity(h, r.units.h_max, 3)})`), s.level, (level) => TC.set({ level })));
     if (r.grid) for (const a of r.varied) {
       const d = TC.run.dim(a.name), unit = a.numeric ? TC.scale(a.values, a.units).unit : "", texts = a.values.map((_, i) => TC.axisLabel(a, i) + (unit ? " " + unit : ""));
       const move = (i) => { const at = s.at.slice(); at[d] = i; TC.set({ at }); };
@@ -118,7 +126,7 @@ TC.run = {
     const ax = TC.run.axis(s.x), ay = TC.run.axis(s.y);
     for (let p = 0; p < r.points; p++) if (TC.run.flag("status", p, s.level) === 1) all.push(q.v[p * r.nlevels + s.level]);
     const shade = TC.run.shade(all), scale = TC.scale(all, q.units), unit = scale.unit ? ` [${scale.unit}]` : "";
-    const width = TC.width(host), title = TC.el("h3", {}, `${TC.symbol(s.q)}${unit}, level ${s.level}`);
+    const width = TC.width(host), title = TC.el("h3", {}, `${TC.symbol(s.q)}${unit}${r.nlevels > 1 ? `, level ${s.level}` : ""}`);
     const svg = r.grid ? TC.run.cells(width, ax, ay, shade, scale) : TC.run.scatter(width, ax, ay, shade, scale);
     const fixed = r.grid ? r.varied.filter((a) => a.name !== s.x && a.name !== s.y) : [];
     const note = fixed.length ? "at " + fixed.map((a) => { const i = s.at[TC.run.dim(a.name)], u = a.numeric ? TC.scale(a.values, a.units).unit : ""; return `${TC.symbol(a.name)} = ${TC.axisLabel(a, i)}${u ? " " + u : ""}`; }).join(", ") : "";
@@ -137,7 +145,7 @@ TC.run = {
   cell(svg, x, y, w, h, p, shade, scale, numbers) {
     const s = TC.state, proof = TC.run.proof(p, s.level), v = TC.run.value(s.q, p, s.level), rgb = shade.of(v), tone = TC.dark(rgb) ? "l" : "d";
     const g = TC.svgNode("g", { class: "cell", "data-point": p });
-    const tip = `${TC.run.words(TC.run.index(p))}\n${TC.symbol(s.q)} = ${TC.quantity(v, TC.data.run.numbers[s.q].units)}\n${TC.run.PROOFS[proof]}`;
+    const tip = `${TC.run.words(TC.run.index(p))}\n${TC.symbol(s.q)} = ${TC.quantity(v, TC.data.run.numbers[s.q].units)}\n${TC.run.proofs()[proof]}`;
     g.append(TC.svgNode("title", {}, tip + (TC.run.several(p, s.level) > 1 ? `\n${TC.run.several(p, s.level)} different energies found` : "")));
     if (proof === "failed") {
       g.append(TC.svgNode("rect", { x, y, width: w, height: h, fill: "var(--shade)", stroke: "var(--bad)" }), TC.svgNode("path", { d: `M${x + 4},${y + 4}L${x + w - 4},${y + h - 4}M${x + w - 4},${y + 4}L${x + 4},${y + h - 4}`, stroke: "var(--bad)", "stroke-width": 2 }));
@@ -212,7 +220,7 @@ TC.run = {
       const svg = TC.svgNode("svg", { width: 26, height: 16, style: "display:inline-block;vertical-align:-3px;margin:0 5px 0 0", role: "img", "aria-label": proof });
       const box = (fill, extra = {}) => svg.append(TC.svgNode("rect", { x: 0.5, y: 0.5, width: 25, height: 15, fill, stroke: "var(--soft)", ...extra }));
       if (proof === "failed") { box("var(--shade)"); svg.append(TC.svgNode("path", { d: "M3,3L23,13M23,3L3,13", stroke: "var(--bad)", "stroke-width": 2 })); } else { box("#9aa"); if (proof !== "unique") box(`url(#${proof}-d)`); }
-      out.append(TC.el("span", { style: "display:inline-block;margin-right:16px" }, svg, TC.run.PROOFS[proof]));
+      out.append(TC.el("span", { style: "display:inline-block;margin-right:16px" }, svg, TC.run.proofs()[proof]));
     }
     if (several) {
       const svg = TC.svgNode("svg", { width: 26, height: 16, style: "display:inline-block;vertical-align:-3px;margin:0 5px 0 0", role: "img", "aria-label": "several" });
@@ -275,14 +283,15 @@ TC.run = {
     if (TC.data.convergence) { const box = TC.el("div"); host.append(TC.el("h3", {}, "Measured convergence (tcstudy converge)"), box); TC.others.convergence(box, TC.data.convergence, true); }
     if (TC.data.cost) { const box = TC.el("div"); host.append(TC.el("h3", {}, "Accuracy against cost (tcstudy cost)"), box); TC.others.cost(box, TC.data.cost, true); }
   },
+  ROUNDING: 1e-12, // relative changes below it are none
   CONVERGED: ["u_T_max", "slip_length", "friction_resultant", "energy", "error_estimate"],
   changes(width, p) {
-    const r = TC.data.run, h = r.levels.h_max, scale = TC.scale(h, r.units.h_max), series = [];
+    const r = TC.data.run, h = TC.run.levels(p).h_max, scale = TC.scale(h, r.units.h_max), series = [];
     for (const name of TC.run.CONVERGED.filter((n) => r.numbers[n])) {
       const v = h.map((_, l) => (TC.run.flag("status", p, l) === 1 ? TC.run.value(name, p, l) : NaN));
       const last = Math.abs(v[v.length - 1]) || 1;
       const e = name === "error_estimate" ? v : v.map((x, l) => (l === 0 ? NaN : Math.abs(x - v[l - 1]) / last));
-      series.push({ name, xs: h.map((x) => x / scale.by), ys: e.map((x) => (x > 0 ? x : NaN)), what: name === "error_estimate" ? "estimated error" : TC.symbol(name) });
+      series.push({ name, xs: h.map((x) => x / scale.by), ys: e.map((x) => (x > TC.run.ROUNDING ? x : NaN)), what: name === "error_estimate" ? "estimated error" : TC.symbol(name) });
     }
     const ys = series.flatMap((g) => g.ys).filter((v) => v > 0), xs = series[0].xs;
     if (!ys.length) return [TC.el("h3", {}, "Convergence over the levels"), TC.el("p", { class: "note" }, "The numbers do not change from level to level.")];
@@ -306,7 +315,7 @@ TC.run = {
     return [TC.el("h3", {}, "Convergence over the levels, of this point"), plot.svg, legend, TC.el("p", { class: "note" }, "Expected where slip meets stick or an end is held: order 1 for ∫ξ and slip length, up to 2 for energy and slip on smooth data. The orders to expect at every corner: tcstudy converge.")];
   },
   STAGES: [["time_mesh", "mesh"], ["time_assemble", "matrices"], ["time_condense", "condensing, all points"], ["time_solve", "contact, all points"]],
-  costs(width) {
+  costs(width, p) {
     const r = TC.data.run, sum = (name, l) => { if (r.levels[name]) return r.levels[name][l]; const n = r.numbers[name]; let t = 0; for (let p = 0; n && p < r.points; p++) { const v = n.v[p * r.nlevels + l]; if (Number.isFinite(v)) t += v; } return t; };
     const rows = r.levels.h_max.map((_, l) => TC.run.STAGES.map(([name]) => sum(name, l) || 0)), most = Math.max(...rows.map((x) => x.reduce((a, b) => a + b, 0))) || 1;
     const high = 30, left = 66, svg = TC.svgNode("svg", { width, height: rows.length * high + 24, role: "img", "aria-label": "wall time by level" });
@@ -320,7 +329,7 @@ TC.run = {
       svg.append(TC.svgNode("text", { x: left - 8, y: l * high + 19, "text-anchor": "end" }, `level ${l}`), TC.svgNode("text", { x: x + 6, y: l * high + 19 }, TC.quantity(parts.reduce((a, b) => a + b, 0), "s", 2)));
     });
     const key = TC.el("div", { class: "legend" }, TC.run.STAGES.map(([, t], k) => TC.el("span", { style: "display:inline-block;margin-right:14px" }, TC.svgNode("svg", { width: 12, height: 12, style: "display:inline-block;margin-right:4px" }, TC.svgNode("rect", { width: 12, height: 12, fill: `var(--c${[6, 5, 1, 2][k]})` })), t)));
-    const rowsOf = r.levels.h_max.map((h, l) => TC.el("tr", {}, [l, TC.quantity(h, r.units.h_max, 3), r.levels.n_dof[l], r.levels.n_contact[l]].map((t) => TC.el("td", {}, String(t)))));
+    const own = TC.run.levels(p), rowsOf = own.h_max.map((h, l) => TC.el("tr", {}, [l, TC.quantity(h, r.units.h_max, 3), own.n_dof[l], own.n_contact[l]].map((t) => TC.el("td", {}, String(t)))));
     const sizes = TC.el("table", {}, TC.el("thead", {}, TC.el("tr", {}, ["level", "longest edge", "unknowns", "on the contact line"].map((t) => TC.el("th", {}, t)))), TC.el("tbody", {}, rowsOf));
     return [TC.el("h3", {}, "Wall time by level, whole sweep"), svg, key, TC.el("div", { class: "wide-table" }, sizes)];
   },
@@ -337,8 +346,9 @@ TC.run = {
     if (open) out.push(`For ${open} of ${r.points} points other solutions with less energy are not excluded: tcstudy path follows all solutions along one parameter.`);
     const several = [...Array(r.points).keys()].filter((k) => TC.run.several(k, last) > 1).length;
     if (several) out.push(`For ${several} points different starts led to different solutions; the stored one is that of ${TC.data.yaml.includes("branch:") ? "the branch that the study asks for" : "least energy among those found"}.`);
-    if (!TC.data.body) out.push("With output: {fields: true} the page also shows the body's temperature and deformation.");
-    if (!TC.data.live) out.push("With output: {live: true} the contact problem can be solved here, in the browser, while sliders move.");
+    if (!TC.point.home(p).body) out.push("With output: {fields: true} the page also shows the body's temperature and deformation.");
+    if (TC.data.homes) out.push("A page of one geometry can solve in the browser: tcstudy export FILE.nc --geometry --at NAME=VALUE -o ONE.nc, then tcstudy report ONE.nc, of a run with output: {live: true}.");
+    else if (!TC.data.live) out.push("With output: {live: true} the contact problem can be solved here, in the browser, while sliders move.");
     if (!TC.data.convergence && last > 1) out.push("tcstudy converge measures errors and compares them with the orders to expect; its file beside this one is shown here, too.");
     return out;
   },
@@ -368,7 +378,7 @@ TC.run = {
     const t = TC.table({ columns, rows: points, sort: s.sort, down: s.down, chosen: (p) => p === TC.run.flat(s.at), pick: (p) => TC.set({ at: TC.run.index(p) }), onsort: (i) => TC.set({ sort: i, down: i === s.sort && !s.down ? 1 : 0 }) });
     const csv = () => TC.save(`${TC.data.file.replace(/\.nc$/, "")}-level${level}.csv`, TC.CSV(columns.map((c) => c.csv), t.order.map((p) => columns.map((c) => c.get(p)))));
     const scroll = host.querySelector(".scroll")?.scrollTop || 0, box = TC.el("div", { class: "scroll" }, t.node);
-    TC.fill(host, TC.el("div", { class: "controls noprint" }, TC.el("button", { onclick: csv, "aria-label": "csv" }, "Download as CSV"), TC.el("span", { class: "note" }, `${r.points} points on level ${level}; a click on a row shows the point`)), box);
+    TC.fill(host, TC.el("div", { class: "controls noprint" }, TC.el("button", { onclick: csv, "aria-label": "csv" }, "Download as CSV"), TC.el("span", { class: "note" }, `${r.points} points${r.nlevels > 1 ? ` on level ${level}` : ""}; a click on a row shows the point`)), box);
     box.scrollTop = scroll;
   },
 };

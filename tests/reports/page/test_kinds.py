@@ -1,0 +1,106 @@
+"""What stands in pages of histories, fits and sweeps over geometries, how large they are, and that states are data."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tcstudy.reports.fit import prediction_error
+from tcstudy.reports.page import write, write_page
+from tcstudy.reports.page.stored import read
+from tcstudy.reports.path_summary import STATES
+from tcstudy.scene.contact_states import ContactState
+from tests.reports.page.unpacked import data_of
+
+
+def test_a_history_has_its_steps_and_a_sweep_of_totals(history: Path) -> None:
+    found, data = data_of(write_page(history, history.with_suffix(".html")).path), xr.open_dataset(history)
+    steps, points = data.sizes["step"], 6
+    spent = next(one for one in found["history"]["numbers"] if one["name"] == "dissipated")
+    np.testing.assert_array_equal(spent["v"], data["dissipated"].values.reshape(points, steps))
+    total = data["dissipated"].sum("step").values.ravel()
+    np.testing.assert_allclose(found["run"]["numbers"]["dissipated"]["v"], total, rtol=1e-12)
+    assert [axis["name"] for axis in found["run"]["axes"]] == ["tau", "E"]
+    line = found["history"]["line"]
+    slip = data["u_T"].values.reshape(points * steps, -1)
+    shown = line["u_T"]["rows"] * line["u_T"]["scale"][:, None]
+    assert np.max(np.abs(shown - slip)) <= 1e-4 * np.max(np.abs(slip))
+    assert found["history"]["verdict"]["text"].startswith("6 of 6 histories of 16 steps in 2 cycles followed")
+    data.close()
+
+
+def test_moves_of_a_history_are_those_of_its_slips(history: Path) -> None:
+    line, data = data_of(write_page(history, history.with_suffix(".html")).path)["history"]["line"], read(history).data
+    u = data["u_T"].values.reshape(6, data.sizes["step"], -1)
+    moved = np.diff(u, axis=1)
+    state = line["state"].reshape(u.shape)[:, 1:]
+    largest = np.abs(u).max(axis=(1, 2), keepdims=True)
+    assert np.all(state[moved > 1e-8 * largest] == 1)
+    assert np.all(state[moved < -1e-8 * largest] == 2)
+    assert np.all(state[np.abs(moved) < 1e-10 * largest] == 0)
+
+
+def test_a_stopped_history_says_how_far_it_came(history: Path) -> None:
+    stored = read(history)
+    data = stored.data.copy(deep=True)
+    data["status"].values[1, 0, 5:] = 0
+    data["reason"].values[1, 0] = "the energy falls for ever"
+    text = write.page(replace(stored, data=data))
+    assert "5 of 6 histories" in text
+
+
+def test_a_thousand_steps_fit_in_two_megabytes(history: Path) -> None:
+    """200 nodes whose slips are noise, which no compression makes smaller."""
+    stored = read(history)
+    one = stored.data.isel(tau=0, E=0).isel(step=np.arange(1000) % 17, node=np.arange(200) % 16)
+    noise = np.random.default_rng(3).normal(size=(1000, 200))
+    data = one.assign({name: (one[name].dims, noise, one[name].attrs) for name in ("u_T", "xi", "kappa")})
+    text = write._fitting(replace(stored, data=data.drop_vars(["tau", "E"])), without := [])
+    assert len(text.encode()) <= 2_000_000
+    assert set(without) <= {"memory"}
+
+
+def test_every_geometry_has_its_own_line_and_body(pads: Path) -> None:
+    found = data_of(write_page(pads, pads.with_suffix(".html")).path)
+    data = read(pads).data
+    order = [str(dim) for dim in data["status"].dims[:-1]]
+    heights = {axis["name"]: axis["values"] for axis in found["run"]["axes"]}["height"]
+    at = order.index("height")
+    for p, home in enumerate(found["run"]["home"]):
+        height = heights[np.unravel_index(p, found["run"]["shape"])[at]]
+        own = found["homes"][home]
+        assert max(y for edge in own["outline"] for _, y in edge["line"]) == pytest.approx(height)
+        assert own["body"]["y"].max() == pytest.approx(height, rel=1e-6)
+        largest = np.abs(own["lines"]["1"]["u_T"]["rows"] * own["lines"]["1"]["u_T"]["scale"][:, None]).max(axis=1)
+        place = [q for q, other in enumerate(found["run"]["home"]) if other == home].index(p)
+        assert largest[place] == pytest.approx(found["run"]["numbers"]["u_T_max"]["v"][p, 1], rel=1e-4)
+    assert "3 geometries: 6 of 6 solved" in found["run"]["verdict"]["text"]
+
+
+def test_states_of_nodes_stand_in_the_data(result: Path) -> None:
+    """The page draws what the law says of every node; it has no rule of its own."""
+    found = data_of(write_page(result, result.with_suffix(".html")).path)
+    assert found["states"] == list(STATES)
+    line, tree = found["lines"]["1"], xr.open_datatree(result)
+    u = tree["level_1"]["u_T"].values.reshape(6, -1)
+    sticks = tree["level_1"]["sticks"].values.reshape(6, -1) == 1
+    plain, weak = line["state"][0::2], line["state"][1::2]
+    assert set(np.unique(plain)) <= {ContactState.STICK, ContactState.SLIP}
+    expected = np.where(np.abs(u[1::2]) < 40e-6, ContactState.SOFTEN, ContactState.WEAKENED)
+    np.testing.assert_array_equal(weak, np.where(sticks[1::2], ContactState.STICK, expected))
+    assert np.any(weak != ContactState.STICK)
+    tree.close()
+
+
+def test_a_fit_has_its_data_doubts_and_correlations(fitted: Path) -> None:
+    found, stored = data_of(write_page(fitted, fitted.with_suffix(".html")).path)["fit"], read(fitted).data
+    np.testing.assert_array_equal(found["data"]["residual"], stored["residual"].values)
+    np.testing.assert_array_equal(found["data"]["error"], prediction_error(stored))
+    assert [one["name"] for one in found["parameters"]] == ["friction.tau_s", "friction.delta"]
+    assert np.diag(found["correlation"]) == pytest.approx([1.0, 1.0])
+    assert [words.split()[0] for words, doubt in found["doubts"] if doubt] == ["mesh:"]  # one that is too coarse
+    assert found["verdict"]["text"].startswith("τ_s = 7.")
