@@ -176,10 +176,13 @@ class HistoryPlan:
         )
 
     def stations(self) -> list[dict[Keys, float]]:
-        """Loads at step 0 and at the ends of all lines of a cycle; a later cycle begins at the last of them."""
+        """Loads at step 0, at the ends of all lines of the first cycle, and of the second, which all others repeat.
+
+        In the first what is not named yet has the value of the study, later the one that the cycle before has left.
+        """
         values = {keys: value for keys, _, value in self.parameters}
         found = [dict(values)]
-        for line in self.lines:
+        for line in self.lines * min(self.repeat, 2):
             values |= dict(line.values)
             found.append(dict(values))
         return found
@@ -187,10 +190,9 @@ class HistoryPlan:
     def schedule(self) -> Iterator[tuple[int, int, float, str, int]]:
         """(station before, station after, share of the way, name or "", cycle from 1) of every step but step 0."""
         for cycle in range(self.repeat):
-            for i, line in enumerate(self.lines):
-                before = len(self.lines) if cycle and i == 0 else i
+            for before, line in enumerate(self.lines, len(self.lines) if cycle else 0):
                 for j in range(1, line.count + 1):
-                    yield before, i + 1, j / line.count, line.name if j == line.count else "", cycle + 1
+                    yield before, before + 1, j / line.count, line.name if j == line.count else "", cycle + 1
 
 
 def _row(section: str, name: str, *told: object, **more: object) -> Key:

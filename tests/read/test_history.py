@@ -31,7 +31,17 @@ def test_a_history_is_read_with_its_lines() -> None:
     assert [line.name for line in plan.lines] == ["hot", "theta 5 K, boundary.top.pressure 2 MPa"]
     schedule = list(plan.schedule())
     assert schedule[0] == (0, 1, 0.125, "", 1)
-    assert schedule[9] == (2, 1, 0.125, "", 2)
+    assert schedule[9] == (2, 3, 0.125, "", 2)
+    assert schedule[18] == (2, 3, 0.125, "", 3)
+
+
+def test_what_a_line_does_not_name_stays_from_one_cycle_to_the_next() -> None:
+    plan = read_study_text(BASE).history
+    assert plan is not None
+    pressure = ("boundary", "top", "pressure")
+    hot = [plan.stations()[end][pressure] for _, end, share, name, _ in plan.schedule() if name == "hot"]
+    assert hot == [1e6, 2e6, 2e6]
+    assert plan.stations()[2] == plan.stations()[4]
 
 
 def test_only_friction_may_hold_a_body_with_a_memory() -> None:
