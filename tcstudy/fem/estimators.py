@@ -2,25 +2,19 @@
 
 Estimate:   η_K² = ‖σ* − σ_h‖²_{c⁻¹,K} + (h_K/π)²/(2μ) ‖f + div σ*‖²_K + Σ_e h_e/(2πμ) ‖r_e‖²_e
             σ* recovered stress (continuous P1), r_e = what σ* leaves of the boundary condition on the edge e:
-            σ*n − g on Γ_N, σ*_T + ξ_h on Γ_C, the free components on rollers
+            σ*n − g + k_N u_N n + k_T u_T t on Γ_N, σ*_T + ξ_h on Γ_C, the free components on rollers; none on a rigid
+            edge, whose tractions balance as a whole
 Contact:    + h_e/(2πμ) ‖dist(ξ_h, b̂(u_h,T))‖²_e, since the inclusion (4) holds at the nodes only
 Dirichlet:  + Σ_e 2πμ/h_e ‖u_D − u_h‖²_e, since given displacements hold at the nodes only
-Coupling:   + β²/(λ+μ) ‖θ − θ_h‖²_K, see below
+Coupling:   + β²/(λ+μ) ‖θ − θ_h‖²_K, see heat_estimators.py
 Why:        for v and an interpolant Iv, a(u − u_h, v) = ∫(σ* − σ_h):ε(v − Iv) + ∫(f + div σ*)·(v − Iv)
             − Σ_e ∫ r_e·(v − Iv), so that the sum bounds the error up to a constant; the second and third term hold the
             oscillation of f and g, because div σ* is constant on K, and are of higher order where u is smooth
 Literature: Zienkiewicz & Zhu, Int. J. Numer. Methods Eng. 33 (1992) 1331–1364; Carstensen & Bartels, Math. Comp. 71
             (2002) 945–969 (every averaging is reliable up to oscillation); Bartels & Carstensen, Numer. Math. 99
             (2004) 225–249 (contact)
-Left out:   the amplification 1/(1 − ω/λ₁) by softening (Céa's constant of the problem), and what arcs lose as polygons
-
-Error of a P1 temperature, estimated triangle by triangle, and what it does to the displacement.
-
-Estimate:   η_K² = k‖q* − ∇θ_h‖²_K + (h_K/π)²/k ‖qχ_ω + k div q*‖²_K + Σ_e h_e/(πk) ‖k q*·n + α(θ_h − θ̄)‖²_e,
-            q* the recovered gradient, α = 0 off Γ_θ; as for the stress in estimators.py
-Coupling:   ‖θ − θ_h‖_K ≈ (h_K/π) η_K/√k: temperature loads the body through its L² error, one order of h better than
-            its gradient (Aubin–Nitsche, in its local form)
-Left out:   pollution: at a re-entrant corner the L² error is larger than its local part
+Left out:   the amplification 1/(1 − ω/λ₁) by softening (Céa's constant of the problem), what arcs lose as polygons, and
+            the energy of springs, of higher order in the error
 """
 
 from __future__ import annotations
@@ -30,11 +24,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import ContactLine, values_at
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.records import Clamped, Contact, Convection, Role, Scalar, Scene, Traction, resultant
+from tcstudy.scene.nodal_laws import Law, nodal
+from tcstudy.scene.records import (
+    Clamped,
+    Contact,
+    Convection,
+    EdgeLaws,
+    Rigid,
+    Role,
+    Scene,
+    Traction,
+    resultant,
+)
 
 Array = NDArray[np.float64]
 
@@ -46,10 +50,12 @@ GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 class Strain:
     """A displacement's strain (ε_xx, ε_yy, ε_xy) on triangles and recovered at nodes.
 
+    u:         (n, 2) the displacement [m]
     own:       (t, 3) of the P1 displacement;  recovered: (n, 3)
     excess:    (t, 3, 3) recovered at the corners of each triangle, less its own
     """
 
+    u: Array
     own: Array
     recovered: Array
     excess: Array
@@ -59,7 +65,7 @@ def strain(triangles: ElementGeometry, u: Array) -> Strain:
     """Strain of a displacement u (2n,)."""
     own = own_strain(triangles, u)
     recovered = triangles.recovery @ own
-    return Strain(own, recovered, recovered[triangles.mesh.triangles] - own[:, None])
+    return Strain(u.reshape(2, -1).T, own, recovered, recovered[triangles.mesh.triangles] - own[:, None])
 
 
 def own_strain(triangles: ElementGeometry, u: Array) -> Array:
@@ -111,19 +117,23 @@ def edge_residual(
     edges = boundary_edges(triangles)
     length, normal, at = edges.length, edges.normal, edges.at
     traction = boundary_traction(triangles, u, scene)
-    traction -= beta * _on_segments(theta, mesh.segments)[..., None] * normal[:, None]
-    roles = dict(scene.boundary)
+    traction -= beta * on_segments(theta, mesh.segments)[..., None] * normal[:, None]
+    roles, springs = dict(scene.boundary), {name: (normal_k, tangent_k) for name, normal_k, tangent_k in scene.springs}
     square = friction.defect**2
     for index, curve in enumerate(mesh.geometry.curves):
         here = mesh.segment_curve == index
         if not np.any(here):
             continue
-        target = _target(roles[curve.name], at[here], normal[here], friction.xi[here])
-        if any(force := resultant(roles[curve.name])):
-            edge = np.isin(mesh.segment_curve, [i for i, c in enumerate(mesh.geometry.curves) if c.name == curve.name])
-            target = target + np.array(force) / length[edge].sum()
-        rest = traction[here] - target
-        square[here] += np.sum(_free_part(roles[curve.name], rest, normal[here]) ** 2, axis=-1)
+        role = roles[curve.name]
+        target = _target(role, at[here], normal[here], friction.xi[here])
+        if any(force := resultant(role)):
+            whole = sum(
+                one.length for one in mesh.geometry.curves if one.name == curve.name
+            )  # also where regions cut it
+            target = target + np.array(force) / whole
+        if curve.name in springs:
+            target = target - _pull(springs[curve.name], on_segments(u.u, mesh.segments[here]), normal[here])
+        square[here] += np.sum(_free_part(role, traction[here] - target, normal[here]) ** 2, axis=-1)
     weighted = length / (2.0 * np.pi * mu) * length * square.mean(axis=1)
     return triangles.from_segments(weighted)
 
@@ -148,7 +158,7 @@ def boundary_edges(triangles: ElementGeometry) -> Edges:
 
 def boundary_traction(triangles: ElementGeometry, u: Strain, scene: Scene) -> Array:
     """cε* n of the recovered strain at the Gauss points of the boundary (s, 2, 2) [Pa]."""
-    stress = _on_segments(stress_of(u.recovered, scene.material.lam, scene.material.mu), triangles.mesh.segments)
+    stress = on_segments(stress_of(u.recovered, scene.material.lam, scene.material.mu), triangles.mesh.segments)
     normal = boundary_edges(triangles).normal
     return np.stack([_row(stress, 0, 2, normal), _row(stress, 2, 1, normal)], axis=-1)
 
@@ -157,7 +167,7 @@ def dirichlet_gap(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
     """u_D − u_h at the Gauss points of the boundary (s, 2, 2); zero in components that are free [m]."""
     mesh, edges = triangles.mesh, boundary_edges(triangles)
     gap = np.zeros_like(edges.at)
-    own = _on_segments(u.reshape(2, -1).T, mesh.segments)
+    own = on_segments(u.reshape(2, -1).T, mesh.segments)
     roles = dict(scene.boundary)
     for index, curve in enumerate(mesh.geometry.curves):
         role, here = roles[curve.name], mesh.segment_curve == index
@@ -180,7 +190,7 @@ def dirichlet_residual(triangles: ElementGeometry, gap: Array, scene: Scene) -> 
     return triangles.from_segments(weighted)
 
 
-def _on_segments(nodal: Array, segments: NDArray[np.intp]) -> Array:
+def on_segments(nodal: Array, segments: NDArray[np.intp]) -> Array:
     """P1 values at the Gauss points of segments, (n, …) → (s, 2, …)."""
     first, second = nodal[segments[:, 0]], nodal[segments[:, 1]]
     return np.stack([(1.0 - w) * first + w * second for w in GAUSS], axis=1)
@@ -201,8 +211,18 @@ def _target(role: Role, at: Array, normal: Array, xi: Array) -> Array:
     return g - values_at(role.pressure, points).reshape(-1, 2)[..., None] * normal[:, None]
 
 
+def _pull(springs: tuple[float, float], u: Array, normal: Array) -> Array:
+    """k_N u_N n + k_T u_T t of displacements (s, 2, 2)."""
+    tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
+    along = zip(springs, (normal, tangent), strict=True)
+    parts = (k * np.einsum("sqd,sd->sq", u, d)[..., None] * d[:, None] for k, d in along)
+    return np.asarray(sum(parts))
+
+
 def _free_part(role: Role, traction: Array, normal: Array) -> Array:
-    """The components of a traction in which the edge is free to move."""
+    """The components of a traction in which every point of the edge is free to move."""
+    if isinstance(role, Rigid):
+        return traction[..., :0]
     if not isinstance(role, Contact | Clamped):
         return traction
     tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
@@ -226,7 +246,7 @@ class ContactTraction:
 
 
 def contact_traction(
-    triangles: ElementGeometry, line: ContactLine, law: FrictionLaw, u_T: Array, xi: Array, u: Array
+    triangles: ElementGeometry, line: ContactLine, law: FrictionLaw | EdgeLaws, u_T: Array, xi: Array, u: Array
 ) -> ContactTraction:
     """ξ_h between the nodes from u_T (m,) and the tractions ξ_i/c_i (m,); u (2n,) gives u_T of held nodes."""
     mesh = triangles.mesh
@@ -244,7 +264,8 @@ def contact_traction(
     ends_slip = np.where(np.isnan(ends_slip), held, ends_slip)
     between = [(1.0 - w) * ends_xi[:, 0] + w * ends_xi[:, 1] for w in GAUSS]
     slip = [ends_slip[:, 0] + w * (ends_slip[:, 1] - ends_slip[:, 0]) for w in GAUSS]
-    low, high = law.interval(np.stack(slip, axis=1))
+    low, high = _laws_between(triangles, line, on, law).interval(np.stack(slip, axis=1).ravel())
+    low, high = low.reshape(-1, 2), high.reshape(-1, 2)
     traction = np.stack(between, axis=1)
     result, defect = np.zeros((len(on), 2)), np.zeros((len(on), 2))
     result[on] = traction
@@ -252,62 +273,13 @@ def contact_traction(
     return ContactTraction(result, defect)
 
 
-def heat_estimate(triangles: ElementGeometry, theta: Array, scene: Scene) -> Array:
-    """(t,) η_K² of a temperature (n,) that was solved for [W K/m]."""
-    k = scene.material.k
-    assert k is not None
-    own = triangles.gradient(theta)
-    recovered = triangles.recovery @ own
-    excess = recovered[triangles.mesh.triangles] - own[:, None]
-    squares = np.einsum("tkd,tkd->t", excess, excess) + np.einsum("tkd,tjd->t", excess, excess)
-    return (
-        k * triangles.area / 12.0 * squares
-        + _element_residual(triangles, recovered, scene, k)
-        + _edge_residual(triangles, recovered, theta, scene, k)
-    )
-
-
-def _element_residual(triangles: ElementGeometry, recovered: Array, scene: Scene, k: float) -> Array:
-    slope = triangles.gradient(recovered)
-    q = values_at(scene.heat.q, triangles.inner_points.reshape(-1, 2)).reshape(-1, 3)
-    if scene.heat.omega:
-        q = q * triangles.inside(scene.heat.omega)[:, None]
-    square = np.mean((q + k * (slope[:, 0, 0] + slope[:, 1, 1])[:, None]) ** 2, axis=1) * triangles.area
-    return (triangles.diameter / np.pi) ** 2 / k * square
-
-
-def _edge_residual(triangles: ElementGeometry, recovered: Array, theta: Array, scene: Scene, k: float) -> Array:
-    mesh, edges = triangles.mesh, boundary_edges(triangles)
-    flux = k * np.einsum("sqd,sd->sq", _on_segments(recovered, mesh.segments), edges.normal)
-
-    def on(name: str) -> NDArray[np.bool_]:
-        return np.isin(mesh.segment_curve, [i for i, c in enumerate(mesh.geometry.curves) if c.name == name])
-
-    def given(scalar: Scalar, some: NDArray[np.bool_]) -> Array:
-        return values_at(scalar, edges.at[some].reshape(-1, 2)).reshape(-1, 2)
-
-    for name, alpha, theta_bar in scene.exchange:
-        robin = on(name)
-        flux[robin] += alpha * (_on_segments(theta, mesh.segments)[robin] - given(theta_bar, robin))
-    for name, into in scene.flux:
-        flux[on(name)] -= given(into, on(name))
-    for name, _ in scene.held_theta:
-        flux[on(name)] = 0.0
-    weighted = edges.length**2 / (np.pi * k) * np.mean(flux**2, axis=1)
-    return triangles.from_segments(weighted)
-
-
-def coupling(triangles: ElementGeometry, theta: Array, scene: Scene, solved: bool) -> Array:
-    """(t,) β²/(λ+μ) ‖θ − θ_h‖²_K, the error that temperature puts into the displacement [J/m].
-
-    solved: θ comes from the heat problem; else it is known, and θ_h is its interpolant
-    """
-    material = scene.material
-    factor = material.beta**2 / (material.lam + material.mu)
-    if solved:
-        assert material.k is not None
-        return factor * (triangles.diameter / np.pi) ** 2 / material.k * heat_estimate(triangles, theta, scene)
-    if not isinstance(scene.heat.theta, Expression):
-        return np.zeros(len(triangles.area))
-    exact = values_at(scene.heat.theta, triangles.inner_points.reshape(-1, 2)).reshape(-1, 3)
-    return factor * triangles.area * np.mean((exact - triangles.at_inner_points(theta)) ** 2, axis=1)
+def _laws_between(
+    triangles: ElementGeometry, line: ContactLine, on: NDArray[np.bool_], law: FrictionLaw | EdgeLaws
+) -> Law:
+    """The law at the Gauss points of the segments that are `on` Γ_C, one after the other."""
+    if isinstance(law, FrictionLaw):
+        return law
+    names = [curve.name for curve in triangles.mesh.geometry.curves]
+    edge = np.array([line.edge_names.index(names[i]) for i in triangles.mesh.segment_curve[on]], dtype=np.intp)
+    at = boundary_edges(triangles).at[on].reshape(-1, 2)
+    return nodal([one for _, one, _ in law.laws], *law.along(line.edge_names, np.repeat(edge, 2), at))

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from tcstudy.fem.estimators import (
     GAUSS,
     ContactTraction,
-    coupling,
     dirichlet_gap,
     dirichlet_residual,
     edge_residual,
@@ -28,6 +27,7 @@ from tcstudy.fem.estimators import (
     strain,
     stress_of,
 )
+from tcstudy.fem.heat_estimators import coupling
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.scene.points import needs_heat_solve

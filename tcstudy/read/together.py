@@ -27,21 +27,20 @@ class Asked:
 Why = tuple[str, str]
 """Why something is excluded, what to do."""
 
-ESTIMATES = ("errors are not estimated then", "use a uniform or graded family, and tcstudy converge for errors")
 GOALS = ("errors of goals are not estimated then", "estimate the energy norm, or use tcstudy converge")
 
 
 def _one(what: str) -> dict[str, Why]:
     """Exclusions of a scene that has several of what others have one of."""
     return {
-        "estimates": ESTIMATES,
+        "goals": GOALS,
         "exact": (f"an exact solution takes one {what}", f"remove exact, or write one {what}"),
         "live": (f"a live page takes one {what}", "remove live: true"),
     }
 
 
 OF_BODY: dict[str, Why] = {
-    "estimates": ESTIMATES,
+    "goals": GOALS,
     "exact": ("an exact solution has no such edge", "remove exact"),
     "live": ("a live page takes none", "remove live: true"),
 }
@@ -56,7 +55,7 @@ FEATURES: tuple[tuple[str, Callable[[Node, Sequence[Scene]], bool], dict[str, Wh
     (
         "materials differ by region, where stresses jump",
         lambda root, _: root.child("materials") is not None,
-        {"goals": GOALS, **{what: why for what, why in _one("material").items() if what != "estimates"}},
+        _one("material"),
     ),
     (
         "an edge is rigid",
@@ -83,7 +82,6 @@ def check_together(ctx: Context, root: Node, scenes: Sequence[Scene], asked: Ask
     """Report what a feature of the scenes excludes and the study asks for."""
     output, exact = asked.output, asked.exact
     wanted = {
-        "estimates": ("mesh", bool(asked.mesh and asked.mesh.estimates)),
         "goals": ("mesh", bool(asked.mesh and asked.mesh.estimates and asked.mesh.goal.quantity != "energy")),
         "exact": ("exact", exact is not None),
         "derived": ("exact", bool(exact and exact.derived)),

@@ -17,7 +17,6 @@ from tcstudy.accuracy.rates import ROUNDING
 from tcstudy.exact.numbers import known_goal
 from tcstudy.fem.estimators import (
     contact_traction,
-    coupling,
     dirichlet_gap,
     dirichlet_residual,
     edge_residual,
@@ -26,6 +25,7 @@ from tcstudy.fem.estimators import (
     product,
     strain,
 )
+from tcstudy.fem.heat_estimators import coupling
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.fem.regions import RegionMesh, parts_of, squares_by_region
 from tcstudy.offline.level import Condensed, Level
@@ -138,7 +138,7 @@ class Survey:
         level, triangles, material = self.level, self.triangles, scene.material
         theta = level.temperature(scene).theta if material.expands else np.zeros(level.mesh.n_points)
         xi = condensed.problem.xi(v) / level.line.c
-        friction = contact_traction(triangles, level.line, scene.one_law, v, xi, u)
+        friction = contact_traction(triangles, level.line, scene.friction, v, xi, u)
         if material.regions:
             self._parts = self._parts or parts_of(triangles, scene)
             return squares_by_region(self._parts, level.mesh, u, theta, scene, friction)

@@ -28,7 +28,7 @@ from tcstudy.errors import CostError, GeometryFailed, StoreError
 from tcstudy.exact.numbers import exact_friction_resultant
 from tcstudy.scene.families import TO_TOLERANCE
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Scene
+from tcstudy.scene.records import EdgeLaws, Scene
 from tcstudy.scene.study import SOLVERS, Goal, Study
 from tcstudy.study.cost_curves import CostCurve, Progress, family_plan, first_run, time_again, walk
 from tcstudy.study.doubts import locking_notes
@@ -63,8 +63,9 @@ def measure(study: Study, index: tuple[int, ...], runs: int, progress: Progress)
     Raises CostError if no mesh could be solved, GeometryFailed if the body cannot be meshed.
     """
     scene = study.scenes[int(np.ravel_multi_index(index, study.shape)) if study.shape else 0]
-    if scene.material.regions and study.mesh.goal.quantity != "energy":
-        raise CostError("materials differ by region, and errors of goals are not estimated then; set mesh.goal=energy")
+    what = "materials differ by region" if scene.material.regions else "friction differs along the contact line"
+    if (scene.material.regions or isinstance(scene.friction, EdgeLaws)) and study.mesh.goal.quantity != "energy":
+        raise CostError(f"{what}, and errors of goals are not estimated then; set mesh.goal=energy")
     names = dict.fromkeys((*study.solver.names, *SOLVERS))
     study = replace(study, solver=replace(study.solver, names=tuple(names)))
     clock = time.perf_counter()

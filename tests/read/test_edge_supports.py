@@ -61,9 +61,9 @@ def test_roles_are_read() -> None:
         (END, '{role: rigid, u_y: "x"}', "", "a rigid edge moves as a whole, by one number; use the role clamped"),
         (
             "mesh: {maxh: 0.2}",
-            "mesh: {maxh: 0.2, estimate: true}",
+            "mesh: {maxh: 0.2, estimate: true, goal: slip_length}",
             "",
-            "on springs, and errors are not estimated",
+            "on springs, and errors of goals are not estimated",
         ),
         ("top: free", "top: free", "output: {live: true}\n", "an edge rests on springs, and a live page takes none"),
         (

@@ -1,0 +1,56 @@
+"""Errors estimated in energy where edges rest on springs, are rigid or have laws of their own."""
+
+from __future__ import annotations
+
+import pytest
+
+from tcstudy.read.study import read_study_text
+from tcstudy.refine.survey import Survey
+from tcstudy.solvers.contact import solve_contact
+from tcstudy.study.reference import NestedReference
+from tcstudy.study.solved_levels import solve_levels
+from tests.verification.scenes import levels_of
+
+SPRINGS = """
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: {role: clamped, u_x: 0}, top: free, right: RIGHT}
+material: {E: 4, nu: 0, plane: stress}
+friction: {law: linear, k: 0}
+mesh: {maxh: 0.5, levels: LEVELS, estimate: true}
+"""
+
+
+@pytest.mark.parametrize(
+    "right",
+    ["{role: traction, g: [0.1, 0], spring: {normal: 3}}", "{role: rigid, u_y: 0, force: [0.1, 0]}"],
+)
+def test_no_error_is_estimated_of_a_bar_that_is_exact_on_its_spring(right: str) -> None:
+    """σ = g − k u at the end, constant: P1 is exact, and so is the estimate; springs left out would leave k u."""
+    study = read_study_text(SPRINGS.replace("RIGHT", right).replace("LEVELS", "1"))
+    level, scene = levels_of(study)[0], study.scenes[0]
+    condensed = level.condensed(scene)
+    survey = Survey(level, study.mesh)
+    assert survey.look((), scene, condensed, solve_contact(condensed.problem).v)["error_estimate"] < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("right", "friction"),
+    [
+        ('{role: traction, g: ["0.3*y", 0.1], spring: {normal: 0.5, tangential: 2}}', "{law: linear, k: 0.5}"),
+        ("{role: traction, g: [0.05, 0]}", "{bottom: {law: linear, k: 1, strength: 1 + x}, top: {law: linear, k: 3}}"),
+        ("{role: rigid, u_y: 0, force: [0.1, 0]}", "{law: linear, k: 0.5}"),
+    ],
+)
+def test_estimates_of_springs_laws_by_edge_and_rigid_edges(right: str, friction: str) -> None:
+    """Against the finest of nested levels: the effectivity is that of other scenes."""
+    text = SPRINGS.replace("RIGHT", right).replace("LEVELS", "4").replace("{law: linear, k: 0}", friction)
+    study = read_study_text(text.replace("top: free", "top: contact") if "strength" in text else text)
+    levels, scene = solve_levels(study, lambda line: None), study.scenes[0]
+    reference = NestedReference(levels)
+    for number, level in enumerate(levels_of(study)[:2]):
+        condensed = level.condensed(scene)
+        v = solve_contact(condensed.problem).v
+        found = Survey(level, study.mesh).look((), scene, condensed, v)["error_estimate"]
+        error, size = reference.errors(number, (), scene)["u_energy"]
+        assert 0.9 < found * size / error < 1.35
