@@ -23,7 +23,7 @@ from tcstudy.read.node import Node, nearest
 from tcstudy.read.plans import affine_parameters
 from tcstudy.read.sensitivity import differentiable, heat_grows, path_of, why_not
 from tcstudy.read.table import csv_lines
-from tcstudy.scene.fits import PLACE, RESULTS, FitColumn, FitParameter, FitPlan
+from tcstudy.scene.fits import PLACE, RESULTS, FitColumn, FitMark, FitParameter, FitPlan
 from tcstudy.scene.friction import GrowthError
 from tcstudy.scene.laws import LawError
 from tcstudy.scene.parameters import with_number
@@ -56,7 +56,7 @@ def read_fit(ctx: Context, node: Node, root: Node, scene: Scene | None, mesh: Me
     if level := fields["level"]:
         options["level"] = ctx.integer(level, 0, mesh.levels - 1 if mesh else None)
     file = str(fields.values["data"].child("file").text())  # type: ignore[union-attr]
-    plan = FitPlan(given, measured, parameters, scene, file, sha256, **options)
+    plan = FitPlan(given, measured, parameters, scene, file, sha256, marks=_marks(ctx, fields, given), **options)
     _check(ctx, fields, plan)
     return plan
 
@@ -69,27 +69,53 @@ def _check(ctx: Context, fields: Fields, plan: FitPlan) -> None:
         return
     if (plan.place is None) != ("u_T" not in [one.name for one in plan.measured]):
         ctx.errors.at(data, "a profile of u_T needs the columns x and u_T", 'write {x: "x [mm]", u_T: "u [um]"}')
-    n, k = sum(len(one.values) for one in plan.measured), len(plan.parameters)
+    n, k = plan.count, len(plan.parameters)
     if n <= k:
         ctx.errors.at(data, f"{n} data cannot decide {k} numbers", "measure more, or fit fewer numbers")
+    if plan.marks and not plan.known_noise:
+        what = f"a {plan.marks[0].name} is weighed against the other data, whose noise must be known"
+        ctx.errors.at(fields["noise"] or data, what, "give the noise of every column")
     for parameter in plan.parameters:
         if parameter.number.path in [one.path for one in plan.given]:
             what = f"{parameter.number.name} is a column of the data, so it is known"
             ctx.errors.at(fields.values["parameters"], what, "remove it from the parameters")
-    if plan.compare == "vertical":
+    orthogonal = plan.compare == "orthogonal"
+    if not orthogonal and not plan.marks:
         return
-    curve = len(names) == 1 and plan.place is None and [one.name for one in plan.measured] == ["friction_resultant"]
-    if not curve:
-        remedy = "give one parameter of the load and friction_resultant, or compare: vertical"
-        ctx.errors.at(fields.values["compare"], "distances to a path need two columns", remedy)
+    curve = len(names) == 1 and plan.place is None
+    here = fields["compare"] if orthogonal else fields[plan.marks[0].name]
+    assert here is not None
+    instead = "use compare: vertical" if orthogonal else "leave it out"
+    if not curve or (orthogonal and [one.name for one in plan.measured] != ["friction_resultant"]):
+        need = "distances to a path need two columns" if orthogonal else "a path needs one parameter of the load"
+        ctx.errors.at(here, need, f"give one parameter of the load and friction_resultant, or {instead}")
     elif not all(law.piecewise_linear for law in plan.scene.laws):
-        remedy = "use compare: vertical"
-        ctx.errors.at(fields.values["compare"], "a path needs a law of straight pieces", remedy)
+        ctx.errors.at(here, "a path needs a law of straight pieces", instead)
     elif len(plan.scene.laws) > 1:
-        ctx.errors.at(fields.values["compare"], "a path takes one law", "use compare: vertical")
-    elif _to_and_fro(plan) > SHUFFLED:
+        ctx.errors.at(here, "a path takes one law", instead)
+    elif orthogonal and _to_and_fro(plan) > SHUFFLED:
         what = "the data jump to and fro, but feet on a path need them in the order of the test"
         ctx.errors.at(data.child("file") or data, what, "sort the lines by time, or compare: vertical")
+
+
+def _marks(ctx: Context, fields: Fields, given: tuple[FitColumn, ...]) -> tuple[FitMark, ...]:
+    """The fold and the peak, where they are given."""
+    load = next((one for one in given if one.path != PLACE), None)
+    found = []
+    for name in ("fold", "peak"):
+        node = fields[name]
+        if node is None:
+            continue
+        before, inner = len(ctx.errors), Fields(ctx, node, "fit_mark")
+        dimension = load.dimension if name == "fold" and load else RESULTS["friction_resultant"]
+        if len(ctx.errors) > before:
+            continue
+        at, noise = inner.value("at", dimension), inner.value("noise", dimension)
+        if len(ctx.errors) == before and not noise > 0.0:
+            ctx.errors.at(inner.values["noise"], "must be above 0", "give the standard deviation of the noise")
+        elif len(ctx.errors) == before:
+            found.append(FitMark(name, dimension.cf if ctx.units == "SI" else "1", at, noise))
+    return tuple(found)
 
 
 SHUFFLED = 4.0
@@ -203,7 +229,7 @@ def _column(
     if sigma is not None and not sigma > 0.0:
         ctx.errors.at(noise[name], "must be above 0", "give the standard deviation of the noise")
     units = dimension.cf if ctx.units == "SI" else "1"
-    return FitColumn(name, path, units, values, sigma) if len(ctx.errors) == before else None
+    return FitColumn(name, path, units, values, sigma, dimension) if len(ctx.errors) == before else None
 
 
 def _unit(ctx: Context, cell: Node, dimension: Dimension) -> str | None:

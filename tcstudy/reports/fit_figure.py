@@ -93,6 +93,11 @@ def _curve(axes: Axes, data: Any) -> None:
     noise = data["noise"].values[own] / up
     across_noise = float(data.attrs["given_noise"]) / across if "curve_given" in data else None
     axes.errorbar(x / across, y / up, yerr=noise, xerr=across_noise, elinewidth=0.5, label="data", zorder=2, **DATA)
+    for i, (name, _) in enumerate(measured):
+        mark = data["datum"].values[data["measured_column"].values == i]
+        if name in ("fold", "peak"):
+            line = axes.axvline if name == "fold" else axes.axhline
+            line(mark[0] / (across if name == "fold" else up), color=style.INK, lw=0.7, ls=(0, (4, 3)), label=name)
     room_x, room_y = 0.06 * np.ptp(x) / across, 0.08 * np.ptp(y) / up
     axes.set_xlim(x.min() / across - room_x, x.max() / across + room_x)
     axes.set_ylim(min(y.min(), 0.0) / up - room_y, y.max() / up + room_y)
@@ -104,9 +109,10 @@ def _curve(axes: Axes, data: Any) -> None:
 
 def _oblique_band(axes: Axes, data: Any, x: Array, y: Array) -> None:
     """The band across the curve, at the feet of the data, in units of the noise of both."""
-    J, covariance = data["jacobian"].values, np.nan_to_num(data["covariance"].values)
+    own = data["measured_column"].values == 0
+    J, covariance = data["jacobian"].values[own], np.nan_to_num(data["covariance"].values)
     error = BAND * np.sqrt(np.maximum(np.einsum("nk,kl,nl->n", J, covariance, J), 0.0))
-    t, R = data["predicted_given"].values, data["predicted"].values
+    t, R = data["predicted_given"].values[own], data["predicted"].values[own]
     scale = np.array([float(data.attrs["given_noise"]), float(data["noise"].values[0])])
     way = np.gradient(np.stack([t, R], axis=1) / scale, axis=0)
     length = np.maximum(np.linalg.norm(way, axis=1), 1e-300)

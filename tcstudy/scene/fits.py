@@ -36,6 +36,8 @@ FITS: tuple[Key, ...] = (
     Key("seed", "integer", "of the other starts", section="fit", least=0, default=0),
     Key("loss", "choice", "`soft_l1`: outliers count less", section="fit", words=LOSSES, default=LOSSES[0]),
     Key("level", "integer", "mesh level (default: finest)", section="fit", least=0),
+    Key("fold", "section", "farthest load before the curve turns back", section="fit", of=("fit_mark",)),
+    Key("peak", "section", "largest friction resultant along the path", section="fit", of=("fit_mark",)),
     Key("file", "text", "a CSV table beside the study", section="fit_data", example="pull.csv", required=True),
     Key(
         *("columns", "named texts", "what the study calls a column, and its heading in the table with its unit"),
@@ -43,6 +45,8 @@ FITS: tuple[Key, ...] = (
         example='{friction_resultant: "P [N/mm]"}',
         required=True,
     ),
+    Key("at", "quantity", "its measured value", section="fit_mark", required=True, example="0.9 mm"),
+    Key("noise", "quantity", "its standard deviation", section="fit_mark", required=True, example="5 um"),
     Key("start", "quantity", "where the search begins", section="fit_parameter", required=True, example="4 MPa"),
     Key("within", "span", "where it may go", section="fit_parameter", required=True, example="[1 MPa, 50 MPa]"),
     Key("scale", "choice", "`log` by default where `within` is positive", section="fit_parameter", words=SCALES),
@@ -74,6 +78,20 @@ class FitColumn:
     units: str
     values: tuple[float, ...]
     noise: float | None
+    dimension: u.Dimension
+
+
+@dataclass(frozen=True)
+class FitMark:
+    """A single number of the path that was measured: where its parameter turns ("fold"), or its largest R ("peak").
+
+    value, noise: in SI;  units: in CF form
+    """
+
+    name: Literal["fold", "peak"]
+    units: str
+    value: float
+    noise: float
 
 
 @dataclass(frozen=True)
@@ -85,6 +103,7 @@ class FitPlan:
     scene:           that of the study, with its own values
     file, sha256:    the table and its checksum
     level:           mesh level, None for the finest
+    marks:           single numbers of the path, data beside the table
     """
 
     given: tuple[FitColumn, ...]
@@ -98,6 +117,12 @@ class FitPlan:
     seed: int = 0
     loss: Literal["linear", "soft_l1"] = "linear"
     level: int | None = None
+    marks: tuple[FitMark, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """Data."""
+        return sum(len(one.values) for one in self.measured) + len(self.marks)
 
     @property
     def loads(self) -> tuple[FitColumn, ...]:

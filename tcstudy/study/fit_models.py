@@ -5,10 +5,7 @@ and its results are compared; derivatives from the factor at each solution (`sol
 
 Orthogonal: the path of the scene along the measured parameter t is followed once, and every datum is projected on the
 curve (t, R), R = Σξ, in units of the noise of both. By the envelope theorem ∂d/∂p = −nᵀ∂(t, R)/∂p, whatever coordinate
-along the curve is held fixed. On a side of the polygon the nodes keep their pieces, and held fixed is eᵀv with e along
-the side: the bordered matrix [H −l̃₁; eᵀ 0] is regular at a simple fold, where H is not. At a corner the slip of the
-node that passes its kink there is held on that kink. Literature: Keller, in Rabinowitz (ed.), Applications of
-Bifurcation Theory (1977) 359–384 (bordering).
+along the curve is held fixed (`study.fit_path`). Measured may also be where the path turns, and its largest R.
 """
 
 from __future__ import annotations
@@ -19,13 +16,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.curve_distance import Feet, feet
+from tcstudy.accuracy.curve_distance import feet
 from tcstudy.errors import FitError, PathError
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import law_slope, load_slope
 from tcstudy.offline.whole_slopes import WholeBody
 from tcstudy.scene.fits import FitPlan
-from tcstudy.scene.law_slopes import LawSlopes, PointSlopes, law_slopes, number_of
 from tcstudy.scene.parameters import path_scene, with_number
 from tcstudy.scene.records import Scene
 from tcstudy.solvers.contact import solve_contact
@@ -33,14 +29,13 @@ from tcstudy.solvers.linearised import Linearised
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.path.follow import Follower, Path, PathStatus
 from tcstudy.solvers.path.start import NoSolutionError
+from tcstudy.study.fit_path import MovingPath, Place, reversed_path
 from tcstudy.study.path_affine import affine_load
 
 Array = NDArray[np.float64]
 WHOLE = (PathStatus.RANGE_END, PathStatus.UNBOUNDED, PathStatus.CLOSED_LOOP)
 """Ends of a path at which there is nothing more to follow."""
 SCALARS = ("friction_resultant", "u_T_max", "theta_mean")
-Laws = list[LawSlopes | PointSlopes | None]
-"""Derivatives of the law by each number, None where that is no number of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +45,7 @@ class Compared:
     residual: (n,) in units of the noise;  jacobian: (n, k) ∂residual/∂p
     predicted: (n,) results;  foot: (n, 2) feet (t, R) of an orthogonal comparison
     curve: (c, 2) the path (t, R), folds: vertices of it at which t turns
-    early: why the path ends before it has to; empty if it does not
+    early: why the path ends before it has to; empty if it does not;  path: the path itself, where it was followed
     """
 
     residual: Array
@@ -60,13 +55,14 @@ class Compared:
     curve: Array = field(default_factory=lambda: np.empty((0, 2)))
     folds: NDArray[np.intp] = field(default_factory=lambda: np.empty(0, dtype=np.intp))
     early: str = ""
+    path: Path | None = None
 
 
 @dataclass
 class FitModel:
     """The study as a function of the numbers to find.
 
-    noise:  (n,) of the measured columns one after the other; given_noise: of the parameter of a path
+    noise:  (n,) of the measured columns one after the other, then of marks; given_noise: of the parameter of a path
     solves: contact problems solved, or paths followed, so far
     """
 
@@ -93,6 +89,8 @@ class FitModel:
         """The study with the numbers p against the data. Raises FitError where it has no solution."""
         scene = self.scene(p)
         found = self._vertical(scene) if self.plan.compare == "vertical" else self._orthogonal(scene)
+        if self.plan.marks:
+            found = self._marked(scene, found)
         if not np.all(np.isfinite(found.jacobian)):
             raise FitError("the results have no derivative at a datum: it lies on a fold; use compare: orthogonal")
         return found
@@ -115,8 +113,9 @@ class FitModel:
                     at = SCALARS.index(column.name)
                     predicted[j, i], slopes[j, i] = values[at], rates[at]
         data = np.array([column.values for column in plan.measured])
-        residual = (predicted - data).ravel() / self.noise
-        return Compared(residual, slopes.reshape(-1, k) / self.noise[:, None], predicted.ravel())
+        sigma = self.noise[: data.size]
+        residual = (predicted - data).ravel() / sigma
+        return Compared(residual, slopes.reshape(-1, k) / sigma[:, None], predicted.ravel())
 
     def _solved(self, scene: Scene, before: Array | None, i: int) -> Array:
         """The solution at a datum, continued from that before."""
@@ -171,15 +170,43 @@ class FitModel:
         curve = np.stack([path.t, path.traction @ path.problem.c], axis=1)
         data = np.stack([given.values, measured.values], axis=1)
         foot = feet(data / sigma, curve / sigma)
-        jacobian = -np.einsum("nd,ndk->nk", foot.normal / sigma, self._moved(scene, path, foot))
+        places = [Place.of(path, int(side), float(share)) for side, share in zip(foot.side, foot.share, strict=True)]
+        jacobian = -np.einsum("nd,ndk->nk", foot.normal / sigma, self._moving(scene, path).at(places))
         early = "" if path.end.status in WHOLE else path.end.reason
         found = foot.point * sigma
-        return Compared(foot.distance, jacobian, found[:, 1], found, curve, path.folds, early)
+        return Compared(foot.distance, jacobian, found[:, 1], found, curve, path.folds, early, path)
+
+    def _marked(self, scene: Scene, found: Compared) -> Compared:
+        """With the fold and the peak of the path, vertices of it, which move with the kinks that nodes pass there."""
+        path = found.path or self.follow(scene)
+        t, R = path.t, path.traction @ path.problem.c
+        forward = path.t[-1] >= path.t[0] if not len(path.folds) else path.t[path.folds[0]] > path.t[0]
+        vertices = []
+        for mark in self.plan.marks:
+            if mark.name == "fold" and not len(path.folds):
+                raise FitError("the curve does not turn back with the numbers tried, but a fold was measured")
+            at = path.folds if mark.name == "fold" else np.arange(len(t))
+            vertices.append(int(at[np.argmax((t if forward else -t)[at] if mark.name == "fold" else np.abs(R))]))
+        places = [Place.of(path, max(k - 1, 0), float(k > 0)) for k in vertices]
+        moved = self._moving(scene, path).at(places)
+        which = [int(mark.name == "peak") for mark in self.plan.marks]
+        value = np.array([(t, R)[w][k] for w, k in zip(which, vertices, strict=True)])
+        sigma, data = (np.array([getattr(mark, name) for mark in self.plan.marks]) for name in ("noise", "value"))
+        rates = np.array([moved[i, w] for i, w in enumerate(which)]) / sigma[:, None]
+        return replace(
+            found,
+            residual=np.concatenate([found.residual, (value - data) / sigma]),
+            jacobian=np.concatenate([found.jacobian, rates]),
+            predicted=np.concatenate([found.predicted, value]),
+            foot=np.concatenate([found.foot, np.stack([t, R], axis=1)[vertices]]) if len(found.foot) else found.foot,
+            early=found.early or ("" if path.end.status in WHOLE else path.end.reason),
+        )
 
     def follow(self, scene: Scene) -> Path:
         """The path from no load on, as far beyond the data again as they reach."""
         column = self.plan.given[0]
-        low, high = min(0.0, *column.values), max(0.0, *column.values)
+        values = (*column.values, *(mark.value for mark in self.plan.marks if mark.name == "fold"))
+        low, high = min(0.0, *values), max(0.0, *values)
         reach = high - low
         try:
             load = affine_load(self.level, lambda t: path_scene(scene, column.path, t), low, high, column.name)
@@ -189,133 +216,14 @@ class FitModel:
         self.solves += 1
         if start.status != Status.CONVERGED:
             raise FitError(f"there is no solution without load to start from: {start.reason}")
-        way = "forward" if max(column.values) > -min(column.values) else "backward"
+        way = "forward" if max(values) > -min(values) else "backward"
         follower = Follower(low - reach, high + reach, tolerance=self.tolerance)
         try:
             path = follower.follow(load.problem, start.v, 0.0, way)  # type: ignore[arg-type]
         except NoSolutionError as error:
             raise FitError(str(error)) from error
-        return path if way == "forward" else _reversed(path)
+        return path if way == "forward" else reversed_path(path)
 
-    def _moved(self, scene: Scene, path: Path, foot: Feet) -> Array:
-        """(n, 2, k) derivatives of the feet (t, R) by the numbers."""
-        places = [_Place.of(path, int(side), float(share)) for side, share in zip(foot.side, foot.share, strict=True)]
-        laws = [
-            law_slopes(scene.one_law, number_of(one.number.path)) if one.number.path[0] == "friction" else None
-            for one in self.plan.parameters
-        ]
-        done = {place.key: self._at_place(scene, path, laws, place) for place in {p.key: p for p in places}.values()}
-        found = np.empty((len(places), 2, len(self.plan.parameters)))
-        for row, place in zip(found, places, strict=True):
-            constant, along = done[place.key]
-            row[:] = constant + place.share * along
-        return found
-
-    def _at_place(self, scene: Scene, path: Path, laws: Laws, place: _Place) -> tuple[Array, Array]:
-        """(2, k) at the beginning of a side, and what is added at its end: linear in between, as v and t are."""
-        first, last = (self._derivative(scene, path, laws, place, place.side + end) for end in (0, 1))
-        return first, last - first
-
-    def _derivative(self, scene: Scene, path: Path, laws: Laws, place: _Place, vertex: int) -> Array:
-        """(2, k) ∂(t, R)/∂p at a vertex of the side, the coordinate of the place held."""
-        problem, codes, v = path.problem, path.codes[place.side], path.u[vertex]
-        free = np.flatnonzero(problem.graph.free[codes])
-        t, m = float(path.t[vertex]), problem.m
-        at = path_scene(scene, self.plan.given[0].path, t)
-        piece = (codes // 2).astype(np.intp)
-        bordered = np.zeros((len(free) + 1, len(free) + 1))
-        bordered[:-1, :-1] = problem.A_tilde[np.ix_(free, free)]
-        bordered[np.arange(len(free)), np.arange(len(free))] += problem.c[free] * problem.graph.slope[codes[free]]
-        scale = float(np.max(np.abs(bordered.diagonal()), initial=0.0)) or 1.0
-        bordered[:-1, -1] = -problem.l_1[free]
-        bordered[-1, :-1] = scale * place.row[free]
-        bordered[-1, -1] = scale * place.time
-        right = np.zeros((len(free) + 1, len(self.plan.parameters)))
-        kinks, loads = (np.zeros((m, len(self.plan.parameters))) for _ in range(2))
-        whole = WholeBody(self.level, at, v)
-        for j, parameter in enumerate(self.plan.parameters):
-            slope = load_slope(self.level, at, parameter.number, v, whole)
-            b, moving = np.zeros(m), np.zeros(m)
-            if (law := laws[j]) is not None:
-                b = law.value(v, piece)
-                moving[piece < len(law.kinks)] = law.kinks[piece[piece < len(law.kinks)]]
-                right[-1, j] = scale * law.kinks[place.kink] if place.kink >= 0 else 0.0
-            moving[free] = 0.0
-            kinks[:, j], loads[:, j] = moving, slope.right
-            right[:-1, j] = (slope.right - problem.c * b - problem.A_tilde @ moving)[free]
-        step = np.linalg.solve(bordered, right)
-        dv = kinks
-        dv[free] = step[:-1]
-        dR = (loads - problem.A_tilde @ dv).sum(axis=0) + step[-1] * problem.l_1.sum()
-        return np.stack([step[-1], dR])
-
-
-def _reversed(path: Path) -> Path:
-    """A path followed backward begins at its far end: told from its start on."""
-    events = path.events
-    last = path.pieces
-    turned = replace(
-        events,
-        vertex=(last - events.vertex)[::-1],
-        node=events.node[::-1],
-        before=events.after[::-1],
-        after=events.before[::-1],
-    )
-    return replace(
-        path,
-        t=path.t[::-1],
-        u=path.u[::-1],
-        traction=path.traction[::-1],
-        residual=path.residual[::-1],
-        stable=path.stable[::-1],
-        first_codes=path.codes[-1],
-        events=turned,
-        start=last - path.start,
-        begin=path.end,
-        end=path.begin,
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Place:
-    """Where on a path a foot lies, and the coordinate that is held there: row·v + time·t.
-
-    side, share: of the polygon;  node, kink: at a corner the node that passes a kink, and the kink; −1 on a side
-    """
-
-    side: int
-    share: float
-    row: Array
-    time: float = 0.0
-    node: int = -1
-    kink: int = -1
-
-    @property
-    def key(self) -> tuple[int, int]:
-        """Places of one key have derivatives that differ by their share only."""
-        return self.side, self.node
-
-    @classmethod
-    def of(cls, path: Path, side: int, share: float) -> _Place:
-        """The place of a foot; at a corner on the side on which the node that passes its kink there slides."""
-        m = path.problem.m
-        if 0.0 < share < 1.0:
-            return cls._on(path, side, share)
-        vertex = side + int(share == 1.0)
-        for k in np.flatnonzero(path.events.vertex == vertex):
-            node = int(path.events.node[k])
-            for own, code in ((vertex - 1, path.events.before[k]), (vertex, path.events.after[k])):
-                if 0 <= own < path.pieces and path.problem.graph.free[code] and path.codes[own, node] == code:
-                    row = np.zeros(m)
-                    row[node] = 1.0
-                    kink = int(path.problem.law.nearest_kink(np.full(m, path.u[vertex, node]))[node])
-                    return cls(own, float(vertex - own), row, 0.0, node, kink)
-        return cls._on(path, side, share)
-
-    @classmethod
-    def _on(cls, path: Path, side: int, share: float) -> _Place:
-        way = path.u[side + 1] - path.u[side]
-        length = float(np.max(np.abs(way)))
-        if length == 0.0:  # all nodes rest: t alone moves
-            return cls(side, share, np.zeros(len(way)), 1.0)
-        return cls(side, share, way / length)
+    def _moving(self, scene: Scene, path: Path) -> MovingPath:
+        numbers = [one.number for one in self.plan.parameters]
+        return MovingPath(self.level, scene, self.plan.given[0].path, path, numbers)

@@ -52,7 +52,7 @@ def model(study: Study) -> FitModel:
 
 
 def test_distances_through_folds_change_as_differences_say(tmp_path: Path) -> None:
-    """By tau_s, delta and E, at data on the rise, the plateau and the snap-back: Richardson's, feet on the same pieces."""
+    """By tau_s, delta and E, at data on the rise, the plateau and the snap-back: Richardson."""
     more = {"    friction.delta": "    E: {start: 42 GPa, within: [30 GPa, 60 GPa]}\n    friction.delta"}
     data = pulled(18) * (1.0 + 0.01 * np.random.default_rng(5).normal(size=(18, 2)))
     follow = model(study_of(tmp_path, data, {"maxh: 5 mm": "maxh: 8 mm", **more}))
@@ -126,6 +126,34 @@ def test_a_plateau_alone_determines_a_product(tmp_path: Path) -> None:
     assert np.abs(record.values["singular_vector"][0]) == pytest.approx(np.sqrt([0.5, 0.5]), abs=0.02)
     product = np.prod(record.values["estimate"])
     assert product == pytest.approx(TAU * DELTA, rel=0.02)
+
+
+def test_where_a_machine_dropped_decides_what_a_plateau_does_not(tmp_path: Path) -> None:
+    """With the fold Δ = δ + P(L − ℓ)/D, ℓ = (π/2)√(δD/τ_s), as one datum δ is known; the peak adds τ_s δ."""
+    P, zone = np.sqrt(TAU * DELTA * D), 0.5 * np.pi / np.sqrt(TAU / (DELTA * D))
+    delta = np.linspace(0.35e-3, 0.6e-3, 8)
+    data = np.stack([delta, np.full(8, P)], axis=1)
+    plain = {"maxh: 5 mm": "maxh: 3 mm", "compare: orthogonal": "compare: vertical"}
+    fold = f"  fold: {{at: {1e3 * (DELTA + P * (LENGTH - zone) / D):.9g} mm, noise: 2 um}}\n"
+    marks = {"  compare:": f"{fold}  peak: {{at: {1e-3 * P:.9g} N/mm, noise: 2 N/mm}}\n  compare:"}
+    vague = fit(study_of(tmp_path, data, plain))
+    study = study_of(tmp_path, data, marks | plain)
+    sure = fit(study)
+    assert sure.values["estimate"] == pytest.approx([TAU, DELTA], rel=0.02)
+    errors = [record.values["standard_error"] / record.values["estimate"] for record in (sure, vague)]
+    assert errors[0][1] < 0.1
+    assert np.all(errors[0] < 0.5 * errors[1])
+    assert sure.values["datum"].shape == (10,)
+    p, follow = np.array([6.5e6, 0.18e-3]), model(study)
+    exact = follow.compared(p).jacobian[-2:]
+    for j, step in enumerate(1e-5 * np.diag(p)):
+        ends = [follow.compared(p + sign * step).residual[-2:] for sign in (1.0, -1.0)]
+        np.testing.assert_allclose(exact[:, j], (ends[0] - ends[1]) / (2.0 * step[j]), rtol=1e-7)
+    for change, said in (("compare: vertical", "noise must be known"), ("2 um}", "must be above 0")):
+        new = {"compare: vertical": "compare: vertical\n  noise: estimate", "2 um}": "0 um}"}[change]
+        known = {"  noise: {boundary.grip.u_x: 5 um, friction_resultant: 2.2 N/mm}\n": ""} if "vert" in change else {}
+        with pytest.raises(StudyError, match=said):
+            study_of(tmp_path, data, marks | plain | known | {change: new})
 
 
 HEATED = """
