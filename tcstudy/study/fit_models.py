@@ -29,7 +29,7 @@ from tcstudy.solvers.linearised import Linearised
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.path.follow import Follower, Path, PathStatus
 from tcstudy.solvers.path.start import NoSolutionError
-from tcstudy.study.fit_path import MovingPath, Place, reversed_path
+from tcstudy.study.fit_path import MovingPath, PathPlace, reversed_path
 from tcstudy.study.path_affine import affine_load
 
 Array = NDArray[np.float64]
@@ -170,7 +170,9 @@ class FitModel:
         curve = np.stack([path.t, path.traction @ path.problem.c], axis=1)
         data = np.stack([given.values, measured.values], axis=1)
         foot = feet(data / sigma, curve / sigma)
-        places = [Place.of(path, int(side), float(share)) for side, share in zip(foot.side, foot.share, strict=True)]
+        places = [
+            PathPlace.of(path, int(side), float(share)) for side, share in zip(foot.side, foot.share, strict=True)
+        ]
         jacobian = -np.einsum("nd,ndk->nk", foot.normal / sigma, self._moving(scene, path).at(places))
         early = "" if path.end.status in WHOLE else path.end.reason
         found = foot.point * sigma
@@ -187,7 +189,7 @@ class FitModel:
                 raise FitError("the curve does not turn back with the numbers tried, but a fold was measured")
             at = path.folds if mark.name == "fold" else np.arange(len(t))
             vertices.append(int(at[np.argmax((t if forward else -t)[at] if mark.name == "fold" else np.abs(R))]))
-        places = [Place.of(path, max(k - 1, 0), float(k > 0)) for k in vertices]
+        places = [PathPlace.of(path, max(k - 1, 0), float(k > 0)) for k in vertices]
         moved = self._moving(scene, path).at(places)
         which = [int(mark.name == "peak") for mark in self.plan.marks]
         value = np.array([(t, R)[w][k] for w, k in zip(which, vertices, strict=True)])

@@ -29,7 +29,7 @@ Laws = list[LawSlopes | PointSlopes | None]
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class PathPlace:
     """Where on a path a foot lies, and the coordinate that is held there: row·v + time·t.
 
     side, share: of the polygon;  node, kink: at a corner the node that passes a kink, and the kink; −1 on a side
@@ -48,7 +48,7 @@ class Place:
         return self.side, self.node
 
     @classmethod
-    def of(cls, path: Path, side: int, share: float) -> Place:
+    def of(cls, path: Path, side: int, share: float) -> PathPlace:
         """The place of a foot; at a corner on the side on which the node that passes its kink there slides."""
         m = path.problem.m
         if 0.0 < share < 1.0:
@@ -65,7 +65,7 @@ class Place:
         return cls._on(path, side, share)
 
     @classmethod
-    def _on(cls, path: Path, side: int, share: float) -> Place:
+    def _on(cls, path: Path, side: int, share: float) -> PathPlace:
         way = path.u[side + 1] - path.u[side]
         length = float(np.max(np.abs(way)))
         if length == 0.0:  # all nodes rest: t alone moves
@@ -83,7 +83,7 @@ class MovingPath:
     path: Path
     numbers: Sequence[Sensitivity]
 
-    def at(self, places: Sequence[Place]) -> Array:
+    def at(self, places: Sequence[PathPlace]) -> Array:
         """(n, 2, k) derivatives of (t, R) at places of the path by the numbers."""
         laws = [
             law_slopes(self.scene.one_law, number_of(one.path)) if one.path[0] == "friction" else None
@@ -96,12 +96,12 @@ class MovingPath:
             row[:] = constant + place.share * along
         return found
 
-    def _at_place(self, laws: Laws, place: Place) -> tuple[Array, Array]:
+    def _at_place(self, laws: Laws, place: PathPlace) -> tuple[Array, Array]:
         """(2, k) at the beginning of a side, and what is added at its end: linear in between, as v and t are."""
         first, last = (self._derivative(laws, place, place.side + end) for end in (0, 1))
         return first, last - first
 
-    def _derivative(self, laws: Laws, place: Place, vertex: int) -> Array:
+    def _derivative(self, laws: Laws, place: PathPlace, vertex: int) -> Array:
         """(2, k) ∂(t, R)/∂p at a vertex of the side, the coordinate of the place held."""
         path = self.path
         problem, codes, v = path.problem, path.codes[place.side], path.u[vertex]
