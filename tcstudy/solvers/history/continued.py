@@ -9,7 +9,8 @@ with laws of its own and each a piece of a piecewise-linear path (solvers/path):
      is traced back: where it ends elsewhere, no solution is near, and the state *jumps* there at once, with the energy
      that is released. Else the path through it leads on.
 Between vertices forces and slips are linear, so that work and dissipation are exact: closure is rounding.
-Left out: exponential pieces, and bodies that only friction holds, whose Ã has no inverse (`substeps`).
+In the place of exponential pieces the path has straight ones (memory.py). At the end of every part the law's own
+solution is found beside it, so that every state is exact and closure is what the straight pieces miss on the way.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.solvers.contact import Answer, solve_contact
-from tcstudy.solvers.history.memory import NodeState
+from tcstudy.solvers.history.memory import LAW_ERROR, NodeState
 from tcstudy.solvers.history.steps import Energies, HistoryProblem, HistoryStep, booked, proved
 from tcstudy.solvers.loop import Status, iterate
 from tcstudy.solvers.path.follow import Direction, Follower, ParametricProblem, Path, PathStatus
@@ -28,7 +29,9 @@ from tcstudy.solvers.path.start import locate
 from tcstudy.solvers.path.tableau import Tableau
 from tcstudy.solvers.path.walk import Walk, units_of
 from tcstudy.solvers.problem import ContactProblem
+from tcstudy.solvers.separable.descent import escape, new_state
 from tcstudy.solvers.separable.newton import SeparableNewton
+from tcstudy.solvers.separable.pieces import factorise
 
 Array = NDArray[np.float64]
 
@@ -38,6 +41,10 @@ BACK = 0.5
 """The path back from there has ended elsewhere if it is this far from the state, relative to the way ahead."""
 ROUNDING = 1e-11
 """Part of the largest slip that rounding may seem to take back, or to be apart."""
+ASIDE = 0.05
+"""The law's own solution lies beside that of straight pieces if it is nearer than this part of the way to it."""
+CREEPS = 40
+"""Steps of a descent after which it is helped out of flat places, and how often."""
 MOST_PARTS = 1000
 ENDED = "the path inside the step ends at {share:.3g} of it: {reason}; write substeps: 8, or make more steps"
 
@@ -65,7 +72,7 @@ class _Step:
         self.jumped = np.zeros(body.m, dtype=bool)
         self.parts = self.pieces = self.jumps = self.iterations = 0
         self.judged: tuple[ContactProblem, Answer] | None = None
-        self.reason, self.beyond = "", last.state.v
+        self.reason, self.beyond, self.fold = "", last.state.v, 0.0
         self.tableau: Tableau | None = None
         on = 1.0 if float(np.sign(last.xi) @ self.change) >= 0.0 else -1.0
         self.ways = np.where(last.xi == 0.0, np.sign(self.change), on * np.sign(last.xi))
@@ -76,7 +83,7 @@ class _Step:
     def go_on(self) -> bool:
         """The next part or the next jump; False if there is none."""
         self.parts += 1
-        path = self._onward()
+        path = self._onward() if self.fold <= self.t else None
         return (path is not None and self._along(path)) or self._elsewhere()
 
     def _onward(self) -> Path | None:
@@ -107,7 +114,8 @@ class _Step:
     def _elsewhere(self) -> bool:
         """By a descent to the load a little further on, where the path does not lead on by itself."""
         w, ahead = self._w(self.now.state), self._ahead()
-        problem = self.body.problem(self.now.state, self.load_at(ahead))
+        ahead, self.fold = min(1.0, ahead + max(0.0, self.fold - self.t)), 0.0
+        problem = self._parametric().at(ahead)
         found = self._descended(problem, self.beyond - self.body.model.origin(self.now.state))
         way = found - w
         back = self._path(found, ahead, "backward")
@@ -117,8 +125,10 @@ class _Step:
         if np.max(np.abs(back.u[-1] - w)) > allowed:
             return self._jump(back)
         path = self._path(found, ahead, "forward")
-        if path is None or not self._along(path):
+        if path is None:
             return False
+        if not self._along(path):
+            return self.fold > ahead and self._elsewhere()  # straight pieces may fold later still
         self.beyond = self.now.state.v
         return True
 
@@ -126,9 +136,21 @@ class _Step:
         return np.asarray(state.v - self.body.model.origin(state))
 
     def _descended(self, problem: ContactProblem, w: Array) -> Array:
-        """Where descent from w ends, to rounding: a state that is nearly a solution is moved, too."""
-        outcome = iterate(SeparableNewton(tolerance=1e-14, coarsest=0), problem, w)
-        self.iterations += outcome.iterations
+        """Where descent from w ends, to rounding.
+
+        Beside a fold the energy is flat, and Newton's steps on a convex model creep: one along the negative curvature,
+        to the end of the piece, takes their place.
+        """
+        method = SeparableNewton(tolerance=1e-14, coarsest=0, max_iterations=CREEPS)
+        for _ in range(CREEPS):
+            outcome = iterate(method, problem, w)
+            self.iterations += outcome.iterations
+            if outcome.status != Status.ITERATION_LIMIT:
+                break
+            state = new_state(problem, outcome.x)
+            free = np.flatnonzero(~state.slopes.at_rest)
+            slope = problem.law.of(free).slope(state.v[free], state.piece[free])
+            w = escape(problem, state, factorise(problem, free, slope)).v
         return outcome.x
 
     def _ahead(self) -> float:
@@ -140,7 +162,7 @@ class _Step:
     def _parametric(self) -> ParametricProblem:
         """The problem of the present part, over the shares of the step."""
         body, state = self.body, self.now.state
-        law = body.model.next_law(state)
+        law = body.model.next_law(state, straight=True)
         begin = self.last.load - body.A_tilde @ body.model.origin(state)
         problem = ParametricProblem(body.A_tilde, begin, self.change, body.c, law)
         vars(problem)["body"] = body.scaled  # the same in all parts and steps
@@ -165,8 +187,8 @@ class _Step:
             self.reason = landed.reason
             return False
         step = booked(body, self.now, self.load_at(t), landed, body.model.after(state, landed.v))
-        released = step.energies.closure
-        self.energies += replace(step.energies, closure=0.0, released=released)
+        released = max(0.0, step.energies.closure)  # less is what straight pieces miss of a curve
+        self.energies += replace(step.energies, closure=step.energies.closure - released, released=released)
         moved = np.abs(step.state.v - state.v)
         self.jumped |= moved > ROUNDING * np.max(moved)
         self.jumps, self.beyond = self.jumps + 1, step.state.v
@@ -180,8 +202,8 @@ class _Step:
         if not (last and path.t[last] > self.t):
             self.reason = path.end.reason
             return False
+        last, answer = self._reached(path, last)
         t = float(path.t[last])
-        answer = self._answer(path.u[last], t)
         if answer.status != Status.CONVERGED:
             self.reason = answer.reason
             return False
@@ -196,6 +218,26 @@ class _Step:
         self.energies += step.energies
         self.now, self.t = step, t
         return True
+
+    def _reached(self, path: Path, last: int) -> tuple[int, Answer]:
+        """The last vertex beside which the law itself has a solution, and that.
+
+        Straight pieces in the place of a curve may fold a little later than it does: short of that the part ends.
+        """
+        answer = self._answer(path.u[last], float(path.t[last]))
+        if self.body.law.piecewise_linear:
+            return last, answer
+        fold = last == path.pieces and path.end.status == PathStatus.UNSTABLE
+        slip = self.body.law.b_scale * float(np.max(self.body.c / np.diagonal(self.body.A_tilde)))
+        for back in (0, *(2**k for k in range(20) if 2**k < last and path.t[last - 2**k] > self.t)):
+            if back:
+                answer = self._answer(path.u[last - back], float(path.t[last - back]))
+            way = float(np.max(np.abs(path.u[last - back] - path.u[0])))
+            near = float(np.max(np.abs(answer.v - path.u[last - back]))) <= ASIDE * way + 30.0 * LAW_ERROR * slip
+            if near and answer.status == Status.CONVERGED:
+                break
+        self.fold = float(path.t[last]) if fold or back else 0.0
+        return last - back, answer if near else replace(answer, status=Status.STALLED, reason=path.end.reason)
 
     def _answer(self, w: Array, t: float) -> Answer:
         """w, judged as a solution at the share t."""

@@ -23,6 +23,7 @@ from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.histories import Memory
 from tcstudy.scene.nodal_laws import Law
 from tcstudy.solvers.history.rows import PARTS, HalfRows, laws_of
+from tcstudy.solvers.path.chords import piecewise_linear
 from tcstudy.solvers.separable.pieces import integral
 
 Array = NDArray[np.float64]
@@ -30,6 +31,8 @@ Index = NDArray[np.intp]
 
 NARROW = 64 * float(np.finfo(float).eps)
 """A node nearer than this to the next kink of its law, relative to its κ, has reached it."""
+LAW_ERROR, FADED = 1e-4, 1e3
+"""Of the straight pieces in the place of exponential ones; and decay lengths after which nothing is left of one."""
 UNTOUCHED = 1e-12
 """Slips below this part of the law's scale damage nothing."""
 
@@ -64,10 +67,14 @@ class Bonds:
 
 @dataclass(frozen=True)
 class Virgin:
-    """τ(κ) of one law: pieces (5, J) from the slips `starts` (J,) on, the first 0."""
+    """τ(κ) of one law: pieces (5, J) from the slips `starts` (J,) on, the first 0.
+
+    curve: what the pieces are chords of; None where they are the law's own. A node begins on the curve itself
+    """
 
     starts: Array
     pieces: Array
+    curve: Virgin | None = None
 
     @classmethod
     def of(cls, law: FrictionLaw) -> Virgin:
@@ -75,6 +82,21 @@ class Virgin:
         first = int(law.piece(0.0, +1))
         starts = np.concatenate([[0.0], law.kinks[law.kinks > 0.0]])
         return cls(starts, np.stack([np.asarray(getattr(law, part))[first:] for part in PARTS]))
+
+    @classmethod
+    def straight(cls, law: FrictionLaw) -> Virgin:
+        """The same in straight pieces between points of the law, which miss it by LAW_ERROR of its scale at most."""
+        own = cls.of(law)
+        if law.piecewise_linear:
+            return own
+        decays = law.a != 0.0
+        reach = float(np.max(own.starts)) + FADED / float(np.min(np.abs(law.r[decays])))
+        kinks = piecewise_linear(law, 0.5 * LAW_ERROR, reach).kinks
+        starts = np.concatenate([[0.0], kinks[kinks > 0.0]])
+        piece = own.piece(starts)
+        b_0, q, none = own.value(starts, piece), own.pieces[2, piece].copy(), np.zeros(len(starts))
+        q[:-1] = (own.value(starts[1:], piece[:-1]) - b_0[:-1]) / np.diff(starts)
+        return cls(starts, np.stack([starts, b_0, q, none, none]), own)
 
     def piece(self, kappa: Array) -> Index:
         """(n,) the piece on which a node goes on from κ."""
@@ -86,15 +108,30 @@ class Virgin:
         apart = kappa - s_0
         return np.asarray(b_0 + q * apart + a * np.exp(-r * apart))
 
-    def slid(self, kappa: Array) -> tuple[Index, Array, Array]:
-        """(count, starts, pieces) of τ(κ + x) for x > 0, rows filled with their last piece."""
+    def tau(self, kappa: Array) -> Array:
+        """τ(κ), from the left at a kink."""
+        own = self.curve or self
+        return own.value(kappa, np.searchsorted(own.starts, kappa, side="left") - 1)
+
+    def ahead(self, kappa: Array) -> tuple[Index, Array, Array]:
+        """(count, starts, pieces) of τ beyond κ, rows filled with their last piece."""
         first = self.piece(kappa)
         column = np.minimum(first[:, None] + np.arange(len(self.starts))[None, :], len(self.starts) - 1)
-        starts = np.maximum(self.starts[column] - kappa[:, None], 0.0)
-        starts[:, 0] = 0.0
-        pieces = self.pieces[:, column].copy()
-        pieces[0] -= kappa[:, None]
+        starts, pieces = np.maximum(self.starts[column], kappa[:, None]), self.pieces[:, column].copy()
+        starts[:, 0] = kappa
+        if self.curve is not None:
+            end = np.append(self.starts, np.inf)[first + 1]
+            b_0, inner = self.curve.value(kappa, self.curve.piece(kappa)), np.isfinite(end)
+            there = pieces[1, :, 0] + pieces[2, :, 0] * (np.where(inner, end, kappa) - pieces[0, :, 0])
+            slope = np.divide(there - b_0, end - kappa, out=pieces[2, :, 0].copy(), where=inner)
+            pieces[:3, :, 0] = kappa, b_0, slope
         return len(self.starts) - first, starts, pieces
+
+    def slid(self, kappa: Array) -> tuple[Index, Array, Array]:
+        """The same of τ(κ + x) for x > 0."""
+        count, starts, pieces = self.ahead(kappa)
+        pieces[0] -= kappa[:, None]
+        return count, starts - kappa[:, None], pieces
 
 
 @dataclass(frozen=True)
@@ -120,6 +157,13 @@ class MemoryModel:
         return [(nodes, Virgin.of(own)) for own, nodes in self.law.groups]
 
     @cached_property
+    def straight(self) -> list[tuple[Index, Virgin]]:
+        """The same in straight pieces."""
+        if isinstance(self.law, FrictionLaw):
+            return [(np.arange(self.m, dtype=np.intp), Virgin.straight(self.law))]
+        return [(nodes, Virgin.straight(own)) for own, nodes in self.law.groups]
+
+    @cached_property
     def omega(self) -> Array:
         """(m,) steepest fall of any step's law [Pa/m]."""
         if isinstance(self.law, FrictionLaw):
@@ -138,13 +182,14 @@ class MemoryModel:
         """(m,) a: slips from which w is counted [m]."""
         return {"friction": state.v, "elastic-plastic": state.plastic, "damage": np.zeros(self.m)}[self.memory.name]
 
-    def next_law(self, state: NodeState) -> Law:
-        """The law of w = v − a in the step from this state."""
-        if self.unchanged:
+    def next_law(self, state: NodeState, straight: bool = False) -> Law:
+        """The law of w = v − a in the step from this state, or straight pieces in its place."""
+        straight = straight and not self.law.piecewise_linear
+        if self.unchanged and not straight:
             return self.law
         rows = {"friction": _sliding, "elastic-plastic": self._yielding, "damage": _damaged}[self.memory.name]
         halves = []
-        for nodes, virgin in self.groups:
+        for nodes, virgin in self.straight if straight else self.groups:
             halves += rows(virgin, nodes, state.kappa[nodes])
         return laws_of(halves, self.m, self.omega, self.law.b_scale)
 
@@ -233,9 +278,5 @@ def _damaged(virgin: Virgin, nodes: Index, kappa: Array) -> list[HalfRows]:
         halves.append(HalfRows(nodes[whole], *virgin.slid(np.zeros(len(whole)))))
     if np.any(touched):
         nodes, kappa = nodes[touched], kappa[touched]
-        first, last = virgin.piece(kappa), len(virgin.starts) - 1
-        column = np.minimum(first[:, None] + np.arange(last + 1)[None, :], last)
-        starts = np.maximum(virgin.starts[column], kappa[:, None])
-        secant = virgin.value(kappa, np.searchsorted(virgin.starts, kappa, side="left") - 1) / kappa
-        halves.append(HalfRows(nodes, last + 1 - first, starts, virgin.pieces[:, column], secant))
+        halves.append(HalfRows(nodes, *virgin.ahead(kappa), virgin.tau(kappa) / kappa))
     return halves

@@ -174,8 +174,8 @@ class HistoryProblem:
 
     @property
     def follows_paths(self) -> bool:
-        """Whether steps are followed along their paths: of straight pieces, of a body that is held."""
-        return self.substeps is None and self.branch == "continued" and self.held and self.law.piecewise_linear
+        """Whether steps are followed along their paths; parts of a step cannot heal, which a whole one does."""
+        return self.substeps is None and self.branch == "continued" and not self.memory.healing
 
     @cached_property
     def scaled(self) -> ScaledBody:

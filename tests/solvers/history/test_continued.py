@@ -98,3 +98,25 @@ def test_a_branch_that_falls_jumps_by_itself_and_before_that_the_lowest_does() -
     assert sum(step.energies.released for step in stayed) > 0.0
     assert all(b.state.kappa.sum() >= a.state.kappa.sum() * (1 - 1e-9) for a, b in zip(stayed, lowest, strict=True))
     assert stayed[-1].state.v == pytest.approx(lowest[-1].state.v, abs=1e-2 * np.max(np.abs(stayed[-1].state.v)))
+
+
+@pytest.mark.parametrize("memory", [Memory("friction"), Memory("damage")], ids=lambda memory: memory.name)
+@pytest.mark.parametrize(("falls_to", "delta"), [(1.4e7, 2e-3), (4e6, 3e-4)], ids=["one solution", "jumps"])
+def test_an_exponential_film_is_followed_too(memory: Memory, falls_to: float, delta: float) -> None:
+    """States are those of many small steps; work and dissipation differ by the error of straight pieces, no more."""
+    A, c, load = coupled_line(30)
+    place = np.linspace(0.0, 1.0, 30)
+    one, two = load * (place < 0.6), -load * (place > 0.3)
+    loads = [4.0 * one, 1.0 * one + 4.0 * two, -1.5 * one]
+    film = law("exponential", a=2e7, b=falls_to, delta=delta)
+    steps = list(history(HistoryProblem(A, c, film, memory, substeps=None), loads))
+    small = list(history(HistoryProblem(A, c, film, memory, substeps=16), loads))
+    size = np.max(np.abs(steps[0].state.v))
+    for step, other in zip(steps, small, strict=True):
+        assert step.solved, step.reason
+        assert step.residual <= 1e-10
+        assert step.state.v == pytest.approx(other.state.v, abs=1e-3 * size)
+        e = step.energies
+        assert abs(e.closure) <= 3e-4 * (e.dissipated + e.released) + 1e-12 * abs(step.body)
+        assert (e.released > 0.0) == (step.jumps > 0)
+    assert (sum(step.jumps for step in steps) > 0) == (falls_to == 4e6)

@@ -156,13 +156,13 @@ def test_rail_end_through_a_cycle(substeps: int) -> None:
     assert cycle[0] == pytest.approx(-0.5 / substeps**2 * energies[0].dissipated, rel=5e-3)
 
 
-def walking(cells: int, hot: float, cycles: int) -> list[HistoryStep]:
+def walking(cells: int, hot: float, cycles: int, substeps: int | None = 1) -> list[HistoryStep]:
     """H4: pipeline of 2000 m pulled by 0.3 MN at its right end, r = 1 kN/m, warmed by `hot` and cooled again."""
     D = 3.2913e9
     A, c, heat = strip(cells, 2000.0, D, held=False)
     pull = np.zeros(cells + 1)
     pull[-1] = 0.3e6
-    body = HistoryProblem(A, c, law("tresca", tau=1e3), Memory("friction"), held=False)
+    body = HistoryProblem(A, c, law("tresca", tau=1e3), Memory("friction"), substeps=substeps, held=False)
     loads = [pull, *(1.17e-5 * theta * heat + pull for theta in (hot, 0.0) * cycles)]
     steps = list(history(body, loads))
     for before, step in pairwise(steps):
@@ -171,29 +171,34 @@ def walking(cells: int, hot: float, cycles: int) -> list[HistoryStep]:
     return steps
 
 
-def test_a_pipeline_that_only_friction_holds_walks() -> None:
+@pytest.mark.parametrize("substeps", [1, None], ids=["one descent", "path"])
+def test_a_pipeline_that_only_friction_holds_walks(substeps: int | None) -> None:
     """(ε − (rL − S)/D) S/r a cycle, every point alike, to rounding where both anchors are nodes; 0 below 44.1 K."""
-    steps = walking(40, 60.0, 4)
+    steps = walking(40, 60.0, 4, substeps)
     assert all(step.solved and step.unique for step in steps)
     walked = np.diff([step.state.v for step in steps[2::2]], axis=0)
     assert walked == pytest.approx(55.64603e-3, abs=5e-9)
     assert np.ptp(walked) <= 1e-12
-    still = walking(40, 40.0, 3)
+    if substeps is None:
+        assert all(abs(step.energies.closure) <= 1e-12 * step.energies.dissipated for step in steps)
+    still = walking(40, 40.0, 3, substeps)
     assert np.max(np.abs(still[-1].state.v - still[-3].state.v)) <= 1e-12
 
 
-def test_a_walk_that_is_not_determined_says_so() -> None:
+@pytest.mark.parametrize("substeps", [1, None], ids=["one descent", "path"])
+def test_a_walk_that_is_not_determined_says_so(substeps: int | None) -> None:
     """Where an anchor is the middle of a cell, all nodes slide at their limit and the body may lie anywhere."""
-    steps = walking(100, 60.0, 1)
+    steps = walking(100, 60.0, 1, substeps)
     assert not steps[-1].solved
     assert steps[-1].status == Status.NOT_POSITIVE_DEFINITE
     assert "not determined" in steps[-1].reason
 
 
-def test_a_pipeline_that_is_pulled_away_fails() -> None:
+@pytest.mark.parametrize("substeps", [1, None], ids=["one descent", "path"])
+def test_a_pipeline_that_is_pulled_away_fails(substeps: int | None) -> None:
     """More pull than all friction: no equilibrium, and the history ends there with its reason."""
     A, c, _ = strip(20, 20.0, 1e9, held=False)
-    body = HistoryProblem(A, c, law("tresca", tau=1e3), Memory("friction"), held=False)
+    body = HistoryProblem(A, c, law("tresca", tau=1e3), Memory("friction"), substeps=substeps, held=False)
     pull = np.zeros(21)
     pull[-1] = 1.0
     steps = list(history(body, [f * 20e3 * pull for f in (0.9, 1.1, 0.5)]))
