@@ -180,60 +180,49 @@ def _level_line(record: LevelRecord, length: str) -> str:
     )
 
 
-class PathProgress:
-    """Pieces so far and the present value of the parameter [SI]."""
+class _Line:
+    """One line of a terminal that is written again and again."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = raw_terminal(stream if stream is not None else sys.stderr)
         self._shown = self._stream.isatty()
         self._open = False
+
+    def _write(self, text: str) -> None:
+        if self._shown:
+            self._stream.write(f"\r\x1b[K{text}")
+            self._stream.flush()
+            self._open = True
+
+    def close(self) -> None:
+        """Remove the line."""
+        if self._open:
+            self._write("")
+            self._open = False
+
+
+class PathProgress(_Line):
+    """Pieces so far and the present value of the parameter [SI]."""
 
     def __call__(self, pieces: int, t: float) -> None:
         """Called with (pieces, t) while the path is followed."""
-        if self._shown:
-            self._stream.write(f"\r\x1b[K{pieces} pieces, parameter at {number(t)}")
-            self._stream.flush()
-            self._open = True
-
-    def close(self) -> None:
-        """Remove the line."""
-        if self._open:
-            self._stream.write("\r\x1b[K")
-            self._stream.flush()
-            self._open = False
+        self._write(f"{pieces} pieces, parameter at {number(t)}")
 
 
-class HistoryProgress:
+class HistoryProgress(_Line):
     """Which step of which point was solved last."""
-
-    def __init__(self, stream: TextIO | None = None) -> None:
-        self._stream = raw_terminal(stream if stream is not None else sys.stderr)
-        self._shown = self._stream.isatty()
-        self._open = False
 
     def __call__(self, point: int, points: int, step: int, steps: int) -> None:
         """Called after every step, counted from 0."""
-        if self._shown:
-            where = f"point {point + 1}/{points}, " if points > 1 else ""
-            self._stream.write(f"\r\x1b[K{where}step {step}/{steps}")
-            self._stream.flush()
-            self._open = True
-
-    def close(self) -> None:
-        """Remove the line."""
-        if self._open:
-            self._stream.write("\r\x1b[K")
-            self._stream.flush()
-            self._open = False
+        where = f"point {point + 1}/{points}, " if points > 1 else ""
+        self._write(f"{where}step {step}/{steps}")
 
 
-class CostProgress:
-    """What is being measured, and how long it may still take."""
+class CostProgress(_Line):
+    """What is being measured, and how long it may still take; a line each where there is no terminal."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
-        self._stream = raw_terminal(stream if stream is not None else sys.stderr)
-        self._terminal = self._stream.isatty()
-        self._open = False
+        super().__init__(stream)
         self._start = time.monotonic()
 
     def __call__(self, text: str, left: float | None) -> None:
@@ -241,17 +230,7 @@ class CostProgress:
         text = visible(text)
         if left is not None:
             text += f", about {span(left)} left"
-        if self._terminal:
-            elapsed = span(time.monotonic() - self._start)
-            self._stream.write(f"\r\x1b[K{text} ({elapsed} so far)")
-            self._open = True
-        else:
+        if not self._shown:
             self._stream.write(f"{text}\n")
-        self._stream.flush()
-
-    def close(self) -> None:
-        """Remove the line."""
-        if self._open:
-            self._stream.write("\r\x1b[K")
             self._stream.flush()
-            self._open = False
+        self._write(f"{text} ({span(time.monotonic() - self._start)} so far)")
