@@ -29,7 +29,7 @@ DRAWN_BY = {
     "path": ("response", *LOOK),
     "convergence": ("at", *LOOK),
     "cost": ("error", *LOOK),
-    "fit": (),
+    "fit": LOOK,
     "history": ("at", "x", "y", *LOOK),
 }
 """Options that a picture of each kind of file depends on."""
@@ -98,7 +98,7 @@ def picture(file: Path, target: Path, wanted: Wanted) -> str:
         if kind == "fit":
             from tcstudy.reports.fit_figure import draw_fit
 
-            return draw_fit(file, target)
+            return draw_fit(file, target, look)
         if kind == "cost":
             return plot_cost(file, target, wanted.error, look)
         if kind == "convergence":

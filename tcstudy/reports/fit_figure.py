@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tcstudy.data.fit_store import open_fit
 from tcstudy.reports import style
 from tcstudy.reports.fit import BAND, columns, prediction_error
+from tcstudy.reports.paper import NARROW, Paper
 from tcstudy.reports.text import number, prefix, pretty
 
 if TYPE_CHECKING:
@@ -19,8 +20,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-HEIGHT = 6.4
-"""Height of the picture [inch]."""
+LEFT, RIGHT, CURVE, REST = 0.85, 0.35, 2.75, 1.4
+"""Margins, heights of the curve and of the panels below it [inch]."""
+FOOT, UNDER, BESIDE = 0.6, 0.75, 0.45
+"""Room below the lowest panel and below the others [inch]; part of the width that each of two panels has."""
 DATA: dict[str, Any] = {"color": style.INK, "marker": "o", "markersize": 3, "linestyle": "none", "linewidth": 0.7}
 NAMES = {
     "friction_resultant": "friction resultant",
@@ -30,32 +33,32 @@ NAMES = {
 }
 
 
-def draw_fit(path: Path, target: Path) -> str:
+def draw_fit(path: Path, target: Path, look: style.Look | None = None) -> str:
     """Draw a fit into `target` (.png, .svg or .pdf); returns what was drawn. Raises StoreError, DrawError."""
     style.check_target(target)
     with open_fit(path) as opened:
         data = opened.load()
-    with style.styled():
-        style.save(fit_figure(data), target)
+    look = look or style.Look()
+    with style.styled(look):
+        style.save(fit_figure(data, look), target, look.dpi)
     return f"{target}: {data.attrs['title']}, fitted to {data.attrs['data_file']}"
 
 
-def fit_figure(data: Any) -> Figure:
-    """The figure of a fit; call it within `style.styled()` for the usual letters."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(style.WIDTH, HEIGHT))
-    left, width = 0.85, style.WIDTH - 1.2
-    figure.text(left / style.WIDTH, 1 - 0.3 / HEIGHT, data.attrs["title"], fontsize=12, fontweight="bold")
-    figure.text(left / style.WIDTH, 1 - 0.55 / HEIGHT, _caption(data), fontsize=8.5)
-    law = "law_slip" in data
-    below = 0.45 * width
-    curve = style.inches(figure, left, 2.75, width, 2.75)
-    rest = style.inches(figure, left, 0.6, below if law else width, 1.4)
-    _curve(curve, data)
-    _residuals(rest, data)
+def fit_figure(data: Any, look: style.Look | None = None) -> Figure:
+    """The figure of a fit; call it within `style.styled()` for its letters."""
+    paper = Paper(look or style.Look(), LEFT, data.attrs["title"], [_caption(data)], 8.5)
+    width, law = paper.width - LEFT - RIGHT, "law_slip" in data
+    rows = 2 if law and paper.width < NARROW else 1  # the law beside the residuals, or below them
+    usual, fixed = CURVE + rows * REST, FOOT + rows * UNDER + 0.1
+    share = paper.room(usual, fixed) / usual
+    figure, beside = paper.figure(paper.head + fixed + share * usual), width if rows == 2 else BESIDE * width
+    low, high = share * REST, share * CURVE
+    bottom = FOOT + (rows - 1) * (low + UNDER)
+    _curve(paper.axes(LEFT, bottom + low + UNDER, width, high), data)
+    _residuals(paper.axes(LEFT, bottom, beside if law else width, low), data)
     if law:
-        _law(style.inches(figure, left + width - below, 0.6, below, 1.4), data)
+        _law(paper.axes(LEFT + width - beside, FOOT, beside, low), data)
+    paper.fit_labels()
     return figure
 
 
@@ -65,7 +68,8 @@ def _caption(data: Any) -> str:
         divisor, unit = prefix([float(data["estimate"][i])], str(data["parameter_units"].values[i]))
         value, error = (float(data[key][i]) / divisor for key in ("estimate", "standard_error"))
         sign = style.symbol(str(name))
-        found.append(f"{sign} = {number(value)} ± {number(error, 2)} {pretty(unit)}".removesuffix(" 1"))
+        told = f"{sign} = {number(value)} ± {number(error, 2)} {pretty(unit)}".removesuffix(" 1")
+        found.append(told.replace(" ", "\xa0"))  # no line ends within it
     return ",  ".join(found)
 
 
@@ -104,7 +108,7 @@ def _curve(axes: Axes, data: Any) -> None:
     name = style.symbol(given[0][0]) if given else "datum"
     axes.set_xlabel(style.labelled(name, x_unit))
     axes.set_ylabel(style.labelled(NAMES[measured[0][0]], y_unit))
-    axes.legend(fontsize=8, frameon=False)
+    axes.legend(fontsize=style.pt(8), frameon=False)
 
 
 def _oblique_band(axes: Axes, data: Any, x: Array, y: Array) -> None:

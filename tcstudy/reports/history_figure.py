@@ -14,7 +14,7 @@ from tcstudy.data.records import PointStatus
 from tcstudy.errors import DrawError
 from tcstudy.reports import style
 from tcstudy.reports.history_summary import MOVES, last_change, motion
-from tcstudy.reports.paper import KEY_LINE, LINE, Paper
+from tcstudy.reports.paper import KEY_LINE, LETTER, LINE, NARROW, Paper
 from tcstudy.reports.select_point import Value, describe, locate
 from tcstudy.reports.text import counted
 
@@ -28,10 +28,8 @@ LEFT, RIGHT, LOOP, MAP, CYCLES = 0.85, 0.3, 3.1, 1.35, 1.0
 """Margins, height of the loop, of the map of motion and of the chart of cycles [inch]."""
 FOOT, UNDER = 0.55, 0.8
 """Room below the lowest panel and below the others [inch]."""
-NEAR = 0.06
-"""Steps closer to each other than this part of the panel share a name's place."""
-NAMED = 12
-"""Most names of steps that stand beside the loop."""
+NAMED = 60
+"""Steps whose names may stand beside the loop."""
 MOTION = (style.SHADE, "#7fb8de", "#e69f00", style.VERMILLION)
 """Colours of MOVES."""
 
@@ -91,7 +89,7 @@ def history_figure(data: Any, x: str, y: str, point: str, look: style.Look) -> F
         look, LEFT, data.attrs["title"], [*filter(None, [style.point_words(point)]), ";  ".join(filter(None, told))]
     )
     usual = LOOP + MAP + (CYCLES if several else 0.0)
-    panels, key = 2 + several, KEY_LINE + 0.1
+    panels, key = 2 + several, KEY_LINE * (1 if paper.width >= NARROW else 2) + 0.1
     fixed = FOOT + (panels - 1) * UNDER + 0.25 + key + LINE
     share = paper.room(usual, fixed) / usual
     figure = paper.figure(paper.head + fixed + share * usual)
@@ -103,6 +101,7 @@ def history_figure(data: Any, x: str, y: str, point: str, look: style.Look) -> F
     handles = _draw_motion(lower, data)
     paper.key(lower, handles, paper.key_rows([str(handle.get_label()) for handle in handles]))
     _draw_loop(paper.axes(LEFT, bottom + share * MAP + key + UNDER, width, share * LOOP), data, x, y)
+    paper.fit_labels()
     return figure
 
 
@@ -124,33 +123,37 @@ def _draw_loop(axes: Axes, data: Any, x: str, y: str) -> None:
     names = data["step_name"].values
     named = [i for i in range(len(names)) if names[i]]
     axes.plot(across[named], up[named], "o", color=style.INK, markersize=4, zorder=5)
-    _name_steps(axes, across, up, [(i, str(names[i])) for i in named])
     for name, (_, unit), put in ((x, scales[0], axes.set_xlabel), (y, scales[1], axes.set_ylabel)):
         put(style.labelled(_title(data, name), unit))
     axes.margins(x=0.08, y=0.1)
+    _name_steps(axes, across, up, [(i, str(names[i])) for i in named])
 
 
 def _name_steps(axes: Axes, across: Array, up: Array, named: list[tuple[int, str]]) -> None:
-    """The first names of steps beside the loop; steps that lie together share a place."""
-    wide, high = float(np.ptp(across)) or 1.0, float(np.ptp(up)) or 1.0
-    places: list[tuple[int, list[str]]] = []
-    for i, name in named:
-        if any(name in names for _, names in places):
+    """The names of steps beside the loop, each once, where neither another name nor the edge is in the way."""
+    from matplotlib.patheffects import withStroke
+
+    letters = style.pt(8.5)
+    taken: list[tuple[str, float, float, float]] = []
+    axes.autoscale_view()
+    inch = axes.figure.dpi / 72.0
+    right = float(axes.bbox.x1) / inch
+    for i, name in named[:NAMED]:
+        if any(name == other for other, *_ in taken):
             continue
-        near = [
-            names for k, names in places
-            if abs(across[i] - across[k]) < NEAR * wide and abs(up[i] - up[k]) < NEAR * high
-        ]  # fmt: skip
-        if near:
-            near[0].append(name)
-        elif len(places) < NAMED:
-            places.append((i, [name]))
-    for i, names in places:
-        right = across[i] > float(across.min()) + 0.7 * wide
-        axes.annotate(
-            ", ".join(names), (across[i], up[i]), (-6 if right else 6, 4), textcoords="offset points",
-            ha="right" if right else "left", fontsize=style.pt(8.5),
-        )  # fmt: skip
+        x, y = axes.transData.transform((across[i], up[i])) / inch
+        wide = LETTER * letters * len(name)
+        for dx, dy in ((6, 4), (-6, 4), (6, -4 - letters), (-6, -4 - letters)):
+            left, low = x + dx - (wide if dx < 0 else 0.0), y + dy
+            apart = (left + wide < a or left > b or abs(low - h) > 1.2 * letters for _, a, b, h in taken)
+            if left + wide <= right and all(apart):
+                break
+        else:
+            continue
+        taken.append((name, left, left + wide, low))
+        ha = "left" if dx > 0 else "right"
+        axes.annotate(name, (across[i], up[i]), (dx, dy), textcoords="offset points", ha=ha, fontsize=letters,
+                      path_effects=[withStroke(linewidth=2.0, foreground="white")])  # fmt: skip
 
 
 def _title(data: Any, name: str) -> str:
@@ -163,6 +166,7 @@ def _draw_motion(axes: Axes, data: Any) -> list[Any]:
     """What every node does in every step: rests, slides along t or back, jumps; returns the key."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.patches import Patch
+    from matplotlib.ticker import MaxNLocator
 
     u = data["u_T"].values
     what = motion(u, data["jumped"].values if "jumped" in data else None)[1:]
@@ -175,6 +179,7 @@ def _draw_motion(axes: Axes, data: Any) -> list[Any]:
     axes.pcolormesh(steps, ends / metre, what[:, order].T, cmap=colours, norm=norm, rasterized=True)
     for i in np.flatnonzero(np.diff(data["cycle"].values[1:])):
         axes.axvline(i + 1.5, color=style.INK, linewidth=0.7, linestyle=(0, (4, 2)))
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     axes.set_xlabel("step (dashed: cycles)" if data["cycle"].values[-1] > 1 else "step")
     axes.set_ylabel(style.labelled("arclength", unit))
     return [Patch(color=MOTION[k], label=MOVES[k]) for k in range(len(MOTION)) if np.any(what == k)]

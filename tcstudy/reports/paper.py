@@ -26,6 +26,8 @@ KEY_PT, KEY_LETTER, KEY_SIGN, KEY_LINE = 8.0, 0.061, 0.36, 0.17
 """Letters of a key [pt], their width, what a sign and its distances take, height of a row [inch]."""
 EDGE = 0.15
 """Least margin to the right of a text [inch]."""
+LETTER = 0.53
+"""Mean width of a letter, of its height."""
 SMALLEST = 0.3
 """Panels can shrink to this part of their usual height."""
 
@@ -33,7 +35,7 @@ SMALLEST = 0.3
 class Paper:
     """A figure to be: its width and heading, then, once the panels have their heights, the figure itself.
 
-    left:  margin at which the text begins [inch]
+    left:  margin of the panels, and of the heading where there is room for it [inch]
     lines: what stands below the heading, wrapped to the width;  letters: their size [pt]
     All lengths are in inches of a picture with usual letters.
     """
@@ -42,14 +44,15 @@ class Paper:
         self.look, self.left, self.letters = look, left, letters
         self.scale = look.letters / style.USUAL
         self.width = (look.size[0] / self.scale) if look.size else style.WIDTH
+        self.begin = EDGE if self.width < NARROW else left
         heading = title if look.title is None else look.title
-        self._title = self._wrapped(heading, int((self.width - left) / TITLE_LETTER)) if heading else []
-        self._lines = [line for text in lines for line in self.wrapped(text)] if look.title != "" else []
+        self._title = self._wrapped(heading, int((self.width - self.begin) / TITLE_LETTER)) if heading else []
+        self._lines = [line for text in lines for line in self.wrapped(text, self.begin)] if look.title != "" else []
         self.head = 0.42 + TITLE_LINE * (len(self._title) - 1) + LINE * len(self._lines)
 
-    def wrapped(self, text: str) -> list[str]:
-        """A text in lines that fit beside the margin."""
-        return self._wrapped(text, int((self.width - self.left - EDGE) * 72.0 / (0.53 * self.letters)))
+    def wrapped(self, text: str, left: float) -> list[str]:
+        """A text in lines that fit beside a margin [inch]."""
+        return self._wrapped(text, int((self.width - left - EDGE) * 72.0 / (LETTER * self.letters)))
 
     @staticmethod
     def _wrapped(text: str, columns: int) -> list[str]:
@@ -79,8 +82,8 @@ class Paper:
         return figure
 
     def text(self, below: float, text: str, letters: float, **more: Any) -> None:
-        """A line at the margin, so many inches below the upper edge."""
-        place = self.left / self.width, 1.0 - below / self.height
+        """A line at the margin of the heading, so many inches below the upper edge."""
+        place = self.begin / self.width, 1.0 - below / self.height
         self._figure.text(*place, text, fontsize=letters * self.scale, **more)
 
     def key_rows(self, labels: Sequence[str]) -> int:
@@ -110,7 +113,16 @@ class Paper:
 
     def wrap_title(self, axes: Axes) -> None:
         """Wrap the title of a panel to the page."""
-        axes.set_title("\n".join(self.wrapped(axes.get_title(loc="left"))), loc="left")
+        axes.set_title("\n".join(self.wrapped(axes.get_title(loc="left"), self.left)), loc="left")
+
+    def fit_labels(self) -> None:
+        """Wrap the names of upright axes that are longer than their panels."""
+        for axes in self._figure.axes:
+            label = axes.yaxis.label
+            high = axes.get_position().height * self.height
+            text = "\n".join(self._wrapped(label.get_text(), int((high + LINE) * 72.0 / (LETTER * style.USUAL))))
+            label.set_text(text)
+            label.set_linespacing(1.0)
 
     def axes(self, left: float, bottom: float, width: float, height: float) -> Axes:
         """New axes at a place counted in inches from the lower left corner."""

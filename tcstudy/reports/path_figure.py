@@ -87,6 +87,7 @@ def path_figure(picture: PathPicture, look: style.Look | None = None) -> Figure:
     over.set_xlim(curve.get_xlim())
     over.set_xlabel(label)
     curve.tick_params(labelbottom=False)
+    paper.fit_labels()
     figure.align_ylabels([curve, over, along])
     return figure
 

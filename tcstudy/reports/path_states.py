@@ -121,7 +121,7 @@ def draw_states(over: Axes, along: Axes, picture: PathPicture, divisor: float, l
     over.set_title("State of the contact line: least energy on the path", loc="left")
     position, shown = _positions(picture)
     _map(along, position, ends / metre, states, shown)
-    along.set_title("State of the contact line along the path (dashed: folds; line: the parameter)", loc="left")
+    along.set_title("State along the path (dashed: folds; line: parameter)", loc="left")
     _parameter(along, picture, position, shown, divisor, label)
     for axes in (over, along):
         axes.set_ylim(0.0, ends[-1] / metre)
@@ -197,12 +197,13 @@ def _key(axes: Axes, states: Array, columns: int) -> None:
     """What the colours mean, below the lower map."""
     from matplotlib.patches import Patch
 
+    begin = 0.0 if columns == 4 else -axes.get_position().x0 / axes.get_position().width + 0.05
     present = [state for state in ContactState if np.any(states == state)]
     patches = [Patch(color=COLOURS[state], label=STATES[state]) for state in present]
     axes.legend(
         handles=patches,
         loc="upper left",
-        bbox_to_anchor=(0.0, -style.part_of(axes, KEY_BELOW, vertical=True)),
+        bbox_to_anchor=(begin, -style.part_of(axes, KEY_BELOW, vertical=True)),
         ncols=len(patches) if columns == 4 else columns,
         fontsize=style.pt(8),
         frameon=False,

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import tcstudy
+from tcstudy.cli import main
 from tests.reports.draw_cases import (
     ALPHA,
     TAU,
@@ -48,4 +49,12 @@ BLOCK = {
 def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("block") / "block.nc"
     tcstudy.run(tcstudy.Study.from_dict(BLOCK), path, jobs=1)
+    return path
+
+
+@pytest.fixture(scope="session")
+def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The fit of the gallery on a coarse mesh."""
+    path, config = tmp_path_factory.mktemp("fit") / "pull.nc", Path(__file__).parents[2] / "configs" / "pull_fit.yaml"
+    assert main(["fit", str(config), "--set", "mesh.maxh=8 mm", "--set", "fit.starts=1", "--output", str(path)]) == 0
     return path

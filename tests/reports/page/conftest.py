@@ -7,13 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from tcstudy.cli import main
 from tcstudy.read.study import read_study_text
 from tcstudy.study.history_run import execute_history
 from tcstudy.study.run import execute
 from tests.reports.page.browser import Browser
 
-ROOT = Path(__file__).parents[3]
 STUDY = """
 title: A block <on> a film
 body: {outline: [{from: [0, 0], edge: film}, {from: [0.2, 0], edge: end}, {from: [0.2, 0.1], edge: top},
@@ -79,14 +77,6 @@ output: {fields: true}
 def pads(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("pads") / "pads.nc"
     execute(read_study_text(PADS), path)
-    return path
-
-
-@pytest.fixture(scope="session")
-def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The fit of the gallery on a coarse mesh."""
-    path, config = tmp_path_factory.mktemp("fit") / "pull.nc", ROOT / "configs" / "pull_fit.yaml"
-    assert main(["fit", str(config), "--set", "mesh.maxh=8 mm", "--set", "fit.starts=1", "--output", str(path)]) == 0
     return path
 
 
