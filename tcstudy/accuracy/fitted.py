@@ -157,11 +157,20 @@ class Uncertainty:
     information: float
 
 
-def uncertainty(minimum: Minimum, box: Box, groups: Sequence[NDArray[np.intp]], known_noise: bool) -> Uncertainty:
+def uncertainty(
+    minimum: Minimum,
+    box: Box,
+    groups: Sequence[NDArray[np.intp]],
+    known_noise: bool,
+    prior: Array | None = None,
+    numbers: float | None = None,
+) -> Uncertainty:
     """Covariance, intervals, what is not determined, and whether the model has the shape of the data.
 
     groups: residuals of one curve each, in the order of the data, for the runs of their signs
     known_noise: whether residuals are in units of a noise that is known
+    prior: (d, k) P by q of what is minimised beside the data: the covariance is s²(JᵀJ + PᵀP)⁻¹, and the numbers that
+           the data decide are so many
     """
     p, r = minimum.p, minimum.residual
     n, k = len(r), len(p)
@@ -169,12 +178,13 @@ def uncertainty(minimum: Minimum, box: Box, groups: Sequence[NDArray[np.intp]], 
     low, high, q = box.inner(box.low), box.inner(box.high), box.inner(p)
     at_bound = np.minimum(q - low, high - q) <= AT_BOUND * (high - low)
     free = np.flatnonzero(~at_bound)
-    freedom = n - k
+    count = float(k) if numbers is None else numbers
+    freedom = n - (k if numbers is None else int(np.ceil(numbers)))
     square = float(r @ r)
     scale = 1.0 if known_noise else square / max(freedom, 1)
     _, sigma, rows = np.linalg.svd(by_q * np.where(box.log, 1.0, np.abs(p)), full_matrices=False)
     covariance = np.full((k, k), np.nan)
-    own = by_q[:, free]
+    own = by_q[:, free] if prior is None else np.concatenate([by_q, prior])[:, free]
     if len(free) and np.linalg.matrix_rank(own) == len(free):
         covariance[np.ix_(free, free)] = scale * np.linalg.inv(own.T @ own)
     error = np.sqrt(np.diagonal(covariance))
@@ -183,7 +193,7 @@ def uncertainty(minimum: Minimum, box: Box, groups: Sequence[NDArray[np.intp]], 
         ends = np.where(box.log, p * np.exp(-reach), p - reach), np.where(box.log, p * np.exp(reach), p + reach)
     runs, runs_p = _runs([r[group] for group in groups])
     likelihood = square if known_noise else n * float(np.log(max(square, 1e-300) / n))
-    count = k + (not known_noise)
+    count += not known_noise
     penalty = 2.0 * count + 2.0 * count * (count + 1) / max(n - count - 1, 1)
     return Uncertainty(
         covariance=covariance,

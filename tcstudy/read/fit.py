@@ -25,6 +25,7 @@ from tcstudy.read.sensitivity import differentiable, heat_grows, path_of, why_no
 from tcstudy.read.table import csv_lines
 from tcstudy.scene.fits import PLACE, RESULTS, FitColumn, FitMark, FitParameter, FitPlan
 from tcstudy.scene.friction import GrowthError
+from tcstudy.scene.law_slopes import POINTS
 from tcstudy.scene.laws import LawError
 from tcstudy.scene.parameters import with_number
 from tcstudy.scene.records import Scene
@@ -52,7 +53,7 @@ def read_fit(ctx: Context, node: Node, root: Node, scene: Scene | None, mesh: Me
     if len(ctx.errors) > before:
         return None
     given, measured = (tuple(c for c in columns if bool(c.path) is is_given) for is_given in (True, False))
-    options = fields.given(("compare", "starts", "seed", "loss"))
+    options = fields.given(("compare", "starts", "seed", "loss", "smooth"))
     if level := fields["level"]:
         options["level"] = ctx.integer(level, 0, mesh.levels - 1 if mesh else None)
     file = str(fields.values["data"].child("file").text())  # type: ignore[union-attr]
@@ -72,6 +73,10 @@ def _check(ctx: Context, fields: Fields, plan: FitPlan) -> None:
     n, k = plan.count, len(plan.parameters)
     if n <= k:
         ctx.errors.at(data, f"{n} data cannot decide {k} numbers", "measure more, or fit fewer numbers")
+    ends = [one.number.path[-2:-1] == (POINTS,) for one in plan.parameters]
+    if plan.smooth and sum(ends) < 3:
+        remedy = "fit friction.points.0, friction.points.1 and so on, or remove smooth"
+        ctx.errors.at(fields["smooth"] or data, "a smooth law has at least three of its points fitted", remedy)
     if plan.marks and not plan.known_noise:
         what = f"a {plan.marks[0].name} is weighed against the other data, whose noise must be known"
         ctx.errors.at(fields["noise"] or data, what, "give the noise of every column")

@@ -127,6 +127,9 @@ def fit_doubts(data: Any) -> list[tuple[str, bool]]:
         shown = number(np.sqrt(square / max(freedom, 1)), 3)
         told = f"noise estimated from the residuals: {shown} of what was assumed (1 % of a column's range)"
         found.append((told, False))
+    if "numbers_decided" in about:
+        decided = f"{number(float(about['numbers_decided']), 3)} of {data.sizes['parameter']} numbers"
+        found.append((f"smooth law, weight by generalised cross-validation: the data decide {decided}", False))
     found += _mesh(data)
     p = float(about["runs_probability"])
     verdict = "the curve may be of the wrong shape" if p < DOUBT else "no trend"

@@ -36,6 +36,7 @@ FITS: tuple[Key, ...] = (
     Key("seed", "integer", "of the other starts", section="fit", least=0, default=0),
     Key("loss", "choice", "`soft_l1`: outliers count less", section="fit", words=LOSSES, default=LOSSES[0]),
     Key("level", "integer", "mesh level (default: finest)", section="fit", least=0),
+    Key("smooth", "flag", "a law by points without turns that the data do not ask for", section="fit", default=False),
     Key("fold", "section", "farthest load before the curve turns back", section="fit", of=("fit_mark",)),
     Key("peak", "section", "largest friction resultant along the path", section="fit", of=("fit_mark",)),
     Key("file", "text", "a CSV table beside the study", section="fit_data", example="pull.csv", required=True),
@@ -104,6 +105,7 @@ class FitPlan:
     file, sha256:    the table and its checksum
     level:           mesh level, None for the finest
     marks:           single numbers of the path, data beside the table
+    smooth:          whether laws by points are to be as straight as the data let them
     """
 
     given: tuple[FitColumn, ...]
@@ -118,6 +120,7 @@ class FitPlan:
     loss: Literal["linear", "soft_l1"] = "linear"
     level: int | None = None
     marks: tuple[FitMark, ...] = ()
+    smooth: bool = False
 
     @property
     def count(self) -> int:

@@ -34,6 +34,7 @@ from tcstudy.scene.law_slopes import law_slopes, number_of
 from tcstudy.scene.laws import LawError
 from tcstudy.scene.study import Study
 from tcstudy.study.fit_models import Compared, FitModel
+from tcstudy.study.fit_smooth import Smoothed, smoothed
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -57,21 +58,26 @@ def fit(study: Study, progress: Progress | None = None) -> FitRecord:
     model = model_of(study, plan)
     box = box_of(plan)
     try:
-        minima = _minima(model, box, progress)
+        fits = _fits(model, box, progress)
     except (NotPositiveDefinite, LawError, GrowthError) as error:
         raise FitError(str(error)) from error
+    minima = different([one.minimum for one in fits], box)
     best = minima[0]
+    smooth = next(one for one in fits if one.minimum is best)
     found = model.compared(best.p)
     if found.early:
         raise FitError(f"the path that fits best ends early: {found.early}")
-    said = uncertainty(best, box, groups_of(plan), plan.known_noise)
+    asked = (smooth.prior, smooth.numbers) if plan.smooth else (None, None)
+    said = uncertainty(best, box, groups_of(plan), plan.known_noise, *asked)
     record = _record(plan, model, box, minima, found, said)
     if progress is not None:
         progress("the same on a mesh of half the size")
-    return replace(record, values={**record.values, "mesh_shift": mesh_shift(model, best, box, said)})
+    shift = mesh_shift(model, best, box, said, smooth.prior)
+    weighed = {"smooth_weight": smooth.weight, "numbers_decided": smooth.numbers} if plan.smooth else {}
+    return FitRecord({**record.values, "mesh_shift": shift}, {**record.attributes, **weighed})
 
 
-def mesh_shift(model: FitModel, best: Minimum, box: Box, said: Uncertainty) -> Array:
+def mesh_shift(model: FitModel, best: Minimum, box: Box, said: Uncertainty, prior: Array) -> Array:
     """(k,) how far a mesh of half the size would move the estimates, in standard errors; NaN on bounds, and all of it
     where that mesh gives no result."""
     free, shift = np.flatnonzero(~said.at_bound), np.full(len(best.p), np.nan)
@@ -80,9 +86,10 @@ def mesh_shift(model: FitModel, best: Minimum, box: Box, said: Uncertainty) -> A
         finer = replace(model, level=level).compared(best.p)
     except (FitError, GeometryFailed, NotPositiveDefinite, MemoryError):
         return shift
-    own = (best.jacobian * box.rate(best.p))[:, free]
+    own = np.concatenate([best.jacobian * box.rate(best.p), prior])[:, free]
     if not finer.early and np.all(np.isfinite(said.standard_error[free])):
-        step = np.linalg.lstsq(own, best.residual - finer.residual)[0]
+        change = np.append(best.residual - finer.residual, np.zeros(len(prior)))
+        step = np.linalg.lstsq(own, change)[0]
         shift[free] = step * box.rate(best.p)[free] / said.standard_error[free]
     return shift
 
@@ -116,27 +123,34 @@ def groups_of(plan: FitPlan) -> list[NDArray[np.intp]]:
     return [np.arange(i * count, (i + 1) * count) for i in range(len(plan.measured))]
 
 
-def _minima(model: FitModel, box: Box, progress: Progress | None) -> list[Minimum]:
-    """The distinct minima, the lowest first."""
-    plan, found, failure = model.plan, list[Minimum](), ""
+def _fits(model: FitModel, box: Box, progress: Progress | None) -> list[Smoothed]:
+    """What the starts lead to."""
+    plan, found, failure = model.plan, list[Smoothed](), ""
     first = np.array([one.start for one in plan.parameters])
     for number, start in enumerate(box.starts(first, plan.starts, plan.seed)):
         try:
             if number == 0:
                 _check_depends(model, start, box)
-            found.append(minimise(model, start, box, plan.loss))
+            found.append(_from(model, start, box))
         except FitError as error:
             failure = failure or str(error)
             if (number == 0 and plan.starts == 1) or "do not depend" in failure:
                 raise
             continue
         if progress is not None:
-            progress(f"start {number + 1} of {plan.starts}: {found[-1].evaluations} evaluations")
-        if number == 0 and _unique(model, found[0].p) and _unique(model, start):
+            progress(f"start {number + 1} of {plan.starts}: {found[-1].minimum.evaluations} evaluations")
+        if number == 0 and _unique(model, found[0].minimum.p) and _unique(model, start):
             break
     if not found:
         raise FitError(f"no start led to a result: {failure}")
-    return different(found, box)
+    return found
+
+
+def _from(model: FitModel, start: Array, box: Box) -> Smoothed:
+    """What one start leads to."""
+    if model.plan.smooth:
+        return smoothed(model, start, box, model.plan)
+    return Smoothed(minimise(model, start, box, model.plan.loss), np.zeros((0, len(start))), 0.0, len(start))
 
 
 def _unique(model: FitModel, p: Array) -> bool:
