@@ -15,6 +15,7 @@ from tcstudy.fem.boundary import Frames, constrain, contact_line
 from tcstudy.fem.forms import ElasticForms, Moduli, Springs
 from tcstudy.fem.heat_forms import HeatForms
 from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.rigid import couple
 from tcstudy.offline.conduction import BATCH
 from tcstudy.offline.elastic import Elastic, LoadMaker, ratio_and_scale, swept_parts
 from tcstudy.offline.loads import (
@@ -22,6 +23,7 @@ from tcstudy.offline.loads import (
     BodyForce,
     Column,
     EdgeForce,
+    EdgeMoment,
     EdgePressure,
     EdgeTraction,
     LoadTerm,
@@ -90,7 +92,7 @@ def _held(boundary: Roles) -> Roles:
 
 def _constraint(role: Clamped | Contact) -> Clamped | Contact:
     if isinstance(role, Rigid):
-        role = replace(role, force=(0.0, 0.0))
+        role = replace(role, force=(0.0, 0.0), moment=role.moment and 0.0)
     return replace(role, heat=None)
 
 
@@ -333,6 +335,8 @@ class Level:
                 return self.elastic.expansion(np.ones(self.mesh.n_points), load.where)
             case TemperatureField():
                 return self.elastic.expansion(self.temperatures.field(load.field), load.where)
+            case EdgeMoment():
+                return couple(self.mesh, load.edge)
             case EdgeForce():
                 return self.elastic.force(load.edge, load.axis)
         assert isinstance(load, EdgeTraction | EdgePressure)  # what is prescribed belongs to a factorised body

@@ -107,6 +107,13 @@ class EdgeForce:
 
 
 @dataclass(frozen=True)
+class EdgeMoment:
+    """A moment of 1 about the middle of the study edge of this name."""
+
+    edge: str
+
+
+@dataclass(frozen=True)
 class UniformTemperature:
     """∫ tr ε(v) over some regions: what a temperature of 1 everywhere makes for β = 1 there."""
 
@@ -128,7 +135,16 @@ class Prescribed:
     held: Roles
 
 
-BasisLoad = BodyForce | EdgeTraction | EdgePressure | EdgeForce | UniformTemperature | TemperatureField | Prescribed
+BasisLoad = (
+    BodyForce
+    | EdgeTraction
+    | EdgePressure
+    | EdgeForce
+    | EdgeMoment
+    | UniformTemperature
+    | TemperatureField
+    | Prescribed
+)
 
 
 @dataclass(frozen=True)
@@ -155,6 +171,8 @@ def mechanical_terms(f: tuple[Scalar, Scalar], boundary: Roles) -> Iterator[Load
     for name, role in boundary:
         forces = ((axis, force) for axis, force in enumerate(resultant(role)) if force != 0.0)
         yield from (LoadTerm(EdgeForce(name, axis), force) for axis, force in forces)
+        if isinstance(role, Rigid) and role.moment:
+            yield LoadTerm(EdgeMoment(name), role.moment)
         if not loads_something(role):
             continue
         assert isinstance(role, Traction | Convection)
@@ -191,7 +209,7 @@ def unloaded(role: Role) -> Role:
     if isinstance(role, Clamped):
         x, y = (None if one is None else 0.0 for one in role.u)
         role = replace(role, u=(x, y))
-        return replace(role, force=(0.0, 0.0)) if isinstance(role, Rigid) else role
+        return replace(role, force=(0.0, 0.0), moment=role.moment and 0.0) if isinstance(role, Rigid) else role
     none = (0.0, 0.0)
     return replace(role, g=none, pressure=0.0, force=none) if isinstance(role, Traction | Convection) else role
 

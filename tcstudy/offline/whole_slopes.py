@@ -53,8 +53,11 @@ def affine_scene(scene: Scene, path: tuple[str, ...]) -> Scene:
     if path != ("load",):
         return path_scene(bare(scene), path, 1.0)
     loads = replace(bare(scene, Traction, Convection), f=scene.f)
-    forces = {name: role.force for name, role in scene.boundary if isinstance(role, Rigid)}
-    boundary = ((name, replace(role, force=forces[name]) if name in forces else role) for name, role in loads.boundary)  # type: ignore[arg-type]
+    given = {name: role for name, role in scene.boundary if isinstance(role, Rigid)}
+    boundary = (
+        (name, replace(role, force=given[name].force, moment=given[name].moment) if isinstance(role, Rigid) else role)
+        for name, role in loads.boundary
+    )
     return replace(loads, boundary=tuple(boundary))
 
 

@@ -104,7 +104,7 @@ def _constraints(piece: BoundaryPiece, role: object, centre: Point, size: float)
         fixed, frame = (role.spring[0] > 0.0, role.spring[1] > 0.0), "nt"
     else:
         return
-    if isinstance(role, Rigid):  # what is tied does not turn
+    if isinstance(role, Rigid) and role.moment is None:  # what is tied does not turn
         for x, y in piece.points[1:] - piece.points[0]:
             yield from ([0.0, 0.0, s / size] for s, u in zip((-y, x), role.u, strict=True) if u is None)
     for (x, y), n in zip(piece.points, piece.normals, strict=True):

@@ -122,6 +122,8 @@ def _home(key: str) -> str:
     if key in COMPONENTS:
         given = "u: [a, free]" if key == "u" else f"{key}: a"
         return f"a held displacement is {{role: clamped, {given}}}, which leaves what is not given free of traction"
+    if key == "moment":
+        return "an edge that turns under a moment is {role: rigid, moment: 20 N}"
     if key == "spring":
         return "a support is {role: traction, spring: {normal: 5e9 Pa/m}}"
     return "give the edge the role traction or convection, which take g, pressure and force"
@@ -156,7 +158,13 @@ def _rigid(ctx: Context, node: Node, fields: Fields) -> Rigid:
         ctx.errors.at(node, "the displacement is given in two ways", "give either u: [u_x, u_y], or u_x and u_y")
         return Rigid()
     u = fields.value("u") if fields["u"] else (fields.value("u_x"), fields.value("u_y"))
-    force = _force(ctx, fields)
+    force, moment = _force(ctx, fields), None
+    if fields["moment"]:
+        moment = fields.value("moment")
+        if u != (None, None):
+            what = "an edge that turns moves as its forces and its moment want"
+            ctx.errors.at(fields.values["moment"], what, "leave out u, or the moment")
+            return Rigid()
     if any(isinstance(component, Expression) for component in u):
         ctx.errors.at(node, "a rigid edge moves as a whole, by one number", "use the role clamped")
     elif None not in u:
@@ -166,7 +174,7 @@ def _rigid(ctx: Context, node: Node, fields: Fields) -> Rigid:
         if component is not None and given != 0.0:
             what = f"u_{name} is given, so a force in {name} would not be used"
             ctx.errors.at(fields.values["force"], what, f"write 0 in its place, or leave out u_{name}")
-    return Rigid(u, force=force)
+    return Rigid(u, force=force, moment=moment)
 
 
 def _clamped(ctx: Context, node: Node, fields: Fields) -> Clamped:

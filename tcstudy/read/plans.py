@@ -199,6 +199,9 @@ def affine_parameters(scene: Scene) -> Iterator[tuple[tuple[str, ...], Affine]]:
     for edge, role in scene.boundary:
         if isinstance(role, Clamped):
             loads += resultant(role)
+            if isinstance(role, Rigid) and role.moment is not None:
+                loads.append(role.moment)
+                yield ("boundary", edge, "moment"), Affine(rows("boundary")["moment"].dimension, role.moment)
             names = ("u_x", "u_y") if role.frame == "xy" else ("u_N", "u_T")
             for name, held in zip(names, role.u, strict=True):
                 if held is not None:

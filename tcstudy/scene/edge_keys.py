@@ -47,6 +47,12 @@ _MECHANICAL = (
         affine=True,
         roles=(*LOADED, "rigid"),
     ),
+    Key(
+        *("moment", "number", "about the middle of a rigid edge, which then turns", u.MOMENT),
+        swept=True,
+        affine=True,
+        roles=("rigid",),
+    ),
     Key("spring", "section", "stiffness of a support (Winkler)", roles=LOADED, of=("spring",)),
 )
 _SPRING = (_stiffness("normal", "along the normal"), _stiffness("tangential", "along the edge"))

@@ -228,7 +228,8 @@ def _role(role: Role, key: str, t: float) -> Role:
 def _scaled_role(role: Role, factor: float) -> Role:
     x, y = resultant(role)
     if isinstance(role, Rigid):
-        return replace(role, force=(factor * x, factor * y))
+        moment = None if role.moment is None else factor * role.moment
+        return replace(role, force=(factor * x, factor * y), moment=moment)
     if not isinstance(role, Traction | Convection):
         return role
     g = (_scaled(role.g[0], factor), _scaled(role.g[1], factor))

@@ -114,14 +114,15 @@ class Symmetry(Clamped):
 
 @dataclass(frozen=True)
 class Rigid(Clamped):
-    """An edge that moves as a whole, without turning: a component is given, or it is one unknown under a resultant.
+    """An edge that moves as a whole: a component is given, or it is one unknown under a resultant.
 
-    u:     the components in x and y [m], None for one that is unknown
-    force: the resultants of the unknown ones, per unit thickness [N/m]
+    u:     the components in x and y [m], None for one that is unknown;  force: the resultants of these [N/m]
+    moment: about the middle of an edge that turns [N], None for one that does not; all per unit thickness
     """
 
     u: tuple[Scalar | None, Scalar | None] = (None, None)
     force: tuple[float, float] = (0.0, 0.0)
+    moment: float | None = None
 
 
 @dataclass(frozen=True)

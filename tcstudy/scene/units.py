@@ -32,6 +32,7 @@ TRACTION = Dimension("a stress", "Pa", "Pa", "20 MPa")
 STIFFNESS = Dimension("a traction per slip", "Pa/m", "Pa m-1", "5e9 Pa/m")
 BODY_FORCE = Dimension("a force per volume", "N/m^3", "N m-3", "-77 kN/m^3")
 LINE_FORCE = Dimension("a force per length", "N/m", "N m-1", "30 kN/m")
+MOMENT = Dimension("a moment per length", "N", "N", "20 N")
 HEAT_SOURCE = Dimension("a heat source density", "W/m^3", "W m-3", "5e6 W/m^3")
 HEAT_FLUX = Dimension("a heat flux", "W/m^2", "W m-2", "500 W/m^2")
 HEAT_TRANSFER = Dimension("a heat transfer coefficient", "W/(m^2*K)", "W m-2 K-1", "100 W/(m^2*K)")
@@ -96,7 +97,7 @@ def to_si(number: str, unit: str, dimension: Dimension) -> float:
 
 DIMENSIONS = (
     *(NONE, LENGTH, TRACTION, STIFFNESS, BODY_FORCE, LINE_FORCE, HEAT_SOURCE, HEAT_TRANSFER, TEMPERATURE),
-    *(CONDUCTIVITY, EXPANSION, THERMAL_STRESS, HEAT_FLUX, VELOCITY),
+    *(CONDUCTIVITY, EXPANSION, THERMAL_STRESS, HEAT_FLUX, VELOCITY, MOMENT),
 )
 
 

@@ -142,6 +142,53 @@ def test_a_rigid_edge_is_the_clamped_one_whose_reaction_is_the_resultant() -> No
     assert scene.body == other.body
 
 
+def test_an_edge_that_turns_is_the_clamped_one_whose_reactions_are_its_resultants() -> None:
+    """The plate moves as u = a + phi × (x − 1, 0) under its force and moment; a path runs along either."""
+    free = RIGID.replace("END", "free")
+    scene, level, _, v, u = solved(free.replace("PLATE", "{role: rigid, force: [0.05, -0.1], moment: 0.03}"))
+    plate = level.mesh.points[:, 1] > 1 - 1e-12
+    s, U = level.mesh.points[plate, 0] - 1.0, u[:, plate]
+    phi = float((U[1, s.argmax()] - U[1, s.argmin()]) / 2.0)
+    a = U.mean(axis=1) - [0.0, phi * s.mean()]
+    assert np.abs(U - np.array([a[0] + 0 * s, a[1] + phi * s])).max() < 1e-14
+    assert phi > 1e-3
+    given = f'{{role: clamped, u: [{float(a[0])!r}, "{float(a[1])!r} + {phi!r}*(x - 1)"]}}'
+    other, same, _, w, moved = solved(free.replace("PLATE", given))
+    assert w == pytest.approx(v, abs=1e-11)
+    assert moved == pytest.approx(u, abs=1e-11)
+    K = same.elastic.stiffness(other.material.lam, other.material.mu)
+    forces = (K @ moved.ravel() - same.load(other)).reshape(2, -1)[:, plate]
+    assert [*forces.sum(axis=1), forces[1] @ s] == pytest.approx([0.05, -0.1, 0.03], abs=1e-11)
+    keys = ("boundary", "top", "moment")
+    assert affine_load(level, lambda t: path_scene(scene, keys, t), -1.0, 3.0, "moment").defect < 1e-12
+
+
+def test_a_moment_at_the_tip_bends_a_beam() -> None:
+    """u_y = M x²/(2EI), phi = M L/(EI) of a clamped beam with nu = 0, at order 2: P1 is a little stiff in bending."""
+    text = """
+units: none
+body:
+  outline: [{from: [0, -0.5], edge: bottom}, {from: [4, -0.5], edge: tip}, {from: [4, 0.5], edge: top},
+    {from: [0, 0.5], edge: root}, {from: [0, 0], edge: guide}]
+boundary: {root: clamped, guide: contact, bottom: free, top: free, tip: {role: rigid, moment: 0.05}}
+material: {E: 6, nu: 0, plane: stress}
+friction: {law: linear, k: 1}
+mesh: {maxh: 0.25, levels: 3}
+"""
+    study = study_of(text)
+    found = []
+    for level in levels_of(study):
+        condensed = level.condensed(study.scenes[0])
+        u = level.displacement(study.scenes[0], condensed, solve_contact(condensed.problem).v).reshape(2, -1)
+        x, y = level.mesh.points.T
+        tip = x > 4 - 1e-12
+        phi = -float(np.polyfit(y[tip], u[0, tip], 1)[0])
+        assert u[1, tip] == pytest.approx(np.full(tip.sum(), phi * 2.0), rel=0.01)
+        found.append(phi / (0.05 * 4 / (6 / 12)))
+    assert 0.98 < found[2] < 1.0
+    assert 3.5 < (1 - found[1]) / (1 - found[2]) < 4.5
+
+
 def test_a_rigid_edge_that_meets_contact_moves_a_contact_node() -> None:
     """Its unknown is the node's slip: pushed at the end, the whole end moves as much as that node."""
     text = RIGID.replace("PLATE", "free").replace("END", "{role: rigid, force: [-0.08, 0], u_y: 0}")

@@ -58,6 +58,14 @@ def test_roles_are_read() -> None:
         (LEFT, "left: {role: symmetry, u_N: 0}", "", "the role symmetry takes no u_N"),
         (END, "{role: rigid, u: [0, 0]}", "", "boundary.end: both components are given, so nothing is left"),
         (END, "{role: rigid, u_y: 0, force: [1, 2]}", "", "u_y is given, so a force in y would not be used"),
+        (
+            END,
+            "{role: rigid, u_y: 0, moment: 3 N}",
+            "",
+            "boundary.end.moment: an edge that turns moves as its forces and",
+        ),
+        (END, "{role: rigid, moment: 3 kg}", "", "boundary.end.moment: 'kg' is not a unit of a moment per length (N)"),
+        ("top: free", "top: {role: free, moment: 3 N}", "", "the role free takes no moment; an edge that turns under"),
         (END, '{role: rigid, u_y: "x"}', "", "a rigid edge moves as a whole, by one number; use the role clamped"),
         (
             "mesh: {maxh: 0.2}",
@@ -94,3 +102,8 @@ def test_a_rigid_edge_that_contact_holds_is_refused() -> None:
     mesh = next(mesh_family(build(scene.body), study.mesh))
     with pytest.raises(GeometryFailed, match=r"end cannot move in y: another edge holds it .*give it u_y: 0"):
         constrain(mesh, scene.boundary)
+    turns = read_study_text(TEXT.replace(END, "{role: rigid, moment: 5 N}")).scenes[0]
+    with pytest.raises(
+        GeometryFailed, match=r"end cannot turn: another edge holds it at \(1, 0\); leave out its moment"
+    ):
+        constrain(mesh, turns.boundary)
