@@ -28,6 +28,7 @@ __all__ = [
     "FINISHED",
     "PARTIAL",
     "StoreError",
+    "aside_of",
     "check_writable",
     "new_dataset",
     "place_faults",
@@ -52,8 +53,7 @@ def replace_file(path: Path, make: Callable[[Path], None], kept: str = "", seale
     sealed: whether it is a result file, which ends in a seal
     Raises StoreError if the file cannot be written; the old one is then untouched.
     """
-    target = Path(os.path.realpath(path))
-    aside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    target, aside = Path(os.path.realpath(path)), aside_of(path)
     try:
         if what := special_file(path):
             raise StoreError(f"{path} is {what}, no file; choose another output")
@@ -72,6 +72,12 @@ def replace_file(path: Path, make: Callable[[Path], None], kept: str = "", seale
     finally:
         with suppress(OSError):
             aside.unlink(missing_ok=True)
+
+
+def aside_of(path: Path) -> Path:
+    """Where this process writes the file that is to take the place of `path`."""
+    target = Path(os.path.realpath(path))
+    return target.with_name(f".{target.name}.{os.getpid()}.tmp")
 
 
 def check_writable(path: Path, expected_bytes: int) -> list[str]:
@@ -206,15 +212,20 @@ def new_dataset(file: Path) -> netCDF4.Dataset:
 
 
 def write_dataset(
-    path: Path, attributes: Mapping[str, Any], fill: Callable[[netCDF4.Dataset], None], kept: str = ""
+    path: Path,
+    attributes: Mapping[str, Any],
+    fill: Callable[[netCDF4.Dataset], None],
+    kept: str = "",
+    begun: netCDF4.Dataset | None = None,
 ) -> None:
     """Write a result file, replacing an old one in one step: its global attributes, then what `fill` puts into it.
 
-    kept: as in `replace_file`. Raises StoreError if it cannot be written; the old one is then untouched.
+    kept: as in `replace_file`;  begun: the file, open at `aside_of` the path, if something stands in it already
+    Raises StoreError if it cannot be written; the old one is then untouched.
     """
 
     def make(aside: Path) -> None:
-        with new_dataset(aside) as nc:
+        with new_dataset(aside) if begun is None else begun as nc:
             nc.setncatts(attributes)
             fill(nc)
             nc.setncattr(FINISHED, np.int32(1))

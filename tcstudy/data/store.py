@@ -5,23 +5,22 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tcstudy.data import schema
-from tcstudy.data.files import StoreError, write_dataset
-from tcstudy.data.provenance import Provenance, global_attributes, without_paths
+from tcstudy.data.files import StoreError, aside_of, new_dataset, write_dataset
+from tcstudy.data.provenance import Provenance, global_attributes
 from tcstudy.data.reading import attributes
 from tcstudy.data.records import BlockRecord, LevelRecord, check_block, check_level
-from tcstudy.data.schema import MISSING_COUNT, SWEEP, FileVariable, PointStatus, edge_flags
+from tcstudy.data.schema import SWEEP, FileVariable, PointStatus, edge_flags
+from tcstudy.data.windows import MEMORY, Places, Section, Window, missing, passes, put_window, section_of, take_block
 from tcstudy.data.writer import (
-    CHUNK,
     axis_problems,
     define,
     file_places,
@@ -30,7 +29,6 @@ from tcstudy.data.writer import (
     put_all,
     put_axes,
     put_names,
-    tile_shape,
     tiles,
 )
 from tcstudy.scene.records import BODY
@@ -40,13 +38,9 @@ if TYPE_CHECKING:
     import netCDF4
     import xarray
 
-Arrays = dict[str, np.ndarray[Any, Any]]
-Places = np.ndarray[Any, np.dtype[np.intp]]
 Records = Collection[BlockRecord] | Callable[[], Iterable[BlockRecord]]
 
 KEPT = "finished points are kept in the journal"
-MEMORY = 2**26
-"""Bytes of results that the writer holds at a time; a longer sweep takes several passes over its records."""
 
 
 def write(
@@ -55,6 +49,7 @@ def write(
     levels: Sequence[LevelRecord],
     records: Records,
     provenance: Provenance,
+    begun: Begun | None = None,
 ) -> tuple[int, int]:
     """Write all results of a run to `path`, replacing an old file in one step.
 
@@ -62,6 +57,7 @@ def write(
 
     records: all of them, or a function that gives them anew for every pass: neither they nor the results need fit
              into memory. Of two records of one point the last one counts; points without any stay "not run"
+    begun:   the same file, which has some of them already
 
     Raises StoreError if the file cannot be written (the old one is then untouched), ValueError if a record does
     not fit the study.
@@ -70,9 +66,44 @@ def write(
     if problems:
         raise StoreError("; ".join(problems))
     counts: list[tuple[int, int]] = []
-    make = lambda nc: counts.append(fill(nc, study, levels, records))  # noqa: E731
-    write_dataset(path, global_attributes(study, provenance), make, KEPT)
+    own = begun.filling if begun is not None else None
+    make = lambda nc: counts.append((own or Filling(nc, study)).finish(levels, records))  # noqa: E731
+    write_dataset(path, global_attributes(study, provenance), make, KEPT, own.nc if own is not None else None)
     return counts[-1]
+
+
+class Begun:
+    """The file of a run under way, so that little is left to write at its end; nothing is there but its journal until
+    `write` has finished it. Whatever goes wrong before is left to `write`, too, which then says it."""
+
+    def __init__(self, path: Path, study: Study, wanted: bool = True) -> None:
+        """wanted: whether anything shall be written before the end."""
+        self.filling: Filling | None = None
+        self._aside = aside_of(path)
+        with self._dropped():
+            self.filling = Filling(new_dataset(self._aside), study) if wanted else None
+
+    def add(self, record: LevelRecord | BlockRecord) -> None:
+        """Take a record, each for the first time, levels before their blocks."""
+        with self._dropped():
+            if self.filling is not None:
+                self.filling.level(record) if isinstance(record, LevelRecord) else self.filling.take(record)
+
+    def close(self) -> None:
+        """Leave nothing behind."""
+        if self.filling is not None and self.filling.nc.isopen():
+            with suppress(OSError, RuntimeError):
+                self.filling.nc.close()
+        self.filling = None
+        with suppress(OSError):
+            self._aside.unlink(missing_ok=True)
+
+    @contextmanager
+    def _dropped(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, RuntimeError):  # a full disk, for one
+            self.close()
 
 
 def root_variables(study: Study) -> tuple[FileVariable, ...]:
@@ -99,171 +130,87 @@ def open_results(path: Path) -> xarray.DataTree:
     return xarray.open_datatree(path, engine="netcdf4")
 
 
-@dataclass(frozen=True, eq=False)
-class Section:
-    """Variables by point of one group: the root, which has all levels, or the contact line of one level.
+class Filling:
+    """A result file as its records come: each block goes to the windows of its points, and full ones to the disk.
 
-    level: None for the root;  group: where they stand;  tile: extent of their chunks along the sweep
-    after: sizes of the dimensions after those of the sweep, by variable
+    What does not come in the order of the file, beyond what MEMORY holds, is left to `finish`. Of a sweep over
+    geometries the table alone, without what a level has (`tcstudy.data.variants`).
     """
 
-    level: int | None
-    group: netCDF4.Dataset
-    variables: tuple[FileVariable, ...]
-    tile: tuple[int, ...]
-    after: dict[str, tuple[int, ...]]
+    def __init__(self, nc: netCDF4.Dataset, study: Study) -> None:
+        self.nc, self.study = nc, study
+        self.known: dict[int, LevelRecord] = {}
+        self.groups: dict[int, netCDF4.Group] = {}
+        self.count: Counter[int] = Counter()
+        self._open: dict[tuple[int | None, int], tuple[Window, int]] = {}
+        self._written: set[tuple[int | None, int]] = set()
+        self._left: set[tuple[int | None, int]] = set()
+        _put_dimensions(nc, study)
+        self.variables = root_variables(study)
+        sizes = {"level": study.mesh.levels, "start": len(schema.START_NAMES), "solver": len(study.solver.names)}
+        self.sections: dict[int | None, Section] = {None: section_of(None, nc, study, self.variables, sizes)}
 
-    @property
-    def point_bytes(self) -> int:
-        """Bytes that a point takes in memory."""
-        return sum(math.prod(self.after[v.name]) * _width(v) for v in self.variables)
+    def level(self, level: LevelRecord) -> None:
+        """Make the group of a level, once. Raises ValueError if the level does not fit the study."""
+        if level.level in self.known:
+            return
+        check_level(level, self.study)
+        self.known[level.level] = level
+        group = self.groups[level.level] = _make_group(self.nc, self.study, level)
+        own = {"node": len(level.arclength)}
+        self.sections[level.level] = section_of(level.level, group, self.study, schema.CONTACT, own)
 
+    def take(self, block: BlockRecord) -> None:
+        """Take the points of a block, each for the first time."""
+        check_block(block, self.study, self.known.get(block.level))
+        places = file_places(self.study, block.points)
+        for key in (None, block.level):
+            section = self.sections[key]
+            for _, start, stop in tiles(self.study.shape, section.tile):
+                if (key, start) not in self._left and np.any((places >= start) & (places < stop)):
+                    self._put(section, start, stop, block, places)
+        while sum((w.stop - w.start) * w.section.point_bytes for w, _ in self._open.values()) > MEMORY:
+            oldest = next(iter(self._open))
+            self._left.add(oldest)
+            del self._open[oldest]
 
-@dataclass(frozen=True, eq=False)
-class Window:
-    """A run of places of a section, as many tiles as fit into memory, and what their points have there.
+    def _put(self, section: Section, start: int, stop: int, block: BlockRecord, places: Places) -> None:
+        key = (section.level, start)
+        window, have = self._open.get(key) or (Window.empty(section, start, stop), 0)
+        have += take_block(window, block, places)
+        if have < (stop - start) * (1 if section.level is not None else self.study.mesh.levels):
+            self._open[key] = window, have
+            return
+        self._open.pop(key, None)
+        self._written.add(key)
+        self._end(window)
 
-    places: start, stop;  arrays: (stop − start, …) by variable
-    """
+    def _end(self, window: Window) -> None:
+        if window.section.level is None:
+            found, times = np.unique(window.arrays["status"], return_counts=True)
+            self.count.update(dict(zip(found.tolist(), times.tolist(), strict=True)))
+        put_window(window, self.study)
 
-    section: Section
-    start: int
-    stop: int
-    arrays: Arrays
-
-
-def fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], records: Records) -> tuple[int, int]:
-    """One complete file: the sweep from front to back, every chunk once. Returns what `write` does.
-
-    Of a sweep over geometries the table alone, without what a level has (`tcstudy.data.variants`).
-    """
-    count: Counter[int] = Counter()
-    _put_dimensions(nc, study)
-    variables = root_variables(study)
-    for variable in variables:
-        if variable.dims == ("level",) and not study.variants:
-            put(nc, variable, study, _by_level(variable, study, levels))
-    known = {level.level: level for level in levels}
-    for level in levels:
-        check_level(level, study)
-    groups = {level.level: _make_group(nc, study, level) for level in levels}
-    sizes = {"level": study.mesh.levels, "start": len(schema.START_NAMES), "solver": len(study.solver.names)}
-    sections = [_section(None, nc, study, variables, sizes)]
-    for level in levels:
-        sizes = {"node": len(level.arclength)}
-        sections.append(_section(level.level, groups[level.level], study, schema.CONTACT, sizes))
-    for number, windows in enumerate(_passes(sections, study)):
-        for block in _blocks(records, study, known):
-            places = file_places(study, block.points)
+    def finish(self, levels: Sequence[LevelRecord], records: Records) -> tuple[int, int]:
+        """The rest, from front to back; returns what `write` does."""
+        self._open.clear()
+        for variable in self.variables:
+            if variable.dims == ("level",) and not self.study.variants:
+                put(self.nc, variable, self.study, _by_level(variable, self.study, levels))
+        for level in levels:
+            self.level(level)
+        for number, windows in enumerate(passes([*self.sections.values()], self.study, self._written)):
+            for block in records() if callable(records) else records:
+                check_block(block, self.study, self.known.get(block.level))
+                places = file_places(self.study, block.points)
+                for window in windows:
+                    take_block(window, block, places)
+                if not number:
+                    _put_fields(self.groups.get(block.level), self.study, block, places)
             for window in windows:
-                _take_block(window, block, places)
-            if not number:
-                _put_fields(groups.get(block.level), study, block, places)
-        for window in windows:
-            if window.section.level is None:
-                found, times = np.unique(window.arrays["status"], return_counts=True)
-                count.update(dict(zip(found.tolist(), times.tolist(), strict=True)))
-            _put_window(window, study)
-    sought = count.total() - count[PointStatus.NOT_RUN]
-    return sought, sought - count[PointStatus.OK]
-
-
-def _blocks(records: Records, study: Study, levels: Mapping[int, LevelRecord]) -> Iterator[BlockRecord]:
-    for block in records() if callable(records) else records:
-        check_block(block, study, levels.get(block.level))
-        yield block
-
-
-def _width(variable: FileVariable) -> int:
-    return 8 if variable.dtype == "str" else np.dtype(variable.dtype).itemsize
-
-
-def _section(
-    level: int | None, group: netCDF4.Dataset, study: Study, variables: Iterable[FileVariable], sizes: dict[str, int]
-) -> Section:
-    """Define the variables by point of a group."""
-    own = tuple(v for v in variables if SWEEP in v.dims)
-    after = {v.name: tuple(sizes[d] for d in v.dims if d != SWEEP) for v in own}
-    widest = max(math.prod(after[v.name]) * _width(v) for v in own)
-    tile = tile_shape(study.shape, max(1, CHUNK // max(1, widest)))
-    for variable in own:
-        define(group, variable, study, (*tile, *after[variable.name]))
-    return Section(level, group, own, tile, after)
-
-
-def _passes(sections: Sequence[Section], study: Study) -> Iterator[list[Window]]:
-    """Windows over all sections, as many at a time as MEMORY holds."""
-    batch: list[Window] = []
-    left = MEMORY
-    for section in sections:
-        tile_points, cost = math.prod(section.tile), max(1, section.point_bytes)
-        size = max(1, MEMORY // (cost * tile_points)) * tile_points
-        start = 0
-        for _, _, stop in tiles(study.shape, section.tile):
-            whole = stop - start + tile_points > size or stop == math.prod(study.shape)
-            if not whole:
-                continue
-            if batch and cost * (stop - start) > left:
-                yield batch
-                batch, left = [], MEMORY
-            arrays = {v.name: _missing(v, (stop - start, *section.after[v.name])) for v in section.variables}
-            batch.append(Window(section, start, stop, arrays))
-            left -= cost * (stop - start)
-            start = stop
-    yield batch
-
-
-def _missing(variable: FileVariable, shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
-    """An array full of missing values."""
-    return np.full(shape, variable.missing, dtype=object if variable.dtype == "str" else variable.dtype)
-
-
-def _take_block(window: Window, block: BlockRecord, places: Places) -> None:
-    """Put the points of a block that lie in a window in their places."""
-    if window.section.level not in (None, block.level):
-        return
-    rows = np.flatnonzero((places >= window.start) & (places < window.stop))
-    if not len(rows):
-        return
-    at = places[rows] - window.start
-    if window.section.level is None:
-        _take_numbers(window.arrays, block, rows, at)
-        return
-    known = np.zeros(0, dtype=bool) if block.u_T is None else ~np.isnan(block.u_T[rows]).any(axis=1)
-    for name, line in (("u_T", block.u_T), ("xi", block.xi), ("sticks", block.sticks)) if known.any() else ():
-        if line is not None and name in window.arrays:
-            window.arrays[name][at[known]] = line[rows[known]]
-
-
-def _take_numbers(arrays: Arrays, block: BlockRecord, rows: Places, at: Places) -> None:
-    """Status, reason and numbers of some rows of a block, to their places in the arrays of the root."""
-    words = np.full(len(block), "", dtype=object)
-    for row, reason in block.reasons.items():
-        words[row] = without_paths(reason)
-    arrays["status"][at, block.level] = block.status[rows]
-    arrays["reason"][at, block.level] = words[rows]
-    for name, values in block.numbers.items():
-        array, found = arrays[name][:, block.level], values[rows]
-        if array.dtype.kind != "f":
-            # NaN stands for missing: of several values of a point each for itself, a single one leaves what is there
-            none = MISSING_COUNT if found.ndim > 1 else array[at]
-            missing = np.isnan(found)
-            found = np.where(missing, none, np.where(missing, 0.0, found))
-        array[at] = found
-
-
-def _put_window(window: Window, study: Study) -> None:
-    """Write a window tile by tile, each a hyperslab."""
-    section = window.section
-    for variable in section.variables:
-        array, new = window.arrays.pop(variable.name), section.group[variable.name]
-        for cut, start, stop in tiles(study.shape, section.tile):
-            if not window.start <= start < window.stop:
-                continue
-            values = array[start - window.start : stop - window.start]
-            if variable.dtype == "str" and not values.any():
-                continue  # what is never written is empty, and costs nothing
-            new[cut] = values.reshape(*(s.stop - s.start for s in cut), *values.shape[1:])
+                self._end(window)
+        sought = self.count.total() - self.count[PointStatus.NOT_RUN]
+        return sought, sought - self.count[PointStatus.OK]
 
 
 def _put_dimensions(nc: netCDF4.Dataset, study: Study) -> None:
@@ -276,7 +223,7 @@ def _put_dimensions(nc: netCDF4.Dataset, study: Study) -> None:
 
 
 def _by_level(variable: FileVariable, study: Study, levels: Sequence[LevelRecord]) -> np.ndarray[Any, Any]:
-    values = _missing(variable, (study.mesh.levels,))
+    values = missing(variable, (study.mesh.levels,))
     for level in levels:
         values[level.level] = getattr(level, variable.name)
     return values

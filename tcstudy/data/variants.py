@@ -23,7 +23,7 @@ from tcstudy.data.provenance import Provenance, global_attributes
 from tcstudy.data.reading import GEOMETRIES, reading
 from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import POINT, SWEEP, FileVariable
-from tcstudy.data.store import KEPT, fill, root_variables
+from tcstudy.data.store import KEPT, Filling, root_variables
 from tcstudy.data.stored import read_blocks
 from tcstudy.data.writer import axis_name, axis_places, define, file_places, in_file_order, put
 from tcstudy.errors import UsageError
@@ -57,7 +57,7 @@ def write_variants(
     counts: list[tuple[int, int]] = []
 
     def make(nc: netCDF4.Dataset) -> None:
-        counts.append(fill(nc, study, (), records))
+        counts.append(Filling(nc, study).finish((), records))
         _put_numbers(nc, study, files)
         axes, new = _level_variables(nc, study)
         values = {name: np.full(one.shape, missing, dtype=kind) for name, (one, missing, kind) in new.items()}

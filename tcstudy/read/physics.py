@@ -306,7 +306,9 @@ def _read_law(ctx: Context, node: Node) -> tuple[FrictionLaw | None, Scalar]:
         if len(ctx.errors) > before:
             return None, 1.0
         law = shape.build(**{key: values[key] for key in values if key not in ("law", "strength")})
-        return (law, strength) if isinstance(strength, Expression) else (times(law, strength), 1.0)
+        if isinstance(strength, Expression):
+            return law, strength
+        return law if strength == 1.0 else times(law, strength), 1.0
     except LawError as error:
         what, _, remedy = error.message.partition("; ")
         ctx.errors.at(node.child(error.parameter) or node, what, remedy or f"the law {name}: {shape.summary}")

@@ -15,6 +15,8 @@ Choice = Callable[[Study, int], Executor]
 """(study, contact unknowns of a level) → who solves its blocks."""
 POINT, NODE = 0.1e-3, 6e-6
 """Seconds that a point takes, and more for each contact unknown (results/online.md): a rough figure is enough."""
+FINE = 2000
+"""Contact unknowns of a fine level: where these would not pay for workers no forecast is made."""
 WORTH = 4.0
 """Seconds of work from which a worker is worth its start, of about one."""
 
@@ -58,9 +60,9 @@ def choosing(study: Study, jobs: int | None, dask: str | None = None) -> Iterato
     long as the first mesh.
     """
     here, cluster = Here(), Cluster(dask, jobs) if dask is not None else None
-    expected = (
-        1 if cluster is not None else max((workers(study, one.n_contact, jobs) for one in forecast(study)), default=1)
-    )
+    expected = 1
+    if cluster is None and (jobs is not None or seconds(study, FINE) >= 2 * WORTH):
+        expected = max((workers(study, one.n_contact, jobs) for one in forecast(study)), default=1)
     pools = [Processes(expected).warm()] if expected > 1 else []
 
     def choose(study: Study, m: int) -> Executor:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
@@ -22,7 +23,7 @@ from tcstudy.data.files import StoreError
 from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
-from tcstudy.data.store import write
+from tcstudy.data.store import Begun, write
 from tcstudy.errors import GeometryFailed
 from tcstudy.executors import Here
 from tcstudy.fem.meshes import PlaneMesh
@@ -266,6 +267,7 @@ def execute(
     with (
         threadpool_limits(1, user_api="blas"),
         Journal.open(output, study, kept.digest if kept is not None else "") as journal,
+        closing(Begun(output, study, _grows(study, journal, kept))) as begun,
     ):
         # workers have ended when the file, which takes memory, is written
         with choosing(study, jobs, dask) as executor:
@@ -277,6 +279,7 @@ def execute(
                 if isinstance(record, LevelRecord):
                     record = record if kept is None else kept.joined(record)
                 journal.add(record)
+                begun.add(record)
                 if isinstance(record, LevelRecord):
                     if not record.stop:  # one that says why the level was the last follows its points
                         watcher.level(record)
@@ -287,9 +290,14 @@ def execute(
         if kept is not None:
             levels, provenance = kept.with_levels(levels), kept.before(provenance)
             records = lambda: chain(kept.blocks(study), journal.blocks())  # noqa: E731
-        points, failed = write(output, _with_levels(study, levels), levels, records, provenance)
+        points, failed = write(output, _with_levels(study, levels), levels, records, provenance, begun)
         journal.discard()
     return Summary(output, points, failed, sum(len(block) for block in finished.values()))
+
+
+def _grows(study: Study, journal: Journal, kept: Kept | None) -> bool:
+    """Whether all that the file will have comes in this run, and how many levels it has is known."""
+    return kept is None and not journal.finished and not study.output.fields and not study.mesh.estimates
 
 
 def _with_levels(study: Study, levels: Sequence[LevelRecord]) -> Study:

@@ -310,13 +310,9 @@ def blocks_of(study: Study, m: int, n_points: int, todo: Places | None = None) -
     numbers: dict[object, int] = {}
     ratio = np.array([numbers.setdefault(("ratio", Level.ratio(s)), len(numbers)) for s in materials])[of]
     mu = np.array([numbers.setdefault(("mu", s.material.mu), len(numbers)) for s in materials])[of]
-    laws = combinations(study.scenes, "friction")[1]
-    heats, of = combinations(study.scenes, "material", "heat")
-    keys = [numbers.setdefault(("thermal", s.heat.alpha, s.material.conductivities), len(numbers)) for s in heats]
-    thermal = np.array(keys)[of]
     places = np.arange(len(study.scenes))
     wave = _waves(study)
-    order = np.lexsort((places, thermal, laws, mu, ratio, wave))
+    order = np.lexsort((places, mu, ratio, wave))  # else as in the file, which is written meanwhile
     if todo is not None:
         order = order[np.isin(order, todo)]
     size = _size(study, m, n_points)

@@ -246,7 +246,7 @@ from tcstudy.executors import protocol
 from tcstudy.study import workshop
 workshop.POINTS = 1
 place, reached, calls = sys.argv[1], Path(sys.argv[2]), 0
-module = {"solve_block": protocol, "_put_window": store}[place]
+module = {"solve_block": protocol, "put_window": store}[place]
 original = getattr(module, place)
 def pausing(*words, **more):
     global calls
@@ -277,7 +277,7 @@ def killed(tmp_path: Path, place: str, *words: str) -> None:
     reached.unlink()
 
 
-@pytest.mark.parametrize("place", ["solve_block", "_put_window"])
+@pytest.mark.parametrize("place", ["solve_block", "put_window"])
 @pytest.mark.parametrize("how", ["append", "retry"])
 def test_killed_it_leaves_the_old_file_and_goes_on(
     file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str, place: str
@@ -309,7 +309,7 @@ def test_a_killed_merge_leaves_its_files_alone(file: Path, tmp_path: Path) -> No
     tcstudy.run(study(file), names[0])
     tcstudy.run(study(file, "sweep={E: [4], tau: [0.01, 0.02]}"), names[1])
     before = [name.read_bytes() for name in names[:2]]
-    killed(tmp_path, "_put_window", "merge", *map(str, names[:2]), "-o", str(names[2]))
+    killed(tmp_path, "put_window", "merge", *map(str, names[:2]), "-o", str(names[2]))
     assert not names[2].exists()
     assert [name.read_bytes() for name in names[:2]] == before
     assert tcstudy.merge(names[:2], names[2])["status"].values.tolist() == [[[1, 1]] * 2] * 3
