@@ -38,6 +38,10 @@ def motion(u_T: Array, jumped: NDArray[np.int8] | None) -> NDArray[np.int8]:
     return what if jumped is None else np.where(jumped == 1, np.int8(3), what)
 
 
+ROUNDING = 1e-10
+"""What is smaller than this part of what the history reaches is rounding, and reads 0."""
+
+
 @dataclass(frozen=True)
 class CycleChange:
     """What the last cycle has changed.
@@ -142,12 +146,13 @@ def _table(part: Any, all_cycles: bool) -> str:
     for name in _loads(part):
         columns[name] = part[name].values[listed]
     ends = np.array(listed, dtype=int)
-    columns["max |u_T|"] = part["u_T_max"].values[ends]
-    columns["∫ξ"] = part["friction_resultant"].values[ends]
+    columns["max |u_T|"] = _read(part["u_T_max"].values, part["u_T_max"].values)[ends]
+    columns["∫ξ"] = _read(part["friction_resultant"].values, np.abs(part["xi"].values) @ part["c"].values)[ends]
     starts = {i: (rows[k - 1] + 1 if k else 0) for k, i in enumerate(rows)}
+    spent = part["dissipated"].values + part["released"].values + part["stored"].values
     for name in ("dissipated", "released"):
-        columns[name] = np.array([part[name].values[starts[i] : i + 1].sum() for i in listed])
-    closure = np.array([part["closure"].values[starts[i] : i + 1].sum() for i in listed])
+        columns[name] = np.array([_read(part[name].values, spent)[starts[i] : i + 1].sum() for i in listed])
+    closure = np.array([_read(part["closure"].values, spent)[starts[i] : i + 1].sum() for i in listed])
     units = {"max |u_T|": "u_T_max", "∫ξ": "friction_resultant"}
     header, cells = ["step", "cycle"], [[str(names[i]) for i in listed], [str(cycle[i]) for i in listed]]
     for name, values in columns.items():
@@ -159,6 +164,12 @@ def _table(part: Any, all_cycles: bool) -> str:
     cells.append([_certified(part, int(i)) for i in listed])
     table = plain_table([*header, "closure/dissipated", "proved"], list(zip(*cells, strict=True)))
     return table + ("\n  …" if len(listed) < len(rows) else "")
+
+
+def _read(values: Array, reached: Array) -> Array:
+    """The values, 0 where they are rounding of the largest that the history reaches."""
+    largest = float(np.nanmax(np.abs(reached), initial=0.0))
+    return np.where(np.abs(values) <= ROUNDING * largest, 0.0, values)
 
 
 def _certified(part: Any, i: int) -> str:

@@ -68,3 +68,12 @@ def test_strip_pulled_let_go_and_pulled_again(tmp_path: Path) -> None:
     assert spent[:6].sum() == pytest.approx(47.573517, rel=8e-4)
     assert np.all(spent[6:9] <= 1e-12)
     assert np.all(np.abs(data["closure"].values) <= 1e-8 * spent.sum())
+
+
+def test_what_is_rounding_reads_0(tmp_path: Path) -> None:
+    """Pulled and brought back to nothing a strip carries nothing; its table says 0, not 1e-13 kN."""
+    steps = "history.steps=[{boundary.right.u_x: 0.5 mm, name: pulled}, {boundary.right.u_x: 0 mm, name: back}]"
+    data, said = followed(tmp_path, "cyclic_pull.yaml", "mesh.maxh=10 mm", steps)
+    row = next(line.split() for line in said.splitlines() if line.split()[:1] == ["back"])
+    assert row[2:8] == ["0", "0", "0", "0", "0", "–"]
+    assert float(data["friction_resultant"][-1]) != 0.0
