@@ -35,7 +35,7 @@ boundary:
   shelf: free
   top: free
   left: {role: traction, g: [-4936.0, -6100.0]}
-  bore: {role: traction, pressure: 5643.0}
+  bore: {role: traction, pressure: -5643.0}
 material: {E: 29600000.0, nu: 0.0221, plane: stress}
 friction: {law: exponential, a: 513.2, b: 289.1, delta: 0.002851}
 """
