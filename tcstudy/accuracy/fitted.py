@@ -3,8 +3,8 @@
 Residuals r_i(p) = (model − datum)_i/σ_i; minimised is ½ Σ ρ(r_i²) by a trust region that stays inside the bounds, with
 the exact Jacobian, in q = ln p where a parameter has a logarithmic scale. At the minimum, with n data and k free
 parameters, the covariance of q is s²(JᵀJ)⁻¹, s² = 1 where the noise is known and RSS/(n − k) where it is estimated;
-intervals are Student's. A direction of J by ln p whose singular value is below WEAK of the largest is one along which
-the data say nothing: named is the product of powers that they do determine.
+intervals are Student's. A direction of J by ln p whose singular value is below WEAK of the largest, or whose interval
+is wider than a factor e, is one along which the data say nothing: named are the products that they do determine.
 
 The signs of residuals of a right model come in as many runs as those of coins (Wald & Wolfowitz): fewer say that the
 curve is of the wrong shape. Literature: Nocedal & Wright, Numerical Optimization (2006), ch. 10; Seber & Wild,
@@ -30,6 +30,10 @@ LEVEL = 0.95
 """Probability of an interval."""
 WEAK = 1e-3
 """Singular value, of the largest, below which a direction is not determined."""
+WIDE = 1.0
+"""Half width of the interval along a direction in ln p above which it is not determined either."""
+ROUNDING = 1e-8
+"""Singular value, of the largest, of what is rounding of derivatives: the numbers along it have no variance at all."""
 MOST = 200
 """Evaluations of one start at most."""
 AT_BOUND = 1e-6
@@ -185,10 +189,12 @@ def uncertainty(
     _, sigma, rows = np.linalg.svd(by_q * np.where(box.log, 1.0, np.abs(p)), full_matrices=False)
     covariance = np.full((k, k), np.nan)
     own = by_q[:, free] if prior is None else np.concatenate([by_q, prior])[:, free]
-    if len(free) and np.linalg.matrix_rank(own) == len(free):
-        covariance[np.ix_(free, free)] = scale * np.linalg.inv(own.T @ own)
+    if len(free):
+        covariance[np.ix_(free, free)] = scale * _inverse(own)
     error = np.sqrt(np.diagonal(covariance))
-    reach = stats.t.ppf(0.5 + 0.5 * LEVEL, max(freedom, 1)) * error
+    student = float(stats.t.ppf(0.5 + 0.5 * LEVEL, max(freedom, 1)))
+    reach = student * error
+    vague = (sigma < WEAK * sigma[0]) | (student * np.sqrt(scale) > WIDE * sigma)
     with np.errstate(over="ignore"):
         ends = np.where(box.log, p * np.exp(-reach), p - reach), np.where(box.log, p * np.exp(reach), p + reach)
     runs, runs_p = _runs([r[group] for group in groups])
@@ -202,7 +208,7 @@ def uncertainty(
         at_bound=at_bound,
         singular_value=sigma,
         direction=rows,
-        weak=int(np.count_nonzero(sigma < WEAK * sigma[0])),
+        weak=int(np.count_nonzero(vague)) if prior is None else 0,
         chi_square=square,
         freedom=freedom,
         fit_p=float(stats.chi2.sf(square, max(freedom, 1))) if known_noise else float("nan"),
@@ -210,6 +216,17 @@ def uncertainty(
         runs_p=runs_p,
         information=likelihood + penalty,
     )
+
+
+def _inverse(J: Array) -> Array:
+    """(JᵀJ)⁻¹ of J (n, k); NaN for numbers that have a part in a direction along which J is 0 but for rounding."""
+    size = np.linalg.norm(J, axis=0)
+    _, sigma, rows = np.linalg.svd(J / np.where(size > 0.0, size, 1.0), full_matrices=False)
+    null = sigma <= ROUNDING * sigma[0]
+    found = (rows[~null].T / sigma[~null] ** 2) @ rows[~null] / np.outer(size, size)
+    lost = np.any(np.abs(rows[null]) > np.sqrt(ROUNDING), axis=0) | (size == 0.0)
+    found[lost], found[:, lost] = np.nan, np.nan
+    return np.asarray(found)
 
 
 def _runs(curves: Sequence[Array]) -> tuple[int, float]:

@@ -51,8 +51,8 @@ def fit_brief(path: Path) -> dict[str, Any]:
         }
         estimate, error = float(data["estimate"][i]), float(data["standard_error"][i])
         divisor, unit = prefix([estimate], units[i])
-        value = f"{number(estimate / divisor)} ± {number(error / divisor, 2)}"
-        words.append(f"{name} = {value} {unit}".removesuffix(" 1"))
+        spread = f" ± {number(error / divisor, 2)}" if np.isfinite(error) else ""
+        words.append(f"{name} = {number(estimate / divisor)}{spread} {unit}".removesuffix(" 1"))
     doubts = [said for said, doubt in fit_doubts(data) if doubt]
     about = {key: data.attrs[key] for key in ABOUT if key in data.attrs}
     found = {"title": str(data.attrs["title"]), "verdict": "; ".join([", ".join(words), *doubts]), "parameters": told}
@@ -64,13 +64,17 @@ def fit_brief(path: Path) -> dict[str, Any]:
 def _estimates(data: Any) -> str:
     """A row for each number, with its correlations."""
     names = [str(name) for name in data["parameter"].values]
-    correlations = correlation(data)
+    correlations, lost = correlation(data), ("not determined", "on its bound")
     rows = []
     for i, name in enumerate(names):
         low, high = data["interval"].values[i]
         estimate, units = float(data["estimate"][i]), str(data["parameter_units"].values[i])
         divisor, unit = prefix([estimate], units)
-        between = f"{number(low / divisor)} … {number(high / divisor)}" if np.isfinite(low) else "on its bound"
+        between = (
+            f"{number(low / divisor)} … {number(high / divisor)}"
+            if np.isfinite(low)
+            else lost[int(data["at_bound"][i])]
+        )
         own = [number(estimate / divisor, 5), number(float(data["standard_error"][i]) / divisor, 2), between]
         rows.append([name, *own, unit, *(number(x, 2) for x in correlations[i, :i]), *("" for _ in names[i:])])
     header = ["number", "estimate", "standard error", "95 % interval", "unit"]
@@ -95,7 +99,7 @@ def prediction_error(data: Any) -> NDArray[np.float64]:
 
 
 def correlation(data: Any) -> NDArray[np.float64]:
-    """(n, n) correlations of the numbers, NaN for one on its bound."""
+    """(n, n) correlations of the numbers, NaN for one on its bound or not determined at all."""
     covariance = data["covariance"].values
     error = np.sqrt(np.diagonal(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -113,7 +117,8 @@ def fit_doubts(data: Any) -> list[tuple[str, bool]]:
     wide = [
         str(data["parameter"].values[i])
         for i in range(data.sizes["parameter"])
-        if np.ptp(data["interval"].values[i]) > 2.0 * WIDE * abs(float(data["estimate"][i]))
+        if not about["not_determined"]
+        and np.ptp(data["interval"].values[i]) > 2.0 * WIDE * abs(float(data["estimate"][i]))
     ]
     if wide:
         found.append((f"hardly determined: {', '.join(wide)}: the interval is wider than the number", True))

@@ -129,20 +129,18 @@ def _fits(model: FitModel, box: Box, progress: Progress | None) -> list[Smoothed
     first = np.array([one.start for one in plan.parameters])
     for number, start in enumerate(box.starts(first, plan.starts, plan.seed)):
         try:
-            if number == 0:
-                _check_depends(model, start, box)
-            found.append(_from(model, start, box))
+            one = _from(model, start, box)
+            _check_depends(plan, one.minimum, box)
         except FitError as error:
             failure = failure or str(error)
-            if (number == 0 and plan.starts == 1) or "do not depend" in failure:
-                raise
             continue
+        found.append(one)
         if progress is not None:
             progress(f"start {number + 1} of {plan.starts}: {found[-1].minimum.evaluations} evaluations")
-        if number == 0 and _unique(model, found[0].minimum.p) and _unique(model, start):
+        if number == 0 and _unique(model, one.minimum.p) and _unique(model, start):
             break
     if not found:
-        raise FitError(f"no start led to a result: {failure}")
+        raise FitError(failure if plan.starts == 1 else f"no start led to a result: {failure}")
     return found
 
 
@@ -159,14 +157,14 @@ def _unique(model: FitModel, p: Array) -> bool:
     return max(law.omega for law in scene.laws) < model.level.lambda_1(scene)
 
 
-def _check_depends(model: FitModel, start: Array, box: Box) -> None:
-    """Raise FitError for numbers that nothing measured depends on, at the start."""
-    jacobian = model.compared(start).jacobian * np.where(box.log, start, np.maximum(np.abs(start), box.high - box.low))
-    size = np.linalg.norm(jacobian, axis=0)
-    blind = [one.number.name for one, s in zip(model.plan.parameters, size, strict=True) if s <= BLIND * size.max()]
+def _check_depends(plan: FitPlan, best: Minimum, box: Box) -> None:
+    """Raise FitError for numbers that nothing measured depends on where a start led to."""
+    p = best.p
+    size = np.linalg.norm(best.jacobian * np.where(box.log, p, np.maximum(np.abs(p), box.high - box.low)), axis=0)
+    blind = [one.number.name for one, s in zip(plan.parameters, size, strict=True) if s <= BLIND * size.max()]
     if blind or not size.max() > 0.0:
-        names = ", ".join(blind or [one.number.name for one in model.plan.parameters])
-        raise FitError(f"the data do not depend on {names} at the start; begin elsewhere, or leave it out of the fit")
+        names = ", ".join(blind or [one.number.name for one in plan.parameters])
+        raise FitError(f"the data do not depend on {names} there; begin elsewhere, or leave it out of the fit")
 
 
 def _record(
@@ -227,7 +225,7 @@ def _record(
         "runs_probability": said.runs_p,
         "information_criterion": said.information,
         "not_determined": "; ".join(weak),
-        "determined": product(said.direction[0], names),
+        "determined": ", ".join(product(row, names) for row in said.direction[: max(1, len(names) - said.weak)]),
         "solves": np.int32(model.solves),
         "evaluations": np.int32(best.evaluations),
         "message": best.message,

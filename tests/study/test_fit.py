@@ -81,6 +81,20 @@ def test_the_law_of_the_gallery_is_found_through_its_snap_back(tmp_path: Path) -
     assert record.attributes["not_determined"] == ""
 
 
+def test_a_start_at_which_nothing_moves_leaves_it_to_the_others(tmp_path: Path) -> None:
+    """Both numbers ten times too large: the bond stays, and no datum depends on them. Others of the starts find it."""
+    far = {"start: 4 MPa": "start: 72 MPa", "start: 0.3 mm": "start: 1.6 mm"}
+    wide = {
+        "maxh: 5 mm": "maxh: 6 mm",
+        "within: [1 MPa, 50": "within: [1 MPa, 500",
+        "[0.01 mm, 1 mm]": "[0.01 mm, 10 mm]",
+    }
+    with pytest.raises(FitError, match=r"do not depend on friction\.tau_s, friction\.delta there"):
+        fit(study_of(tmp_path, pulled(24), far | wide))
+    record = fit(study_of(tmp_path, pulled(24), far | wide | {"starts: 1": "starts: 4"}))
+    assert record.values["estimate"] == pytest.approx([TAU, DELTA], rel=0.02)
+
+
 def test_what_the_mesh_does_to_the_numbers_is_said(tmp_path: Path) -> None:
     """Data of the closed form without noise: half the size takes about half of a bias, and a coarse mesh is told."""
     record = fit(study_of(tmp_path, pulled(45), {"maxh: 5 mm": "maxh: 8 mm"}))
@@ -192,6 +206,22 @@ def test_two_columns_of_a_heated_strip_find_its_expansion_and_its_film(tmp_path:
     assert evaluations <= 12
     assert int(record.attributes["solves"]) <= 1.5 * 12 * (evaluations + 2)
     assert record.values["start_cost"].shape == (1,)  # one solution for every load: no other start is tried
+
+
+def test_two_numbers_of_which_only_the_product_acts_are_named(tmp_path: Path) -> None:
+    """R = EH αT of a held strip: Eα is found whatever the start, neither number has an interval, and that is said."""
+    text = HEATED.replace('u_T_max: "u [um]", ', "").replace("u_T_max: 0.5 um, ", "")
+    old = "friction.tau: {start: 2 MPa, within: [0.2 MPa, 20 MPa]}"
+    for start in ("20 GPa", "900 GPa"):
+        study = heated(tmp_path, text.replace(old, f"E: {{start: {start}, within: [10 GPa, 1000 GPa]}}"))
+        tcstudy.fit(study, tmp_path / "a.nc", force=True)
+        told = brief(tmp_path / "a.nc")
+        found = [told["parameters"][name]["estimate"] for name in ("E", "alpha_T")]
+        assert np.prod(found) == pytest.approx(200e9 * 12e-6, rel=0.01)
+        assert told["determined"] == "E·alpha_T"
+        assert told["not_determined"] in ("E^-1·alpha_T", "E·alpha_T^-1")
+        assert np.isnan(told["parameters"]["E"]["standard_error"])
+        assert "not determined" in fit_summary(tmp_path / "a.nc")
 
 
 def test_a_slip_profile_finds_the_film(tmp_path: Path) -> None:

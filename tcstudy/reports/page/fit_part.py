@@ -98,7 +98,13 @@ def _verdict(data: Any) -> Json:
         divisor, unit = prefix([one["estimate"]], one["units"])
         told = f"{one['symbol']} = {number(one['estimate'] / divisor)}"
         known = np.isfinite(one["standard_error"]) and not one["at_bound"]
-        told += f" ± {number(one['standard_error'] / divisor, 2)}" if known else " (on its bound)"
+        told += (
+            f" ± {number(one['standard_error'] / divisor, 2)}"
+            if known
+            else " (on its bound)"
+            if one["at_bound"]
+            else " (not determined)"
+        )
         parts.append(f"{told} {pretty(unit)}".removesuffix(" 1"))
     doubts = [words for words, doubt in fit_doubts(data) if doubt]
     agree = "; ".join(doubts) if doubts else "the data agree with the study"

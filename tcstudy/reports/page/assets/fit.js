@@ -79,7 +79,7 @@ TC.fit = {
     const f = TC.data.fit, head = ["", "key", "estimate", "standard error", "95 % interval", "began at", "within", "interval in its bounds"];
     const rows = f.parameters.map((q) => {
       const s = TC.scale([q.estimate], q.units), n = (v, k = 4) => TC.number(v / s.by, k), known = Number.isFinite(q.low) && !q.at_bound;
-      return TC.el("tr", {}, [TC.el("b", {}, q.symbol), q.name, `${n(q.estimate, 5)} ${s.unit}`, known ? `${n(q.standard_error, 2)} ${s.unit}` : "–", known ? `${n(q.low)} … ${n(q.high)} ${s.unit}` : "on its bound", `${n(q.parameter_start)} ${s.unit}`, `${n(q.within[0])} … ${n(q.within[1])} ${s.unit}`, TC.fit.bar(q)].map((t, k) => TC.el("td", { class: k < 2 ? "text" : "" }, t)));
+      return TC.el("tr", {}, [TC.el("b", {}, q.symbol), q.name, `${n(q.estimate, 5)} ${s.unit}`, known ? `${n(q.standard_error, 2)} ${s.unit}` : "–", known ? `${n(q.low)} … ${n(q.high)} ${s.unit}` : q.at_bound ? "on its bound" : "not determined", `${n(q.parameter_start)} ${s.unit}`, `${n(q.within[0])} … ${n(q.within[1])} ${s.unit}`, TC.fit.bar(q)].map((t, k) => TC.el("td", { class: k < 2 ? "text" : "" }, t)));
     });
     return TC.el("div", { class: "wide-table" }, TC.el("table", {}, TC.el("thead", {}, TC.el("tr", {}, head.map((t, k) => TC.el("th", { class: k < 2 ? "text" : "" }, t)))), TC.el("tbody", {}, rows)));
   },
