@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -15,7 +15,8 @@ from tcstudy.data.reading import refuse_geometries
 from tcstudy.data.schema import STICKS, UNKNOWN
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import Value, check_solved, describe, labels, level_number, locate
-from tcstudy.reports.stored_study import NamedEdge, at_rest, outline, sources, stored_study
+from tcstudy.reports.stored_study import NamedEdge, file_order, held_slip, outline, sources, stored_study
+from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
 
@@ -117,6 +118,9 @@ class BodyFields:
     theta_units: str
 
 
+Held = tuple[float | None, float | None]
+
+
 @dataclass(frozen=True)
 class Picture:
     """One solved point of a sweep on one level.
@@ -124,7 +128,7 @@ class Picture:
     parameters: (name, label, units) of the swept parameters
     point:      the same in words
     edges:      those of the body with their roles;  sources: outlines (n, 2) of heated regions [length units]
-    at_rest:    whether held ends do not move; what the study does not say is empty and False
+    held:       u_T at both ends of every part of the line, None where no node is held or the study does not say it
     """
 
     title: str
@@ -138,7 +142,7 @@ class Picture:
     body: BodyFields | None
     edges: tuple[NamedEdge, ...] = ()
     sources: tuple[Array, ...] = ()
-    at_rest: bool = False
+    held: tuple[Held, ...] = ()
 
 
 def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: int = -1) -> Picture:
@@ -156,6 +160,7 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
         study = stored_study(root)
         at = root.isel(where).isel(level=number)
         group = tree[f"level_{number}"].to_dataset().isel(where, missing_dims="ignore")
+        line = _line(group, float(at["slip_length"]))
         return Picture(
             title=str(root.attrs["title"]),
             parameters=tuple(labels(root, where)),
@@ -164,12 +169,29 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
             h_max=float(at["h_max"]),
             n_dof=int(at["n_dof"]),
             residual=float(at["inclusion_residual"]),
-            line=_line(group, float(at["slip_length"])),
+            line=line,
             body=body_fields(group),
             edges=tuple(outline(study)),
             sources=tuple(sources(study)),
-            at_rest=at_rest(study),
+            held=held_ends(study, [where[str(d)] for d in root["status"].dims[:-1]], line),
         )
+
+
+def held_ends(study: Study | None, index: Sequence[int], line: LineFields) -> tuple[Held, ...]:
+    """u_T at both ends of every part of the line of one point. index: its place in the file."""
+    if study is None:
+        return ()
+    number = int(np.ravel_multi_index(tuple(index), study.shape)) if study.shape else 0
+    scene, found = study.scenes[file_order(study)[number]], []
+    for part in line.parts:
+        xy, cells = np.column_stack([line.x[part], line.y[part]]), line.cells(part)
+        ends: list[float | None] = [None, None]
+        for k in np.flatnonzero(line.held(part)).tolist():
+            along = (xy[1] - xy[0]) if k == 0 else (xy[-1] - xy[-2])
+            along = along / np.hypot(*along)
+            ends[k] = held_slip(scene, xy[-k] + (cells[-k] - line.arclength[part][-k]) * along, along)
+        found.append((ends[0], ends[1]))
+    return tuple(found)
 
 
 def sticking(u_T: Array, c: Array, slip_length: float) -> NDArray[np.bool_] | None:

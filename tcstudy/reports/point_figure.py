@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ from tcstudy.reports import style
 from tcstudy.reports.body_panel import Drawn, draw_body, drawn
 from tcstudy.reports.boundary_roles import draw_roles, name_parts, runs
 from tcstudy.reports.paper import Paper
-from tcstudy.reports.picture import NEAR, BodyFields, LineFields, Picture, read_picture
+from tcstudy.reports.picture import NEAR, BodyFields, Held, LineFields, Picture, read_picture
 from tcstudy.reports.select_point import Value
 from tcstudy.reports.text import label, number, pretty
 
@@ -78,7 +78,7 @@ def point_figure(picture: Picture, look: style.Look | None = None) -> Figure:
     width = shape.size[0] if shape and window else paper.width - LEFT - RIGHT
     lower = paper.axes(LEFT, 0.55, width, panel)
     upper = paper.axes(LEFT, 0.55 + panel + 0.28, width, panel)
-    draw_line(upper, lower, picture.line, width, picture.at_rest, window)
+    draw_line(upper, lower, picture.line, width, picture.held, window)
     paper.wrap_title(upper)
     figure.align_ylabels([upper, lower])
     return figure
@@ -154,12 +154,13 @@ def draw_line(
     lower: Axes,
     line: LineFields,
     width: float,
-    at_rest: bool = False,
+    held: Sequence[Held] = (),
     window: tuple[float, float] | None = None,
 ) -> None:
     """Both panels; they share the arclength, and `width` is their width [inch].
 
-    at_rest: draw held ends, where u_T = 0;  window: arclengths at the ends of the panels, by default those of the line
+    held: u_T at the held ends of every part, drawn where it is known
+    window: arclengths at the ends of the panels, by default those of the line
     ξ is drawn as it is computed: constant on the segment S_i around every contact node.
     """
     length = float(line.c.sum())
@@ -175,19 +176,24 @@ def draw_line(
             axes.set_ylim(-1.0, 1.0)
             axes.set_yticks([0.0])
     dots: dict[str, Any] = {"marker": "o" if len(line.u_T) <= FEW else "", "markersize": 3.0, "clip_on": False}
-    for part in line.parts:
+    for k, part in enumerate(line.parts):
         ends, nodes = line.steps(part)
         at = np.append(line.arclength[part], ends[-1])[: len(nodes)]  # a ring ends with its first node
-        u_T, held = line.u_T[nodes], [at_rest and end for end in line.held(part)]
-        if held[0]:
-            at, u_T = np.append(ends[0], at), np.append(0.0, u_T)
-        if held[1]:
-            at, u_T = np.append(at, ends[-1]), np.append(u_T, 0.0)
+        u_T, (first, last) = line.u_T[nodes], held[k] if held else (None, None)
+        if first is not None:
+            at, u_T = np.append(ends[0], at), np.append(first, u_T)
+        if last is not None:
+            at, u_T = np.append(at, ends[-1]), np.append(u_T, last)
         upper.plot(at / metre, u_T / slip, color=style.BLUE, linewidth=1.5, **dots)
-        places = [end / metre for end, there in ((ends[0], held[0]), (ends[-1], held[1])) if there]
-        upper.plot(places, [0.0] * len(places), "s", color=style.INK, markersize=5, zorder=4)
-        if places:
-            upper.annotate("held", (places[0], 0.0), (4, 5), textcoords="offset points", fontsize=style.pt(8.5))
+        places = [(end / metre, u / slip) for end, u in ((ends[0], first), (ends[-1], last)) if u is not None]
+        upper.plot(*zip(*places, strict=True) if places else ((), ()), "s", color=style.INK, markersize=5, zorder=4)
+        if places:  # named at the lower end, where there is room above, or else below
+            low = min(places, key=lambda end: end[1])
+            side, shift = ("left", 4) if low[0] < np.mean(at) / metre else ("right", -4)
+            size, above = style.pt(8.5), low[1] < 0.7 * np.max(u_T, initial=0.0) / slip or low[1] <= 0.0
+            upper.annotate(
+                "held", low, (shift, 5 if above else -16), textcoords="offset points", ha=side, fontsize=size
+            )
         lower.stairs(line.xi[nodes] / stress, ends / metre, baseline=None, color=style.VERMILLION, linewidth=1.5)
     upper.tick_params(labelbottom=False)
     upper.set_ylabel(style.labelled("$u_T$", slip_unit))

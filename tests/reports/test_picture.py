@@ -11,9 +11,11 @@ import pytest
 pytest.importorskip("matplotlib")
 
 
+import tcstudy
 from tcstudy.data import schema
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.store import open_results
+from tcstudy.read.study import read_study_text
 from tcstudy.reports import style
 from tcstudy.reports.body_panel import boundary_edges, contact_chains, drawn, loops
 from tcstudy.reports.picture import read_picture, sticking
@@ -198,12 +200,32 @@ def test_the_arclength_stands_below_x(grid: Path) -> None:
 def test_a_held_end_is_drawn_where_it_rests(grid: Path) -> None:
     picture = read_picture(grid, level=0)
     assert picture.line.held(slice(0, 4)) == (True, False)
-    assert not picture.at_rest  # the study of the file cannot be read
-    upper = max(figure_of(replace(picture, at_rest=True)).axes[-2:], key=lambda axes: axes.get_position().y0)
+    assert not picture.held  # the study of the file cannot be read
+    upper = max(figure_of(replace(picture, held=((0.0, None),))).axes[-2:], key=lambda axes: axes.get_position().y0)
     s, u_T = shown_line(upper)
     assert (s[0], u_T[0]) == (0.0, 0.0)
     assert len(s) == len(picture.line.u_T) + 1
     assert "held" in [text.get_text() for text in upper.texts]
+
+
+def test_a_held_end_that_moves_is_drawn_where_it_is(tmp_path: Path) -> None:
+    """Of every point its own: u_x of the end, which the sweep moves, and an expression at its corner."""
+    study = read_study_text("""
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: {role: clamped, u_x: 0.1}, top: free,
+  right: {role: clamped, u: ["0.05 + y + x/10", 0]}}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: 0.01}
+mesh: {maxh: 0.4}
+sweep: {boundary.left.u_x: [0.2, 0.1, 0.3]}
+""")
+    tcstudy.run(study, tmp_path / "out.nc")
+    for u_x in (0.1, 0.3):
+        picture = read_picture(tmp_path / "out.nc", {"boundary_left_u_x": u_x})
+        assert np.allclose(np.array(picture.held, dtype=float), [[u_x, 0.25]], rtol=1e-12)
+    upper = max(figure_of(picture).axes[-2:], key=lambda axes: axes.get_position().y0)
+    assert len(shown_line(upper)[0]) == len(picture.line.u_T) + 2
 
 
 def test_roles_and_the_heater_are_drawn_and_named(grid: Path) -> None:
