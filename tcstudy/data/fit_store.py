@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import xarray
 
 Array = NDArray[np.float64]
-P, PP, D, S = ("parameter",), ("parameter", "other_parameter"), ("datum",), ("start",)
+P, PP, D, S = ("parameter",), ("parameter", "other_parameter"), ("row",), ("start",)
 _OWN = (("comment", "in the units of parameter_units"),)
 
 

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 VALUES = 2**18
 """Values that are in memory at a time."""
-ROWS = {"path": "vertex", "fit": "datum"}
+ROWS = {"path": "vertex", "fit": "row"}
 """Dimension of the rows where there is no status, by the kind of the file."""
 LABELLED = ("start", "solver", "run")
 """Dimensions after those of the rows whose every label makes a column of its own."""

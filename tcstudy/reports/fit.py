@@ -144,7 +144,7 @@ def fit_doubts(data: Any) -> list[tuple[str, bool]]:
 
 def _said(data: Any) -> list[str]:
     """The same as lines, and how much work the fit was."""
-    about, n = data.attrs, data.sizes["datum"]
+    about, n = data.attrs, data.sizes["row"]
     evaluations, solves = int(about["evaluations"]), int(about["solves"])
     what = "paths followed" if about["compare"] == "orthogonal" else "contact problems solved"
     work = (
