@@ -175,7 +175,11 @@ def test_usage_errors(folder: Path) -> None:
     assert "is a directory; name a file in it" in tcstudy_command("show", ".", cwd=folder).stderr
     not_results = tcstudy_command("show", "block.yaml", cwd=folder)
     assert not_results.returncode == 2
-    assert "Traceback" not in not_results.stderr
+    assert "block.yaml is a study and not its results; name the .nc file" in not_results.stderr
+    (folder / "block.nc").write_bytes(b"\x89HDF")
+    assert "this is a result file; name its study" in tcstudy_command("run", "block.nc", cwd=folder).stderr
+    page = tcstudy_command("report", "block.nc", "-o", "page.pdf", cwd=folder)
+    assert (page.returncode, page.stderr.strip()) == (2, "page.pdf: a page's name ends in .html; choose such a name")
 
 
 def test_a_command_loads_no_other(folder: Path) -> None:

@@ -28,12 +28,10 @@ from tcstudy.errors import UsageError
 def show(options: argparse.Namespace) -> int:
     """Print again what run, converge, cost or path said; of another file with data, what it is."""
     check_manner(options)
-    from tcstudy.data.reading import reading
     from tcstudy.errors import StoreError
 
     try:
-        with reading(options.file):
-            _show(options, options.file)
+        _show(options, options.file)
     except StoreError:
         from tcstudy.reports.other_file import other_text
 
@@ -97,6 +95,8 @@ def report(options: argparse.Namespace) -> int:
     if unknown := [part for part in options.without if part not in LEAVE_OUT]:
         fail(f"--without: there is no part {unknown[0]!r}; choose of {', '.join(LEAVE_OUT)}")
     target = options.output or options.file.with_suffix(".html")
+    if target.suffix.lower() not in (".html", ".htm"):
+        fail(f"{target}: a page's name ends in .html; choose such a name")
     print(write_page(options.file, target, tuple(options.without)).words)
     return OK
 

@@ -127,22 +127,28 @@ def spoken(options: argparse.Namespace) -> Iterator[None]:
 
 
 def say(options: argparse.Namespace, path: Path, text: Callable[[], str]) -> None:
-    """Print what a result file says in the manner asked for: its tables (`text`), one line, or one JSON object."""
-    if not (options.quiet or options.json):
-        with spoken(options):
-            print(text().rstrip("\n"))
-        return
-    from tcstudy.data.provenance import kind_of
+    """Print what a result file says in the manner asked for: its tables (`text`), one line, or one JSON object.
 
-    if options.quiet and kind_of(path) == "run":
-        from tcstudy.reports.verdict import of_file
+    Raises StoreError where the file was changed after it was written and does not hold what it should.
+    """
+    from tcstudy.data.reading import reading
 
-        print(f"{path}: {of_file(path)}")
-        return
-    from tcstudy.reports.brief import brief, json_text
+    with reading(path):
+        if not (options.quiet or options.json):
+            with spoken(options):
+                print(text().rstrip("\n"))
+            return
+        from tcstudy.data.provenance import kind_of
 
-    found = brief(path)
-    print(json_text(found) if options.json else f"{path}: {found['verdict']}")
+        if options.quiet and kind_of(path) == "run":
+            from tcstudy.reports.verdict import of_file
+
+            print(f"{path}: {of_file(path)}")
+            return
+        from tcstudy.reports.brief import brief, json_text
+
+        found = brief(path)
+        print(json_text(found) if options.json else f"{path}: {found['verdict']}")
 
 
 def note(options: argparse.Namespace, text: str) -> None:

@@ -211,6 +211,8 @@ def attributes(path: Path) -> dict[str, Any]:
         raise StoreError(f"there is no file {path}. Run the study first, or check the name")
     if not path.is_file():
         raise StoreError(f"{path} is no file but a device or a pipe; name a result file")
+    if path.suffix in (".yaml", ".yml"):
+        raise StoreError(f"{path} is a study and not its results; name the .nc file that its run wrote")
     anew = "Run the study again to make it anew"
     try:
         found = _attributes(path)
@@ -254,7 +256,7 @@ def reading(path: Path) -> Iterator[None]:
             cause = f"{type(error).__name__}: {text}"
             raise StoreError(
                 f"{path} was changed after tcstudy wrote it and does not hold what it should ({cause}). "
-                "Run the study again to make it anew"
+                "Run the study again with --force to make it anew"
             ) from error
 
 

@@ -295,9 +295,10 @@ class Fields:
             node = replace(node, value={short: node})
         self.values: Mapping[str, Node] = {}
         if not isinstance(node.value, Mapping):
-            first = required[0] if required else "key"
-            example = f"{first}: {ctx.example(self.rows[first].suggestion) if required else 'value'}"
-            remedy = f"write a mapping with the keys {', '.join(known)}, for example {{{example}}}"
+            top = rows("").get(section) if isinstance(section, str) else None
+            pairs = ", ".join(f"{key}: {self.rows[key].suggestion}" for key in required or known[:1])
+            example = ctx.example(top.example if top and top.example else f"{{{pairs}}}")
+            remedy = f"write a mapping with the keys {', '.join(known)}, for example {example}"
             ctx.errors.at(node, f"must be a mapping, but is {node.kind()}", remedy)
             return
         self.values = node.value

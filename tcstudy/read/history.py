@@ -84,7 +84,7 @@ def _lines(ctx: Context, fields: Fields, base: Scene, swept: Collection[Keys]) -
     """The lines in order; one that leaves all loads as they are is a fault."""
     known, found = dict(affine_parameters(base)), []
     values: dict[Keys, float] = {}
-    for item in ctx.items(fields.values["steps"], "a list of lines, for example [{theta: 60 K, in: 8, name: hot}]", 1):
+    for item in ctx.items(fields.values["steps"], "a list of lines {theta: 60 K, in: 8, name: hot}", 1):
         if not isinstance(item.value, Mapping):
             ctx.errors.at(item, f"must be a mapping, but is {item.kind()}", "write {theta: 60 K, in: 8, name: hot}")
             continue

@@ -288,7 +288,8 @@ def axis_values(ctx: Context, node: Node, parameter: Parameter) -> tuple[tuple[N
     spaced = row.kind in NUMBERS
     if isinstance(node.value, Mapping) and spaced:
         return _spaced(ctx, node, row.dimension), ()
-    example = f"{ctx.example(row.dimension.example)}, ...] or {{linspace: [a, b, n]}}" if spaced else "..., ...]"
+    shown = ctx.example(row.dimension.example) if node.value in (None, (), {}) else node.brief()
+    example = f"{shown}, ...] or {{linspace: [a, b, n]}}" if spaced else "..., ...]"
     remedy = f"write a list such as [{example}"
     what = "has no values" if node.value in (None, (), {}) else f"must be a list of values, but is {node.kind()}"
     ctx.errors.at(node, what, remedy)

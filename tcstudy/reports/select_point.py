@@ -225,7 +225,8 @@ def _fits(name: str, axis: Any, value: Value, holder: str) -> NDArray[np.bool_]:
         nearby = _listed(
             number(label) for label in np.sort(order[np.argsort(np.abs(order - wanted), kind="stable")[:3]])
         )
-        raise DrawError(f"no point of the {holder} has {name} = {value}; the nearest values are {nearby}")
+        unit = f" {units}" if (units := str(axis.attrs["units"])) != "1" else ""
+        raise DrawError(f"no point of the {holder} has {name} = {value}; the nearest values are {nearby}{unit}")
     return np.asarray(held == nearest)
 
 

@@ -39,20 +39,53 @@ sweep: {delta: [1.2, 0.12]}
 path: {parameter: load, from: 0, to: 1, at: [0.5]}
 """
 ODD = ("", "x", "\x1b[31mRED\x1b]0;owned\x07", 5, np.nan, np.array([1, 2, 3]), "{", "a b c", "y" * 10_000, "\u202e")
-FILES = {"run": "run.nc", "path": "path.nc", "converge": "convergence.nc", "cost": "cost.nc"}
+STEPS = "history={memory: friction, steps: [{load: 3, in: 2}, {load: 0.5}]}"
+FIT = (
+    "fit={data: {file: pull.csv, columns: {boundary.top.g_x: g, u_T_max: u}}, "
+    "parameters: {E: {start: 1, within: [0.1, 9]}}}"
+)
+FILES = {
+    "run.nc": ("run",),
+    "path.nc": ("path",),
+    "convergence.nc": ("converge",),
+    "cost.nc": ("cost", "mesh.levels=1"),
+    "history.nc": ("history", STEPS, "path=null"),
+    "fit.nc": ("fit", FIT, "path=null", "sweep=null"),
+    "geometries.nc": ("run", "sweep={mesh.maxh: [1, 0.8], delta: [1.2, 0.12]}", "output={fields: true}"),
+    "drawn.nc": ("run", "sweep={mode: saltelli, points: 4, E: {uniform: [1, 2]}, delta: {uniform: [1, 2]}}"),
+}
+"""Files, the commands that make them, and how the study is changed for that."""
+READERS = (
+    *(("show", "FILE", *how) for how in ((), ("-q",), ("--json",), ("--full",))),
+    *(("export", "FILE", how, "-o", "out") for how in ("--csv", "--json", "--vtu")),
+    ("export", "FILE", "--geometry", "--at", "maxh=1", "-o", "one.nc"),
+    ("report", "FILE", "-o", "page.html"),
+    ("compare", "FILE", "BASE"),
+    ("compare", "BASE", "FILE", "--json"),
+    ("merge", "BASE", "FILE", "-o", "merged.nc"),
+    ("sensitivity", "FILE", "--of", "friction_resultant"),
+)
+"""Commands that read a damaged FILE; BASE is the sound one."""
 
 
 def make_bases(folder: Path) -> None:
     """A sound file of each command, the journal of a run that was killed, and their study."""
     study = folder / "study.yaml"
     study.write_text(STUDY)
-    for command, name in FILES.items():
-        more = ["--runs", "1", "--set", "mesh.levels=1"] if command == "cost" else []
-        code, _, errors = tcstudy_command(command, study, "--output", folder / name, *more)
+    (folder / "pull.csv").write_text("g,u\n" + "".join(f"{0.02 * i:g},{0.05 * i**2:g}\n" for i in range(1, 6)))
+    for name in FILES:
+        code, _, errors = tcstudy_command(*words_of(name, study, folder / name))
         assert code == 0, errors
     with Journal.open(folder / "journal.nc", read_study(study)) as journal:
         for record in run(read_study(study)):
             journal.add(record)
+
+
+def words_of(name: str, study: Path, output: Path) -> list[str]:
+    """The command that makes a file."""
+    command, *changes = FILES[name]
+    words = [command, str(study), "--output", str(output), *(f"--set={change}" for change in changes)]
+    return [*words, "--runs", "1"] if command == "cost" else words
 
 
 def flip(file: Path, draw: random.Random) -> None:
@@ -148,36 +181,40 @@ JOURNAL_WAYS: tuple[Damage, ...] = (flip, zero, cut, edit_row, edit_row)
 
 def try_one(bases: Path, work: Path, draw: random.Random, ways: tuple[Damage, ...], drawn: float = 0.2) -> list[str]:
     """One damaged file through one command; what was wrong, in words, empty if nothing."""
-    study = str(bases / "study.yaml")
+    study = bases / "study.yaml"
     if draw.random() < 0.25:
         file, way = work / "journal.nc.partial", draw.choice(JOURNAL_WAYS)
         shutil.copy(bases / "journal.nc.partial", file)
-        words, allowed = ["run", study, "--output", str(work / "journal.nc")], (0, 1)
+        words, allowed = ["run", str(study), "--output", str(work / "journal.nc")], (0, 1)
     else:
-        command, name = draw.choice(sorted(FILES.items()))
+        name = draw.choice(sorted(FILES))
         file, way = work / name, draw.choice(ways)
         shutil.copy(bases / name, file)
         kind, allowed = draw.random(), (0, 2)
         if kind < drawn:
             words = ["draw", str(file), str(work / "picture.png")]
-        elif kind < 0.7:
-            words = ["show", str(file)]
+        elif kind < 0.8:
+            named = {"FILE": str(file), "BASE": str(bases / name)}
+            chosen = draw.choice(READERS)
+            words = [named.get(w, str(work / w) if chosen[i - 1] == "-o" else w) for i, w in enumerate(chosen)]
+            allowed = (0, 1, 2) if words[0] == "compare" else allowed
         else:
-            more = ["--runs", "1"] if command == "cost" else []
-            words = [command, study, "--output", str(file), *more, "--set", "mesh.levels=2"]
+            words = words_of(name, study, file)
     with contextlib.suppress(OSError, RuntimeError, AttributeError):  # the library refuses some edits
         way(file, draw)
     code, out, err = tcstudy_command(*words)
     faults = []
     if code not in allowed:
         faults.append(f"exit code {code}: {err[-1500:]}")
+    err = "".join(line for line in err.splitlines(keepends=True) if not line.endswith("--force computes them again\n"))
     if code == 2 and err.count("\n") != 1:
         faults.append(f"{err.count(chr(10))} lines of error: {err[:500]}")
     if any(c in out + err for c in "\x1b\x07\u202e"):
         faults.append("control characters")
     for left in work.iterdir():
-        left.unlink()
-    return [f"{way.__name__}, tcstudy {words[0]} {file.name}: {fault}" for fault in faults]
+        shutil.rmtree(left) if left.is_dir() else left.unlink()
+    said = " ".join(Path(word).name for word in words)
+    return [f"{way.__name__}, tcstudy {said}: {fault}" for fault in faults]
 
 
 def measure(cases: int, seed: int, ways: tuple[Damage, ...], drawn: float = 0.2) -> Counter[str]:

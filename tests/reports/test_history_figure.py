@@ -79,3 +79,8 @@ def test_what_cannot_be_drawn_is_refused(file: Path, tmp_path: Path) -> None:
     with pytest.raises(DrawError, match="no swept parameter 'alpha'"):
         picture(file, tmp_path / "a.png", Wanted(at={"alpha": 1}))
     assert not list(tmp_path.iterdir())
+
+
+def test_least_energies_have_a_picture_too(tmp_path: Path) -> None:
+    execute_history(read_study_text(RAIL, "rail.yaml", ["history.branch=lowest", "mesh.maxh=2"]), tmp_path / "a.nc")
+    assert "slip over theta" in picture(tmp_path / "a.nc", tmp_path / "a.png", Wanted())
