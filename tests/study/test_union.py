@@ -7,6 +7,7 @@ import pytest
 
 from tcstudy.errors import StoreError
 from tcstudy.study.union import differences, places_in, union
+from tests.test_cli import CONFIGS
 from tests.verification.scenes import RECTANGLE, study_of
 
 SI = RECTANGLE.replace("units: none", "units: SI").replace("tau: 0.01", "tau: 50 kPa")
@@ -95,3 +96,16 @@ def test_a_grid_that_would_be_too_large_is_refused() -> None:
     high = "sweep={E: [3], tau: {linspace: [0.02, 0.03, 1000]}}"
     with pytest.raises(StoreError, match="1002001 points"):
         union(study_of(RECTANGLE, wide), study_of(RECTANGLE, high))
+
+
+def test_materials_and_laws_by_name_keep_their_names() -> None:
+    """Also those of a region and of one edge; lists as well as grids."""
+    text = (CONFIGS / "coated_block.yaml").read_text().split("sweep:")[0]
+    text = text.replace("{law: tresca, tau: 5 MPa}", "{bottom: {law: tresca, tau: 5 MPa}}")
+    coating = "materials.coating: {NAME: {E: NAME GPa, nu: 0.3}}, friction.bottom: {low: {law: tresca, tau: 1 MPa}}"
+    old, new = (study_of(text, f"sweep={{{coating.replace('NAME', name)}}}") for name in ("200", "3"))
+    both = union(old, new)
+    assert [axis.labels for axis in both.axes] == [("200", "3"), ("low",)]
+    assert [both.scenes[int(places_in(both, one)[0])] == one.scenes[0] for one in (old, new)] == [True, True]
+    listed = study_of(text, "sweep={mode: zip, " + coating.replace("NAME", "70") + "}")
+    assert [axis.labels for axis in union(both, listed).axes] == [("200", "3", "70"), ("low",) * 3]
