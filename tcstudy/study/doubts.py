@@ -42,7 +42,7 @@ def doubts(study: Study) -> list[str]:
     corners = pinned_corners(scenes[0].body, scenes[0].edges(Contact))
     notes = list(pinned_note(corners, "draw it as arcs with through: [x, y]"))
     idle = int(np.count_nonzero(~loaded(scenes)))
-    if idle:
+    if idle and study.history is None and study.fit is None:  # whose steps and data are its loads
         where = "nothing loads this scene" if len(scenes) == 1 else f"nothing loads {idle} of {len(scenes)} points"
         notes.append(f"{where}: u = 0 is a solution; give f, g, a pressure, a displacement or a temperature")
     if study.units == "SI":

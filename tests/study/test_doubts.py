@@ -259,3 +259,10 @@ def test_pinned_corners_of_a_file_are_counted(tmp_path: Path, chords: int, side:
     assert [int(note.split()[0]) for note in notes] == ([count] if count else [])
     assert all("make it arcs or splines in the file" in note for note in notes)
     assert [note for note in plan(study).notes if "pinned" in note] == notes
+
+
+def test_a_history_brings_its_loads() -> None:
+    """The scene that it begins with may be at rest."""
+    study = read_study(Path(__file__).parents[2] / "configs" / "cyclic_pull.yaml")
+    assert not loaded(study.scenes).any()
+    assert not [note for note in doubts(study) if "nothing loads" in note]
