@@ -107,7 +107,9 @@ STEPS: tuple[FileVariable, ...] = (
     _number("energy", "J m-1", "energy of body and loads", f"1/2 v A v - l v at the contact nodes, {_PER}"),
     _number("stored", "J m-1", "energy stored in the bond", _PER),
     _number("dissipated", "J m-1", "energy dissipated in the step", f"by friction, yielding or damage, {_PER}"),
-    _number("work", "J m-1", "work of the loads' change", f"-1/2 (v + v before) dl at the contact nodes, {_PER}"),
+    _number(
+        "work", "J m-1", "work of the loads' change", f"-1/2 (v + v before) dl, summed over parts of the step, {_PER}"
+    ),
     _number(
         "closure",
         "J m-1",
