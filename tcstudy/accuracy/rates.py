@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 Array = NDArray[np.float64]
 
@@ -155,6 +154,8 @@ def _extrapolate(h: Array, q: Array) -> tuple[float, float]:
     low, high = 0.1, 8.0
     if mismatch(low) * mismatch(high) > 0.0:
         return NAN, NAN
+    from scipy.optimize import brentq  # here, because a run imports this module and needs it for estimates alone
+
     p = float(brentq(mismatch, low, high, xtol=1e-12))
     b, c = (float(x) ** p for x in h[1:] / h[0])
     return p, float(q[2] + second * c / (b - c))

@@ -17,13 +17,16 @@ function of the triangle that they lie outside of least.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from tcstudy.accuracy.norms import Line, Triangles
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -92,6 +95,8 @@ def interpolation(mesh: Triangles, at: Array) -> sp.csr_array:
 
 def located(mesh: Triangles, at: Array) -> tuple[Indices, Array]:
     """The triangle (q,) that each point lies in and its barycentric coordinates there (q, 3)."""
+    from scipy.spatial import cKDTree  # here, because a run imports this module and seldom needs it
+
     corners = mesh.points[mesh.triangles]
     tree = cKDTree(corners.mean(axis=1))
     found = tree.query(at)[1]
@@ -117,7 +122,7 @@ def _candidates(corners: Array, tree: cKDTree, at: Array) -> tuple[Indices, Indi
     size = np.frexp(longest)[1]
     for exponent in np.unique(size):
         own = np.flatnonzero(size == exponent)
-        reached = cKDTree(tree.data[own]).query_ball_point(at, np.ldexp(0.67, exponent))
+        reached = type(tree)(tree.data[own]).query_ball_point(at, np.ldexp(0.67, exponent))
         points.append(np.repeat(np.arange(len(at)), [len(one) for one in reached]))
         triangles.append(own[np.concatenate(reached).astype(np.intp)])
     return np.concatenate(points), np.concatenate(triangles)

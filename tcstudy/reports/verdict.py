@@ -28,6 +28,8 @@ Flags = NDArray[np.bool_]
 FEWEST, STEEP, NOTABLE = 4, 4.0, 0.25
 """A jump is told from a slope where a line has so many points, a step is so many times the median of the others and
 so large a part of the largest value of the whole line."""
+PIECE = 2**16
+"""Points that are looked at together."""
 
 
 @dataclass(frozen=True)
@@ -94,9 +96,7 @@ def verdict(run: RunSeen) -> dict[str, Any]:
     parts.append(f"{unique} proved unique" if unique else "none proved unique")
     if lowest > unique:
         parts.append(f"{lowest} proved to have the least energy")
-    starts = run.take("start_energy", -1)
-    several = int(np.count_nonzero(ok & (different_energies(starts) > 1))) if starts is not None else 0
-    if several:
+    if several := _several(run, ok):
         parts.append(f"{several} with more than one solution found")
     error, how = mesh_error(run, ok)
     if error is not None:
@@ -112,6 +112,16 @@ def verdict(run: RunSeen) -> dict[str, Any]:
 def _count(run: RunSeen, name: str, ok: Flags) -> int:
     values = run.take(name, -1)
     return int(np.count_nonzero(ok & (values == 1))) if values is not None else 0
+
+
+def _several(run: RunSeen, ok: Flags) -> int:
+    """Solved points at which starts led to different energies, counted piece by piece to save memory."""
+    starts = run.take("start_energy", -1)
+    if starts is None:
+        return 0
+    rows, solved = starts.reshape(ok.size, -1), ok.ravel()
+    parts = (slice(first, first + PIECE) for first in range(0, ok.size, PIECE))
+    return sum(int(np.count_nonzero(solved[part] & (different_energies(rows[part]) > 1))) for part in parts)
 
 
 def _percent(error: float) -> str:
