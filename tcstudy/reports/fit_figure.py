@@ -101,14 +101,20 @@ def _curve(axes: Axes, data: Any) -> None:
         mark = data["datum"].values[data["measured_column"].values == i]
         if name in ("fold", "peak"):
             line = axes.axvline if name == "fold" else axes.axhline
-            line(mark[0] / (across if name == "fold" else up), color=style.INK, lw=0.7, ls=(0, (4, 3)), label=name)
+            line(
+                mark[0] / (across if name == "fold" else up),
+                color=style.INK,
+                lw=0.7,
+                ls=(0, (4, 3)),
+                label=f"measured {name}",
+            )
     room_x, room_y = 0.06 * np.ptp(x) / across, 0.08 * np.ptp(y) / up
     axes.set_xlim(x.min() / across - room_x, x.max() / across + room_x)
     axes.set_ylim(min(y.min(), 0.0) / up - room_y, y.max() / up + room_y)
     name = style.symbol(given[0][0]) if given else "datum"
     axes.set_xlabel(style.labelled(name, x_unit))
     axes.set_ylabel(style.labelled(NAMES[measured[0][0]], y_unit))
-    axes.legend(fontsize=style.pt(8), frameon=False)
+    axes.legend(fontsize=style.pt(8), framealpha=0.85, edgecolor="none")
 
 
 def _oblique_band(axes: Axes, data: Any, x: Array, y: Array) -> None:
@@ -132,7 +138,8 @@ def _residuals(axes: Axes, data: Any) -> None:
     column = data["measured_column"].values
     for i in np.unique(column):
         own = column == i
-        axes.plot(np.arange(1, own.sum() + 1), residual[own], **(DATA | {"marker": "osD^"[i % 4]}))
+        first = 1 if own.sum() > 1 else np.flatnonzero(own)[0] + 1  # a fold or a peak stands behind the table
+        axes.plot(first + np.arange(own.sum()), residual[own], **(DATA | {"marker": "osD^"[i % 4]}))
     axes.axhline(0.0, color=style.SHADE, linewidth=0.8, zorder=0)
     axes.axhspan(-BAND, BAND, color=style.SHADE, alpha=0.5, linewidth=0, zorder=0)
     axes.set_xlabel("number of the datum")

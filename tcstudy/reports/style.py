@@ -130,6 +130,8 @@ def size_in_inches(text: str) -> tuple[float, float]:
 
 def symbol(name: str) -> str:
     """A parameter as formulas write it, θ̄ or u_T (`scene.key.symbol`); others in words."""
+    if ".points." in name:
+        return f"$b_{{{name.rpartition('.')[2]}}}$"
     letter, _, index = name.rpartition(".")[2].partition("_")
     below = f"_{index}" if len(index) == 1 else f"_{{{index}}}" if index else ""
     if letter in GREEK:

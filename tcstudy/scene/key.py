@@ -69,7 +69,10 @@ GREEK = {
 
 
 def symbol(name: str) -> str:
-    """How reports write a parameter: `friction.tau_s` is τ_s, `theta_bar` θ̄, `u_x` itself; the rest in words."""
+    """How reports write a parameter: `friction.tau_s` is τ_s, `theta_bar` θ̄, `u_x` itself, `friction.points.0` b_0;
+    the rest in words."""
+    if ".points." in name:
+        return f"b_{name.rpartition('.')[2]}"
     letter, _, rest = name.rpartition(".")[2].partition("_")
     if len(letter) == 1:
         return name.rpartition(".")[2]

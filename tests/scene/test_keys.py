@@ -69,6 +69,7 @@ def test_a_new_row_is_read_set_swept_suggested_documented_and_in_the_schema() ->
 
 def test_parameters_are_written_with_the_symbols_of_the_paper() -> None:
     names = ("alpha", "theta_bar", "friction.tau_s", "material.E", "boundary.end.pressure")
+    assert symbol("friction.film.points.2") == "b_2"
     assert [symbol(name) for name in names] == ["α", "θ\N{COMBINING MACRON}", "τ_s", "E", "pressure"]
 
 
