@@ -29,11 +29,12 @@ TC.fit = {
   },
   scales() {
     const f = TC.data.fit, k = TC.state.column, own = [...f.data.column.keys()].filter((i) => f.data.column[i] === k), at = (v) => own.map((i) => v[i]);
-    return { own, x: TC.scale(at(f.data.given), f.given.length ? f.given[0].units : "1"), y: TC.scale(at(f.data.value), f.measured[k].units), given: f.given.length ? TC.fit.name(f.given[0]) : "datum" };
+    const placed = f.given.length > 0 && own.every((i) => Number.isFinite(f.data.given[i])); // a fold or a peak has no place
+    return { own, placed, x: TC.scale(at(f.data.given), f.given.length ? f.given[0].units : "1"), y: TC.scale(at(f.data.value), f.measured[k].units), given: placed ? TC.fit.name(f.given[0]) : "datum" };
   },
   curve(host) {
-    const f = TC.data.fit, s = TC.state, { own, x: xs, y: ys, given } = TC.fit.scales(), d = f.data, shown = s.column === 0 && f.curve, width = TC.width(host);
-    const X = (v) => v / xs.by, Y = (v) => v / ys.by, at = (i) => (f.given.length ? X(d.given[i]) : i + 1), foot = (i) => (f.given.length ? X(d.at[i]) : i + 1);
+    const f = TC.data.fit, s = TC.state, { own, placed, x: xs, y: ys, given } = TC.fit.scales(), d = f.data, shown = s.column === 0 && f.curve, width = TC.width(host);
+    const X = (v) => v / xs.by, Y = (v) => v / ys.by, at = (i) => (placed ? X(d.given[i]) : i + 1), foot = (i) => (placed ? X(d.at[i]) : i + 1);
     const xr = TC.range([...own.map(at), ...own.map(foot)]), yr = TC.range([0, ...own.flatMap((i) => [Y(d.value[i]), Y(d.predicted[i])]), ...(shown ? Array.from(f.curve.y).filter((_, k) => f.curve.x[k] / xs.by >= xr[0] && f.curve.x[k] / xs.by <= xr[1]).map(Y) : [])]);
     const plot = new TC.Plot({ width, height: 400, x: TC.pad(xr, 0.05), y: TC.pad(yr, 0.06), xlabel: TC.fit.label(given, xs), ylabel: TC.fit.label(TC.fit.name(f.measured[s.column]), ys), label: "data and fitted curve" });
     if (shown) {
@@ -61,9 +62,9 @@ TC.fit = {
   },
   one(host) {
     const f = TC.data.fit, i = TC.state.datum, d = f.data, column = f.measured[d.column[i]], facts = [["measured", TC.fit.name(column)]];
-    if (f.given.length) facts.push([TC.fit.name(f.given[0]), TC.quantity(d.given[i], f.given[0].units)]);
+    if (TC.fit.scales().placed) facts.push([TC.fit.name(f.given[0]), TC.quantity(d.given[i], f.given[0].units)]);
     facts.push(["value", TC.quantity(d.value[i], column.units, 5)], ["of the study", TC.quantity(d.predicted[i], column.units, 5)], ["noise", TC.quantity(d.noise[i], column.units)], ["residual", `${TC.number(d.residual[i], 3)} noises`]);
-    if (f.curve && f.given.length) facts.push(["nearest on the curve at", TC.quantity(d.at[i], f.given[0].units, 5)]);
+    if (f.curve && TC.fit.scales().placed) facts.push(["nearest on the curve at", TC.quantity(d.at[i], f.given[0].units, 5)]);
     host.append(TC.el("h3", {}, `Datum ${i + 1}`), TC.facts(facts));
   },
   residuals(host) {
