@@ -20,7 +20,6 @@ from tcstudy.data.reading import attributes, is_foreign
 from tcstudy.data.records import LevelRecord, PointStatus
 from tcstudy.data.schema import edge_flags
 from tcstudy.data.writer import in_file_order, put, put_all, put_axes
-from tcstudy.scene.points import distinct
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
@@ -57,11 +56,10 @@ def write_history(
 
 
 def _substeps(study: Study) -> int:
-    """Descents a step, 0 where all steps are followed along their paths."""
+    """Descents of a step, 0 where its path is followed."""
     plan = study.history
     assert plan is not None
-    smooth = any(not law.piecewise_linear for scene in distinct(study.scenes, "friction") for law in scene.laws)
-    return plan.substeps or int(plan.loose or smooth or plan.branch == "lowest")
+    return plan.substeps or int(plan.memory.healing or plan.branch == "lowest")
 
 
 def open_history(path: Path) -> xarray.Dataset:
