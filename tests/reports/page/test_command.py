@@ -26,13 +26,15 @@ def test_parts_are_left_out_when_asked(result: Path, tmp_path: Path) -> None:
     ("words", "told"),
     [
         (["--without", "legs"], "there is no part 'legs'"),
-        (["-o", "{dir}"], "is a directory"),
-        (["-o", "{nc}"], "no page"),
+        (["-o", "{dir}"], "a page's name ends in .html"),
+        (["-o", "{dir}/folder.html"], "is a directory"),
+        (["-o", "{nc}"], "a page's name ends in .html"),
     ],
 )
 def test_bad_usage_is_one_line_and_exit_code_2(
     result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], told: str
 ) -> None:
+    (tmp_path / "folder.html").mkdir()
     given = [word.format(dir=tmp_path, nc=result) for word in words]
     with pytest.raises(SystemExit) as stop:
         main(["report", str(result), *given])
