@@ -173,7 +173,7 @@ def run(
     Points that fail have a status and a reason in the data. Raises StudyError, GeometryFailed, or StoreError, for
     example where the file holds the results of another study.
     """
-    from tcstudy.reports.progress import progress as terminal
+    from tcstudy.reports.terminal.progress import progress as terminal
     from tcstudy.study.run import execute
 
     asked = _study(study)

@@ -13,7 +13,7 @@ from importlib import import_module
 
 from tcstudy.commands.shared import BAD_INPUT, OK
 from tcstudy.errors import UserFault
-from tcstudy.reports.outlet import guarded_streams, is_lost
+from tcstudy.reports.terminal.outlet import guarded_streams, is_lost
 
 MODULES = {
     **dict.fromkeys(("run", "plan", "merge"), "run"),

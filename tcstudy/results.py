@@ -63,8 +63,8 @@ def draw(
     Parameters that are not drawn have the value that `at` gives them, the first unless named. Raises StoreError,
     DrawError, UsageError.
     """
-    from tcstudy.reports.draw import Wanted, picture
-    from tcstudy.reports.style import size_in_inches
+    from tcstudy.reports.figures.draw import Wanted, picture
+    from tcstudy.reports.figures.style import size_in_inches
 
     inches = size_in_inches(size) if isinstance(size, str) else size
     wanted = Wanted(at, level, response, error, x, y, by, map, of, law, mesh, inches, font, title)

@@ -82,6 +82,24 @@ def test_every_arrow_is_allowed() -> None:
     assert not wrong, "\n".join(wrong)
 
 
+REPORTS = ("", "terminal", "figures", "page", "export")
+"""The rooms of reports, each of which may use those before it; the first is what is read and said for all."""
+
+
+def test_rooms_of_reports_use_those_before_them() -> None:
+    wrong = []
+    for _, path in modules():
+        *rooms, _ = path.relative_to(PACKAGE).parts
+        if rooms[:1] != ["reports"] or path.name == "__init__.py":
+            continue
+        own = rooms[1] if len(rooms) > 1 else ""
+        for name, line in imported(path):
+            used = name.split(".")[2] if name.startswith("tcstudy.reports.") else ""
+            if used in REPORTS and REPORTS.index(used) > REPORTS.index(own):
+                wrong.append(f"{path.relative_to(PACKAGE)}:{line}: {own or 'reports'} must not use {used}")
+    assert not wrong, "\n".join(wrong)
+
+
 def test_every_room_is_known() -> None:
     rooms = {room for room, path in modules() if path.parent != PACKAGE}
     assert rooms - {"study", "commands"} == {*ARROWS} - {"errors"}

@@ -45,14 +45,14 @@ def exported(
 ) -> tuple[Path, list[str]]:
     """Write a result file in one of FORMS; what was written, and what there is to say of it."""
     if form in TABLES:
-        from tcstudy.reports.export_table import write_csv, write_json
+        from tcstudy.reports.export.export_table import write_csv, write_json
 
         table = target if target is not None else file.with_suffix(f".{form}")
         if table.suffix != f".{form}":
             fail(f"{table}: a table of this form has a name that ends in .{form}; what else is there stays")
         rows = (write_csv if form == "csv" else write_json)(file, table, point)
         return table, [f"{rows} {'row' if rows == 1 else 'rows'}"]
-    from tcstudy.reports.export_fields import write_fields
+    from tcstudy.reports.export.export_fields import write_fields
 
     folder = target if target is not None else file.with_suffix("")
     if folder.exists() and not folder.is_dir():
@@ -70,7 +70,7 @@ def compare(options: argparse.Namespace) -> int:
     check_manner(options)
     found = compare_files(options.first, options.second, options.rtol)
     if options.json:
-        from tcstudy.reports.brief import json_text
+        from tcstudy.reports.export.brief import json_text
 
         about = {"kind": "comparison", "equal": found.equal, "verdict": found.verdict, **asdict(found)}
         print(json_text({**about, "files": [str(file) for file in found.files]}))

@@ -26,9 +26,9 @@ def fit(options: argparse.Namespace) -> int:
     if study.fit is None:
         remedy = "add fit: {data: {file: ..., columns: ...}, parameters: ...}"
         fail(f"{options.study}: fit: the study has no section fit; {remedy}")
-    from tcstudy.reports.fit import fit_summary
-    from tcstudy.reports.fit_figure import draw_fit
-    from tcstudy.reports.tables import wrapped
+    from tcstudy.reports.figures.fit_figure import draw_fit
+    from tcstudy.reports.terminal.fit import fit_summary
+    from tcstudy.reports.terminal.tables import wrapped
     from tcstudy.study.fit import execute_fit
 
     if not is_there(options, "fit", study, output, data_sha256=study.fit.sha256):

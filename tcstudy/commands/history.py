@@ -29,9 +29,9 @@ def history(options: argparse.Namespace) -> int:
     if study.history is None:
         remedy = "add history: {memory: friction, steps: [{theta: 60 K, in: 8}, {theta: 0 K, in: 8}]}"
         fail(f"{options.study}: history: the study has no section history; {remedy}")
-    from tcstudy.reports.history_summary import history_summary
-    from tcstudy.reports.progress import HistoryProgress
-    from tcstudy.reports.tables import wrapped
+    from tcstudy.reports.terminal.history_summary import history_summary
+    from tcstudy.reports.terminal.progress import HistoryProgress
+    from tcstudy.reports.terminal.tables import wrapped
     from tcstudy.study.history_run import execute_history
 
     with closing(HistoryProgress()) as progress:

@@ -36,9 +36,9 @@ def converge(options: argparse.Namespace) -> int:
     point = point_of(options)
     study, path = checked(options, "convergence")
     from tcstudy.data.writer import sweep_points
-    from tcstudy.reports.convergence import convergence_report
-    from tcstudy.reports.convergence_plot import plot_convergence
+    from tcstudy.reports.figures.convergence_plot import plot_convergence
     from tcstudy.reports.select_point import locate
+    from tcstudy.reports.terminal.convergence import convergence_report
     from tcstudy.reports.text import length_words
     from tcstudy.study.convergence import converge_to_file, without_errors
 
@@ -67,10 +67,10 @@ def cost(options: argparse.Namespace) -> int:
     point = point_of(options)
     study, path = checked(options, "cost")
     from tcstudy.data.writer import sweep_points
-    from tcstudy.reports.cost import cost_report
-    from tcstudy.reports.cost_plot import plot_cost
-    from tcstudy.reports.progress import CostProgress
+    from tcstudy.reports.figures.cost_plot import plot_cost
     from tcstudy.reports.select_point import describe, locate
+    from tcstudy.reports.terminal.cost import cost_report
+    from tcstudy.reports.terminal.progress import CostProgress
     from tcstudy.study.cost import cost_to_file, unmeasured
 
     points = sweep_points(study)
@@ -81,7 +81,7 @@ def cost(options: argparse.Namespace) -> int:
     if is_there(options, "cost", study, path, point=words, runs=options.runs):
         failed = stored(path)[1]
     else:
-        from tcstudy.reports.forecast import expected_words
+        from tcstudy.reports.terminal.forecast import expected_words
         from tcstudy.study.expected import of_cost
         from tcstudy.study.plan import plan
 

@@ -31,10 +31,10 @@ def path(options: argparse.Namespace) -> int:
         remedy = "add path: {parameter: theta_bar, from: 0 K, to: 40 K}"
         fail(f"{options.study}: path: the study has no section path; {remedy}")
     from tcstudy.data.path_store import stored_shortfalls
-    from tcstudy.reports.path_figure import draw_path
-    from tcstudy.reports.path_summary import path_summary
-    from tcstudy.reports.progress import PathProgress
-    from tcstudy.reports.tables import wrapped
+    from tcstudy.reports.figures.path_figure import draw_path
+    from tcstudy.reports.terminal.path_summary import path_summary
+    from tcstudy.reports.terminal.progress import PathProgress
+    from tcstudy.reports.terminal.tables import wrapped
     from tcstudy.study.path_run import execute_path
 
     there = is_there(options, "path", study, output)

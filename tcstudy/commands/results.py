@@ -33,7 +33,7 @@ def show(options: argparse.Namespace) -> int:
     try:
         _show(options, options.file)
     except StoreError:
-        from tcstudy.reports.other_file import other_text
+        from tcstudy.reports.terminal.other_file import other_text
 
         with spoken(options):
             text = "" if options.json or options.quiet else other_text(options.file)
@@ -45,12 +45,12 @@ def show(options: argparse.Namespace) -> int:
 
 def _show(options: argparse.Namespace, file: Path) -> None:
     from tcstudy.data.provenance import kind_of
-    from tcstudy.reports.convergence import convergence_report
-    from tcstudy.reports.cost import cost_report
-    from tcstudy.reports.history_summary import history_summary
-    from tcstudy.reports.path_summary import path_summary
-    from tcstudy.reports.summary import MOST_ROWS, summary
-    from tcstudy.reports.tables import wrapped
+    from tcstudy.reports.terminal.convergence import convergence_report
+    from tcstudy.reports.terminal.cost import cost_report
+    from tcstudy.reports.terminal.history_summary import history_summary
+    from tcstudy.reports.terminal.path_summary import path_summary
+    from tcstudy.reports.terminal.summary import MOST_ROWS, summary
+    from tcstudy.reports.terminal.tables import wrapped
 
     point, full, kind = point_of(options), options.full or options.verbose, kind_of(file)
     if (point or options.full) and kind != "convergence":
@@ -63,7 +63,7 @@ def _show(options: argparse.Namespace, file: Path) -> None:
         "cost": lambda: cost_report(file),
     }
     if kind == "fit":
-        from tcstudy.reports.fit import fit_summary
+        from tcstudy.reports.terminal.fit import fit_summary
 
         texts["fit"] = lambda: wrapped(fit_summary(file))
     say(options, file, texts[kind])
@@ -71,8 +71,8 @@ def _show(options: argparse.Namespace, file: Path) -> None:
 
 def draw(options: argparse.Namespace) -> int:
     """Draw a file of any kind."""
-    from tcstudy.reports.draw import Wanted, picture
-    from tcstudy.reports.style import size_in_inches
+    from tcstudy.reports.figures.draw import Wanted, picture
+    from tcstudy.reports.figures.style import size_in_inches
 
     given = {name: getattr(options, name) for name in PICTURE}
     if options.map is not None:
@@ -103,8 +103,8 @@ def report(options: argparse.Namespace) -> int:
 
 def sensitivity(options: argparse.Namespace) -> int:
     """Say which swept parameter a number of a run comes from."""
-    from tcstudy.reports.brief import json_text
-    from tcstudy.reports.sensitivity import sensitivity_json, sensitivity_line, sensitivity_text
+    from tcstudy.reports.export.brief import json_text
+    from tcstudy.reports.terminal.sensitivity import sensitivity_json, sensitivity_line, sensitivity_text
 
     check_manner(options)
     if options.json:

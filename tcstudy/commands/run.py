@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     if there:
         points, failed = stored(output)
         return _say(options, output, points, failed, "found before")
-    from tcstudy.reports.progress import progress
+    from tcstudy.reports.terminal.progress import progress
     from tcstudy.study.run import execute
 
     with closing(progress(naming=lambda index: _named(study, index), length=length_unit(study))) as watcher:
@@ -80,7 +80,7 @@ def _say(options: argparse.Namespace, output: Path, points: int, failed: int, fo
     again = shlex.join(["tcstudy", "cost", str(options.study), *(f"--set={text}" for text in options.overrides)])
 
     def text() -> str:
-        from tcstudy.reports.summary import MOST_ROWS, summary
+        from tcstudy.reports.terminal.summary import MOST_ROWS, summary
 
         return (
             f"{summary(output, None if options.verbose else MOST_ROWS)}\n\n"
@@ -96,7 +96,7 @@ def plan(options: argparse.Namespace) -> int:
     """Every check that a run makes, and what the run would do."""
     study, output = checked(options, planned=True)
     from tcstudy.data.provenance import already_there
-    from tcstudy.reports.forecast import expected_words, forecast_text
+    from tcstudy.reports.terminal.forecast import expected_words, forecast_text
     from tcstudy.study.expected import of_run
     from tcstudy.study.jobs import work_words
     from tcstudy.study.plan import plan as forecast_of
@@ -139,7 +139,7 @@ def plan(options: argparse.Namespace) -> int:
 
 
 def _plan_json(study: Study, output: Path, forecast: Plan, expected: Resources) -> str:
-    from tcstudy.reports.brief import json_text
+    from tcstudy.reports.export.brief import json_text
 
     axes = [{"name": axis.name, "units": axis.units, "values": axis.labels} for axis in study.axes]
     about = {"kind": "plan", "title": study.title, "output": str(output), "axes": axes}

@@ -116,7 +116,7 @@ def at(what: str) -> Option:
 @contextmanager
 def spoken(options: argparse.Namespace) -> Iterator[None]:
     """Tables fit the terminal for the time of a `with`: $COLUMNS or its width; files, pipes and --verbose have all."""
-    from tcstudy.reports.tables import fitting
+    from tcstudy.reports.terminal.tables import fitting
 
     columns = os.environ.get("COLUMNS", "")
     width = int(columns) if columns.isascii() and columns.isdigit() else 0
@@ -145,7 +145,7 @@ def say(options: argparse.Namespace, path: Path, text: Callable[[], str]) -> Non
 
             print(f"{path}: {of_file(path)}")
             return
-        from tcstudy.reports.brief import brief, json_text
+        from tcstudy.reports.export.brief import brief, json_text
 
         found = brief(path)
         print(json_text(found) if options.json else f"{path}: {found['verdict']}")
@@ -196,7 +196,7 @@ def checked(
     if problems := faults(study, output):
         fail("\n".join(problems))
     if getattr(options, "plot", None) is not None:
-        from tcstudy.reports.style import check_target
+        from tcstudy.reports.figures.style import check_target
 
         check_target(options.plot)
     return study, output

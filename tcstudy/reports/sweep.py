@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
-from tcstudy.reports import style
+from tcstudy.errors import DrawError
 from tcstudy.reports.select_point import (
     Fixed,
     Value,
@@ -26,7 +26,7 @@ from tcstudy.reports.select_point import (
     parameter,
     quantity,
 )
-from tcstudy.reports.text import counted, labels, named
+from tcstudy.reports.text import axis_unit, counted, labels, named
 
 Array = NDArray[np.float64]
 SAME = 1e-9
@@ -47,11 +47,6 @@ class DrawnParameter:
     numbers: Array | None
     unit: str
     place: NDArray[np.intp]
-
-    @property
-    def title(self) -> str:
-        """For an axis."""
-        return style.labelled(style.symbol(self.name), self.unit)
 
 
 @dataclass(frozen=True)
@@ -105,10 +100,10 @@ def read_sweep(
     with open_results(path) as tree:
         data = tree.to_dataset()
         if not axis_names(data):
-            raise style.DrawError("the file has one point and no swept parameter; draw the point, without x, y and map")
+            raise DrawError("the file has one point and no swept parameter; draw the point, without x, y and map")
         names = tuple(parameter(data, given) for given in along)
         if len(set(names)) < len(names):
-            raise style.DrawError(f"{names[0]} is named twice; name two different swept parameters")
+            raise DrawError(f"{names[0]} is named twice; name two different swept parameters")
         name = quantity(data, number)
         keep, fixed = fitting(data, point, names)
         at = data.isel(level=level_number(data, level)).load()
@@ -144,7 +139,7 @@ def _parameter(axis: Any, name: str, held: NDArray[Any]) -> DrawnParameter:
         place = np.array([texts.index(str(one)) for one in held], dtype=np.intp)
         return DrawnParameter(name, tuple(texts), None, "1", place)
     different, place = np.unique(held, return_inverse=True)
-    divisor, unit = style.axis_unit(different, str(axis.attrs["units"]))
+    divisor, unit = axis_unit(different, str(axis.attrs["units"]))
     numbers = different / divisor
     return DrawnParameter(name, tuple(labels(numbers.tolist())), numbers, unit, place.ravel())
 

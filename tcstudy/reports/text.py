@@ -176,3 +176,19 @@ def _merged(reasons: list[str]) -> str:
 def _range(numbers: tuple[str, ...]) -> str:
     low, high = min(numbers, key=float), max(numbers, key=float)
     return low if float(low) == float(high) else f"{low} to {high}"
+
+
+def axis_unit(values: Iterable[float], units: str) -> tuple[float, str]:
+    """As `scaled_unit`; plain numbers that are very large or small get a power of ten, "10⁻⁵"."""
+    largest = max((abs(float(v)) for v in values), default=0.0)
+    if units != "1" or largest == 0.0 or 1e-2 <= largest < 1e4:
+        return scaled_unit([largest], units)
+    power = math.floor(math.log10(largest))
+    return 10.0**power, f"10{str(power).translate(RAISED)}"
+
+
+def scaled_unit(values: Iterable[float], units: str) -> tuple[float, str]:
+    """(divisor, unit) that bring the largest magnitude to 1 … 1000, where a prefix suits the unit."""
+    if POWER_FIRST.match(units):
+        return 1.0, units
+    return prefix([max((abs(float(v)) for v in values), default=0.0)], units)

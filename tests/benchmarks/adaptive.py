@@ -22,7 +22,7 @@ import numpy as np
 import xarray as xr
 
 import tcstudy
-from tcstudy.reports.style import BLUE, INK, PALE, SHADE, VERMILLION, WIDTH, inches, save, styled
+from tcstudy.reports.figures.style import BLUE, INK, PALE, SHADE, VERMILLION, WIDTH, inches, save, styled
 from tcstudy.scene.families import FamilyName
 from tcstudy.scene.study import Goal, MeshPlan, Study
 from tests.verification import manufactured

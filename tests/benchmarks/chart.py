@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from tcstudy.reports.style import INK, PALE, SHADE, WIDTH, inches, save, styled
+from tcstudy.reports.figures.style import INK, PALE, SHADE, WIDTH, inches, save, styled
 from tests.benchmarks.measure import NOT_RUN
 from tests.benchmarks.problems import BODY_RATIO, WEAKENING
 from tests.benchmarks.stability_draw import fewer_colours

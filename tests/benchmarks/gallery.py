@@ -18,7 +18,7 @@ import xarray as xr
 from PIL import Image
 
 import tcstudy
-from tcstudy.reports.style import BLUE, INK, PALE, VERMILLION, WIDTH, inches, save, styled
+from tcstudy.reports.figures.style import BLUE, INK, PALE, VERMILLION, WIDTH, inches, save, styled
 from tests.verification.gallery_forms import Law, bar, ring_slip
 
 if TYPE_CHECKING:

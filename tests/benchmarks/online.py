@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from tcstudy.executors.protocol import keep_freed_memory
 from tcstudy.online import BlockAnswers, CondensedBody, LawTables
-from tcstudy.reports.style import INK, WIDTH, inches, save, styled
+from tcstudy.reports.figures.style import INK, WIDTH, inches, save, styled
 from tcstudy.scene import laws as shapes
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solvers.certificates import certify

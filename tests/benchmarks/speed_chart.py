@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from tcstudy.reports.style import INK, PALE, SHADE, WIDTH, inches, save, styled
+from tcstudy.reports.figures.style import INK, PALE, SHADE, WIDTH, inches, save, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.reports.style import INK, PALE, WIDTH, inches, save, styled
+from tcstudy.reports.figures.style import INK, PALE, WIDTH, inches, save, styled
 from tcstudy.solvers.problem import least_eigenvalue
 from tests.benchmarks.stability_chain import HEAT, POISSON, SHAPE, WEAK
 from tests.benchmarks.stability_maps import DOWN_JUMPS, MAPS, NODES, REACH, SOFTENING, UNITS, UP_JUMPS

@@ -12,7 +12,7 @@ import tcstudy
 from tcstudy.data.journal import Journal
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.refine import survey as survey_module
-from tcstudy.reports.summary import summary
+from tcstudy.reports.terminal.summary import summary
 from tcstudy.study import workshop
 from tcstudy.study.plan import plan
 from tcstudy.study.run import execute, run

@@ -9,7 +9,7 @@ import pytest
 
 import tcstudy
 from tcstudy.cli import main
-from tests.reports.draw_cases import (
+from tests.reports.figures.draw_cases import (
     ALPHA,
     TAU,
     result,

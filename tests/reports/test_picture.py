@@ -16,14 +16,14 @@ from tcstudy.data import schema
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.store import open_results
 from tcstudy.read.study import read_study_text
-from tcstudy.reports import style
-from tcstudy.reports.body_panel import boundary_edges, contact_chains, drawn, loops
+from tcstudy.reports.figures import style
+from tcstudy.reports.figures.body_panel import boundary_edges, contact_chains, drawn, loops
+from tcstudy.reports.figures.point_figure import stick_ranges, stick_text, window_below
 from tcstudy.reports.picture import read_picture, sticking
-from tcstudy.reports.point_figure import stick_ranges, stick_text, window_below
 from tcstudy.reports.stored_study import NamedEdge
-from tcstudy.reports.summary import summary
+from tcstudy.reports.terminal.summary import summary
 from tests.data.by_points import write
-from tests.reports.draw_cases import (
+from tests.reports.figures.draw_cases import (
     HEIGHT,
     WIDTH,
     crowded,

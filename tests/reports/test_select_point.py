@@ -13,9 +13,9 @@ pytest.importorskip("matplotlib")
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.store import write
 from tcstudy.errors import DrawError
+from tcstudy.reports.figures.point_figure import draw
 from tcstudy.reports.picture import read_picture
-from tcstudy.reports.point_figure import draw
-from tests.reports.draw_cases import ALPHA, level_record, point_record, result, study
+from tests.reports.figures.draw_cases import ALPHA, level_record, point_record, result, study
 
 
 @pytest.mark.parametrize(

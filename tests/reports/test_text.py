@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tcstudy.data.records import PointStatus
-from tcstudy.reports.style import point_words
+from tcstudy.reports.figures.style import point_words
 from tcstudy.reports.text import Failure, failure_lines, kind, label, labels, scaled_labels
 
 

@@ -15,7 +15,7 @@ from tcstudy.cli import main
 from tcstudy.data.provenance import Provenance
 from tcstudy.errors import StoreError, UsageError
 from tests.data.by_points import write
-from tests.reports.draw_cases import ALPHA, FILM, TAU, level_record, point_record, study
+from tests.reports.figures.draw_cases import ALPHA, FILM, TAU, level_record, point_record, study
 
 SECTIONS = FILM | {"sweep": {"tau": [0.1, 0.2]}}
 

@@ -11,8 +11,8 @@ import pytest
 import tcstudy
 from tcstudy.errors import FitError, StoreError, StudyError
 from tcstudy.read.study import read_study_text
-from tcstudy.reports.brief import brief, json_text
-from tcstudy.reports.fit import fit_summary
+from tcstudy.reports.export.brief import brief, json_text
+from tcstudy.reports.terminal.fit import fit_summary
 from tcstudy.scene.study import Study
 from tcstudy.study.fit import fit, model_of
 from tcstudy.study.fit_models import FitModel

@@ -9,7 +9,7 @@ import pytest
 
 import tcstudy
 from tcstudy.reports.picture import read_picture
-from tcstudy.reports.summary import summary
+from tcstudy.reports.terminal.summary import summary
 from tests.verification.scenes import RECTANGLE, study_of
 
 TWO_JUMPS = "friction={law: piecewise-linear, points: [[0, 0.004], [0.01, 0.004], [0.01, 0.012]]}"

@@ -15,7 +15,7 @@ from tcstudy.errors import StudyError
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
-from tcstudy.reports.summary import summary
+from tcstudy.reports.terminal.summary import summary
 from tcstudy.scene.parameters import with_number
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Sensitivity, Study

@@ -16,7 +16,7 @@ from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.errors import GeometryFailed, StudyError
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.read.study import read_study_text
-from tcstudy.reports.summary import summary
+from tcstudy.reports.terminal.summary import summary
 from tcstudy.study.grow import appended
 from tcstudy.study.plan import plan
 from tcstudy.study.run import Quiet, execute

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from tcstudy.read.study import read_study
-from tcstudy.reports.history_summary import history_summary
+from tcstudy.reports.terminal.history_summary import history_summary
 from tcstudy.study.history_run import execute_history
 from tests.commands import CONFIGS
 

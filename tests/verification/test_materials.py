@@ -13,7 +13,7 @@ import tcstudy
 from tcstudy.fem.forms import GradientProducts
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.survey import Survey
-from tcstudy.reports.export_fields import stresses, von_mises
+from tcstudy.reports.export.export_fields import stresses, von_mises
 from tcstudy.reports.picture import body_fields
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.study.plan import plan

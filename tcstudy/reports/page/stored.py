@@ -14,11 +14,7 @@ from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import STICKS, UNKNOWN
 from tcstudy.data.store import open_results
 from tcstudy.errors import DrawError, StoreError
-from tcstudy.reports.body_panel import boundary_edges
-from tcstudy.reports.cost import advice, measure_of, settings
-from tcstudy.reports.fit import BAND, columns, correlation, fit_doubts, prediction_error
-from tcstudy.reports.history_summary import MOVES, last_change, motion
-from tcstudy.reports.path_summary import STATES, seen_folds
+from tcstudy.reports.figures.body_panel import boundary_edges
 from tcstudy.reports.picture import BodyFields, LineFields
 from tcstudy.reports.select_point import axis_names
 from tcstudy.reports.stored_study import (
@@ -30,6 +26,10 @@ from tcstudy.reports.stored_study import (
     sources,
     stored_study,
 )
+from tcstudy.reports.terminal.cost import advice, measure_of, settings
+from tcstudy.reports.terminal.fit import BAND, columns, correlation, fit_doubts, prediction_error
+from tcstudy.reports.terminal.history_summary import MOVES, last_change, motion
+from tcstudy.reports.terminal.path_summary import STATES, seen_folds
 from tcstudy.reports.text import counted, number, prefix, pretty
 from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tcstudy.reports.fit import prediction_error
 from tcstudy.reports.page import write, write_page
 from tcstudy.reports.page.stored import read
-from tcstudy.reports.path_summary import STATES
+from tcstudy.reports.terminal.fit import prediction_error
+from tcstudy.reports.terminal.path_summary import STATES
 from tcstudy.scene.contact_states import ContactState
 from tests.reports.page.unpacked import data_of
 

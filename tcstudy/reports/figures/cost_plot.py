@@ -1,0 +1,189 @@
+"""The chart of accuracy against cost: error over wall time and over unknowns, for mesh families and solvers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tcstudy.data.measured import OWN, open_cost
+from tcstudy.reports.figures import style
+from tcstudy.reports.figures.convergence_plot import math_symbol
+from tcstudy.reports.figures.paper import KEY_LINE, NARROW, Paper
+from tcstudy.reports.terminal.cost import EXACT, SYMBOLS, Setting, advice, best, curves_on_front, measure_of, settings
+from tcstudy.scene.families import FAMILIES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+GOLD = "#f0c000"
+COLOURS = dict(zip((*FAMILIES, OWN), (style.INK, style.VERMILLION, style.BLUE, style.GREEN), strict=True))
+MARKS = dict(zip((*FAMILIES, OWN), "sDo^", strict=True))
+LINES: tuple[Any, ...] = ("-", (0, (1.2, 1.6)), (0, (4, 2)), (0, (4, 2, 1, 2)))
+"""Line styles of the first, second … solver."""
+
+HEAD, PANEL, FOOT = 0.14, 3.3, 0.62
+LEFT, GAP, RIGHT = 0.75, 0.55, 0.2
+LINE = 0.19
+"""Height of a line of text below the panels [inch]."""
+PALE = 0.32
+"""Opacity of curves that others beat everywhere, and of the fill of marks that others beat."""
+
+
+def plot_cost(path: Path, target: Path, measure: str | None = None, look: style.Look | None = None) -> str:
+    """Draw accuracy against cost into `target`; returns what was drawn.
+
+    Raises StoreError if `path` is no such file, DrawError if it has no such error, no matplotlib is there, or `target`
+    cannot be written.
+    """
+    style.check_target(target)
+    data = open_cost(path)
+    name = measure_of(data, measure)
+    look = look or style.Look()
+    with style.styled(look):
+        style.save(_figure(data, name, look), target, look.dpi)
+    return f"{target}: {SYMBOLS[name]}, {data.attrs['point'] or data.attrs['title']}"
+
+
+def _figure(data: Any, measure: str, look: style.Look | None = None) -> Figure:
+    found = settings(data, measure)
+    words = [style.point_words(data.attrs["point"]), f"reference: {data.attrs['reference']}"]
+    paper = Paper(look or style.Look(), LEFT, data.attrs["title"], filter(None, words), 8.5)
+    told = [line for sentence in advice(found) for line in paper.wrapped(sentence, LEFT)]
+    columns = 1 if paper.width < NARROW else 2
+    handles = _handles(data, found)
+    rows = paper.key_rows([str(handle.get_label()) for handle in handles])
+    key = HEAD + KEY_LINE * rows
+    foot = FOOT + LINE * (len(told) + (paper.width < style.WIDTH)) + 0.12
+    apart = 0.0 if columns == 2 else FOOT + LINE
+    panels = 3 - columns
+    panel = paper.room(panels * PANEL, key + foot + apart) / panels
+    figure = paper.figure(paper.head + key + panels * panel + apart + foot)
+    width = (paper.width - LEFT - RIGHT - (columns - 1) * GAP) / columns
+    left = paper.axes(LEFT, foot + (panel + apart) * (panels - 1), width, panel)
+    right = paper.axes(LEFT + (width + GAP) * (columns - 1), foot, width, panel)
+    _over_time(left, data, found, "\n" if paper.width < style.WIDTH else " ")
+    _over_unknowns(right, data, found)
+    for axes in (left, right):
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.grid(True, which="major", color=style.SHADE, linewidth=0.6)
+        axes.set_axisbelow(True)
+    errors = [s.error for s in found if s.error > 0]
+    for axes in (left, right):
+        axes.set_ylim(min(errors) / 1.6, max(errors) * 1.6)
+        for axis in (axes.xaxis, axes.yaxis):
+            style.few_ticks(axis)
+    left.set_ylabel(f"relative error of {math_symbol(SYMBOLS[measure])}")
+    if columns == 2:
+        right.tick_params(which="both", labelleft=False)
+    paper.key(left, handles, rows)
+    for i, line in enumerate(told):
+        paper.text(paper.height - 0.12 - LINE * (len(told) - i), line, 8.5, va="top", parse_math=False)
+    return figure
+
+
+def _over_time(axes: Axes, data: Any, found: list[Setting], gap: str) -> None:
+    """Curves over wall time with bands to the upper quartile; those that are beaten everywhere are pale."""
+    worthy, champion = curves_on_front(found), best(found)
+    solvers = data["solver"].values.tolist()
+    for family in data["family"].values.tolist():
+        for k, solver in enumerate(solvers):
+            own = [s for s in found if (s.family, s.solver) == (family, solver) and s.error > 0 and s.time > 0]
+            if not own:
+                continue
+            color, opacity = COLOURS[family], 1.0 if (family, solver) in worthy else PALE
+            solved = [s for s in own if s.solved]
+            time, error = (np.array([getattr(s, name) for s in solved]) for name in ("time", "error"))
+            upper = np.array([s.upper for s in solved])
+            heavy = (family, solver) == champion
+            axes.fill_betweenx(error, time, upper, color=color, alpha=0.16 * opacity, linewidth=0)
+            width = 2.2 if heavy else 1.2
+            axes.plot(time, error, color=color, linestyle=LINES[k % len(LINES)], linewidth=width, alpha=opacity)
+            _points(axes, own, color, opacity)
+    _name(axes, champion)
+    _star(axes, found, lambda s: s.time)
+    axes.set_xlabel(f"wall time [s]: least of all runs,{gap}band to the upper quartile")
+
+
+def _points(axes: Axes, own: list[Setting], color: str, opacity: float) -> None:
+    """Marks: filled on the front, pale where another setting is better in both, hollow where it did not converge."""
+    from matplotlib.colors import to_rgba
+
+    for s in own:
+        face = to_rgba(color, 1.0 if not s.dominated else 0.5 * PALE) if s.solved else "white"
+        edge = to_rgba(color, opacity)
+        axes.plot(
+            s.time, s.error, MARKS[s.family], color=edge, markersize=4.5, markerfacecolor=face, markeredgewidth=0.9
+        )
+
+
+def _name(axes: Axes, champion: tuple[str, str] | None) -> None:
+    """The best curve is drawn heavy and named in the corner that falling curves leave free."""
+    if champion is not None:
+        family, solver = champion
+        axes.annotate(
+            f"best: {family}, {solver}", (0.03, 0.04), xycoords="axes fraction", color=COLOURS[family],
+            fontweight="bold", fontsize=style.pt(8.5),
+        )  # fmt: skip
+
+
+def _over_unknowns(axes: Axes, data: Any, found: list[Setting]) -> None:
+    """Curves of the first solver over displacement unknowns, with the rates of P1 elements."""
+    first = data["solver"].values.tolist()[0]
+    rates: list[tuple[str, str]] = []
+    for family in data["family"].values.tolist():
+        own = [s for s in found if s.family == family and s.solver == first and s.error > 0]
+        solved = [s for s in own if s.solved]
+        n, error = [s.n_dof for s in solved], [s.error for s in solved]
+        color = COLOURS[family]
+        axes.plot(n, error, color=color, linewidth=1.2)
+        for s in own:
+            face = color if s.solved else "white"
+            axes.plot(s.n_dof, s.error, MARKS[family], color=color, markersize=4.5, markerfacecolor=face)
+        if len(solved) > 2 and max(error) > EXACT:
+            slope = float(np.polyfit(np.log(n[-3:]), np.log(error[-3:]), 1)[0])
+            rates.append((family, f"{family} $N^{{{slope:.2f}}}$"))
+    for i, (family, text) in enumerate(reversed(rates)):
+        axes.annotate(
+            text, (0.03, 0.04 + 0.065 * i), xycoords="axes fraction", color=COLOURS[family], fontsize=style.pt(9)
+        )
+    _star(axes, found, lambda s: s.n_dof)
+    axes.set_xlabel("displacement unknowns N")
+
+
+def _star(axes: Axes, found: list[Setting], x: Any) -> None:
+    """The study's own settings; white inside where another setting is better in both."""
+    for s in found:
+        if s.own and np.isfinite(s.error):
+            face = "white" if s.dominated else GOLD
+            axes.plot(x(s), s.error, "*", color=face, markersize=13, markeredgecolor=style.INK, markeredgewidth=0.9)
+
+
+def _handles(data: Any, found: list[Setting]) -> list[Line2D]:
+    """Families by colour and mark, solvers by line, what pale and hollow marks mean."""
+    from matplotlib.colors import to_rgba
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=COLOURS[f], marker=MARKS[f], markersize=4.5, linewidth=1.2, label=f)
+        for f in data["family"].values.tolist()
+    ]
+    for k, solver in enumerate(data["solver"].values.tolist()):
+        handles.append(Line2D([], [], color=style.INK, linestyle=LINES[k % len(LINES)], linewidth=1.2, label=solver))
+    star: dict[str, Any] = {"marker": "*", "markersize": 10, "markeredgecolor": style.INK, "linestyle": ""}
+    beaten = any(s.own and s.dominated for s in found)
+    text = "the study's own (beaten)" if beaten else "the study's own"
+    handles.append(Line2D([], [], color="white" if beaten else GOLD, label=text, **star))
+    pale = to_rgba(style.INK, 0.5 * PALE)
+    marks: list[tuple[str, Any, bool]] = [("best at its error", style.INK, any(not s.dominated for s in found)),
+             ("pale: another is faster and closer", pale, any(s.dominated and s.solved for s in found)),
+             ("not converged", "white", any(not s.solved for s in found))]  # fmt: skip
+    for label, face, there in marks:
+        if there:
+            handles.append(Line2D([], [], color=style.INK, marker="o", markersize=4.5, markerfacecolor=face,
+                                  markeredgewidth=0.9, linestyle="", label=label))  # fmt: skip
+    return handles

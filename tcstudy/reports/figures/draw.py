@@ -1,0 +1,126 @@
+"""`tcstudy draw`: a picture of a result file of any kind, and what may be asked of each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tcstudy.data.provenance import kind_of
+from tcstudy.data.reading import reading
+from tcstudy.errors import UsageError
+from tcstudy.reports.figures import style
+from tcstudy.reports.figures.convergence_plot import plot_convergence
+from tcstudy.reports.figures.cost_plot import plot_cost
+from tcstudy.reports.figures.law_figure import law_figure, read_law
+from tcstudy.reports.figures.mesh_figure import mesh_figure, read_mesh
+from tcstudy.reports.figures.path_figure import draw_path
+from tcstudy.reports.figures.point_figure import draw
+from tcstudy.reports.figures.sweep_figure import curves_figure, map_figure
+from tcstudy.reports.sweep import read_sweep
+
+OF_RUN = ("x", "y", "by", "map", "of", "law", "mesh")
+"""What chooses among the pictures of a run."""
+LOOK = ("size", "font", "title")
+"""What all pictures take."""
+DRAWN_BY = {
+    "run": ("at", "level", *OF_RUN, *LOOK),
+    "path": ("response", *LOOK),
+    "convergence": ("at", *LOOK),
+    "cost": ("error", *LOOK),
+    "fit": LOOK,
+    "history": ("at", "x", "y", *LOOK),
+}
+"""Options that a picture of each kind of file depends on."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is asked of a picture; None and False for what is not.
+
+    at:        the point by its labels, or of curves and maps those that all points have
+    x, y, by:  curves of the number y over the parameter x, a family for each value of `by`
+    map, of:   a map of the number `of` over two parameters
+    law, mesh: the law of a point with its nodes on it; the mesh of a level
+    size:      width and height [inch]
+    """
+
+    at: Mapping[str, Any] | None = None
+    level: int | None = None
+    response: str | None = None
+    error: str | None = None
+    x: str | None = None
+    y: str | None = None
+    by: str | None = None
+    map: tuple[str, str] | None = None
+    of: str | None = None
+    law: bool = False
+    mesh: bool = False
+    size: tuple[float, float] | None = None
+    font: float | None = None
+    title: str | None = None
+
+    def check(self, kind: str) -> None:
+        """Raise UsageError for what does not go together or does not matter to a file of this kind."""
+        if self.at and kind in ("path", "cost", "fit"):
+            raise UsageError(f"at: the file of tcstudy {kind} has one scene and no sweep points; leave it out")
+        given = [name for name in vars(self) if getattr(self, name) not in (None, False)]
+        for name in given:
+            if name not in DRAWN_BY[kind] and not (name == "at" and not self.at):
+                raise UsageError(f"{name}: the picture of a {kind} file does not depend on it; leave it out")
+        if kind == "history":
+            return
+        for one, other in (("x", "y"), ("y", "x"), ("map", "of"), ("of", "map"), ("by", "x")):
+            if one in given and other not in given:
+                raise UsageError(f"{one}: give {other}, too, for example {EXAMPLES[other]}")
+        modes = [name for name in ("x", "map", "law", "mesh") if name in given]
+        if len(modes) > 1:
+            raise UsageError(f"{modes[0]}: {modes[1]} is another picture; choose one of them")
+
+
+EXAMPLES = {"x": "x = theta_bar", "y": "y = slip_length", "map": "map = alpha,theta_bar", "of": "of = u_T_max"}
+
+
+def picture(file: Path, target: Path, wanted: Wanted) -> str:
+    """Draw a file of any kind; returns what was drawn. Raises StoreError, DrawError, UsageError."""
+    style.check_target(target)
+    kind = kind_of(file)
+    wanted.check(kind)
+    look = style.Look(wanted.size, wanted.font, wanted.title)
+    with reading(file):
+        if kind == "path":
+            return draw_path(file, target, wanted.response or "mean-slip", look)
+        if kind == "history":
+            from tcstudy.reports.figures.history_figure import draw_history
+
+            return draw_history(file, target, wanted.at, wanted.x, wanted.y, look)
+        if kind == "fit":
+            from tcstudy.reports.figures.fit_figure import draw_fit
+
+            return draw_fit(file, target, look)
+        if kind == "cost":
+            return plot_cost(file, target, wanted.error, look)
+        if kind == "convergence":
+            return plot_convergence(file, target, wanted.at, look)
+        return _of_run(file, target, wanted, look)
+
+
+def _of_run(file: Path, target: Path, wanted: Wanted, look: style.Look) -> str:
+    level = -1 if wanted.level is None else wanted.level
+    if not (wanted.x or wanted.map or wanted.law or wanted.mesh):
+        return draw(file, target, wanted.at, level, look)
+    with style.styled(look):
+        if wanted.law:
+            shown = read_law(file, wanted.at, level)
+            style.save(law_figure(shown, look), target, look.dpi)
+            laws = ", ".join(f"{edge}: {law.name}" if edge else law.name for edge, law in shown.laws)
+            return f"{target}: law {laws}, {shown.point.point or shown.point.title}, level {shown.point.level}"
+        if wanted.mesh:
+            mesh = read_mesh(file, wanted.at, level)
+            style.save(mesh_figure(mesh, look), target, look.dpi)
+            return f"{target}: mesh of level {mesh.level}, {len(mesh.body.triangles)} elements"
+        along = wanted.map or tuple(filter(None, (wanted.x, wanted.by)))
+        sweep = read_sweep(file, along, wanted.of or wanted.y or "", wanted.at, level)
+        style.save((map_figure if wanted.map else curves_figure)(sweep, look), target, look.dpi)
+        return f"{target}: {sweep.quantity} over {' and '.join(one.name for one in sweep.parameters)}, {sweep.words}"

@@ -1,0 +1,191 @@
+"""A friction law b̂ with its jumps filled in, and the operating point (u_T, ξ) of every contact node on it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.store import open_results
+from tcstudy.reports.figures import style
+from tcstudy.reports.figures.sheet import Sheet
+from tcstudy.reports.picture import Picture, read_picture
+from tcstudy.reports.select_point import Value, locate
+from tcstudy.reports.stored_study import file_order, stored_study
+from tcstudy.reports.text import axis_unit, counted, label, number, pretty, scaled_unit
+from tcstudy.scene.friction import DOWN, UP, FrictionLaw
+from tcstudy.scene.records import EdgeLaws
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+SAMPLES = 100
+"""Points on a curved piece; a straight one has two."""
+
+UP_STYLE: dict[str, Any] = {"color": style.BLUE, "linewidth": 3.2, "solid_capstyle": "butt"}
+DOWN_STYLE: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 2.2, "linestyle": (0, (2, 1.2))}
+CURVE_STYLE: dict[str, Any] = {"color": style.INK, "linewidth": 1.4}
+STICKING: dict[str, Any] = {"color": style.INK, "marker": "s"}
+SLIPPING: dict[str, Any] = {"color": style.VERMILLION, "marker": "o"}
+ROOM, BEYOND = 1.15, 4.0
+"""The panel reaches a little past the outermost node, and so many times as far if the law has more to show there."""
+
+
+@dataclass(frozen=True)
+class LawPicture:
+    """One point of a sweep and its laws; lambda_1 and omega as stored.
+
+    laws:     (edge, law), one of "" where friction is the same along the contact line
+    index:    (m,) which of them a node has;  strength: (m,) that of the law there
+    """
+
+    point: Picture
+    laws: tuple[tuple[str, FrictionLaw], ...]
+    index: NDArray[np.intp]
+    strength: Array
+    lambda_1: float
+    omega: float
+    stiffness_units: str
+
+
+def read_law(path: Path, point: Mapping[str, Value] | None, level: int) -> LawPicture:
+    """Read a point and the law in the study of the file.
+
+    Raises StoreError if `path` is no complete result file, DrawError if it has no such solved point or its study
+    cannot be read.
+    """
+    picture = read_picture(path, point, level)
+    with open_results(path) as tree:
+        data = tree.to_dataset()
+        study, where = stored_study(data), locate(data, point)
+        shape = [data.sizes[dim] for dim in data["status"].dims if dim != "level"]
+        place = int(np.ravel_multi_index(tuple(where.values()), shape)) if shape else 0
+        at = data.isel(where).isel(level=level)
+        lambda_1, omega = (float(at[name]) if name in at else np.nan for name in ("lambda_1", "omega"))
+        units = str(data["omega"].attrs.get("units", "1")) if "omega" in data else "1"
+    if study is None or len(study.scenes) != int(np.prod(shape, dtype=int)):
+        raise style.DrawError("the study in the file cannot be read any more, so its friction laws are not known")
+    friction, line = study.scenes[file_order(study)[place]].friction, picture.line
+    if isinstance(friction, FrictionLaw):
+        friction = EdgeLaws((("", friction, 1.0),))
+    along = friction.along(line.edge_names, line.edge, np.stack([line.x, line.y], axis=1))
+    return LawPicture(picture, tuple((edge, law) for edge, law, _ in friction.laws), *along, lambda_1, omega, units)
+
+
+def law_figure(picture: LawPicture, look: style.Look) -> Figure:
+    """The figure of one point."""
+    point, line = picture.point, picture.point.line
+    sheet, bonded = Sheet(look, point.title, _facts(picture)), picture.strength > 0.0
+    xi = np.divide(line.xi, picture.strength, out=np.zeros_like(line.xi), where=bonded)
+    windows = [slip_window(law, line.u_T[picture.index == k]) for k, (_, law) in enumerate(picture.laws)]
+    low, high = min(one[0] for one in windows), max(one[1] for one in windows)
+    drawn = [pair for _, law in picture.laws for pair in curves(law, max(abs(low), abs(high)))]
+    within = [b for s, values in drawn for b in values[(s >= low) & (s <= high)]]
+    slip, slip_unit = axis_unit([low, high], line.length_units)
+    stress, stress_unit = axis_unit([*within, *xi[bonded]], line.traction_units)
+    sticks = line.sticks if line.sticks is not None else np.zeros(len(line.u_T), dtype=bool)
+    one = len(picture.laws) == 1
+    for k, (_, law) in enumerate(picture.laws):
+        colour = {} if one else {"color": style.SERIES[k % len(style.SERIES)]}
+        draw_law(sheet.axes, law, (low, high), slip, stress, colour)
+        for which, how in ((sticks, STICKING), (~sticks, SLIPPING)):
+            here = which & bonded & (picture.index == k)
+            if here.any():
+                sheet.axes.plot(line.u_T[here] / slip, xi[here] / stress, linestyle="none", markersize=4,
+                                markeredgewidth=0.4, markeredgecolor="white", clip_on=False, zorder=4,
+                                **how | colour)  # fmt: skip
+    sheet.axes.set_xlabel(style.labelled("slip $u_T$", slip_unit))
+    scaled = "" if np.all(picture.strength[bonded] == 1.0) else " / strength"
+    sheet.label(style.labelled(r"friction $\xi = -S_T$" + scaled, stress_unit))
+    sheet.key(_handles(picture, sticks & bonded, ~sticks & bonded, line.sticks is not None), below=True)
+    return sheet.finish()
+
+
+def _facts(picture: LawPicture) -> list[str]:
+    """The point, and what the law says of uniqueness."""
+    words = []
+    for name, value, units in picture.point.parameters:
+        if isinstance(value, str):
+            words.append(f"{style.symbol(name)}: " + value.replace("$", r"\$"))
+        else:
+            divisor, unit = scaled_unit([value], units)
+            words.append(f"{style.symbol(name)} = {label(value / divisor)} {pretty(unit)}".rstrip())
+    words.append(f"level {picture.point.level}")
+    divisor, unit = axis_unit([picture.lambda_1], picture.stiffness_units)
+    omega, lambda_1 = number(picture.omega / divisor, 3), number(picture.lambda_1 / divisor, 3)
+    unit = pretty(unit)
+    steep = rf"steepest fall $\omega$ = {omega}, stiffness $\lambda_1$ = {lambda_1} {unit}".rstrip()
+    return [",  ".join(words), steep if np.isfinite(picture.lambda_1) else ""]
+
+
+def slip_window(law: FrictionLaw, u_T: Array) -> tuple[float, float]:
+    """Slips between which a law is drawn: the nodes and, if it is not too far away, all that the law does."""
+    largest, reach = float(np.abs(u_T).max(initial=0.0)), slip_range(law)
+    span = ROOM * max(largest, min(reach, BEYOND * largest)) or reach or 1.0
+    low = -span if u_T.min(initial=0.0) < -0.01 * largest else -0.12 * span
+    high = span if u_T.max(initial=0.0) > 0.01 * largest else 0.12 * span
+    return (-span, span) if largest == 0.0 else (low, high)
+
+
+def draw_law(
+    axes: Axes, law: FrictionLaw, window: tuple[float, float], slip: float, stress: float, colour: dict[str, str]
+) -> None:
+    """The pieces of a law as curves, each jump as the vertical interval that fills it; in units of slip and stress."""
+    for s, b in curves(law, max(abs(window[0]), abs(window[1]))):
+        axes.plot(s / slip, b / stress, **CURVE_STYLE | colour)
+    for kind, how in ((UP, UP_STYLE), (DOWN, DOWN_STYLE)):
+        for k in np.flatnonzero(law.kinds == kind):
+            if window[0] <= law.kinks[k] <= window[1]:
+                ends = np.array([law.b_left[k], law.b_right[k]]) / stress
+                axes.plot([law.kinks[k] / slip] * 2, ends, zorder=1, **how | colour)
+    axes.axhline(0.0, color=style.SHADE, linewidth=0.7, zorder=0)
+    axes.axvline(0.0, color=style.SHADE, linewidth=0.7, zorder=0)
+    axes.set_xlim(window[0] / slip, window[1] / slip)
+    axes.margins(y=0.12)
+
+
+def slip_range(law: FrictionLaw) -> float:
+    """Largest |s| that matters to a law: past the outermost kink and four decay lengths; 0 for a law without either."""
+    reach = float(np.abs(law.kinks).max(initial=0.0))
+    decay = float((1.0 / np.abs(law.r[law.r != 0.0])).max(initial=0.0))
+    return max(1.4 * reach, 4.0 * decay)
+
+
+def curves(law: FrictionLaw, reach: float) -> list[tuple[Array, Array]]:
+    """(s, b) along each piece of the law as far as it lies within −reach … reach."""
+    ends = np.clip(np.concatenate([[-reach], law.kinks, [reach]]), -reach, reach)
+    found = []
+    for piece in range(len(law.q)):
+        if ends[piece] < ends[piece + 1]:
+            s = np.linspace(ends[piece], ends[piece + 1], SAMPLES if law.a[piece] else 2)
+            found.append((s, law.value(s, piece)))
+    return found
+
+
+def _handles(picture: LawPicture, sticking: Flags, slipping: Flags, known: bool) -> list[Any]:
+    """The key; of several laws, each in its colour, with the kinds of nodes in ink."""
+    from matplotlib.lines import Line2D
+
+    point: dict[str, Any] = {"linestyle": "none", "markersize": 5}
+    named = [
+        (CURVE_STYLE | {"color": style.SERIES[k % len(style.SERIES)]}, f"{edge}: {law.name}")
+        for k, (edge, law) in enumerate(picture.laws)
+    ]
+    several, law = len(named) > 1, picture.laws[0][1]
+    ink = {"color": style.INK} if several else {}
+    entries = [
+        *((True, *one) for one in (named if several else [(CURVE_STYLE, "law b(s)")])),
+        (not several and bool(np.any(law.kinds == UP)), UP_STYLE, "up-jump"),
+        (not several and bool(np.any(law.kinds == DOWN)), DOWN_STYLE, "down-jump: sudden loss"),
+    ]
+    for nodes, how, text in ((sticking, STICKING, "sticks"), (slipping, SLIPPING, "slips" if known else "contact")):
+        entries.append((bool(nodes.any()), how | point | ink, f"{text} ({counted(int(nodes.sum()), 'node')})"))
+    return [Line2D([], [], **how, label=text) for there, how, text in entries if there]

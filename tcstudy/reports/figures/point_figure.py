@@ -1,0 +1,274 @@
+"""A picture of one sweep point of a result file: the body, and below it u_T and ξ = −S_T along the contact line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.reports.figures import style
+from tcstudy.reports.figures.body_panel import Drawn, draw_body, drawn
+from tcstudy.reports.figures.boundary_roles import draw_roles, name_parts, runs
+from tcstudy.reports.figures.paper import Paper
+from tcstudy.reports.picture import NEAR, BodyFields, Held, LineFields, Picture, read_picture
+from tcstudy.reports.select_point import Value
+from tcstudy.reports.text import axis_unit, label, number, pretty, scaled_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+LEFT, RIGHT, PANEL = 0.85, 0.3, 1.3
+"""Margins of the picture and height of a contact panel [inch]."""
+
+FEET, BODY_FEET = 0.55 + 0.28 + 0.3, 0.95
+"""Room below and between the contact panels, and around the body [inch]."""
+BODY = 4.4
+"""Largest height of the body [inch]."""
+BAR = 1.25
+"""Room for the bar of the temperature to the right of the body [inch]."""
+
+
+def draw(
+    path: Path,
+    target: Path,
+    point: Mapping[str, Value] | None = None,
+    level: int = -1,
+    look: style.Look | None = None,
+) -> str:
+    """Draw one sweep point of the result file `path` into `target` (.png, .svg or .pdf by its suffix).
+
+    point: label by name of the swept parameter, {"alpha": 100, "friction": "softening"}; numbers in the units of
+           the file or texts with a unit. A parameter left out has its first value.
+    level: mesh level from 0, or from the finest with -1, -2, …
+
+    Returns one line that says what was drawn. Raises StoreError if `path` is not a complete result file, DrawError
+    if it does not hold such a solved point, if `target` cannot be written or if matplotlib is not installed.
+    """
+    style.check_target(target)
+    look = look or style.Look()
+    with style.styled(look):
+        picture = read_picture(path, point, level)
+        style.save(point_figure(picture, look), target, look.dpi)
+    fields = "" if picture.body else " (contact line only: the run kept no fields, see output.fields)"
+    return f"{target}: {picture.point or picture.title}, level {picture.level}{fields}"
+
+
+def point_figure(picture: Picture, look: style.Look | None = None) -> Figure:
+    """The figure of one point; call it within `style.styled()` for its letters."""
+    paper = Paper(look or style.Look(), LEFT, picture.title, _caption(picture))
+    body, units = picture.body, picture.line.length_units
+    feet, body_feet = FEET + paper.extra, BODY_FEET + paper.extra
+    room = paper.room(2 * PANEL + (BODY if body else 0.0), feet + (body_feet if body else 0.0))
+    shape = drawn(body, units, paper.width - LEFT - BAR, BODY / (BODY + 2 * PANEL) * room) if body else None
+    body_height = shape.size[1] if shape else 0.0
+    panel = PANEL if paper.look.size is None else (room - body_height) / 2
+    figure = paper.figure(paper.head + feet + 2 * panel + (body_height + body_feet if shape else 0.0))
+    if shape:
+        above = paper.axes(LEFT, feet + 2 * panel + 0.55, *shape.size)
+        _put_body(above, picture, shape)
+        paper.wrap_title(above)
+    window = window_below(picture.line, body, shape) if shape and body else None
+    width = shape.size[0] if shape and window else paper.width - LEFT - RIGHT
+    lower = paper.axes(LEFT, 0.55, width, panel)
+    upper = paper.axes(LEFT, 0.55 + panel + 0.28, width, panel)
+    draw_line(upper, lower, picture.line, width, picture.held, window)
+    paper.wrap_title(upper)
+    figure.align_ylabels([upper, lower])
+    return figure
+
+
+def _put_body(axes: Axes, picture: Picture, shape: Drawn) -> None:
+    assert picture.body
+    draw_body(axes, picture.body, picture.line, shape)
+    parts = [run for run in runs(picture.body, picture.edges) if run.edge.role not in ("contact", "free")]
+    draw_roles(axes, shape.x, shape.y, parts, shape.per_inch)
+    name_parts(axes, shape.x, shape.y, parts, shape.per_inch, style.LETTER)
+    for source in picture.sources:
+        _put_source(axes, picture.body, shape, source)
+
+
+def _put_source(axes: Axes, body: BodyFields, shape: Drawn, source: Array) -> None:
+    """The outline of a heated region, displaced like the nodes near it."""
+    loop = np.append(source, source[:1], axis=0)
+    fine = np.concatenate([a + np.linspace(0.0, 1.0, 16)[:, None] * (b - a) for a, b in pairwise(loop)])
+    near = [int(np.argmin(np.hypot(body.x - x, body.y - y))) for x, y in fine]
+    unit = float(np.ptp(body.x)) / float(np.ptp(shape.x0))
+    x = fine[:, 0] / unit + shape.x[near] - shape.x0[near]
+    y = fine[:, 1] / unit + shape.y[near] - shape.y0[near]
+    axes.plot(x, y, color=style.INK, linewidth=1.1, linestyle=(0, (4, 2)), zorder=4)
+    ground = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
+    look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": style.pt(8.5), "bbox": ground, "zorder": 5}
+    axes.text(float(x.mean()), float(y.mean()), "heated", **look)
+
+
+def window_below(line: LineFields, body: BodyFields, shape: Drawn) -> tuple[float, float] | None:
+    """Arclengths at the ends of a panel that stands below that of the body, so that s lies below its x [length units].
+
+    None for a contact line that is not straight along x.
+    """
+    length = float(line.c.sum())
+    if np.ptp(line.y) > NEAR * length or len(line.x) < 2:
+        return None
+    sign = 1.0 if line.x[-1] > line.x[0] else -1.0
+    start = line.x - sign * line.arclength
+    if np.ptp(start) > NEAR * length:
+        return None
+    unit = float(np.ptp(body.x)) / float(np.ptp(shape.x0))
+    return sign * (shape.left * unit - float(start[0])), sign * (shape.right * unit - float(start[0]))
+
+
+def _caption(picture: Picture) -> list[str]:
+    """Lines below the title: the swept parameters, then the mesh and how well the inclusion is met."""
+    parts = []
+    for name, value, units in picture.parameters:
+        symbol = style.symbol(name)
+        if isinstance(value, str):
+            parts.append(f"{symbol}: " + value.replace("$", r"\$"))
+            continue
+        divisor, unit = scaled_unit([value], units)
+        parts.append(f"{symbol} = {label(value / divisor)} {pretty(unit)}".rstrip())
+    divisor, unit = scaled_unit([picture.h_max], picture.line.length_units)
+    size = f"{number(picture.h_max / divisor, 3)} {pretty(unit)}".rstrip()
+    mesh = [
+        f"level {picture.level}",
+        f"longest element edge {size}",
+        f"{picture.n_dof} displacement unknowns",
+        f"inclusion residual {number(picture.residual, 2)}",
+    ]
+    return [",  ".join(parts), ",  ".join(mesh)]
+
+
+FEW = 60
+"""Contact nodes up to which each one gets a dot."""
+
+
+def draw_line(
+    upper: Axes,
+    lower: Axes,
+    line: LineFields,
+    width: float,
+    held: Sequence[Held] = (),
+    window: tuple[float, float] | None = None,
+) -> None:
+    """Both panels; they share the arclength, and `width` is their width [inch].
+
+    held: u_T at the held ends of every part, drawn where it is known
+    window: arclengths at the ends of the panels, by default those of the line
+    ξ is drawn as it is computed: constant on the segment S_i around every contact node.
+    """
+    length = float(line.c.sum())
+    metre, unit = axis_unit([length], line.length_units)
+    slip, slip_unit = axis_unit(line.u_T, line.length_units)
+    stress, stress_unit = axis_unit(line.xi, line.traction_units)
+    for axes in (upper, lower):
+        _shade(axes, line, metre)
+        axes.axhline(0.0, color=style.PALE, linewidth=0.8, zorder=1)
+        _across(axes, length / metre, (window[0] / metre, window[1] / metre) if window else None)
+    for axes, values in ((upper, line.u_T), (lower, line.xi)):
+        if not np.any(values):  # a scale around nothing but zero would mean nothing
+            axes.set_ylim(-1.0, 1.0)
+            axes.set_yticks([0.0])
+    dots: dict[str, Any] = {"marker": "o" if len(line.u_T) <= FEW else "", "markersize": 3.0, "clip_on": False}
+    for k, part in enumerate(line.parts):
+        ends, nodes = line.steps(part)
+        at = np.append(line.arclength[part], ends[-1])[: len(nodes)]  # a ring ends with its first node
+        u_T, (first, last) = line.u_T[nodes], held[k] if held else (None, None)
+        if first is not None:
+            at, u_T = np.append(ends[0], at), np.append(first, u_T)
+        if last is not None:
+            at, u_T = np.append(at, ends[-1]), np.append(u_T, last)
+        upper.plot(at / metre, u_T / slip, color=style.BLUE, linewidth=1.5, **dots)
+        places = [(end / metre, u / slip) for end, u in ((ends[0], first), (ends[-1], last)) if u is not None]
+        upper.plot(*zip(*places, strict=True) if places else ((), ()), "s", color=style.INK, markersize=5, zorder=4)
+        if places:  # named at the lower end, where there is room above, or else below
+            low = min(places, key=lambda end: end[1])
+            side, shift = ("left", 4) if low[0] < np.mean(at) / metre else ("right", -4)
+            size, above = style.pt(8.5), low[1] < 0.7 * np.max(u_T, initial=0.0) / slip or low[1] <= 0.0
+            upper.annotate(
+                "held", low, (shift, 5 if above else -16), textcoords="offset points", ha=side, fontsize=size
+            )
+        lower.stairs(line.xi[nodes] / stress, ends / metre, baseline=None, color=style.VERMILLION, linewidth=1.5)
+    upper.tick_params(labelbottom=False)
+    upper.set_ylabel(style.labelled("$u_T$", slip_unit))
+    lower.set_ylabel(style.labelled(r"$\xi = -S_T$", stress_unit))
+    lower.set_xlabel(style.labelled(_along(line), unit))
+    upper.set_title(f"Contact line: {stick_text(line)}", loc="left")
+    if len(np.unique(line.edge)) > 1:
+        _name_runs(upper, lower, line, metre, width)
+
+
+def _across(axes: Axes, length: float, window: tuple[float, float] | None) -> None:
+    """The arclength from 0 to `length`, as it is drawn; within a wider window ticks and frame end with the line."""
+    axes.set_xlim(*(window or (0.0, length)))
+    if window:
+        from matplotlib.ticker import MaxNLocator
+
+        ticks = MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, length)
+        axes.set_xticks([tick for tick in ticks if -1e-9 * length <= tick <= (1.0 + 1e-9) * length])
+        axes.spines["bottom"].set_bounds(0.0, length)
+
+
+def stick_text(line: LineFields) -> str:
+    """How much of the contact line sticks, in words."""
+    if line.sticks is None:
+        return "the file does not tell which part sticks"
+    if not line.sticks.any():
+        return "all of it slips"
+    if line.sticks.all():
+        return "all of it sticks (shaded)"
+    share = line.c[line.sticks].sum() / line.c.sum()
+    return f"the shaded part sticks ({100.0 * share:.1f} %), the rest slips"
+
+
+def stick_ranges(line: LineFields) -> list[tuple[float, float]]:
+    """Arclengths between which the line sticks: joined segments S_i of sticking nodes."""
+    ranges: list[tuple[float, float]] = []
+    if line.sticks is None:
+        return ranges
+    for part in line.parts:
+        ends, nodes = line.steps(part)
+        change = np.diff(np.concatenate([[0], line.sticks[nodes].astype(int), [0]]))
+        first, last = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
+        ranges += [(float(ends[a]), float(ends[b])) for a, b in zip(first, last, strict=True)]
+    return ranges
+
+
+def _shade(axes: Axes, line: LineFields, metre: float) -> None:
+    for start, end in stick_ranges(line):
+        axes.axvspan(start / metre, end / metre, color=style.SHADE, linewidth=0, zorder=0)
+
+
+def _along(line: LineFields) -> str:
+    edges = np.unique(line.edge)
+    if len(edges) == 1 and edges[0] < len(line.edge_names):
+        return f"arclength s along {line.edge_names[edges[0]]}"
+    return "arclength s along the contact line"
+
+
+def _name_runs(upper: Axes, lower: Axes, line: LineFields, metre: float, width: float) -> None:
+    """Thin lines where one contact edge ends and another begins, names between them where they fit."""
+    cuts = np.flatnonzero(np.diff(line.edge)) + 1
+    ends = [0.0, *(0.5 * (line.arclength[cuts - 1] + line.arclength[cuts])).tolist(), float(line.c.sum())]
+    for cut in ends[1:-1]:
+        for axes in (upper, lower):
+            axes.axvline(cut / metre, color=style.PALE, linewidth=0.8)
+    for first, start, end in zip([0, *cuts.tolist()], ends[:-1], ends[1:], strict=True):
+        name = line.edge_names[line.edge[first]] if line.edge[first] < len(line.edge_names) else ""
+        if style.LETTER * len(name) <= (end - start) / ends[-1] * width:
+            lower.text(
+                (start + end) / 2 / metre,
+                1.03,
+                name,
+                transform=lower.get_xaxis_transform(),
+                color=style.BLUE,
+                fontweight="bold",
+                ha="center",
+                va="bottom",
+            )

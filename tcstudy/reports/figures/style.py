@@ -1,0 +1,232 @@
+"""What the pictures share: colours, letters, units, saving, and the error of a picture that cannot be made.
+
+matplotlib is imported when a picture is made, so that the package works without it; pyplot and its list of open
+figures are not used at all.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from tcstudy.data.files import place_faults, replace_file
+from tcstudy.errors import DrawError, StoreError, UsageError
+from tcstudy.reports.text import pretty
+from tcstudy.scene import key
+from tcstudy.scene.key import GREEK
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
+WIDTH = 8.0
+"""Width of every picture [inch]."""
+
+DPI, FINE_DPI = 160, 300
+"""Pixels per inch of a PNG; of one whose size was asked for, which goes to print."""
+
+SUFFIXES = (".png", ".svg", ".pdf")
+
+INK, PALE, SHADE = "#222222", "#8a8a8a", "#dedede"
+BLUE, VERMILLION, GREEN = "#0072b2", "#d55e00", "#009e73"
+SERIES = (BLUE, VERMILLION, GREEN, "#cc79a7", "#e69f00", "#56b4e9", INK)
+"""From the palette of Okabe and Ito, told apart with every kind of colour vision."""
+
+EVEN = "#fed976"
+"""Of the colours of HEAT, the one for a body of one temperature."""
+
+LETTER = 0.09
+"""Width of a bold letter [inch], to know what fits."""
+
+HEAT = "YlOrRd"
+"""Colour map of the body: light enough for dark lines and letters on most of its range."""
+
+
+USUAL = 9.5
+"""Usual size of letters [pt]."""
+
+_STYLE: dict[Any, Any] = {
+    "font.size": USUAL,
+    "axes.titlesize": USUAL,
+    "axes.labelsize": USUAL,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "axes.edgecolor": PALE,
+    "axes.labelcolor": INK,
+    "text.color": INK,
+    "text.usetex": False,
+    "xtick.color": PALE,
+    "ytick.color": PALE,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.unicode_minus": True,
+    "svg.hashsalt": "tcstudy",
+    "svg.fonttype": "none",  # text that other programs can edit and search
+    "pdf.fonttype": 42,  # TrueType: journals refuse Type 3
+}
+
+
+LARGEST, SMALLEST = 40.0, 1.0
+"""Width and height that a picture may have [inch]."""
+LETTERS = (4.0, 40.0)
+"""Sizes of letters that a picture may have [pt]."""
+INCHES = {"cm": 1 / 2.54, "mm": 1 / 25.4, "in": 1.0}
+
+
+@dataclass(frozen=True)
+class Look:
+    """What is asked of the looks of a picture.
+
+    size:  width and height [inch], None for the usual one
+    font:  size of its letters [pt], None for the usual one
+    title: its heading, None for the title of the study, "" for no heading at all
+    """
+
+    size: tuple[float, float] | None = None
+    font: float | None = None
+    title: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.font is not None and not LETTERS[0] <= self.font <= LETTERS[1]:
+            raise UsageError(f"font: letters of {self.font:g} pt cannot be read; give {LETTERS[0]:g} to {LETTERS[1]:g}")
+
+    @property
+    def letters(self) -> float:
+        """The size of the letters [pt]."""
+        return self.font or USUAL
+
+    @property
+    def dpi(self) -> int:
+        """Pixels per inch of a PNG."""
+        return FINE_DPI if self.size else DPI
+
+    def columns(self, width: float) -> int:
+        """Letters of usual size that stand side by side on so many inches."""
+        return max(12, int(width * 72.0 / (0.54 * self.letters)))
+
+
+def size_in_inches(text: str) -> tuple[float, float]:
+    """Width and height [inch] of a text such as "8x5cm"; raises UsageError if it is no size of a picture."""
+    match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(cm|mm|in)?\s*[x×]\s*(\d+\.?\d*|\.\d+)\s*(cm|mm|in)\s*", text)
+    if match is None:
+        raise UsageError(
+            f"size: {text!r} is none; write width x height with a unit, for example 8x5cm, 80x50mm or 3.2x2in"
+        )
+    width, height = float(match[1]) * INCHES[match[2] or match[4]], float(match[3]) * INCHES[match[4]]
+    if not all(SMALLEST <= side <= LARGEST for side in (width, height)):
+        least, most = SMALLEST * 2.54, LARGEST * 2.54
+        raise UsageError(f"size: a picture of {text} cannot be drawn; give {least:.1f} to {most:.0f} cm a side")
+    return width, height
+
+
+def symbol(name: str) -> str:
+    """A parameter as formulas write it, θ̄ or u_T (`scene.key.symbol`); others in words."""
+    if ".points." in name:
+        return f"$b_{{{name.rpartition('.')[2]}}}$"
+    letter, _, index = name.rpartition(".")[2].partition("_")
+    below = f"_{index}" if len(index) == 1 else f"_{{{index}}}" if index else ""
+    if letter in GREEK:
+        return rf"$\bar\{letter}$" if index == "bar" else rf"$\{letter}{below}$"
+    component = letter in ("u", "g", "f") and index in ("x", "y", "N", "T")
+    return f"${letter}{below}$" if component else key.symbol(name).replace("$", r"\$")
+
+
+def styled(look: Look | None = None) -> AbstractContextManager[None]:
+    """The settings of the pictures, for the time of a `with`; raises DrawError if there is no matplotlib."""
+    scale = look.letters / USUAL if look is not None else 1.0
+    sizes = {key: scale * value for key, value in _STYLE.items() if key.endswith("size")}
+    settings: AbstractContextManager[None] = _matplotlib().rc_context(_STYLE | sizes)
+    return settings
+
+
+def pt(letters: float) -> float:
+    """Size of letters [pt] in a picture that is being styled, for what would be `letters` among usual ones."""
+    return letters * float(_matplotlib().rcParams["font.size"]) / USUAL
+
+
+def _matplotlib() -> Any:
+    try:
+        import matplotlib
+    except ImportError as error:
+        raise DrawError('pictures need matplotlib, which is not installed; pip install "tcstudy[plot]"') from error
+    return matplotlib
+
+
+def check_target(target: Path) -> None:
+    """Raise DrawError, before any work is done, unless the name asks for a known format and pictures can be put there.
+
+    Raises it, too, where there is no matplotlib.
+    """
+    if target.suffix.lower() not in SUFFIXES:
+        raise DrawError(f"{target}: a picture's name ends in {', '.join(SUFFIXES)}; choose one of them")
+    if faults := place_faults(target):
+        raise DrawError("; ".join(faults))
+    _matplotlib()
+
+
+def save(figure: Figure, target: Path, dpi: int = DPI) -> None:
+    """Write a figure in the format of the suffix in place of an old one; the same figure gives the same bytes.
+
+    Raises DrawError if the file cannot be written; an old one is then untouched.
+    """
+    kind = target.suffix.lower()[1:]
+    dates = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=kind, dpi=dpi, metadata=dates.get(kind))
+
+    def put(aside: Path) -> None:
+        aside.write_bytes(buffer.getvalue())
+
+    try:
+        replace_file(target, put, sealed=False)
+    except StoreError as error:
+        raise DrawError(str(error)) from error
+
+
+def inches(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """New axes at a place counted in inches from the lower left corner."""
+    across, up = figure.get_size_inches()
+    return figure.add_axes((left / across, bottom / up, width / across, height / up))
+
+
+def part_of(axes: Axes, length: float, vertical: bool = False) -> float:
+    """A length [inch at usual letters] as a part of the width or height of a panel, for what stands beside it."""
+    panel, size = axes.get_position(), cast("Figure", axes.figure).get_size_inches()
+    return pt(length) / float(panel.height * size[1] if vertical else panel.width * size[0])
+
+
+NARROW = 100.0
+"""Ratio of the ends of a logarithmic axis up to which powers of ten would leave it with one tick or none."""
+
+
+def few_ticks(axis: Axis) -> None:
+    """Below NARROW, numbers at 1, 2 and 5 only: powers of ten at every digit run into each other and off the page."""
+    from matplotlib.ticker import FuncFormatter, LogLocator
+
+    low, high = sorted(axis.get_view_interval())
+    if high < NARROW * low:
+        plain = FuncFormatter(lambda value, _: f"{value:g}")
+        axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+        axis.set_major_formatter(plain)
+        axis.set_minor_formatter(plain)
+
+
+_STATED = re.compile(r"(\w+) = (-?[\d.]\S*)((?: [^\s,]+)*)(?=, |$)")
+
+
+def point_words(text: str) -> str:
+    """A point as files name it, "alpha = 100 W m-2 K-1, friction = tresca", with symbols and raised exponents."""
+    named = re.sub(r"(\w+) = (?!-?[\d.])", lambda one: f"{symbol(one[1])} = ", text.replace("$", r"\$"))
+    return _STATED.sub(lambda one: f"{symbol(one[1])} = {one[2]}{pretty(one[3])}", named)
+
+
+def labelled(name: str, units: str) -> str:
+    """Text for an axis: the name with its units."""
+    return f"{name} [{pretty(units)}]" if pretty(units) else name

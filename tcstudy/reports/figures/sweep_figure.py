@@ -1,0 +1,192 @@
+"""Pictures of a whole sweep: curves over one parameter, families by another; a map over two parameters."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.reports.figures import style
+from tcstudy.reports.figures.sheet import Sheet
+from tcstudy.reports.sweep import DrawnParameter, SweepPicture
+from tcstudy.reports.text import axis_unit, pretty
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+MARKS = "osD^vPX"
+MOST_NAMED = 10
+"""Curves that a legend names; more of them, by a number, are told apart by a colour bar."""
+SHORT = {"u_T_max": "max $|u_T|$", "theta_mean": r"mean $\theta$", "lambda_1": r"$\lambda_1$", "omega": r"$\omega$"}
+"""Numbers on small sheets whose names are no words."""
+COLOURS = "viridis"
+"""Evenly light for every kind of colour vision, and in grey."""
+MISSING: dict[str, Any] = {"marker": "x", "linestyle": "none", "markersize": 5, "clip_on": False, "zorder": 5}
+
+
+def axis_title(one: DrawnParameter) -> str:
+    """A swept parameter with its unit, for an axis."""
+    return style.labelled(style.symbol(one.name), one.unit)
+
+
+def facts(picture: SweepPicture) -> list[str]:
+    """What is the same at all points drawn, and how many are left out."""
+    parts = [
+        f"{style.symbol(one.name)} = {_escaped(one.label)}{' ' + pretty(one.unit) if one.unit != '1' else ''}"
+        + (" (its first value)" if one.first else "")
+        for one in picture.fixed
+    ]
+    return [",  ".join([*parts, f"level {picture.level}"]), picture.left_out]
+
+
+def _escaped(text: str) -> str:
+    return text.replace("$", r"\$")
+
+
+def number_labels(picture: SweepPicture, unit: str) -> tuple[str, str]:
+    """The number drawn in words, and shorter, with its unit."""
+    short = SHORT.get(picture.quantity, picture.quantity.replace("_", " "))
+    return style.labelled(_escaped(picture.long_name), unit), style.labelled(short, unit)
+
+
+def curves_figure(picture: SweepPicture, look: style.Look) -> Figure:
+    """One number over the first parameter of the picture, a curve for each value of the second if there is one."""
+    x, by = picture.parameters[0], picture.parameters[1] if len(picture.parameters) > 1 else None
+    missing = " (×)" if picture.left_out else ""
+    told = [fact + missing if fact == picture.left_out else fact for fact in facts(picture)]
+    sheet = Sheet(look, picture.title, told)
+    axes = sheet.axes
+    divisor, unit = axis_unit(picture.values[np.isfinite(picture.values)], picture.units)
+    across = x.numbers if x.numbers is not None else np.arange(len(x.labels), dtype=float)
+    colours = _colours(by)
+    for k in range(len(by.labels) if by else 1):
+        own = np.flatnonzero(by.place == k) if by else np.arange(len(picture.values))
+        own = own[np.argsort(x.place[own], kind="stable")]
+        at, y = across[x.place[own]], picture.values[own] / divisor
+        joined = x.numbers is not None and len(np.unique(at)) == len(at)  # points of a list may share their x
+        mark = MARKS[k % len(MARKS)] if len(at) <= 60 or not joined else ""
+        how: dict[str, Any] = {"color": colours[k], "marker": mark, "markersize": 4, "linewidth": 1.3}
+        how |= {"linestyle": "-" if joined else "none", "label": _escaped(by.labels[k]) if by else None}
+        axes.plot(at, y, **how)
+        if len(gone := at[np.isnan(y)]):
+            axes.plot(gone, 0.0 * gone, color=colours[k], transform=axes.get_xaxis_transform(), **MISSING)
+    axes.set_xlabel(axis_title(x))
+    sheet.label(*number_labels(picture, unit))
+    _scale(axes, x, across)
+    if np.isfinite(picture.values).any() and np.ptp(picture.values[np.isfinite(picture.values)]) == 0.0:
+        axes.margins(y=0.5)
+    axes.grid(color=style.SHADE, linewidth=0.6)
+    axes.set_axisbelow(True)
+    if by:
+        _families(sheet, by)
+    return sheet.finish()
+
+
+def _colours(by: DrawnParameter | None) -> list[Any]:
+    if by is None or not _many(by):
+        return [style.SERIES[k % len(style.SERIES)] for k in range(len(by.labels) if by else 1)]
+    import matplotlib
+
+    return list(matplotlib.colormaps[COLOURS](np.linspace(0.0, 0.92, len(by.labels))))
+
+
+def _many(by: DrawnParameter) -> bool:
+    return by.numbers is not None and len(by.labels) > len(style.SERIES)
+
+
+def _scale(axes: Axes, x: DrawnParameter, across: Array) -> None:
+    """Names at their places; a logarithmic axis where the values were spaced like that."""
+    if x.numbers is None:
+        axes.set_xticks(across, [_escaped(text) for text in x.labels])
+        axes.set_xlim(-0.5, len(across) - 0.5)
+    elif len(across) > 2 and across.min() > 0.0:
+        spread = [float(np.ptp(step) / np.mean(step)) for step in (np.diff(across), np.diff(np.log(across)))]
+        if spread[1] < spread[0]:
+            axes.set_xscale("log")
+            axes.minorticks_off()
+            few = range(0, len(across), -(-len(across) // 9))
+            axes.set_xticks(across[few], [x.labels[i] for i in few])
+
+
+def _families(sheet: Sheet, by: DrawnParameter) -> None:
+    """What tells the curves apart: a key, or a colour bar for many numbers."""
+    if _many(by) and len(by.labels) > MOST_NAMED:
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import Normalize
+
+        assert by.numbers is not None
+        scale = Normalize(float(by.numbers.min()), float(by.numbers.max()))
+        sheet.bar(ScalarMappable(scale, COLOURS), axis_title(by))
+        return
+    sheet.key([line for line in sheet.axes.lines if not str(line.get_label()).startswith("_")], axis_title(by))
+
+
+def map_figure(picture: SweepPicture, look: style.Look) -> Figure:
+    """One number over two parameters, a cell for each pair of values.
+
+    Hatched: not proved to be the only solution. Outlined: starts led to solutions of different energies. White with
+    crosses: no solution. Blank: a pair that the sweep does not have.
+    """
+    x, y = picture.parameters
+    grid = np.full((len(y.labels), len(x.labels)), -1, dtype=int)
+    for i, (row, column) in enumerate(zip(y.place, x.place, strict=True)):
+        if grid[row, column] >= 0:
+            where = f"{x.name} = {x.labels[column]} and {y.name} = {y.labels[row]}"
+            raise style.DrawError(f"several points of the list have {where}; choose one value of another parameter")
+        grid[row, column] = i
+    sheet = Sheet(look, picture.title, facts(picture))
+    axes = sheet.axes
+    known = picture.values[np.isfinite(picture.values)]
+    divisor, unit = axis_unit(known, picture.units)
+    values = np.where(grid >= 0, picture.values[grid] / divisor, np.nan)
+    cells = axes.pcolormesh(np.ma.masked_invalid(values), cmap=COLOURS, edgecolors="white", linewidth=0.4)
+    there = grid >= 0
+    gone, open_ = there & np.isnan(values), there & np.isfinite(values) & ~picture.proved[grid]
+    several = there & np.isfinite(values) & picture.several[grid]
+    _cells(axes, gone, {"hatch": "xxx", "edgecolor": style.PALE, "linewidth": 0.0})
+    _cells(axes, open_, {"hatch": "//", "edgecolor": "white", "linewidth": 0.0})
+    _cells(axes, several, {"edgecolor": style.VERMILLION, "linewidth": 1.8, "zorder": 4})
+    sheet.bar(cells, *number_labels(picture, unit))
+    _cell_ticks(sheet, x, y)
+    _cell_key(sheet, bool(gone.any()), bool(open_.any()), bool(several.any()))
+    return sheet.finish()
+
+
+def _cells(axes: Axes, which: NDArray[np.bool_], how: dict[str, Any]) -> None:
+    from matplotlib.patches import Rectangle
+
+    for row, column in np.argwhere(which):
+        axes.add_patch(Rectangle((column, row), 1.0, 1.0, facecolor="none", **how))
+
+
+def _cell_ticks(sheet: Sheet, x: DrawnParameter, y: DrawnParameter) -> None:
+    """The labels at the middles of the cells, as many as find room."""
+    (width, height), axes, look = sheet.size, sheet.axes, sheet.look
+    most_across = max(2, look.columns(0.6 * width) // (max(map(len, x.labels)) + 2))
+    most_up = max(2, int(0.6 * height * 72.0 / (1.6 * look.letters)))
+    for axis, one, most in ((axes.xaxis, x, most_across), (axes.yaxis, y, most_up)):
+        few = range(0, len(one.labels), -(-len(one.labels) // most))
+        axis.set_ticks([i + 0.5 for i in few], [_escaped(one.labels[i]) for i in few])
+    axes.set(xlabel=axis_title(x), ylabel=axis_title(y))
+    axes.tick_params(length=0)
+
+
+def _cell_key(sheet: Sheet, gone: bool, unproved: bool, several: bool) -> None:
+    """What hatches and outlines mean, where there are some."""
+    from matplotlib.patches import Patch
+
+    handles = []
+    if unproved:
+        handles.append(Patch(facecolor="#31688e", edgecolor="white", hatch="///", label="not proved unique"))
+    if several:
+        handles.append(
+            Patch(facecolor="none", edgecolor=style.VERMILLION, linewidth=1.8, label="several solutions found")
+        )
+    if gone:
+        handles.append(Patch(facecolor="none", edgecolor=style.PALE, hatch="xxx", linewidth=0.0, label="no solution"))
+    if handles:
+        sheet.key(handles, below=True)

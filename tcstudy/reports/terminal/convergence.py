@@ -1,0 +1,272 @@
+"""The report of a convergence file: errors with rates, orders with their reasons, extrapolated numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS, Measure
+from tcstudy.data.records import PointStatus
+from tcstudy.data.store import open_results
+from tcstudy.reports.select_point import Value, axis_names, describe, locate
+from tcstudy.reports.terminal.tables import Heading, Part, Table, render
+from tcstudy.reports.text import number, prefix, scaled_labels
+
+GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("θ", "temperature", ("theta_L2", "theta_H1")),
+    ("u", "displacement", ("u_energy", "u_H1", "u_L2")),
+    ("u_T", "tangential displacement on Γ_C", ("u_T_L2", "u_T_max")),
+    ("ξ", "friction traction on Γ_C", ("xi_L2", "xi_nodes", "xi_max")),
+)
+"""Errors that share a table and a panel of the plot."""
+
+VERDICT_WORDS = {
+    "unknown": "–",
+    "exact": "exact (rounding)",
+    "as_expected": "as expected",
+    "faster": "faster",
+    "slower": "SLOWER",
+    "pre_asymptotic": "PRE-ASYMPTOTIC",
+    "too_few_levels": "too few levels",
+}
+_BY_NAME = {measure.name: measure for measure in ERRORS}
+LEGEND = (
+    "factor, rate: from the level before. order: least-squares slope ± standard error over the levels named. "
+    "PRE-ASYMPTOTIC: rates of the finest levels differ by more than 0.2. Values in (parentheses) did not converge "
+    "and enter no fit. Errors are relative to the norm of the reference; H¹ is the seminorm; ξ is compared in L²(Γ_C) "
+    "as a step function, and at the contact nodes."
+)
+
+
+STEADY = 1e-12
+"""Relative uncertainty that is rounding and not worth a word."""
+
+
+def convergence_report(
+    path: Path, form: str = "text", point: Mapping[str, Value] | None = None, full: bool = True
+) -> str:
+    """The report in one of tables.FORMATS, from the file alone.
+
+    point: the sweep point whose tables to show;  full: the tables of every point where none is named, else of a sweep
+           the orders alone
+
+    Raises StoreError if it is no such file, DrawError if it has no such point.
+    """
+    with open_results(path) as tree:
+        data = tree.to_dataset().load()
+    return render(list(parts(data, point, full)), form)
+
+
+def parts(data: Any, point: Mapping[str, Value] | None = None, full: bool = True) -> Iterator[Part]:
+    """Everything the report says, in order."""
+    yield Heading(f"Convergence: {data.attrs['title']}", 1)
+    yield f"Reference: {data.attrs['reference']}."
+    yield _levels(data)
+    dims = sweep_dims(data)
+    points = [dict(zip(dims, index, strict=True)) for index in np.ndindex(*(data.sizes[d] for d in dims))]
+    if point:
+        points = [locate(data, point)]
+    elif len(points) > 1 and not full:
+        yield from _overview(data, points)
+        points = []
+    for where in points:
+        at = data.isel(where)
+        place = "".join(f"-{where[d]}" for d in dims)
+        if dims:
+            yield Heading(describe(data, where))
+        for part in _point(at, data.attrs["reference"]):
+            yield replace(part, label=part.label + place) if isinstance(part, Table) else part
+    if points:
+        yield LEGEND
+    for note in filter(None, str(data.attrs["notes"]).split("\n")):
+        yield f"Note: {note}"
+
+
+MARKS = {"exact": "exact", "slower": " <", "faster": " >", "pre_asymptotic": " ~"}
+"""What stands in place of an order that is rounding, and behind one that is not as expected."""
+OVERVIEW = (
+    "Orders fitted over the levels. < slower and > faster than expected, ~ not yet settled (pre-asymptotic), exact: "
+    "all errors are rounding, (order): some level was not solved. Tables of a point: --at NAME=VALUE; of all: --full."
+)
+_RANKS = {"u_H1": 1, "xi_L2": 2, "u_L2": 3, "theta_H1": 4, "u_energy": 5, "theta_L2": 6, "u_T_L2": 7, "xi_nodes": 8}
+"""Importance of errors where there is no room for all."""
+
+
+def _overview(data: Any, points: list[dict[str, int]]) -> Iterator[Part]:
+    """The orders of all points in one table, below the order expected of each error."""
+    names = [name for _, _, group in GROUPS for name in group if shown(data, name)]
+    if not names:
+        yield "There is no reference, and so no errors; what the numbers tend to: --full."
+        return
+    swept = [
+        (name, *scaled_labels(data[name].values.tolist(), str(data[name].attrs.get("units", "1"))))
+        for name in axis_names(data)
+    ]
+    rows = []
+    for where in points:
+        labels = [texts[where[str(data[name].dims[0])]] for name, texts, _ in swept]
+        rows.append((*labels, *(_order(data.isel(where), name) for name in names)))
+    expected = [np.unique(np.round(data[f"expected_{name}"].values, 2)) for name in names]
+    first = ("expected", *("" for _ in swept[1:]))
+    rows.insert(0, (*first, *(_fixed(e[0]) if len(e) == 1 else f"{_fixed(e[0])}…{_fixed(e[-1])}" for e in expected)))
+    header = (*(_unit(name, unit) for name, _, unit in swept), *(_BY_NAME[name].symbol for name in names))
+    ranks = (*(0 for _ in swept), *(_RANKS.get(name, 9) for name in names))
+    yield Table("Orders of convergence", header, tuple(rows), label="orders", ranks=ranks)
+    yield OVERVIEW
+
+
+def _order(at: Any, name: str) -> str:
+    verdict, slope = VERDICTS[int(at[f"verdict_{name}"])], float(at[f"slope_{name}"])
+    text = MARKS["exact"] if verdict == "exact" else _fixed(slope) + MARKS.get(verdict, "")
+    return text if bool((at["status"] == int(PointStatus.OK)).all()) else f"({text})"
+
+
+def sweep_dims(data: Any) -> tuple[str, ...]:
+    """Names of the sweep dimensions."""
+    return tuple(d for d in data["status"].dims if d != "level")
+
+
+def shown(at: Any, name: str) -> bool:
+    """Whether the point has this error on some level."""
+    return f"error_{name}" in at and bool(np.isfinite(at[f"error_{name}"]).any())
+
+
+def _levels(data: Any) -> Table:
+    size, unit = prefix(data["h_max"].values.tolist(), data["h_max"].attrs["units"])
+    rows = [
+        (str(i), number(data["h_max"][i] / size), str(int(data["n_dof"][i])), str(int(data["n_contact"][i])))
+        for i in range(data.sizes["level"])
+    ]
+    return Table("Meshes", ("level", _unit("h_max", unit), "dofs", "contact unknowns"), tuple(rows), label="meshes")
+
+
+def _point(at: Any, reference: str) -> Iterator[Part]:
+    measured: list[str] = []
+    for symbol, words, group in GROUPS:
+        names = tuple(name for name in group if shown(at, name))
+        measured += names
+        if names:
+            yield _errors(at, symbol, words, names, reference)
+    if measured:
+        yield _orders(at, tuple(measured))
+    values = {measure: at.get(f"value_{measure.name}") for measure in NUMBERS}
+    numbers = [measure for measure, value in values.items() if value is not None and np.isfinite(value).any()]
+    if numbers:
+        yield _numbers(at, numbers)
+
+
+def _errors(at: Any, symbol: str, words: str, names: tuple[str, ...], reference: str) -> Table:
+    """Value, factor and rate of a group of errors by level."""
+    header = ["level"]
+    for name in names:
+        header += [_BY_NAME[name].symbol, "factor", "rate"]
+    rows = []
+    for i in range(at.sizes["level"]):
+        if not int(at["compared"][i]):
+            continue
+        row = [str(i)]
+        for name in names:
+            error, rate = at[f"error_{name}"].values, float(at[f"rate_{name}"][i])
+            ok = int(at["status"][i]) == int(PointStatus.OK)
+            row.append(_small(error[i]) if ok else f"({_small(error[i])})")
+            row.append(_fixed(error[i - 1] / error[i] if np.isfinite(rate) else np.nan))
+            row.append(_fixed(rate))
+        rows.append(tuple(row))
+    caption = f"Relative error of {symbol} ({words}); reference: {reference.split(' (')[0]}"
+    ranks = (0, *(0, 2, 1) * len(names))
+    return Table(caption, tuple(header), tuple(rows), label=f"error-{names[0].rsplit('_', 1)[0]}", ranks=ranks)
+
+
+def _orders(at: Any, names: tuple[str, ...]) -> Table:
+    """Fitted against expected orders."""
+    rows = []
+    for name in names:
+        slope, error = float(at[f"slope_{name}"]), float(at[f"slope_error_{name}"])
+        first = int(at[f"first_level_{name}"])
+        verdict = VERDICTS[int(at[f"verdict_{name}"])]
+        finite = np.isfinite(slope)
+        order = f"{slope:z.3f}" + (f" ± {error:.3f}" if np.isfinite(error) else "") if finite else "–"
+        last = int(np.flatnonzero(np.isfinite(at[f"error_{name}"].values))[-1])
+        rows.append(
+            (
+                _BY_NAME[name].symbol,
+                order,
+                f"{first}–{last}" if finite else "–",
+                _fixed(float(at[f"expected_{name}"])),
+                VERDICT_WORDS[verdict],
+                str(at[f"reason_{name}"].item()),
+            )
+        )
+    header = ("error", "order", "levels", "expected", "verdict", "reason of the expected order")
+    return Table("Orders of convergence", header, tuple(rows), label="orders", ranks=(0, 0, 3, 2, 1, 4))
+
+
+def _numbers(at: Any, measures: list[Measure]) -> Table:
+    """Numbers by level, extrapolated to h = 0."""
+    scales = {
+        m.name: prefix(at[f"value_{m.name}"].values.tolist(), at[f"value_{m.name}"].attrs["units"]) for m in measures
+    }
+    header = ["level"]
+    for m in measures:
+        header += [_unit(m.symbol, scales[m.name][1]), *(["order"] if m.name != "heat_balance" else [])]
+    rows = []
+    for i in range(at.sizes["level"]):
+        row, ok = [str(i)], int(at["status"][i]) == int(PointStatus.OK)
+        for m in measures:
+            value = number(at[f"value_{m.name}"][i] / scales[m.name][0], 2 if m.name == "heat_balance" else 7)
+            row.append(value if ok else f"({value})")
+            if m.name != "heat_balance":
+                row.append(_fixed(float(at[f"order_{m.name}"][i])))
+        rows.append(tuple(row))
+    rows.append(("h → 0", *_limits(at, measures, scales)))
+    if any(np.isfinite(float(at[f"exact_{m.name}"])) for m in measures if m.name != "heat_balance"):
+        exact = ["exact"]
+        for m in measures:
+            exact.append(
+                "–" if m.name == "heat_balance" else number(float(at[f"exact_{m.name}"]) / scales[m.name][0], 7)
+            )
+            exact += [""] if m.name != "heat_balance" else []
+        rows.append(tuple(exact))
+    return Table("Numbers, extrapolated by Richardson's rule", tuple(header), tuple(rows), label="numbers")
+
+
+def _limits(at: Any, measures: list[Measure], scales: Mapping[str, tuple[float, str]]) -> Iterator[str]:
+    for m in measures:
+        limit, unsure = float(at[f"limit_{m.name}"]), float(at[f"uncertainty_{m.name}"])
+        if m.name == "heat_balance":
+            yield "–"
+            continue
+        yield _uncertain(limit / scales[m.name][0], unsure / scales[m.name][0])
+        yield _fixed(float(at[f"limit_order_{m.name}"]))
+
+
+def _uncertain(value: float, uncertainty: float) -> str:
+    """A value with as many digits as its uncertainty lets stand."""
+    if not np.isfinite(value):
+        return "–"
+    if not uncertainty > STEADY * abs(value):
+        return number(value, 7)
+    decimals = 1 - int(np.floor(np.log10(uncertainty)))
+    if abs(value) <= STEADY * uncertainty:  # rounding of zero
+        return f"0 ± {uncertainty:.2g}"
+    if decimals >= 0 and 1e-3 <= abs(value) < 1e7:
+        spread = f"{uncertainty:.{decimals}f}" if decimals <= 5 else f"{uncertainty:.2g}"
+        return f"{value:z.{decimals}f} ± {spread}"
+    digits = int(np.clip(np.ceil(np.log10(max(abs(value), uncertainty) / uncertainty)) + 2, 2, 10))
+    return f"{value:.{digits}g} ± {uncertainty:.2g}"
+
+
+def _fixed(value: float) -> str:
+    return f"{value:z.2f}" if np.isfinite(value) else "–"
+
+
+def _small(value: float) -> str:
+    return f"{value:.3e}" if np.isfinite(value) else "–"
+
+
+def _unit(name: str, unit: str) -> str:
+    return name if unit == "1" else f"{name} [{unit}]"

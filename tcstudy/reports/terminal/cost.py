@@ -1,0 +1,329 @@
+"""What a file of accuracy against cost says: its settings, the front, how the study compares; the report as tables."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tcstudy.accuracy.rates import dominated
+from tcstudy.data.measured import MEASURES, OWN, STAGES, open_cost
+from tcstudy.data.records import PointStatus
+from tcstudy.errors import DrawError
+from tcstudy.reports.terminal.tables import Heading, Part, Table, render
+from tcstudy.scene.families import FAMILIES
+
+SYMBOLS = {measure.name: measure.symbol for measure in MEASURES}
+DEFAULT = "u_energy"
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One measured setting.
+
+    error:     relative;  time, upper: least wall time of all runs and their upper quartile [s]
+    h_max:     longest edge of its mesh
+    dominated: whether another setting is as fast and as accurate, or is this one in a simpler family of meshes
+    solved:    whether it passed its acceptance test
+    own:       whether it is the study's own
+    """
+
+    family: str
+    solver: str
+    level: int
+    h_max: float
+    n_dof: int
+    n_contact: int
+    error: float
+    time: float
+    upper: float
+    dominated: bool
+    solved: bool
+    own: bool
+
+    @property
+    def words(self) -> str:
+        """The setting in words; "study" is its own family of meshes."""
+        family = "the study's meshes" if self.family == "study" else self.family
+        return f"{family}, level {self.level}, {self.solver}"
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A range of errors, from `start` down to `end`, that a family with a solver reaches in the least time."""
+
+    family: str
+    solver: str
+    start: float
+    end: float
+
+
+CurveKey = tuple[str, str]
+"""Family and solver."""
+STEPS = 400
+NOTABLE = 1.05
+"""Ratio of times from which on another curve takes over: less is noise."""
+EXACT = 1e-10
+"""Relative error that is rounding: a solution in the P1 space of every mesh has no other."""
+SAME = 1e-9
+"""Relative difference of the errors of one mesh that two families begin with."""
+
+
+def measure_of(data: Any, wanted: str | None) -> str:
+    """The error to report: the one asked for, or of u in energy. Raises DrawError if the file does not have it."""
+    held = [m.name for m in MEASURES if f"error_{m.name}" in data]
+    if not held:
+        raise DrawError("the file has no errors: nothing was there to compare with")
+    name = wanted or (DEFAULT if DEFAULT in held else held[0])
+    if name not in held:
+        raise DrawError(f"there is no error {name!r} in the file; it has {', '.join(held)}")
+    return name
+
+
+def settings(data: Any, measure: str) -> list[Setting]:
+    """All settings that were measured, family by family, coarse to fine."""
+    own = (data.attrs["own_family"], data.attrs["own_solver"], int(data.attrs["own_level"]))
+    found = []
+    for f, family in enumerate(data["family"].values.tolist()):
+        for s, solver in enumerate(data["solver"].values.tolist()):
+            for level in range(data.sizes["level"]):
+                at = (f, s, level)
+                status = int(data["status"].values[at])
+                if status == PointStatus.NOT_RUN:
+                    continue
+                times = data["time"].values[at]
+                found.append(
+                    Setting(
+                        family=family,
+                        solver=solver,
+                        level=level,
+                        h_max=float(data["h_max"].values[f, level]),
+                        n_dof=int(data["n_dof"].values[f, level]),
+                        n_contact=int(data["n_contact"].values[f, level]),
+                        error=float(data[f"error_{measure}"].values[at]),
+                        time=float(np.min(times)),
+                        upper=float(np.quantile(times, 0.75)) if np.all(np.isfinite(times)) else float("nan"),
+                        dominated=True,
+                        solved=status == PointStatus.OK,
+                        own=(family, solver, level) == own,
+                    )
+                )
+    return _judged(found)
+
+
+def _judged(found: list[Setting]) -> list[Setting]:
+    """The settings with their `dominated`: one mesh that two families share counts once, in the simplest of them.
+
+    It counts with the least of its times, whose difference is noise; `dominated` in the file lets both stand.
+    """
+    first = [next(o for o in found if o is s or _one_mesh(s, o)) for s in found]
+    counts = [a is b and s.solved for a, b, s in zip(first, found, found, strict=True)]
+    least = [min(o.time for o, one in zip(found, first, strict=True) if one is s or o is s) for s in found]
+    time = np.where(counts, least, np.nan)
+    beaten = dominated(time, np.array([s.error for s in found]))
+    return [replace(s, dominated=bool(b)) for s, b in zip(found, beaten, strict=True)]
+
+
+def front(found: Sequence[Setting]) -> list[Setting]:
+    """Settings that no other beats in both, from fast to accurate."""
+    return sorted((s for s in found if not s.dominated), key=lambda s: s.time)
+
+
+def stretches(found: Sequence[Setting]) -> list[Stretch]:
+    """Which curve is the fastest to reach an error, from coarse to fine, as far as two mesh families reach.
+
+    Between levels, times are interpolated on logarithmic scales: a slightly different maxh has such an error.
+    """
+    curves: dict[CurveKey, list[Setting]] = {}
+    for s in _shared(found):
+        if s.solved and s.error > 0.0:
+            curves.setdefault((s.family, s.solver), []).append(s)
+    finest = sorted(
+        min((s.error for (f, _), curve in curves.items() if f == family for s in curve), default=np.inf)
+        for family in {family for family, _ in curves}
+    )
+    if not finest or max(s.error for curve in curves.values() for s in curve) <= EXACT:
+        return []
+    low, high = finest[min(1, len(finest) - 1)], max(s.error for curve in curves.values() for s in curve)
+    parts: list[Stretch] = []
+    for error in np.geomspace(high, low, STEPS):
+        times = {name: _time_to(curve, float(error)) for name, curve in curves.items()}
+        least = min(times.values())
+        now = (parts[-1].family, parts[-1].solver) if parts else None
+        if now is not None and times[now] <= NOTABLE * least:
+            winner = now
+        else:  # of those that noise cannot tell apart the first, which is the simplest
+            winner = next(name for name, time in times.items() if time <= NOTABLE * least)
+        if winner == now:
+            parts[-1] = Stretch(*winner, parts[-1].start, float(error))
+        else:
+            parts.append(Stretch(*winner, float(error), float(error)))
+    return parts
+
+
+def _shared(found: Sequence[Setting]) -> list[Setting]:
+    """The settings, where families that begin with one mesh have the least of its times: a difference is noise."""
+    return [
+        replace(s, time=min((o.time for o in found if s.level == o.level == 0 and _one_mesh(s, o)), default=s.time))
+        for s in found
+    ]
+
+
+def _one_mesh(s: Setting, other: Setting) -> bool:
+    """Whether two settings are one problem on one mesh, such as the first of two families."""
+    if (s.solver, s.n_dof, s.n_contact, s.h_max) != (other.solver, other.n_dof, other.n_contact, other.h_max):
+        return False
+    return s.solved and other.solved and abs(s.error - other.error) <= SAME * s.error
+
+
+def _time_to(curve: Sequence[Setting], error: float) -> float:
+    """Least time in which a curve gets to an error; infinite if it does not."""
+    slack = error * (1 + 1e-12)
+    times = [s.time for s in curve if s.error <= slack]
+    for a, b in itertools.pairwise(curve):
+        if a.error > error >= b.error:
+            share = np.log(a.error / error) / np.log(a.error / b.error)
+            times.append(a.time * (b.time / a.time) ** share)
+    return min(times, default=np.inf)
+
+
+def best(found: Sequence[Setting]) -> CurveKey | None:
+    """The curve to take when accuracy is wanted: the fastest at the least error that two mesh families reach."""
+    parts = stretches(found)
+    return (parts[-1].family, parts[-1].solver) if parts else None
+
+
+def curves_on_front(found: Sequence[Setting]) -> set[CurveKey]:
+    """(family, solver) with a setting on the front; all others are dominated throughout."""
+    return {(s.family, s.solver) for s in front(found)}
+
+
+def advice(found: Sequence[Setting]) -> list[str]:
+    """Sentences: what is best at which error, and how the study's own settings compare."""
+    measured = [s for s in found if s.solved and np.isfinite(s.error)]
+    if measured and max(s.error for s in measured) <= EXACT:
+        least = min(measured, key=lambda s: s.time)
+        return [
+            f"All errors are rounding (at most {max(s.error for s in measured):.1e}): every mesh represents this "
+            f"solution exactly, so more unknowns only cost time. Fastest: {least.words} in {seconds(least.time)}."
+        ]
+    told = [f"Fastest: {'; '.join(_stretch(s) for s in stretches(found))}."] if stretches(found) else []
+    own = next((s for s in found if s.own), None)
+    if own is None:
+        return told
+    if not (own.solved and np.isfinite(own.error)):
+        return [*told, f"The study's own settings ({own.words}) were not solved."]
+    told.append(f"The study's own settings ({own.words}): error {percent(own.error)} in {seconds(own.time)}.")
+    solved = [s for s in found if s.solved and np.isfinite(s.error) and not s.own]
+    cheaper = min((s for s in solved if s.error <= own.error), key=lambda s: s.time, default=None)
+    closer = min((s for s in solved if s.time <= own.time), key=lambda s: s.error, default=None)
+    better = [s for s in (cheaper, closer) if s is not None and s.time < own.time and s.error < own.error]
+    better = [s for s in better if not _one_mesh(s, own)]
+    if not better:
+        told.append("No other setting measured is both faster and more accurate.")
+    if len(better) == 2 and _one_mesh(*better):
+        better.pop()
+    for s in dict.fromkeys(better):
+        told.append(
+            f"Faster and more accurate: {s.words}: {s.error / own.error:.2f} of the error in {s.time / own.time:.2f} "
+            f"of the time ({percent(s.error)} in {seconds(s.time)})."
+        )
+    return told
+
+
+def _stretch(one: Stretch) -> str:
+    family = "the study's meshes" if one.family == "study" else f"{one.family} meshes"
+    start, end = percent(one.start), percent(one.end)
+    return f"{family} with {one.solver} for errors " + (f"of {end}" if start == end else f"from {start} to {end}")
+
+
+def percent(error: float) -> str:
+    """A relative error in per cent, "3.1 %"; small ones as a power of ten."""
+    return f"{100 * error:.2g} %" if error >= 1e-5 else f"{error:.1e}"
+
+
+def seconds(time: float) -> str:
+    """A wall time, "0.16 s"."""
+    return f"{time:.2g} s" if time < 99.5 else f"{time:.0f} s"
+
+
+TITLES = {name: family.title for name, family in FAMILIES.items()} | {OWN: "The study's own meshes"}
+
+
+def cost_report(path: Path, form: str = "text", measure: str | None = None) -> str:
+    """The report in one of tables.FORMATS, from the file alone.
+
+    measure: name of the error, by default that of u in energy. Raises StoreError if `path` is no such file, DrawError
+    if it has no such error.
+    """
+    data = open_cost(path)
+    return render(list(parts(data, measure_of(data, measure))), form)
+
+
+def parts(data: Any, measure: str) -> Iterator[Part]:
+    """Everything the report says, in order."""
+    found = settings(data, measure)
+    yield Heading(f"Accuracy against cost: {data.attrs['title']}", 1)
+    where = f"Scene: {data.attrs['point']}. " if data.attrs["point"] else ""
+    runs = data.sizes["run"]
+    yield (
+        f"{where}Errors of {SYMBOLS[measure]} against the {_plain(data.attrs['reference'])}. Wall time from the body "
+        f"to the displacements, each run from nothing: least of {runs} run{'s' if runs > 1 else ''}, upper quartile."
+    )
+    for family in data["family"].values.tolist():
+        yield _family(data, family, [s for s in found if s.family == family], measure)
+    yield _front(data, found)
+    yield from advice(found)
+    for note in filter(None, str(data.attrs["notes"]).split("\n")):
+        yield f"Note: {note}"
+
+
+def _plain(reference: str) -> str:
+    return reference.removeprefix("the ")
+
+
+def _family(data: Any, family: str, found: list[Setting], measure: str) -> Table:
+    """Size, error and the time of every solver by level."""
+    solvers = data["solver"].values.tolist()
+    header = ["level", "dofs", "contact unknowns", f"error of {SYMBOLS[measure]}"]
+    for solver in solvers:
+        header += [f"{solver} [s]", "quartile"]
+    rows = []
+    for level in sorted({s.level for s in found}):
+        by_solver = {s.solver: s for s in found if s.level == level}
+        one = by_solver[solvers[0]]
+        row = [str(level), str(one.n_dof), str(one.n_contact), _error(one)]
+        for solver in solvers:
+            s = by_solver.get(solver)
+            row += [f"{s.time:.3g}{_mark(s)}", f"{s.upper:.3g}"] if s is not None else ["–", "–"]
+        rows.append(tuple(row))
+    notes = ("* on the front   † the study's own settings   (error) not solved",)
+    ranks = (2, 0, 3, 0, *(1, 4) * len(solvers))
+    return Table(TITLES[family], tuple(header), tuple(rows), notes, f"cost-{family}", ranks)
+
+
+def _mark(setting: Setting) -> str:
+    return ("†" if setting.own else "") + ("" if setting.dominated else "*")
+
+
+def _error(setting: Setting) -> str:
+    text = f"{setting.error:.3e}" if np.isfinite(setting.error) else "–"
+    return text if setting.solved else f"({text})"
+
+
+def _front(data: Any, found: list[Setting]) -> Table:
+    """Settings worth their cost with the stages of their fastest run."""
+    header = ("meshes", "level", "solver", "error", "time [s]", *(f"{stage} [s]" for stage in STAGES))
+    families, solvers = data["family"].values.tolist(), data["solver"].values.tolist()
+    rows = []
+    for s in front(found):
+        at = (families.index(s.family), solvers.index(s.solver), s.level)
+        spent = [f"{float(data[f'time_{stage}'].values[at]):.2g}" for stage in STAGES]
+        rows.append((s.family, str(s.level), s.solver, _error(s), f"{s.time:.3g}", *spent))
+    return Table(
+        "Worth their cost: nothing measured is both faster and more accurate", header, tuple(rows), label="front"
+    )

@@ -1,0 +1,183 @@
+"""What a fit's file says, as text and as one object: estimates, what is not determined, how good it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.fit_store import open_fit
+from tcstudy.reports.terminal.tables import plain_table
+from tcstudy.reports.text import counted, number, prefix
+
+WIDE = 1.0
+"""Half width of an interval, of the estimate, above which the data hardly say anything of a number."""
+DOUBT = 0.05
+"""Probability below which a fit is doubted."""
+COARSE = 0.15
+"""Change on a mesh of half the size, in standard errors, above which the mesh is too coarse: as much again may be left,
+and intervals of 95 % that lie 0.3 standard errors off hold the truth in 94 %, beyond it in fewer and fewer."""
+ABOUT = (
+    *("compare", "loss", "data_file", "data_sha256", "known_noise", "chi_square", "degrees_of_freedom"),
+    *("fit_probability", "runs", "runs_probability", "information_criterion", "not_determined", "determined"),
+    *("solves", "evaluations", "message"),
+)
+"""Attributes of a file that are told of it as they are."""
+BAND = 1.96
+"""Half width of a band of 95 % in standard errors."""
+
+
+def fit_summary(path: Path) -> str:
+    """What a fit found; raises StoreError."""
+    with open_fit(path) as opened:
+        data = opened.load()
+    parts = [data.attrs["title"], _estimates(data), *_said(data), _starts(data)]
+    return "\n\n".join(part for part in parts if part)
+
+
+def fit_brief(path: Path) -> dict[str, Any]:
+    """The object of --json, in SI units, with the sentence of --quiet as its `verdict`. Raises StoreError."""
+    with open_fit(path) as opened:
+        data = opened.load()
+    names, units = ([str(x) for x in data[key].values] for key in ("parameter", "parameter_units"))
+    told, words = {}, []
+    for i, name in enumerate(names):
+        told[name] = {"units": units[i]} | {
+            key: data[key].values[i].tolist()
+            for key in ("estimate", "standard_error", "interval", "mesh_shift", "at_bound", "parameter_within")
+            if key in data
+        }
+        estimate, error = float(data["estimate"][i]), float(data["standard_error"][i])
+        divisor, unit = prefix([estimate], units[i])
+        spread = f" ± {number(error / divisor, 2)}" if np.isfinite(error) else ""
+        words.append(f"{name} = {number(estimate / divisor)}{spread} {unit}".removesuffix(" 1"))
+    doubts = [said for said, doubt in fit_doubts(data) if doubt]
+    about = {key: data.attrs[key] for key in ABOUT if key in data.attrs}
+    found = {"title": str(data.attrs["title"]), "verdict": "; ".join([", ".join(words), *doubts]), "parameters": told}
+    lists = {key: data[key].values.tolist() for key in ("covariance", "singular_value", "singular_vector")}
+    starts = {key: data[key].values.tolist() for key in ("start_cost", "start_estimate", "start_evaluations")}
+    return found | lists | starts | about
+
+
+def _estimates(data: Any) -> str:
+    """A row for each number, with its correlations."""
+    names = [str(name) for name in data["parameter"].values]
+    correlations, lost = correlation(data), ("not determined", "on its bound")
+    rows = []
+    for i, name in enumerate(names):
+        low, high = data["interval"].values[i]
+        estimate, units = float(data["estimate"][i]), str(data["parameter_units"].values[i])
+        divisor, unit = prefix([estimate], units)
+        between = (
+            f"{number(low / divisor)} … {number(high / divisor)}"
+            if np.isfinite(low)
+            else lost[int(data["at_bound"][i])]
+        )
+        own = [number(estimate / divisor, 5), number(float(data["standard_error"][i]) / divisor, 2), between]
+        rows.append([name, *own, unit, *(number(x, 2) for x in correlations[i, :i]), *("" for _ in names[i:])])
+    header = ["number", "estimate", "standard error", "95 % interval", "unit"]
+    header += [f"corr. {k + 1}" for k in range(len(names))]
+    last = len(header) - 1  # nothing stands above the diagonal
+    return plain_table(header[:last], [row[:last] for row in rows])
+
+
+def columns(data: Any) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """(name, units) of the given and of the measured columns."""
+    found = []
+    for key in ("given", "measured"):
+        words = [word.rpartition(" [") for word in str(data.attrs[key]).split("; ") if word]
+        found.append([(name, units.removesuffix("]")) for name, _, units in words])
+    return found[0], found[1]
+
+
+def prediction_error(data: Any) -> NDArray[np.float64]:
+    """(n,) standard errors of the values of the study at the data, in the units of the data."""
+    J, covariance = data["jacobian"].values, np.nan_to_num(data["covariance"].values)
+    return np.asarray(np.sqrt(np.maximum(np.einsum("nk,kl,nl->n", J, covariance, J), 0.0)) * data["noise"].values)
+
+
+def correlation(data: Any) -> NDArray[np.float64]:
+    """(n, n) correlations of the numbers, NaN for one on its bound or not determined at all."""
+    covariance = data["covariance"].values
+    error = np.sqrt(np.diagonal(covariance))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(covariance / np.outer(error, error))
+
+
+def fit_doubts(data: Any) -> list[tuple[str, bool]]:
+    """Sentences on what the data do not determine and whether the study has their shape; True where one is a doubt."""
+    about = data.attrs
+    freedom, square = int(about["degrees_of_freedom"]), float(about["chi_square"])
+    found = []
+    if about["not_determined"]:
+        told = f"not determined: {about['not_determined']}; the data determine {about['determined']} only"
+        found.append((told, True))
+    wide = [
+        str(data["parameter"].values[i])
+        for i in range(data.sizes["parameter"])
+        if not about["not_determined"]
+        and np.ptp(data["interval"].values[i]) > 2.0 * WIDE * abs(float(data["estimate"][i]))
+    ]
+    if wide:
+        found.append((f"hardly determined: {', '.join(wide)}: the interval is wider than the number", True))
+    if int(about["known_noise"]):
+        p = float(about["fit_probability"])
+        verdict = "the data do not agree with the study and this noise" if p < DOUBT else "as the noise lets expect"
+        shown = number(square / max(freedom, 1), 3)
+        told = f"χ² per degree of freedom {shown} ({freedom}), probability {number(p, 2)}: {verdict}"
+        found.append((told, p < DOUBT))
+    else:
+        shown = number(np.sqrt(square / max(freedom, 1)), 3)
+        told = f"noise estimated from the residuals: {shown} of what was assumed (1 % of a column's range)"
+        found.append((told, False))
+    if "numbers_decided" in about:
+        decided = f"{number(float(about['numbers_decided']), 3)} of {data.sizes['parameter']} numbers"
+        found.append((f"smooth law, weight by generalised cross-validation: the data decide {decided}", False))
+    found += _mesh(data)
+    p = float(about["runs_probability"])
+    verdict = "the curve may be of the wrong shape" if p < DOUBT else "no trend"
+    told = f"signs of the residuals: {int(about['runs'])} runs, probability {number(p, 2)}: {verdict}"
+    return [*found, (told, p < DOUBT)]
+
+
+def _said(data: Any) -> list[str]:
+    """The same as lines, and how much work the fit was."""
+    about, n = data.attrs, data.sizes["row"]
+    evaluations, solves = int(about["evaluations"]), int(about["solves"])
+    what = "paths followed" if about["compare"] == "orthogonal" else "contact problems solved"
+    work = (
+        f"{n} data ({about['data_file']}), {about['compare']}, {counted(evaluations, 'evaluation')}, {solves} {what} "
+        f"in all; AICc {number(float(about['information_criterion']), 5)}"
+    )
+    return ["\n".join(f"  {line}" for line in [*(told for told, _ in fit_doubts(data)), work])]
+
+
+def _mesh(data: Any) -> list[tuple[str, bool]]:
+    """What the mesh does to the numbers."""
+    if "mesh_shift" not in data:  # an older file
+        return []
+    shift, names = data["mesh_shift"].values, data["parameter"].values
+    if not np.any(np.isfinite(shift)):
+        return [("mesh: what it does to the numbers is not known", True)]
+    told = ", ".join(f"{name} by {x:+.2f}" for name, x in zip(names, shift, strict=True) if np.isfinite(x))
+    coarse = bool(np.nanmax(np.abs(shift)) > COARSE)
+    verdict = "too coarse for these data; refine" if coarse else "fine enough"
+    return [(f"mesh: half its size would move {told} standard errors: {verdict}", coarse)]
+
+
+def _starts(data: Any) -> str:
+    """Other minima, if several starts found any."""
+    if data.sizes.get("start", 1) < 2:
+        return ""
+    rows = []
+    for k in range(data.sizes["start"]):
+        found = zip(data["start_estimate"].values[k], data["parameter_units"].values, strict=True)
+        cells = []
+        for value, units in found:
+            divisor, unit = prefix([float(value)], str(units))
+            cells.append(f"{number(value / divisor)} {unit}".removesuffix(" 1"))
+        rows.append([number(2.0 * float(data["start_cost"][k]), 4), *cells])
+    title = "  Other starts end in other minima; the first is the lowest:"
+    return f"{title}\n\n" + plain_table(["Σ r²", *map(str, data["parameter"].values)], rows)

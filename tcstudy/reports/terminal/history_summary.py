@@ -1,0 +1,209 @@
+"""The summary of a load history's file as text: a line a named step, and what changes from cycle to cycle in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.history_store import open_history
+from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import POINT
+from tcstudy.reports.terminal.tables import plain_table
+from tcstudy.reports.text import counted, label, number, prefix
+
+Array = NDArray[np.float64]
+
+MOST_CYCLES, MOST_POINTS = 3, 20
+"""Cycles of one point whose steps are listed, and points that have a line; the file has them all."""
+SAME = 1e-9
+"""Changes below this part of the largest slip are none; equal changes agree as well."""
+
+
+MOVES = ("rests", "slides along t", "slides back", "jumps")
+"""What a node may do in a step."""
+
+
+def motion(u_T: Array, jumped: NDArray[np.int8] | None) -> NDArray[np.int8]:
+    """(N, m) place in MOVES of every node in every step; in step 0 against zero.
+
+    u_T: (N, m) of the steps that were solved;  jumped: (N, m) 1 where a node moved by a jump, None where none can
+    """
+    moved = np.diff(u_T, axis=0, prepend=0.0)
+    still = SAME * (float(np.abs(u_T).max()) or 1.0)
+    what = np.where(np.abs(moved) <= still, 0, np.where(moved > 0.0, 1, 2)).astype(np.int8)
+    return what if jumped is None else np.where(jumped == 1, np.int8(3), what)
+
+
+ROUNDING = 1e-10
+"""What is smaller than this part of what the history reaches is rounding, and reads 0."""
+
+
+@dataclass(frozen=True)
+class CycleChange:
+    """What the last cycle has changed.
+
+    kind:  "shakedown", "closed", "walking", "ratcheting", "settling"; "" where there are less than two cycles
+    words: the same as a sentence
+    """
+
+    kind: str
+    words: str
+
+
+def cycle_change(v: Array, dissipated: Array, units: str = "m") -> CycleChange:
+    """The change from cycle to cycle, from the slips at their ends.
+
+    v: (C + 1, m) at the start and the end of every cycle;  dissipated: (C,) in each
+    """
+    if len(v) < 3:
+        return CycleChange("", "")
+    size = float(np.max(np.abs(v))) or 1.0
+    last, before = v[-1] - v[-2], v[-2] - v[-3]
+    largest = float(np.max(np.abs(last)))
+    divisor, unit = prefix([largest], units)
+    moved = f"{number(largest / divisor, 6)} {unit}".removesuffix(" 1")
+    if largest <= SAME * size:
+        if dissipated[-1] <= SAME * float(np.max(dissipated)):
+            return CycleChange(
+                "shakedown", "shakedown: the last cycle leaves everything as it was and dissipates nothing"
+            )
+        return CycleChange("closed", "a closed loop: every cycle dissipates the same and leaves no slip behind")
+    if np.max(np.abs(last - before)) > 1e-6 * largest:
+        return CycleChange(
+            "settling", f"not settled: the last cycle changed slips by up to {moved}, unlike the one before"
+        )
+    if np.ptp(last) <= 1e-6 * largest:
+        return CycleChange("walking", f"walking: every cycle moves the whole contact line by {moved}")
+    return CycleChange("ratcheting", f"ratcheting: every cycle adds slips of up to {moved}")
+
+
+def history_summary(path: Path, every_row: bool = False) -> str:
+    """What a history's file holds. Raises StoreError.
+
+    every_row: all steps of all cycles and points
+    """
+    with open_history(path) as opened:
+        data = opened.load()
+    dims = [str(d) for d in data["status"].dims if d != "step"]
+    indices = list(np.ndindex(*(data.sizes[d] for d in dims)))
+    shown = indices if every_row else indices[:MOST_POINTS]
+    parts = [str(data.attrs["title"]), _head(data)]
+    for index in shown:
+        part = data.isel(dict(zip(dims, index, strict=True)))
+        parts.append("\n".join(_of_point(part, dims, every_row or len(indices) == 1, every_row)))
+    if len(shown) < len(indices):
+        parts.append(f"  … {len(indices) - len(shown)} more points; --verbose shows all")
+    return "\n\n".join(parts)
+
+
+def _head(data: Any) -> str:
+    attrs, loads = data.attrs, ", ".join(_loads(data))
+    substeps = int(attrs["substeps"])
+    how = f"by {counted(substeps, 'descent')}" if substeps else "along its exact path"
+    lowest = "the state of least energy" if attrs["branch"] == "lowest" else f"continued from the last state {how}"
+    cycles = int(data["cycle"].max())
+    return (
+        f"  History of {loads}: {counted(data.sizes['step'] - 1, 'step')} in {counted(cycles, 'cycle')}; memory "
+        f"{attrs['memory']}; each step {lowest}\n"
+        f"  level {int(data['level'])}: {int(data['n_dof'])} dofs, {int(data['n_contact'])} contact unknowns"
+    )
+
+
+def _loads(data: Any) -> list[str]:
+    """Names of the loads that change."""
+    return str(data.attrs["loads"]).split()
+
+
+def _of_point(part: Any, dims: list[str], table: bool, all_cycles: bool) -> list[str]:
+    """The lines of one point."""
+    lines = []
+    swept = [str(n) for n in part.coords if str(n) in dims or (POINT in dims and part[n].dims == () and n != POINT)]
+    if swept:
+        lines.append("  " + ", ".join(f"{name} = {_label(part[name])}" for name in swept))
+    if table:
+        lines.append(_table(part, all_cycles))
+    lines += [f"  {sentence}" for sentence in _sentences(part)]
+    return lines
+
+
+def _label(coordinate: Any) -> str:
+    value = coordinate.values.item()
+    return value if isinstance(value, str) else label(value)
+
+
+def _table(part: Any, all_cycles: bool) -> str:
+    """A line for every named step; sums of energies are since the named step before."""
+    done = part["status"].values == PointStatus.OK
+    names, cycle = part["step_name"].values, part["cycle"].values
+    rows = [i for i in np.flatnonzero(done) if names[i]]
+    last = int(cycle[rows[-1]]) if rows else 0
+    listed = [i for i in rows if all_cycles or cycle[i] < MOST_CYCLES or cycle[i] == last]
+    columns: dict[str, Array] = {}
+    for name in _loads(part):
+        columns[name] = part[name].values[listed]
+    ends = np.array(listed, dtype=int)
+    columns["max |u_T|"] = _read(part["u_T_max"].values, part["u_T_max"].values)[ends]
+    columns["∫ξ"] = _read(part["friction_resultant"].values, np.abs(part["xi"].values) @ part["c"].values)[ends]
+    starts = {i: (rows[k - 1] + 1 if k else 0) for k, i in enumerate(rows)}
+    spent = part["dissipated"].values + part["released"].values + part["stored"].values
+    for name in ("dissipated", "released"):
+        columns[name] = np.array([_read(part[name].values, spent)[starts[i] : i + 1].sum() for i in listed])
+    closure = np.array([_read(part["closure"].values, spent)[starts[i] : i + 1].sum() for i in listed])
+    units = {"max |u_T|": "u_T_max", "∫ξ": "friction_resultant"}
+    header, cells = ["step", "cycle"], [[str(names[i]) for i in listed], [str(cycle[i]) for i in listed]]
+    for name, values in columns.items():
+        divisor, unit = prefix(list(values), str(part[units.get(name, name)].attrs.get("units", "1")))
+        header.append(f"{name} [{unit}]" if unit != "1" else name)
+        cells.append([number(value / divisor, 6) for value in values])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cells.append([number(x, 2) for x in closure / columns["dissipated"]])
+    cells.append([_certified(part, int(i)) for i in listed])
+    table = plain_table([*header, "closure/dissipated", "proved"], list(zip(*cells, strict=True)))
+    return table + ("\n  …" if len(listed) < len(rows) else "")
+
+
+def _read(values: Array, reached: Array) -> Array:
+    """The values, 0 where they are rounding of the largest that the history reaches."""
+    largest = float(np.nanmax(np.abs(reached), initial=0.0))
+    return np.where(np.abs(values) <= ROUNDING * largest, 0.0, values)
+
+
+def _certified(part: Any, i: int) -> str:
+    for name, word in (("unique", "unique"), ("global_minimum", "global"), ("strict_minimum", "local")):
+        if part[name].values[i] == 1:
+            return word
+    return "–"
+
+
+def last_change(part: Any) -> CycleChange:
+    """What the last whole cycle of a point's history has changed."""
+    status, cycle, spent = part["status"].values, part["cycle"].values, part["dissipated"].values
+    whole = [c for c in range(1, int(cycle.max()) + 1) if np.all(status[cycle == c] == PointStatus.OK)]
+    ends = [0, *(int(np.flatnonzero(cycle == c)[-1]) for c in whole)]
+    each = np.array([spent[cycle == c].sum() for c in whole])
+    return cycle_change(part["u_T"].values[ends], each, str(part["u_T"].attrs["units"]))
+
+
+def _sentences(part: Any) -> list[str]:
+    """Change from cycle to cycle, energies, and why the history ended early."""
+    found = []
+    status = part["status"].values
+    done = np.flatnonzero(status == PointStatus.OK)
+    if not len(done):
+        return [f"no step was solved: {part['reason'].values.item()}"]
+    if words := last_change(part).words:
+        found.append(words)
+    worst = float(np.nanmax(part["inclusion_residual"].values[done]))
+    jumps = int(part["jumps"].values[done].sum())
+    more = f", {counted(jumps, 'jump')}" if jumps else ""
+    found.append(
+        f"{counted(len(done) - 1, 'step')} solved, worst residual {number(worst, 2)}, energy identity to "
+        f"{number(float(np.nanmax(part['identity'].values[done])), 2)}{more}"
+    )
+    if reason := str(part["reason"].values.item()):
+        found.append(f"ended at step {len(done)}: {reason}")
+    return found

@@ -1,0 +1,138 @@
+"""The summary of a path's file as text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.path_store import open_path
+from tcstudy.reports.terminal.tables import plain_table
+from tcstudy.reports.text import number, prefix
+
+MOST_ROWS = 60
+"""Solutions that are listed; the file has them all."""
+
+STATES = ("sticks", "slips", "slips and softens", "on a drop of b", "slips, weakened")
+"""What a contact node does, by ContactState."""
+
+VISIBLE = 0.005
+"""Part of the range below which a step back of the parameter cannot be told from a point of the picture."""
+
+
+def seen_folds(data: Any) -> tuple[NDArray[np.intp], int]:
+    """(vertices of the folds that show, number of smaller turns): these come from nodes that let go one by one."""
+    if not data.sizes.get("fold", 0):
+        return np.zeros(0, dtype=np.intp), 0
+    vertices = data["fold_vertex"].values.astype(np.intp)
+    if "fold_size" not in data:
+        return vertices, 0
+    low, high = data.attrs["parameter_range"]
+    large = data["fold_size"].values >= VISIBLE * abs(float(high) - float(low))
+    return vertices[large], int(np.count_nonzero(~large))
+
+
+def folds_in_words(data: Any) -> str:
+    """How many folds there are, and how many smaller turns beside them."""
+    vertices, small = seen_folds(data)
+    text = f"{len(vertices)} {'fold' if len(vertices) == 1 else 'folds'}"
+    return (
+        f"{text} and {small} {'turn' if small == 1 else 'turns'} below {100 * VISIBLE:g} % of the range"
+        if small
+        else text
+    )
+
+
+def path_summary(path: Path) -> str:
+    """What a path's file holds: its extent and ends, the requested solutions, the loop; raises StoreError."""
+    with open_path(path) as opened:
+        data = opened.load()
+    parts = [data.attrs["title"], _path(data), _solutions(data), _loop(data)]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _quantity(value: float, units: str) -> str:
+    divisor, unit = prefix([float(value)], units)
+    return f"{number(float(value) / divisor)} {unit}".removesuffix(" 1")
+
+
+def _path(data: Any) -> str:
+    """Where the path runs, how it was computed, and why it ends."""
+    low, high = data.attrs["parameter_range"]
+    t = data["parameter"].values
+    units = data["parameter"].attrs["units"]
+    divisor, unit = prefix([float(low), float(high)], units)
+    followed = f"{number(t.min() / divisor)} … {number(t.max() / divisor)}"
+    span = f"from {number(low / divisor)} to {number(high / divisor)} {unit}".removesuffix(" 1")
+    folds = t[seen_folds(data)[0]]
+    inside = int(np.count_nonzero((folds >= min(low, high)) & (folds <= max(low, high))))
+    stable = int(data["stable"].sum())
+    lines = [
+        f"  Path along {data.attrs['parameter']} {span}, reaching {followed}",
+        f"  level {int(data['level'])}: {int(data['n_dof'])} dofs, {int(data['n_contact'])} contact unknowns; "
+        f"omega/lambda_1 = {number(float(data['omega'] / data['lambda_1']))}",
+        f"  {data.sizes['piece']} pieces ({stable} stable), {folds_in_words(data)}, "
+        f"{inside} of the folds in the range, "
+        f"worst residual {number(float(data['residual'].max()), 2)}",
+    ]
+    if float(data["law_error"]) > 0.0:
+        lines.append(f"  the law is replaced by straight pieces, relative error {number(float(data['law_error']), 1)}")
+    ends = [("begins", "begin"), ("ends", "end")]
+    lines += [f"  {verb} at {number(t[at] / divisor)} {unit}".removesuffix(" 1") + f": {data.attrs[f'{name}_reason']}"
+              for (verb, name), at in zip(ends, (0, -1), strict=True)]  # fmt: skip
+    return "\n".join(lines)
+
+
+def _solutions(data: Any) -> str:
+    """One row per solution at the requested values."""
+    if not data.sizes.get("at", 0):
+        return ""
+    c = data["c"].values
+    names = ("solution_parameter", "solution_energy", "solution_stable", "solution_lowest", "solution_residual")
+    t, energy, stable, least, residual = (data[name].values if name in data else np.zeros(0) for name in names)
+    slip = data["solution_u_T"].values @ c / c.sum() if len(t) else np.zeros(0)
+    columns = ((data["at"].values, "at"), (slip, "u_T"), (energy, "energy"))
+    scales = [prefix([float(np.max(np.abs(x), initial=0.0))], data[name].attrs["units"]) for x, name in columns]
+    titles = (data.attrs["parameter"].split(".")[-1], "mean u_T", "energy")
+    header = [f"{name} [{unit}]" if unit != "1" else name for name, (_, unit) in zip(titles, scales, strict=True)]
+    header += ["stable", "least on path", "certified", "residual"]
+    rows = []
+    for i in range(min(len(t), MOST_ROWS)):
+        values = (t[i], slip[i], energy[i])
+        row = [number(value / scale, 5) for value, (scale, _) in zip(values, scales, strict=True)]
+        row += ["yes" if stable[i] else "no", "yes" if least[i] else "no", _certified(data, i), number(residual[i], 2)]
+        rows.append(row)
+    counts = zip(data["at"].values, data["solution_count"].values, strict=True)
+    missing = [number(value / scales[0][0]) for value, count in counts if not count]
+    text = plain_table(header, rows)
+    if len(t) > MOST_ROWS:
+        text += f"\n  … {len(t) - MOST_ROWS} more solutions in the file"
+    return text + (f"\n  no solution on the path at {', '.join(missing)}" if missing else "")
+
+
+def _certified(data: Any, i: int) -> str:
+    """The strongest statement that is proved of a solution."""
+    for name, text in (("unique", "unique"), ("global_minimum", "global"), ("strict_minimum", "local")):
+        if int(data[f"solution_{name}"][i]) == 1:
+            return text
+    return "nothing"
+
+
+def _loop(data: Any) -> str:
+    """The energy lost in the loop and where the body falls."""
+    if "energy_lost" not in data:
+        return ""
+    units = data["energy_lost"].attrs["units"]
+    if not int(data["loop_complete"]):
+        return f"  hysteresis loop not completed: {data.attrs['loop_reason']}"
+    text = f"  hysteresis loop: {_quantity(float(data['energy_lost']), units)} lost"
+    if not data.sizes.get("jump", 0):
+        return text + ", the body never falls to another branch"
+    t_units = data["parameter"].attrs["units"]
+    falls = (data[name].values for name in ("jump_parameter", "jump_rising", "jump_drop"))
+    for t, rising, drop in zip(*falls, strict=True):
+        way = "rising" if rising else "falling"
+        text += f"\n    falls at {_quantity(t, t_units)} ({way}), {_quantity(drop, units)} lost"
+    return text if int(data["loop_closed"]) else text + "\n    the loop does not close"

@@ -1,0 +1,236 @@
+"""What a run shows while it works: a bar with the time left on a terminal, one plain line per event elsewhere.
+
+What `tcstudy path` shows while it works: one line that is written again and again, on a terminal only.
+
+What `tcstudy cost` shows while it works: one line with the time left on a terminal, a line per run elsewhere.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol, TextIO, cast
+
+import numpy as np
+
+from tcstudy.data.provenance import without_paths
+from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
+from tcstudy.reports.terminal.outlet import Outlet, raw_terminal, visible
+from tcstudy.reports.text import counted, kind, length_words, named, number, span
+
+
+class Work(Protocol):
+    """Points of a level, those finished before, the relative cost of one, and whether the level is sure to come."""
+
+    @property
+    def points(self) -> int: ...
+    @property
+    def done(self) -> int: ...
+    @property
+    def weight(self) -> float: ...
+    @property
+    def sure(self) -> bool: ...
+
+
+Naming = Callable[[tuple[int, ...]], str]
+"""The labels of a sweep point by its index; empty where there is no sweep."""
+
+
+class _Failures:
+    """Failed points as they come: the first of each kind is worth a line, the others are counted."""
+
+    def __init__(self, naming: Naming) -> None:
+        self._naming = naming
+        self._kinds: dict[tuple[PointStatus, str], int] = {}
+        self._said = 0
+
+    @property
+    def count(self) -> int:
+        """Failed points so far."""
+        return sum(self._kinds.values())
+
+    def lines(self, record: BlockRecord) -> Iterator[str]:
+        """Lines of the failed points of a block; none for one like it that had its line."""
+        for row in np.flatnonzero(record.status != PointStatus.OK):
+            status, reason = PointStatus(int(record.status[row])), record.reasons.get(int(row), "")
+            key = kind(status, reason)
+            self._kinds[key] = self._kinds.get(key, 0) + 1
+            if self._kinds[key] == 1:
+                where = f"level {record.level}"
+                where = f"{name} on {where}" if (name := self._naming(record.index(int(row)))) else where
+                yield f"{where}: {named(status)}: {without_paths(reason)}"
+
+    def more(self) -> str:
+        """How many failed without a line; empty if none did or it has been said."""
+        silent, self._said = self.count - len(self._kinds) - self._said, self.count - len(self._kinds)
+        return f"{silent} more failed for the same {'reason' if len(self._kinds) == 1 else 'reasons'}" if silent else ""
+
+
+class PlainProgress:
+    """One line per level and per kind of failure, for pipes and logs."""
+
+    def __init__(self, stream: TextIO, naming: Naming = str, length: str = "1") -> None:
+        self._stream, self._length = stream, length
+        self._failures = _Failures(naming)
+
+    def begin(self, work: Sequence[Work], warnings: Sequence[str]) -> None:
+        """Say what is to come."""
+        total, done = sum(w.points for w in work), sum(w.done for w in work)
+        for warning in warnings:
+            self._say(f"warning: {warning}")
+        most = "" if all(w.sure for w in work) else "at most "
+        points, levels = counted(work[0].points, "point"), counted(len(work), "level")
+        said = f"{points} on {most}{levels}: {most}{counted(total, 'solution')}"
+        self._say(said + (f", {done} of them finished before" if done else ""))
+
+    def level(self, record: LevelRecord) -> None:
+        """A mesh is ready."""
+        self._say(_level_line(record, self._length))
+
+    def block(self, record: BlockRecord) -> None:
+        """Points are finished; only the first failure of a kind is worth a line."""
+        for line in self._failures.lines(record):
+            self._say(line)
+
+    def close(self) -> None:
+        """Say how many failures had no line."""
+        if more := self._failures.more():
+            self._say(more)
+
+    def _say(self, text: str) -> None:
+        print(text, file=self._stream, flush=True)
+
+
+class TerminalProgress:
+    """A bar with counts, elapsed time and time left; points of finer levels count for more."""
+
+    def __init__(self, stream: TextIO, naming: Naming = str) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+        self._failures = _Failures(naming)
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.fields[points]} solutions{task.fields[failed]}"),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=Console(file=raw_terminal(stream)),
+            transient=True,
+        )
+
+    def begin(self, work: Sequence[Work], warnings: Sequence[str]) -> None:
+        """Start the bar; finished points of an earlier run count."""
+        self._weights = [w.weight for w in work]
+        self._total, self._done = sum(w.points for w in work), sum(w.done for w in work)
+        self._most = "" if all(w.sure for w in work) else "≤ "
+        self._progress.start()
+        for warning in warnings:
+            self._say(f"warning: {warning}")
+        total, done = (sum(n * w.weight for n, w in zip(ns, work, strict=True)) for ns in _counts(work))
+        self._task = self._progress.add_task("meshing", total=total, points=self._points(), failed="")
+        self._progress.update(self._task, completed=done)
+
+    def level(self, record: LevelRecord) -> None:
+        """Name the level beside the bar."""
+        self._progress.update(self._task, description=f"level {record.level} ({record.n_dof} dofs)")
+
+    def block(self, record: BlockRecord) -> None:
+        """Move on; the first failure of a kind is printed above the bar, and all are counted in it."""
+        for line in self._failures.lines(record):
+            self._say(line)
+        self._done += len(record)
+        advance = len(record) * self._weights[record.level]
+        self._progress.update(self._task, advance=advance, points=self._points(), failed=self._failed())
+
+    def _say(self, text: str) -> None:
+        self._progress.console.print(visible(text), markup=False, highlight=False)
+
+    def _points(self) -> str:
+        return f"{self._done}/{self._most}{self._total}"
+
+    def _failed(self) -> str:
+        return f", {self._failures.count} failed" if self._failures.count else ""
+
+    def close(self) -> None:
+        """Remove the bar; say how many failures had no line."""
+        self._progress.stop()
+        if more := self._failures.more():
+            self._say(more)
+
+
+def progress(stream: TextIO | None = None, naming: Naming = str, length: str = "1") -> PlainProgress | TerminalProgress:
+    """The fitting kind for a stream (standard error if none is given); length is the unit of h."""
+    stream = stream if stream is not None else cast(TextIO, sys.stderr or Outlet(None))
+    return TerminalProgress(stream, naming) if stream.isatty() else PlainProgress(stream, naming, length)
+
+
+def _counts(work: Sequence[Work]) -> tuple[list[int], list[int]]:
+    """Points and finished points of every level."""
+    return [w.points for w in work], [w.done for w in work]
+
+
+def _level_line(record: LevelRecord, length: str) -> str:
+    size = length_words(record.h_max, length)
+    return (
+        f"level {record.level}: h_max = {size}, {record.n_dof} dofs, {record.n_contact} contact unknowns, "
+        f"meshed and assembled in {record.time_mesh + record.time_assemble:.2g} s"
+    )
+
+
+class _Line:
+    """One line of a terminal that is written again and again."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = raw_terminal(stream if stream is not None else sys.stderr)
+        self._shown = self._stream.isatty()
+        self._open = False
+
+    def _write(self, text: str) -> None:
+        if self._shown:
+            self._stream.write(f"\r\x1b[K{text}")
+            self._stream.flush()
+            self._open = True
+
+    def close(self) -> None:
+        """Remove the line."""
+        if self._open:
+            self._write("")
+            self._open = False
+
+
+class PathProgress(_Line):
+    """Pieces so far and the present value of the parameter [SI]."""
+
+    def __call__(self, pieces: int, t: float) -> None:
+        """Called with (pieces, t) while the path is followed."""
+        self._write(f"{pieces} pieces, parameter at {number(t)}")
+
+
+class HistoryProgress(_Line):
+    """Which step of which point was solved last."""
+
+    def __call__(self, point: int, points: int, step: int, steps: int) -> None:
+        """Called after every step, counted from 0."""
+        where = f"point {point + 1}/{points}, " if points > 1 else ""
+        self._write(f"{where}step {step}/{steps}")
+
+
+class CostProgress(_Line):
+    """What is being measured, and how long it may still take; a line each where there is no terminal."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        super().__init__(stream)
+        self._start = time.monotonic()
+
+    def __call__(self, text: str, left: float | None) -> None:
+        """Called with what begins now and the seconds left, if they are known."""
+        text = visible(text)
+        if left is not None:
+            text += f", about {span(left)} left"
+        if not self._shown:
+            self._stream.write(f"{text}\n")
+            self._stream.flush()
+        self._write(f"{text} ({span(time.monotonic() - self._start)} so far)")

@@ -1,0 +1,293 @@
+"""The terminal's summary of a result file: one table of levels, one of the finest level's points.
+
+What a study that names several solvers says of them: one row per solver over all points and levels.
+"""
+
+from __future__ import annotations
+
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tcstudy.data.reading import of_largest
+from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import LIMITED, UNBALANCED
+from tcstudy.data.store import open_results
+from tcstudy.reports.select_point import describe
+from tcstudy.reports.terminal.tables import plain_table, wrapped
+from tcstudy.reports.text import Failure, failure_lines, number, prefix, scaled_labels
+
+NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "omega", "uniqueness_margin")
+"""Variables of which a summary says nothing: of a long sweep they need not be in memory."""
+MOST_ROWS = 48
+"""Points shown; the file has them all."""
+
+
+SIZES = "h_max: longest edge; mesh.maxh is what the mesher aims at, its longest edges come to 1.2 to 1.6 times that"
+"""Measured on all uniform meshes in configs/ and eight more."""
+
+
+def summary(path: Path, most: int | None = MOST_ROWS) -> str:
+    """Text for the terminal, read from the result file alone. Raises StoreError if it is not one.
+
+    most: points that are listed, None for all
+    """
+    with open_results(path) as tree:
+        data = tree.to_dataset().drop_vars(NOT_SAID, errors="ignore").load()
+    data = of_largest(data)
+    parts = [data.attrs["title"], _levels(data), _stop(data), _points(data, most), solver_table(data), _failures(data)]
+    parts += [_derivatives(data), _not_run(data), _rounding(data), _heat(data)]
+    return wrapped("\n\n".join(part for part in parts if part))
+
+
+def _sweep_dims(data: Any) -> tuple[str, ...]:
+    return tuple(d for d in data["status"].dims if d != "level")
+
+
+def _levels(data: Any) -> str:
+    """One row per mesh level: size, outcome, worst residual, where the time went."""
+    dims = _sweep_dims(data)
+    ok = (data["status"] == int(PointStatus.OK)).sum(dims)
+    total = int(np.prod([data.sizes[d] for d in dims], dtype=int))
+    rows = []
+    lambda_1 = data["lambda_1"].min(dims)
+    stiffness, stiffness_unit = prefix(lambda_1.values.tolist(), data["lambda_1"].attrs["units"])
+    size, unit = prefix(data["h_max"].values.tolist(), data["h_max"].attrs["units"])
+    estimated = [(name, title, *_scale(data, name)) for name, title in _ESTIMATED if name in data]
+    for i in range(data.sizes["level"]):
+        at = data.isel(level=i)
+        estimates = [number(at[name].max() / divisor, 2) for name, _, divisor, _ in estimated]
+        rows.append(
+            [
+                str(int(at["level"])),
+                number(at["h_max"] / size),
+                str(int(at["n_dof"])),
+                str(int(at["n_contact"])),
+                f"{int(ok[i])}/{total}",
+                number(at["inclusion_residual"].max(), 2),
+                number(lambda_1[i] / stiffness),
+                number(at["time_mesh"] + at["time_assemble"], 2),
+                number(at["time_condense"].sum(), 2),
+                number(at["time_solve"].sum(), 2),
+                *estimates,
+            ]
+        )
+    header = ["level", _bracketed("h_max", unit), "dofs", "contact", "ok", "worst residual"]
+    header += [_bracketed("λ₁", stiffness_unit), "mesh+assembly [s]", "condense [s]", "solve [s]"]
+    header += [_bracketed(title, unit) for _, title, _, unit in estimated]
+    shown = plain_table(header, rows, (*_LEVEL_RANKS, *range(1, len(estimated) + 1)))
+    return f"{shown}\n\n  {SIZES}"
+
+
+def _scale(data: Any, name: str) -> tuple[float, str]:
+    return prefix(data[name].values, data[name].attrs.get("units", "1"))
+
+
+_LEVEL_RANKS = (0, 2, 1, 7, 0, 0, 6, 9, 10, 8)
+"""Importance of the columns of the table of levels."""
+
+_ESTIMATED = (
+    ("error_estimate", "est. rel. error"),
+    ("goal_estimate", "est. error of goal"),
+    ("goal_error", "its true error"),
+    ("goal_effectivity", "est./true"),
+)
+"""Columns of the table of levels where errors are estimated: the largest of all points."""
+
+
+def _stop(data: Any) -> str:
+    """Why refinement ended; the goal's values on the way."""
+    if "stop" not in data:
+        return ""
+    reason = str(data["stop"].values[-1])
+    return f"  stopped: {reason}" if reason else ""
+
+
+_COLUMNS = (
+    ("u_T_max", "max |u_T|", 0),
+    ("slip_length", "slip length", 3),
+    ("friction_resultant", "∫ξ", 2),
+    ("energy", "energy", 5),
+    ("theta_mean", "mean θ", 6),
+)
+"""Numbers of a point, their titles, and their importance where there is no room for all."""
+
+
+def _points(data: Any, most: int | None) -> str:
+    """One row per point on the finest level, with what changed in ∫ξ since the level before."""
+    dims = _sweep_dims(data)
+    shape = tuple(data.sizes[d] for d in dims)
+    fine = data.isel(level=-1)
+    columns = [one for one in _COLUMNS if np.isfinite(fine[one[0]].values).any()]
+    axes = [name for name in data.coords if data[name].dims and set(data[name].dims) <= set(dims)]
+    scales = {name: prefix(fine[name].values, fine[name].attrs["units"]) for name, _, _ in columns}
+    labelled = {axis: scaled_labels(data[axis].values.tolist(), data[axis].attrs.get("units", "1")) for axis in axes}
+    header = [_bracketed(axis, labelled[axis][1]) for axis in axes]
+    header += [_bracketed(title, scales[name][1]) for name, title, _ in columns]
+    refined = data.sizes["level"] > 1
+    header += ["certified", *(["Δ∫ξ to last level"] if refined else [])]
+    rows, failed = [], False
+    for index in islice(np.ndindex(shape), most):
+        where = dict(zip(dims, index, strict=True))
+        at = fine.isel(where)
+        row = [labelled[axis][0][where[str(data[axis].dims[0])]] for axis in axes]
+        solved = int(at["status"]) == int(PointStatus.OK)
+        failed = failed or not solved
+        cells = [number(at[name] / scales[name][0]) for name, _, _ in columns]
+        row += cells if solved else [cell if cell == "–" else f"({cell})" for cell in cells]
+        row.append(_certified(at))
+        if refined:
+            row.append(_change(data["friction_resultant"].isel(where).values) if solved else "–")
+        rows.append(row)
+    level = int(fine["level"])
+    more = int(np.prod(shape)) - len(rows)
+    title = f"  Level {level}, the finest:" + (f" first {len(rows)} of {len(rows) + more} points" if more > 0 else "")
+    legend = "  certified: what is proved of the solution (unique, global or local minimum of the energy)"
+    if failed:
+        legend += "\n  failed: no solution; the numbers in (parentheses) are those of the last step"
+    ranks = (*(0 for _ in axes), *(rank for _, _, rank in columns), 1, 4)
+    return title + "\n\n" + plain_table(header, rows, ranks) + "\n\n" + legend
+
+
+def _certified(at: Any) -> str:
+    """The strongest statement that is proved of a solution; "failed" or "not run" where there is none."""
+    if (status := PointStatus(int(at["status"]))) != PointStatus.OK:
+        return "not run" if status == PointStatus.NOT_RUN else "failed"
+    for name, text in (("unique", "unique"), ("global_minimum", "global"), ("strict_minimum", "local")):
+        if int(at[name]) == 1:
+            return text
+    return "nothing"
+
+
+def _bracketed(name: str, unit: str) -> str:
+    return name if unit == "1" else f"{name} [{unit}]"
+
+
+def _change(values: Any) -> str:
+    """Relative change between the last two levels."""
+    last, before = float(values[-1]), float(values[-2])
+    if not np.isfinite(last - before):
+        return "–"
+    return f"{abs(last - before) / abs(last):.1%}" if last != 0.0 else number(abs(before))
+
+
+def _derivatives(data: Any) -> str:
+    """The derivatives of the first point on the finest level that has them; the file has those of all."""
+    if "sensitivity_status" not in data:
+        return ""
+    from tcstudy.data.sensitivities import DIFFERENTIABLE, QUANTITIES, STATUS
+
+    fine = data.isel(level=-1)
+    places = np.argwhere(fine[STATUS].values == DIFFERENTIABLE)
+    known = f"known at {len(places)} of {fine[STATUS].size} points of the finest level, NaN at events and folds"
+    title = f"  Derivatives at the solution ({known})"
+    if not len(places):
+        return f"{title}."
+    at = fine.isel(dict(zip(fine[STATUS].dims, (int(i) for i in places[0]), strict=True)))
+    first = f"sensitivity_{next(iter(QUANTITIES))}_"
+    numbers = [str(name).removeprefix(first) for name in data if str(name).startswith(first)]
+    shown = [(quantity, title) for quantity, title, _ in _COLUMNS if quantity in QUANTITIES]
+    rows = []
+    for one in numbers:
+        found = [at[f"sensitivity_{quantity}_{one}"] for quantity, _ in shown]
+        rows.append([one, *(f"{number(value)} {value.attrs['units']}".removesuffix(" 1") for value in found)])
+    where = _point(data, [*places[0], data.sizes["level"] - 1])
+    return f"{title}; at {where}:\n\n" + plain_table(["by", *(name for _, name in shown)], rows)
+
+
+def _failures(data: Any) -> str:
+    """One line for each kind of failure."""
+    status, reason = data["status"], data["reason"].values
+    places = np.argwhere((status.values != PointStatus.OK) & (status.values != PointStatus.NOT_RUN))
+    failed = [(PointStatus(int(status.values[tuple(p)])), str(reason[tuple(p)]), _point(data, p)) for p in places]
+    return "\n".join(f"  {line}" for line in failure_lines(Failure(*one) for one in failed))
+
+
+def _not_run(data: Any) -> str:
+    """Points that the grid of a file has, but that no run was asked for."""
+    places = np.argwhere(data["status"].values == PointStatus.NOT_RUN)
+    if not len(places):
+        return ""
+    return (
+        f"  not run: {len(places)} of {data['status'].size} places of the grid (for example {_point(data, places[0])})"
+    )
+
+
+def _rounding(data: Any) -> str:
+    """Where the inclusion holds only as far as rounding allows; older files have no judgement of it."""
+    if "inclusion_status" not in data:
+        return ""
+    places = np.argwhere(data["inclusion_status"].values == LIMITED)
+    if not len(places):
+        return ""
+    worst = max(places, key=lambda place: float(data["inclusion_residual"].values[tuple(place)]))
+    residual, allowed = (
+        float(data[name].values[tuple(worst)]) for name in ("inclusion_residual", "inclusion_rounding")
+    )
+    return (
+        f"  limited by rounding: {len(places)} of {data['status'].size} solutions hold to {number(residual, 2)} of the "
+        f"scale of b or better, where rounding alone allows {number(allowed, 2)}; friction is small against the forces "
+        f"in the body (worst at {_point(data, worst)})"
+    )
+
+
+def _heat(data: Any) -> str:
+    """Where heat is lost in rounding although the inclusion holds; older files have no judgement of it."""
+    if "heat_status" not in data:
+        return ""
+    places = np.argwhere(data["heat_status"].values == UNBALANCED)
+    if not len(places):
+        return ""
+    defects = [float(data["heat_balance"].values[tuple(place)]) for place in places]
+    low, high = number(min(defects), 2), number(max(defects), 2)
+    count, example = ("1 point", "") if len(places) == 1 else (f"{len(places)} points", "for example ")
+    return (
+        f"  heat balance {low if low == high else f'{low} to {high}'} at {count}: thin triangles cost the temperature "
+        f"its digits; remove slits and slivers of the body or refine towards them ({example}{_point(data, places[0])})"
+    )
+
+
+def _point(data: Any, place: Any) -> str:
+    """The labels of a point and its level in words; place: index along every dimension of the status."""
+    where = dict(zip(data["status"].dims, (int(i) for i in place), strict=True))
+    level = f"level {int(data['level'][where.pop('level')])}"
+    name = describe(data, where)
+    return f"{name} on {level}" if name else level
+
+
+SAME = 1e-9
+"""Difference of energies, relative to the largest of a point, that is rounding."""
+
+
+def solver_table(data: Any) -> str:
+    """Solvers compared where a run kept them side by side; empty where it used one."""
+    if "solver" not in data.dims:
+        return ""
+    energy = _by_solver(data, "solver_energy")
+    known = np.isfinite(energy).any(axis=0)
+    lowest = np.min(np.where(np.isfinite(energy), energy, np.inf), axis=0)
+    slack = SAME * np.max(np.abs(np.nan_to_num(energy)), axis=0)
+    names = [str(name) for name in data["solver"].values]
+    columns = [_by_solver(data, f"solver_{what}") for what in ("residual", "iterations", "time", "difference")]
+    rows = []
+    for i, name in enumerate(names):
+        residual, steps, time, apart = (column[i][known] for column in columns)
+        least = int(np.count_nonzero((energy[i] <= lowest + slack)[known]))
+        largest = number(_largest(apart), 2) if i else "–"
+        rows.append([name, number(_largest(residual), 2), f"{steps[steps > 0].sum():.0f}", number(np.nansum(time), 2),
+                     f"{least}/{int(known.sum())}", largest])  # fmt: skip
+    header = ["solver", "worst residual", "steps", "solve [s]", "least energy", "largest difference of u_T"]
+    legend = f"  Solvers compared on all points and levels; the solutions stored are those of {names[0]}:"
+    return legend + "\n\n" + plain_table(header, rows)
+
+
+def _by_solver(data: Any, name: str) -> Any:
+    """(solver, point and level) values of a variable."""
+    values = data[name].transpose("solver", ...).values.astype(float)
+    return values.reshape(values.shape[0], -1)
+
+
+def _largest(values: Any) -> float:
+    return float(np.nanmax(values)) if np.isfinite(values).any() else float("nan")

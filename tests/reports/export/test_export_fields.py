@@ -1,0 +1,121 @@
+"""Exported fields as other programs open them: PyVista and xugrid; stresses against closed forms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tcstudy
+from tcstudy.errors import DrawError
+from tcstudy.reports.export.export_fields import stresses, von_mises, write_fields
+from tcstudy.reports.picture import BodyFields
+from tcstudy.scene.records import Material
+from tests.reports.figures.draw_cases import result
+
+E, NU, ALPHA_T, THETA = 200e9, 0.3, 1e-5, 40.0
+LAM, MU = E * NU / ((1 + NU) * (1 - 2 * NU)), E / (2 * (1 + NU))
+STRAIN = Material(LAM, MU, (3 * LAM + 2 * MU) * ALPHA_T, 1.0, E, NU, "strain")
+STRESS = Material(2 * LAM * MU / (LAM + 2 * MU), MU, E * ALPHA_T / (1 - NU), 1.0, E, NU, "stress")
+
+
+def body(gradient: list[list[float]], theta: float) -> BodyFields:
+    """Two triangles of either orientation with a linear displacement and one temperature."""
+    x, y = np.array([0.0, 3.0, 2.0, -1.0]), np.array([0.0, 0.5, 2.0, 1.0])
+    u = np.array(gradient) @ np.array([x, y])
+    return BodyFields(x, y, np.array([[0, 1, 2], [0, 3, 2]]), u[0], u[1], np.full(4, theta), "K")
+
+
+def test_stresses_of_closed_forms() -> None:
+    sigma, energy = stresses(body([[1e-4, 0.0], [0.0, 0.0]], 0.0), STRAIN)  # uniaxial strain
+    expected = [(LAM + 2 * MU) * 1e-4, LAM * 1e-4, LAM * 1e-4, 0.0, 0.0, 0.0]
+    assert np.allclose(sigma, [expected, expected], rtol=1e-12, atol=1e-3)
+    assert np.allclose(energy, 0.5 * (LAM + 2 * MU) * 1e-8, rtol=1e-12)
+    sigma, energy = stresses(body([[0.0, 3e-4], [1e-4, 0.0]], 0.0), STRESS)  # shear and a rotation
+    assert np.allclose(sigma[:, 3], MU * 4e-4, rtol=1e-12)
+    assert np.allclose(energy, 0.5 * MU * 16e-8, rtol=1e-12)
+    assert np.allclose(von_mises(sigma), np.sqrt(3.0) * MU * 4e-4, rtol=1e-12)
+
+
+def test_stresses_of_free_expansion() -> None:
+    free = ALPHA_T * THETA
+    sigma, energy = stresses(body([[free, 0.0], [0.0, free]], THETA), STRESS)
+    assert np.max(np.abs(sigma)) < 1e-12 * E * free
+    assert np.max(np.abs(energy)) < 1e-12 * E * free**2
+    plane = (1 + NU) * free
+    sigma, energy = stresses(body([[plane, 0.0], [0.0, plane]], THETA), STRAIN)  # held across the plane alone
+    assert np.allclose(sigma[:, 2], -E * free, rtol=1e-12)
+    assert np.max(np.abs(sigma[:, [0, 1, 3]])) < 1e-12 * E * free
+    assert np.allclose(energy, 0.5 * E * free**2, rtol=1e-11)
+    assert np.allclose(von_mises(sigma), E * free, rtol=1e-11)
+
+
+def test_pyvista_opens_the_sweep(block: Path, tmp_path: Path) -> None:
+    pyvista = pytest.importorskip("pyvista", reason="PyVista, which reads the files as ParaView does, is not installed")
+    written = write_fields(block, tmp_path)
+    assert (written.points, written.lacks) == (6, ())
+    reader = pyvista.PVDReader(str(written.path))
+    assert list(reader.time_values) == [0, 1, 2, 3, 4, 5]
+    reader.set_active_time_value(3.0)  # the file has E ascending: 100 GPa, 40 K
+    solid, line = reader.read()
+    with tcstudy.open_results(block) as tree:
+        group = tree["level_1"].dataset.sel(E=100e9, theta_bar=40.0).load()
+    assert (solid.field_data["E"][0], solid.field_data["theta_bar"][0]) == (100e9, 40.0)
+    assert np.array_equal(solid["u"], np.column_stack([group["u_x"], group["u_y"], 0.0 * group["u_x"]]))
+    assert np.array_equal(solid["theta"], group["theta"])
+    assert np.array_equal(line["u_T"], group["u_T"])
+    assert np.array_equal(line["xi"], group["xi"])
+    assert line.n_lines == 1
+    assert line.field_data["state_meanings"][0] == "0 stick, 1 slip, 2 soften, 3 drop, 4 weakened"
+    assert np.array_equal(line["state"] == 0, group["sticks"] == 1)
+    for name, unit in (("stress", "Pa"), ("energy_density", "J m-3")):
+        array = solid.cell_data.GetArray(name)
+        assert array.GetInformation().Get(type(array).UNITS_LABEL()) == unit
+    area = solid.compute_cell_sizes()["Area"]
+    assert area.sum() == pytest.approx(0.02)
+    check_balance(solid, np.asarray(area))
+
+
+def check_balance(solid: object, area: np.ndarray) -> None:
+    """The stresses do the virtual work of the known traction: for w = (x y, 0), zero on clamp and contact line,
+
+    ∫ σ:ε(w) = ∫ σ_xx y + σ_xy x = 8 MPa · H · ∫₀ᴸ x dx.
+    """
+    height, length, g = 0.1, 0.2, 8e6
+    centre = solid.cell_centers().points  # type: ignore[attr-defined]
+    sigma = solid["stress"]  # type: ignore[index]
+    work = np.sum(area * (sigma[:, 0] * centre[:, 1] + sigma[:, 3] * centre[:, 0]))
+    assert work == pytest.approx(g * height * length**2 / 2, rel=0.05)
+
+
+@pytest.mark.filterwarnings("ignore:numba is not installed", "ignore:No (standard_name|CRS)")  # those of maps
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_xugrid_opens_the_mesh_of_a_level(block: Path) -> None:
+    xugrid = pytest.importorskip("xugrid", reason="xugrid, which reads UGRID, is not installed")
+    with tcstudy.open_results(block) as tree:
+        level = tree["level_1"].to_dataset()
+        opened = xugrid.UgridDataset(level)
+        grid = opened.grid
+        assert (grid.name, grid.node_dimension, grid.face_dimension) == ("mesh", "mesh_node", "mesh_face")
+        assert np.array_equal(grid.node_coordinates, np.column_stack([level["node_x"], level["node_y"]]))
+        assert np.sum(grid.area) == pytest.approx(0.02)
+        assert opened["u_x"].sel(E=100e9, theta_bar=40.0).sizes == {"mesh_node": grid.n_node}
+        assert all(level[name].attrs["location"] == "node" for name in ("theta", "u_x", "u_y"))
+
+
+def test_without_fields_and_solutions_the_lines_are_written(tmp_path: Path) -> None:
+    path = result(tmp_path / "plate.nc", fields=False)
+    written = write_fields(path, tmp_path / "plate", {"alpha": 100})
+    assert written.points == 1
+    assert "output.fields=true" in written.lacks[0]
+    assert "1 of 2 points have no solution on level 1" in written.lacks[1]
+    assert [file.name for file in sorted((tmp_path / "plate").iterdir())] == [
+        "plate.pvd",
+        "plate_0002_alpha-100_friction-tresca.vtp",
+    ]
+    with pytest.raises(DrawError, match="no level 7"):
+        write_fields(path, tmp_path / "plate", level=7)
+    with pytest.raises(DrawError, match="alpha = 3"):
+        write_fields(path, tmp_path / "none", {"alpha": 3})
+    assert not (tmp_path / "none").exists()

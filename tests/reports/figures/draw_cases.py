@@ -1,0 +1,213 @@
+"""A plate with known fields in a result file, and what a figure shows."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from tcstudy.data.provenance import Provenance
+from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.reports.figures import style
+from tcstudy.reports.figures.point_figure import point_figure
+from tcstudy.reports.picture import LineFields, Picture
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.laws import SHAPES
+from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
+from tests.data.by_points import write
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+WIDTH, HEIGHT = 0.2, 0.1
+ALPHA = Axis("alpha", ("heat", "alpha"), (25, 100), (25.0, 100.0), "W m-2 K-1")
+FRICTION = Axis("friction", ("friction",), ({}, {}), ("tresca", "softening"), "1")
+TAU = Axis("tau", ("friction", "tau"), (1e6, 2e7), (1e6, 2e7), "Pa")
+FAILED = (1, 1)
+SIDES: dict[str, Any] = {"left": "free", "right": "free"}
+FILM: dict[str, Any] = {
+    "units": "none",
+    "body": {"rectangle": {"width": 2.0, "height": 1.0}},
+    "boundary": {"bottom": "contact", "top": {"role": "clamped", "u_x": 0.3, "u_y": 0}} | SIDES,
+    "material": {"E": 1.0, "nu": 0.3},
+    "friction": {"law": "tresca", "tau": 0.1},
+    "mesh": {"maxh": 0.6, "levels": 2},
+    "path": {"parameter": "boundary.top.u_x", "from": 0, "to": 0.5},
+}  # fmt: skip
+"""A study as a dictionary: a plate whose top is moved along its film."""
+
+
+def study(mode: Literal["grid", "list"], axes: tuple[Axis, ...], units: Literal["SI", "none"] = "SI") -> Study:
+    return Study(
+        title="Plate for $5 and $6",
+        text="title: plate\n",
+        source=None,
+        units=units,
+        mode=mode,
+        axes=axes,
+        scenes=(),
+        mesh=MeshPlan((0.05,), 2),
+        solver=SolverPlan(),
+        output=OutputPlan(),
+    )
+
+
+def cells(level: int) -> int:
+    """Elements along the contact line."""
+    return 4 * 2**level
+
+
+def level_record(level: int, fields: bool) -> LevelRecord:
+    """A plate 0.2 × 0.1; its bottom, held at the left end, is the contact line."""
+    n = cells(level)
+    x, y = np.meshgrid(np.linspace(0.0, WIDTH, n + 1), np.linspace(0.0, HEIGHT, n // 2 + 1))
+    corner = np.arange((n + 1) * (n // 2)).reshape(n // 2, n + 1)[:, :-1].ravel()
+    lower = np.stack([corner, corner + 1, corner + n + 2], axis=1)
+    upper = np.stack([corner, corner + n + 2, corner + n + 1], axis=1)
+    h = WIDTH / n
+    s = h * np.arange(1, n + 1)
+    c = np.full(n, h)
+    c[0], c[-1] = (1.5 * h, 0.5 * h) if n > 1 else (h, h)
+    mesh = {"node_x": x.ravel(), "node_y": y.ravel(), "triangle": np.concatenate([lower, upper]).astype(np.int32)}
+    edge = np.zeros(n, dtype=np.int8)
+    return LevelRecord(level, h, 10 * n, n, s, s, 0.0 * s, c, edge, ("film",), 0.1, 0.1, mesh if fields else {})
+
+
+def point_record(index: tuple[int, ...], level: LevelRecord, theta: bool = True) -> PointRecord:
+    """The first half of the line sticks; the numbers differ from point to point."""
+    scale = 1.0 + sum((k + 1) * i for k, i in enumerate(index)) + 10.0 * level.level
+    slips = level.x > 0.5 * WIDTH + 1e-9
+    u_T = np.where(slips, 1e-5 * scale * (level.x - 0.5 * WIDTH) / WIDTH, 0.0)
+    xi = 2e7 * scale * np.cos(level.x / WIDTH)
+    numbers = {"slip_length": float(level.c[slips].sum()), "inclusion_residual": 1e-12}
+    fields = {}
+    if level.fields:
+        x, y = level.fields["node_x"].astype(float), level.fields["node_y"].astype(float)
+        fields = {"u_x": 1e-4 * scale * x / WIDTH, "u_y": 5e-5 * y / HEIGHT}
+        if theta:
+            fields["theta"] = 20.0 * scale + 100.0 * x
+    return PointRecord(index, level.level, PointStatus.OK, "", numbers, u_T, xi, fields)
+
+
+def failed_record(index: tuple[int, ...], level: int) -> PointRecord:
+    reason = "the stiffness matrix is singular"
+    return PointRecord(index, level, PointStatus.SINGULAR, reason, {}, np.empty(0), np.empty(0))
+
+
+def result(
+    path: Path,
+    mode: Literal["grid", "list"] = "grid",
+    axes: tuple[Axis, ...] = (ALPHA, FRICTION),
+    fields: bool = True,
+    theta: bool = True,
+    units: Literal["SI", "none"] = "SI",
+) -> Path:
+    """A result file; its point FAILED has no solution on level 1."""
+    plan = study(mode, axes, units)
+    levels = [level_record(n, fields) for n in range(2)]
+    points = [
+        failed_record(index, 1) if index == FAILED and level.level == 1 else point_record(index, level, theta)
+        for level in levels
+        for index in np.ndindex(plan.shape)
+    ]
+    write(path, plan, levels, points, Provenance("now", (("python", "3.11"),), "abc"))
+    return path
+
+
+def figure_of(picture: Picture) -> Figure:
+    with style.styled():
+        return point_figure(picture)
+
+
+def shown_line(axes: Any) -> np.ndarray[Any, Any]:
+    """(2, m) data of the curve among the lines of a panel (the others are reference lines of two points)."""
+    (curve,) = [line for line in axes.lines if len(line.get_xdata()) > 2]
+    return np.array(curve.get_data(), dtype=float)
+
+
+def shown_steps(axes: Any) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+    (steps,) = [patch for patch in axes.patches if hasattr(patch, "get_data")]
+    values, edges, _ = steps.get_data()
+    return values, edges
+
+
+def texts(figure: Figure) -> str:
+    found = [text.get_text() for text in figure.texts]
+    for axes in figure.axes:
+        found += [axes.get_title(loc="left"), axes.get_xlabel(), axes.get_ylabel()]
+        found += [text.get_text() for text in axes.texts]
+    return "\n".join(found)
+
+
+def crowded(figure: Figure) -> list[str]:
+    """Texts that overlap another one or leave the picture."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.text import Text
+
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw(renderer)
+    hidden = set()
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            slack = 1e-9 * (high - low)
+            hidden |= {id(t.label1) for t in axis.get_major_ticks() if not low - slack <= t.get_loc() <= high + slack}
+    shown = [text for text in figure.findobj(Text) if isinstance(text, Text) and text.get_visible()]
+    shown = [text for text in shown if id(text) not in hidden]
+    boxes = [(text.get_text(), text.get_window_extent(renderer)) for text in shown if text.get_text().strip()]
+    page = figure.bbox
+    found = [
+        f"{text} leaves the picture"
+        for text, box in boxes
+        if box.x0 < page.x0 or box.x1 > page.x1 or box.y0 < page.y0 or box.y1 > page.y1
+    ]
+    for i, (text, box) in enumerate(boxes):
+        found += [f"{text} overlaps {other}" for other, rival in boxes[:i] if box.overlaps(rival)]
+    return found
+
+
+def line(x: list[float], y: list[float], s: list[float], c: list[float], edge: list[int]) -> LineFields:
+    m = len(x)
+    arrays = [np.array(values) for values in (s, x, y, c)]
+    u_T = np.arange(1.0, m + 1)
+    return LineFields(*arrays, np.array(edge), ("pad", "rim"), u_T, 10.0 * u_T, u_T > 1.0, "m", "Pa")
+
+
+def png_size(path: Path) -> tuple[int, int]:
+    data = path.read_bytes()
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    width, height = struct.unpack(">II", data[16:24])
+    return width, height
+
+
+def example_laws() -> tuple[FrictionLaw, ...]:
+    """One law of every named shape, with parameters near 1."""
+    parameters: dict[str, dict[str, object]] = {
+        "tresca": {"tau": 1.0},
+        "slip-weakening": {"tau_s": 1.0, "tau_k": 0.3, "delta": 1.0},
+        "exponential": {"a": 1.0, "b": 0.3, "delta": 0.5},
+        "saw-tooth": {"tau": 1.0, "delta": 0.5, "teeth": 3, "drop": 0.6, "decay": 0.8},
+        "piecewise-linear": {"points": [(0.0, 0.0), (0.5, 1.0), (1.0, 1.0), (1.0, 0.4)]},
+        "linear": {"k": 0.5},
+    }
+    return tuple(shape.build(**parameters[name]) for name, shape in SHAPES.items())
+
+
+LOOKS = [style.Look(), style.Look((3.15, 8.0), 7.0), style.Look((6.7, 9.5), 10.5), style.Look(font=8.0, title="")]
+"""Usual, of one column of a paper, of a page with large letters, without a heading."""
+
+
+def off_the_page(figure: Figure) -> list[str]:
+    """Texts of a figure that reach over its edges, but for numbers at ticks, of which some lie outside an axis."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.text import Text
+
+    FigureCanvasAgg(figure).draw()
+    wide, high = figure.bbox.width, figure.bbox.height
+    ticks = {text for axes in figure.axes for axis in (axes.xaxis, axes.yaxis) for text in axis.findobj(Text)}
+    ticks -= {label for axes in figure.axes for label in (axes.xaxis.label, axes.yaxis.label)}
+    found = [text for text in figure.findobj(Text) if text.get_text().strip() and text not in ticks]
+    boxes = [(text.get_text(), text.get_window_extent()) for text in found]
+    return [name for name, box in boxes if box.x0 < -1 or box.y0 < -1 or box.x1 > wide + 1 or box.y1 > high + 1]

@@ -1,0 +1,290 @@
+"""What is read from a file of accuracy against cost: the front, the fastest curve, advice, tables and the chart."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
+
+from tcstudy.accuracy.rates import dominated
+from tcstudy.data.measured import STAGES, Cost, open_cost, write_cost
+from tcstudy.data.provenance import collect, kind_of
+from tcstudy.data.records import PointStatus
+from tcstudy.data.store import StoreError
+from tcstudy.errors import DrawError
+from tcstudy.reports.export.brief import brief
+from tcstudy.reports.figures import style
+from tcstudy.reports.figures.cost_plot import _figure, plot_cost
+from tcstudy.reports.terminal.cost import (
+    advice,
+    best,
+    cost_report,
+    curves_on_front,
+    front,
+    measure_of,
+    settings,
+    stretches,
+)
+from tests.data.compliance import cf_faults
+from tests.reports.figures.draw_cases import LOOKS, off_the_page
+from tests.verification.scenes import RECTANGLE, study_of
+
+FAMILIES, SOLVERS = ("uniform", "graded"), ("separable-newton", "bundle-newton")
+N = np.array([[100, 400, 1600, 6400], [150, 600, 2400, 9600]])
+ERROR = np.array([0.08, 0.04, 0.02, 0.01])
+"""Uniform errors; graded ones start larger and fall twice as fast."""
+
+
+def made(own: tuple[int, int, int] = (0, 0, 3), **more: object) -> Cost:
+    """Known curves: uniform e ~ t^−½ from 0.08 at 0.1 s, graded e ~ t^−1 from 0.16; the second solver takes twice."""
+    error = np.broadcast_to(np.stack([ERROR, 0.16 * ERROR / 0.08 * [1, 0.5, 0.25, 0.125]])[:, None], (2, 2, 4)).copy()
+    fastest = np.stack([[0.1, 0.4, 1.6, 6.4], [0.1, 0.4, 1.6, 6.4]])[:, None] * np.array([1.0, 2.0])[None, :, None]
+    runs = fastest[..., None] * np.array([1.3, 1.0, 1.1])
+    status = np.full((2, 2, 4), int(PointStatus.OK), dtype=np.int8)
+    reason = np.full((2, 2, 4), "", dtype=object)
+    status[1, 1, 3], reason[1, 1, 3] = PointStatus.NOT_CONVERGED, "it went on for ever"
+    known = np.where(status == PointStatus.OK, fastest, np.nan)
+    fields: dict[str, object] = {
+        "families": FAMILIES,
+        "solvers": SOLVERS,
+        "h_max": np.array([[0.4, 0.2, 0.1, 0.05]] * 2),
+        "n_dof": N.astype(np.int32),
+        "n_contact": (N // 20).astype(np.int32),
+        "status": status,
+        "reason": reason,
+        "time": runs,
+        "stages": dict.fromkeys(STAGES, 0.2 * fastest),
+        "errors": {"u_energy": error, "xi_L2": 2 * error},
+        "dominated": {
+            name: dominated(known.ravel(), error.ravel()).reshape(error.shape) for name in ("u_energy", "xi_L2")
+        },
+        "own": own,
+        "reference": "the exact solution",
+        "reference_error": 0.0,
+        "point": "tau = 0.01",
+        "notes": ("Look twice.",),
+    }
+    return Cost(**{**fields, **more})  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    study = study_of(RECTANGLE)
+    path = tmp_path / "a.cost.nc"
+    write_cost(path, study, made(), collect(study, ["tcstudy", "cost"], datetime(2026, 1, 1, tzinfo=UTC)))
+    return path
+
+
+def test_settings_and_front(file: Path) -> None:
+    found = settings(open_cost(file), "u_energy")
+    assert len(found) == 16
+    own = next(s for s in found if s.own)
+    assert (own.family, own.level, own.error) == ("uniform", 3, 0.01)
+    assert own.time == pytest.approx(6.4)
+    assert own.upper == pytest.approx(6.4 * 1.2)
+    assert own.dominated
+    # both come to 4 % in 0.4 s; before that uniform meshes err less, later graded ones
+    assert [(s.family, s.level) for s in front(found)] == [
+        ("uniform", 0), ("uniform", 1), ("graded", 1), ("graded", 2), ("graded", 3)
+    ]  # fmt: skip
+    assert curves_on_front(found) == {("uniform", SOLVERS[0]), ("graded", SOLVERS[0])}
+
+
+def test_the_fastest_curve_by_error(file: Path) -> None:
+    found = settings(open_cost(file), "u_energy")
+    first, second = stretches(found)
+    # e_u = 0.08 (t/0.1)^-½ and e_g = 0.16 (t/0.1)^-1 meet at t = 0.4, e = 0.04; 5 % of time decide: e^(2-1) = 1/1.05
+    assert (first.family, second.family) == ("uniform", "graded")
+    assert first.start == pytest.approx(0.16)
+    assert second.start == pytest.approx(0.04 / 1.05, rel=0.02)
+    assert second.end == pytest.approx(0.01, rel=0.01)  # no further: only graded meshes come below
+    assert best(found) == ("graded", SOLVERS[0])
+
+
+def test_advice_names_what_is_faster_and_more_accurate(file: Path) -> None:
+    text = " ".join(advice(settings(open_cost(file), "u_energy")))
+    assert "uniform meshes with separable-newton for errors from 16 % to 3.8 %" in text
+    assert "The study's own settings (uniform, level 3, separable-newton): error 1 % in 6.4 s." in text
+    assert "No other setting measured" in text  # graded level 3 takes the same time
+    quick = made(time=made().time * np.array([1.0, 0.5])[:, None, None, None])
+    study = study_of(RECTANGLE)
+    write_cost(file, study, quick, collect(study, ["tcstudy"]))
+    text = " ".join(advice(settings(open_cost(file), "u_energy")))
+    assert "Faster and more accurate: graded, level 3, separable-newton: 0.25 of the error in 0.50 of the time" in text
+
+
+def test_two_families_that_begin_with_one_mesh_share_its_time(file: Path) -> None:
+    """Their two timings differ by noise alone, which must not make either of them the fastest."""
+    dofs, error, time = N.astype(np.int32), made().errors["u_energy"].copy(), made().time.copy()
+    dofs[1, 0], error[1, :, 0] = N[0, 0], error[0, :, 0]
+    time[1, :, 0] *= 0.5
+    error[1, :, 1:] = 0.07  # nowhere else better
+    study = study_of(RECTANGLE)
+    fields = {"n_dof": dofs, "n_contact": dofs // 20, "errors": {"u_energy": error}, "time": time}
+    fields["dominated"] = {"u_energy": made().dominated["u_energy"]}
+    write_cost(file, study, made(**fields), collect(study, ["tcstudy"]))
+    (only,) = stretches(settings(open_cost(file), "u_energy"))
+    assert only.family == "uniform"
+
+
+def test_one_mesh_of_two_families_is_once_on_the_front(file: Path) -> None:
+    """Whichever of its two timings happens to be the least: it counts in the simplest family, with that time."""
+    error, time = made().errors["u_energy"].copy(), made().time.copy()
+    error[1, :, 0] = error[0, :, 0] * (1 + 1e-12)
+    for factor in (0.5, 1.0, 2.0):
+        time[1, :, 0] = factor * made().time[0, :, 0]
+        fields = {"n_dof": np.array([N[0], [N[0, 0], *N[1, 1:]]], dtype=np.int32), "time": time}
+        fields |= {"n_contact": fields["n_dof"] // 20, "errors": {"u_energy": error}}
+        fields["dominated"] = {"u_energy": np.zeros_like(made().dominated["u_energy"])}
+        write_cost(file, study_of(RECTANGLE), made(**fields), collect(study_of(RECTANGLE), ["tcstudy"]))
+        found = front(settings(open_cost(file), "u_energy"))
+        assert [(s.family, s.solver) for s in found if s.level == 0] == [("uniform", SOLVERS[0])]
+        report = cost_report(file)
+        assert report.count("0.05*" if factor == 0.5 else "0.1*") == (factor != 0.5)
+
+
+def test_errors_that_are_rounding_are_not_ranked(file: Path) -> None:
+    errors = {name: 1e-13 * e for name, e in made().errors.items()}
+    study = study_of(RECTANGLE)
+    write_cost(file, study, made(errors=errors), collect(study, ["tcstudy"]))
+    (told,) = advice(settings(open_cost(file), "u_energy"))
+    assert told.startswith("All errors are rounding (at most 1.6e-14): every mesh represents this solution exactly")
+    assert "Fastest: uniform, level 0, separable-newton in 0.1 s" in told
+    assert best(settings(open_cost(file), "u_energy")) is None
+    target = file.with_name("a.svg")
+    plot_cost(file, target)
+    assert "best:" not in target.read_text()
+
+
+def test_own_settings_that_failed_are_said_to_have_failed(file: Path) -> None:
+    study = study_of(RECTANGLE)
+    write_cost(file, study, made(own=(1, 1, 3)), collect(study, ["tcstudy"]))
+    told = advice(settings(open_cost(file), "u_energy"))
+    assert told[-1] == "The study's own settings (graded, level 3, bundle-newton) were not solved."
+
+
+@pytest.mark.parametrize("form", ["text", "markdown", "latex"])
+def test_the_report_says_it_all(file: Path, form: str) -> None:
+    text = cost_report(file, form)
+    assert text.count("Wall time from the body") == 1
+    for words in ("tau = 0.01", "exact solution", "Look twice.", "9600", "least of 3 runs"):
+        assert words in text
+    if form == "text":
+        assert "6.4†" in text
+        assert "(2.000e-02)" not in text  # the first solver was solved there
+        assert "1.6*" in text
+    other = cost_report(file, form, "xi_L2")
+    assert "3.200e-01" in other or r"3.200\cdot10^{-1}" in other
+
+
+def test_an_error_that_is_not_there(file: Path) -> None:
+    with pytest.raises(DrawError, match=r"theta_L2.*u_energy, xi_L2"):
+        measure_of(open_cost(file), "theta_L2")
+    assert measure_of(open_cost(file), None) == "u_energy"
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
+def test_the_chart(file: Path, suffix: str) -> None:
+    target = file.with_name(f"a.{suffix}")
+    said = plot_cost(file, target)
+    assert said == f"{target}: u in energy, tau = 0.01"
+    first = target.read_bytes()
+    plot_cost(file, target)
+    assert target.read_bytes() == first
+    if suffix == "svg":
+        text = first.decode()
+        assert "best:" in text
+        assert "own settings" in text
+    with pytest.raises(DrawError, match=r"\.png"):
+        plot_cost(file, file.with_name("a.txt"))
+
+
+def test_a_family_has_one_colour_and_what_is_beaten_is_pale(file: Path) -> None:
+    """The study's own settings are beaten here: their star is white, and the key says what pale marks mean."""
+    from matplotlib.colors import to_hex
+
+    with style.styled():
+        figure = _figure(open_cost(file), "u_energy")
+    own = next(s for s in settings(open_cost(file), "u_energy") if s.own)
+    for axes in figure.axes[:2]:
+        (star,) = [line for line in axes.lines if line.get_marker() == "*"]
+        assert (star.get_color() == "white") == own.dominated
+    assert own.dominated
+    left, right = ({to_hex(line.get_color()) for line in axes.lines if line.get_marker() == "s"}
+                   for axes in figure.axes[:2])  # fmt: skip
+    assert left == right == {style.INK}
+    legend = figure.axes[0].get_legend()
+    assert legend is not None
+    named = [text.get_text() for text in legend.get_texts()]
+    assert {"the study's own (beaten)", "best at its error", "pale: another is faster and closer"} <= set(named)
+
+
+@pytest.mark.parametrize("spread", [0.25, 0.4, 0.5, 0.6, 1.0, 2.0])
+def test_numbers_at_the_axes_keep_apart(file: Path, spread: float) -> None:
+    """Times from half a decade to four, errors from one third to one: small studies have little in between."""
+    study = study_of(RECTANGLE)
+    errors = {"u_energy": made().errors["u_energy"] ** min(spread, 1.0)}
+    write_cost(file, study, made(time=0.02 * (made().time / 0.1) ** spread, errors=errors), collect(study, ["tcstudy"]))
+    with style.styled():
+        figure = _figure(open_cost(file), "u_energy")
+        left, right = figure.axes[:2]
+        figure.draw(FigureCanvasAgg(figure).get_renderer())
+        for axes in (left, right):
+            ticks = [text for minor in (False, True) for text in axes.get_xticklabels(minor=minor)]
+            boxes = [text.get_window_extent() for text in ticks if text.get_text() and _within(axes, text)]
+            assert len(boxes) > 1
+            assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+        assert left.yaxis.label.get_window_extent().x0 > 0
+        sides = [text for minor in (False, True) for text in right.get_yticklabels(minor=minor)]
+        assert not any(text.get_visible() and text.get_text() for text in sides)
+
+
+def _within(axes: Axes, text: Text) -> bool:
+    low, high = axes.get_xlim()
+    return bool(low <= text.get_position()[0] <= high)
+
+
+def test_the_kind_of_a_file(file: Path, tmp_path: Path) -> None:
+    assert kind_of(file) == "cost"
+    other = tmp_path / "other.nc"
+    with netCDF4.Dataset(other, "w") as nc:
+        nc.title = "foreign"
+    with pytest.raises(StoreError):
+        kind_of(other)
+
+
+def test_a_file_of_another_command_is_refused(file: Path) -> None:
+    with netCDF4.Dataset(file, "a") as nc:
+        nc.setncattr("content", "path")
+    with pytest.raises(StoreError, match="not written by tcstudy cost"):
+        open_cost(file)
+
+
+def test_the_file_keeps_to_cf(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text, stumbled = cf_faults(file, tmp_path, capsys)
+    assert not text
+    assert stumbled <= {"check_coordinate_variables_strict_monotonicity"}  # the checker's own, over names on an axis
+    with xarray.open_dataset(file) as data:
+        assert data["time"].dims == ("family", "solver", "level", "run")
+        assert data["time"].attrs["units"] == "s"
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_every_text_stays_on_a_page_of_any_size(file: Path, look: style.Look) -> None:
+    data = open_cost(file)
+    with style.styled(look):
+        assert off_the_page(_figure(data, "u_energy", look)) == []
+
+
+def test_the_chart_in_one_object(file: Path) -> None:
+    """Its meshes have their sizes by family and level, as those of geometries have by point."""
+    found = brief(file)
+    assert found["kind"] == "cost"
+    assert "graded" in found["verdict"]

@@ -1,0 +1,72 @@
+"""Streams that stop no work: whatever becomes of standard output, the work goes on and the exit code is true."""
+
+from __future__ import annotations
+
+import errno
+import io
+
+import pytest
+
+from tcstudy.reports.terminal.outlet import Outlet, is_lost, raw_terminal, spelled, visible
+
+
+class Broken(io.StringIO):
+    """A stream whose writes fail."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+    def write(self, text: str) -> int:
+        raise OSError(self.number, "no")
+
+
+def test_control_characters_become_visible() -> None:
+    stream = io.StringIO()
+    print("a\tb\x1b[31mR\x1b]0;own\x07\r\x9b\u202eλ₁\udcff", file=Outlet(stream))
+    assert stream.getvalue() == "a\tb\\x1b[31mR\\x1b]0;own\\x07\\r\\x9b\\u202eλ₁\\udcff\n"
+    assert visible("m\nθ̄ – ✓") == "m\nθ̄ – ✓"
+
+
+def test_a_progress_bar_may_move_the_cursor() -> None:
+    stream = io.StringIO()
+    raw_terminal(Outlet(stream)).write("\r\x1b[K")  # type: ignore[arg-type]
+    assert stream.getvalue() == "\r\x1b[K"
+    assert raw_terminal(stream) is stream
+
+
+@pytest.mark.parametrize(
+    ("encoding", "shown"),
+    [("ascii", "lambda1 int xi 2 - u ... ?"), ("cp1252", "lambda1 int xi ² – µ … ?"), ("utf-8", "λ₁ ∫ξ ² – µ … 漢")],
+)
+def test_what_an_encoding_lacks_is_spelled(encoding: str, shown: str) -> None:
+    raw = io.BytesIO()
+    out = Outlet(io.TextIOWrapper(raw, encoding=encoding))
+    print("λ₁ ∫ξ ² – µ … 漢", file=out)
+    out.flush()
+    assert raw.getvalue().decode(encoding) == shown + "\n"
+    assert out.lost is None
+
+
+def test_every_sign_of_the_reports_has_a_spelling() -> None:
+    signs = "αβθλμνξσωΓΔ∂∫∞−–─×·≤≥→√₁²¹³µ…"
+    assert "?" not in spelled(signs, "ascii")
+
+
+@pytest.mark.parametrize(("number", "lost"), [(errno.ENOSPC, True), (errno.EPIPE, False)])
+def test_a_stream_that_fails_is_remembered(number: int, lost: bool) -> None:
+    out = Outlet(Broken(number))
+    print("text", file=out)
+    print("more", file=out)
+    assert isinstance(out.lost, OSError)
+    assert is_lost(out) is lost
+
+
+def test_no_stream_takes_everything() -> None:
+    out = Outlet(None)
+    print("text", file=out, flush=True)
+    assert not out.isatty()
+    assert not is_lost(out)
+    closed = io.StringIO()
+    closed.close()
+    print("text", file=Outlet(closed), flush=True)

@@ -1,0 +1,79 @@
+"""What a run shows: plain lines in a pipe, a bar that weighs finer levels more on a terminal."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+
+from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, PointStatus, block_of
+from tcstudy.reports.terminal.progress import PlainProgress, TerminalProgress
+from tcstudy.study.run import LevelWork
+
+WORK = [LevelWork(2, 1, 1.0), LevelWork(2, 0, 4.0)]
+
+
+def record(level: int, status: PointStatus, reason: str = "why") -> BlockRecord:
+    point = PointRecord((0,), level, status, reason, {}, np.empty(0), np.empty(0))
+    return block_of((point,), (1,))
+
+
+@pytest.mark.parametrize("kind", [PlainProgress, TerminalProgress])
+def test_only_failures_and_warnings_are_lines(kind: type[PlainProgress] | type[TerminalProgress]) -> None:
+    stream = io.StringIO()
+    progress = kind(stream, lambda index: f"alpha = {index[0]}")
+    progress.begin(WORK, ["an old journal was set aside"])
+    progress.block(record(0, PointStatus.OK))
+    progress.block(record(1, PointStatus.NOT_CONVERGED))
+    progress.close()
+    text = stream.getvalue()
+    assert "warning: an old journal was set aside" in text
+    assert "alpha = 0 on level 1: not converged: why" in text
+    assert "level 0: " not in text
+
+
+@pytest.mark.parametrize("kind", [PlainProgress, TerminalProgress])
+def test_failures_that_differ_in_numbers_have_one_line(kind: type[PlainProgress] | type[TerminalProgress]) -> None:
+    stream = io.StringIO()
+    progress = kind(stream)
+    progress.begin(WORK, [])
+    for residual in ("3.1e-9", "2e-07", "4"):
+        progress.block(record(1, PointStatus.INCLUSION_VIOLATED, f"residual {residual}; coarsen"))
+    progress.block(record(1, PointStatus.NOT_CONVERGED, "no solution; /srv/someone/part.step"))
+    progress.close()
+    progress.close()
+    text = stream.getvalue()
+    assert text.count("; coarsen") == 1
+    assert text.count("2 more failed for the same reasons") == 1
+    assert "someone" not in text
+
+
+def test_the_bar_weighs_levels() -> None:
+    progress = TerminalProgress(io.StringIO())
+    progress.begin(WORK, [])
+    task = progress._progress.tasks[0]
+    assert (task.total, task.completed, task.fields["points"]) == (10.0, 1.0, "1/4")
+    progress.block(record(1, PointStatus.OK))
+    assert (task.completed, task.fields["points"], task.fields["failed"]) == (5.0, "2/4", "")
+    progress.block(record(1, PointStatus.NOT_CONVERGED))
+    assert (task.completed, task.fields["points"], task.fields["failed"]) == (9.0, "3/4", ", 1 failed")
+    progress.close()
+
+
+def test_levels_that_may_not_be_needed_are_counted_as_such() -> None:
+    stream = io.StringIO()
+    PlainProgress(stream).begin([LevelWork(2, 0, 2.0**i, sure=False) for i in range(30)], [])
+    PlainProgress(stream).begin(WORK, [])
+    assert stream.getvalue().splitlines() == [
+        "2 points on at most 30 levels: at most 60 solutions",
+        "2 points on 2 levels: 4 solutions, 1 of them finished before",
+    ]
+
+
+@pytest.mark.parametrize(("length", "size"), [("m", "8.25 mm"), ("1", "0.00825")])
+def test_the_size_of_a_level_has_its_unit(length: str, size: str) -> None:
+    stream, s = io.StringIO(), np.zeros(3)
+    level = LevelRecord(1, 0.00825, 20, 3, s, s, s, s, np.zeros(3, dtype=np.int8), ("film",), 0.1, 0.1)
+    PlainProgress(stream, length=length).level(level)
+    assert stream.getvalue().startswith(f"level 1: h_max = {size}, 20 dofs, 3 contact unknowns")

@@ -1,0 +1,93 @@
+"""Indices of runs: exact ones of a linear scene, sides of a jump told apart, files without a design refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tcstudy
+from tcstudy.errors import UsageError
+from tcstudy.reports.terminal.sensitivity import sample, sensitivity_json, sensitivity_text, tables
+from tests.commands import CONFIGS, tcstudy_command
+from tests.verification.scenes import study_of
+
+LINEAR = """
+units: none
+body: {rectangle: {width: 2, height: 1}}
+parameters: {a: 1, b: 1}
+boundary: {bottom: contact, left: clamped, top: {role: traction, g: ["a", 0]}, right: {role: traction, pressure: "b"}}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: 1000}
+mesh: {maxh: 1}
+sweep: {mode: saltelli, points: 128, parameters.a: {uniform: [0, 1]}, parameters.b: {normal: {mean: 1, sigma: 0.5}}}
+"""
+PAD = """
+units: none
+body: {rectangle: {width: 5, height: 1}}
+boundary: {bottom: contact, left: free, top: {role: clamped, u_x: 0.05, u_y: 0}, right: free}
+material: {E: 3, nu: 0.45}
+friction: {law: slip-weakening, tau_s: 0.08, tau_k: 0.02, delta: 0.02}
+mesh: {maxh: 1}
+sweep: {mode: saltelli, points: 32, tau_s: {lognormal: {median: 0.08, sigma: 0.25}}, delta: {uniform: [0.01, 0.03]}}
+"""
+
+
+def finished(folder: Path, text: str) -> Path:
+    output = folder / "run.nc"
+    tcstudy.run(study_of(text), output).close()
+    return output
+
+
+def test_a_body_that_sticks_has_the_indices_of_a_linear_function(tmp_path: Path) -> None:
+    file = finished(tmp_path, LINEAR)
+    one = sample(file, "friction_resultant")
+    x = np.column_stack([np.ones(one.f.size), one.x.reshape(-1, 2)])
+    slopes, *_ = np.linalg.lstsq(x, one.f.ravel(), rcond=None)
+    np.testing.assert_allclose(x @ slopes, one.f.ravel(), rtol=1e-10)
+    parts = slopes[1:] ** 2 * [1 / 12, 0.25]
+    exact = parts / parts.sum()
+    said, (table,) = tables(one)
+    assert "no jump: every solution is certified to be the only one" in said
+    for estimate in table.columns.values():
+        assert np.all((estimate.low <= exact) & (exact <= estimate.high))
+        np.testing.assert_allclose(estimate.value, exact, atol=0.05)
+    with pytest.raises(UsageError, match="no number 'slip' at its points; choose of"):
+        sample(file, "slip")
+
+
+def test_sides_of_a_jump_are_told_apart(tmp_path: Path) -> None:
+    file = finished(tmp_path, PAD)
+    text = sensitivity_text(file, "slip_length")
+    assert "slip_length jumps: " in text
+    assert "Indices of the side on which a point lies" in text
+    assert "Indices of slip_length" not in text
+    found = sensitivity_json(file, "slip_length")
+    assert [table["caption"].split(":")[0] for table in found["tables"]][1:] == ["Below", "Above"]
+    side = found["tables"][0]["total"]
+    assert side["tau_s"]["value"] > 0.3
+    quiet = tcstudy_command("sensitivity", file, "-q")
+    largest = max(side, key=lambda name: side[name]["value"])
+    what = "Indices of the side on which a point lies"
+    assert quiet.stdout == f"{file}: {what}: {largest} has the largest, {side[largest]['value']:.3f} (total)\n"
+
+
+def test_the_example(tmp_path: Path) -> None:
+    """On a coarse mesh: what its guide says of it holds, the strength decides whether the pad holds."""
+    words = ("--set", "mesh.maxh=10 mm", "--set", "sweep.points=32", "--output", tmp_path / "pad.nc", "-q")
+    ran = tcstudy_command("run", CONFIGS / "random_adhesive.yaml", *words)
+    assert ran.returncode == 0, ran.stderr
+    assert "160 of 160 solved" in ran.stdout
+    said = tcstudy_command("sensitivity", tmp_path / "pad.nc", "--of", "friction_resultant", "--json")
+    found = json.loads(said.stdout)
+    side = {name: index["value"] for name, index in found["tables"][0]["total"].items()}
+    assert "jumps" in found["said"][-1]
+    assert max(side, key=lambda name: side[name]) == "tau_s"
+
+
+def test_points_without_a_design_have_no_indices(tmp_path: Path) -> None:
+    file = finished(tmp_path, LINEAR.replace("saltelli, points: 128", "random, points: 3"))
+    with pytest.raises(UsageError, match="mode: saltelli, points: 256"):
+        sensitivity_text(file, "slip_length")

@@ -1,0 +1,129 @@
+"""The summary's lines on failures and on heat, from a written file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tcstudy.data.provenance import Provenance
+from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.schema import BALANCED, LIMITED, UNBALANCED
+from tcstudy.reports.terminal.summary import summary
+from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
+from tests.data.by_points import write
+
+ALPHA = Axis("alpha", ("heat", "alpha"), (1, 2, 3), (1.0, 2.0, 3.0), "W m-2 K-1")
+NO_VALUES = np.empty(0)
+
+
+def level(number: int) -> LevelRecord:
+    s = np.linspace(0.0, 1.0, 3)
+    edge = np.zeros(3, dtype=np.int8)
+    return LevelRecord(number, 0.5 / 2**number, 20, 3, s, s, 0.0 * s, 0.0 * s + 0.25, edge, ("film",), 0.1, 0.1)
+
+
+def point(index: int, number: int, balance: float = 1e-15) -> PointRecord:
+    judged = UNBALANCED if balance > 1e-10 else BALANCED
+    numbers: dict[str, float | tuple[float, ...]] = {"heat_balance": balance, "heat_status": judged}
+    return PointRecord((index,), number, PointStatus.OK, "", numbers, np.zeros(3), np.zeros(3))
+
+
+def missed(index: int, number: int, residual: str) -> PointRecord:
+    reason = f"residual {residual} above the tolerance 1e-10; raise solver.tolerance"
+    return PointRecord((index,), number, PointStatus.INCLUSION_VIOLATED, reason, {}, NO_VALUES, NO_VALUES)
+
+
+def study_over(axes: tuple[Axis, ...]) -> Study:
+    plans = MeshPlan((0.5,), 2), SolverPlan(), OutputPlan()
+    return Study("Plate", "title: plate\n", None, "SI", "grid", axes, (), *plans)
+
+
+@pytest.fixture
+def text_of(tmp_path: Path):  # type: ignore[no-untyped-def]
+    study = study_over((ALPHA,))
+
+    def text(*points: PointRecord) -> str:
+        write(tmp_path / "plate.nc", study, [level(0), level(1)], points, Provenance("now", (("python", "3"),), "abc"))
+        return summary(tmp_path / "plate.nc")
+
+    return text
+
+
+def test_failures_are_one_line_a_kind(text_of) -> None:  # type: ignore[no-untyped-def]
+    good = [point(i, n) for i in range(3) for n in range(2)]
+    text = text_of(*good, missed(0, 1, "3e-09"), missed(2, 0, "2e-07"), missed(2, 1, "1e-8"))
+    lines = [line.strip() for line in text.splitlines() if "solutions failed" in line]
+    assert lines == [
+        "3 solutions failed: inclusion violated: residual 3e-09 to 2e-07 above the tolerance 1e-10; "
+        "raise solver.tolerance (for example alpha = 1 W m-2 K-1 on level 1)"
+    ]
+
+
+def test_what_failed_is_marked_in_its_row(text_of) -> None:  # type: ignore[no-untyped-def]
+    """A number that solves nothing must not look like the others."""
+    good = [replace(point(i, n), numbers={"energy": 2.0}) for i in range(3) for n in range(2)]
+    bad = replace(missed(1, 1, "3e-09"), numbers={"energy": 7.0})
+    rows = [line.split() for line in text_of(*good, bad).splitlines()]
+    assert ["2", "(7)", "failed", "–"] in rows
+    assert ["1", "2", "nothing", "–"] in rows
+    assert "failed: no solution; the numbers in (parentheses)" in text_of(*good, bad)
+    assert "parentheses" not in text_of(*good)
+
+
+def test_solvers_side_by_side(tmp_path: Path) -> None:
+    """Only what every solver stored; where the second found more energy, it is not the least."""
+    names = ("separable-newton", "bundle-newton")
+    study = replace(study_over((ALPHA,)), solver=replace(SolverPlan(), names=names))
+    points = []
+    for i in range(3):
+        energies = (-1.0, -1.0 if i else -0.5)
+        numbers = {"solver_energy": energies, "solver_residual": (1e-14, 3e-12), "solver_iterations": (4, 40 + i),
+                   "solver_time": (0.25, 1.0), "solver_difference": (0.0, 0.0 if i else 0.125)}  # fmt: skip
+        points += [replace(point(i, n), numbers=numbers) for n in range(2)]
+    points[-1] = missed(2, 1, "3e-09")
+    write(tmp_path / "plate.nc", study, [level(0), level(1)], points, Provenance("now", (("python", "3"),), "abc"))
+    rows = [line.split() for line in summary(tmp_path / "plate.nc").splitlines() if "-newton " in line]
+    assert rows[-2:] == [
+        ["separable-newton", "1e-14", "20", "1.2", "5/5", "–"],
+        ["bundle-newton", "3e-12", "204", "5", "3/5", "0.12"],
+    ]
+
+
+def test_heat_that_does_not_balance_is_said_and_the_points_stay_solved(text_of) -> None:  # type: ignore[no-untyped-def]
+    balances = {(0, 0): 1e-15, (0, 1): 5e-5, (1, 0): 1e-15, (1, 1): 2e-9, (2, 0): 1e-12, (2, 1): 1e-12}
+    text = text_of(*(point(i, n, balance) for (i, n), balance in balances.items()))
+    (line,) = (line for line in text.splitlines() if "heat balance" in line)
+    assert "heat balance 2e-09 to 5e-05 at 2 points" in line
+    assert "alpha = 1 W m-2 K-1 on level 1" in line
+    assert "failed" not in text
+    assert "3/3" in text
+
+
+def test_nothing_is_said_where_nothing_is_wrong(text_of) -> None:  # type: ignore[no-untyped-def]
+    text = text_of(*(point(i, n) for i in range(3) for n in range(2)))
+    assert "failed" not in text
+    assert "heat balance" not in text
+
+
+def test_a_point_of_a_study_without_a_sweep_is_named_by_its_level(tmp_path: Path) -> None:
+    study = Study(
+        "Plate", "title: plate\n", None, "SI", "grid", (), (), MeshPlan((0.5,), 2), SolverPlan(), OutputPlan()
+    )
+    one = replace(missed(0, 1, "1e-8"), index=())
+    write(tmp_path / "plate.nc", study, [level(0), level(1)], [one], Provenance("now", (("python", "3"),), "abc"))
+    text = summary(tmp_path / "plate.nc")
+    assert "1 solution failed: inclusion violated" in text
+    assert "(level 1)" in text
+    assert "not run: 1 of 2 places of the grid (for example level 0)" in text
+
+
+def test_what_rounding_limits_is_one_line(text_of) -> None:  # type: ignore[no-untyped-def]
+    numbers = {"inclusion_residual": 7e-5, "inclusion_rounding": 1.1e-4, "inclusion_status": LIMITED}
+    text = text_of(point(0, 0), replace(point(2, 1), numbers=numbers))
+    [line] = [line.strip() for line in text.splitlines() if "limited by rounding" in line]
+    assert line.startswith("limited by rounding: 1 of 6 solutions hold to 7e-05 of the scale of b or better, where ")
+    assert "rounding alone allows 0.00011" in line
+    assert "alpha = 3" in line

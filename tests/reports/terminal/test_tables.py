@@ -1,0 +1,79 @@
+"""One table in three forms."""
+
+import pytest
+
+from tcstudy.reports.terminal.tables import Heading, Table, fitting, latex, plain_table, render, wrapped
+
+TABLE = Table(
+    "Error of u_T",
+    ("level", "u_T in L²(Γ_C)", "verdict"),
+    (("0", "1.250e-02", "too few"), ("10", "(3.1e-03)", "100 % & more")),
+    label="t",
+)
+
+
+def test_text_aligns_numbers_right():
+    lines = render([TABLE], "text").splitlines()
+    assert lines[2] == "  level  u_T in L²(Γ_C)  verdict"
+    assert lines[4] == "      0       1.250e-02  too few"
+    assert lines[5] == "     10       (3.1e-03)  100 % & more"
+
+
+def test_markdown():
+    lines = render([Heading("Title", 1), TABLE, "words"], "markdown").splitlines()
+    assert lines[0] == "# Title"
+    assert "|--:|--:|:--|" in lines
+    assert "| 10 | (3.1e-03) | 100 % & more |" in lines
+    assert lines[-1] == "words"
+
+
+def test_latex():
+    text = render([Heading("Title", 1), TABLE], "latex")
+    assert r"\begin{tabular}{rrl}" in text
+    assert r"0 & $1.250\cdot10^{-2}$ & too few \\" in text
+    assert r"10 & ($3.1\cdot10^{-3}$) & 100 \% \& more \\" in text
+    assert r"level & $u_T$ in $L^{2}$($\Gamma_C$) & verdict \\" in text
+    assert text.isascii()
+
+
+@pytest.mark.parametrize(
+    ("plain", "tex"),
+    [
+        ("u ~ r^0.711", r"u $\sim$ $r^{0.711}$"),
+        ("a_b {c} #1 \\ ^", r"a\_b \{c\} \#1 \textbackslash{} \^{}"),
+        ("90° – h → 0", r"90$^{\circ}$ -- h $\to$ 0"),
+        ("∫ξ [MN m-1]", r"$\int \xi$ [MN m-1]"),
+        ("-3e-05 ± 2e+01", r"$-3\cdot10^{-5}$ $\pm$ $2\cdot10^{1}$"),
+    ],
+)
+def test_latex_signs(plain, tex):
+    assert latex(plain) == tex
+
+
+def test_columns_go_by_importance_and_are_named():
+    header, rows = ("point", "less", "most", "least"), [("1" * 10, "2" * 10, "3" * 10, "4" * 10)]
+    ranks = (0, 2, 1, 3)
+    whole = plain_table(header, rows, ranks)
+    for width, gone in (
+        (48, []),
+        (47, ["least"]),
+        (40, ["least"]),
+        (30, ["less", "least"]),
+        (5, ["less", "most", "least"]),
+    ):
+        with fitting(width):
+            lines = plain_table(header, rows, ranks).splitlines()
+        assert ("\n".join(lines) == whole) == (not gone)
+        assert [name for name in header if name not in lines[0].split()] == gone
+        if gone and width > 20:
+            assert f"no room for {', '.join(gone)}" in " ".join(line.strip() for line in lines[3:])
+            assert max(map(len, lines)) <= width
+
+
+def test_words_are_filled_and_tables_are_not():
+    table = "  a" + "  1" * 40
+    with fitting(40):
+        text = wrapped("  " + "word " * 20 + "end\n" + table)
+    assert table in text
+    assert max(len(line) for line in text.splitlines()[:-1]) <= 40
+    assert wrapped("  " + "word " * 20 + "end") == "  " + "word " * 20 + "end"
