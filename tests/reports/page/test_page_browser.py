@@ -147,6 +147,7 @@ def test_sliders_and_dragged_points_solve_again(shown: Browser, live_page: Path)
     )
     pulled = shown.run("return Math.max(...TC.live.shown.v)")
     assert pulled > before
+    shown.run("return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")  # the address
     assert '"factor":3' in fragment(shown)["set"]
     shown.run("document.querySelector('[aria-label=points]').click(); TC.live.show(TC.live.point);")
     assert shown.run("return Math.max(...TC.live.shown.v)") == pytest.approx(pulled, rel=1e-9)
