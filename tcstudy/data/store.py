@@ -164,10 +164,10 @@ class Filling:
         """Take the points of a block, each for the first time."""
         check_block(block, self.study, self.known.get(block.level))
         places = file_places(self.study, block.points)
-        for key in (None, block.level):
-            section = self.sections[key]
+        own = (self.sections[key] for key in (None, block.level) if key in self.sections)  # no mesh, no group
+        for section in own:
             for _, start, stop in tiles(self.study.shape, section.tile):
-                if (key, start) not in self._left and np.any((places >= start) & (places < stop)):
+                if (section.level, start) not in self._left and np.any((places >= start) & (places < stop)):
                     self._put(section, start, stop, block, places)
         while sum((w.stop - w.start) * w.section.point_bytes for w, _ in self._open.values()) > MEMORY:
             oldest = next(iter(self._open))
