@@ -1,4 +1,6 @@
-"""What a second core gives a sweep: `python -m tests.benchmarks.cores [POINTS]`, on a machine with nothing else to do.
+"""What a second core gives a sweep, and what memory it takes: `python -m tests.benchmarks.cores [POINTS]`.
+
+Without POINTS, results/cores.md and results/cores.png are written, in four minutes of a machine that does nothing else.
 
 The quickstart's body with one softening law, m ≈ 100: 40 α × 40 θ̄ × δ, by one process and by two workers in turns.
 Wall times tell the ratio. CPU times bound it where other work disturbs: what the run does before its first block and
@@ -11,12 +13,19 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from tcstudy.reports.figures.style import INK, WIDTH, inches, save, styled
+
 ROOT = Path(__file__).parents[2]
-POINTS, RUNS = 51_200, 2
+RUNS, RATIOS, SIZES = 2, (25_600, 51_200, 102_400), (10**4, 10**5, 10**6)
+"""Runs of each kind, and numbers of points: of the ratio and of the memory."""
+PAUSE = 0.2
+"""Seconds from one look at the memory to the next."""
+COARSE = ("mesh", "{maxh: 20 mm, levels: 1}")
 WORDS = (
     ("mesh", "{maxh: 2 mm, levels: 1, refine: 3}"),
     ("friction", "{law: slip-weakening, tau_s: 40 MPa, tau_k: 10 MPa, delta: 40 um}"),
@@ -80,9 +89,8 @@ def run(folder: Path, jobs: int, points: int) -> Taken:
     return Taken(wall, alone, beside, max(0.0, total - alone - beside))
 
 
-def main() -> None:
-    """Measure in turns; the least of each counts."""
-    points = int(sys.argv[1]) if len(sys.argv) > 1 else POINTS
+def ratio(points: int) -> tuple[float, float, float]:
+    """(wall seconds of one process, of two workers, ratio by CPU times): in turns, the least of each."""
     found: dict[int, list[Taken]] = {1: [], 2: []}
     with TemporaryDirectory() as folder:
         for _ in range(RUNS):
@@ -94,6 +102,93 @@ def main() -> None:
     wall = [min(one.wall for one in taken) for taken in found.values()]
     cpu = min(one.cpu for one in found[1]) / min(one.shared for one in found[2])
     print(f"{points} points: {wall[0]:.1f} s → {wall[1]:.1f} s, {wall[0] / wall[1]:.2f} ×; by CPU times {cpu:.2f} ×")
+    return wall[0], wall[1], cpu
+
+
+def held(process: int) -> float:
+    """Bytes that a process and those below it hold, shared pages counted once (Linux)."""
+    found, waiting = 0.0, [process]
+    while waiting:
+        at = Path("/proc") / str(waiting.pop())
+        try:
+            rollup = (at / "smaps_rollup").read_text(encoding="utf-8")
+            waiting += [int(word) for word in (at / "task" / at.name / "children").read_text(encoding="utf-8").split()]
+        except OSError:  # it has just ended
+            continue
+        found += 1024.0 * sum(int(line.split()[1]) for line in rollup.splitlines() if line.startswith("Pss:"))
+    return found
+
+
+def memory(points: int) -> tuple[float, float]:
+    """(wall seconds, largest number of bytes held) of a run with two workers, m = 11."""
+    side = round(points ** (1.0 / 3.0))
+    grid = f"alpha: {{linspace: [100, 400, {side}]}}, theta_bar: {{linspace: [0, 20, {side}]}}"
+    sweep = f"{{{grid}, friction.delta: {{linspace: [20 um, 60 um, {side}]}}}}"
+    words = [f"--set={key}={value}" for key, value in (COARSE, WORDS[1], ("sweep", sweep))]
+    study = str(ROOT / "configs" / "quickstart.yaml")
+    with TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "tcstudy", "run", study, *words, f"--output={Path(folder) / 'm.nc'}", "-q"]
+        since, most = time.perf_counter(), 0.0
+        running = subprocess.Popen(
+            [*command, "--jobs=2"], env={**os.environ, "OPENBLAS_NUM_THREADS": "1"}, cwd=ROOT, stdout=subprocess.PIPE
+        )
+        while running.poll() is None:
+            most = max(most, held(running.pid))
+            time.sleep(PAUSE)
+        assert running.returncode == 0
+        return time.perf_counter() - since, most
+
+
+def report(ratios: dict[int, tuple[float, float, float]], sizes: dict[int, tuple[float, float]]) -> Iterator[str]:
+    """The text of results/cores.md."""
+    yield "Made by `python -m tests.benchmarks.cores`, with `cores.png`, on 2 processors; one BLAS thread a process."
+    yield "Whole commands: start, meshing, solving, file. By CPU times: what two undisturbed cores could give at most."
+    yield ""
+    yield "| points, m ≈ 100 | one process [s] | two workers [s] | ratio | by CPU times |"
+    yield "|---|---|---|---|---|"
+    for points, (one, two, cpu) in ratios.items():
+        yield f"| {points:,} | {one:.1f} | {two:.1f} | {one / two:.2f} | {cpu:.2f} |"
+    yield ""
+    yield "| points, m = 11, two workers | time [s] | largest memory of all processes [MB] |"
+    yield "|---|---|---|"
+    for points, (seconds, most) in sizes.items():
+        yield f"| {points:,} | {seconds:.1f} | {most / 1e6:.0f} |"
+
+
+def draw(ratios: dict[int, tuple[float, float, float]], sizes: dict[int, tuple[float, float]], target: Path) -> None:
+    """Speed-up of two workers, and memory, over the number of points."""
+    with styled():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(WIDTH, 3.0))
+        wide = 0.5 * WIDTH - 1.0
+        left = inches(figure, 0.62, 0.52, wide, 2.1)
+        left.plot(list(ratios), [one / two for one, two, _ in ratios.values()], "o-", color="#0072b2", label="measured")
+        left.plot(list(ratios), [x for *_, x in ratios.values()], "s:", color=INK, label="by CPU times", linewidth=1.0)
+        left.set(xscale="log", ylim=(1.0, 2.0), xlabel="points, m ≈ 100", ylabel="two workers against one process")
+        left.legend(frameon=False, loc="lower right")
+        left.set_title("Speed-up")
+        right = inches(figure, 0.5 * WIDTH + 0.62, 0.52, wide, 2.1)
+        right.plot(list(sizes), [most / 1e6 for _, most in sizes.values()], "o-", color="#0072b2")
+        right.set(xscale="log", ylim=(0.0, None), xlabel="points, m = 11", ylabel="MB, all processes")
+        right.set_title("Memory")
+        save(figure, target)
+
+
+def main() -> None:
+    """One ratio, or all that is written."""
+    if len(sys.argv) > 1:
+        ratio(int(sys.argv[1]))
+        return
+    ratios = {points: ratio(points) for points in RATIOS}
+    sizes = {}
+    for points in SIZES:
+        sizes[points] = memory(points)
+        print(f"{points} points: {sizes[points][0]:.1f} s, {sizes[points][1] / 1e6:.0f} MB", flush=True)
+    text = "\n".join(report(ratios, sizes)) + "\n"
+    (ROOT / "results" / "cores.md").write_text(text, encoding="utf-8")
+    draw(ratios, sizes, ROOT / "results" / "cores.png")
+    print(text, end="")
 
 
 if __name__ == "__main__":
