@@ -166,6 +166,8 @@ def draw(ratios: dict[int, tuple[float, float, float]], sizes: dict[int, tuple[f
         left.plot(list(ratios), [one / two for one, two, _ in ratios.values()], "o-", color="#0072b2", label="measured")
         left.plot(list(ratios), [x for *_, x in ratios.values()], "s:", color=INK, label="by CPU times", linewidth=1.0)
         left.set(xscale="log", ylim=(1.0, 2.0), xlabel="points, m ≈ 100", ylabel="two workers against one process")
+        left.set_xticks(list(ratios), [f"{points:,}" for points in ratios])
+        left.minorticks_off()
         left.legend(frameon=False, loc="lower right")
         left.set_title("Speed-up")
         right = inches(figure, 0.5 * WIDTH + 0.62, 0.52, wide, 2.1)
