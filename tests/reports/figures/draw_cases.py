@@ -211,3 +211,20 @@ def off_the_page(figure: Figure) -> list[str]:
     found = [text for text in figure.findobj(Text) if text.get_text().strip() and text not in ticks]
     boxes = [(text.get_text(), text.get_window_extent()) for text in found]
     return [name for name, box in boxes if box.x0 < -1 or box.y0 < -1 or box.x1 > wide + 1 or box.y1 > high + 1]
+
+
+RAIL = """
+units: none
+title: A bar that warms and cools on friction
+body: {rectangle: {width: 8, height: 0.5, edges: {bottom: base, left: middle, right: end, top: head}}}
+boundary: {base: contact, middle: {role: clamped, u_x: 0, u_y: free}, head: free, end: free}
+material: {E: 100, nu: 0, plane: stress, alpha_T: 0.01}
+heat: {theta: 0}
+friction: {law: tresca, tau: 0.5}
+mesh: {maxh: 0.5}
+history:
+  memory: friction
+  steps: [{theta: 4, in: 2, name: warm}, {theta: -4, in: 4, name: cold}, {theta: 0, in: 2, name: back}]
+  repeat: 2
+"""
+"""A history of a bar that is held in the middle."""

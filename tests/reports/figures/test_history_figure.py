@@ -16,22 +16,7 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.draw import Wanted, picture
 from tcstudy.reports.figures.history_figure import draw_history, history_figure
 from tcstudy.study.history_run import execute_history
-from tests.reports.figures.draw_cases import LOOKS, off_the_page
-
-RAIL = """
-units: none
-title: A bar that warms and cools on friction
-body: {rectangle: {width: 8, height: 0.5, edges: {bottom: base, left: middle, right: end, top: head}}}
-boundary: {base: contact, middle: {role: clamped, u_x: 0, u_y: free}, head: free, end: free}
-material: {E: 100, nu: 0, plane: stress, alpha_T: 0.01}
-heat: {theta: 0}
-friction: {law: tresca, tau: 0.5}
-mesh: {maxh: 0.5}
-history:
-  memory: friction
-  steps: [{theta: 4, in: 2, name: warm}, {theta: -4, in: 4, name: cold}, {theta: 0, in: 2, name: back}]
-  repeat: 2
-"""
+from tests.reports.figures.draw_cases import LOOKS, RAIL, off_the_page
 
 
 @pytest.fixture(scope="module")

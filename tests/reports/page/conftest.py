@@ -10,6 +10,7 @@ import pytest
 from tcstudy.read.study import read_study_text
 from tcstudy.study.history_run import execute_history
 from tcstudy.study.run import execute
+from tests.reports.figures.draw_cases import RAIL
 from tests.reports.page.browser import Browser
 
 STUDY = """
@@ -37,27 +38,10 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-RAIL = """
-units: none
-title: A bar that warms and cools on friction
-body: {rectangle: {width: 8, height: 0.5, edges: {bottom: base, left: middle, right: end, top: head}}}
-boundary: {base: contact, middle: {role: clamped, u_x: 0, u_y: free}, head: free, end: free}
-material: {E: 100, nu: 0, plane: stress, alpha_T: 0.01}
-heat: {theta: 0}
-friction: {law: tresca, tau: 0.5}
-mesh: {maxh: 0.5}
-history:
-  memory: friction
-  steps: [{theta: 4, in: 2, name: warm}, {theta: -4, in: 4, name: cold}, {theta: 0, in: 2, name: back}]
-  repeat: 2
-sweep: {friction.tau: [0.5, 0.25, 1], E: [100, 50]}
-"""
-
-
 @pytest.fixture(scope="session")
 def history(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("history") / "rail.nc"
-    execute_history(read_study_text(RAIL), path)
+    execute_history(read_study_text(RAIL + "sweep: {friction.tau: [0.5, 0.25, 1], E: [100, 50]}\n"), path)
     return path
 
 
