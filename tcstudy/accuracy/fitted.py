@@ -42,6 +42,16 @@ SAME = 1e-3
 """Difference in q, relative to the range, up to which two minima are one."""
 
 
+ENDED = {
+    0: "the most evaluations allowed were made",
+    1: "the slope of the sum of squares vanished",
+    2: "a step hardly changed the sum of squares",
+    3: "a step hardly changed the numbers",
+    4: "a step hardly changed the sum of squares, nor the numbers",
+}
+"""Why `scipy.optimize.least_squares` ended, by its status."""
+
+
 @dataclass(frozen=True, eq=False)
 class Box:
     """Where k parameters may lie: low, high (k,), and which are fitted by their logarithm."""
@@ -116,7 +126,7 @@ def minimise(model: Model, start: Array, box: Box, loss: Literal["linear", "soft
         max_nfev=MOST,
     )
     residual, jacobian = at(low + found.x * span)
-    return Minimum(box.outer(low + found.x * span), residual, jacobian, tuple(costs), len(known), str(found.message))
+    return Minimum(box.outer(low + found.x * span), residual, jacobian, tuple(costs), len(known), ENDED[found.status])
 
 
 def _rho(residual: Array, loss: str) -> Array:

@@ -205,9 +205,14 @@ def _failures(data: Any) -> str:
     return "\n".join(f"  {line}" for line in failure_lines(Failure(*one) for one in failed))
 
 
+def _where(data: Any, name: str, flag: int) -> Any:
+    """(n, dimensions) places of a flag; none in older files, which do not have it."""
+    return np.argwhere(data[name].values == flag) if name in data else np.empty((0, 1), dtype=np.intp)
+
+
 def _not_run(data: Any) -> str:
     """Points that the grid of a file has, but that no run was asked for."""
-    places = np.argwhere(data["status"].values == PointStatus.NOT_RUN)
+    places = _where(data, "status", PointStatus.NOT_RUN)
     if not len(places):
         return ""
     return (
@@ -216,10 +221,8 @@ def _not_run(data: Any) -> str:
 
 
 def _rounding(data: Any) -> str:
-    """Where the inclusion holds only as far as rounding allows; older files have no judgement of it."""
-    if "inclusion_status" not in data:
-        return ""
-    places = np.argwhere(data["inclusion_status"].values == LIMITED)
+    """Where the inclusion holds only as far as rounding allows."""
+    places = _where(data, "inclusion_status", LIMITED)
     if not len(places):
         return ""
     worst = max(places, key=lambda place: float(data["inclusion_residual"].values[tuple(place)]))
@@ -234,10 +237,8 @@ def _rounding(data: Any) -> str:
 
 
 def _heat(data: Any) -> str:
-    """Where heat is lost in rounding although the inclusion holds; older files have no judgement of it."""
-    if "heat_status" not in data:
-        return ""
-    places = np.argwhere(data["heat_status"].values == UNBALANCED)
+    """Where heat is lost in rounding although the inclusion holds."""
+    places = _where(data, "heat_status", UNBALANCED)
     if not len(places):
         return ""
     defects = [float(data["heat_balance"].values[tuple(place)]) for place in places]
