@@ -17,9 +17,7 @@ from tcstudy.reports.terminal.outlet import guarded_streams, is_lost
 
 MODULES = {
     **dict.fromkeys(("run", "plan", "merge"), "run"),
-    "path": "path",
-    "history": "history",
-    "fit": "fit",
+    **dict.fromkeys(("path", "history", "fit"), "sections"),
     "show": "results",
     **dict.fromkeys(("converge", "cost"), "measure"),
     **dict.fromkeys(("draw", "report", "sensitivity"), "results"),

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 OK, SOME_FAILED, BAD_INPUT = 0, 1, 2
 """Exit codes of commands."""
-MEAN_SLIP = "mean-slip"
 NARROWEST = 40
 """Characters below which nothing is fitted."""
 

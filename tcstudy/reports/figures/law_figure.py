@@ -152,20 +152,20 @@ def draw_law(
     axes.margins(y=0.12)
 
 
-def slip_range(law: FrictionLaw) -> float:
-    """Largest |s| that matters to a law: past the outermost kink and four decay lengths; 0 for a law without either."""
+def slip_range(law: FrictionLaw, decays: float = 4.0) -> float:
+    """Largest |s| that matters to a law: past the outermost kink and some decay lengths; 0 for a law without either."""
     reach = float(np.abs(law.kinks).max(initial=0.0))
     decay = float((1.0 / np.abs(law.r[law.r != 0.0])).max(initial=0.0))
-    return max(1.4 * reach, 4.0 * decay)
+    return max(1.4 * reach, decays * decay)
 
 
-def curves(law: FrictionLaw, reach: float) -> list[tuple[Array, Array]]:
+def curves(law: FrictionLaw, reach: float, samples: int = SAMPLES) -> list[tuple[Array, Array]]:
     """(s, b) along each piece of the law as far as it lies within −reach … reach."""
     ends = np.clip(np.concatenate([[-reach], law.kinks, [reach]]), -reach, reach)
     found = []
     for piece in range(len(law.q)):
         if ends[piece] < ends[piece + 1]:
-            s = np.linspace(ends[piece], ends[piece + 1], SAMPLES if law.a[piece] else 2)
+            s = np.linspace(ends[piece], ends[piece + 1], samples if law.a[piece] else 2)
             found.append((s, law.value(s, piece)))
     return found
 

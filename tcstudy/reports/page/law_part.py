@@ -1,17 +1,10 @@
-"""What the page has of friction laws: curves to draw, and the shape with its parameters where that can be told.
-
-A `FrictionLaw` keeps its pieces, not what the study wrote. For sliders the parameters are read off the law by its
-values alone and put to the test: the shape built from them must be the same law to rounding.
-"""
+"""What the page has of friction laws: curves to draw, and the shape with its parameters, which sliders move."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from itertools import pairwise
-from typing import Any
-
 import numpy as np
 
+from tcstudy.reports.figures.law_figure import curves, slip_range
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.stored import (
     DOWN,
@@ -23,9 +16,10 @@ from tcstudy.reports.page.stored import (
     Study,
     file_order,
 )
+from tcstudy.scene.units import STIFFNESS, TRACTION
 
-SAMPLES = 60
-ROUNDING = 1e-12
+SAMPLES, DECAYS = 60, 6.0
+"""Points on a curved piece, and how many decay lengths of a law are drawn."""
 
 
 def law_part(study: Study | None) -> Json | None:
@@ -64,116 +58,28 @@ def node_part(study: Study | None, line: LineFields, box: Container) -> Json:
 
 def drawn(law: FrictionLaw) -> Json:
     """A law as polylines and jumps; `spec` has its parameters, None if they cannot be told."""
-    reach = _reach(law)
-    drawn_to = reach or 1.0  # a law without a length of its own is straight as far as one looks
-    ends = np.concatenate([[-drawn_to], law.kinks, [drawn_to]])
-    curves = []
-    for a, b in pairwise(ends):
-        s = np.linspace(a, b, SAMPLES if not law.piecewise_linear else 2)
-        middle = np.full(len(s), law.piece(0.5 * (a + b)))
-        curves.append([s.tolist(), law.value(s, middle).tolist()])
+    reach = slip_range(law, DECAYS)
+    # a law without a length of its own is straight as far as one looks
+    drawn = [[s.tolist(), b.tolist()] for s, b in curves(law, reach or 1.0, SAMPLES)]
     jumps = [
         [float(law.kinks[k]), float(law.b_left[k]), float(law.b_right[k]), int(law.kinds[k])]
         for k in range(len(law.kinks))
         if law.kinds[k] in (UP, DOWN)
     ]
-    return {"name": law.name, "omega": law.omega, "reach": reach, "curves": curves, "jumps": jumps, "spec": spec(law)}
-
-
-def _reach(law: FrictionLaw) -> float:
-    """Largest |s| drawn: past the outermost kink and some decay lengths; 0 for a law without either."""
-    outermost = float(np.abs(law.kinks).max(initial=0.0))
-    decay = law.s_scale if not law.piecewise_linear else 0.0
-    return max(1.4 * outermost, 6.0 * decay)
+    return {"name": law.name, "omega": law.omega, "reach": reach, "curves": drawn, "jumps": jumps, "spec": spec(law)}
 
 
 def spec(law: FrictionLaw) -> Json | None:
-    """{"law": shape, parameters}, tested against the law itself; None if no shape gives it."""
-    reader = _READERS.get(law.name)
-    for read in (reader, _points):
-        if read is None:
-            continue
-        try:
-            parameters = read(law)
-            shape = law.name if read is reader else "piecewise-linear"
-            if parameters is not None and _same(SHAPES[shape].build(**parameters), law):
-                return {"law": shape, **parameters}
-        except (ValueError, IndexError, ZeroDivisionError, FloatingPointError):
-            continue
-    return None
-
-
-def _same(one: FrictionLaw, other: FrictionLaw) -> bool:
-    """Whether two laws have the same kinks and values to rounding."""
-    if len(one.kinks) != len(other.kinks):
-        return False
-    size = float(np.max(np.abs(other.kinks), initial=0.0))
-    reach = _reach(other) or 1.0
-    if np.any(np.abs(one.kinks - other.kinks) > ROUNDING * size):
-        return False
-    ends = np.concatenate([[-reach], other.kinks, [reach]])
-    middles = 0.5 * (ends[1:] + ends[:-1])
-    places = np.concatenate([middles, middles + 0.3 * (ends[1:] - middles), [-7.0 * reach, 7.0 * reach]])
-    scale = float(np.max(np.abs(other.b(places)), initial=0.0)) + other.b_scale
-    return bool(np.all(np.abs(one.b(places) - other.b(places)) <= ROUNDING * 100 * scale))
-
-
-def _right(law: FrictionLaw) -> tuple[list[float], list[float], list[float]]:
-    """Kinks at s > 0 with b before and behind them."""
-    ks = [k for k in range(len(law.kinks)) if law.kinks[k] > 0.0]
-    return ([float(law.kinks[k]) for k in ks], [float(law.b_left[k]) for k in ks], [float(law.b_right[k]) for k in ks])
-
-
-def _at_zero(law: FrictionLaw) -> float:
-    return float(law.b(0.0, +1))
-
-
-def _tresca(law: FrictionLaw) -> dict[str, Any]:
-    return {"tau": _at_zero(law)}
-
-
-def _slip_weakening(law: FrictionLaw) -> dict[str, Any]:
-    s, left, _ = _right(law)
-    return {"tau_s": _at_zero(law), "tau_k": left[0], "delta": s[0]}
-
-
-def _exponential(law: FrictionLaw) -> dict[str, Any] | None:
-    rest = float(law.b(1e6 * law.s_scale))
-    return {"a": _at_zero(law), "b": rest, "delta": law.s_scale} if law.s_scale > 0.0 else None
-
-
-def _saw_tooth(law: FrictionLaw) -> dict[str, Any] | None:
-    s, left, right = _right(law)
-    if not s:
+    """{"law": shape, parameters} as `lawOf` in laws.js takes them; None for what it cannot build."""
+    made = law.made
+    if made is None:
         return None
-    drop = 1.0 - _at_zero(law) / left[0]
-    decay = right[0] / _at_zero(law)
-    return {"tau": left[0], "delta": s[0], "teeth": len(s), "drop": drop, "decay": decay}
-
-
-def _linear(law: FrictionLaw) -> dict[str, Any]:
-    return {"k": float(law.slope(0.0, law.piece(0.0)))}
-
-
-def _points(law: FrictionLaw) -> dict[str, Any] | None:
-    """The corner points of an odd law with straight pieces."""
-    if not law.piecewise_linear:
-        return None
-    s, left, right = _right(law)
-    points = [[0.0, _at_zero(law)]]
-    for place, before, behind in zip(s, left, right, strict=True):
-        points.append([place, before])
-        if behind != before:
-            points.append([place, behind])
-    last = (s[-1] if s else 0.0) + 1.0
-    return {"points": points, "slope": float(law.slope(last, law.piece(last)))}
-
-
-_READERS: dict[str, Callable[[FrictionLaw], dict[str, Any] | None]] = {
-    "tresca": _tresca,
-    "slip-weakening": _slip_weakening,
-    "exponential": _exponential,
-    "saw-tooth": _saw_tooth,
-    "linear": _linear,
-    "piecewise-linear": _points,
-}
+    tractions = {key.name for key in SHAPES[made.shape].parameters if key.dimension in (TRACTION, STIFFNESS)}
+    values = {name: value * made.strength if name in tractions else value for name, value in made.values.items()
+              if value is not None}  # fmt: skip
+    if "points" in values:
+        if not values.pop("odd"):
+            return None
+        values["points"] = [[s, b * made.strength] for s, b in values["points"]]
+        values.setdefault("slope", 0.0)
+    return {"law": made.shape, **values}

@@ -1,9 +1,10 @@
-"""The parameters of a law are found again from the law alone."""
+"""What a law was made of is told in the page, and every law is drawn."""
 
 import pytest
 
 from tcstudy.reports.page.law_part import drawn, spec
 from tcstudy.scene.laws import SHAPES
+from tcstudy.scene.nodal_laws import times
 
 LAWS = [
     {"law": "tresca", "tau": 4e7},
@@ -16,7 +17,7 @@ LAWS = [
 
 
 @pytest.mark.parametrize("wanted", LAWS, ids=lambda one: one["law"])
-def test_parameters_are_read_off_the_law(wanted: dict[str, object]) -> None:
+def test_parameters_of_a_law_are_told(wanted: dict[str, object]) -> None:
     law = SHAPES[str(wanted["law"])].build(**{k: v for k, v in wanted.items() if k != "law"})
     found = spec(law)
     assert found is not None
@@ -26,10 +27,15 @@ def test_parameters_are_read_off_the_law(wanted: dict[str, object]) -> None:
     }
 
 
-def test_points_with_a_jump_are_read_off() -> None:
+def test_points_with_a_jump_are_told() -> None:
     points = [[0.0, 4.0], [1.0, 4.0], [1.0, 1.0], [2.0, 3.0]]
     found = spec(SHAPES["piecewise-linear"].build(points=points, slope=0.5))
     assert found == {"law": "piecewise-linear", "points": points, "slope": 0.5}
+
+
+def test_a_strength_scales_tractions_alone() -> None:
+    law = times(SHAPES["slip-weakening"].build(tau_s=4e7, tau_k=1e7, delta=4e-5), 0.5)
+    assert spec(law) == {"law": "slip-weakening", "tau_s": 2e7, "tau_k": 5e6, "delta": 4e-5}
 
 
 def test_a_law_that_is_not_odd_has_no_parameters_but_is_drawn() -> None:
