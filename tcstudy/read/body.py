@@ -189,16 +189,13 @@ def read_regions(ctx: Context, node: Node | None) -> tuple[Region, ...]:
     """The named regions of the body."""
     if node is None:
         return ()
-    if not isinstance(node.value, Mapping):
-        remedy = "write {NAME: {circle: {center: [x, y], radius: r}}}"
-        ctx.errors.at(node, f"must be a mapping of names to shapes, but is {node.kind()}", remedy)
-        return ()
-    for name, item in node.value.items():
+    named = ctx.mapping(node, "names to shapes", "write {NAME: {circle: {center: [x, y], radius: r}}}", least=0)
+    for name, item in named.items():
         check_name(ctx, name, item)
         if name == BODY:
             what = f"{BODY!r} is the name of what of the body no region takes"
             ctx.errors.at(item, what, "give the region another name", on_key=True)
-    return tuple(read_region(ctx, item, name) for name, item in node.value.items())
+    return tuple(read_region(ctx, item, name) for name, item in named.items())
 
 
 def check_name(ctx: Context, name: str, item: Node) -> None:
@@ -244,12 +241,8 @@ def _named_points(ctx: Context, node: Node | None) -> tuple[tuple[str, tuple[Poi
     """NAME: [[x, y], ...] of a geometry file."""
     if node is None:
         return ()
-    if not isinstance(node.value, Mapping):
-        remedy = "write {NAME: [[x, y], ...]}: the edge nearest to each point gets the name"
-        ctx.errors.at(node, f"must be a mapping of names to points, but is {node.kind()}", remedy)
-        return ()
-    named = []
-    for name, item in node.value.items():
+    remedy, named = "write {NAME: [[x, y], ...]}: the edge nearest to each point gets the name", []
+    for name, item in ctx.mapping(node, "names to points", remedy, least=0).items():
         check_name(ctx, name, item)
         points = ctx.items(item, "a list of points", least=1)
         named.append((name, tuple(ctx.point(entry) for entry in points)))

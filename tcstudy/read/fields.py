@@ -8,7 +8,6 @@ builds a record asks the collector afterwards whether anything was wrong.
 
 from __future__ import annotations
 
-import difflib
 import math
 import operator
 import re
@@ -20,7 +19,7 @@ from pathlib import Path
 from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
 from tcstudy.expressions import expression as expressions
-from tcstudy.read.node import Collector, Node, nearest
+from tcstudy.read.node import Collector, Node, meant, nearest
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import rows, short_of
 from tcstudy.scene.named import Named, expression_of
@@ -148,6 +147,10 @@ class Context:
             return ()
         return node.value
 
+    def _some(self, node: Node, content: str) -> tuple[Node, ...]:
+        """The entries of a list, or the one that stands for it."""
+        return self.items(node, f"a list of {content}", 1) if isinstance(node.value, tuple) else (node,)
+
     def pair(self, node: Node, content: str, example: str) -> tuple[Node, Node] | None:
         """The two entries of a list of two; None after a fault."""
         if isinstance(node.value, tuple) and len(node.value) == 2:
@@ -161,8 +164,22 @@ class Context:
 
     def point(self, node: Node) -> Point:
         """A point [x, y] in metres."""
-        both = self.pair(node, "a point [x, y]", "[0 mm, 20 mm]")
-        return (self.quantity(both[0], LENGTH), self.quantity(both[1], LENGTH)) if both else (math.nan, math.nan)
+        return self._two(node, "a point [x, y]", "[0 mm, 20 mm]", LENGTH)
+
+    def _two(self, node: Node, content: str, example: str, second: Dimension) -> tuple[float, float]:
+        both = self.pair(node, content, example)
+        return (self.quantity(both[0], LENGTH), self.quantity(both[1], second)) if both else (math.nan, math.nan)
+
+    def mapping(self, node: Node, content: str, remedy: str, least: int = 1) -> Mapping[str, Node]:
+        """The entries of a mapping of `content`; empty after a fault."""
+        if isinstance(node.value, Mapping) and len(node.value) >= least:
+            return node.value
+        self.errors.at(node, f"must be a mapping of {content}, but is {node.kind()}", remedy)
+        return {}
+
+    def cf(self, dimension: Dimension) -> str:
+        """Units of a dimension in CF form, "1" in a dimensionless study."""
+        return dimension.cf if self.units == "SI" else "1"
 
     def integer(self, node: Node, least: int, most: int | None = None) -> int:
         """A whole number within limits; the lower limit after a fault."""
@@ -188,9 +205,8 @@ class Context:
     def text(self, node: Node, content: str = "a text") -> str:
         """A text that is not empty; empty after a fault."""
         if not isinstance(node.value, str) or not node.value.strip():
-            self.errors.at(
-                node, f"must be {content}, but is {node.kind()}", "write a text, in quotes if it looks like a number"
-            )
+            remedy = "write a text, in quotes if it looks like a number"
+            self.errors.at(node, f"must be {content}, but is {node.kind()}", remedy)
             return ""
         return node.value
 
@@ -240,14 +256,11 @@ class Context:
             case "choice":
                 return self.choice(node, row.words)
             case "one or more":
-                entries = self.items(node, "a list of words", 1) if isinstance(node.value, tuple) else (node,)
-                return tuple(self.choice(entry, row.words) for entry in entries)
+                return tuple(self.choice(entry, row.words) for entry in self._some(node, "words"))
             case "words":
-                entries = self.items(node, "a list of names", 1) if isinstance(node.value, tuple) else (node,)
-                return tuple(self.text(entry, "the name of a number") for entry in entries)
+                return tuple(self.text(entry, "the name of a number") for entry in self._some(node, "names"))
             case "sizes":
-                entries = self.items(node, "a list of sizes", 1) if isinstance(node.value, tuple) else (node,)
-                return tuple(self.bounded(entry, row, dimension) for entry in entries)
+                return tuple(self.bounded(entry, row, dimension) for entry in self._some(node, "sizes"))
             case "flag":
                 return self.flag(node)
             case "name":
@@ -263,11 +276,8 @@ class Context:
             return tuple(self.point(entry) for entry in self.items(node, "a list of points", least))
         if row.kind == "numbers":
             return tuple(self.quantity(entry, dimension) for entry in self.items(node, "a list of numbers", least))
-        return tuple(self._law_point(entry) for entry in self.items(node, "a list of pairs [s, b]", least))
-
-    def _law_point(self, node: Node) -> tuple[float, float]:
-        both = self.pair(node, "a pair [s, b] of slip and traction", "[40 um, 5 MPa]")
-        return (self.quantity(both[0], LENGTH), self.quantity(both[1], TRACTION)) if both else (math.nan, math.nan)
+        said = ("a pair [s, b] of slip and traction", "[40 um, 5 MPa]", TRACTION)
+        return tuple(self._two(entry, *said) for entry in self.items(node, "a list of pairs [s, b]", least))
 
 
 UNREAD = {"point": (math.nan, math.nan), "name": "", "text": ""}
@@ -304,7 +314,7 @@ class Fields:
         self.values = node.value
         wrong = [key for key in node.value if key not in known]
         free = [name for name in known if name not in node.value]
-        near = {key: _meant(key, free, known) for key in wrong}
+        near = {key: meant(key, free, known) for key in wrong}
         for key in wrong:
             remedy = f"did you mean {near[key]!r}?" if near[key] else f"use one of the keys {', '.join(free or known)}"
             if key[:1].isdigit():
@@ -338,12 +348,3 @@ class Fields:
     def given(self, names: Iterable[str] | None = None) -> dict[str, Any]:
         """The values of the keys that are given; of all keys, or of those named."""
         return {name: self.value(name) for name in (self.rows if names is None else names) if self[name] is not None}
-
-
-def _meant(key: str, free: list[str], known: list[str]) -> str | None:
-    """The key that a misspelt one stands for: one that is not given yet, unless another is more like it."""
-    best, unused = nearest(key, known), nearest(key, free)
-    if best is None or unused is None:
-        return unused or best
-    likeness = [difflib.SequenceMatcher(None, key, word).ratio() for word in (best, unused)]
-    return best if likeness[0] > likeness[1] else unused

@@ -17,11 +17,11 @@ from itertools import pairwise
 import numpy as np
 
 from tcstudy.errors import StudyError
+from tcstudy.read.asked import differentiable, heat_grows, why_not
 from tcstudy.read.document import load_text
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, nearest
-from tcstudy.read.plans import affine_parameters
-from tcstudy.read.sensitivity import differentiable, heat_grows, path_of, why_not
+from tcstudy.read.plans import affine_parameters, level_of, path_of
 from tcstudy.read.table import csv_lines
 from tcstudy.scene.fits import PLACE, RESULTS, FitColumn, FitMark, FitParameter, FitPlan
 from tcstudy.scene.friction import GrowthError
@@ -46,16 +46,12 @@ def read_fit(ctx: Context, node: Node, root: Node, scene: Scene | None, mesh: Me
         return None
     if root.child("sweep"):
         ctx.errors.at(node, "a fit is of one scene, but the study has a sweep", "remove the sweep")
-    if mesh and mesh.strategy.adapts:
-        ctx.errors.at(node, "adaptive meshes follow from the solutions of a run", "use family: uniform or graded")
     columns, sha256 = _columns(ctx, fields, scene)
     parameters = _parameters(ctx, fields, root, scene)
     if len(ctx.errors) > before:
         return None
     given, measured = (tuple(c for c in columns if bool(c.path) is is_given) for is_given in (True, False))
-    options = fields.given(("compare", "starts", "seed", "loss", "smooth"))
-    if level := fields["level"]:
-        options["level"] = ctx.integer(level, 0, mesh.levels - 1 if mesh else None)
+    options = fields.given(("compare", "starts", "seed", "loss", "smooth")) | level_of(ctx, fields, mesh, "a fit")
     file = str(fields.values["data"].child("file").text())  # type: ignore[union-attr]
     plan = FitPlan(given, measured, parameters, scene, file, sha256, marks=_marks(ctx, fields, given), **options)
     _check(ctx, fields, plan)
@@ -119,7 +115,7 @@ def _marks(ctx: Context, fields: Fields, given: tuple[FitColumn, ...]) -> tuple[
         if len(ctx.errors) == before and not noise > 0.0:
             ctx.errors.at(inner.values["noise"], "must be above 0", "give the standard deviation of the noise")
         elif len(ctx.errors) == before:
-            found.append(FitMark(name, dimension.cf if ctx.units == "SI" else "1", at, noise))
+            found.append(FitMark(name, ctx.cf(dimension), at, noise))
     return tuple(found)
 
 
@@ -145,8 +141,8 @@ def _columns(ctx: Context, fields: Fields, scene: Scene) -> tuple[list[FitColumn
     wanted, file = data["columns"], data["file"]
     if wanted is None or file is None:
         return [], ""
-    if not isinstance(wanted.value, Mapping) or not wanted.value:
-        ctx.errors.at(wanted, f"must be a mapping of names to headings, but is {wanted.kind()}", _COLUMNS)
+    remedy = 'write {boundary.grip.u_x: "Delta [mm]", friction_resultant: "P [N/mm]"}'
+    if not (headings := ctx.mapping(wanted, "names to headings", remedy)):
         return [], ""
     path = ctx.folder / ctx.text(file, "the path of a table")
     try:
@@ -161,8 +157,8 @@ def _columns(ctx: Context, fields: Fields, scene: Scene) -> tuple[list[FitColumn
     _check_lines(ctx, lines)
     if len(ctx.errors) > before:
         return [], ""
-    noise = _noise(ctx, fields["noise"], tuple(wanted.value))
-    found = [_column(ctx, name, item, lines, scene, noise) for name, item in wanted.value.items()]
+    noise = _noise(ctx, fields["noise"], tuple(headings))
+    found = [_column(ctx, name, item, lines, scene, noise) for name, item in headings.items()]
     return [one for one in found if one], hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -186,21 +182,15 @@ def _check_lines(ctx: Context, lines: Cells) -> None:
         ctx.errors.at(wrong[0][-1], what, "give every column a number; decimals have a point, columns a comma")
 
 
-_COLUMNS = 'write {boundary.grip.u_x: "Delta [mm]", friction_resultant: "P [N/mm]"}'
-
-
 def _noise(ctx: Context, node: Node | None, names: tuple[str, ...]) -> Mapping[str, Node]:
     """The noise of the columns by name; empty where it is to be estimated."""
     if node is None or node.value == "estimate":
         return {}
-    if not isinstance(node.value, Mapping):
-        remedy = "write {friction_resultant: 2 N/mm}, or leave it out"
-        ctx.errors.at(node, f"must be a mapping of columns to numbers, but is {node.kind()}", remedy)
-        return {}
-    for name, item in node.value.items():
+    given = ctx.mapping(node, "columns to numbers", "write {friction_resultant: 2 N/mm}, or leave it out", least=0)
+    for name, item in given.items():
         if name not in names:
             ctx.errors.at(item, f"there is no column {name!r}", f"use {', '.join(names)}", on_key=True)
-    return node.value
+    return given
 
 
 def _column(
@@ -233,8 +223,7 @@ def _column(
     sigma = ctx.quantity(noise[name], dimension) if name in noise else None
     if sigma is not None and not sigma > 0.0:
         ctx.errors.at(noise[name], "must be above 0", "give the standard deviation of the noise")
-    units = dimension.cf if ctx.units == "SI" else "1"
-    return FitColumn(name, path, units, values, sigma, dimension) if len(ctx.errors) == before else None
+    return FitColumn(name, path, ctx.cf(dimension), values, sigma, dimension) if len(ctx.errors) == before else None
 
 
 def _unit(ctx: Context, cell: Node, dimension: Dimension) -> str | None:
@@ -270,20 +259,15 @@ def _number(ctx: Context, cell: Node, unit: str, dimension: Dimension) -> float:
 def _parameters(ctx: Context, fields: Fields, root: Node, scene: Scene) -> tuple[FitParameter, ...]:
     """The numbers to find."""
     node = fields.values["parameters"]
-    if not isinstance(node.value, Mapping) or not node.value:
-        remedy = "write {friction.tau_s: {start: 4 MPa, within: [1 MPa, 50 MPa]}}"
-        ctx.errors.at(node, f"must be a mapping of numbers, but is {node.kind()}", remedy)
-        return ()
     known = dict(differentiable(root, scene, (scene,)))
-    found = []
-    for name, item in node.value.items():
+    found, remedy = [], "write {friction.tau_s: {start: 4 MPa, within: [1 MPa, 50 MPa]}}"
+    for name, item in ctx.mapping(node, "numbers", remedy).items():
         path = path_of(name)
         if path not in known or known[path][1]:
             what, remedy = why_not(name, path, known)
             ctx.errors.at(item, what, remedy, on_key=True)
             continue
-        units = known[path][0].cf if ctx.units == "SI" else "1"
-        number = Sensitivity(name, path, units, heat_grows(root, path))
+        number = Sensitivity(name, path, ctx.cf(known[path][0]), heat_grows(root, path))
         if one := _parameter(ctx, item, number, known[path][0], scene):
             found.append(one)
     return tuple(found)

@@ -14,10 +14,9 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.read.checks import supports_fault
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, nearest
-from tcstudy.read.plans import Affine, affine_parameters
+from tcstudy.read.plans import Affine, affine_parameters, level_of, path_of
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Keys, Memory, UnfitLaw
 from tcstudy.scene.keys import rows
-from tcstudy.scene.parameters import SHORT
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import SEPARABLE, MeshPlan
@@ -53,19 +52,16 @@ def read_history(
     _check_laws(ctx, fields, memory, scenes)
     known = dict(affine_parameters(base))
     used = dict.fromkeys(keys for line in lines for keys, _ in line.values)
-    parameters = tuple((keys, _units(ctx, known[keys]), float(known[keys].value)) for keys in used)  # type: ignore[arg-type]
+    parameters = tuple((keys, ctx.cf(known[keys].dimension), float(known[keys].value)) for keys in used)  # type: ignore[arg-type]
     _refuse(ctx, root, mesh)
-    plan = HistoryPlan(memory, lines, parameters, **_options(ctx, fields, mesh))
+    options = fields.given(("repeat", "branch", "substeps")) | level_of(ctx, fields, mesh, "a history")
+    plan = HistoryPlan(memory, lines, parameters, **options)
     if plan.steps > MOST_STEPS:
         remedy = f"{MOST_STEPS} are possible; write fewer cycles or steps"
         ctx.errors.at(fields.values["steps"], f"the history has {plan.steps} steps", remedy, on_key=True)
     if plan.branch == "lowest" and (part := fields["substeps"]):
         ctx.errors.at(part, "belongs to branch: continued", "leave it out, or make more steps", on_key=True)
     return replace(plan, loose=any(supports_fault(s.body, s.boundary) for s in distinct(scenes, "boundary")))
-
-
-def _units(ctx: Context, parameter: Affine) -> str:
-    return parameter.dimension.cf if ctx.units == "SI" else "1"
 
 
 def _memory(ctx: Context, fields: Fields) -> Memory:
@@ -128,8 +124,7 @@ def _keys(
     ctx: Context, word: str, node: Node, known: Mapping[Keys, Affine], own: Iterable[str], swept: Collection[Keys]
 ) -> Keys | None:
     """The load that a key of a line names; None after a fault."""
-    short = SHORT | {name: f"loads.{name}" for one in rows("loads").values() for name in one.numbers}
-    keys = tuple(short.get(word, word).split("."))
+    keys = path_of(word)
     what = remedy = ""
     if keys not in known:
         names = [".".join(path) for path, one in known.items() if not one.idle]
@@ -179,14 +174,3 @@ def _refuse(ctx: Context, root: Node, mesh: MeshPlan | None) -> None:
         ctx.errors.at(words, f"a history is solved by {SEPARABLE} alone", f"write solver: {SEPARABLE}", on_key=True)
     if solver and (branch := solver.child("branch")):
         ctx.errors.at(branch, "is of single points", "write history.branch: continued or lowest", on_key=True)
-
-
-def _options(ctx: Context, fields: Fields, mesh: MeshPlan | None) -> dict[str, Any]:
-    """The other keys that are given."""
-    found = fields.given(("repeat", "branch", "substeps"))
-    if mesh and mesh.strategy.adapts:
-        remedy = "use family: uniform or graded for a history, for example --set mesh.family=graded"
-        ctx.errors.at(fields.node, "adaptive meshes follow from the solutions of a run", remedy, on_key=True)
-    elif node := fields["level"]:
-        found["level"] = ctx.integer(node, 0, mesh.levels - 1 if mesh else None)
-    return found

@@ -146,6 +146,15 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     return near[0] if near else None
 
 
+def meant(key: str, free: list[str], known: list[str]) -> str | None:
+    """The key that a misspelt one stands for: one that is not given yet, unless another is more like it."""
+    best, unused = nearest(key, known), nearest(key, free)
+    if best is None or unused is None:
+        return unused or best
+    likeness = [difflib.SequenceMatcher(None, key, word).ratio() for word in (best, unused)]
+    return best if likeness[0] > likeness[1] else unused
+
+
 def choose(word: str, known: Iterable[str], noun: str) -> str:
     """Remedy for a word that is not known: the nearest one, or all."""
     known = list(known)

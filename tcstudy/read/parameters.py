@@ -33,18 +33,16 @@ def read_parameters(ctx: Context, node: Node | None) -> dict[str, Named]:
     """The value and the dimension of every name; without those that have a fault."""
     if node is None:
         return {}
-    if not isinstance(node.value, Mapping) or not node.value:
-        ctx.errors.at(node, f"must be a mapping of names to numbers, but is {node.kind()}", "write {height: 20 mm}")
-        return {}
-    for name, item in node.value.items():
+    given = ctx.mapping(node, "names to numbers", "write {height: 20 mm}")
+    for name, item in given.items():
         if not WORD.fullmatch(name) or name in (*VARIABLES, *CONSTANTS, *FUNCTIONS):
             taken = f"{name!r} is no name of a parameter: it has a meaning in expressions, or other signs than letters"
             ctx.errors.at(item, taken, "use letters, digits and _", on_key=True)
     known: dict[str, Named] = {}
-    for name in _in_order(ctx, node.value):
+    for name in _in_order(ctx, given):
         inner = Context(ctx.errors, ctx.units, ctx.folder, known)
         before = len(ctx.errors)
-        found = _number(inner, node.value[name])
+        found = _number(inner, given[name])
         if len(ctx.errors) == before:
             known[name] = found
     return known

@@ -50,13 +50,13 @@ def read_boundary(ctx: Context, node: Node, names: tuple[str, ...] | None) -> Bo
     names: the edges of the body; None if they are not known
     """
     before = len(ctx.errors)
-    if not isinstance(node.value, Mapping):
-        remedy = f"write one EDGE: role per line; roles are {', '.join(ROLES)}"
-        ctx.errors.at(node, f"must be a mapping of edges to roles, but is {node.kind()}", remedy)
+    remedy = f"write one EDGE: role per line; roles are {', '.join(ROLES)}"
+    given = ctx.mapping(node, "edges to roles", remedy, least=0)
+    if len(ctx.errors) > before:
         return ()
-    roles = {edge: _role(ctx, item) for edge, item in node.value.items()}
+    roles = {edge: _role(ctx, item) for edge, item in given.items()}
     if names is not None:
-        _check_edges(ctx, node, node.value, names)
+        _check_edges(ctx, node, given, names)
     if not any(isinstance(role, Contact) for role in roles.values()) and len(ctx.errors) == before:
         remedy = "give the role contact to the edges that touch the foundation"
         ctx.errors.at(node, "no edge is in contact, so there is no friction to study", remedy)
@@ -204,12 +204,8 @@ def read_materials(
     material = read_material(ctx, node)
     if own is None or material is None:
         return material
-    if not isinstance(own.value, Mapping) or not own.value:
-        remedy = ctx.example("write {REGION: {E: 70 GPa, nu: 0.33}}")
-        ctx.errors.at(own, f"must be a mapping of regions to materials, but is {own.kind()}", remedy)
-        return None
-    found = []
-    for name, item in own.value.items():
+    found, remedy = [], ctx.example("write {REGION: {E: 70 GPa, nu: 0.33}}")
+    for name, item in ctx.mapping(own, "regions to materials", remedy).items():
         if regions is not None and name not in regions:
             remedy = choose(name, regions, "one of") if regions else "add its shape under body.regions"
             ctx.errors.once(item, f"the body has no region {name!r}", remedy)

@@ -171,11 +171,22 @@ def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | No
         ctx.errors.at(fields.values["to"], "is the same value as from", "give a range, from: A, to: B")
         return None
     within = _within(ctx, fields, dimension, begin, end)
-    plan = PathPlan(keys, dimension.cf if ctx.units == "SI" else "1", begin, end, within, scene)
-    plan = replace(plan, at=_at(ctx, fields, dimension, plan), **_options(ctx, fields, mesh))
+    plan = PathPlan(keys, ctx.cf(dimension), begin, end, within, scene)
+    given = fields.given(("start", "direction", "max_pieces", "hysteresis", "law_error"))
+    options = given | level_of(ctx, fields, mesh, "a path")
+    plan = replace(plan, at=_at(ctx, fields, dimension, plan), **options)
     if len(ctx.errors) == before:
         _check_corners(ctx, fields, plan)
     return plan
+
+
+SHORTER = SHORT | {name: f"loads.{name}" for one in rows("loads").values() for name in one.numbers}
+"""Short names of parameters, with those of components."""
+
+
+def path_of(word: str) -> tuple[str, ...]:
+    """The key path that a name or a path stands for."""
+    return tuple(SHORTER.get(word, word).split("."))
 
 
 def affine_parameters(scene: Scene) -> Iterator[tuple[tuple[str, ...], Affine]]:
@@ -222,10 +233,8 @@ def _parameter(ctx: Context, node: Node, scene: Scene) -> tuple[str, ...] | None
     word = ctx.text(node, "the name of a parameter")
     if not word:
         return None
-    short = SHORT | {name: f"loads.{name}" for one in rows("loads").values() for name in one.numbers}
-    name = short.get(word, word)
-    known = dict(affine_parameters(scene))
-    keys = tuple(name.split("."))
+    keys, known = path_of(word), dict(affine_parameters(scene))
+    name = ".".join(keys)
     if keys not in known:
         usable = (path for path, p in known.items() if not p.idle and not isinstance(p.value, Expression))
         names = [".".join(path) for path in usable]
@@ -233,7 +242,7 @@ def _parameter(ctx: Context, node: Node, scene: Scene) -> tuple[str, ...] | None
             what = f"the load is not affine in {name} in this study, so no path can be followed along it"
             ctx.errors.at(node, what, f"use a sweep over it; a path runs along {', '.join(names)}")
         else:
-            shorter = {name: full for name, full in short.items() if full in names}
+            shorter = {name: full for name, full in SHORTER.items() if full in names}
             same = [name for name in names if name.split(".")[-1] == word]
             near = same[0] if same else nearest(word, [*names, *shorter])
             remedy = f"did you mean {near!r}?" if near else f"a path runs along {', '.join(names)}"
@@ -283,15 +292,14 @@ def _at(ctx: Context, fields: Fields, dimension: Dimension, plan: PathPlan) -> t
     return tuple(found)
 
 
-def _options(ctx: Context, fields: Fields, mesh: MeshPlan | None) -> dict[str, Any]:
-    """The other keys that are given."""
-    found = fields.given(("start", "direction", "max_pieces", "hysteresis", "law_error"))
+def level_of(ctx: Context, fields: Fields, mesh: MeshPlan | None, what: str) -> dict[str, Any]:
+    """The key `level` of what is done on one mesh, if it is given; what: "a path"."""
     if mesh and mesh.strategy.adapts:
-        remedy = "use family: uniform or graded for a path, for example --set mesh.family=graded"
+        remedy = f"use family: uniform or graded for {what}, for example --set mesh.family=graded"
         ctx.errors.at(fields.node, "adaptive meshes follow from the solutions of a run", remedy, on_key=True)
     elif node := fields["level"]:
-        found["level"] = ctx.integer(node, 0, mesh.levels - 1 if mesh else None)
-    return found
+        return {"level": ctx.integer(node, 0, mesh.levels - 1 if mesh else None)}
+    return {}
 
 
 def _check_corners(ctx: Context, fields: Fields, plan: PathPlan) -> None:

@@ -18,7 +18,6 @@ from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge, read_material
 from tcstudy.read.plans import read_mesh, read_output, read_path, read_solver
 from tcstudy.read.scenes import SECTIONS, SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, records
-from tcstudy.read.together import Asked, check_together
 from tcstudy.scene.fits import FitPlan
 from tcstudy.scene.histories import HistoryPlan
 from tcstudy.scene.keys import row, rows
@@ -271,7 +270,7 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
             check_goal(ctx, goal, mesh.goal, body, scenes[0].boundary)
     solver, output = read_solver(ctx, root.child("solver")), read_output(ctx, root.child("output"))
     if output and (places := deepest(root, ("output", "probes"))).path == "output.probes":
-        from tcstudy.read.probes import read_probes  # only for a study that has them
+        from tcstudy.read.asked import read_probes  # only for a study that has them
 
         output = replace(output, probes=read_probes(ctx, places, body, scenes))
     path = read_path(ctx, node, reader.base, mesh) if (node := root.child("path")) else None
@@ -283,7 +282,7 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
         history = read_history(ctx, root, reader.base, scenes, mesh, [axis.parameter.path for axis in sweep.axes])
     asked = root.child("output") if output and not ctx.errors.problems else None
     if output and asked and (names := asked.child("sensitivity")):
-        from tcstudy.read.sensitivity import read_sensitivity  # only for a study that asks for derivatives
+        from tcstudy.read.asked import read_sensitivity  # only for a study that asks for derivatives
 
         output = replace(output, sensitivity=read_sensitivity(ctx, names, root, reader.base, scenes, exact))
     fit = None
@@ -292,5 +291,7 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
 
         fit = read_fit(ctx, section, root, reader.base, mesh)
     if exact or fit or (mesh and mesh.estimates) or (output and (output.live or output.sensitivity)):
+        from tcstudy.read.asked import Asked, check_together
+
         check_together(ctx, root, scenes, Asked(mesh, output, exact))
     return _Plans(mesh, solver, output, exact, path, history, fit)

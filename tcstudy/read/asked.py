@@ -1,29 +1,72 @@
-"""Reads `output.sensitivity`: the numbers of a study by which results are differentiated exactly.
+"""Reads what a study asks for beside its scenes: probes, derivatives, and what does not go together with the rest.
 
-What a number may be is what can be differentiated without another factorisation (`offline.slopes`): those in which the
-load is affine, of materials E, nu, alpha_T or beta and k, α, stiffness of springs, and the numbers of friction laws.
-Everything else is refused with its reason.
+Probes lie in the body; those on a contact edge have a u_T, too.
+
+`output.sensitivity`: the numbers by which results are differentiated exactly, which are those for which that takes no
+other factorisation (`offline.slopes`): numbers in which the load is affine, of materials E, nu, alpha_T or beta and k,
+α, stiffness of springs, and the numbers of friction laws. Everything else is refused with its reason.
+
+A scene with one of the FEATURES is refused what its theory or its code does not have: one line a fault.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.read.checks import check_corners
 from tcstudy.read.fields import Context
 from tcstudy.read.node import Collector, Node, nearest
-from tcstudy.read.plans import affine_parameters
+from tcstudy.read.plans import affine_parameters, path_of
 from tcstudy.scene.keys import row
 from tcstudy.scene.law_slopes import POINTS
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.parameters import SHORT, path_scene, sweepable
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Convection, EdgeLaws, Scene, Traction, exchanges
-from tcstudy.scene.study import Exact, Sensitivity
+from tcstudy.scene.records import Body, Contact, Convection, EdgeLaws, Rigid, Scene, Traction, exchanges
+from tcstudy.scene.study import Exact, MeshPlan, OutputPlan, Probe, Sensitivity
 from tcstudy.scene.units import NONE, STIFFNESS, TRACTION, Dimension
+from tcstudy.shapes.edges import body_size, edge_distance, loop_polygon, loop_size
 
 Keys = tuple[str, ...]
+
+NEAR = 1e-6
+"""Distance from an edge that counts as on it, over the size of the body."""
+
+
+def read_probes(ctx: Context, node: Node, body: Body | None, scenes: Sequence[Scene]) -> tuple[Probe, ...]:
+    """The probes; one outside the body is a fault. A body from a file is not judged, and has no u_T at probes."""
+    if not isinstance(node.value, Mapping) or not node.value:
+        ctx.errors.at(node, f"must name points, but is {node.kind()}", "write {tip: [200 mm, 60 mm]}")
+        return ()
+    before = len(ctx.errors)
+    names = [ctx.name(replace(place, value=name), "a name") for name, place in node.value.items()]
+    found = [Probe(name, ctx.point(place)) for name, place in zip(names, node.value.values(), strict=True)]
+    if body is None or body.outline is None or not scenes or len(ctx.errors) > before:
+        return tuple(found)
+    return tuple(_placed(ctx, node, probe, body, scenes[0].edges(Contact)) for probe in found)
+
+
+def _placed(ctx: Context, node: Node, probe: Probe, body: Body, contact: tuple[str, ...]) -> Probe:
+    """The probe, on an edge or inside of all."""
+    import shapely
+
+    assert body.outline is not None
+    inside = loop_polygon(body.outline, loop_size(body.outline))
+    for hole in body.holes:
+        inside = inside.difference(loop_polygon(hole, loop_size(hole)))
+    edges = [edge for loop in (body.outline, *body.holes) for edge in loop.edges]
+    away = [float(edge_distance(edge, np.array([probe.at]))[0]) for edge in edges]
+    on = [edge for edge, distance in zip(edges, away, strict=True) if distance <= NEAR * body_size(body)]
+    if not on and not inside.covers(shapely.Point(probe.at)):
+        x, y = probe.at
+        what = f"the point ({x:g}, {y:g}) is {min(away):g} outside the body"
+        ctx.errors.at(node.child(probe.name) or node, what, "give a point of the body")
+    return replace(probe, on_contact=any(edge.name in contact for edge in on))
+
 
 NUMBERS = ("E", "nu", "alpha_T", "beta", "k")
 """Of materials."""
@@ -51,19 +94,12 @@ def read_sensitivity(
         if path in found:
             ctx.errors.at(item, f"{word} is given twice", "give every number once")
         elif path in known and not known[path][1]:
-            units = known[path][0].cf if ctx.units == "SI" else "1"
-            found[path] = Sensitivity(word, path, units, heat_grows(root, path))
+            found[path] = Sensitivity(word, path, ctx.cf(known[path][0]), heat_grows(root, path))
             _check_corner(ctx, item, root, base, path)
         elif word:
             what, remedy = why_not(word, path, known)
             ctx.errors.at(item, what, remedy)
     return tuple(found.values())
-
-
-def path_of(word: str) -> Keys:
-    """The key path that a name or a path stands for."""
-    short = SHORT | {name: f"loads.{name}" for one in ("f",) for name in row("loads", one).numbers}
-    return tuple(short.get(word, word).split("."))
 
 
 def heat_grows(root: Node, path: Keys) -> bool:
@@ -151,3 +187,84 @@ def _check_corner(ctx: Context, item: Node, root: Node, base: Scene, path: Keys)
     if probe.errors.problems:
         what = f"{'.'.join(path)} cannot change alone: {probe.errors.problems[0].what}"
         ctx.errors.at(item, what, "free a component of one of the two edges")
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a study asks for beside its scenes; None for what it does not, or has faults in."""
+
+    mesh: MeshPlan | None
+    output: OutputPlan | None
+    exact: Exact | None
+
+
+Why = tuple[str, str]
+"""Why something is excluded, what to do."""
+
+GOALS = ("errors of goals are not estimated then", "estimate the energy norm, or use tcstudy converge")
+
+
+def _one(what: str) -> dict[str, Why]:
+    """Exclusions of a scene that has several of what others have one of."""
+    return {
+        "goals": GOALS,
+        "exact": (f"an exact solution takes one {what}", f"remove exact, or write one {what}"),
+        "live": (f"a live page takes one {what}", "remove live: true"),
+    }
+
+
+OF_BODY: dict[str, Why] = {
+    "goals": GOALS,
+    "exact": ("an exact solution has no such edge", "remove exact"),
+    "live": ("a live page takes none", "remove live: true"),
+}
+"""Of a body that not its material alone makes stiff."""
+
+FEATURES: tuple[tuple[str, Callable[[Node, Sequence[Scene]], bool], dict[str, Why]], ...] = (
+    (
+        "friction differs along the contact line",
+        lambda _, scenes: any(isinstance(scene.friction, EdgeLaws) for scene in distinct(scenes, "friction")),
+        _one("law"),
+    ),
+    (
+        "materials differ by region, where stresses jump",
+        lambda root, _: root.child("materials") is not None,
+        _one("material"),
+    ),
+    (
+        "an edge is rigid",
+        lambda _, scenes: bool(scenes) and any(isinstance(role, Rigid) for _, role in scenes[0].boundary),
+        OF_BODY,
+    ),
+    (
+        "an edge rests on springs",
+        lambda _, scenes: any(scene.springs for scene in distinct(scenes, "boundary")),
+        OF_BODY,
+    ),
+    (
+        "an edge has heat of its own",
+        lambda _, scenes: bool(scenes) and scenes[0].heat_by_edge,
+        {
+            "derived": ("loads are derived for the section heat only", "give the loads, or loads: given"),
+            "live": ("a live page takes one alpha and one theta_bar", "remove live: true"),
+        },
+    ),
+)
+
+
+def check_together(ctx: Context, root: Node, scenes: Sequence[Scene], asked: Asked) -> None:
+    """Report what a feature of the scenes excludes and the study asks for."""
+    output, exact = asked.output, asked.exact
+    wanted = {
+        "goals": ("mesh", bool(asked.mesh and asked.mesh.estimates and asked.mesh.goal.quantity != "energy")),
+        "exact": ("exact", exact is not None),
+        "derived": ("exact", bool(exact and exact.derived)),
+        "live": ("output", bool(output and output.live)),
+    }
+    for feature, has, excluded in FEATURES:
+        if not any(wanted[what][1] for what in excluded) or not has(root, scenes):
+            continue
+        for what, (why, remedy) in excluded.items():
+            section, there = wanted[what]
+            if there and (node := root.child(section)):
+                ctx.errors.at(node, f"{feature}, and {why}", remedy)
