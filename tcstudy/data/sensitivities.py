@@ -14,7 +14,7 @@ import numpy as np
 
 from tcstudy.data.records import SENSITIVITY
 from tcstudy.data.schema import POINT_LEVEL, FileVariable, flags
-from tcstudy.scene.study import Sensitivity
+from tcstudy.scene.fits import Sensitivity
 
 NOT_JUDGED, DIFFERENTIABLE, AT_EVENT, AT_FOLD = range(4)
 STATUS, EVENTS = f"{SENSITIVITY}status", f"{SENSITIVITY}events"

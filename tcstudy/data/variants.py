@@ -27,8 +27,7 @@ from tcstudy.data.store import KEPT, Filling, root_variables
 from tcstudy.data.stored import read_blocks
 from tcstudy.data.writer import axis_name, axis_places, define, file_places, in_file_order, put
 from tcstudy.errors import UsageError
-from tcstudy.scene.study import Axis, Study
-from tcstudy.scene.variants import Variant
+from tcstudy.scene.study import Axis, Study, Variant
 
 if TYPE_CHECKING:
     import netCDF4

@@ -30,10 +30,10 @@ from tcstudy.offline.loads import (
     unloaded,
 )
 from tcstudy.offline.whole_slopes import WholeBody, affine_scene, change_of
+from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.law_slopes import agreed, law_slopes, number_of
 from tcstudy.scene.records import Clamped, Convection, Role, Scene
-from tcstudy.scene.study import Sensitivity
 from tcstudy.solvers.linearised import Linearised
 
 Array = NDArray[np.float64]

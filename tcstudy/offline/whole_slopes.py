@@ -24,10 +24,9 @@ from numpy.typing import NDArray
 from tcstudy.fem.forms import Moduli, Springs
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import unloaded
-from tcstudy.scene.moduli import moduli_slope
-from tcstudy.scene.parameters import path_scene
+from tcstudy.scene.fits import Sensitivity
+from tcstudy.scene.parameters import moduli_slope, path_scene
 from tcstudy.scene.records import Convection, EdgeHeat, Rigid, Role, Scene, Traction, exchanges
-from tcstudy.scene.study import Sensitivity
 
 Array = NDArray[np.float64]
 

@@ -23,13 +23,13 @@ from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, nearest
 from tcstudy.read.plans import affine_parameters, level_of, path_of
 from tcstudy.read.table import csv_lines
-from tcstudy.scene.fits import PLACE, RESULTS, FitColumn, FitMark, FitParameter, FitPlan
+from tcstudy.scene.fits import PLACE, RESULTS, FitColumn, FitMark, FitParameter, FitPlan, Sensitivity
 from tcstudy.scene.friction import GrowthError
 from tcstudy.scene.law_slopes import POINTS
 from tcstudy.scene.laws import LawError
 from tcstudy.scene.parameters import with_number
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import MeshPlan, Sensitivity
+from tcstudy.scene.study import MeshPlan
 from tcstudy.scene.units import LENGTH, NUMBER, Dimension, UnitError, to_si
 
 Cells = list[tuple[Node, ...]]

@@ -28,9 +28,9 @@ from tcstudy.read.sweep import Sweep, SweptAxis
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import Keys, Parameter
-from tcstudy.scene.study import Study
+from tcstudy.scene.points import GEOMETRIC, VariantScenes
+from tcstudy.scene.study import Study, Variant
 from tcstudy.scene.units import LENGTH
-from tcstudy.scene.variants import GEOMETRIC, Variant, VariantScenes
 from tcstudy.shapes.edges import body_area, body_size
 from tcstudy.shapes.faults import check_body
 

@@ -11,7 +11,6 @@ from typing import Literal
 from tcstudy.scene import units as u
 from tcstudy.scene.key import Key
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Sensitivity
 
 COMPARE = ("vertical", "orthogonal")
 LOSSES = ("linear", "soft_l1")
@@ -59,6 +58,21 @@ FITS: tuple[Key, ...] = (
     Key("scale", "choice", "`log` by default where `within` is positive", section="fit_parameter", words=SCALES),
 )
 """Rows of the table of keys."""
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """A number of the study by which results are differentiated.
+
+    name:  as the study writes it;  path: key path, ("load",) for a factor of all mechanical loads
+    units: of the number in CF form
+    heat_grows: whether heat loads grow with E, because alpha_T is given and not beta
+    """
+
+    name: str
+    path: tuple[str, ...]
+    units: str
+    heat_grows: bool = True
 
 
 @dataclass(frozen=True)

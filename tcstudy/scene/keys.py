@@ -15,11 +15,10 @@ from typing import get_args
 
 from tcstudy.scene import units as u
 from tcstudy.scene.designs import DESIGNS, DISTRIBUTIONS
-from tcstudy.scene.edge_keys import EDGE_ROWS
 from tcstudy.scene.families import FAMILIES
 from tcstudy.scene.fits import FITS
 from tcstudy.scene.histories import HISTORY
-from tcstudy.scene.key import Key, in_section
+from tcstudy.scene.key import EDGE_ROWS, Key, in_section
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.study import BRANCHES, MOST_REFINE, SOLVERS, Direction, MeshPlan, PathPlan, SolverPlan, Start
 

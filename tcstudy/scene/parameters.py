@@ -1,24 +1,37 @@
 """What a sweep may vary, out of the table of keys: key paths with their kind and dimension, and the short names.
 
-The scene with another value of one of its numbers: of a path's parameter, and of those that a fit is to find.
+The scene with another value of one of its numbers: of a path's parameter, and of those that a fit is to find; and how
+fast the moduli of a material change with one of its numbers. Of E and ν: μ = E/2(1 + ν); plane strain
+λ = Eν/((1 + ν)(1 − 2ν)), plane stress λ = Eν/(1 − ν²); β = α_T E/(1 − cν) with c = 2 and 1 (`Material.bulk`), which
+changes with E and ν where α_T is given and not β.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from tcstudy.expressions.expression import Expression, parse
+from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import ROWS, law_rows, rows
 from tcstudy.scene.law_slopes import POINTS, number_of, point_of
 from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.moduli import with_modulus
 from tcstudy.scene.nodal_laws import times
-from tcstudy.scene.records import Clamped, Convection, EdgeLaws, Rigid, Role, Scalar, Scene, Traction, resultant
-from tcstudy.scene.study import Sensitivity
+from tcstudy.scene.records import (
+    Clamped,
+    Convection,
+    EdgeLaws,
+    Material,
+    Rigid,
+    Role,
+    Scalar,
+    Scene,
+    Traction,
+    resultant,
+)
 
 Keys = tuple[str, ...]
 
@@ -241,3 +254,54 @@ def _scaled(scalar: Scalar, factor: float) -> Scalar:
     if not isinstance(scalar, Expression):
         return factor * scalar
     return 0.0 if factor == 0.0 else parse(f"{float(factor)!r}*({scalar.text})")
+
+
+class ModuliSlope(NamedTuple):
+    """Derivatives of λ, μ, β and k of a material by one of its numbers."""
+
+    lam: float = 0.0
+    mu: float = 0.0
+    beta: float = 0.0
+    k: float = 0.0
+
+
+def with_modulus(material: Material, name: str, value: float, heat_grows: bool) -> Material:
+    """The material with another E, nu, alpha_T, beta or k; materials of regions stay.
+
+    heat_grows: whether alpha_T is given, so that β follows E and ν
+    """
+    if name in ("alpha_T", "beta"):
+        return replace(material, beta=value * (material.bulk if name == "alpha_T" else 1.0))
+    if name == "k":
+        return replace(material, k=value)
+    if name == "E":
+        t = value / material.E
+        beta = t * material.beta if heat_grows else material.beta
+        return replace(material, E=value, lam=t * material.lam, mu=t * material.mu, beta=beta)
+    if name != "nu":
+        raise KeyError(name)
+    lam = material.E * value / ((1.0 + value) * _second(material, value))
+    new = replace(material, nu=value, lam=lam, mu=0.5 * material.E / (1.0 + value))
+    return replace(new, beta=material.beta * new.bulk / material.bulk) if heat_grows else new
+
+
+def moduli_slope(material: Material, name: str, heat_grows: bool) -> ModuliSlope:
+    """Derivatives by E, nu, alpha_T, beta or k."""
+    E, nu = material.E, material.nu
+    if name in ("alpha_T", "beta"):
+        return ModuliSlope(beta=material.bulk if name == "alpha_T" else 1.0)
+    if name == "k":
+        return ModuliSlope(k=1.0)
+    if name == "E":
+        return ModuliSlope(material.lam / E, material.mu / E, material.beta / E if heat_grows else 0.0)
+    if name != "nu":
+        raise KeyError(name)
+    c = 2.0 if material.plane == "strain" else 1.0
+    lam = E * (1.0 + c * nu**2) / ((1.0 + nu) * _second(material, nu)) ** 2
+    beta = c * material.beta / (1.0 - c * nu) if heat_grows else 0.0
+    return ModuliSlope(lam, -0.5 * E / (1.0 + nu) ** 2, beta)
+
+
+def _second(material: Material, nu: float) -> float:
+    """1 − 2ν in plane strain, 1 − ν in plane stress."""
+    return 1.0 - (2.0 if material.plane == "strain" else 1.0) * nu

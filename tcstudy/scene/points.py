@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.scene.records import Body, Scene
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import Study, Variant
 
 SECTIONS = ("boundary", "material", "f", "heat", "friction")
 """Fields of a scene that a sweep may vary; the body belongs to all points."""
+GEOMETRIC = ("body", "mesh")
+"""Sections that make a geometry: what is swept of them is the outer loop of a run."""
 Which = NDArray[np.int32]
 
 
@@ -96,6 +98,37 @@ class Scenes(Sequence[Scene]):
         rank[order] = np.arange(len(order))
         self._combinations[sections] = first[order], rank[of]
         return self._combinations[sections]
+
+
+class VariantScenes(Sequence[Scene]):
+    """The scenes of all variants in the order of the whole sweep; a refused one has those of the first that is not."""
+
+    def __init__(self, variants: Sequence[Variant]) -> None:
+        self._known = next(one.study for one in variants if one.study is not None)
+        self._variants = tuple(variants)
+        total = sum(len(one.places) for one in variants)
+        self._of, self._at = np.empty(total, dtype=np.intp), np.empty(total, dtype=np.intp)
+        for number, one in enumerate(variants):
+            self._of[one.places], self._at[one.places] = number, np.arange(len(one.places))
+
+    def __len__(self) -> int:
+        return len(self._of)
+
+    @overload
+    def __getitem__(self, index: int) -> Scene: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Scene, ...]: ...
+    def __getitem__(self, index: int | slice) -> Scene | tuple[Scene, ...]:
+        if isinstance(index, slice):
+            return tuple(self[i] for i in range(*index.indices(len(self))))
+        study = self._variants[self._of[index]].study or self._known
+        return study.scenes[int(self._at[index])]
+
+    def __iter__(self) -> Iterator[Scene]:
+        return (self[i] for i in range(len(self)))
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} scenes of {len(self._variants)} geometries>"
 
 
 def distinct(scenes: Sequence[Scene], *sections: str) -> tuple[Scene, ...]:

@@ -7,9 +7,7 @@ larger: √m ε max_i (|l̃| + |Ã||v|)_i/c_i over the scale of b (`ContactProbl
 doubles, Ã and l̃ being doubles too, does to ξ. Where that exceeds LOST there is no friction left to solve for, and the
 default goes no further.
 
-How a contact problem may be solved, by name: solvers, where they start, and which solution is kept.
-
-The one place of these names: the reader offers them, the solvers obey them, the data tell them.
+How a contact problem may be solved: the one place of the names of solvers, of starts, and of which solution is kept.
 """
 
 from __future__ import annotations
@@ -17,16 +15,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tcstudy.scene.designs import Design
 from tcstudy.scene.families import FAMILIES, LISTED, PLAIN, FamilyName, MeshFamily
+from tcstudy.scene.fits import FitPlan, Sensitivity
+from tcstudy.scene.histories import HistoryPlan
 from tcstudy.scene.records import Point, Scalar, Scene
-
-if TYPE_CHECKING:
-    from tcstudy.scene.fits import FitPlan
-    from tcstudy.scene.histories import HistoryPlan
-    from tcstudy.scene.variants import Variant
 
 TOLERANCE = 1e-10
 """Largest inclusion residual by default, as long as rounding allows it."""
@@ -143,8 +141,6 @@ class MeshPlan:
 
 
 Start = Literal["zero", "lowest"]
-
-
 Direction = Literal["both", "forward", "backward"]
 
 
@@ -241,21 +237,6 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Sensitivity:
-    """A number of the study by which results are differentiated.
-
-    name:  as the study writes it;  path: key path, ("load",) for a factor of all mechanical loads
-    units: of the number in CF form
-    heat_grows: whether heat loads grow with E, because alpha_T is given and not beta
-    """
-
-    name: str
-    path: tuple[str, ...]
-    units: str
-    heat_grows: bool = True
-
-
-@dataclass(frozen=True)
 class Probe:
     """A point at which u, θ and σ are stored, and u_T where it lies on a contact edge."""
 
@@ -347,3 +328,21 @@ class Study:
         if self.mode == "grid":
             return tuple(len(axis.values) for axis in self.axes)
         return (len(self.axes[0].values),) if self.axes else ()
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """One geometry of a sweep over numbers of the body or its meshes: its points share its mesh and factor.
+
+    words:  its swept numbers, for messages
+    index:  place of each among the values of its axis
+    places: (P,) its points in the sweep of the whole study, counted in C order
+    study:  its study; None where the geometry is refused
+    reason: why it is refused, in words
+    """
+
+    words: str
+    index: tuple[int, ...]
+    places: NDArray[np.intp]
+    study: Study | None
+    reason: str = ""

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import load_slope
 from tcstudy.offline.whole_slopes import WholeBody
+from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.law_slopes import LawSlopes, PointSlopes, law_slopes, number_of
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Sensitivity
 from tcstudy.solvers.path.follow import Path
 
 Array = NDArray[np.float64]

@@ -15,8 +15,9 @@ from tcstudy.data.sensitivities import AT_EVENT, AT_FOLD, DIFFERENTIABLE, EVENTS
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import friction_energy, law_slope, load_slope, omega_slope
 from tcstudy.offline.whole_slopes import WholeBody, change_of
+from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Sensitivity, Study
+from tcstudy.scene.study import Study
 from tcstudy.solvers.linearised import EVENT, Linearised
 
 Array = NDArray[np.float64]

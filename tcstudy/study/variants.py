@@ -22,8 +22,7 @@ from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.variants import write_variants
 from tcstudy.data.writer import axis_problems
 from tcstudy.errors import GeometryFailed
-from tcstudy.scene.study import Study
-from tcstudy.scene.variants import Variant
+from tcstudy.scene.study import Study, Variant
 from tcstudy.study.expected import Resources, of_run
 from tcstudy.study.grow import Kept
 from tcstudy.study.plan import Plan

@@ -16,9 +16,10 @@ from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.summary import summary
+from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.parameters import with_number
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Sensitivity, Study
+from tcstudy.scene.study import Study
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.study.sensitivities import of_point
 
