@@ -82,7 +82,7 @@ def test_points_beside_a_slot_are_found_on_their_own_side() -> None:
     assert weights.min() > -1e-12
 
 
-def test_a_large_triangle_beside_many_small_ones_is_walked_to() -> None:
+def test_a_large_triangle_beside_many_small_ones_is_found() -> None:
     """The nearest centres, far more than are tried, are all those of small triangles."""
     rng = np.random.default_rng(3)
     cluster = 0.5 + 0.01 * rng.uniform(-1, 1, (300, 2))
