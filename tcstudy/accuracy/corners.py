@@ -26,7 +26,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.records import Body, Clamped, Contact, Edge, Loop, Material, Point, Role
+from tcstudy.scene.records import Body, Clamped, Contact, Edge, Material, Point, Role
 from tcstudy.shapes.edges import edge_normal
 
 Sticks = Callable[[str, Point], bool]
@@ -71,16 +71,12 @@ def vertices(body: Body, boundary: tuple[tuple[str, Role], ...], material: Mater
     roles, kappa = dict(boundary), (material.lam + 3 * material.mu) / (material.lam + material.mu)
     found = []
     for loop, hole in [(body.outline, False), *((hole, True) for hole in body.holes)]:
-        for before, after in zip(_previous(loop), loop.edges, strict=True):
+        for before, after in (*loop.corners[-1:], *loop.corners[:-1]):
             # The body lies counter-clockwise of the edge at φ = 0: the one that leaves an outline's corner.
             edges, at = (before, after) if hole else (after, before), after.start
             zero, far = (Side(edge.name, _away(edge, at)) for edge in edges)
             found.append(vertex(at, zero, far, roles, kappa, sticks))
     return found
-
-
-def _previous(loop: Loop) -> tuple[Edge, ...]:
-    return (loop.edges[-1], *loop.edges[:-1])
 
 
 def vertex(at: Point, zero: Side, far: Side, roles: dict[str, Role], kappa: float, sticks: Sticks) -> Vertex:

@@ -19,7 +19,7 @@ from tcstudy.expressions.derivative import Algebra, Scalar
 from tcstudy.expressions.expression import Expression, of_tree
 from tcstudy.expressions.tree import Call, Number, TreeNode
 from tcstudy.scene.records import Body, Edge
-from tcstudy.shapes.edges import INWARD, Arc, body_size, edge_arc, edge_length, edge_normal, grid
+from tcstudy.shapes.edges import INWARD, Arc, body_size, edge_arc, edge_at, edge_length, edge_normal, grid
 
 Array = NDArray[np.float64]
 Vector = tuple[TreeNode, TreeNode]
@@ -39,13 +39,7 @@ def body_edges(body: Body, names: Iterable[str] | None = None) -> list[tuple[Edg
 
 def edge_samples(edge: Edge, hole: bool, count: int = SAMPLES) -> tuple[Array, Array]:
     """Points (n, 2) inside an edge, its ends and middle avoided, and outward unit normals there (n, 2)."""
-    t = (np.arange(count)[:, None] + 0.38) / count
-    arc = edge_arc(edge)
-    if arc is None:
-        points = np.array(edge.start) + t * (np.array(edge.end) - np.array(edge.start))
-    else:
-        angle = arc.start + t * arc.sweep
-        points = np.array(arc.center) + arc.radius * np.hstack([np.cos(angle), np.sin(angle)])
+    points = edge_at(edge, (np.arange(count) + 0.38) / count)
     normals = edge_normal(edge, points)
     return points, -normals if hole else normals
 

@@ -21,7 +21,7 @@ from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.scene.records import Body, Contact, Convection, Edge, Point, Scalar, Scene, Traction
 from tcstudy.scene.study import Exact, Goal
-from tcstudy.shapes.edges import Arc, body_size, edge_arc, edge_distance, edge_length, edge_normal
+from tcstudy.shapes.edges import Arc, body_size, edge_arc, edge_at, edge_distance, edge_length, edge_normal
 
 Array = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ def exact_energy(exact: Exact, scene: Scene, mesh: Triangles) -> float:
         return value - beta * _at(theta if theta is not None else 0.0, x, y) * divergence
 
     inside = mesh.integral(density) + sliver_integral(scene.body, mesh, density)
-    return inside + sum(_on_edge(exact, scene, edge) for edge in _edges(scene.body))
+    return inside + sum(_on_edge(exact, scene, edge) for edge in scene.body.edges)
 
 
 def exact_friction_resultant(scene: Scene, xi: LineFunction) -> float:
@@ -59,7 +59,7 @@ def exact_friction_resultant(scene: Scene, xi: LineFunction) -> float:
     if scene.body.outline is None:
         return float("nan")
     total = 0.0
-    for edge in _edges(scene.body):
+    for edge in scene.body.edges:
         if edge.name in scene.edges(Contact):
             points, weights = _samples(edge)
             total += float(weights @ xi(points[:, 0], points[:, 1], _outward(scene.body, edge, points)))
@@ -75,12 +75,12 @@ def exact_slip_length(exact: Exact, scene: Scene) -> float:
     """
     if scene.body.outline is None:
         return float("nan")
-    edges = [edge for edge in _edges(scene.body) if edge.name in scene.edges(Contact)]
-    at = [_points(edge, _places()) for edge in edges]
+    edges = [edge for edge in scene.body.edges if edge.name in scene.edges(Contact)]
+    at = [edge_at(edge, _places()) for edge in edges]
     size = max((float(np.max(np.abs(_at(u, *points.T)))) for points in at for u in exact.u), default=0.0)
 
     def slips(edge: Edge, places: Array) -> NDArray[np.bool_]:
-        points = _points(edge, places)
+        points = edge_at(edge, places)
         n = _outward(scene.body, edge, points)
         u_T = _at(exact.u[1], *points.T) * n[:, 0] - _at(exact.u[0], *points.T) * n[:, 1]
         return ~_at_up_jump(scene.one_law, u_T, STICKS * size)
@@ -117,7 +117,7 @@ def sliver_integral(body: Body, mesh: Triangles, density: Callable[[Array, Array
     too much count negative.
     """
     assert body.outline is not None
-    edges, size = _edges(body), body_size(body)
+    edges, size = body.edges, body_size(body)
     if all(edge.through is None for edge in edges):
         return 0.0
     ends = mesh.points[_boundary(mesh)]
@@ -176,11 +176,6 @@ def _at(scalar: Scalar, x: Array, y: Array) -> Array:
     return value_and_gradient(scalar, x, y)[0]
 
 
-def _edges(body: Body) -> list[Edge]:
-    assert body.outline is not None
-    return [edge for loop in (body.outline, *body.holes) for edge in loop.edges]
-
-
 def _on_edge(exact: Exact, scene: Scene, edge: Edge) -> float:
     """What an edge adds: −∫g·u + ∫p u_N, or ∫j(u_T) on Γ_C."""
     role = dict(scene.boundary)[edge.name]
@@ -205,17 +200,7 @@ def _places() -> Array:
 def _samples(edge: Edge) -> tuple[Array, Array]:
     """Gauss points (q, 2) and weights (q,) on a line or an arc, in PANELS equal parts."""
     weights = np.tile(0.5 * _WEIGHTS / PANELS, PANELS) * edge_length(edge)
-    return _points(edge, _places()), weights
-
-
-def _points(edge: Edge, t: Array) -> Array:
-    """Points (q, 2) at the shares t of the length of a line or an arc."""
-    arc = edge_arc(edge)
-    if arc is None:
-        start, end = np.array(edge.start), np.array(edge.end)
-        return np.asarray(start + t[:, None] * (end - start))
-    angle = arc.start + t * arc.sweep
-    return np.asarray(np.array(arc.center) + arc.radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+    return edge_at(edge, _places()), weights
 
 
 def exact_u_T(exact: Exact) -> LineFunction:

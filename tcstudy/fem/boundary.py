@@ -19,54 +19,12 @@ from numpy.typing import NDArray
 
 from tcstudy.errors import GeometryFailed
 from tcstudy.expressions.expression import Expression
-from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.meshes import EDGES, SMOOTH, Frames, PlaneMesh
+from tcstudy.fem.rigid import with_ties
 from tcstudy.scene.records import Clamped, Contact, Rigid, Role, Scalar, Symmetry
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-EDGES = ("boundary",)
-"""Where a study says what is wrong with its edges."""
-SMOOTH = 1e-6
-"""Sine of the angle below which two directions at a node are one (a smooth junction of curves)."""
-
-
-@dataclass(frozen=True)
-class Frames:
-    """Local displacement unknowns w with u = R w; row c·n + i is component c of node i.
-
-    rotation: (2n, 2n) orthogonal R
-    fixed:    (2n,) local rows that carry no unknown
-    values:   (2n,) prescribed local displacements on the fixed rows, zero elsewhere [m]
-    turned:   (k,) nodes whose local frame is not (x, y);  axes: (k, 2, 2) their blocks of R, a local axis a column
-    ties:     (2n, 2n) T of rigid edges, None without: all rows of an edge and a component are ± that of one node, and
-              fixed but for that one; then u = R T w
-    """
-
-    rotation: sp.csr_array
-    fixed: NDArray[np.bool_]
-    values: Array
-    turned: Indices
-    axes: Array
-    ties: sp.csr_array | None = None
-
-    @property
-    def n_dof(self) -> int:
-        """Number of displacement unknowns."""
-        return int(np.count_nonzero(~self.fixed))
-
-    def local(self, F: Array) -> Array:
-        """RᵀF, or TᵀRᵀF: a global load in local rows."""
-        rows = self.rotation.T @ F
-        return rows if self.ties is None else self.ties.T @ rows
-
-    def cartesian(self, w: Array) -> Array:
-        """R w, or R T w: local displacements in x and y."""
-        return self.rotation @ (w if self.ties is None else self.ties @ w)
-
-    def tied(self, A: sp.csr_array) -> sp.csr_array:
-        """TᵀAT of a matrix in local rows (2n, 2n)."""
-        return A if self.ties is None else sp.csr_array(self.ties.T @ A @ self.ties)
 
 
 @dataclass(frozen=True)
@@ -97,11 +55,7 @@ def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames
     u = _solve_pairs(d0, v0, direction[second], value[second], both)
     _check_agreement(mesh, held, order, own, np.einsum("ij,ij->i", direction, u[own]), value)
     frames = _frames(n, nodes, d0, v0, u, both)
-    if any(isinstance(role, Rigid) for _, role in boundary):
-        from tcstudy.fem.rigid import with_ties  # only for a body that has such an edge
-
-        return with_ties(mesh, boundary, frames)
-    return frames
+    return with_ties(mesh, boundary, frames) if any(isinstance(role, Rigid) for _, role in boundary) else frames
 
 
 def _collect(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> _Constraints:

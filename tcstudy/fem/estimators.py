@@ -252,8 +252,7 @@ def contact_traction(
     mesh = triangles.mesh
     nodal_xi, nodal_slip = np.full(mesh.n_points, np.nan), np.full(mesh.n_points, np.nan)
     nodal_xi[line.nodes], nodal_slip[line.nodes] = xi, u_T
-    names = [curve.name in line.edge_names for curve in mesh.geometry.curves]
-    on = np.array(names)[mesh.segment_curve]
+    on = mesh.on(*line.edge_names)
     segments = mesh.segments[on]
     ends_xi, ends_slip = nodal_xi[segments], nodal_slip[segments]
     # A held end has no ξ of its own: its half cell belongs to the other end (method §2).

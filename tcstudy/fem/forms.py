@@ -27,8 +27,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
-from tcstudy.fem.boundary import Frames
-from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.meshes import Frames, PlaneMesh
 from tcstudy.scene.records import Convection, Role, Scalar, Traction, Where
 
 Array = NDArray[np.float64]

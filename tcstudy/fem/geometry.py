@@ -102,14 +102,12 @@ def build(body: Body) -> Geometry:
         curves = tuple(edges)
     else:
         assert body.outline is not None
-        loops = (body.outline, *body.holes, *(region.loop for region in body.regions))
+        loops = (*body.loops, *(region.loop for region in body.regions))
         unit = _unit(body_size(body), min(edge_length(edge) for loop in loops for edge in loop.edges))
         face = _face(body.outline, unit)
-        records = list(body.outline.edges)
         for hole in body.holes:
             face = face - _face(hole, unit)
-            records += hole.edges
-        curves = tuple(_curve(edge, f"c{i}") for i, edge in enumerate(records))
+        curves = tuple(_curve(edge, f"c{i}") for i, edge in enumerate(body.edges))
     size = _size(face)
     finders = _finders(body, face, unit)
     shape = _with_regions(face, body, unit)
@@ -168,8 +166,7 @@ def _finders(body: Body, face: Any, unit: float) -> list[Callable[[Array], float
     """One function per curve: distance of a point from it, both in the unit of the face."""
     if body.brep is not None:
         return [_occ_distance(edge) for edge in face.edges]
-    assert body.outline is not None
-    records = [_in_units(edge, unit) for loop in (body.outline, *body.holes) for edge in loop.edges]
+    records = [_in_units(edge, unit) for edge in body.edges]
     return [lambda point, edge=edge: float(edge_distance(edge, point[None])[0]) for edge in records]  # type: ignore[misc]
 
 

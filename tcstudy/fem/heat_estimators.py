@@ -49,19 +49,16 @@ def _edge_residual(triangles: ElementGeometry, recovered: Array, theta: Array, s
     mesh, edges = triangles.mesh, boundary_edges(triangles)
     flux = k * np.einsum("sqd,sd->sq", on_segments(recovered, mesh.segments), edges.normal)
 
-    def on(name: str) -> NDArray[np.bool_]:
-        return np.isin(mesh.segment_curve, [i for i, c in enumerate(mesh.geometry.curves) if c.name == name])
-
     def given(scalar: Scalar, some: NDArray[np.bool_]) -> Array:
         return values_at(scalar, edges.at[some].reshape(-1, 2)).reshape(-1, 2)
 
     for name, alpha, theta_bar in scene.exchange:
-        robin = on(name)
+        robin = mesh.on(name)
         flux[robin] += alpha * (on_segments(theta, mesh.segments)[robin] - given(theta_bar, robin))
     for name, into in scene.flux:
-        flux[on(name)] -= given(into, on(name))
+        flux[mesh.on(name)] -= given(into, mesh.on(name))
     for name, _ in scene.held_theta:
-        flux[on(name)] = 0.0
+        flux[mesh.on(name)] = 0.0
     weighted = edges.length**2 / (np.pi * k) * np.mean(flux**2, axis=1)
     return triangles.from_segments(weighted)
 

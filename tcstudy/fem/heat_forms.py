@@ -58,13 +58,7 @@ class HeatForms:
     @cached_property
     def kept_nodes(self) -> NDArray[np.intp]:
         """Mesh nodes on the closure of Γ_θ and of the edges whose temperature is given, ascending (r,)."""
-        return self.nodes_on(self.convection + self.held)
-
-    def nodes_on(self, names: tuple[str, ...]) -> NDArray[np.intp]:
-        """Mesh nodes on the closure of the study edges of these names, ascending."""
-        curves = [i for i, c in enumerate(self.mesh.geometry.curves) if c.name in names]
-        on = np.isin(self.mesh.segment_curve, curves)
-        return np.unique(self.mesh.segments[on])
+        return self.mesh.nodes_on(*self.convection, *self.held)
 
     @cached_property
     def robin_mass(self) -> Array:

@@ -2,6 +2,8 @@
 
 Marked triangles are bisected (netgen's longest-edge bisection, with as many neighbours as conformity asks for): old
 nodes keep their numbers, new ones on arcs are put on the arc, names of edges and regions stay. Meshes are checked.
+
+Also here: the local frames of the displacements of a mesh's nodes (made in fem/boundary.py).
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from typing import Any
 
 import ngsolve as ngs
 import numpy as np
+import scipy.sparse as sp
 from netgen.occ import OCCGeometry, WorkPlane
 from numpy.typing import NDArray
 
@@ -59,6 +62,14 @@ class PlaneMesh:
         tags = [tag for name in names for tag in self.geometry.tags(name)]
         return "|".join(tags)
 
+    def on(self, *names: str) -> NDArray[np.bool_]:
+        """(s,) boundary segments on the study edges of these names."""
+        return np.array([curve.name in names for curve in self.geometry.curves])[self.segment_curve]
+
+    def nodes_on(self, *names: str) -> Indices:
+        """Nodes on the closure of the study edges of these names, ascending."""
+        return np.unique(self.segments[self.on(*names)])
+
     def inside(self, where: Where) -> NDArray[np.bool_]:
         """(t,) triangles in some regions."""
         inside = np.array([not where or name in where for name in self.mesh.GetMaterials()])
@@ -67,6 +78,50 @@ class PlaneMesh:
     def numbered(self, regions: Where) -> Indices:
         """(t,) which of some regions a triangle lies in, counted from 1; 0 outside of all."""
         return sum((i * self.inside((name,)) for i, name in enumerate(regions, 1)), np.zeros(len(self.triangles), int))
+
+
+EDGES = ("boundary",)
+"""Where a study says what is wrong with its edges."""
+SMOOTH = 1e-6
+"""Sine of the angle below which two directions at a node are one (a smooth junction of curves)."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Local displacement unknowns w with u = R w; row c·n + i is component c of node i.
+
+    rotation: (2n, 2n) orthogonal R
+    fixed:    (2n,) local rows that carry no unknown
+    values:   (2n,) prescribed local displacements on the fixed rows, zero elsewhere [m]
+    turned:   (k,) nodes whose local frame is not (x, y);  axes: (k, 2, 2) their blocks of R, a local axis a column
+    ties:     (2n, 2n) T of rigid edges, None without: all rows of an edge and a component are ± that of one node, and
+              fixed but for that one; then u = R T w
+    """
+
+    rotation: sp.csr_array
+    fixed: NDArray[np.bool_]
+    values: Array
+    turned: Indices
+    axes: Array
+    ties: sp.csr_array | None = None
+
+    @property
+    def n_dof(self) -> int:
+        """Number of displacement unknowns."""
+        return int(np.count_nonzero(~self.fixed))
+
+    def local(self, F: Array) -> Array:
+        """RᵀF, or TᵀRᵀF: a global load in local rows."""
+        rows = self.rotation.T @ F
+        return rows if self.ties is None else self.ties.T @ rows
+
+    def cartesian(self, w: Array) -> Array:
+        """R w, or R T w: local displacements in x and y."""
+        return self.rotation @ (w if self.ties is None else self.ties @ w)
+
+    def tied(self, A: sp.csr_array) -> sp.csr_array:
+        """TᵀAT of a matrix in local rows (2n, 2n)."""
+        return A if self.ties is None else sp.csr_array(self.ties.T @ A @ self.ties)
 
 
 def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh | None) -> PlaneMesh:

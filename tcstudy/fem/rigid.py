@@ -16,8 +16,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.errors import GeometryFailed
-from tcstudy.fem.boundary import EDGES, SMOOTH, Frames
-from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.meshes import EDGES, SMOOTH, Frames, PlaneMesh
 from tcstudy.scene.records import Contact, Rigid, Role
 
 Array = NDArray[np.float64]
@@ -29,7 +28,7 @@ def with_ties(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...], frames: F
     n, fixed = mesh.n_points, frames.fixed.copy()
     axes = np.tile(np.eye(2), (n, 1, 1))
     axes[frames.turned] = frames.axes
-    contact = nodes_of(mesh, *(name for name, role in boundary if isinstance(role, Contact)))
+    contact = mesh.nodes_on(*(name for name, role in boundary if isinstance(role, Contact)))
     columns, signs = np.arange(2 * n), np.ones(2 * n)
     turning: list[tuple[Indices, Indices, Array]] = []
     for name, role in boundary:
@@ -41,7 +40,7 @@ def with_ties(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...], frames: F
             signs[rows], fixed[np.setdiff1d(rows, turning[-1][1])] = 0.0, True
             continue
         for c in unknown(role):
-            nodes = nodes_of(mesh, name)
+            nodes = mesh.nodes_on(name)
             nodes = nodes[np.argsort(~np.isin(nodes, contact), kind="stable")]
             row, sign = _rows_along(mesh, axes, fixed, nodes, c, name)
             if np.isin(nodes[1:2], contact).any():
@@ -74,8 +73,7 @@ def _turning(mesh: PlaneMesh, name: str, taken: NDArray[np.bool_], axes: Array) 
 
 def edge_arms(mesh: PlaneMesh, name: str) -> tuple[Indices, Array, Array]:
     """(k,) nodes of an edge, (k,) their shares of its length and (k, 2) where they are from its middle [m]."""
-    curves = [i for i, curve in enumerate(mesh.geometry.curves) if curve.name == name]
-    segments = mesh.segments[np.isin(mesh.segment_curve, curves)]
+    segments = mesh.segments[mesh.on(name)]
     half = 0.5 * np.hypot(*(mesh.points[segments[:, 1]] - mesh.points[segments[:, 0]]).T)
     share = np.bincount(segments.ravel(), np.repeat(half, 2), mesh.n_points)
     nodes = np.flatnonzero(share)
@@ -89,12 +87,6 @@ def couple(mesh: PlaneMesh, name: str) -> Array:
     F = np.zeros((2, mesh.n_points))
     F[:, nodes] = share * np.array([-arms[:, 1], arms[:, 0]]) / (share @ np.sum(arms**2, axis=1))
     return F.ravel()
-
-
-def nodes_of(mesh: PlaneMesh, *names: str) -> Indices:
-    """Nodes on the closure of the study edges of these names, ascending."""
-    curves = [i for i, curve in enumerate(mesh.geometry.curves) if curve.name in names]
-    return np.unique(mesh.segments[np.isin(mesh.segment_curve, curves)])
 
 
 def _rows_along(

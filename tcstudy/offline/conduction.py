@@ -95,7 +95,7 @@ class Conduction:
     @cached_property
     def _free(self) -> NDArray[np.bool_]:
         """(r,) kept nodes whose temperature is not given."""
-        return ~np.isin(self._forms.kept_nodes, self._forms.nodes_on(self._forms.held))
+        return ~np.isin(self._forms.kept_nodes, self._forms.mesh.nodes_on(*self._forms.held))
 
     @cached_property
     def _spectrum(self) -> tuple[Array, Array]:
@@ -228,7 +228,7 @@ class Conduction:
         """(r,) the temperatures that an edge holds; a corner of two such edges belongs to the first."""
         forms, values = self._forms, np.zeros(len(self._free))
         before = forms.held[: forms.held.index(key.edges[0])]
-        own = np.setdiff1d(forms.nodes_on(key.edges), forms.nodes_on(before))
+        own = np.setdiff1d(forms.mesh.nodes_on(*key.edges), forms.mesh.nodes_on(*before))
         values[np.searchsorted(forms.kept_nodes, own)] = values_at(key.data, forms.mesh.points[own])
         return values
 

@@ -20,8 +20,9 @@ from tcstudy.condense import Condensation, ForwardLoad, condense
 from tcstudy.condense.layout import pattern_of
 from tcstudy.condense.multifrontal import Known
 from tcstudy.condense.symbolic import EliminationPlan
-from tcstudy.fem.boundary import ContactLine, Frames
+from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.forms import ElasticForms, Moduli, Springs
+from tcstudy.fem.meshes import Frames
 from tcstudy.offline.loads import BasisLoad, LoadTerm, Recent
 from tcstudy.scene.points import distinct, of_stiffness
 from tcstudy.scene.records import Scene, Where

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from tcstudy.condense.multifrontal import Known
 from tcstudy.condense.symbolic import EliminationPlan
-from tcstudy.fem.boundary import Frames, constrain, contact_line
+from tcstudy.fem.boundary import constrain, contact_line
 from tcstudy.fem.forms import ElasticForms, Moduli, Springs
 from tcstudy.fem.heat_forms import HeatForms
-from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.meshes import Frames, PlaneMesh
 from tcstudy.fem.rigid import couple
 from tcstudy.offline.conduction import BATCH
 from tcstudy.offline.elastic import Elastic, LoadMaker, ratio_and_scale, swept_parts

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.fem.recovery import ElementGeometry
-from tcstudy.fem.rigid import nodes_of
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Clamped, Contact, Scene
 from tcstudy.scene.study import OutputPlan, Probe
@@ -116,7 +115,7 @@ class Requested:
         taken = np.zeros(level.mesh.n_points, dtype=bool)
         for name, role in sorted(scene.boundary, key=lambda item: not isinstance(item[1], Clamped)):
             if isinstance(role, Clamped | Contact):
-                nodes = nodes_of(level.mesh, name)
+                nodes = level.mesh.nodes_on(name)
                 nodes = nodes[~taken[nodes]]
                 taken[nodes] = True
                 x, y = rest.reshape(2, -1)[:, nodes].sum(axis=1)
@@ -126,8 +125,7 @@ class Requested:
     def _mean(self, name: str, theta: Array) -> float:
         """Mean of θ over an edge."""
         mesh = self.level.mesh
-        curves = [i for i, curve in enumerate(mesh.geometry.curves) if curve.name == name]
-        ends = mesh.segments[np.isin(mesh.segment_curve, curves)]
+        ends = mesh.segments[mesh.on(name)]
         length = np.hypot(*(mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]]).T)
         return float(length @ theta[ends].mean(axis=1) / length.sum())
 

@@ -59,9 +59,8 @@ def _placed(ctx: Context, node: Node, probe: Probe, body: Body, contact: tuple[s
     inside = loop_polygon(body.outline, loop_size(body.outline))
     for hole in body.holes:
         inside = inside.difference(loop_polygon(hole, loop_size(hole)))
-    edges = [edge for loop in (body.outline, *body.holes) for edge in loop.edges]
-    away = [float(edge_distance(edge, np.array([probe.at]))[0]) for edge in edges]
-    on = [edge for edge, distance in zip(edges, away, strict=True) if distance <= NEAR * body_size(body)]
+    away = [float(edge_distance(edge, np.array([probe.at]))[0]) for edge in body.edges]
+    on = [edge for edge, distance in zip(body.edges, away, strict=True) if distance <= NEAR * body_size(body)]
     if not on and not inside.covers(shapely.Point(probe.at)):
         x, y = probe.at
         what = f"the point ({x:g}, {y:g}) is {min(away):g} outside the body"

@@ -60,8 +60,7 @@ def read_body(ctx: Context, node: Node) -> BodyReading:
 
 def edge_names(body: Body) -> tuple[str, ...]:
     """Names of all edges, each once, in the order of the study."""
-    loops = [body.outline, *body.holes] if body.outline else list(body.holes)
-    names = [edge.name for loop in loops for edge in loop.edges]
+    names = [edge.name for edge in body.edges]
     if body.brep:
         names = [*(name for name, _ in body.brep.edges), *([body.brep.other] if body.brep.other else []), *names]
     return tuple(dict.fromkeys(names))

@@ -67,9 +67,8 @@ def supports_fault(body: Body, boundary: Boundary) -> tuple[str, str] | None:
     """What is wrong with the supports and what to do; None if they hold the body, or if it is from a file."""
     if body.outline is None:
         return None
-    edges = [edge for loop in (body.outline, *body.holes) for edge in loop.edges]
-    points = [edge_points(edge, 1 if edge.through is None else ARC_PIECES) for edge in edges]
-    pieces = [BoundaryPiece(edge.name, at, edge_normal(edge, at)) for edge, at in zip(edges, points, strict=True)]
+    points = [edge_points(edge, 1 if edge.through is None else ARC_PIECES) for edge in body.edges]
+    pieces = [BoundaryPiece(edge.name, at, edge_normal(edge, at)) for edge, at in zip(body.edges, points, strict=True)]
     return support_fault(pieces, boundary, body.outline.edges[0].start, body_size(body))
 
 
@@ -138,7 +137,7 @@ def check_goal(ctx: Context, node: Node, goal: Goal, body: Body, boundary: Bound
     if goal.at is None or body.outline is None:
         return
     contact = [name for name, role in boundary if isinstance(role, Contact)]
-    edges = [edge for loop in (body.outline, *body.holes) for edge in loop.edges if edge.name in contact]
+    edges = [edge for edge in body.edges if edge.name in contact]
     away = min(float(edge_distance(edge, np.array([goal.at]))[0]) for edge in edges) if edges else math.inf
     if away > 1e-6 * body_size(body):
         x, y = goal.at
@@ -187,7 +186,7 @@ Array = NDArray[np.float64]
 def check_straight(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:
     """Record every symmetry edge that is an arc: there u_N = 0 mirrors nothing."""
     mirrors = {name for name, role in boundary if isinstance(role, Symmetry)}
-    arcs = dict.fromkeys(edge.name for edge in _edges(body) if edge.through is not None) if body.outline else {}
+    arcs = dict.fromkeys(edge.name for edge in body.edges if edge.through is not None) if body.outline else {}
     for name in arcs:
         if name in mirrors:
             remedy = "use {role: clamped, u_N: 0} for a guide"
@@ -199,15 +198,14 @@ def check_corners(ctx: Context, node: Node, body: Body, boundary: tuple[tuple[st
     if body.outline is None:
         return
     roles = dict(boundary)
-    for loop in (body.outline, *body.holes):
-        for edge, following in zip(loop.edges, (*loop.edges[1:], loop.edges[0]), strict=True):
-            rows = [*_held_lines(edge, roles, edge.end), *_held_lines(following, roles, edge.end)]
-            if len(rows) > 1 and not _solvable(np.array(rows)):
-                x, y = edge.end
-                others = f"{edge.name} and {following.name}"
-                what = f"{others} prescribe different displacements at their common corner ({x:g}, {y:g})"
-                clamped = following if isinstance(roles.get(following.name), Clamped) else edge
-                ctx.errors.at(deepest(node, (clamped.name,)), what, "make them agree there, or free a component")
+    for edge, following in (pair for loop in body.loops for pair in loop.corners):
+        rows = [*_held_lines(edge, roles, edge.end), *_held_lines(following, roles, edge.end)]
+        if len(rows) > 1 and not _solvable(np.array(rows)):
+            x, y = edge.end
+            others = f"{edge.name} and {following.name}"
+            what = f"{others} prescribe different displacements at their common corner ({x:g}, {y:g})"
+            clamped = following if isinstance(roles.get(following.name), Clamped) else edge
+            ctx.errors.at(deepest(node, (clamped.name,)), what, "make them agree there, or free a component")
 
 
 def _held_lines(edge: Edge, roles: Mapping[str, Role], at: Point) -> Iterator[tuple[float, float, float]]:
@@ -306,14 +304,8 @@ def _in(value: Any) -> Iterator[Expression]:
             yield from _in(getattr(value, field.name))
 
 
-def _edges(body: Body) -> Iterator[Edge]:
-    assert body.outline is not None
-    for loop in (body.outline, *body.holes):
-        yield from loop.edges
-
-
 def _on_edges(body: Body, name: str) -> Array:
-    return np.concatenate([edge_points(e, EDGE_POINTS) for e in _edges(body) if e.name == name])
+    return np.concatenate([edge_points(e, EDGE_POINTS) for e in body.edges if e.name == name])
 
 
 def _inside(body: Body) -> Array:
@@ -325,5 +317,5 @@ def _inside(body: Body) -> Array:
     x0, y0, x1, y1 = polygon.bounds
     x, y = (a.ravel() for a in np.meshgrid(np.linspace(x0, x1, GRID), np.linspace(y0, y1, GRID)))
     inside = shapely.contains_xy(polygon, x, y)
-    edges = [edge_points(edge, EDGE_POINTS) for edge in _edges(body)]
+    edges = [edge_points(edge, EDGE_POINTS) for edge in body.edges]
     return np.concatenate([np.column_stack([x, y])[inside], *edges])

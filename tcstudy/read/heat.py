@@ -136,8 +136,8 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
             ctx.errors.once(node, f"{what} has no meaning, because {why}", remedy)
         return
     places = (("material",), *(("materials", name) for name, _ in material.regions))
-    for place, k in zip(places, material.conductivities, strict=True):
-        if k is None:
+    for place, one in zip(places, material.all, strict=True):
+        if one.k is None:
             node = deepest(root, place)
             ctx.errors.once(node, "is missing, but heat needs it", "add k: 45 W/(m*K)", key=f"{'.'.join(place)}.k")
     held = [edge for edge, role in boundary if role.heat is not None and role.heat.theta is not None]
@@ -183,12 +183,11 @@ def check_held(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None
     held = {name: role.heat.theta for name, role in boundary if role.heat and role.heat.theta is not None}
     if body.outline is None or len(held) < 2:
         return
-    for loop in (body.outline, *body.holes):
-        for edge, following in zip(loop.edges, (*loop.edges[1:], loop.edges[0]), strict=True):
-            if edge.name == following.name or not {edge.name, following.name} <= {*held}:
-                continue
-            (x, y), (a, b) = edge.end, (value_at(held[name], edge.end) for name in (edge.name, following.name))
-            if abs(a - b) > 1e-9 * max(abs(a), abs(b)):
-                what = f"{edge.name} and {following.name} hold different temperatures at their corner ({x:g}, {y:g})"
-                remedy = "make them agree there, or let one of them exchange heat: {alpha: ..., theta_bar: ...}"
-                ctx.errors.once(deepest(node, (following.name,)), what, remedy)
+    for edge, following in (pair for loop in body.loops for pair in loop.corners):
+        if edge.name == following.name or not {edge.name, following.name} <= {*held}:
+            continue
+        (x, y), (a, b) = edge.end, (value_at(held[name], edge.end) for name in (edge.name, following.name))
+        if abs(a - b) > 1e-9 * max(abs(a), abs(b)):
+            what = f"{edge.name} and {following.name} hold different temperatures at their corner ({x:g}, {y:g})"
+            remedy = "make them agree there, or let one of them exchange heat: {alpha: ..., theta_bar: ...}"
+            ctx.errors.once(deepest(node, (following.name,)), what, remedy)

@@ -133,6 +133,4 @@ def lumping(triangles: ElementGeometry, line: ContactLine, xi: Array, z: Array) 
     nodal[line.nodes] = np.column_stack([xi, z])
     steps = nodal[mesh.segments[:, 1]] - nodal[mesh.segments[:, 0]]
     length = np.linalg.norm(mesh.points[mesh.segments[:, 1]] - mesh.points[mesh.segments[:, 0]], axis=1)
-    names = [curve.name in line.edge_names for curve in mesh.geometry.curves]
-    on = np.array(names)[mesh.segment_curve]
-    return np.where(on, np.nan_to_num(length / 6.0 * steps[:, 0] * steps[:, 1]), 0.0)
+    return np.where(mesh.on(*line.edge_names), np.nan_to_num(length / 6.0 * steps[:, 0] * steps[:, 1]), 0.0)

@@ -116,7 +116,7 @@ class Halved:
         heat, k = self.level.heat, scene.material.k
         assert k is not None
         alphas = {edge: alpha for edge, alpha, _ in scene.exchange}
-        free = np.setdiff1d(np.arange(self.level.mesh.n_points), heat.nodes_on(heat.held))
+        free = np.setdiff1d(np.arange(self.level.mesh.n_points), heat.mesh.nodes_on(*heat.held))
         key = (tuple(alphas.values()), k)
         if key not in self._heat:
             one = len({*alphas.values()}) == 1

@@ -38,6 +38,11 @@ class Loop:
 
     edges: tuple[Edge, ...]
 
+    @property
+    def corners(self) -> tuple[tuple[Edge, Edge], ...]:
+        """Every edge with the one after it."""
+        return tuple(zip(self.edges, (*self.edges[1:], *self.edges[:1]), strict=True))
+
 
 @dataclass(frozen=True)
 class Region:
@@ -49,13 +54,10 @@ class Region:
 
 @dataclass(frozen=True)
 class BrepFace:
-    """A plane face read from a STEP or BREP file.
+    """A plane face of a STEP or BREP file.
 
-    path:  the file
-    face:  which face of it, from 0
-    scale: length of one unit of the file [m]
-    edges: name → points on it; the edge nearest to each point gets the name
-    other: name of all edges that no point names
+    face:  which face of it, from 0;  scale: length of one unit of the file [m]
+    edges: name → points on it; the edge nearest to each point gets the name;  other: name of all others
     """
 
     path: Path
@@ -74,13 +76,22 @@ class Body:
     regions: tuple[Region, ...] = ()
     brep: BrepFace | None = None
 
+    @property
+    def loops(self) -> tuple[Loop, ...]:
+        """The outline, if it has one, and the holes."""
+        return self.holes if self.outline is None else (self.outline, *self.holes)
+
+    @property
+    def edges(self) -> tuple[Edge, ...]:
+        """Those of its loops."""
+        return tuple(edge for loop in self.loops for edge in loop.edges)
+
 
 @dataclass(frozen=True)
 class EdgeHeat:
     """What an edge does to heat by itself: k∂θ/∂n = flux − α(θ − θ̄), or θ given.
 
-    theta:     temperature held on the edge; then nothing else is given [K]
-    flux:      heat into the body [W/m²]
+    theta:     temperature held on the edge; then nothing else is given [K];  flux: heat into the body [W/m²]
     alpha:     heat transfer coefficient; None for that of the section `heat` [W/(m² K)]
     theta_bar: temperature of the surroundings of the edge; None for that of the section `heat` [K]
     """
@@ -93,11 +104,7 @@ class EdgeHeat:
 
 @dataclass(frozen=True)
 class Clamped:
-    """Γ_D: prescribed displacement, per component; None leaves a component free (a roller).
-
-    u:     the two components [m]
-    frame: "xy" for (u_x, u_y), "nt" for (u_N, u_T) of the edge
-    """
+    """Γ_D: prescribed displacement [m], (u_x, u_y) or in the frame "nt" (u_N, u_T) of the edge; None is free."""
 
     u: tuple[Scalar | None, Scalar | None] = (0.0, 0.0)
     frame: Literal["xy", "nt"] = "xy"
@@ -114,9 +121,8 @@ class Symmetry(Clamped):
 
 @dataclass(frozen=True)
 class Rigid(Clamped):
-    """An edge that moves as a whole: a component is given, or it is one unknown under a resultant.
+    """An edge that moves as a whole: a component u [m] is given, or None, one unknown under a resultant `force` [N/m].
 
-    u:     the components in x and y [m], None for one that is unknown;  force: the resultants of these [N/m]
     moment: about the middle of an edge that turns [N], None for one that does not; all per unit thickness
     """
 
@@ -194,7 +200,6 @@ class Material:
     beta:    stress–temperature modulus of the plane problem, σ = cε − βθI, eq. (3) [Pa/K]
     k:       conductivity [W/(m K)], None if the study gives none
     E, nu:   the three-dimensional constants, for reports and warnings
-    plane:   plane strain or plane stress
     regions: (region, material) of those that have their own
     """
 
@@ -216,11 +221,6 @@ class Material:
     def expands(self) -> bool:
         """Whether temperature loads the body."""
         return any(one.beta != 0.0 for one in self.all)
-
-    @property
-    def conductivities(self) -> tuple[float | None, ...]:
-        """k and those of the regions."""
-        return tuple(one.k for one in self.all)
 
     @property
     def bulk(self) -> float:

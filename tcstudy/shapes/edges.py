@@ -104,17 +104,20 @@ def edge_length(edge: Edge) -> float:
     return math.dist(edge.start, edge.end) if arc is None else arc.radius * abs(arc.sweep)
 
 
+def edge_at(edge: Edge, t: Array) -> Array:
+    """(n, 2) points at the shares t (n,) of the length of a line or an arc."""
+    arc, t = edge_arc(edge), t[:, None]
+    if arc is None:
+        start, end = np.array(edge.start), np.array(edge.end)
+        return np.asarray(start + t * (end - start))
+    angle = arc.start + t * arc.sweep
+    return np.asarray(np.array(arc.center) + arc.radius * np.hstack([np.cos(angle), np.sin(angle)]))
+
+
 def edge_points(edge: Edge, count: int) -> Array:
     """(count+1, 2) points on the edge at equal distances, its two ends included exactly."""
-    t = np.linspace(0.0, 1.0, count + 1)[:, None]
-    start, end = np.array(edge.start), np.array(edge.end)
-    arc = edge_arc(edge)
-    if arc is None:
-        points: Array = start + t * (end - start)
-    else:
-        angle = arc.start + t * arc.sweep
-        points = np.array(arc.center) + arc.radius * np.hstack([np.cos(angle), np.sin(angle)])
-    points[0], points[-1] = start, end
+    points = edge_at(edge, np.linspace(0.0, 1.0, count + 1))
+    points[0], points[-1] = edge.start, edge.end
     return points
 
 
@@ -184,9 +187,8 @@ def loop_size(loop: Loop) -> float:
 def boundary_lengths(body: Body) -> dict[str, float]:
     """Exact total length of the edges of each name, outline and holes, in the order of the study."""
     lengths: dict[str, float] = {}
-    for loop in (_outline(body), *body.holes):
-        for edge in loop.edges:
-            lengths[edge.name] = lengths.get(edge.name, 0.0) + edge_length(edge)
+    for edge in body.edges:
+        lengths[edge.name] = lengths.get(edge.name, 0.0) + edge_length(edge)
     return lengths
 
 

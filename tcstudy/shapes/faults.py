@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass
-from itertools import combinations, pairwise
+from itertools import combinations
 
 import numpy as np
 import shapely
@@ -101,10 +101,9 @@ def _chain_faults(loop: Loop, place: str) -> list[Fault]:
     if len(edges) < least:
         return [Fault(place, f"{len(edges)} edges do not enclose an area", f"give at least {least} edges")]
     faults = []
-    for i, edge in enumerate(edges):
-        following = (i + 1) % len(edges)
-        if edge.end != edges[following].start:
-            what = f"{_label(loop, i)} ends at {spot(edge.end)}, but the next begins at {spot(edges[following].start)}"
+    for i, (edge, following) in enumerate(loop.corners):
+        if edge.end != following.start:
+            what = f"{_label(loop, i)} ends at {spot(edge.end)}, but the next begins at {spot(following.start)}"
             faults.append(Fault(_place(place, i), what, "let every edge begin where the one before ends"))
     return faults
 
@@ -172,7 +171,7 @@ def _meeting(loop: Loop, lines: list[BaseGeometry], i: int, j: int, gap: float) 
 def _corner_faults(loop: Loop, place: str) -> list[Fault]:
     """Corners without an angle, where an edge runs back along the one before."""
     faults = []
-    for i, (edge, following) in enumerate(pairwise((*loop.edges, loop.edges[0]))):
+    for i, (edge, following) in enumerate(loop.corners):
         arriving, leaving = edge_normal(edge, [edge.end])[0], edge_normal(following, [following.start])[0]
         turn = math.atan2(arriving[0] * leaving[1] - arriving[1] * leaving[0], float(arriving @ leaving))
         if abs(turn) > math.pi - SHARPEST:

@@ -124,11 +124,10 @@ def pinned_corners(body: Body, contact: tuple[str, ...]) -> int:
     if body.outline is None:
         return 0
     count = 0
-    for loop in (body.outline, *body.holes):
-        for edge, following in itertools.pairwise((*loop.edges, loop.edges[0])):
-            if edge.name in contact and following.name in contact:
-                a, b = edge_normal(edge, [edge.end])[0], edge_normal(following, [following.start])[0]
-                count += bool(abs(a[0] * b[1] - a[1] * b[0]) > PARALLEL)
+    for edge, following in (pair for loop in body.loops for pair in loop.corners):
+        if edge.name in contact and following.name in contact:
+            a, b = edge_normal(edge, [edge.end])[0], edge_normal(following, [following.start])[0]
+            count += bool(abs(a[0] * b[1] - a[1] * b[0]) > PARALLEL)
     return count
 
 

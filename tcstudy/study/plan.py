@@ -55,7 +55,9 @@ def plan(study: Study) -> Plan:
 
         return plan_variants(study)[0]
     ratios = {Level.ratio(s) for s in distinct(study.scenes, *of_stiffness(study.scenes))}
-    heats = {(s.heat, s.material.conductivities) for s in distinct(study.scenes, *FELT) if needs_heat_solve(s)}
+    heats = {
+        (s.heat, tuple(one.k for one in s.material.all)) for s in distinct(study.scenes, *FELT) if needs_heat_solve(s)
+    }
     levels = sizes(study)
     return Plan(
         points=len(study.scenes),

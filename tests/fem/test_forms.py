@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from tcstudy.expressions.expression import parse
-from tcstudy.fem.boundary import Frames, constrain
+from tcstudy.fem.boundary import constrain
 from tcstudy.fem.forms import ElasticForms, GradientProducts, csr
 from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import PlaneMesh, doubled_areas
+from tcstudy.fem.meshes import Frames, PlaneMesh, doubled_areas
 from tcstudy.scene.records import Scalar, Traction
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, mesh_family, study_of
 
