@@ -119,7 +119,7 @@ def plainly(scene: Scene, level: Level) -> np.ndarray:
         right += forms.flux(flux, (edge,))
     theta, free = np.zeros(len(right)), np.ones(len(right), dtype=bool)
     for edge, held in scene.held_theta:
-        nodes = forms.nodes_on((edge,))
+        nodes = forms.mesh.nodes_on(edge)
         theta[nodes], free[nodes] = values_at(held, level.mesh.points[nodes]), False
     matrix = sp.csc_array(matrix)
     theta[free] = spla.spsolve(matrix[free][:, free], (right - matrix @ theta)[free])
