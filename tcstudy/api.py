@@ -268,12 +268,14 @@ def path(
     """All solutions along the parameter of the study's section `path`, through folds.
 
     The data hold vertices (`parameter`, `u_T`, `xi`), `stable`, folds and the hysteresis loop, as of `tcstudy path`.
-    Raises StudyError, PathError (no such section, or a load that is not affine), GeometryFailed, StoreError.
+    It is of the scene outside the sweep. Raises StudyError, PathError (no such section, or a load that is not affine),
+    GeometryFailed, StoreError.
     """
     from tcstudy.errors import PathError
     from tcstudy.study.path_run import execute_path
 
     asked = _study(study)
+    asked = _opened(asked).with_(sweep=None) if asked.variants else asked
     if asked.path is None:
         raise PathError("the study has no section path; add path: {parameter: theta_bar, from: 0 K, to: 40 K}")
     work = lambda target: execute_path(asked, target, None, ("tcstudy.path",))  # noqa: E731

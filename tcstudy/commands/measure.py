@@ -84,9 +84,11 @@ def cost(options: argparse.Namespace) -> int:
         from tcstudy.reports.terminal.forecast import expected_words
         from tcstudy.study.expected import of_cost
         from tcstudy.study.plan import plan
+        from tcstudy.study.variants import geometry_at
 
-        forecast = plan(study)
-        expected = of_cost(study, forecast.levels, bool(forecast.heat_solves), options.runs, len(study.solver.names))
+        one = geometry_at(study, tuple(where.values()))[0]
+        forecast = plan(one)
+        expected = of_cost(one, forecast.levels, bool(forecast.heat_solves), options.runs, len(study.solver.names))
         note(options, f"expected: {expected_words(expected.seconds, expected.memory)}")
         with closing(CostProgress()) as bar:
             progress = (lambda what, left: None) if options.quiet else bar

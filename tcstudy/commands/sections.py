@@ -40,9 +40,13 @@ def path(options: argparse.Namespace) -> int:
     from tcstudy.reports.terminal.tables import wrapped
     from tcstudy.study.path_run import execute_path
 
+    names = ", ".join(axis.name for axis in study.axes)
+    if study.variants:
+        from tcstudy.read.study import read_study
+
+        study = options.read = read_study(options.study, [*options.overrides, "sweep=null"])
     there = is_there(options, "path", study, output)
-    if study.axes:
-        names = ", ".join(axis.name for axis in study.axes)
+    if names:
         note(options, f"note: a path is of one scene, that outside the sweep; the values of {names} are not used")
     if there:
         problems = stored_shortfalls(output)

@@ -12,7 +12,7 @@ Accuracy against cost has the dimensions family, solver, level and run (repeated
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,7 @@ from tcstudy.data.provenance import CONTENT, Provenance, global_attributes, with
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LEVEL_COORDINATE, POINT_LEVEL, STATUS, SWEEP, Dtype, FileVariable, flags
 from tcstudy.data.store import open_results
-from tcstudy.data.writer import in_file_order, put, put_all, put_axes, put_names
+from tcstudy.data.writer import geometry_dims, in_file_order, put, put_all, put_axes, put_names
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
@@ -108,7 +108,6 @@ class PointConvergence:
 
     index: tuple[int, ...]
     status: tuple[PointStatus, ...]
-    failures: tuple[str, ...]
     errors: dict[str, ErrorSeries]
     numbers: dict[str, NumberSeries]
 
@@ -117,8 +116,9 @@ class PointConvergence:
 class Convergence:
     """The convergence of a whole study.
 
-    h_max, n_dof, n_contact: (levels,)
-    reference:  what errors are measured against, in words;  compared: (levels,) whether a level is compared with it
+    h_max, n_dof, n_contact: (levels,), in a sweep over geometries (…, levels) by the axes that change them, in the
+    order of the file
+    reference:  what errors are measured against, in words;  compared: alike, whether a level is compared with it
     """
 
     h_max: Array
@@ -139,9 +139,12 @@ def write_convergence(path: Path, study: Study, convergence: Convergence, proven
 
 def _fill_convergence(nc: netCDF4.Dataset, study: Study, convergence: Convergence) -> None:
     put_axes(nc, study)
-    put_all(nc, LEVELS, {**vars(convergence), "level": np.arange(len(convergence.h_max))}, study)
+    levels = convergence.h_max.shape[-1]
+    put(nc, LEVEL_COORDINATE, study, np.arange(levels))
+    dims = (*geometry_dims(study), "level")
+    put_all(nc, [replace(one, dims=dims) for one in LEVELS], vars(convergence), study)
     for variable, value in _by_point(convergence):
-        by_level = (len(convergence.h_max),) if "level" in variable.dims else ()
+        by_level = (levels,) if "level" in variable.dims else ()
         values = np.empty((*study.shape, *by_level), dtype=object)
         for point in convergence.points:
             values[point.index] = value(point)
@@ -165,13 +168,12 @@ def _by_point(convergence: Convergence) -> Iterator[tuple[FileVariable, Value]]:
 
 
 LEVELS = (
-    LEVEL_COORDINATE,
     FileVariable("h_max", "f8", "m", "longest element edge", ("level",)),
     FileVariable("n_dof", "i4", "1", "number of displacement unknowns", ("level",)),
     FileVariable("n_contact", "i4", "1", "number of contact unknowns", ("level",)),
     FileVariable("compared", "i1", "1", "1 if the level is compared with the reference", ("level",)),
 )
-"""What a level has, by field name of `Convergence`."""
+"""What a level of a geometry has, by field name of `Convergence`."""
 
 Part = tuple[str, Dtype, str, Callable[[Any], Any]]
 """What is kept of a series: name before that of the measure, type, meaning, value."""

@@ -25,9 +25,9 @@ from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import POINT, SWEEP, FileVariable
 from tcstudy.data.store import KEPT, Filling, root_variables
 from tcstudy.data.stored import read_blocks
-from tcstudy.data.writer import axis_name, axis_places, define, file_places, in_file_order, put
+from tcstudy.data.writer import define, file_places, geometry_dims, geometry_place, in_file_order, put
 from tcstudy.errors import UsageError
-from tcstudy.scene.study import Axis, Study, Variant
+from tcstudy.scene.study import Study, Variant
 
 if TYPE_CHECKING:
     import netCDF4
@@ -58,13 +58,13 @@ def write_variants(
     def make(nc: netCDF4.Dataset) -> None:
         counts.append(Filling(nc, study).finish((), records))
         _put_numbers(nc, study, files)
-        axes, new = _level_variables(nc, study)
+        new = _level_variables(nc, study)
         values = {name: np.full(one.shape, missing, dtype=kind) for name, (one, missing, kind) in new.items()}
         for number, (variant, file) in enumerate(zip(study.variants, files, strict=True)):
             if file is not None:
                 with _opened(file) as own:
                     for name, array in values.items():
-                        array[_place(study, variant, axes)] = own[name][...]
+                        array[geometry_place(study, variant)] = own[name][...]
                     _copy(own, nc.createGroup(f"geometry_{number}"))
         for name, array in values.items():
             new[name][0][...] = array
@@ -94,22 +94,13 @@ def _table(study: Study, variant: Variant, file: Path) -> Iterable[BlockRecord]:
         yield replace(block, u_T=None, xi=None, sticks=None, fields={})
 
 
-def _level_variables(nc: netCDF4.Dataset, study: Study) -> tuple[list[Axis], dict[str, Any]]:
-    """The axes of the geometries, and what a level has once, of every geometry: (variable, missing value, type)."""
-    axes = outer_axes(study)
-    dims = tuple(axis_name(axis) for axis in axes) if study.mode == "grid" else (POINT,)
-    made = {}
+def _level_variables(nc: netCDF4.Dataset, study: Study) -> dict[str, Any]:
+    """What a level has once, of every geometry: (variable, missing value, type)."""
+    made, dims = {}, geometry_dims(study)
     for variable in (v for v in root_variables(study) if v.dims == ("level",)):
         kind = object if variable.dtype == "str" else variable.dtype
         made[variable.name] = define(nc, replace(variable, dims=(*dims, "level")), study), variable.missing, kind
-    return axes, made
-
-
-def _place(study: Study, variant: Variant, axes: list[Axis]) -> Any:
-    """Where a geometry stands in what a level has once."""
-    if study.mode != "grid":
-        return variant.places
-    return tuple(int(axis_places(axis)[i]) for axis, i in zip(axes, variant.index, strict=True))
+    return made
 
 
 def _put_numbers(nc: netCDF4.Dataset, study: Study, files: Sequence[Path | None]) -> None:
@@ -118,12 +109,6 @@ def _put_numbers(nc: netCDF4.Dataset, study: Study, files: Sequence[Path | None]
     for number, (variant, file) in enumerate(zip(study.variants, files, strict=True)):
         numbers[variant.places] = -1 if file is None else number
     put(nc, NUMBER, study, in_file_order(study, numbers.reshape(study.shape)))
-
-
-def outer_axes(study: Study) -> list[Axis]:
-    """The axes that change the geometry: those that its variants fix, in the order of the study."""
-    inner = next(({axis.path for axis in one.study.axes} for one in study.variants if one.study is not None), set())
-    return [axis for axis in study.axes if axis.path not in inner]
 
 
 def _opened(path: Path) -> Any:

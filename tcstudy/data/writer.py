@@ -18,12 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.schema import DIFFERENCE, POINT, RATE, RESERVED, SWEEP, FileVariable, T
-from tcstudy.scene.study import Axis, Study
+from tcstudy.scene.study import Axis, Study, Variant
 
 if TYPE_CHECKING:
     import netCDF4
     import xarray
-
 
 Places = NDArray[np.intp]
 
@@ -33,6 +32,27 @@ def sweep_dims(study: Study) -> tuple[str, ...]:
     if not study.axes:
         return ()
     return tuple(axis_name(axis) for axis in study.axes) if study.mode == "grid" else (POINT,)
+
+
+def outer_axes(study: Study) -> list[Axis]:
+    """The axes that change the geometry: those that its variants fix, in the order of the study."""
+    inner = next({axis.path for axis in one.study.axes} for one in study.variants if one.study is not None)
+    return [axis for axis in study.axes if axis.path not in inner]
+
+
+def geometry_dims(study: Study) -> tuple[str, ...]:
+    """Dimensions of what every geometry has once; none if there is one geometry."""
+    if not study.variants:
+        return ()
+    return tuple(axis_name(axis) for axis in outer_axes(study)) if study.mode == "grid" else (POINT,)
+
+
+def geometry_place(study: Study, variant: Variant) -> Any:
+    """Where a geometry stands along these dimensions."""
+    if study.mode != "grid":
+        return variant.places
+    axes = outer_axes(study)
+    return tuple(int(axis_places(axis)[i]) for axis, i in zip(axes, variant.index, strict=True))
 
 
 def expand(dims: tuple[str, ...], study: Study) -> tuple[str, ...]:

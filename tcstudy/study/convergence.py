@@ -113,8 +113,6 @@ MIN_LEVELS = GAP + 2
 NO_REFERENCE = (
     f"two levels must be {2**GAP} times coarser than the finest, as they are with mesh.levels of {MIN_LEVELS}"
 )
-
-
 COARSER = 0.9
 """Share of 2^GAP by which a compared level is coarser than the reference at least: longest edges scatter."""
 STUCK = 0.95
@@ -159,6 +157,10 @@ def converge(study: Study, say: Say = lambda text: None, length: Length = BARE) 
     say: called with a line of text as work goes on;  length: how that has h
     Raises GeometryFailed if the body cannot be meshed.
     """
+    if study.variants:
+        from tcstudy.study.variants import converge_variants
+
+        return converge_variants(study, say, length)
     with threadpool_limits(1, user_api="blas"):
         levels = solve_levels(study, say, length)
         reference, words, compared, notes = _reference(study, levels)
@@ -251,7 +253,6 @@ def _point(
     return PointConvergence(
         index,
         tuple(s.status for s in solutions),
-        tuple(s.reason for s in solutions),
         errors,
         _numbers(h, solutions, ok, exact),
     )

@@ -34,6 +34,7 @@ from tcstudy.study.cost_curves import CostCurve, Progress, family_plan, first_ru
 from tcstudy.study.doubts import locking_notes
 from tcstudy.study.reference import Errors, ExactReference, FineReference, with_meaning
 from tcstudy.study.solved_levels import SolvedLevel, empty_level, solution_of
+from tcstudy.study.variants import geometry_at
 
 __all__ = ["CostError", "cost_to_file", "measure"]
 
@@ -62,6 +63,7 @@ def measure(study: Study, index: tuple[int, ...], runs: int, progress: Progress)
     index: which sweep point;  runs: how often everything is timed
     Raises CostError if no mesh could be solved, GeometryFailed if the body cannot be meshed.
     """
+    study, index = geometry_at(study, index)
     scene = study.scenes[int(np.ravel_multi_index(index, study.shape)) if study.shape else 0]
     what = "materials differ by region" if scene.material.regions else "friction differs along the contact line"
     if (scene.material.regions or isinstance(scene.friction, EdgeLaws)) and study.mesh.goal.quantity != "energy":

@@ -12,22 +12,26 @@ import shutil
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.files import StoreError
+from tcstudy.data.measured import Convergence, PointConvergence
 from tcstudy.data.provenance import collect, holds, identity
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.variants import write_variants
-from tcstudy.data.writer import axis_problems
+from tcstudy.data.writer import axis_problems, geometry_place, outer_axes
 from tcstudy.errors import GeometryFailed
 from tcstudy.scene.study import Study, Variant
+from tcstudy.study.convergence import converge
 from tcstudy.study.expected import Resources, of_run
 from tcstudy.study.grow import Kept
 from tcstudy.study.plan import Plan
 from tcstudy.study.plan import plan as plan_of
 from tcstudy.study.run import LevelWork, Summary, Watcher, execute
+from tcstudy.study.solved_levels import Length, Say
 from tcstudy.study.workshop import all_failed
 
 
@@ -130,9 +134,75 @@ class _OneSweep:
         self._watcher.block(replace(record, points=points, shape=shape, u_T=None, xi=None, sticks=None, fields={}))
 
 
+def converge_variants(study: Study, say: Say, length: Length) -> Convergence:
+    """The convergence of all geometries, each measured on its own levels.
+
+    Raises GeometryFailed if none has a mesh.
+    """
+    found: list[tuple[Variant, Convergence]] = []
+    lost: list[tuple[Variant, str]] = []
+    for variant in study.variants:
+        reason = variant.reason
+        if variant.study is not None:
+            say(f"{variant.words}:")
+            try:
+                found.append((variant, converge(variant.study, say, length)))
+            except GeometryFailed as error:
+                reason = str(error)
+        if reason:
+            lost.append((variant, reason))
+    if not found:
+        raise GeometryFailed(f"no geometry of the sweep has a mesh ({lost[0][0].words}: {lost[0][1]})", ("sweep",))
+    points = [
+        replace(point, index=_index(study, variant, row))
+        for variant, one in found
+        for row, point in enumerate(one.points)
+    ]
+    none = (PointStatus.MESH_FAILED,) * study.mesh.levels
+    points += [
+        PointConvergence(_index(study, variant, row), none, {}, {})
+        for variant, _ in lost
+        for row in range(len(variant.places))
+    ]
+    sizes = study.shape if study.mode != "grid" else tuple(len(axis.values) for axis in outer_axes(study))
+    by_level: dict[str, Any] = {}
+    for name, missing in (("h_max", np.nan), ("n_dof", -1), ("n_contact", -1), ("compared", False)):
+        kind = getattr(found[0][1], name).dtype
+        by_level[name] = np.full((*sizes, study.mesh.levels), missing, dtype=kind)
+        for variant, one in found:
+            by_level[name][geometry_place(study, variant)] = getattr(one, name)
+    words = list(dict.fromkeys(one.reference for _, one in found))
+    notes = [f"refused, {variant.words}: {reason}" for variant, reason in lost]
+    notes += _once([(variant.words, one.notes) for variant, one in found])
+    return Convergence(reference="; or ".join(words), points=tuple(points), notes=tuple(notes), **by_level)
+
+
+def _index(study: Study, variant: Variant, row: int) -> tuple[int, ...]:
+    """Index in the whole sweep of a point of a geometry."""
+    return tuple(int(i) for i in np.unravel_index(variant.places[row], study.shape))
+
+
+def geometry_at(study: Study, index: tuple[int, ...]) -> tuple[Study, tuple[int, ...]]:
+    """The study of the geometry that a point of the sweep has, and the point's index there.
+
+    Raises GeometryFailed with the reason where the geometry is refused.
+    """
+    if not study.variants:
+        return study, index
+    place = np.ravel_multi_index(index, study.shape)
+    variant = next(one for one in study.variants if place in one.places)
+    if variant.study is None:
+        remedy = "name another geometry by --at, or take this one out of the sweep"
+        raise GeometryFailed(f"{variant.words}: {variant.reason}; {remedy}", ("sweep",))
+    row = int(np.flatnonzero(variant.places == place)[0])
+    return variant.study, tuple(int(i) for i in np.unravel_index(row, variant.study.shape))
+
+
 def plan_variants(study: Study) -> tuple[Plan, Resources]:
     """The forecast of all geometries, with the meshes of the largest, and what a run takes."""
     found = [(one.study, plan_of(one.study)) for one in study.variants if one.study is not None]
+    words = [one.words for one in study.variants if one.study is not None]
+    notes = [(own, plan.notes) for own, (_, plan) in zip(words, found, strict=True)]
     spent = [of_run(own, plan.levels, plan.factorisations, plan.heat_solves) for own, plan in found]
     largest = max((plan for _, plan in found), key=lambda plan: plan.levels[-1].n_dof)
     factors, meshes = sum(plan.factorisations for _, plan in found), sum(own.mesh.levels for own, _ in found)
@@ -147,7 +217,7 @@ def plan_variants(study: Study) -> tuple[Plan, Resources]:
         points=len(study.scenes),
         factorisations=factors,
         heat_solves=sum(plan.heat_solves for _, plan in found),
-        notes=(note, *refused, *_once(note for _, plan in found for note in plan.notes)),
+        notes=(note, *refused, *_once(notes)),
         bytes=sum(plan.bytes for _, plan in found),
     )
     return plan, Resources(sum(one.seconds for one in spent), max(one.memory for one in spent))
@@ -156,12 +226,22 @@ def plan_variants(study: Study) -> tuple[Plan, Resources]:
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
-def _once(notes: Iterable[str]) -> list[str]:
-    """Every note once; of those that differ in numbers only one, with the least and the greatest of each."""
-    alike: dict[str, list[list[str]]] = {}
-    for note in dict.fromkeys(notes):
-        alike.setdefault(NUMBER.sub("{}", note.replace("{", "{{").replace("}", "}}")), []).append(NUMBER.findall(note))
-    return [words.format(*map(_span, zip(*numbers, strict=True))) for words, numbers in alike.items()]
+def _once(notes: Sequence[tuple[str, Iterable[str]]]) -> list[str]:
+    """Every note once, with the geometries that it is of unless it is of all.
+
+    notes: (words of a geometry, its notes). Those that differ in numbers only are one, with the range of each number.
+    """
+    alike: dict[str, dict[str, list[str]]] = {}
+    for words, own in notes:
+        for note in own:
+            text = NUMBER.sub("{}", note.replace("{", "{{").replace("}", "}}"))
+            alike.setdefault(text, {})[words] = NUMBER.findall(note)
+    found = []
+    for text, numbers in alike.items():
+        said = text.format(*map(_span, zip(*numbers.values(), strict=True)))
+        few = "; ".join(numbers) if len(numbers) == 1 else f"{len(numbers)} of {len(notes)} geometries"
+        found.append(said if len(numbers) == len(notes) else f"{few}: {said}")
+    return found
 
 
 def _span(texts: Sequence[str]) -> str:

@@ -55,7 +55,6 @@ def made_up(folder: Path, names: set[str]) -> Path:
         PointConvergence(
             index,
             (PointStatus.OK,) * 3,
-            ("",) * 3,
             {e.name: error for e in ERRORS if e.name in names},
             {n.name: number for n in NUMBERS if n.name in names},
         )

@@ -104,7 +104,7 @@ def _figure(data: Any, at: Any, point: str, groups: list[tuple[str, str, list[st
     panel = paper.room(rows * PANEL, HEAD + paper.extra + (rows - 1) * gap + FOOT) / rows
     figure = paper.figure(head + rows * panel + (rows - 1) * gap + FOOT)
     width = (paper.width - LEFT - RIGHT - (columns - 1) * GAP) / columns
-    h = data["h_max"].values
+    h = at["h_max"].values
     divisor, unit = axis_unit(h, data["h_max"].attrs["units"])
     for i, (symbol, words, names) in enumerate(groups):
         row, column = divmod(i, columns)

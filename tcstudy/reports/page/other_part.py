@@ -36,6 +36,9 @@ def convergence_part(stored: Stored, box: Container) -> Json:
         own = data[name].transpose(*dims, "level") if "level" in data[name].dims else data[name].transpose(*dims)
         return own.values.reshape((points, levels) if "level" in data[name].dims else (points,))
 
+    sizes = data[["h_max", "n_dof", "n_contact"]]
+    if sizes["h_max"].ndim > 1:  # of several geometries: of every point
+        sizes = sizes.broadcast_like(data["status"]).stack(at=dims).transpose("at", "level")
     errors: list[Json] = [
         {
             "name": m.name,
@@ -65,7 +68,7 @@ def convergence_part(stored: Stored, box: Container) -> Json:
         "dims": dims,
         "shape": [int(data.sizes[d]) for d in dims],
         "mode": str(data.attrs["sweep_mode"]),
-        "levels": {name: data[name].values.tolist() for name in ("h_max", "n_dof", "n_contact")},
+        "levels": {name: sizes[name].values.tolist() for name in ("h_max", "n_dof", "n_contact")},
         "h_units": str(data["h_max"].attrs["units"]),
         "reference": str(data.attrs["reference"]),
         "notes": [note for note in str(data.attrs["notes"]).split("\n") if note],

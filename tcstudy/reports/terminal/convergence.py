@@ -102,21 +102,26 @@ def _overview(data: Any, points: list[dict[str, int]]) -> Iterator[Part]:
     if not names:
         yield "There is no reference, and so no errors; what the numbers tend to: --full."
         return
-    swept = [
-        (name, *scaled_labels(data[name].values.tolist(), str(data[name].attrs.get("units", "1"))))
-        for name in axis_names(data)
-    ]
-    rows = []
+    swept, rows = _swept(data), []
     for where in points:
         labels = [texts[where[str(data[name].dims[0])]] for name, texts, _ in swept]
         rows.append((*labels, *(_order(data.isel(where), name) for name in names)))
     expected = [np.unique(np.round(data[f"expected_{name}"].values, 2)) for name in names]
+    expected = [values[np.isfinite(values)] for values in expected]  # a point without a mesh has none
     first = ("expected", *("" for _ in swept[1:]))
-    rows.insert(0, (*first, *(_fixed(e[0]) if len(e) == 1 else f"{_fixed(e[0])}…{_fixed(e[-1])}" for e in expected)))
+    rows.insert(0, (*first, *("…".join(dict.fromkeys(map(_fixed, e[[0, -1]]))) if len(e) else "–" for e in expected)))
     header = (*(_unit(name, unit) for name, _, unit in swept), *(_BY_NAME[name].symbol for name in names))
     ranks = (*(0 for _ in swept), *(_RANKS.get(name, 9) for name in names))
     yield Table("Orders of convergence", header, tuple(rows), label="orders", ranks=ranks)
     yield OVERVIEW
+
+
+def _swept(data: Any) -> list[tuple[str, list[str], str]]:
+    """(name, labels, unit) of the swept parameters."""
+    return [
+        (name, *scaled_labels(data[name].values.tolist(), str(data[name].attrs.get("units", "1"))))
+        for name in axis_names(data)
+    ]
 
 
 def _order(at: Any, name: str) -> str:
@@ -136,12 +141,20 @@ def shown(at: Any, name: str) -> bool:
 
 
 def _levels(data: Any) -> Table:
-    size, unit = prefix(data["h_max"].values.tolist(), data["h_max"].attrs["units"])
-    rows = [
-        (str(i), number(data["h_max"][i] / size), str(int(data["n_dof"][i])), str(int(data["n_contact"][i])))
-        for i in range(data.sizes["level"])
-    ]
-    return Table("Meshes", ("level", _unit("h_max", unit), "dofs", "contact unknowns"), tuple(rows), label="meshes")
+    """The levels; of a sweep over geometries those of each, beside what makes it."""
+    size, unit = prefix(data["h_max"].values.ravel().tolist(), data["h_max"].attrs["units"])
+    dims = [str(dim) for dim in data["h_max"].dims if dim != "level"]
+    swept = [one for one in _swept(data) if str(data[one[0]].dims[0]) in dims]
+    rows = []
+    for place in np.ndindex(*(data.sizes[dim] for dim in dims)):
+        where = dict(zip(dims, place, strict=True))
+        own = [texts[where[str(data[name].dims[0])]] for name, texts, _ in swept]
+        one = data[["h_max", "n_dof", "n_contact"]].isel(where)
+        for i in range(data.sizes["level"]) if np.isfinite(one["h_max"]).all() else ():
+            sizes = number(one["h_max"][i] / size), str(int(one["n_dof"][i])), str(int(one["n_contact"][i]))
+            rows.append((*own, str(i), *sizes))
+    header = (*(_unit(name, unit) for name, _, unit in swept), "level", _unit("h_max", unit))
+    return Table("Meshes", (*header, "dofs", "contact unknowns"), tuple(rows), label="meshes")
 
 
 def _point(at: Any, reference: str) -> Iterator[Part]:

@@ -38,7 +38,7 @@ def series(order, verdict="as_expected"):
 def point(index, status):
     energy = NumberSeries(5 + H, np.array([NAN, NAN, 1, 1]), 5.0, 0.01, 1.0, NAN)
     errors = {"u_H1": series(1.0), "u_L2": series(2.0, "slower"), "xi_max": series(0.5, "pre_asymptotic")}
-    return PointConvergence(index, status, ("",) * 4, errors, {"energy": energy})
+    return PointConvergence(index, status, errors, {"energy": energy})
 
 
 OK, FAILED = PointStatus.OK, PointStatus.INCLUSION_VIOLATED
@@ -141,7 +141,7 @@ def test_a_hidden_curve_is_broad_and_every_panel_is_labelled(file):
 
 
 def test_nothing_to_draw(tmp_path):
-    points = tuple(PointConvergence((i,), (OK,) * 4, ("",) * 4, {}, point((i,), (OK,) * 4).numbers) for i in range(2))
+    points = tuple(PointConvergence((i,), (OK,) * 4, {}, point((i,), (OK,) * 4).numbers) for i in range(2))
     what = Convergence(H, np.zeros(4, np.int32), np.zeros(4, np.int32), "none", np.zeros(4, bool), points, ())
     write_convergence(tmp_path / "a.nc", STUDY, what, Provenance("now", (), "abc"))
     assert "energy" in convergence_report(tmp_path / "a.nc")

@@ -1,7 +1,8 @@
 // Pages of converge, cost and path files; the first two are also a part of a run's page.
 TC.others = {
+  h(c, p) { const h = c.levels.h_max; return Array.isArray(h[0]) ? h[p] : h; }, // of several geometries by point
   convergence(host, c, inside) {
-    const s = TC.state, points = c.shape.reduce((a, b) => a * b, 1), p = inside && points === TC.data.run.points ? TC.run.flat(s.at) : Math.min(points - 1, Number(s.p) || 0), L = c.levels.h_max.length;
+    const s = TC.state, points = c.shape.reduce((a, b) => a * b, 1), p = inside && points === TC.data.run.points ? TC.run.flat(s.at) : Math.min(points - 1, Number(s.p) || 0), L = TC.others.h(c, p).length;
     const label = (k) => { const at = []; let rest = k; for (let i = c.shape.length - 1; i >= 0; i--) { at[i] = rest % c.shape[i]; rest = Math.floor(rest / c.shape[i]); } return c.axes.map((a) => `${TC.symbol(a.name)} = ${TC.axisLabel(a, at[c.dims.indexOf(a.dim)])} ${TC.scale(a.numeric ? a.values : [1], a.units).unit}`.trim()).join(", "); };
     const controls = points > 1 && !inside ? TC.el("div", { class: "controls noprint" }, TC.choice("point", [...Array(points)].map((_, k) => [k, label(k)]), p, (v) => TC.set({ p: Number(v) }))) : null;
     const width = TC.width(host), two = width > 760, half = two ? Math.floor(width / 2 - 14) : width, groups = [["Temperature and displacement", /^(theta|u_(energy|H1|L2))/], ["Slip and friction on the contact line", /^(u_T|xi)/]];
@@ -24,7 +25,7 @@ TC.others = {
     return TC.el("table", {}, TC.el("thead", {}, TC.el("tr", {}, head.map((t) => TC.el("th", {}, t)))), TC.el("tbody", {}, rows.map((r) => TC.el("tr", {}, r.map((t) => TC.el("td", {}, t))))));
   },
   loglog(width, c, errors, p, L) {
-    const h = c.levels.h_max, scale = TC.scale(h, c.h_units), xs = h.map((v) => v / scale.by), all = errors.flatMap((e) => Array.from(e.error.slice(p * L, p * L + L))).filter((v) => v > 0);
+    const h = TC.others.h(c, p), scale = TC.scale(h, c.h_units), xs = h.map((v) => v / scale.by), all = errors.flatMap((e) => Array.from(e.error.slice(p * L, p * L + L))).filter((v) => v > 0);
     if (!all.length) return TC.el("p", { class: "note" }, "no errors to draw");
     const room = 108, plot = new TC.Plot({ width, height: 320, x: TC.pad(TC.range(xs), 0.06, true), y: TC.pad(TC.range(all), 0.06, true), xlog: true, ylog: true, xlabel: `longest edge h${scale.unit ? ` [${scale.unit}]` : ""}`, ylabel: "relative error", margin: { left: 74, right: room, top: 10, bottom: 46 } });
     const ends = [];
