@@ -49,7 +49,7 @@ def test_convergence_of_every_geometry_is_that_of_its_own_study(tmp_path: Path) 
     assert np.isnan(lost["h_max"].values).tolist() == [[True, True], [False, False]]
     assert lost.attrs["notes"].startswith("refused, parameters.height = 10 mm: body.holes[0]: ")
     picture, page = tmp_path / "p.png", tmp_path / "p.html"
-    tcstudy.draw(tmp_path / "all.nc", picture, {"H": 0.5})
+    tcstudy.draw(tmp_path / "all.nc", picture, at={"H": 0.5})
     tcstudy.report(tmp_path / "lost.nc", page)
     assert picture.exists()
     assert page.exists()
