@@ -132,8 +132,7 @@ def converge_to_file(
     if study.mesh.strategy.adapts:
         what = "adaptive meshes have no common h to show rates over, and they come with their own error estimates"
         raise ConvergenceError(f"{what}; use tcstudy run or tcstudy cost, or --set mesh.family=uniform")
-    problems = check_writable(path, 1_000_000)
-    if problems:
+    if problems := check_writable(path, 1_000_000):
         raise StoreError("; ".join(problems))
     convergence = converge(study, say, length)
     write_convergence(path, study, convergence, collect(study, command))
