@@ -213,7 +213,7 @@ class Walk:
         """
         self.x += step * self.dx
         self.t += step * self.dt
-        self.x[first] = self.high[first] if self.dx[first] > 0.0 else self.low[first]
+        self._reach(first)
         if np.count_nonzero(self.x <= self.near_low) + np.count_nonzero(self.x >= self.near_high) < 2:
             return [first]
         return self._arrived(first)
@@ -233,7 +233,12 @@ class Walk:
             if len(at):
                 self.x[at] = np.where(upper[at], self.high[at], self.low[at])
                 return [int(i) for i in at]
+        self._reach(first)  # where the correction has moved it off
         return [first]
+
+    def _reach(self, first: int) -> None:
+        """Put a node exactly on the bound to which it goes: by that `cross` tells where it goes on."""
+        self.x[first] = self.high[first] if self.dx[first] > 0.0 else self.low[first]
 
     def gaps(self) -> Array:
         """(m,) distance of every node from its nearer bound, relative to slip and traction there."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tcstudy.scene.nodal_laws import nodal
 from tcstudy.solvers.path.hysteresis import hysteresis
 from tests.solvers import contact_cases as cases
 from tests.solvers.path.cases import a_solution, one_node, random_path_problem, softening_line
@@ -49,3 +50,17 @@ def test_energy_lost_is_the_area_of_the_loop(seed: int) -> None:
 def test_bad_range_is_named() -> None:
     with pytest.raises(ValueError, match="must be below"):
         hysteresis(softening_line(5), np.zeros(5), 1.0, 1.0)
+
+
+@pytest.mark.parametrize("seed", [15, 16, 19])
+def test_every_fall_leads_elsewhere_beside_nodes_whose_bond_is_all_but_gone(seed: int) -> None:
+    """A node of strength 1e-9, ever near its kink, must not blur on which kink another one stands that sticks again."""
+    rng, m = np.random.default_rng(seed), 20
+    plain = softening_line(m, float(rng.choice([0.02, 0.05, 0.2, 0.5])), seed=seed)
+    strength = np.ones(m)
+    strength[rng.integers(m, size=3)] = 10.0 ** rng.uniform(-13.0, -6.0, 3)
+    law = cases.slip_weakening(1.0, 0.0, float(rng.choice([0.02, 0.1, 0.5])))
+    loop = hysteresis(plain.with_law(nodal([law], np.zeros(m, dtype=int), strength)), np.zeros(m), 0.0, 3.0)
+    assert loop.complete
+    size = max(float(np.max(np.abs(branch.u))) for branch in loop.branches)
+    assert all(np.max(np.abs(jump.v_to - jump.v_from)) > 1e-6 * size for jump in loop.jumps)
