@@ -118,13 +118,13 @@ def solution_boxes(rows: Rows) -> tuple[Array, Array]:
     driving = np.sqrt(np.sum(rows.loads**2 / c, axis=1)) + push * np.sqrt(c.sum())
     high = (1.0 + 1e-6) * driving[:, None] / body.lambda_1 / np.sqrt(c)
     low, absolute, rounding = -high, np.abs(body.inverse), body.inverse_rounding()
-    at, row_sums = np.arange(len(low)), absolute.sum(axis=1)
+    at = np.arange(len(low))
     for _ in range(_ROUNDS):
         own_low, own_high = low[at], high[at]
         least, largest = rows.laws.value_range(own_low, own_high)
         middle, radius = rows.loads - c * (0.5 * (largest + least)), c * (0.5 * (largest - least))
-        slack = rounding * np.max(np.abs(middle) + radius, axis=1)[:, None] * row_sums
-        centre, reach = middle @ body.inverse, radius @ absolute + slack
+        # what rounding adds goes through the same product: row sums of |Ã⁻¹| would be far too much for slender bodies
+        centre, reach = middle @ body.inverse, (radius + rounding * (np.abs(middle) + radius)) @ absolute
         new_low = np.maximum(own_low, centre - reach)
         new_high = np.maximum(np.minimum(own_high, centre + reach), new_low)
         gain = np.maximum(np.max(new_low - own_low, axis=1), np.max(own_high - new_high, axis=1))

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from tcstudy.online import BlockAnswers, CondensedBody, LawTables, Options, RowLaws, solve_block
+from tcstudy.online.certify import solution_boxes
 from tcstudy.online.problems import Rows
 from tcstudy.online.search import hull_starts
 from tcstudy.scene.nodal_laws import NONE, nodal
 from tcstudy.scene.study import NEIGHBOUR
+from tcstudy.solvers.bounds import solution_box
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import Status
@@ -235,3 +237,15 @@ def test_strengths_and_gaps_by_node_agree_with_the_single_solve() -> None:
         for flag in FLAGS:
             assert getattr(answers.certificates, flag)[p] == getattr(proved, flag), flag
         np.testing.assert_allclose(answers.certificates.margin[p], proved.margin, rtol=1e-9)
+
+
+def test_boxes_of_ill_conditioned_bodies_are_as_narrow_as_those_of_one_problem() -> None:
+    A_tilde, c = cases.half_laplacian(20)
+    d = np.geomspace(1.0, 1e-5, 20)  # condition 1e10: row sums of |Ã⁻¹| would widen boxes by a factor of 600
+    A_tilde, c, law = d[:, None] * A_tilde * d, c * d * d, cases.slip_weakening(1.0, 0.4, 0.15)
+    problem = ContactProblem(A_tilde, 2.0 * c * np.random.default_rng(0).normal(size=20), c, law)
+    body = CondensedBody.of(A_tilde, c)
+    laws = RowLaws(LawTables.of([law]), np.zeros((1, 1), dtype=np.intp))
+    low, high = solution_boxes(Rows(body, laws, problem.l_tilde[None]))
+    own_low, own_high = solution_box(problem, body.lambda_1, inverse=body.inverse)
+    np.testing.assert_allclose((high - low)[0], own_high - own_low, rtol=1e-6)
