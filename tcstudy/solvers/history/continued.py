@@ -10,7 +10,7 @@ with laws of its own and each a piece of a piecewise-linear path (solvers/path):
      that is released. Else the path through it leads on.
 Between vertices forces and slips are linear, so that work and dissipation are exact: closure is rounding.
 In the place of exponential pieces the path has straight ones (memory.py). At the end of every part the law's own
-solution is found beside it, so that every state is exact and closure is what the straight pieces miss on the way.
+solution is found beside it, and what friction takes on the way there has a closed form: states and energies are exact.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from tcstudy.solvers.path.walk import Walk, units_of
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.descent import escape, new_state
 from tcstudy.solvers.separable.newton import SeparableNewton
-from tcstudy.solvers.separable.pieces import factorise
+from tcstudy.solvers.separable.pieces import factorise, integral
 
 Array = NDArray[np.float64]
 
@@ -46,6 +46,7 @@ ASIDE = 0.05
 CREEPS = 40
 """Steps of a descent after which it is helped out of flat places, and how often."""
 MOST_PARTS = 1000
+HIDDEN = "the law's own way is not the one along straight pieces in the place of its curve"
 ENDED = "the path inside the step ends at {share:.3g} of it: {reason}; write substeps: 8, or make more steps"
 
 
@@ -127,10 +128,12 @@ class _Step:
         path = self._path(found, ahead, "forward")
         if path is None:
             return False
-        if not self._along(path):
-            return self.fold > ahead and self._elsewhere()  # straight pieces may fold later still
-        self.beyond = self.now.state.v
-        return True
+        if self._along(path, back):
+            self.beyond = self.now.state.v
+            return True
+        if self.reason == HIDDEN:
+            return self._jump(back)
+        return self.fold > ahead and self._elsewhere()  # straight pieces may fold later still
 
     def _w(self, state: NodeState) -> Array:
         return np.asarray(state.v - self.body.model.origin(state))
@@ -180,14 +183,21 @@ class _Step:
             return None
 
     def _jump(self, path: Path) -> bool:
-        """To the solution that the path back from the load ahead has led to."""
-        body, state, t = self.body, self.now.state, float(path.t[-1])
-        landed = self._answer(path.u[-1], t)
-        if landed.status != Status.CONVERGED:
-            self.reason = landed.reason
-            return False
-        step = booked(body, self.now, self.load_at(t), landed, body.model.after(state, landed.v))
-        released = max(0.0, step.energies.closure)  # less is what straight pieces miss of a curve
+        """To the solution to which the path back from the load ahead leads, or ahead if only that gains."""
+        body, state = self.body, self.now.state
+        for vertex in (-1, 0):
+            t = float(path.t[vertex])
+            landed = self._answer(path.u[vertex], t)
+            if landed.status != Status.CONVERGED:
+                self.reason = landed.reason
+                return False
+            change = self.load_at(t) - self.now.load  # at rest until then: at the fold, but for straight pieces
+            after = body.model.after(state, landed.v)
+            drop = 0.5 * float((landed.xi + self.now.xi + change) @ (after.state.v - state.v))
+            step = booked(body, self.now, self.load_at(t), landed, after, (-float(state.v @ change), drop))
+            if step.energies.closure > 0.0:
+                break
+        released = max(0.0, step.energies.closure)
         self.energies += replace(step.energies, closure=step.energies.closure - released, released=released)
         moved = np.abs(step.state.v - state.v)
         self.jumped |= moved > ROUNDING * np.max(moved)
@@ -195,11 +205,14 @@ class _Step:
         self.now, self.t = step, t
         return True
 
-    def _along(self, path: Path) -> bool:
-        """Forward to where the first node takes something back, or to the end of the path."""
+    def _along(self, path: Path, lead: Path | None = None) -> bool:
+        """Forward to where the first node takes something back, or to the end of the path.
+
+        lead: the path back from its beginning to the state
+        """
         body, state = self.body, self.now.state
         last = self._first_return(path)
-        if not (last and path.t[last] > self.t):
+        if not ((last or lead) and path.t[last] > self.t):
             self.reason = path.end.reason
             return False
         last, answer = self._reached(path, last)
@@ -208,16 +221,36 @@ class _Step:
             self.reason = answer.reason
             return False
         self.pieces += last
-        ts = np.array([self.t, *path.t[1 : last + 1]])
-        ws = np.array([self._w(state), *path.u[1:last], answer.v])
-        xi = np.array([self.now.xi, *path.traction[1:last] * body.c, answer.xi])
-        slips, shares = np.diff(ws, axis=0), np.diff(ts)
-        middle = 0.5 * (ws[1:] + ws[:-1]) + body.model.origin(state)
-        way = -float(shares @ (middle @ self.change)), 0.5 * float(np.sum((xi[1:] + xi[:-1]) * slips))
+        way = self._way(path, last, answer, lead)
+        if way is None:
+            self.reason = HIDDEN
+            return False
         step = booked(body, self.now, self.load_at(t), answer, body.model.after(state, answer.v), way)
         self.energies += step.energies
         self.now, self.t = step, t
         return True
+
+    def _way(self, path: Path, last: int, answer: Answer, lead: Path | None) -> tuple[float, float] | None:
+        """Work and ∫ξᵀdv of the part that ends with `answer`; None where the law's own way is not beside the path.
+
+        Along the graph of b ∫ξᵀdv = Σ c (j(w₁) − j(w₀)) whatever the curve, and what straight pieces miss of that they
+        miss of the work as well: between the same ends each balances ΔE.
+        """
+        body, state, p = self.body, self.now.state, path.problem
+        t = np.array([self.t, *(lead.t[::-1] if lead else ()), *path.t[1:last], float(path.t[last])])
+        ws = np.array([self._w(state), *(lead.u[::-1] if lead else ()), *path.u[1:last], answer.v])
+        balance = p.l_0 + t[1:-1, None] * p.l_1 - ws[1:-1] @ p.A_tilde
+        xi = np.array([self.now.xi, *balance, answer.xi])
+        slips = np.diff(ws, axis=0)
+        middle = 0.5 * (ws[1:] + ws[:-1]) + body.model.origin(state)
+        work = -float(np.diff(t) @ (middle @ self.change))
+        friction = 0.5 * float(np.sum((xi[1:] + xi[:-1]) * slips))
+        if body.law.piecewise_linear:
+            return work, friction
+        law, w = body.model.next_law(state), (ws[0], answer.v)
+        missed = float(body.c @ integral(law, *w)) - friction
+        allowed = 4.0 * LAW_ERROR * body.law.b_scale * float(np.sum(np.abs(slips) @ body.c))
+        return (work + missed, friction + missed) if abs(missed) <= allowed else None
 
     def _reached(self, path: Path, last: int) -> tuple[int, Answer]:
         """The last vertex beside which the law itself has a solution, and that.
