@@ -1,4 +1,4 @@
-"""Tasks solved by the workers of a dask scheduler, on this machine or on many; needs dask.distributed.
+"""Work done by the workers of a dask scheduler, on this machine or on many; needs dask.distributed.
 
 A dask worker hands its task to a process beside it (executors.processes). A block that kills, crashes or hangs takes
 that process along and not the worker, is tried again and told in the same words as everywhere, and dask, which may stop
@@ -19,8 +19,8 @@ import uuid
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from typing import Any
 
-from tcstudy.executors.processes import WORKER, Processes, available, patience
-from tcstudy.executors.protocol import Solved, Task, WorkerDied, WorkersFailed
+from tcstudy.executors.processes import WORKER, Processes, available
+from tcstudy.executors.protocol import Doable, T, WorkerDied, WorkersFailed, parts, whole
 from tcstudy.online import CondensedBody
 
 LOCAL = "local"
@@ -52,7 +52,7 @@ class Cluster:
     ) -> None:
         """address: LOCAL or tcp://host:port;  jobs: workers of a local one, None for one on each processor
 
-        limit: seconds a block may take, None for `patience`;  worker: what Python runs beside a dask worker
+        limit: seconds that work may take, None for its `patience`;  worker: what Python runs beside a dask worker
         connect: seconds in which the scheduler must answer. Raises WorkersFailed.
         """
         self.address, self.limit, self.worker, self.connect = address, limit, worker, connect
@@ -71,9 +71,9 @@ class Cluster:
             self._counted = time.monotonic()
         return self._ahead
 
-    def submit(self, task: Task, tries: int = 1) -> Future[Solved]:
-        """Give the task to the scheduler."""
-        return self._threads.submit(self._solve, task, tries)
+    def submit(self, work: Doable[T], tries: int = 1) -> Future[T]:
+        """Give the work to the scheduler."""
+        return self._threads.submit(self._solve, work, tries)
 
     def close(self) -> None:
         """Cancel what is under way, and end the workers that were started here."""
@@ -86,13 +86,13 @@ class Cluster:
 
     # -- one thread for each task ------------------------------------------------------------------
 
-    def _solve(self, task: Task, tries: int) -> Solved:
-        """Try a task until it is solved, or lost too often."""
+    def _solve(self, work: Doable[T], tries: int) -> T:
+        """Try until it is done, or lost too often."""
         from distributed import KilledWorker
 
         for _ in range(LOST):
             try:
-                return self._ask(task, tries)
+                return self._ask(work, tries)
             except KilledWorker as error:
                 raise WorkerDied(f"{error.allowed_failures + 1} dask workers that had this died") from error
             except TimeoutError:
@@ -102,19 +102,19 @@ class Cluster:
                 self._wait_for_scheduler()
         raise WorkerDied(f"the dask scheduler lost this {LOST} times: {reason}")
 
-    def _ask(self, task: Task, tries: int) -> Solved:
+    def _ask(self, work: Doable[T], tries: int) -> T:
         """The answer of a worker; TimeoutError if there is none."""
-        longest = tries * (patience(task) if self.limit is None else self.limit)
-        more = (task.loads, task.laws, task.options, task.neighbours, task.exact)
+        longest = tries * (work.patience if self.limit is None else self.limit)
+        body, rest = parts(work)
         with self._lock:
-            body = self._body(task.body)
-            key = f"{task.name or 'block'} {next(self._names)}"
-        future = self._client.submit(solve_beside, body, more, tries, self.limit, self.worker, key=key, pure=False)
+            sent = self._body(body) if body is not None else None
+            key = f"{work.name or 'block'} {next(self._names)}"
+        future = self._client.submit(solve_beside, sent, rest, tries, self.limit, self.worker, key=key, pure=False)
         held = 0.0
         try:
             while True:
                 try:
-                    answer: Solved = future.result(timeout=LOOK)
+                    answer: T = future.result(timeout=LOOK)
                 except TimeoutError:
                     at_work = any(key in keys for keys in self._client.processing().values())
                     held = held + LOOK if at_work else 0.0  # one that waits for a worker may wait for long
@@ -190,13 +190,13 @@ def _kept(body: CondensedBody) -> CondensedBody:
 
 
 def solve_beside(
-    body: CondensedBody, more: tuple[Any, ...], tries: int, limit: float | None, worker: tuple[str, ...]
-) -> Solved:
-    """Solve a task in a process beside this dask worker, one for each of its threads."""
+    body: CondensedBody | None, rest: Any, tries: int, limit: float | None, worker: tuple[str, ...]
+) -> Any:
+    """Do work in a process beside this dask worker, one for each of its threads."""
     from distributed import get_worker
 
     with _beside_lock:
         if (limit, worker) not in _beside:
             _beside[limit, worker] = Processes(get_worker().state.nthreads, limit, worker=worker)
-        solved = _beside[limit, worker].submit(Task(body, *more), tries)
-    return solved.result()
+        done = _beside[limit, worker].submit(whole(body, rest), tries)
+    return done.result()

@@ -1,8 +1,8 @@
-"""Tasks solved by processes on this machine, which may die without taking anything along.
+"""Work done by processes on this machine, which may die without taking anything along.
 
 Each worker is a fresh Python process (no fork: NGSolve's threads would not survive it, and no multiprocessing spawn: it
 would run the user's script again), reached through a socket by a thread of its own. What dies with a worker is the one
-task it has; the thread starts another worker and tries again as often as the task allows. concurrent.futures loses
+piece of work it has; the thread starts another worker and tries again as often as it may. concurrent.futures loses
 everything when one worker dies.
 """
 
@@ -20,14 +20,11 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
-from tcstudy.executors.protocol import Solved, Task, WorkerDied, WorkersFailed
+from tcstudy.executors.protocol import Doable, T, WorkerDied, WorkersFailed, parts
 from tcstudy.online import CondensedBody
 
-PATIENCE = 600.0
-"""Seconds that a block may take at least before its worker counts as hanging."""
-FACTORISATIONS, FLOPS = 2000.0, 1e9
-"""A block may take the time of so many factorisations of Ã a point on a slow processor."""
 START = 120.0
 """Seconds that a worker may take to start."""
 STARTS = 3
@@ -40,12 +37,6 @@ WORKER = ("-m", "tcstudy.executors.worker")
 def available() -> int:
     """Processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def patience(task: Task) -> float:
-    """Seconds after which the worker of a task counts as hanging."""
-    points, m = task.loads.shape
-    return max(PATIENCE, FACTORISATIONS / FLOPS * points * m**3 / 3.0)
 
 
 @dataclass
@@ -65,20 +56,20 @@ class _Worker:
 
 @dataclass
 class _Job:
-    """A task on its way, and whom it has killed."""
+    """Work on its way."""
 
-    task: Task
+    work: Doable[Any]
     tries: int
-    future: Future[Solved] = field(default_factory=Future)
+    future: Future[Any] = field(default_factory=Future)
 
 
 class Processes:
-    """Worker processes; they start with the first tasks, as many as there are tasks for, unless they are warmed."""
+    """Worker processes; they start with the first work, as many as there is work for, unless they are warmed."""
 
     def __init__(
         self, jobs: int, limit: float | None = None, memory: int = 0, worker: tuple[str, ...] = WORKER
     ) -> None:
-        """jobs: workers at most;  limit: seconds a block may take, None for `patience`
+        """jobs: workers at most;  limit: seconds that work may take, None for its `patience`
 
         memory: bytes that a worker may use, 0 for no limit;  worker: what Python runs
         """
@@ -103,9 +94,9 @@ class Processes:
         self.ahead = 2 * self.jobs
         return self
 
-    def submit(self, task: Task, tries: int = 1) -> Future[Solved]:
-        """Give the task to the next worker that is free."""
-        job = _Job(task, tries)
+    def submit(self, work: Doable[T], tries: int = 1) -> Future[T]:
+        """Give the work to the next worker that is free."""
+        job = _Job(work, tries)
         self._jobs.put(job)
         if len(self._threads) < self.jobs:
             self._employ()
@@ -146,14 +137,14 @@ class Processes:
         finally:
             self._dismiss()
 
-    def _solve(self, job: _Job) -> Solved:
-        """Try a task; each time its worker dies, on a fresh one."""
+    def _solve(self, job: _Job) -> Any:
+        """Try to have it done; each time its worker dies, on a fresh one."""
         reason = ""
         for _ in range(job.tries):
             worker = self._workers.get(threading.current_thread()) or self._start()
-            limit = patience(job.task) if self.limit is None else self.limit
+            limit = job.work.patience if self.limit is None else self.limit
             try:
-                answer = self._ask(worker, job.task, limit)
+                answer = self._ask(worker, job.work, limit)
             except TimeoutError:
                 self._dismiss()
                 reason = f"no answer within {limit:g} s"
@@ -168,16 +159,16 @@ class Processes:
         raise WorkerDied(f"the worker process that solved this died: {reason}")
 
     @staticmethod
-    def _ask(worker: _Worker, task: Task, limit: float) -> Solved | Exception:
+    def _ask(worker: _Worker, work: Doable[Any], limit: float) -> Any:
         """The answer of a worker; EOFError or OSError if it died over it, TimeoutError if there is none."""
-        if worker.body is not task.body:
-            worker.line.send(task.body)
-            worker.body = task.body
-        worker.line.send((task.loads, task.laws, task.options, task.neighbours, task.exact))
+        body, message = parts(work)
+        if body is not None and worker.body is not body:
+            worker.line.send(body)
+            worker.body = body
+        worker.line.send(message)
         if not worker.line.poll(limit):
             raise TimeoutError
-        answer: Solved | Exception = worker.line.recv()
-        return answer
+        return worker.line.recv()
 
     def _start(self) -> _Worker:
         """A fresh worker, ready; raises WorkersFailed if several in a row did not come up."""

@@ -1,7 +1,7 @@
-"""A worker process: takes bodies and tasks from its parent, gives answers, and ends when the parent does.
+"""A worker process: takes bodies and work from its parent, gives answers, and ends when the parent does.
 
-Messages to it: a CondensedBody, which it keeps until the next; then (loads, laws, options, neighbours, exact), each
-answered by a Solved or by the exception of the solve. It writes nothing.
+Messages to it: a CondensedBody, which it keeps until the next; and what `parts` leaves of any work, each answered by
+what came of it or by its exception. It writes nothing.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import threading
 import time
 from multiprocessing.connection import Connection
 
-from tcstudy.executors.protocol import Task
+from tcstudy.executors.protocol import whole
 from tcstudy.online import CondensedBody
 
 
@@ -31,9 +31,8 @@ def serve(parent: Connection) -> None:
         if isinstance(message, CondensedBody):
             body = message
             continue
-        assert body is not None
         try:
-            parent.send(Task(body, *message).solve())
+            parent.send(whole(body, message).solve())
         except (BrokenPipeError, ConnectionResetError):
             return
         except Exception as error:  # the parent decides what becomes of the block
@@ -41,7 +40,7 @@ def serve(parent: Connection) -> None:
 
 
 def portable(error: Exception) -> Exception:
-    """An exception that pickles: of solve_block these are NumPy's, SciPy's and Python's, MemoryError among them."""
+    """An exception that pickles: of solve_block they are NumPy's, SciPy's and Python's, MemoryError among them."""
     try:
         return type(error)(str(error))
     except Exception:  # one that is made otherwise

@@ -49,6 +49,10 @@ class Scenes(Sequence[Scene]):
                 which[section][i] = known.setdefault(getattr(scene, section), len(known))
         return cls(scenes[0].body, {section: list(known) for section, known in records.items()}, which)
 
+    def on(self, body: Body) -> Scenes:
+        """The same on another body."""
+        return Scenes(body, self._records, self._which)
+
     def __len__(self) -> int:
         return len(self._which["friction"])
 

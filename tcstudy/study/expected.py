@@ -40,10 +40,12 @@ class Resources:
     memory: float
 
 
-def of_run(study: Study, levels: Sequence[LevelForecast], factorisations: int, heat_solves: int) -> Resources:
+def of_run(
+    study: Study, levels: Sequence[LevelForecast], factorisations: int, heat_solves: int, start: float = START
+) -> Resources:
     """What a run is expected to take; the most, where an estimate decides about meshes."""
     all_levels = refined(tuple(levels), study.mesh)
-    spent = START + sum(_level(v.n_dof, factorisations, bool(heat_solves)) for v in all_levels)
+    spent = start + sum(_level(v.n_dof, factorisations, bool(heat_solves)) for v in all_levels)
     spent = spent * slowness() + meshing_seconds(study.mesh, all_levels)
     if (history := study.history) is not None:
         spent += history.steps * STEP * contact_seconds(study, history.of(all_levels).n_contact)

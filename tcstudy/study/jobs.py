@@ -1,10 +1,9 @@
-"""Who solves the blocks of a level: this process, as many workers as pay, or a dask cluster."""
+"""Who works in a run: this process, as many workers as pay, or a dask cluster."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 
 from tcstudy.executors import Cluster, Executor, Here, Processes, available
 from tcstudy.scene.study import Study
@@ -26,18 +25,22 @@ def seconds(study: Study, m: int) -> float:
     return len(study.scenes) * (POINT + NODE * m)
 
 
-def workers(study: Study, m: int, jobs: int | None = None) -> int:
-    """Worker processes for a level with m contact unknowns; 1 means that this process solves it itself.
+def paying(seconds: float, jobs: int | None) -> int:
+    """Worker processes for work of so many seconds; 1 means that this process does it itself.
 
     jobs: as the user asks, None for as many as pay
-    Points that are not solved in blocks leave workers nothing to do.
     """
-    if not in_blocks(study) or os.name != "posix":
+    if os.name != "posix":
         return 1
     if jobs is not None:
         return jobs
-    worth = int(seconds(study, m) / WORTH)
+    worth = int(seconds / WORTH)
     return min(available(), worth) if worth > 1 else 1
+
+
+def workers(study: Study, m: int, jobs: int | None = None) -> int:
+    """The same for a level with m contact unknowns; points that are not solved in blocks leave workers nothing."""
+    return paying(seconds(study, m), jobs) if in_blocks(study) else 1
 
 
 def work_words(study: Study, levels: Sequence[LevelForecast], jobs: int | None) -> str:
@@ -51,34 +54,50 @@ def work_words(study: Study, levels: Sequence[LevelForecast], jobs: int | None) 
     return f"{about}, {who}" if about else f"contact problems {who}"
 
 
-@contextmanager
-def choosing(study: Study, jobs: int | None, dask: str | None = None) -> Iterator[Choice]:
-    """Who solves the blocks of each level; workers end with the context, whatever happens.
+class Staff:
+    """Those who work in a run and end with it."""
 
-    dask: address of a scheduler, whose workers solve all of them. Raises WorkersFailed if it does not answer.
-    Workers of this machine start at once where the study's levels promise to pay for them, since they take about as
-    long as the first mesh.
-    """
-    here, cluster = Here(), Cluster(dask, jobs) if dask is not None else None
-    expected = 1
-    if cluster is None and (jobs is not None or seconds(study, FINE) >= 2 * WORTH):
-        expected = max((workers(study, one.n_contact, jobs) for one in forecast(study)), default=1)
-    pools = [Processes(expected).warm()] if expected > 1 else []
+    def __init__(self, jobs: int | None = None, dask: str | None = None) -> None:
+        """jobs: worker processes, None for as many as pay;  dask: address of a scheduler, whose workers do all instead
 
-    def choose(study: Study, m: int) -> Executor:
-        if cluster is not None:
-            return cluster if in_blocks(study) else here
-        count = workers(study, m, jobs)
-        if count == 1:
-            return here
-        if not pools:
-            pools.append(Processes(count))
-        return pools[0].grow(count)
+        Raises WorkersFailed if it does not answer.
+        """
+        self.jobs, self._here = jobs, Here()
+        self._cluster = Cluster(dask, jobs) if dask is not None else None
+        self._pool: Processes | None = None
 
-    try:
-        yield choose
-    finally:
-        for pool in pools:
-            pool.close()
-        if cluster is not None:
-            cluster.close()
+    def early(self, study: Study) -> Staff:
+        """Start workers for blocks at once where the levels promise to pay for them: it takes as long as a mesh."""
+        if self._cluster is None and (self.jobs is not None or seconds(study, FINE) >= 2 * WORTH):
+            count = max((workers(study, one.n_contact, self.jobs) for one in forecast(study)), default=1)
+            self._of(count).warm() if count > 1 else None
+        return self
+
+    def blocks(self, study: Study, m: int) -> Executor:
+        """Who solves the blocks of a level with m contact unknowns."""
+        if self._cluster is not None:
+            return self._cluster if in_blocks(study) else self._here
+        count = workers(study, m, self.jobs)
+        return self._here if count == 1 else self._of(count)
+
+    def errands(self, count: int, seconds: float, most: int) -> Executor | None:
+        """Who runs so many errands of so many seconds together; None where this process does without.
+
+        most: workers at a time that this machine has the memory for, if it is not the user who chose their number
+        """
+        if self._cluster is not None:
+            return self._cluster
+        number = min(count, paying(seconds, self.jobs), most if self.jobs is None else count)
+        return self._of(number) if number > 1 else None
+
+    def close(self) -> None:
+        """End all workers, whatever they do."""
+        if self._pool is not None:
+            self._pool.close()
+        if self._cluster is not None:
+            self._cluster.close()
+        self._pool = self._cluster = None
+
+    def _of(self, count: int) -> Processes:
+        self._pool = (self._pool or Processes(count)).grow(count)
+        return self._pool

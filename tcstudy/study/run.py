@@ -34,7 +34,7 @@ from tcstudy.refine.family import Family
 from tcstudy.refine.survey import Survey
 from tcstudy.scene.study import Study
 from tcstudy.study.grow import Kept
-from tcstudy.study.jobs import Choice, choosing
+from tcstudy.study.jobs import Choice, Staff
 from tcstudy.study.plan import faults, output_of, warnings
 from tcstudy.study.workshop import Times, Workshop, all_failed, keeps_solutions
 
@@ -256,35 +256,50 @@ def execute(
     """
     output = output if output is not None else output_of(study)
     watcher = watcher if watcher is not None else Quiet()
-    problems = faults(study, output)
-    if problems:
-        raise StoreError("\n".join(problems))
-    if study.variants:
-        from tcstudy.study.variants import execute_variants
+    with closing(Staff(jobs, dask)) as staff:
+        if study.variants:
+            if problems := faults(study, output):
+                raise StoreError("\n".join(problems))
+            from tcstudy.study.variants import execute_variants
 
-        return execute_variants(study, output, watcher, command, jobs, dask, kept)
+            return execute_variants(study, output, watcher, command, staff, kept)
+        return into_file(study, output, watcher, command, staff.early(study), kept)
+
+
+def into_file(
+    study: Study,
+    output: Path,
+    watcher: Watcher,
+    command: Sequence[str],
+    staff: Staff,
+    kept: Kept | None = None,
+    last: bool = True,
+) -> Summary:
+    """The same with those who work; last: whether they may go when all points are solved."""
+    if problems := faults(study, output):
+        raise StoreError("\n".join(problems))
     # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
     with (
         threadpool_limits(1, user_api="blas"),
         Journal.open(output, study, kept.digest if kept is not None else "") as journal,
         closing(Begun(output, study, _grows(study, journal, kept))) as begun,
     ):
-        # workers have ended when the file, which takes memory, is written
-        with choosing(study, jobs, dask) as executor:
-            # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
-            known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
-            finished = {(block.level, block.number): as_start(study, block) for block in known}
-            watcher.begin(_work(study, finished, kept), [*journal.warnings, *warnings(study)])
-            for record in run(study, finished, executor, kept):
-                if isinstance(record, LevelRecord):
-                    record = record if kept is None else kept.joined(record)
-                journal.add(record)
-                begun.add(record)
-                if isinstance(record, LevelRecord):
-                    if not record.stop:  # one that says why the level was the last follows its points
-                        watcher.level(record)
-                else:
-                    watcher.block(record)
+        # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
+        known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
+        finished = {(block.level, block.number): as_start(study, block) for block in known}
+        watcher.begin(work_of(study, finished, kept), [*journal.warnings, *warnings(study)])
+        for record in run(study, finished, staff.blocks, kept):
+            if isinstance(record, LevelRecord):
+                record = record if kept is None else kept.joined(record)
+            journal.add(record)
+            begun.add(record)
+            if isinstance(record, LevelRecord):
+                if not record.stop:  # one that says why the level was the last follows its points
+                    watcher.level(record)
+            else:
+                watcher.block(record)
+        if last:
+            staff.close()  # before the file, which takes memory, is written
         journal.flush()
         levels, records, provenance = journal.levels(), journal.blocks, collect(study, command)
         if kept is not None:
@@ -325,7 +340,7 @@ def as_start(study: Study, block: BlockRecord) -> BlockRecord:
     )
 
 
-def _work(study: Study, finished: Mapping[Key, BlockRecord], kept: Kept | None) -> list[LevelWork]:
+def work_of(study: Study, finished: Mapping[Key, BlockRecord], kept: Kept | None) -> list[LevelWork]:
     """Points of every level; a point costs about as much as its mesh has nodes."""
     mesh = study.mesh
     points = [len(study.scenes)] * mesh.levels if kept is None else kept.todo.sum(axis=0).tolist()

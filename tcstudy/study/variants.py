@@ -1,53 +1,62 @@
 """A sweep over geometries at work: one run after the other, each with its meshes and factors, then one file of all.
 
-A run of a geometry is a run like any other, with a file and a journal of its own in a folder beside the output; what is
-finished there stays, so that a stopped sweep goes on within the geometry where it was. The folder goes when the file of
-all geometries stands.
+Where workers pay, each makes the mesh of a geometry and solves all its points (`errands`), and this process writes the
+file of each in the order of the study. Else, and where a geometry is long or large, its run is one like any other, with
+a journal of its own and its blocks for the workers. Files lie in a folder beside the output; what is finished there
+stays, so that a stopped sweep goes on where it was. The folder goes when the file of all geometries stands.
 """
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.files import StoreError
+from tcstudy.data.files import PARTIAL, StoreError
 from tcstudy.data.measured import Convergence, PointConvergence
 from tcstudy.data.provenance import collect, holds, identity
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
+from tcstudy.data.store import write
 from tcstudy.data.variants import write_variants
 from tcstudy.data.writer import axis_problems, geometry_place, outer_axes
-from tcstudy.errors import GeometryFailed
+from tcstudy.errors import GeometryFailed, UserFault
+from tcstudy.executors import Errand, in_order, unpacked
 from tcstudy.scene.study import Study, Variant
 from tcstudy.study.convergence import converge
+from tcstudy.study.errands import errand, solve_geometry
 from tcstudy.study.expected import Resources, of_run
 from tcstudy.study.grow import Kept
-from tcstudy.study.plan import Plan
+from tcstudy.study.jobs import Staff
+from tcstudy.study.jobs import seconds as contact_seconds
+from tcstudy.study.plan import Plan, expected_bytes, warnings
 from tcstudy.study.plan import plan as plan_of
-from tcstudy.study.run import LevelWork, Summary, Watcher, execute
+from tcstudy.study.run import LevelWork, Summary, Watcher, into_file, work_of
+from tcstudy.study.sizes import forecast
 from tcstudy.study.solved_levels import Length, Say
 from tcstudy.study.workshop import all_failed
 
+LONG, LARGE = 60.0, 2**28
+"""Seconds of contact problems, and bytes of results, from which a geometry is solved and kept block by block."""
+SHARE = 0.5
+"""Of the memory of this machine, for workers with a geometry each."""
+
 
 def execute_variants(
-    study: Study,
-    output: Path,
-    watcher: Watcher,
-    command: Sequence[str],
-    jobs: int | None,
-    dask: str | None,
-    kept: Kept | None = None,
+    study: Study, output: Path, watcher: Watcher, command: Sequence[str], staff: Staff, kept: Kept | None = None
 ) -> Summary:
     """Run all geometries and join their files.
 
     kept: what the output has of the study already and keeps
-    Raises as `execute`; a geometry without a mesh is a status of its points.
+    Raises as `execute`; a geometry without a mesh, or one that kills its workers, is a status of its points.
     """
     if problems := axis_problems(study):
         raise StoreError("; ".join(problems))
@@ -56,24 +65,30 @@ def execute_variants(
     one = _OneSweep(study, watcher, todo)
     folder.mkdir(parents=True, exist_ok=True)
     before = [None] * len(study.variants) if kept is None else kept.of_geometries(study, folder)
+    works = [
+        _Geometry.of(number, *pair, folder) for number, pair in enumerate(zip(study.variants, before, strict=True))
+    ]
     files: list[Path | None] = []
     failed = [] if kept is None else kept.without_geometry(study)
-    for number, (variant, own) in enumerate(zip(study.variants, before, strict=True)):
-        file, reason = folder / (f"{number}.nc" if own is None else f"{own.mark[:16]}-{number}.nc"), variant.reason
-        if variant.study is not None:
-            one.variant = variant
-            try:
-                if not _finished(file, variant.study):
-                    _grow(variant.study, file, one, command, jobs, dask, own)
-            except GeometryFailed as error:
-                reason = str(error)
-        files.append(None if reason else file)
+    for work, answer in _answers(works, staff):
+        one.variant = work.variant
+        status, reason = PointStatus.MESH_FAILED, work.variant.reason
+        try:
+            if answer is not None:
+                work.write(one, command, answer)
+            elif not work.finished and not reason:
+                work.run(one, command, staff)
+        except GeometryFailed as error:
+            reason = str(error)
+        except _NoAnswer as error:
+            status, reason = PointStatus.ERROR, str(error)
+        files.append(None if reason else work.file)
         if reason:
-            wanted = todo[variant.places]
+            wanted = todo[work.variant.places]
             for level in np.flatnonzero(wanted.any(axis=0)).tolist():
-                at, status = variant.places[wanted[:, level]], PointStatus.MESH_FAILED
-                failed.append(all_failed(study, level, at, status, reason))
+                failed.append(all_failed(study, level, work.variant.places[wanted[:, level]], status, reason))
                 watcher.block(failed[-1])
+    staff.close()
     provenance = collect(study, command)
     provenance = provenance if kept is None else kept.before(provenance)
     points, bad = write_variants(output, study, files, failed, provenance)
@@ -81,20 +96,82 @@ def execute_variants(
     return Summary(output, points, bad, one.resumed)
 
 
-def _grow(
-    study: Study,
-    file: Path,
-    watcher: Watcher,
-    command: Sequence[str],
-    jobs: int | None,
-    dask: str | None,
-    kept: Kept | None,
-) -> None:
-    """The file of one geometry; without a mesh where nothing is left to solve."""
-    if kept is None or kept.todo.any() or study.output.live:
-        execute(study, file, watcher, command, jobs, dask, kept)
-    else:
-        kept.write(file, study, collect(study, command))
+class _NoAnswer(Exception):
+    """A geometry broke down where it was worked, for no reason that its body or mesh gives."""
+
+
+def _answers(works: Sequence[_Geometry], staff: Staff) -> Iterator[tuple[_Geometry, Future[bytes] | None]]:
+    """The geometries in their order, each with the answer that a worker owes; None where this process does the work."""
+    sent = [work for work in works if work.travels]
+    expected = [of_run(work.study, forecast(work.study), 1, 0, start=0.0) for work in sent]
+    memory = max((one.memory for one in expected), default=1.0)
+    most = max(1, int(SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / memory))
+    who = staff.errands(len(sent), sum(one.seconds for one in expected), most) if len(sent) > 1 else None
+    pairs = zip(sent, expected, strict=True)
+    answers = in_order(who, (work.errand(one.seconds) for work, one in pairs)) if who is not None else iter(())
+    for work in works:
+        yield work, next(answers) if who is not None and work.travels else None
+
+
+@dataclass(frozen=True)
+class _Geometry:
+    """One geometry at work. kept: what the file that grows has of it;  finished: whether its own file stands."""
+
+    number: int
+    variant: Variant
+    kept: Kept | None
+    file: Path
+    finished: bool
+
+    @classmethod
+    def of(cls, number: int, variant: Variant, kept: Kept | None, folder: Path) -> _Geometry:
+        file = folder / (f"{number}.nc" if kept is None else f"{kept.mark[:16]}-{number}.nc")
+        return cls(number, variant, kept, file, variant.study is not None and _finished(file, variant.study))
+
+    @property
+    def study(self) -> Study:
+        """Its study; it has one unless it was refused."""
+        assert self.variant.study is not None
+        return self.variant.study
+
+    @cached_property
+    def travels(self) -> bool:
+        """Whether a worker may make its mesh and solve all its points; what is half done goes on here."""
+        if self.variant.study is None or self.finished or self.file.with_name(self.file.name + PARTIAL).exists():
+            return False
+        if self.kept is not None and (len(self.kept.places) or not self.kept.todo.all()):
+            return False
+        took = sum(contact_seconds(self.study, level.n_contact) for level in forecast(self.study))
+        return took < LONG and expected_bytes(self.study) < LARGE
+
+    def errand(self, seconds: float) -> Errand:
+        """All its work for a worker."""
+        name = f"geometry-{self.number} {self.variant.words}"
+        return errand(solve_geometry, self.study, name=name, seconds=seconds)
+
+    def write(self, watcher: _OneSweep, command: Sequence[str], answer: Future[bytes]) -> None:
+        """Its file, of what a worker found. Raises GeometryFailed, _NoAnswer, WorkersFailed."""
+        try:
+            records: list[LevelRecord | BlockRecord] = unpacked(answer)
+        except UserFault:
+            raise
+        except Exception as error:  # as of a block: one geometry must not end a sweep
+            raise _NoAnswer(f"{type(error).__name__}: {error}") from error
+        watcher.begin(work_of(self.study, {}, None), () if watcher.begun else warnings(self.study))
+        levels = {record.level: record for record in records if isinstance(record, LevelRecord)}
+        blocks = [record for record in records if isinstance(record, BlockRecord)]
+        write(self.file, self.study, [levels[i] for i in sorted(levels)], blocks, collect(self.study, command))
+        for level in levels.values():
+            watcher.level(level)
+        for block in blocks:
+            watcher.block(block)
+
+    def run(self, watcher: Watcher, command: Sequence[str], staff: Staff) -> None:
+        """Its file, by a run of its own; without a mesh where nothing is left to solve."""
+        if self.kept is None or self.kept.todo.any() or self.study.output.live:
+            into_file(self.study, self.file, watcher, command, staff, self.kept, last=False)
+        else:
+            self.kept.write(self.file, self.study, collect(self.study, command))
 
 
 def _finished(file: Path, study: Study) -> bool:
@@ -111,7 +188,8 @@ class _OneSweep:
 
     def __init__(self, study: Study, watcher: Watcher, todo: NDArray[np.bool_]) -> None:
         """todo: (points, levels) which solutions are sought."""
-        self._study, self._watcher, self._begun = study, watcher, False
+        self._study, self._watcher = study, watcher
+        self.begun = False
         self._todo = todo.sum(axis=0).tolist()
         self.variant: Variant = study.variants[0]
         self.resumed = 0
@@ -119,10 +197,10 @@ class _OneSweep:
     def begin(self, work: Sequence[LevelWork], warnings: Sequence[str]) -> None:
         """The first geometry stands for all."""
         self.resumed += sum(level.done for level in work)
-        if not self._begun:
+        if not self.begun:
             whole = [replace(level, points=points) for level, points in zip(work, self._todo, strict=True)]
             self._watcher.begin(whole, warnings)
-        self._begun = True
+        self.begun = True
 
     def level(self, record: LevelRecord) -> None:
         """A level of the geometry at work."""

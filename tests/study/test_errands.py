@@ -1,0 +1,181 @@
+"""Geometries of a sweep made and solved by workers: the same file to the bit, and nothing lost but what kills."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from netgen import occ
+
+from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
+from tcstudy.executors import Errand, Here, Processes, in_order, unpacked
+from tcstudy.read.study import read_study, read_study_text
+from tcstudy.study import jobs
+from tcstudy.study.errands import errand, solve_geometry
+from tcstudy.study.run import LevelWork, Quiet, execute, run
+from tests.benchmarks.kills import assert_same, children
+from tests.executors.test_processes import CRUEL, gone
+from tests.executors.test_processes import assert_same as assert_blocks
+
+BARS = """
+units: none
+parameters: {s: 1}
+body:
+  rectangle: {width: "s", height: 0.5}
+  holes: [circle: {center: [0.5, 0.25], radius: 0.1, edge: bore}]
+boundary: {bottom: contact, left: clamped, right: free, top: {role: traction, g: [0.03, -0.01]}, bore: free}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: "0.01*s"}
+mesh: {maxh: 0.2, levels: 2}
+sweep: {parameters.s: [2, 1, 1.5, 1.2], E: [1, 2, 3]}
+"""
+PLAIN = BARS.replace("[2, 1, 1.5, 1.2]", "[2, 0.55, 1.5, 1.2]")
+"""With a body that is too short for its hole."""
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The file of one process."""
+    path = tmp_path_factory.mktemp("alone") / "out.nc"
+    execute(read_study_text(BARS), path, jobs=1)
+    return path
+
+
+class Watch(Quiet):
+    """Counts what it is told, and may do something after so many blocks."""
+
+    def __init__(self, after: int = 0, do: object = None) -> None:
+        self.work: list[LevelWork] = []
+        self.levels, self.points, self.blocks, self.after, self.do = 0, 0, 0, after, do
+
+    def begin(self, work: Sequence[LevelWork], warnings: Sequence[str]) -> None:
+        self.work += work
+
+    def level(self, record: LevelRecord) -> None:
+        self.levels += 1
+
+    def block(self, record: BlockRecord) -> None:
+        self.points += len(record)
+        self.blocks += 1
+        if self.blocks == self.after and callable(self.do):
+            self.do()
+
+
+def workers() -> list[int]:
+    """Worker processes of this one, or dask's nannies' of a local cluster."""
+    found = {pid: Path(f"/proc/{pid}/cmdline").read_bytes() for pid in children(os.getpid())}
+    return [pid for pid, words in found.items() if b"executors.worker" in words or b"spawn_main" in words]
+
+
+def kill_one() -> None:
+    os.kill(workers()[0], signal.SIGKILL)
+
+
+@pytest.mark.parametrize("dask", [None, "local"])
+def test_workers_write_the_file_of_one_process_though_one_is_killed(
+    alone: Path, tmp_path: Path, dask: str | None
+) -> None:
+    if dask:
+        pytest.importorskip("distributed", reason="dask.distributed is not installed: pip install 'tcstudy[dask]'")
+    watch = Watch(2, kill_one)
+    summary = execute(read_study_text(BARS), tmp_path / "out.nc", watch, jobs=2, dask=dask)
+    assert (summary.points, summary.failed) == (24, 0)
+    assert (watch.levels, watch.points, sum(work.points for work in watch.work)) == (8, 24, 24)
+    assert_same(alone, tmp_path / "out.nc")
+    assert [one.name for one in tmp_path.iterdir()] == ["out.nc"]
+
+
+def test_a_geometry_that_kills_its_workers_is_told_and_the_rest_goes_on(
+    alone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was told is solved by a run that mends the file."""
+    pids, path = tmp_path / "pids", tmp_path / "out.nc"
+    cruel = partial(Processes, worker=(CRUEL, "kill", "0.015", str(pids)))
+    with monkeypatch.context() as patched:
+        patched.setattr(jobs, "Processes", cruel)
+        summary = execute(read_study_text(BARS), path, jobs=2)
+    assert (summary.points, summary.failed) == (24, 6)
+    assert len(pids.read_text().split()) == 2
+    with xr.open_datatree(path) as tree:
+        assert np.all(tree["status"].sel(s=1.5) == PointStatus.ERROR)
+        assert np.all(tree["geometry"].sel(s=1.5) == -1)
+        assert "the worker process that solved this died: signal SIGKILL" in str(tree["reason"].sel(s=1.5).values[0, 0])
+    study = read_study_text(BARS)
+    from tcstudy.study.grow import retried
+
+    execute(*(retried(path, study)[:1]), path, jobs=2, kept=retried(path, study)[1])
+    assert_same(alone, path)
+
+
+def test_a_body_that_cannot_be_is_told_in_the_same_words(tmp_path: Path) -> None:
+    one, two = tmp_path / "one.nc", tmp_path / "two.nc"
+    for path, count in ((one, 1), (two, 2)):
+        assert execute(read_study_text(PLAIN), path, jobs=count).failed == 6
+    with xr.open_datatree(one) as a, xr.open_datatree(two) as b:
+        assert a["reason"].equals(b["reason"])
+        assert a["energy"].equals(b["energy"])
+
+
+def test_a_stopped_sweep_keeps_what_workers_brought(alone: Path, tmp_path: Path) -> None:
+    pids: list[int] = []
+
+    def stop() -> None:
+        pids.extend(workers())
+        raise KeyboardInterrupt
+
+    path = tmp_path / "out.nc"
+    with pytest.raises(KeyboardInterrupt):
+        execute(read_study_text(BARS), path, Watch(3, stop), jobs=2)
+    kept = {one.name for one in (tmp_path / "out.nc.geometries").iterdir()}
+    assert {"0.nc", "1.nc"} <= kept
+    assert len(pids) == 2
+    assert all(gone(pid) for pid in pids)
+    again = Watch()
+    execute(read_study_text(BARS), path, again, jobs=2)
+    assert again.points <= 12
+    assert_same(alone, path)
+
+
+def test_a_body_from_a_file_travels_as_its_content(tmp_path: Path) -> None:
+    occ.Rectangle(2, 1).Face().WriteStep(str(tmp_path / "plate.step"))
+    body = "{file: {path: plate.step, unit: m, edges: {bottom: [[1, 0]], left: [[0, 0.5]]}, other: free}}"
+    text = f"""
+units: none
+body: {body}
+boundary: {{bottom: contact, left: clamped, free: {{role: traction, g: [0.03, -0.01]}}}}
+material: {{E: 1, nu: 0.3}}
+friction: {{law: tresca, tau: 0.01}}
+mesh: {{maxh: 0.4}}
+"""
+    (tmp_path / "study.yaml").write_text(text)
+    study = read_study(tmp_path / "study.yaml")
+    expected = [one for one in run(study) if isinstance(one, BlockRecord)]
+    sent = errand(solve_geometry, study, name="plate")
+    (tmp_path / "plate.step").unlink()
+    found = unpacked(Here().submit(sent))
+    assert_blocks([one for one in found if isinstance(one, BlockRecord)], expected)
+
+
+def test_no_more_errands_are_under_way_than_the_executor_likes() -> None:
+    sent: list[int] = []
+
+    def errands(count: int) -> object:
+        for i in range(count):
+            sent.append(i)
+            yield Errand.of(divmod, i, 2)
+
+    class Three(Here):
+        ahead = 3
+
+    answers = in_order(Three(), errands(9))  # type: ignore[arg-type]
+    found = []
+    for answer in answers:
+        found.append(unpacked(answer))
+        assert len(sent) - len(found) <= 3
+    assert found == [divmod(i, 2) for i in range(9)]
