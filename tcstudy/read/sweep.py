@@ -128,6 +128,10 @@ def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Paramete
         what = f"{key} {'are' if key == 'points' else 'is'} for modes that list or draw points"
         remedy = f"add mode: list, or one of {', '.join(DESIGNS)}"
     else:
+        stem, _, part = path[-1].rpartition("_")
+        of_vector = part in ("x", "y") and [
+            ".".join(keys) for keys in known if keys[-1] == stem and keys[: len(path) - 1] == path[:-1]
+        ]
         same = [".".join(keys) for keys, p in known.items() if keys[-1] == path[-1] and not p.idle]
         if path[1:] and same:
             same = [nearest(key, same) or same[0]]
@@ -135,6 +139,10 @@ def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Paramete
         if not same:
             near = nearest(key, [*SHORT, *names, "mode"])
             remedy = f"did you mean {near!r}?" if near else "use a key path such as heat.alpha or friction.delta"
+        if of_vector and not same:
+            remedy = (
+                f"sweep all of it, {of_vector[0]}: [[..., ...], [..., ...]], or a number of parameters that it uses"
+            )
         what = f"the study has no parameter {key!r} to sweep"
     ctx.errors.at(item, what, remedy, on_key=True)
     return None

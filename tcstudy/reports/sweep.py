@@ -40,6 +40,7 @@ class DrawnParameter:
     labels:  its different values, ascending if they are numbers
     numbers: the same as numbers in `unit`, None if one of them is a text
     place:   (P,) which of them each point has
+    drawn:   from a distribution, so that neighbours have nothing in common
     """
 
     name: str
@@ -47,6 +48,7 @@ class DrawnParameter:
     numbers: Array | None
     unit: str
     place: NDArray[np.intp]
+    drawn: bool = False
 
 
 @dataclass(frozen=True)
@@ -141,7 +143,8 @@ def _parameter(axis: Any, name: str, held: NDArray[Any]) -> DrawnParameter:
     different, place = np.unique(held, return_inverse=True)
     divisor, unit = axis_unit(different, str(axis.attrs["units"]))
     numbers = different / divisor
-    return DrawnParameter(name, tuple(labels(numbers.tolist())), numbers, unit, place.ravel())
+    drawn = "distribution" in axis.attrs
+    return DrawnParameter(name, tuple(labels(numbers.tolist())), numbers, unit, place.ravel(), drawn)
 
 
 def different_energies(energy: Array) -> NDArray[np.int_]:

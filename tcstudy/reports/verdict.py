@@ -125,24 +125,34 @@ def _several(run: RunSeen, ok: Flags) -> int:
 
 
 def _percent(error: float) -> str:
-    return f"{100 * error:.2g} %" if error >= 1e-6 else f"{error:.1e}"
+    return f"{100 * error:.0f} %" if error >= 0.1 else f"{100 * error:.2g} %" if error >= 1e-6 else f"{error:.1e}"
 
 
 def mesh_error(run: RunSeen, ok: Flags) -> tuple[float | None, str]:
     """The largest relative mesh error of the solved points and how it is known; None if it is not."""
+    goal, wide = run.take("goal", -1), run.take("goal_estimate", -1)
+    if goal is not None and wide is not None and np.any(known := ok & np.isfinite(wide) & (goal != 0.0)):
+        return float(np.max(wide[known] / np.abs(goal[known]))), "largest estimated error of the goal of the meshes"
     estimates = run.take("error_estimate", -1)
     if estimates is not None and np.isfinite(estimates[ok]).any():
         return float(np.nanmax(estimates[ok])), "largest estimated error of the displacement in the energy norm"
-    last = run.take("friction_resultant", -1)
-    if run.levels < 2 or last is None or not ok.any():
+    if run.levels < 2 or not ok.any():
         return None, "one mesh says nothing about its own error: add levels"
-    before, both = run.take("friction_resultant", -2), ok & run.ok(-2)
-    assert before is not None
-    size = np.abs(last[both])
-    if not len(size) or not np.any(size > 0.0):
+    change = _change(run, "friction_resultant", ok)
+    if change is None:
         return None, "there is no friction to measure it by"
-    change = np.max(np.abs(last - before)[both][size > 0.0] / size[size > 0.0])
-    return float(change), "largest change of the friction resultant from the level before; first order is assumed"
+    since = "from the level before; first order is assumed"
+    if change >= 1.0 and (slip := _change(run, "u_T_max", ok)) is not None:
+        return slip, f"largest change of max |u_T| {since}: the friction resultant all but cancels"
+    return change, f"largest change of the friction resultant {since}"
+
+
+def _change(run: RunSeen, name: str, ok: Flags) -> float | None:
+    """Largest relative change of a number between the last two levels; None where it is 0 or not there."""
+    last, before, both = run.take(name, -1), run.take(name, -2), ok & run.ok(-2)
+    if last is None or before is None or not np.any(seen := both & (last != 0.0)):
+        return None
+    return float(np.max(np.abs(last - before)[seen] / np.abs(last[seen])))
 
 
 def jumps(run: RunSeen, ok: Flags) -> list[str]:

@@ -43,7 +43,8 @@ class Design:
     @property
     def note(self) -> str:
         """One sentence for those who plan a study."""
-        said = f"{self.points} points drawn by {self.mode}, seed {self.seed}: a longer design begins with them"
+        drawn = "base points" if self.mode == SALTELLI else "points"
+        said = f"{self.points} {drawn} drawn by {self.mode}, seed {self.seed}: a longer design begins with them"
         power = 2 ** math.ceil(math.log2(self.points))
         if self.mode in ("sobol", SALTELLI) and power != self.points:
             return f"{said}; a Sobol sequence is balanced at powers of two only: {power} points cover evenly"

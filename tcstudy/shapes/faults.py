@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -184,6 +184,10 @@ def _corner_faults(loop: Loop, place: str) -> list[Fault]:
 def _turn_faults(loop: Loop, place: str) -> list[Fault]:
     if loop_area(loop) > 0.0:
         return []
+    straight = Loop(tuple(replace(edge, through=None) for edge in loop.edges))
+    if any(edge.through is not None for edge in loop.edges) and loop_area(straight) > 0.0:
+        what = "an arc goes around the body on its wrong side: the points run counter-clockwise, the boundary clockwise"
+        return [Fault(place, what, "an edge's through lies between its from and the from of the next edge")]
     return [Fault(place, "the points run clockwise", "reverse the order of the points: counter-clockwise is expected")]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tcstudy.data.store import open_results
-from tcstudy.reports.verdict import RunSeen, jumps, of_file, verdict
+from tcstudy.reports.verdict import RunSeen, jumps, mesh_error, of_file, verdict
 
 
 def test_a_file_says_what_its_dataset_says(grid: Path) -> None:
@@ -44,3 +44,25 @@ def _run(slip: Any) -> RunSeen:
 def test_a_jump_is_told_from_a_slope(slip: Any, said: list[str]) -> None:
     run = _run(slip)
     assert jumps(run, np.ones(np.shape(slip), dtype=bool)) == said
+
+
+@pytest.mark.parametrize(
+    ("numbers", "error", "said"),
+    [
+        ({"friction_resultant": [90.0, 100.0], "u_T_max": [1.0, 2.0]}, 0.1, "change of the friction resultant"),
+        ({"friction_resultant": [-3.0, 1.0], "u_T_max": [0.99, 1.0]}, 0.01, "all but cancels"),
+        ({"friction_resultant": [0.0, 0.0]}, None, "no friction"),
+        ({"error_estimate": [0.3, 0.26], "goal": [90.0, 100.0], "goal_estimate": [9.0, 0.5]}, 0.005, "of the goal"),
+    ],
+)
+def test_the_mesh_error_is_that_of_the_goal_or_of_a_number_that_does_not_cancel(
+    numbers: dict[str, list[float]], error: float | None, said: str
+) -> None:
+    """Two levels of one point."""
+    held = {name: np.array(values) for name, values in numbers.items()} | {"status": np.ones(2)}
+    run = RunSeen(
+        (), 2, "grid", lambda name: (np.zeros(0), "1"), lambda name, level: held[name][level] if name in held else None
+    )
+    found, how = mesh_error(run, run.ok())
+    assert found == (pytest.approx(error) if error is not None else None)
+    assert said in how

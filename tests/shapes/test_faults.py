@@ -167,6 +167,21 @@ FAULTY: dict[str, tuple[Body, str, list[str]]] = {
         "body.outline",
         ["clockwise"],
     ),
+    "arc of another edge": (
+        Body(
+            Loop(
+                (
+                    Edge((0, 0), (8, 0), "a"),
+                    Edge((8, 0), (7, 5), "b"),
+                    Edge((7, 5), (4, 6), "c"),
+                    Edge((4, 6), (1, 5), "d", (5.6, 6.1)),
+                    Edge((1, 5), (0, 0), "e"),
+                )
+            )
+        ),
+        "body.outline",
+        ["an arc goes around", "between its from and"],
+    ),
     "hole of no size": (with_hole(circle_loop((0.5, 0.5), 1e-8, "c")), "body.holes[0]", ["has length"]),
     "hole clockwise": (
         with_hole(polygon_loop([(0.2, 0.2), (0.2, 0.4), (0.4, 0.4)], "h")),

@@ -67,7 +67,7 @@ def curves_figure(picture: SweepPicture, look: style.Look) -> Figure:
         own = np.flatnonzero(by.place == k) if by else np.arange(len(picture.values))
         own = own[np.argsort(x.place[own], kind="stable")]
         at, y = across[x.place[own]], picture.values[own] / divisor
-        joined = x.numbers is not None and len(np.unique(at)) == len(at)  # points of a list may share their x
+        joined = x.numbers is not None and not x.drawn and len(np.unique(at)) == len(at)  # a list may share its x
         mark = MARKS[k % len(MARKS)] if len(at) <= 60 or not joined else ""
         how: dict[str, Any] = {"color": colours[k], "marker": mark, "markersize": 4, "linewidth": 1.3}
         how |= {"linestyle": "-" if joined else "none", "label": _escaped(by.labels[k]) if by else None}
@@ -103,7 +103,7 @@ def _scale(axes: Axes, x: DrawnParameter, across: Array) -> None:
     if x.numbers is None:
         axes.set_xticks(across, [_escaped(text) for text in x.labels])
         axes.set_xlim(-0.5, len(across) - 0.5)
-    elif len(across) > 2 and across.min() > 0.0:
+    elif len(across) > 2 and across.min() > 0.0 and not x.drawn:
         spread = [float(np.ptp(step) / np.mean(step)) for step in (np.diff(across), np.diff(np.log(across)))]
         if spread[1] < spread[0]:
             axes.set_xscale("log")

@@ -91,6 +91,7 @@ def axes(data: Any) -> list[Json]:
                 "path": str(data[name].attrs.get("long_name", "")).removeprefix("swept parameter "),
                 "units": str(data[name].attrs.get("units", "1")),
                 "numeric": number,
+                "drawn": "distribution" in data[name].attrs,
                 "values": [float(v) if number else str(v) for v in values],
                 "dim": str(data[name].dims[0]),
             }

@@ -11,8 +11,8 @@ TC.run = {
     s.x = (byName(given.x) || ranked[0] || texts[0] || {}).name;
     const rest = [...ranked, ...texts].filter((a) => a.name !== s.x);
     s.y = (byName(given.y) && given.y !== s.x ? byName(given.y) : rest[0] || {}).name;
-    const by = [...texts, ...ranked].filter((a) => a.name !== s.x);
-    s.by = (byName(given.by) && given.by !== s.x ? byName(given.by) : by[0] || {}).name;
+    const by = [...texts, ...ranked].filter((a) => a.name !== s.x && !a.drawn);
+    s.by = (by.find((a) => a.name === given.by) || by[0] || {}).name;
     const names = Object.keys(r.numbers);
     s.q = names.includes(given.q) ? given.q : names[0];
     s.level = TC.run.whole(given.level, r.nlevels, r.nlevels - 1);
@@ -102,10 +102,10 @@ TC.run = {
     const r = TC.data.run, s = TC.state, out = [];
     out.push(TC.choice("quantity", Object.keys(r.numbers).map((n) => [n, TC.symbol(n)]), s.q, (q) => TC.set({ q })));
     if (r.varied.length > 1) {
-      const names = r.varied.map((a) => [a.name, TC.symbol(a.name)]);
-      out.push(TC.choice("across", names, s.x, (x) => TC.set({ x, y: x === s.y ? s.x : s.y, by: x === s.by ? s.x : s.by })));
+      const names = r.varied.map((a) => [a.name, TC.symbol(a.name)]), by = names.filter(([n]) => n !== s.x && !TC.run.axis(n).drawn);
+      out.push(TC.choice("across", names, s.x, (x) => TC.set({ x, y: x === s.y ? s.x : s.y, by: x !== s.by ? s.by : TC.run.axis(s.x).drawn ? undefined : s.x })));
       out.push(TC.choice("map: up", names.filter(([n]) => n !== s.x), s.y, (y) => TC.set({ y })));
-      out.push(TC.choice("curves: one for each", names.filter(([n]) => n !== s.x), s.by, (by) => TC.set({ by })));
+      if (by.length) out.push(TC.choice("curves: one for each", by, s.by, (by) => TC.set({ by })));
     }
     if (r.nlevels > 1) out.push(TC.slider("level", TC.run.levels(TC.run.flat(s.at)).h_max.map((h, i) => `${i} (h = ${TC.quantity(h, r.units.h_max, 3)})`), s.level, (level) => TC.set({ level })));
     if (r.grid) for (const a of r.varied) {
@@ -195,9 +195,10 @@ TC.run = {
     const xs = [...Array(r.points)].map((_, p) => place(ax, p) / fx), ys = [...Array(r.points)].map((_, p) => place(ay, p) / fy);
     const plot = new TC.Plot({ width, height: 320, x: TC.pad(TC.range(xs)), y: TC.pad(TC.range(ys)), xlabel: TC.axisTitle(ax), ylabel: TC.axisTitle(ay) });
     TC.run.patterns(plot.svg);
+    const half = r.points > 150 ? 5 : 8; // many points must not hide one another
     for (let p = 0; p < r.points; p++) {
       const group = TC.svgNode("g");
-      TC.run.cell(group, plot.px(xs[p]) - 8, plot.py(ys[p]) - 8, 16, 16, p, shade, scale, false);
+      TC.run.cell(group, plot.px(xs[p]) - half, plot.py(ys[p]) - half, 2 * half, 2 * half, p, shade, scale, false);
       if (p === s.at[0]) group.append(TC.svgNode("rect", { x: plot.px(xs[p]) - 10, y: plot.py(ys[p]) - 10, width: 20, height: 20, fill: "none", stroke: "var(--ink)", "stroke-width": 2.5 }));
       plot.over.append(group);
     }
@@ -251,7 +252,7 @@ TC.run = {
     const ends = [];
     series.forEach((g, k) => {
       const look = TC.series(k), v = g.pts.map((o) => get(o) / scale.by);
-      plot.line(g.pts.map((o) => o.x), v, { ...look, "stroke-width": g.on ? 2.8 : 1.5, opacity: g.on ? 1 : 0.75 });
+      if (!ax.drawn) plot.line(g.pts.map((o) => o.x), v, { ...look, "stroke-width": g.on ? 2.8 : 1.5, opacity: g.on ? 1 : 0.75 });
       g.pts.forEach((o, i) => {
         if (!Number.isFinite(v[i])) return;
         const shown = TC.marker(TC.SHAPES[k % 4], plot.px(o.x), plot.py(v[i]), g.pts.length > 40 ? 2 : 3.6, { fill: TC.run.proof(o.p, s.level) === "unique" ? look.stroke : "var(--bg)", stroke: look.stroke, "stroke-width": 1.6, class: "mark" });
@@ -286,7 +287,8 @@ TC.run = {
   ROUNDING: 1e-12, // relative changes below it are none
   CONVERGED: ["u_T_max", "slip_length", "friction_resultant", "energy", "error_estimate"],
   changes(width, p) {
-    const r = TC.data.run, h = TC.run.levels(p).h_max, scale = TC.scale(h, r.units.h_max), series = [];
+    // The longest edge tells a mesh only where every edge is halved.
+    const r = TC.data.run, own = TC.run.levels(p), halved = own.h_max.every((x, l) => l === 0 || x < 0.9 * own.h_max[l - 1]), h = halved ? own.h_max : Array.from(own.n_dof, (n) => 1 / Math.sqrt(n)), scale = TC.scale(h, halved ? r.units.h_max : "1"), series = [];
     for (const name of TC.run.CONVERGED.filter((n) => r.numbers[n])) {
       const v = h.map((_, l) => (TC.run.flag("status", p, l) === 1 ? TC.run.value(name, p, l) : NaN));
       const last = Math.abs(v[v.length - 1]) || 1;
@@ -295,7 +297,7 @@ TC.run = {
     }
     const ys = series.flatMap((g) => g.ys).filter((v) => v > 0), xs = series[0].xs;
     if (!ys.length) return [TC.el("h3", {}, "Convergence over the levels"), TC.el("p", { class: "note" }, "The numbers do not change from level to level.")];
-    const plot = new TC.Plot({ width, height: 300, x: TC.pad(TC.range(xs.slice(1)), 0.12, true), y: TC.pad(TC.range(ys), 0.12, true), xlog: true, ylog: true, xlabel: `longest edge h${scale.unit ? ` [${scale.unit}]` : ""}`, ylabel: "relative change from the level before", margin: { left: 74, right: 14, top: 10, bottom: 46 } });
+    const plot = new TC.Plot({ width, height: 300, x: TC.pad(TC.range(xs.slice(1)), 0.12, true), y: TC.pad(TC.range(ys), 0.12, true), xlog: true, ylog: true, xlabel: halved ? `longest edge h${scale.unit ? ` [${scale.unit}]` : ""}` : "1/√unknowns", ylabel: "relative change from the level before", margin: { left: 74, right: 14, top: 10, bottom: 46 } });
     const hi = xs.length > 1 ? xs[1] : xs[0], lo = Math.min(...xs), top = Math.max(...ys);
     for (const order of [1, 2]) {
       plot.line([lo, hi], [top * (lo / hi) ** order, top], { stroke: "var(--soft)", "stroke-width": 1, "stroke-dasharray": "3 3" });
@@ -308,7 +310,7 @@ TC.run = {
       if (!g.ys.some((v) => v > 0)) { legend.append(TC.el("span", { style: "display:inline-block;margin-right:14px" }, `${g.what}: does not change`)); return; }
       plot.line(g.xs, g.ys, look);
       g.xs.forEach((x, i) => { if (g.ys[i] > 0) plot.over.append(TC.marker(TC.SHAPES[k % 4], plot.px(x), plot.py(g.ys[i]), 4, { fill: look.stroke })); });
-      const n = g.ys.length, rate = n > 2 ? Math.log(g.ys[n - 2] / g.ys[n - 1]) / Math.log(g.xs[n - 2] / g.xs[n - 1]) : NaN;
+      const n = g.ys.length, rate = n > 2 && (halved || g.name === "error_estimate") ? Math.log(g.ys[n - 2] / g.ys[n - 1]) / Math.log(g.xs[n - 2] / g.xs[n - 1]) : NaN;
       const key = TC.svgNode("svg", { width: 26, height: 12, style: "display:inline-block;vertical-align:-1px;margin-right:5px" }, TC.svgNode("line", { x1: 0, x2: 26, y1: 6, y2: 6, "stroke-width": 2, ...look }), TC.marker(TC.SHAPES[k % 4], 13, 6, 4, { fill: look.stroke }));
       legend.append(TC.el("span", { style: "display:inline-block;margin-right:14px" }, key, `${g.what}${Number.isFinite(rate) ? `: last order ${rate.toFixed(1).replace("-", "−")}` : ""}`));
     });
