@@ -30,7 +30,7 @@ from tcstudy.solvers.path.tableau import Tableau
 from tcstudy.solvers.path.walk import Walk, units_of
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.descent import escape, new_state
-from tcstudy.solvers.separable.newton import SeparableNewton
+from tcstudy.solvers.separable.newton import Downhill
 from tcstudy.solvers.separable.pieces import factorise, integral
 
 Array = NDArray[np.float64]
@@ -144,7 +144,7 @@ class _Step:
         Beside a fold the energy is flat, and Newton's steps on a convex model creep: one along the negative curvature,
         to the end of the piece, takes their place.
         """
-        method = SeparableNewton(tolerance=1e-14, coarsest=0, max_iterations=CREEPS)
+        method = Downhill(tolerance=1e-14, max_iterations=CREEPS)
         for _ in range(CREEPS):
             outcome = iterate(method, problem, w)
             self.iterations += outcome.iterations

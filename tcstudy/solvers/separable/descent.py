@@ -133,6 +133,41 @@ def on_model(problem: ContactProblem, state: SeparableState, halvings: int) -> S
     return replace(state, slow=-_PUT_OFF)
 
 
+def first_rest(problem: ContactProblem, state: SeparableState, target: Array) -> Array | None:
+    """Where on the straight way to `target` the energy first stops falling (m,); None if it rises at once.
+
+    On straight pieces the slope of the energy along the way is a line between the kinks that nodes pass; a node that
+    stops on a kink is there to the bit.
+    """
+    law, c, v, step = problem.law, problem.c, state.v, target - state.v
+    piece = np.where(step > 0.0, law.piece(v, +1), law.piece(v, -1))
+    moving = np.flatnonzero(step)
+    kinks = np.broadcast_to(law.kinks, (problem.m, law.kinks.shape[-1]))[moving]
+    shares = (kinks - v[moving, None]) / step[moving, None]
+    row, kink = np.nonzero((shares > 0.0) & (shares < 1.0))
+    order = np.argsort(shares[row, kink], kind="stable")
+    row, kink = row[order], kink[order]
+    node, s, at = moving[row], kinks[row, kink], shares[row, kink]
+    own, on = law.of(node), (step[node] > 0.0).astype(np.intp)
+    weight = c[node] * step[node]
+    jump = weight * (own.value(s, kink + on) - own.value(s, kink + 1 - on))
+    bend = weight * step[node] * (own.slope(s, kink + on) - own.slope(s, kink + 1 - on))
+    begins = np.append(0.0, at)
+    curvature = step @ (problem.A_tilde @ step + c * law.slope(v, piece) * step) + np.append(0.0, np.cumsum(bend))
+    rise = curvature * np.diff(np.append(begins, 1.0))
+    first = step @ (c * law.value(v, piece) - state.xi) + np.append(0.0, np.cumsum(rise[:-1] + jump))
+    k = int(np.argmax(first + rise > 0.0))
+    if not first[k] + rise[k] > 0.0:
+        return target
+    if first[k] < 0.0:
+        return np.asarray(v + (begins[k] - first[k] / curvature[k]) * step)
+    if k == 0:
+        return None
+    found = v + at[k - 1] * step
+    found[node[k - 1]] = s[k - 1]
+    return np.asarray(found)
+
+
 def node_by_node(problem: ContactProblem, state: SeparableState) -> SeparableState:
     """One pass of one-dimensional minimisations over the descending nodes."""
     target = descend_nodes(problem, state.v, state.xi, state.slopes.descent)

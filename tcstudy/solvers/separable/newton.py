@@ -44,6 +44,8 @@ from tcstudy.solvers.separable.descent import (
     SeparableState,
     along_path,
     escape,
+    first_rest,
+    moved,
     new_state,
     node_by_node,
     on_model,
@@ -141,6 +143,26 @@ class SeparableNewton:
             f"{iteration:4d}  L = {state.f: .12e}  residual = {state.residual:.2e}  at rest = {rest:5d}  "
             f"factorisations = {state.factorisations:3d}  {state.moved}"
         )
+
+
+@dataclass(frozen=True)
+class Downhill(SeparableNewton):
+    """The same along ways on which the energy falls all along: to the well that is nearest downhill, over no barrier.
+
+    Armijo's rule takes any lower point, also one behind a barrier. For laws of straight pieces.
+    """
+
+    coarsest: int = 0
+
+    def step(self, problem: ContactProblem, state: SeparableState) -> SeparableState:
+        """A step of the method, up to where the energy would rise on the straight way."""
+        new = super().step(problem, state)
+        if new.at_rounding:
+            return new
+        rest = first_rest(problem, state, new.v)
+        if rest is None:
+            return node_by_node(problem, state)
+        return new if rest is new.v else moved(problem, new, rest, "downhill")
 
 
 def interpolation(m: int) -> scipy.sparse.csr_matrix:

@@ -128,3 +128,22 @@ def test_the_work_of_a_curve_is_the_limit_of_small_steps() -> None:
             for k in (None, 16, 1024)}  # fmt: skip
     assert work[1024] == pytest.approx(work[None], rel=1e-6)
     assert work[16] != pytest.approx(work[None], rel=1e-4)
+
+
+def test_a_jump_ends_in_the_next_well_downhill() -> None:
+    """Stick and slip over teeth of a film, one at a time: a block on a spring of 0.06, by hand.
+
+    It lets go of the crest (0.1, 1) with l = 1.006 and is caught by the rise to (1, 2) where 0.06 s + b(s) = 1.006; of
+    that it lets go with 2.06, and ends where 0.06 s + 0.1 = 2.06. Released is ∫ (l − 0.06 s − b) ds.
+    """
+    film = law(points=[(0.0, 0.5), (0.1, 1.0), (0.6, 0.1), (1.0, 2.0), (1.8, 0.1)])
+    caught = 0.6 + (1.006 - 0.036 - 0.1) / (0.06 + 1.9 / 0.4)
+    loads = [np.array([load]) for load in (1.5, 3.0)]
+    one, two = followed(HistoryProblem(np.array([[0.06]]), np.ones(1), film, Memory("friction"), substeps=None), loads)
+    dip = 1.006 - 0.036 - 0.1
+    assert one.energies.released == pytest.approx(0.5 * dip * (caught - 0.1), rel=1e-12)
+    assert one.state.v == pytest.approx(0.6 + (1.5 - 0.136) / (0.06 + 1.9 / 0.4), rel=1e-12)
+    end = (2.06 - 0.1) / 0.06
+    out = (2.06 - 0.06 * 1.8 - 0.1) * 0.5 * (0.8 + end - 1.8)
+    assert two.energies.released == pytest.approx(out, rel=1e-12)
+    assert (one.jumps, two.jumps) == (1, 1)
