@@ -99,6 +99,11 @@ class LawTable:
         """(L,) steepest falls [Pa/m]."""
         return np.array([law.omega for law in self.laws])
 
+    @cached_property
+    def scales(self) -> Array:
+        """(L,) scales of b [Pa]."""
+        return np.array([law.b_scale for law in self.laws])
+
 
 @dataclass(frozen=True, eq=False)
 class NodalLaws:
@@ -170,7 +175,7 @@ class NodalLaws:
     @property
     def b_scale(self) -> float:
         """Largest scale of b [Pa]."""
-        return max((law.b_scale for law, _ in self.groups), default=0.0)
+        return float(np.max(self.table.scales[self.index], initial=0.0))
 
     @property
     def s_scale(self) -> float:
@@ -185,11 +190,6 @@ class NodalLaws:
     def scaled(self, s_unit: float, b_unit: float) -> NodalLaws:
         """As `FrictionLaw.scaled`."""
         return self.mapped(lambda law: law.scaled(s_unit, b_unit))
-
-    def check_growth(self) -> None:
-        """Raise GrowthError unless (15) and (16) hold for every law."""
-        for law, _ in self.groups:
-            law.check_growth()
 
     def piece(self, s: ArrayLike, side: int = 1) -> Index:
         """(m,) index of the piece that holds s, at a kink that to its right (side=1) or left (side=-1)."""
@@ -267,7 +267,7 @@ class NodalLaws:
         return table[self.index, last] - table[self.index, first]
 
     def j(self, s: ArrayLike) -> Array:
-        """(m,) the primitive j(s) [Pa·m]."""
+        """The primitive j(s) of slips (m,) or (m, …) [Pa·m]."""
         return each(self, FrictionLaw.j, np.asarray(s, dtype=float))
 
 

@@ -31,8 +31,8 @@ from tcstudy.solvers.hulls import Bridges, proximal_hulls
 from tcstudy.solvers.law_tables import LawTables
 from tcstudy.solvers.loop import Outcome
 from tcstudy.solvers.moves import best_places, follow, relaxed_stiffness
-from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.separable.pieces import cholesky, energy_change, integral, slopes, submatrix
+from tcstudy.solvers.problem import ContactProblem, integral
+from tcstudy.solvers.separable.pieces import cholesky, energy_change, slopes, submatrix
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

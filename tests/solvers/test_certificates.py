@@ -8,10 +8,9 @@ from tcstudy.solvers.bounds import bend_below_tangent, least_slope, solution_box
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.law_tables import value_range
 from tcstudy.solvers.loop import iterate
-from tcstudy.solvers.problem import ContactProblem
+from tcstudy.solvers.problem import ContactProblem, integral
 from tcstudy.solvers.separable.finish import ActivePieces, solve_on
 from tcstudy.solvers.separable.newton import SeparableNewton
-from tcstudy.solvers.separable.pieces import integral
 from tests.solvers import contact_cases as cases
 from tests.solvers import exhaustive
 

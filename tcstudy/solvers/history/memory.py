@@ -24,7 +24,7 @@ from tcstudy.scene.histories import Memory
 from tcstudy.scene.nodal_laws import Law
 from tcstudy.solvers.history.rows import PARTS, HalfRows, laws_of
 from tcstudy.solvers.path.chords import piecewise_linear
-from tcstudy.solvers.separable.pieces import integral
+from tcstudy.solvers.problem import integral
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

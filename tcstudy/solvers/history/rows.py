@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.nodal_laws import Flags, Index, LawTable, NodalLaws
-from tcstudy.solvers.separable.pieces import integral
 
 Array = NDArray[np.float64]
 PARTS = ("s_0", "b_0", "q", "a", "r")
@@ -110,11 +109,6 @@ class RememberedLaws(NodalLaws):
     def of(self, nodes: Index | Flags | slice) -> RememberedLaws:
         """The laws of the named nodes."""
         return RememberedLaws(self.table, self.index[nodes], self.scale)
-
-    def j(self, s: ArrayLike) -> Array:
-        """(m,) the primitive j(s) [Pa·m]."""
-        at = np.asarray(s, dtype=float)
-        return integral(self, np.zeros_like(at), at)
 
 
 def laws_of(halves: Sequence[HalfRows], m: int, omega: Array, scale: float) -> RememberedLaws:

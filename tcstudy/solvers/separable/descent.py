@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solvers.loop import Status
-from tcstudy.solvers.problem import ContactProblem
+from tcstudy.solvers.problem import ContactProblem, integral
 from tcstudy.solvers.separable.convex_step import convex_step
-from tcstudy.solvers.separable.pieces import FreeSystem, Slopes, energy_change, integral, next_up_jump, slopes
+from tcstudy.solvers.separable.pieces import FreeSystem, Slopes, energy_change, next_up_jump, slopes
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

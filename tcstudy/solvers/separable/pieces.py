@@ -19,31 +19,10 @@ from numpy.typing import NDArray
 
 from tcstudy.scene.friction import BEND, UP
 from tcstudy.scene.nodal_laws import Law, NodalLaws
-from tcstudy.solvers.problem import ContactProblem
+from tcstudy.solvers.problem import ContactProblem, integral
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-
-def integral(law: Law, x: Array, y: Array) -> Array:
-    """j(y) − j(x) = ∫_x^y b(s) ds without cancellation (shape of x) [Pa·m]."""
-    rising = y >= x
-    first = np.where(rising, law.piece(x, +1), law.piece(x, -1))
-    last = np.where(rising, law.piece(y, -1), law.piece(y, +1))
-    last = np.where(x == y, first, last)
-    total = law.piece_integral(first, x, np.where(first == last, y, x))
-    crossed = np.flatnonzero(first != last)
-    if not len(crossed):
-        return total
-    law, up, start, end = law.of(crossed), rising[crossed], first[crossed], last[crossed]
-    leave = np.where(up, start, start - 1)
-    enter = np.where(up, end - 1, end)
-    total[crossed] = (
-        law.piece_integral(start, x[crossed], law.kink(leave))
-        + law.between_kinks(leave, enter)
-        + law.piece_integral(end, law.kink(enter), y[crossed])
-    )
-    return total
 
 
 def next_up_jump(law: Law, v: Array, direction: Array) -> Array:
