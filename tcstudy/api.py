@@ -283,19 +283,25 @@ def path(
 
 
 def history(
-    study: Study | str | FilePath, output: str | FilePath | None = None, *, force: bool = False
+    study: Study | str | FilePath,
+    output: str | FilePath | None = None,
+    *,
+    force: bool = False,
+    jobs: int | None = None,
+    dask: str | None = None,
 ) -> xarray.DataTree:
     """The load history of every sweep point, step by step, as `tcstudy history` follows it.
 
     The data have the dimension `step` with its loads, `cycle` and `step_name`; what the file has already is kept, and
     more steps or cycles are added to it (force computes all again). A history that ends early has its `reason`.
+    jobs, dask: who follows the points of a sweep, as in `run`.
     Raises StudyError, HistoryError (no such section), GeometryFailed, StoreError.
     """
     from tcstudy.study.history_run import execute_history
 
     asked = _study(study)
     target = FilePath(output) if output is not None else usual_output("history", asked)
-    execute_history(asked, target, None, ("tcstudy.history",), force)
+    execute_history(asked, target, None, ("tcstudy.history",), force, jobs, dask)
     return _loaded(target)
 
 

@@ -34,7 +34,7 @@ from tcstudy.commands.shared import (
 
 if TYPE_CHECKING:
     from tcstudy.scene.study import Study
-    from tcstudy.study.expected import Resources
+    from tcstudy.study.jobs import Resources
     from tcstudy.study.plan import Plan
 
 KEPT = "finished points are kept, the same command goes on from there"
@@ -97,8 +97,7 @@ def plan(options: argparse.Namespace) -> int:
     study, output = checked(options, planned=True)
     from tcstudy.data.provenance import already_there
     from tcstudy.reports.terminal.forecast import expected_words, forecast_text
-    from tcstudy.study.expected import of_run
-    from tcstudy.study.jobs import work_words
+    from tcstudy.study.expected import of_run, work_words
     from tcstudy.study.plan import plan as forecast_of
 
     if study.variants:

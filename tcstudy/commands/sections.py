@@ -69,7 +69,7 @@ def history(options: argparse.Namespace) -> int:
 
     with closing(HistoryProgress()) as progress:
         watcher = None if options.quiet else progress
-        result = execute_history(study, output, watcher, options.words, options.force)
+        result = execute_history(study, output, watcher, options.words, options.force, options.jobs, options.dask)
     if result.found == result.points * result.steps:
         note(options, f"{output} holds these results already; --force computes them again")
     elif result.found:
@@ -106,7 +106,7 @@ COMMANDS = {
     ),
     "history": Command(
         "follow loads one after the other, with friction, plastic slip or damage that remembers",
-        (*STUDY, _OUTPUT["history"], *MANNER, shared.FORCE),
+        (*STUDY, _OUTPUT["history"], *MANNER, shared.FORCE, shared.JOBS, shared.DASK),
         history,
         kept=KEPT,
     ),

@@ -71,8 +71,8 @@ def file_name(text: str) -> Path:
 
 _SET = "replace a value of the study, e.g. --set heat.alpha=50 (may be repeated)"
 _FORCE = "compute again what the result file holds already, and replace results of another study"
-_JOBS = "worker processes that solve contact problems, 1 for none (default: as many as pay)"
-_DASK = "dask scheduler whose workers solve contact problems: tcp://host:port; local starts one with --jobs workers"
+_JOBS = "worker processes for contact problems, geometries, histories; 1 for none (default: as many as pay)"
+_DASK = "dask scheduler whose workers do that instead: tcp://host:port; local starts one with --jobs workers"
 _RESPONSE = "what a path is drawn over: the mean (default) or largest slip, or the friction resultant"
 _ERROR = "error that accuracy against cost is of, e.g. u_L2, xi_L2, friction_resultant (default: u_energy)"
 

@@ -71,6 +71,15 @@ class HistoryRecord:
                 made[variable.name] = np.full(shape, variable.missing, dtype=variable.dtype)
         return cls(**made)
 
+    def of(self, point: int) -> HistoryRecord:
+        """That of one point."""
+        return HistoryRecord(**{one.name: getattr(self, one.name)[point : point + 1] for one in fields(self)})
+
+    def take(self, point: int, one: HistoryRecord) -> None:
+        """Put the record of one point into its row."""
+        for row in fields(self):
+            getattr(self, row.name)[point] = getattr(one, row.name)[0]
+
     def arrays(self) -> Iterator[tuple[str, NDArray[Any]]]:
         """(name, array) of all that has a row a point."""
         for one in fields(self):

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from tcstudy.scene.study import Study
+from tcstudy.study.jobs import WORTH, Resources, crew, workers
 from tcstudy.study.jobs import seconds as contact_seconds
-from tcstudy.study.sizes import LevelForecast, meshing_seconds, refined
+from tcstudy.study.sizes import LevelForecast, forecast, meshing_seconds, refined
 
 PROBES = (6.0e-3, 1.2e-2)
 """Seconds of the two probes on the machine of results/speed.md: arithmetic, and scattered memory."""
@@ -32,14 +32,6 @@ FAMILIES, REFERENCE = 3, 10.0
 """Mesh families of a chart of costs, and how many times as many unknowns its reference has."""
 
 
-@dataclass(frozen=True)
-class Resources:
-    """Wall time [s] of one process on an idle machine, and peak memory [byte]."""
-
-    seconds: float
-    memory: float
-
-
 def of_run(
     study: Study, levels: Sequence[LevelForecast], factorisations: int, heat_solves: int, start: float = START
 ) -> Resources:
@@ -48,10 +40,44 @@ def of_run(
     spent = start + sum(_level(v.n_dof, factorisations, bool(heat_solves)) for v in all_levels)
     spent = spent * slowness() + meshing_seconds(study.mesh, all_levels)
     if (history := study.history) is not None:
-        spent += history.steps * STEP * contact_seconds(study, history.of(all_levels).n_contact)
+        one = history.of(all_levels)
+        spent += len(study.scenes) * of_history(study, one.n_dof, one.n_contact).seconds
     else:
         spent += sum(contact_seconds(study, v.n_contact) for v in all_levels)
     return Resources(spent, MEMORY + UNKNOWN * max((v.n_dof for v in all_levels), default=0))
+
+
+def of_history(study: Study, n_dof: int, m: int) -> Resources:
+    """What the steps of one point are expected to take, with so many unknowns of the body and its contact line."""
+    assert study.history is not None
+    each = contact_seconds(study, m) / len(study.scenes)
+    return Resources(study.history.steps * STEP * each, MEMORY + UNKNOWN * n_dof)
+
+
+def of_geometry(study: Study) -> Resources:
+    """What all points of a geometry of a sweep are expected to take, without a look at its meshes."""
+    return of_run(study, forecast(study), 1, 0, start=0.0)
+
+
+def work_words(study: Study, levels: Sequence[LevelForecast], jobs: int | None) -> str:
+    """Who will do the work, in words."""
+    scheduler = "or by those of a scheduler (--dask)"
+    if study.variants or study.history is not None:
+        if study.history is None:
+            what, each = "geometries", [of_geometry(one.study) for one in study.variants if one.study is not None]
+        else:
+            one = study.history.of(levels)
+            what, each = "histories", [of_history(study, one.n_dof, one.n_contact)] * len(study.scenes)
+        if len(each) < 2 or (count := crew(each, jobs)) == 1:
+            return ""
+        return f"{len(each)} {what}, each whole by one of {count} worker processes (--jobs), {scheduler}"
+    most = max((workers(study, level.n_contact, jobs) for level in levels), default=1)
+    took = sum(contact_seconds(study, level.n_contact) for level in levels)
+    about = f"contact problems: about {took:.1g} s of one process" if took >= WORTH else ""
+    who = f"solved by {most} worker processes (--jobs), {scheduler}"
+    if most == 1:
+        return about
+    return f"{about}, {who}" if about else f"contact problems {who}"
 
 
 def of_cost(study: Study, levels: Sequence[LevelForecast], heat: bool, runs: int, solvers: int) -> Resources:

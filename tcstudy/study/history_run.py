@@ -2,13 +2,17 @@
 
 The condensed load is affine in what changes, so that it is computed at the ends of the lines only, and between them it
 lies on the straight line. All steps of all points share the mesh, and those of one material its factor.
+
+Of a sweep whole histories are work for workers, where these pay: each makes the mesh once and follows one point after
+the other; this process takes their steps in the order of the sweep and alone writes.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import closing
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -21,7 +25,8 @@ from tcstudy.data.history_records import HistoryRecord
 from tcstudy.data.history_store import open_history, read_known, steps_done, write_history
 from tcstudy.data.provenance import collect, study_sha256
 from tcstudy.data.records import PointStatus
-from tcstudy.errors import HistoryError, StoreError, StudyError
+from tcstudy.errors import HistoryError, StoreError, StudyError, UserFault
+from tcstudy.executors import Errand, in_order, unpacked
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
@@ -31,6 +36,9 @@ from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.solvers.history.memory import NodeState
 from tcstudy.solvers.history.steps import HistoryProblem, HistoryStep, history
+from tcstudy.study.errands import errand
+from tcstudy.study.expected import of_history
+from tcstudy.study.jobs import Staff
 from tcstudy.study.point import point_status
 from tcstudy.study.run import level_record
 from tcstudy.study.union import differences
@@ -69,12 +77,14 @@ def execute_history(
     watcher: HistoryWatcher | None = None,
     command: Sequence[str] = ("tcstudy",),
     force: bool = False,
+    jobs: int | None = None,
+    dask: str | None = None,
 ) -> HistorySummary:
     """Follow the histories of a study and write their file, which is also written while it grows.
 
-    force: compute again what the file holds
+    force: compute again what the file holds;  jobs, dask: as of a run
     Raises HistoryError if the study has none, StoreError where the file holds something else or cannot be written,
-    GeometryFailed if the body has no mesh.
+    GeometryFailed if the body has no mesh, WorkersFailed if there are no workers.
     """
     plan = study.history
     if plan is None:
@@ -84,13 +94,15 @@ def execute_history(
     if known is not None and all(_finished(known, p) for p in range(len(study.scenes))) and _same(output, study):
         return _summary(study, known, done)
     provenance = collect(study, command)
-    with threadpool_limits(1, user_api="blas"):
+    with threadpool_limits(1, user_api="blas"), closing(Staff(jobs, dask)) as staff:
+        clock = time.perf_counter()
         level = _level(study)
+        built = time.perf_counter() - clock
         line = level_record(study, level.mesh, level)
         record = known or HistoryRecord.empty(len(study.scenes), plan.steps + 1, level.line.m)
         saved = time.monotonic()
         try:
-            for point, step in _steps(study, level, record):
+            for point, step in _steps(study, level, record, staff, built):
                 if watcher is not None:
                     watcher(point, len(study.scenes), step, plan.steps)
                 if time.monotonic() - saved > SAVED_EVERY:
@@ -126,6 +138,10 @@ def _known(path: Path, study: Study, steps: int) -> HistoryRecord | None:
         return None
     with open_history(path) as data:
         attrs = data.attrs
+    broken = known.status == PointStatus.ERROR  # no number's fault: tried again
+    known.status[broken] = PointStatus.NOT_RUN
+    for point in np.flatnonzero(broken.any(axis=1)).tolist():
+        known.reason[point] = ""
     if attrs["study_sha256"] == study_sha256(study):
         return known
     try:
@@ -150,17 +166,65 @@ def _level(study: Study) -> Level:
     return Level(mesh, study.scenes[0], held=not plan.loose)
 
 
-def _steps(study: Study, level: Level, record: HistoryRecord) -> Iterator[tuple[int, int]]:
-    """(point, step) after every step that is solved; the record has it then."""
-    for point, scene in enumerate(study.scenes):
-        if _finished(record, point):
-            continue
-        try:
-            for step in _of_point(study, level, scene, record, point):
+def _steps(study: Study, level: Level, record: HistoryRecord, staff: Staff, built: float) -> Iterator[tuple[int, int]]:
+    """(point, step) after every step that is solved here, and after the last that a worker solved of a point.
+
+    The record has it then. built: seconds that the level took
+    """
+    todo = [point for point in range(len(study.scenes)) if not _finished(record, point)]
+    each = of_history(study, level.frames.n_dof, level.line.m)
+    who = staff.errands([each] * len(todo), built)
+    if who is None:
+        for point in todo:
+            for step in _follow(study, level, study.scenes[point], record, point):
                 yield point, step
-        except (NotPositiveDefinite, UnfitLaw) as error:
-            record.reason[point] = str(error)
-            record.status[point, int(steps_done(record)[point])] = PointStatus.SINGULAR
+        return
+    key = study_sha256(study)
+    for point, answer in zip(todo, in_order(who, (_errand(study, key, record, point) for point in todo)), strict=True):
+        try:
+            record.take(point, unpacked(answer))
+        except UserFault:
+            raise
+        except Exception as error:  # as of a block of points: one history must not end a sweep
+            record.reason[point] = f"{type(error).__name__}: {error}"
+            record.status[point, int(steps_done(record)[point])] = PointStatus.ERROR
+        yield point, int(steps_done(record)[point]) - 1
+
+
+def _errand(study: Study, key: str, record: HistoryRecord, point: int) -> Errand:
+    """The rest of the history of one point; the study goes along with the first scene, which makes the level."""
+    pair = replace(study, scenes=(study.scenes[0], study.scenes[point]), axes=())
+    row = record.of(point) if steps_done(record)[point] else None
+    return errand(follow_point, pair, key, row, name=f"history {point}")
+
+
+_kept: dict[str, Level] = {}
+"""The level of a worker, by the study that it follows."""
+
+
+def follow_point(study: Study, key: str, known: HistoryRecord | None) -> HistoryRecord:
+    """All steps of the second scene of a study, on the level that the first makes; known: those found before.
+
+    key: of the whole study, whose level stays for the next point
+    """
+    assert study.history is not None
+    if key not in _kept:
+        _kept.clear()
+        _kept[key] = _level(study)
+    level = _kept[key]
+    record = known or HistoryRecord.empty(1, study.history.steps + 1, level.line.m)
+    for _ in _follow(study, level, study.scenes[1], record, 0):
+        pass
+    return record
+
+
+def _follow(study: Study, level: Level, scene: Scene, record: HistoryRecord, point: int) -> Iterator[int]:
+    """Every step that is solved; the record has it then, or the reason why there is no further one."""
+    try:
+        yield from _of_point(study, level, scene, record, point)
+    except (NotPositiveDefinite, UnfitLaw) as error:
+        record.reason[point] = str(error)
+        record.status[point, int(steps_done(record)[point])] = PointStatus.SINGULAR
 
 
 def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, point: int) -> Iterator[int]:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
 
 from tcstudy.executors import Cluster, Executor, Here, Processes, available
 from tcstudy.scene.study import Study
-from tcstudy.study.sizes import LevelForecast, forecast
+from tcstudy.study.sizes import forecast
 from tcstudy.study.workshop import in_blocks
 
 Choice = Callable[[Study, int], Executor]
@@ -25,16 +28,16 @@ def seconds(study: Study, m: int) -> float:
     return len(study.scenes) * (POINT + NODE * m)
 
 
-def paying(seconds: float, jobs: int | None) -> int:
+def paying(seconds: float, jobs: int | None, start: float = 0.0) -> int:
     """Worker processes for work of so many seconds; 1 means that this process does it itself.
 
-    jobs: as the user asks, None for as many as pay
+    jobs: as the user asks, None for as many as pay;  start: seconds that each needs before it works
     """
     if os.name != "posix":
         return 1
     if jobs is not None:
         return jobs
-    worth = int(seconds / WORTH)
+    worth = int(seconds / (WORTH + start))
     return min(available(), worth) if worth > 1 else 1
 
 
@@ -43,15 +46,33 @@ def workers(study: Study, m: int, jobs: int | None = None) -> int:
     return paying(seconds(study, m), jobs) if in_blocks(study) else 1
 
 
-def work_words(study: Study, levels: Sequence[LevelForecast], jobs: int | None) -> str:
-    """Who will solve the contact problems, in words."""
-    most = max((workers(study, level.n_contact, jobs) for level in levels), default=1)
-    took = sum(seconds(study, level.n_contact) for level in levels)
-    about = f"contact problems: about {took:.1g} s of one process" if took >= WORTH else ""
-    who = f"solved by {most} worker processes (--jobs), or by those of a scheduler (--dask)"
-    if most == 1:
-        return about
-    return f"{about}, {who}" if about else f"contact problems {who}"
+@dataclass(frozen=True)
+class Resources:
+    """Wall time [s] of one process on an idle machine, and peak memory [byte]."""
+
+    seconds: float
+    memory: float
+
+
+SHARE = 0.5
+"""Of the memory of this machine, for workers with an errand each."""
+
+
+def crew(errands: Sequence[Resources], jobs: int | None, start: float = 0.0) -> int:
+    """Worker processes for errands, as many as pay and this machine has the memory for, or as the user asks.
+
+    start: seconds that each needs before it works
+    """
+    if not errands:
+        return 1
+    memory = max(one.memory for one in errands)
+    most = len(errands) if jobs is not None else max(1, int(SHARE * _memory() / memory))
+    return max(1, min(len(errands), paying(sum(one.seconds for one in errands), jobs, start), most))
+
+
+def _memory() -> float:
+    """Of this machine [byte]."""
+    return float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else np.inf
 
 
 class Staff:
@@ -80,15 +101,12 @@ class Staff:
         count = workers(study, m, self.jobs)
         return self._here if count == 1 else self._of(count)
 
-    def errands(self, count: int, seconds: float, most: int) -> Executor | None:
-        """Who runs so many errands of so many seconds together; None where this process does without.
-
-        most: workers at a time that this machine has the memory for, if it is not the user who chose their number
-        """
+    def errands(self, errands: Sequence[Resources], start: float = 0.0) -> Executor | None:
+        """Who runs errands that take so much, after `start` seconds; None where this process does without."""
         if self._cluster is not None:
-            return self._cluster
-        number = min(count, paying(seconds, self.jobs), most if self.jobs is None else count)
-        return self._of(number) if number > 1 else None
+            return self._cluster if len(errands) > 1 else None
+        count = crew(errands, self.jobs, start)
+        return self._of(count) if count > 1 else None
 
     def close(self) -> None:
         """End all workers, whatever they do."""

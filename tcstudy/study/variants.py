@@ -8,7 +8,6 @@ stays, so that a stopped sweep goes on where it was. The folder goes when the fi
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
@@ -33,9 +32,9 @@ from tcstudy.executors import Errand, in_order, unpacked
 from tcstudy.scene.study import Study, Variant
 from tcstudy.study.convergence import converge
 from tcstudy.study.errands import errand, solve_geometry
-from tcstudy.study.expected import Resources, of_run
+from tcstudy.study.expected import of_geometry, of_run
 from tcstudy.study.grow import Kept
-from tcstudy.study.jobs import Staff
+from tcstudy.study.jobs import Resources, Staff
 from tcstudy.study.jobs import seconds as contact_seconds
 from tcstudy.study.plan import Plan, expected_bytes, warnings
 from tcstudy.study.plan import plan as plan_of
@@ -46,8 +45,6 @@ from tcstudy.study.workshop import all_failed
 
 LONG, LARGE = 60.0, 2**28
 """Seconds of contact problems, and bytes of results, from which a geometry is solved and kept block by block."""
-SHARE = 0.5
-"""Of the memory of this machine, for workers with a geometry each."""
 
 
 def execute_variants(
@@ -103,10 +100,8 @@ class _NoAnswer(Exception):
 def _answers(works: Sequence[_Geometry], staff: Staff) -> Iterator[tuple[_Geometry, Future[bytes] | None]]:
     """The geometries in their order, each with the answer that a worker owes; None where this process does the work."""
     sent = [work for work in works if work.travels]
-    expected = [of_run(work.study, forecast(work.study), 1, 0, start=0.0) for work in sent]
-    memory = max((one.memory for one in expected), default=1.0)
-    most = max(1, int(SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / memory))
-    who = staff.errands(len(sent), sum(one.seconds for one in expected), most) if len(sent) > 1 else None
+    expected = [of_geometry(work.study) for work in sent]
+    who = staff.errands(expected)
     pairs = zip(sent, expected, strict=True)
     answers = in_order(who, (work.errand(one.seconds) for work, one in pairs)) if who is not None else iter(())
     for work in works:
@@ -285,7 +280,7 @@ def plan_variants(study: Study) -> tuple[Plan, Resources]:
     largest = max((plan for _, plan in found), key=lambda plan: plan.levels[-1].n_dof)
     factors, meshes = sum(plan.factorisations for _, plan in found), sum(own.mesh.levels for own, _ in found)
     note = (
-        f"{len(found)} {'geometry' if len(found) == 1 else 'geometries'}, one after the other: {meshes} meshes, "
+        f"{len(found)} {'geometry' if len(found) == 1 else 'geometries'}: {meshes} meshes, "
         f"{factors * study.mesh.levels} stiffness factorisations; the points of a geometry share both. "
         "Sizes are those of the largest"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,10 @@ import pytest
 import xarray as xr
 
 import tcstudy
+from tcstudy.data.records import PointStatus
 from tcstudy.errors import StoreError, UsageError
 from tcstudy.read.study import read_study_text
+from tcstudy.study import jobs
 from tcstudy.study.history_run import execute_history
 
 BLOCK = """
@@ -99,6 +102,44 @@ def test_a_sweep_multiplies_histories(tmp_path: Path) -> None:
     assert data["u_T"].dims == ("tau_s", "alpha_T", "step", "node")
     one = followed(tmp_path, SOFT, steps, name="b.nc")
     assert np.array_equal(data["u_T"].sel(tau_s=20e6, alpha_T=1.2e-5).values, one["u_T"].values)
+
+
+SWEPT = (
+    f"{SOFT}history: {{memory: friction, steps: [{{theta: 60 K, in: 3}}, {{theta: 0 K}}]}}\n"
+    "sweep: {tau_s: [25 MPa, 20 MPa], alpha_T: [1e-5, 1.2e-5, 1.4e-5]}\n"
+)
+CRUEL = """
+import os
+from tcstudy.executors import protocol, worker
+solve = protocol.Errand.solve
+def cruel(self):
+    if self.name == "history 1":
+        os.kill(os.getpid(), 9)
+    return solve(self)
+protocol.Errand.solve = cruel
+worker.main()
+"""
+
+
+def test_workers_find_the_same_histories_and_one_that_kills_them_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To the bit; what was broken is followed again by the next run."""
+    study, told = read_study_text(SWEPT, "study.yaml"), []
+    execute_history(study, tmp_path / "a.nc", jobs=1)
+    with monkeypatch.context() as patched:
+        patched.setattr(jobs, "Processes", partial(jobs.Processes, worker=("-c", CRUEL)))
+        summary = execute_history(study, tmp_path / "b.nc", lambda *at: told.append(at), jobs=2)
+    assert (summary.points, summary.ended) == (6, 1)
+    assert [point for point, *_ in told] == [0, 1, 2, 3, 4, 5]
+    with xr.open_dataset(tmp_path / "b.nc") as b:
+        reasons = b["reason"].transpose("tau_s", "alpha_T").values.ravel()
+        assert sum("signal SIGKILL" in str(reason) for reason in reasons) == 1
+        assert np.count_nonzero(b["status"].values == PointStatus.ERROR) == 1
+    summary = execute_history(study, tmp_path / "b.nc", jobs=2)
+    assert (summary.ended, summary.found) == (0, 25)
+    with xr.open_dataset(tmp_path / "a.nc") as a, xr.open_dataset(tmp_path / "b.nc") as b:
+        assert a.drop_attrs().equals(b.drop_attrs())
 
 
 def test_a_step_without_solution_ends_the_history(tmp_path: Path) -> None:

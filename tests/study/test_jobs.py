@@ -43,6 +43,24 @@ def test_plan_says_who_solves(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "contact problems solved by 2 worker processes (--jobs), or by those of a scheduler (--dask)" in said
 
 
+def test_plan_says_who_solves_geometries(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "study.yaml"
+    file.write_text(RECTANGLE + "sweep: {body.rectangle.width: [1, 2, 3]}\n")
+    assert cli.main(["plan", str(file), "--jobs", "8"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "3 geometries, each whole by one of 3 worker processes (--jobs), or by those of a scheduler" in said
+
+
+def test_errands_get_the_workers_that_pay_and_have_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    each = [jobs.Resources(5.0, 1e9)] * 10
+    assert jobs.crew(each, None) == 4
+    assert jobs.crew(each, None, start=20.0) == 2
+    assert jobs.crew(each[:1], None) == jobs.crew([], 8) == 1
+    monkeypatch.setattr(jobs, "_memory", lambda: 7e9)
+    assert jobs.crew(each, None) == 3
+    assert jobs.crew(each, 6) == 6
+
+
 def test_a_number_of_jobs_is_one_or_more(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
         cli.main(["run", "study.yaml", "--jobs", "0"])

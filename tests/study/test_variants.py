@@ -98,9 +98,7 @@ def test_a_bar_of_several_lengths_has_the_closed_form_and_the_bits_of_single_run
 def test_plan_tells_geometries_meshes_and_factorisations() -> None:
     forecast = plan(study := read_study_text(BAR))
     assert (forecast.points, forecast.factorisations) == (6, 3)
-    note = (
-        "3 geometries, one after the other: 6 meshes, 6 stiffness factorisations; the points of a geometry share both"
-    )
+    note = "3 geometries: 6 meshes, 6 stiffness factorisations; the points of a geometry share both"
     assert forecast.notes[0].startswith(note)
     assert [one.places.tolist() for one in study.variants] == [[0, 1], [2, 3], [4, 5]]
 
