@@ -107,11 +107,12 @@ def plan(options: argparse.Namespace) -> int:
     else:
         forecast = forecast_of(study)
         expected = of_run(study, forecast.levels, forecast.factorisations, forecast.heat_solves)
+    steps = study.history.steps if study.history is not None else 0
     time = expected_words(expected.seconds, expected.memory, study.mesh.open_ended)
     if options.json:
         print(_plan_json(study, output, forecast, expected))
     elif options.quiet:
-        print(f"{options.study}: {forecast.points} × {study.mesh.levels} solutions: {time}")
+        print(f"{options.study}: {forecast.points} × {steps or study.mesh.levels} solutions: {time}")
     else:
         axes = [(axis.name, axis.labels, axis.units) for axis in study.axes]
         with spoken(options):
@@ -132,6 +133,7 @@ def plan(options: argparse.Namespace) -> int:
                     length_unit(study),
                     work_words(study, forecast.levels, options.jobs),
                     time,
+                    steps,
                 )
             )
     return OK

@@ -42,12 +42,12 @@ def read_fit(ctx: Context, node: Node, root: Node, scene: Scene | None, mesh: Me
     scene: the scene without a sweep, mesh: the meshes; None if they have faults of their own
     """
     before, fields = len(ctx.errors), Fields(ctx, node, "fit")
-    if len(ctx.errors) > before or scene is None:
+    if scene is None:
         return None
     if root.child("sweep"):
         ctx.errors.at(node, "a fit is of one scene, but the study has a sweep", "remove the sweep")
-    columns, sha256 = _columns(ctx, fields, scene)
-    parameters = _parameters(ctx, fields, root, scene)
+    columns, sha256 = _columns(ctx, fields, scene) if "data" in fields.values else ([], "")
+    parameters = _parameters(ctx, fields, root, scene) if "parameters" in fields.values else ()
     if len(ctx.errors) > before:
         return None
     given, measured = (tuple(c for c in columns if bool(c.path) is is_given) for is_given in (True, False))

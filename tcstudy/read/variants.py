@@ -150,11 +150,13 @@ def _refusal(ctx: Context, root: Node, sweep: Sweep) -> str:
     if body is None or body.outline is None or probe.errors.problems:
         return ""
     if faults := oversized(body) or check_body(body):
-        return f"{faults[0].where}: {faults[0].what}"
+        return f"{faults[0].where}: {faults[0].what}; {faults[0].remedy}"
     mesh = read_mesh(probe, section, sweep.h) if section or sweep.h else None
     if mesh is None or probe.errors.problems:
         return ""
-    return next((f"mesh.maxh: {what}" for _, what, _ in mesh_faults(mesh, body_area(body), body_size(body))), "")
+    return next(
+        (f"mesh.maxh: {what}; {remedy}" for _, what, remedy in mesh_faults(mesh, body_area(body), body_size(body))), ""
+    )
 
 
 def _said(

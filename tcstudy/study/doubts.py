@@ -1,9 +1,10 @@
 """What a study says and its author may not have meant; what is wrong with a body that a file holds.
 
-Said of every study: no load, absolute temperatures, a curve that is a polygon, and volumetric locking of P1 elements in
-plane strain. What locking costs is measured on a solution that does not depend on ν: unit square, displacement given on
-three sides, contact with a linear law below, u = curl(sin(πx)(y + ky²/2μ)), div u = 0, so that only the discretisation
-feels λ; longest element edge 0.048 (2,300 unknowns). The remedy within P1 is a finer mesh: errors fall once h² λ/μ ≲ 1.
+Said of every study: no load, a body softer than its loads, names that nothing uses, absolute temperatures, a curve that
+is a polygon, and volumetric locking of P1 elements in plane strain. What locking costs is measured on a solution that
+does not depend on ν: unit square, displacement given on three sides, contact with a linear law below,
+u = curl(sin(πx)(y + ky²/2μ)), div u = 0, so that only the discretisation feels λ; longest element edge 0.048 (2,300
+unknowns). The remedy within P1 is a finer mesh: errors fall once h² λ/μ ≲ 1.
 
 The face of a body from a STEP or BREP file is built before any work starts. What an outline is judged by while the
 study is read needs the kernel here: whether every name has an edge, regions lie in the face, the supports exclude rigid
@@ -13,7 +14,8 @@ motions, and maxh gives a sensible number of triangles.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +25,9 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.fem.geometry import Geometry, build
 from tcstudy.read.body import edge_names
 from tcstudy.read.checks import BoundaryPiece, mesh_faults, support_fault, supports
-from tcstudy.read.document import Found
+from tcstudy.read.document import Found, located, tree_of
+from tcstudy.read.node import Collector
+from tcstudy.read.parameters import users, words_in
 from tcstudy.scene.points import combinations, distinct
 from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Traction, resultant
 from tcstudy.scene.study import Study
@@ -46,8 +50,8 @@ def doubts(study: Study) -> list[str]:
         where = "nothing loads this scene" if len(scenes) == 1 else f"nothing loads {idle} of {len(scenes)} points"
         notes.append(f"{where}: u = 0 is a solution; give f, g, a pressure, a displacement or a temperature")
     if study.units == "SI":
-        notes += _absolute(scenes)
-    return notes
+        notes += [*_absolute(scenes), *_soft(scenes)]
+    return [*notes, *_unused(study)]
 
 
 def loaded(scenes: Sequence[Scene]) -> NDArray[np.bool_]:
@@ -107,6 +111,40 @@ def _absolute(scenes: Sequence[Scene]) -> Iterator[str]:
         if AMBIENT[0] <= theta <= AMBIENT[1]:
             yield f"theta = {theta:g} K on {edge}: temperatures count from the stress-free state; write the difference"
             return
+
+
+def _soft(scenes: Sequence[Scene]) -> Iterator[str]:
+    """A body softer than its loads: E below a stress on it is a strain above 1, where small ones are meant."""
+    acting = [
+        abs(value)
+        for scene in distinct(scenes, "boundary")
+        for _, role in scene.boundary
+        if isinstance(role, Traction | Convection)
+        for value in (*role.g, role.pressure)
+        if not isinstance(value, Expression)
+    ]
+    held = [law.b_scale for scene in distinct(scenes, "friction") for law in scene.laws]
+    stress, what = (max(acting, default=0.0), "a load") if any(acting) else (max(held, default=0.0), "the friction")
+    least = min(own.E for scene in distinct(scenes, "material") for own in scene.material.all)
+    if 0.0 < least < stress < math.inf:
+        yield (
+            f"E = {least:g} Pa: {what} of {stress:.3g} Pa would strain the body by {stress / least:.2g}, and strains "
+            "are meant to be small; a number without a unit is in Pa, so write MPa or GPa if that was meant"
+        )
+
+
+def _unused(study: Study) -> list[str]:
+    """Names under `parameters` that no number of the study uses, each with its line."""
+    if "parameters" not in study.text and not any("parameters" in text for text in study.overrides):
+        return []
+    root = tree_of(study, Collector())
+    names, sections = root.child("parameters"), root.value
+    if names is None or not (isinstance(names.value, Mapping) and isinstance(sections, Mapping)):
+        return []
+    others = [node for key, node in sections.items() if key not in ("title", "institution", "units", "parameters")]
+    idle = [name for name in names.value if not any(words_in(node, users(root, name)) for node in others)]
+    what, remedy = "no number of the study uses this name", "write it where it is meant, or remove it"
+    return [str(problem) for problem in located(study, [(("parameters", name), what, remedy) for name in idle])]
 
 
 def pinned_note(count: int, remedy: str) -> Iterator[str]:

@@ -59,6 +59,7 @@ class Watcher(Protocol):
     """What a run reports while it works; a terminal shows it, a test ignores it."""
 
     def begin(self, work: Sequence[LevelWork], warnings: Sequence[str]) -> None: ...
+    def geometry(self, words: str) -> None: ...
     def level(self, record: LevelRecord) -> None: ...
     def block(self, record: BlockRecord) -> None: ...
 
@@ -226,6 +227,9 @@ class Quiet:
     """A watcher that shows nothing."""
 
     def begin(self, work: Sequence[LevelWork], warnings: Sequence[str]) -> None:
+        """Nothing to show."""
+
+    def geometry(self, words: str) -> None:
         """Nothing to show."""
 
     def level(self, record: LevelRecord) -> None:

@@ -84,7 +84,7 @@ def execute_variants(
             wanted = todo[work.variant.places]
             for level in np.flatnonzero(wanted.any(axis=0)).tolist():
                 failed.append(all_failed(study, level, work.variant.places[wanted[:, level]], status, reason))
-                watcher.block(failed[-1])
+                one.lost(failed[-1])
     staff.close()
     provenance = collect(study, command)
     provenance = provenance if kept is None else kept.before(provenance)
@@ -188,6 +188,7 @@ class _OneSweep:
         self._todo = todo.sum(axis=0).tolist()
         self.variant: Variant = study.variants[0]
         self.resumed = 0
+        self._lost: list[BlockRecord] = []
 
     def begin(self, work: Sequence[LevelWork], warnings: Sequence[str]) -> None:
         """The first geometry stands for all."""
@@ -195,7 +196,20 @@ class _OneSweep:
         if not self.begun:
             whole = [replace(level, points=points) for level, points in zip(work, self._todo, strict=True)]
             self._watcher.begin(whole, warnings)
+            for record in self._lost:
+                self._watcher.block(record)
         self.begun = True
+        self._watcher.geometry(self.variant.words)
+
+    def lost(self, record: BlockRecord) -> None:
+        """Points without a mesh, which are shown after the beginning."""
+        if self.begun:
+            self._watcher.block(record)
+        else:
+            self._lost.append(record)
+
+    def geometry(self, words: str) -> None:
+        """A geometry has none below it."""
 
     def level(self, record: LevelRecord) -> None:
         """A level of the geometry at work."""

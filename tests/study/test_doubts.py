@@ -93,6 +93,27 @@ def test_room_temperature_is_taken_for_an_absolute_one() -> None:
     assert doubts(read_study_text("units: none\n" + plain)) == []
 
 
+def test_a_body_softer_than_its_loads_is_doubted() -> None:
+    """E without its unit: a strain above 1 is none of small strains; of no load the law counts."""
+    cold = SI.replace("293 K", "20 K")
+    assert doubts(read_study_text(cold, "a.yaml", ["material.E=210"]))[0].startswith(
+        "E = 210 Pa: the friction of 1e+06 Pa would strain the body by 4.8e+03, and strains are meant to be small"
+    )
+    pull = "boundary.top={role: traction, g: [0, 100 Pa]}"
+    [note] = doubts(read_study_text(cold, "a.yaml", [pull, "sweep={E: [210, 50]}"]))
+    assert note.startswith("E = 50 Pa: a load of 100 Pa would strain the body by 2")
+    assert doubts(read_study_text(cold, "a.yaml", [pull])) == []
+
+
+def test_names_that_nothing_uses_are_said_with_their_line(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    idle = 'parameters: {w: 2 m, height: 1 m,\n  lost: 3, more: "2*lost"}\n'
+    file.write_text(SI.replace("293 K", "20 K").replace("width: 2", 'width: "0.5*w + height"') + idle)
+    notes = doubts(read_study(file))
+    said = "no number of the study uses this name; write it where it is meant, or remove it"
+    assert notes == [f"{file}:8:9: parameters.lost: {said}", f"{file}:8:18: parameters.more: {said}"]
+
+
 STUDY = """body:
   file:
     path: plate.step

@@ -36,11 +36,12 @@ def forecast_text(
     length: str = "1",
     work: str = "",
     time: str = "",
+    steps: int = 0,
 ) -> str:
     """Counts, sizes, what is left out and why.
 
     axes: (name, values, units);  length: the unit of h;  work: who solves the contact problems, in words
-    time: what a run would take, in words
+    time: what a run would take, in words;  steps: of a history, which is followed on one of the levels
     """
     lines = [title, ""]
     for name, values, units in axes:
@@ -49,9 +50,9 @@ def forecast_text(
         more = f", … ({len(values)} values)" if len(values) > 6 else ""
         lines.append(f"  {name}: {shown}{more}" + (f" [{units}]" if units != "1" else ""))
     most = "at most " if at_most else ""
+    times = counted(steps, "step") if steps else f"{most}{counted(level_count, 'level')}"
     lines.append(
-        f"  {counted(points, 'point')} × {most}{counted(level_count, 'level')} = "
-        f"{most}{counted(points * level_count, 'solution')}"
+        f"  {counted(points, 'point')} × {times} = {most}{counted(points * (steps or level_count), 'solution')}"
     )
     fields = counted(heat_solves, "temperature field") if heat_solves else "no temperature field"
     lines.append(f"  per level: {counted(factorisations, 'stiffness factorisation')}, {fields}")

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import io
+import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, PointStatus, block_of
+from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.progress import PlainProgress, TerminalProgress
-from tcstudy.study.run import LevelWork
+from tcstudy.study.run import LevelWork, execute
+from tests.study.test_variants import HOLED
 
 WORK = [LevelWork(2, 1, 1.0), LevelWork(2, 0, 4.0)]
 
@@ -58,6 +62,24 @@ def test_the_bar_weighs_levels() -> None:
     assert (task.completed, task.fields["points"], task.fields["failed"]) == (5.0, "2/4", "")
     progress.block(record(1, PointStatus.NOT_CONVERGED))
     assert (task.completed, task.fields["points"], task.fields["failed"]) == (9.0, "3/4", ", 1 failed")
+    progress.close()
+
+
+@pytest.mark.parametrize("kind", [PlainProgress, TerminalProgress])
+def test_a_geometry_is_named(kind: type[PlainProgress] | type[TerminalProgress]) -> None:
+    """Of a real sweep, whose first geometry has no mesh: it is told after the beginning."""
+    stream = io.StringIO()
+    progress = kind(stream)
+    with tempfile.TemporaryDirectory() as folder:
+        execute(read_study_text(HOLED), Path(folder) / "out.nc", progress)
+    if isinstance(progress, TerminalProgress):
+        assert progress._progress.tasks[0].description.startswith("parameters.height = 30 mm, level 0")
+    else:
+        lines = stream.getvalue().splitlines()
+        assert lines[0] == "3 points on 1 level: 3 solutions"
+        assert "mesh failed: body.holes[0]: the hole touches" in lines[1]
+        assert lines[1].endswith("; keep holes inside, or draw the outline around the notch")
+        assert [line for line in lines if line.endswith("mm:")] == [f"parameters.height = {h} mm:" for h in (20, 30)]
     progress.close()
 
 
