@@ -56,11 +56,10 @@ class LevelWork:
 
 
 class Watcher(Protocol):
-    """What a run reports while it works; a terminal shows it, a test ignores it."""
+    """What a run reports while it works, with the geometry in words where there are several."""
 
     def begin(self, work: Sequence[LevelWork], warnings: Sequence[str]) -> None: ...
-    def geometry(self, words: str) -> None: ...
-    def level(self, record: LevelRecord) -> None: ...
+    def level(self, record: LevelRecord, geometry: str = "") -> None: ...
     def block(self, record: BlockRecord) -> None: ...
 
 
@@ -229,10 +228,7 @@ class Quiet:
     def begin(self, work: Sequence[LevelWork], warnings: Sequence[str]) -> None:
         """Nothing to show."""
 
-    def geometry(self, words: str) -> None:
-        """Nothing to show."""
-
-    def level(self, record: LevelRecord) -> None:
+    def level(self, record: LevelRecord, geometry: str = "") -> None:
         """Nothing to show."""
 
     def block(self, record: BlockRecord) -> None:

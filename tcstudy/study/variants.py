@@ -199,7 +199,6 @@ class _OneSweep:
             for record in self._lost:
                 self._watcher.block(record)
         self.begun = True
-        self._watcher.geometry(self.variant.words)
 
     def lost(self, record: BlockRecord) -> None:
         """Points without a mesh, which are shown after the beginning."""
@@ -208,12 +207,9 @@ class _OneSweep:
         else:
             self._lost.append(record)
 
-    def geometry(self, words: str) -> None:
-        """A geometry has none below it."""
-
-    def level(self, record: LevelRecord) -> None:
+    def level(self, record: LevelRecord, geometry: str = "") -> None:
         """A level of the geometry at work."""
-        self._watcher.level(record)
+        self._watcher.level(record, self.variant.words)
 
     def block(self, record: BlockRecord) -> None:
         """Points of it, by their places in the whole sweep."""

@@ -84,13 +84,9 @@ class PlainProgress:
         said = f"{points} on {most}{levels}: {most}{counted(total, 'solution')}"
         self._say(said + (f", {done} of them finished before" if done else ""))
 
-    def geometry(self, words: str) -> None:
-        """The next one of a sweep over several begins."""
-        self._say(f"{words}:")
-
-    def level(self, record: LevelRecord) -> None:
+    def level(self, record: LevelRecord, geometry: str = "") -> None:
         """A mesh is ready."""
-        self._say(_level_line(record, self._length))
+        self._say(f"{geometry}{', ' if geometry else ''}{_level_line(record, self._length)}")
 
     def block(self, record: BlockRecord) -> None:
         """Points are finished; only the first failure of a kind is worth a line."""
@@ -113,7 +109,7 @@ class TerminalProgress:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-        self._failures, self._geometry = _Failures(naming), ""
+        self._failures = _Failures(naming)
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -137,14 +133,10 @@ class TerminalProgress:
         self._task = self._progress.add_task("meshing", total=total, points=self._points(), failed="")
         self._progress.update(self._task, completed=done)
 
-    def geometry(self, words: str) -> None:
-        """Name the geometry before its levels."""
-        self._geometry = f"{words}, "
-
-    def level(self, record: LevelRecord) -> None:
+    def level(self, record: LevelRecord, geometry: str = "") -> None:
         """Name the level beside the bar."""
-        where = f"{self._geometry}level {record.level} ({record.n_dof} dofs)"
-        self._progress.update(self._task, description=where)
+        where = f"level {record.level} ({record.n_dof} dofs)"
+        self._progress.update(self._task, description=f"{geometry}, {where}" if geometry else where)
 
     def block(self, record: BlockRecord) -> None:
         """Move on; the first failure of a kind is printed above the bar, and all are counted in it."""
