@@ -57,7 +57,7 @@ class Watch(Quiet):
     def begin(self, work: Sequence[LevelWork], warnings: Sequence[str]) -> None:
         self.work += work
 
-    def level(self, record: LevelRecord) -> None:
+    def level(self, record: LevelRecord, geometry: str = "") -> None:
         self.levels += 1
 
     def block(self, record: BlockRecord) -> None:
