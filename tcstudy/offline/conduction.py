@@ -59,7 +59,6 @@ class _Family:
     basis: Array
     listed: int
     at: dict[float, int]
-    slopes: dict[float, int]
 
 
 class Conduction:
@@ -158,19 +157,6 @@ class Conduction:
         """∫_ω q, or the integral of the flux [W/m]."""
         return self._family(key).heat
 
-    def slope(self, key: FamilyKey, a: float) -> Part:
-        """∂θ/∂a of a family for k = 1: 1/(μ_k + a) becomes −1/(μ_k + a)², a/(μ_k + a) becomes μ_k/(μ_k + a)².
-
-        Left out: edges that differ in α, or hold temperatures.
-        """
-        family, mu = self._family(key), self._spectrum[0]
-        if a not in family.slopes:
-            family.slopes[a], family.loaded = len(family.modal), [*family.loaded, False]
-            change = family.moments / np.where(mu > 0.0, mu + a, 1.0) ** 2
-            family.modal.append(np.where(mu > 0.0, -change if family.load is not None else mu * change, 0.0))
-        constant = -float(family.moments[0] * self._spectrum[1][0, 0]) / a**2 if family.load is not None else 0.0
-        return Part(constant, ((Column(key, family.slopes[a]), 1.0),))
-
     def response(self, source: Array, a: float) -> Array:
         """(n,) θ for k = 1 that a source at the nodes (n,) makes, surroundings and held edges being at 0."""
         factor = self._new_factor()
@@ -222,7 +208,7 @@ class Conduction:
             given = self._held(key)
             right, coupling = -(self._S @ given), -(W.T @ (self._M @ given)[free])
         moments = W.T @ (right if free.all() else right[free])
-        return _Family(moments, heat, moved, load, given, coupling, [], [], np.zeros((len(moments), 0)), 0, {}, {})
+        return _Family(moments, heat, moved, load, given, coupling, [], [], np.zeros((len(moments), 0)), 0, {})
 
     def _held(self, key: FamilyKey) -> Array:
         """(r,) the temperatures that an edge holds; a corner of two such edges belongs to the first."""

@@ -5,9 +5,8 @@ Exact, each by how the number enters:
 - θ̄, θ, q, f, g, pressure, prescribed u: l̃ is affine, so ∂l̃/∂p is the l̃ of the scene with p = 1 and no other load;
 - E: Ã and what prescribed displacements load grow with it, so does heat where alpha_T is given (β ∝ E): l̃/E of these;
 - alpha_T, beta: heat alone;
-- α, k: θ is a sum of modes with factors 1/(μ_k + α/k), differentiated mode by mode (`Conduction.slope`);
 - a number of a law, or its strength: by the numbers that the law is made of (`scene.law_slopes`);
-- ν, springs, α of edges, all of materials by region: by the whole body (`offline.whole_slopes`).
+- ν, k, α, springs, all of materials by region: by the whole body (`offline.whole_slopes`).
 """
 
 from __future__ import annotations
@@ -17,23 +16,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.expressions.expression import Expression
 from tcstudy.offline.level import Level
-from tcstudy.offline.loads import (
-    FamilyKey,
-    LoadTerm,
-    Part,
-    TemperatureField,
-    UniformTemperature,
-    relative_k,
-    split,
-    unloaded,
-)
+from tcstudy.offline.loads import unloaded
 from tcstudy.offline.whole_slopes import WholeBody, affine_scene, change_of
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.law_slopes import agreed, law_slopes, number_of
-from tcstudy.scene.records import Clamped, Convection, Role, Scene
+from tcstudy.scene.records import Clamped, Role, Scene
 from tcstudy.solvers.linearised import Linearised
 
 Array = NDArray[np.float64]
@@ -60,8 +49,6 @@ def load_slope(level: Level, scene: Scene, by: Sensitivity, v: Array, whole: Who
     if not _is_short(scene, path):
         change = change_of(level, scene, by)
         return LoadSlope((whole or WholeBody(level, scene, v)).right_side(change), change.theta_mean)
-    if path in (("heat", "alpha"), ("material", "k")):
-        return _by_heat(level, scene, path[1])
     material, factor = scene.material, 1.0
     if path == ("material", "E"):
         factor, beta = 1.0 / material.E, material.beta if by.heat_grows else 0.0
@@ -80,11 +67,10 @@ def load_slope(level: Level, scene: Scene, by: Sensitivity, v: Array, whole: Who
 
 def _is_short(scene: Scene, path: tuple[str, ...]) -> bool:
     """Whether ∂Ã/∂p is Ã/p or 0 and ∂l̃/∂p a sum of basis loads."""
-    one, plain = not scene.material.regions, not scene.heat_by_edge
     if path[0] in ("material", "materials"):
-        alone = {"E": not scene.springs, "alpha_T": True, "beta": True, "k": plain}
-        return one and alone.get(path[-1], False)
-    return (path[-1] != "alpha" or (plain and one)) and path[-2:-1] != ("spring",)
+        alone = {"E": not scene.springs, "alpha_T": True, "beta": True}
+        return not scene.material.regions and alone.get(path[-1], False)
+    return path[-1] != "alpha" and path[-2:-1] != ("spring",)
 
 
 def _without(scene: Scene, *kept: type) -> tuple[tuple[str, Role], ...]:
@@ -95,37 +81,6 @@ def _without(scene: Scene, *kept: type) -> tuple[tuple[str, Role], ...]:
         return replace(own, u=role.u) if isinstance(role, kept) and isinstance(role, Clamped) else own  # type: ignore[arg-type]
 
     return tuple((name, bare(role)) for name, role in scene.boundary)
-
-
-def _by_heat(level: Level, scene: Scene, name: str) -> LoadSlope:
-    """By α or k: with a = α/k and Θ the temperature for k = 1, θ = Θ_θ̄(a) + Θ_q(a)/k."""
-    parts = list(_heat_parts(level, scene, name))
-    constant = sum(part.constant for part in parts)
-    fields = [item for part in parts for item in part.fields]
-    terms = []
-    for at, beta in ((where, own.beta) for where, own in scene.pieces):
-        terms += [LoadTerm(TemperatureField(field, at), beta * factor) for field, factor in fields]
-        terms.append(LoadTerm(UniformTemperature(at), beta * constant))
-    mean = constant + sum(factor * level.temperatures.mean(field) for field, factor in fields)
-    return LoadSlope(level.load_of(scene, terms), mean)
-
-
-def _heat_parts(level: Level, scene: Scene, name: str) -> list[Part]:
-    """The parts of ∂θ/∂α or ∂θ/∂k."""
-    heat, k, ratios = scene.heat, scene.material.k, relative_k(scene)
-    if k is None or heat.theta is not None or not scene.edges(Convection):
-        return []
-    a, conduction = heat.alpha / k, level.temperatures.conduction(ratios)
-    rate, parts = (1.0 if name == "alpha" else -a) / k, []
-    if isinstance(heat.theta_bar, Expression):
-        parts.append(conduction.slope(FamilyKey("surroundings", heat.theta_bar, (), ratios), a).times(rate))
-    shape, factor = split(heat.q)
-    if factor != 0.0:
-        parts.append(conduction.slope(FamilyKey("source", shape, heat.omega, ratios), a).times(factor * rate / k))
-        if name == "k":
-            source = FamilyKey("source", shape, heat.omega, ratios)
-            parts.append(conduction.part(source, heat.alpha, k).times(-factor / k))
-    return parts
 
 
 def law_slope(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> tuple[Array, Array]:
