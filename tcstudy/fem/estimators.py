@@ -6,7 +6,7 @@ Estimate:   η_K² = ‖σ* − σ_h‖²_{c⁻¹,K} + (h_K/π)²/(2μ) ‖f + d
             edge, whose tractions balance as a whole
 Contact:    + h_e/(2πμ) ‖dist(ξ_h, b̂(u_h,T))‖²_e, since the inclusion (4) holds at the nodes only
 Dirichlet:  + Σ_e 2πμ/h_e ‖u_D − u_h‖²_e, since given displacements hold at the nodes only
-Coupling:   + β²/(λ+μ) ‖θ − θ_h‖²_K, see heat_estimators.py
+Coupling:   + β²/(λ+μ) ‖θ − θ_h‖²_K, see energy_error.py
 Why:        for v and an interpolant Iv, a(u − u_h, v) = ∫(σ* − σ_h):ε(v − Iv) + ∫(f + div σ*)·(v − Iv)
             − Σ_e ∫ r_e·(v − Iv), so that the sum bounds the error up to a constant; the second and third term hold the
             oscillation of f and g, because div σ* is constant on K, and are of higher order where u is smooth
@@ -163,7 +163,7 @@ def boundary_traction(triangles: ElementGeometry, u: Strain, scene: Scene) -> Ar
     return np.stack([_row(stress, 0, 2, normal), _row(stress, 2, 1, normal)], axis=-1)
 
 
-def dirichlet_gap(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
+def _dirichlet_gap(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
     """u_D − u_h at the Gauss points of the boundary (s, 2, 2); zero in components that are free [m]."""
     mesh, edges = triangles.mesh, boundary_edges(triangles)
     gap = np.zeros_like(edges.at)
@@ -184,8 +184,9 @@ def dirichlet_gap(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
     return gap
 
 
-def dirichlet_residual(triangles: ElementGeometry, gap: Array, scene: Scene) -> Array:
+def dirichlet_residual(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
     """(t,) Σ_e 2πμ/h_e ‖u_D − u_h‖²_e over the boundary edges of each triangle [J/m]."""
+    gap = _dirichlet_gap(triangles, u, scene)
     weighted = 2.0 * np.pi * scene.material.mu * np.mean(np.sum(gap**2, axis=-1), axis=1)
     return triangles.from_segments(weighted)
 
@@ -243,6 +244,10 @@ class ContactTraction:
 
     xi: Array
     defect: Array
+
+    def on(self, segments: NDArray[np.intp]) -> ContactTraction:
+        """That of some of the segments."""
+        return ContactTraction(self.xi[segments], self.defect[segments])
 
 
 def contact_traction(

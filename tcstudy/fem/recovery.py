@@ -4,7 +4,7 @@ Recovery:   at every node the linear polynomial that fits the values at the cent
             (area-weighted least squares), evaluated at the node. Nodes on the boundary and nodes with few triangles
             use two rings of triangles, so that the recovered gradient keeps its order up to the boundary
 Literature: Zienkiewicz & Zhu, Int. J. Numer. Methods Eng. 33 (1992) 1331–1364 (superconvergent patch recovery)
-Left out:   patches do not stop at edges where the data jump; where materials do, each region is a mesh (fem/regions.py)
+Left out:   patches do not stop at edges where the data jump; where materials do, each region is a mesh (energy_error)
 """
 
 from __future__ import annotations

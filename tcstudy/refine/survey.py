@@ -15,25 +15,14 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.rates import ROUNDING
 from tcstudy.exact.numbers import known_goal
-from tcstudy.fem.estimators import (
-    contact_traction,
-    dirichlet_gap,
-    dirichlet_residual,
-    edge_residual,
-    element_residual,
-    energy_norm,
-    product,
-    strain,
-)
-from tcstudy.fem.heat_estimators import coupling
+from tcstudy.fem.energy_error import RegionMesh, energy_squares, parts_of, squares_by_region
+from tcstudy.fem.estimators import contact_traction
 from tcstudy.fem.recovery import ElementGeometry
-from tcstudy.fem.regions import RegionMesh, parts_of, squares_by_region
 from tcstudy.offline.level import Condensed, Level
 from tcstudy.refine.ends import Hidden, hidden_on
 from tcstudy.refine.goal_error import goal_error
 from tcstudy.refine.goals import goal_value
 from tcstudy.refine.halved import Halved
-from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Exact, MeshPlan
 
@@ -142,14 +131,7 @@ class Survey:
         if material.regions:
             self._parts = self._parts or parts_of(triangles, scene)
             return squares_by_region(self._parts, level.mesh, u, theta, scene, friction)
-        own = strain(triangles, u)
-        squares = product(triangles, own.excess, own.excess, material.lam, material.mu)
-        squares += element_residual(triangles, own, theta, scene)
-        squares += edge_residual(triangles, own, theta, scene, friction)
-        squares += dirichlet_residual(triangles, dirichlet_gap(triangles, u, scene), scene)
-        if material.beta != 0.0:
-            squares += coupling(triangles, theta, scene, needs_heat_solve(scene))
-        return squares, energy_norm(triangles, own, material.lam, material.mu)
+        return energy_squares(triangles, u, theta, scene, friction)[:2]
 
     # -- all solutions -----------------------------------------------------------------------------
 

@@ -10,8 +10,8 @@ import pytest
 
 import tcstudy
 from tcstudy.data.records import BlockRecord, LevelRecord
+from tcstudy.fem.energy_error import coupling, heat_estimate
 from tcstudy.fem.estimators import GAUSS, contact_traction, edge_residual, strain
-from tcstudy.fem.heat_estimators import coupling, heat_estimate
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.refine.goals import lumping
 from tcstudy.refine.halved import Halved

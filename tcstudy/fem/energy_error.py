@@ -1,5 +1,13 @@
-"""Estimates of the error where materials differ by region: recovery stops at interfaces, where tractions must agree.
+"""Error of a displacement in the energy norm, all parts together: stress, temperature, and where materials differ.
 
+Temperature, triangle by triangle, and what its error does to the displacement:
+Estimate:   η_K² = k‖q* − ∇θ_h‖²_K + (h_K/π)²/k ‖qχ_ω + k div q*‖²_K + Σ_e h_e/(πk) ‖k q*·n + α(θ_h − θ̄)‖²_e,
+            q* the recovered gradient, α = 0 off Γ_θ; as for the stress in estimators.py
+Coupling:   ‖θ − θ_h‖_K ≈ (h_K/π) η_K/√k: temperature loads the body through its L² error, one order of h better than
+            its gradient (Aubin–Nitsche, in its local form)
+Left out:   pollution: at a re-entrant corner the L² error is larger than its local part
+
+Materials that differ by region: recovery stops at interfaces, where tractions must agree.
 Within each region: η_K² of `tcstudy.fem.estimators`, with the stress σ* recovered from its own triangles alone, since
             σ jumps along an interface where λ, μ or β do
 Interface:  + Σ_e h_e/(2π max μ) ‖[σ*n − βθn]‖²_e, half of it to either side: only the traction is continuous there. The
@@ -15,26 +23,100 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.expressions.expression import Expression
+from tcstudy.fem.boundary import values_at
 from tcstudy.fem.estimators import (
     GAUSS,
     ContactTraction,
-    dirichlet_gap,
+    Strain,
+    boundary_edges,
     dirichlet_residual,
     edge_residual,
     element_residual,
     energy_norm,
+    on_segments,
     product,
     strain,
     stress_of,
 )
-from tcstudy.fem.heat_estimators import coupling
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.scene.points import needs_heat_solve
-from tcstudy.scene.records import Material, Scene
+from tcstudy.scene.records import Material, Scalar, Scene
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+
+
+def energy_squares(
+    triangles: ElementGeometry, u: Array, theta: Array, scene: Scene, friction: ContactTraction
+) -> tuple[Array, float, Strain]:
+    """(t,) η_K² of the energy norm [J/m], ‖u_h‖ [√(J/m)] and strain of u (2n,) at θ (n,), with one material."""
+    own, material = strain(triangles, u), scene.material
+    squares = product(triangles, own.excess, own.excess, material.lam, material.mu)
+    squares += element_residual(triangles, own, theta, scene) + edge_residual(triangles, own, theta, scene, friction)
+    squares += dirichlet_residual(triangles, u, scene)
+    if material.beta != 0.0:
+        squares += coupling(triangles, theta, scene, needs_heat_solve(scene))
+    return squares, energy_norm(triangles, own, material.lam, material.mu), own
+
+
+def heat_estimate(triangles: ElementGeometry, theta: Array, scene: Scene) -> Array:
+    """(t,) η_K² of a temperature (n,) that was solved for [W K/m]."""
+    k = scene.material.k
+    assert k is not None
+    own = triangles.gradient(theta)
+    recovered = triangles.recovery @ own
+    excess = recovered[triangles.mesh.triangles] - own[:, None]
+    squares = np.einsum("tkd,tkd->t", excess, excess) + np.einsum("tkd,tjd->t", excess, excess)
+    return (
+        k * triangles.area / 12.0 * squares
+        + _element_residual(triangles, recovered, scene, k)
+        + _edge_residual(triangles, recovered, theta, scene, k)
+    )
+
+
+def _element_residual(triangles: ElementGeometry, recovered: Array, scene: Scene, k: float) -> Array:
+    slope = triangles.gradient(recovered)
+    q = values_at(scene.heat.q, triangles.inner_points.reshape(-1, 2)).reshape(-1, 3)
+    if scene.heat.omega:
+        q = q * triangles.inside(scene.heat.omega)[:, None]
+    square = np.mean((q + k * (slope[:, 0, 0] + slope[:, 1, 1])[:, None]) ** 2, axis=1) * triangles.area
+    return (triangles.diameter / np.pi) ** 2 / k * square
+
+
+def _edge_residual(triangles: ElementGeometry, recovered: Array, theta: Array, scene: Scene, k: float) -> Array:
+    mesh, edges = triangles.mesh, boundary_edges(triangles)
+    flux = k * np.einsum("sqd,sd->sq", on_segments(recovered, mesh.segments), edges.normal)
+
+    def given(scalar: Scalar, some: NDArray[np.bool_]) -> Array:
+        return values_at(scalar, edges.at[some].reshape(-1, 2)).reshape(-1, 2)
+
+    for name, alpha, theta_bar in scene.exchange:
+        robin = mesh.on(name)
+        flux[robin] += alpha * (on_segments(theta, mesh.segments)[robin] - given(theta_bar, robin))
+    for name, into in scene.flux:
+        flux[mesh.on(name)] -= given(into, mesh.on(name))
+    for name, _ in scene.held_theta:
+        flux[mesh.on(name)] = 0.0
+    weighted = edges.length**2 / (np.pi * k) * np.mean(flux**2, axis=1)
+    return triangles.from_segments(weighted)
+
+
+def coupling(triangles: ElementGeometry, theta: Array, scene: Scene, solved: bool) -> Array:
+    """(t,) β²/(λ+μ) ‖θ − θ_h‖²_K, the error that temperature puts into the displacement [J/m].
+
+    solved: θ comes from the heat problem; else it is known, and θ_h is its interpolant
+    """
+    material = scene.material
+    factor = material.beta**2 / (material.lam + material.mu)
+    if solved:
+        assert material.k is not None
+        return factor * (triangles.diameter / np.pi) ** 2 / material.k * heat_estimate(triangles, theta, scene)
+    if not isinstance(scene.heat.theta, Expression):
+        return np.zeros(len(triangles.area))
+    exact = values_at(scene.heat.theta, triangles.inner_points.reshape(-1, 2)).reshape(-1, 3)
+    return factor * triangles.area * np.mean((exact - triangles.at_inner_points(theta)) ** 2, axis=1)
 
 
 @dataclass(frozen=True)
@@ -83,18 +165,11 @@ def squares_by_region(
     flows = np.full((len(parts), n, 2), np.nan)
     solved = scene.material.expands and needs_heat_solve(scene)
     for number, (part, material) in enumerate(zip(parts, materials, strict=True)):
-        one, triangles = replace(scene, material=material), part.geometry
-        own, heat = np.concatenate([u[part.nodes], u[n + part.nodes]]), theta[part.nodes]
-        found = strain(triangles, own)
-        lam, mu, beta = material.lam, material.mu, material.beta
-        eta = product(triangles, found.excess, found.excess, lam, mu) + element_residual(triangles, found, heat, one)
-        touched = ContactTraction(friction.xi[part.segments], friction.defect[part.segments])
-        eta += edge_residual(triangles, found, heat, one, touched)
-        eta += dirichlet_residual(triangles, dirichlet_gap(triangles, own, one), one)
-        if beta != 0.0:
-            eta += coupling(triangles, heat, one, solved)
-        squares[part.triangles] += eta
-        norm += energy_norm(triangles, found, lam, mu) ** 2
+        one, own = replace(scene, material=material), np.concatenate([u[part.nodes], u[n + part.nodes]])
+        touched, heat = friction.on(part.segments), theta[part.nodes]
+        squares[part.triangles], size, found = energy_squares(part.geometry, own, heat, one, touched)
+        norm += size**2
+        lam, mu, beta, triangles = material.lam, material.mu, material.beta, part.geometry
         tractions[number, part.nodes] = stress_of(found.recovered, lam, mu) - beta * heat[:, None] * [1.0, 1.0, 0.0]
         if solved and material.k:
             flows[number, part.nodes] = material.k * (triangles.recovery @ triangles.gradient(heat))
