@@ -90,8 +90,6 @@ def _check(ctx: Context, fields: Fields, plan: FitPlan) -> None:
     if not curve or (orthogonal and [one.name for one in plan.measured] != ["friction_resultant"]):
         need = "distances to a path need two columns" if orthogonal else "a path needs one parameter of the load"
         ctx.errors.at(here, need, f"give one parameter of the load and friction_resultant, or {instead}")
-    elif not all(law.piecewise_linear for law in plan.scene.laws):
-        ctx.errors.at(here, "a path needs a law of straight pieces", instead)
     elif len(plan.scene.laws) > 1:
         ctx.errors.at(here, "a path takes one law", instead)
     elif orthogonal and _to_and_fro(plan) > SHUFFLED:

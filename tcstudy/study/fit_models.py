@@ -16,7 +16,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.curve_distance import feet
 from tcstudy.errors import FitError, PathError
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import law_slope, load_slope
@@ -29,12 +28,14 @@ from tcstudy.solvers.linearised import Linearised
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.path.follow import Follower, Path, PathStatus
 from tcstudy.solvers.path.start import NoSolutionError
-from tcstudy.study.fit_path import MovingPath, PathPlace, reversed_path
-from tcstudy.study.path_affine import affine_load
+from tcstudy.study.fit_path import MovingPath, reversed_path
+from tcstudy.study.path_affine import affine_load, straightened
 
 Array = NDArray[np.float64]
 WHOLE = (PathStatus.RANGE_END, PathStatus.UNBOUNDED, PathStatus.CLOSED_LOOP)
 """Ends of a path at which there is nothing more to follow."""
+LAW_ERROR = 1e-3
+"""Of the straight pieces beside which the curve of a law with exponential pieces is sought."""
 SCALARS = ("friction_resultant", "u_T_max", "theta_mean")
 
 
@@ -169,11 +170,7 @@ class FitModel:
         sigma = np.array([self.given_noise, self.noise[0]])
         curve = np.stack([path.t, path.traction @ path.problem.c], axis=1)
         data = np.stack([given.values, measured.values], axis=1)
-        foot = feet(data / sigma, curve / sigma)
-        places = [
-            PathPlace.of(path, int(side), float(share)) for side, share in zip(foot.side, foot.share, strict=True)
-        ]
-        jacobian = -np.einsum("nd,ndk->nk", foot.normal / sigma, self._moving(scene, path).at(places))
+        foot, jacobian = self._moving(scene, path).feet(data, sigma)
         early = "" if path.end.status in WHOLE else path.end.reason
         found = foot.point * sigma
         return Compared(foot.distance, jacobian, found[:, 1], found, curve, path.folds, early, path)
@@ -189,18 +186,16 @@ class FitModel:
                 raise FitError("the curve does not turn back with the numbers tried, but a fold was measured")
             at = path.folds if mark.name == "fold" else np.arange(len(t))
             vertices.append(int(at[np.argmax((t if forward else -t)[at] if mark.name == "fold" else np.abs(R))]))
-        places = [PathPlace.of(path, max(k - 1, 0), float(k > 0)) for k in vertices]
-        moved = self._moving(scene, path).at(places)
         which = [int(mark.name == "peak") for mark in self.plan.marks]
-        value = np.array([(t, R)[w][k] for w, k in zip(which, vertices, strict=True)])
+        x, rates = self._moving(scene, path).vertices(vertices, which)
+        value = x[np.arange(len(which)), which]
         sigma, data = (np.array([getattr(mark, name) for mark in self.plan.marks]) for name in ("noise", "value"))
-        rates = np.array([moved[i, w] for i, w in enumerate(which)]) / sigma[:, None]
         return replace(
             found,
             residual=np.concatenate([found.residual, (value - data) / sigma]),
-            jacobian=np.concatenate([found.jacobian, rates]),
+            jacobian=np.concatenate([found.jacobian, rates / sigma[:, None]]),
             predicted=np.concatenate([found.predicted, value]),
-            foot=np.concatenate([found.foot, np.stack([t, R], axis=1)[vertices]]) if len(found.foot) else found.foot,
+            foot=np.concatenate([found.foot, x]) if len(found.foot) else found.foot,
             early=found.early or ("" if path.end.status in WHOLE else path.end.reason),
         )
 
@@ -214,14 +209,15 @@ class FitModel:
             load = affine_load(self.level, lambda t: path_scene(scene, column.path, t), low, high, column.name)
         except PathError as error:
             raise FitError(str(error)) from error
-        start = solve_contact(load.problem.at(0.0), tolerance=self.tolerance, branch="from-zero")
+        problem = straightened(self.level, scene, load.problem, LAW_ERROR, (low - reach, high + reach))
+        start = solve_contact(problem.at(0.0), tolerance=self.tolerance, branch="from-zero")
         self.solves += 1
         if start.status != Status.CONVERGED:
             raise FitError(f"there is no solution without load to start from: {start.reason}")
         way = "forward" if max(values) > -min(values) else "backward"
         follower = Follower(low - reach, high + reach, tolerance=self.tolerance)
         try:
-            path = follower.follow(load.problem, start.v, 0.0, way)  # type: ignore[arg-type]
+            path = follower.follow(problem, start.v, 0.0, way)  # type: ignore[arg-type]
         except NoSolutionError as error:
             raise FitError(str(error)) from error
         return path if way == "forward" else reversed_path(path)

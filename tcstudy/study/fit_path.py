@@ -2,7 +2,8 @@
 
 On a side of the polygon (t, R), R = Σξ, the nodes keep their pieces, and held fixed is eᵀv with e along the side: the
 bordered matrix [H −l̃₁; eᵀ 0] is regular at a simple fold, where H is not. At a corner the slip of the node that passes
-its kink there is held on that kink. Literature: Keller, in Rabinowitz (ed.), Applications of Bifurcation Theory (1977)
+its kink there is held on that kink. The same beside the path of a law with exponential pieces, on the curve itself
+(`solvers.path.smooth`). Literature: Keller, in Rabinowitz (ed.), Applications of Bifurcation Theory (1977)
 359–384 (bordering).
 """
 
@@ -14,6 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.accuracy.curve_distance import Feet, feet
+from tcstudy.errors import FitError
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import load_slope
 from tcstudy.offline.whole_slopes import WholeBody
@@ -22,8 +25,11 @@ from tcstudy.scene.law_slopes import LawSlopes, PointSlopes, law_slopes, number_
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
 from tcstudy.solvers.path.follow import Path
+from tcstudy.solvers.path.smooth import CurvePoint, Goal, SmoothPath
 
 Array = NDArray[np.float64]
+TEETH = 1e-2
+"""Part by which straight pieces may be wrong about which of several extremes is the highest."""
 Laws = list[LawSlopes | PointSlopes | None]
 """Derivatives of the law by each number, None where that is no number of it."""
 
@@ -83,12 +89,66 @@ class MovingPath:
     path: Path
     numbers: Sequence[Sensitivity]
 
+    def feet(self, data: Array, sigma: Array) -> tuple[Feet, Array]:
+        """Feet of data (n, 2) in units of sigma (2,), and (n, k) derivatives of the distances by the numbers.
+
+        Raises FitError where a curve is not found beside its path.
+        """
+        path, law = self.path, self.scene.one_law
+        foot = feet(data / sigma, np.stack([path.t, path.traction @ path.problem.c], axis=1) / sigma)
+        sides = [(int(side), float(share)) for side, share in zip(foot.side, foot.share, strict=True)]
+        if law.piecewise_linear:
+            moved = self.at([PathPlace.of(path, *place) for place in sides])
+        else:
+            curve = SmoothPath(path, law)
+            points = [
+                self._least(curve, place, _distance(datum, sigma)) for place, datum in zip(sides, data, strict=True)
+            ]
+            moved, foot = self.of(points), _on_curve(foot, points, data / sigma, sigma)
+        return foot, -np.einsum("nd,ndk->nk", foot.normal / sigma, moved)
+
+    def vertices(self, vertices: Sequence[int], which: Sequence[int]) -> tuple[Array, Array]:
+        """(n, 2) t and R where t (0) or R (1) is extreme beside vertices, and (n, k) derivatives of the extremes.
+
+        Raises FitError as `feet`.
+        """
+        path, law = self.path, self.scene.one_law
+        sides = [(max(k - 1, 0), float(k > 0)) for k in vertices]
+        if law.piecewise_linear:
+            x = np.stack([path.t, path.traction @ path.problem.c], axis=1)[list(vertices)]
+            moved = self.at([PathPlace.of(path, *place) for place in sides])
+        else:
+            curve = SmoothPath(path, law)
+            points = [self._extreme(curve, w, k) for w, k in zip(which, vertices, strict=True)]
+            x, moved = np.array([point.x for point in points]), self.of(points)
+        return x, np.array([moved[i, w] for i, w in enumerate(which)])
+
+    def _extreme(self, curve: SmoothPath, which: int, vertex: int) -> CurvePoint:
+        """The extreme of t or R near that of the path; of several teeth as long the curve decides."""
+        path = self.path
+        values = (path.t, path.traction @ path.problem.c)[which]
+        way = float(np.sign(values[vertex] - values[max(vertex - 1, 0)]) or 1.0)
+        high = np.pad(way * values, 1, constant_values=-np.inf)
+        teeth = (high[1:-1] >= high[:-2]) & (high[1:-1] >= high[2:])
+        near = np.flatnonzero(teeth & (way * values >= way * values[vertex] - TEETH * abs(values[vertex])))
+        goal = _extreme(which, way)
+        points = [self._least(curve, (max(int(k) - 1, 0), float(k > 0)), goal) for k in near]
+        return min(points, key=lambda point: goal(point.x)[0])
+
+    def _least(self, curve: SmoothPath, place: tuple[int, float], goal: Goal) -> CurvePoint:
+        try:
+            return curve.least(*place, goal)
+        except ValueError as error:
+            raise FitError(str(error)) from error
+
+    def of(self, points: Sequence[CurvePoint]) -> Array:
+        """(n, 2, k) derivatives of (t, R) at points of the curve by the numbers, their coordinates held."""
+        laws = self._laws
+        return np.stack([self._derivative(laws, p.codes, p.v, p.t, (p.row, p.time, p.kink)) for p in points])
+
     def at(self, places: Sequence[PathPlace]) -> Array:
         """(n, 2, k) derivatives of (t, R) at places of the path by the numbers."""
-        laws = [
-            law_slopes(self.scene.one_law, number_of(one.path)) if one.path[0] == "friction" else None
-            for one in self.numbers
-        ]
+        laws = self._laws
         done = {place.key: self._at_place(laws, place) for place in {p.key: p for p in places}.values()}
         found = np.empty((len(places), 2, len(self.numbers)))
         for row, place in zip(found, places, strict=True):
@@ -96,36 +156,44 @@ class MovingPath:
             row[:] = constant + place.share * along
         return found
 
+    @property
+    def _laws(self) -> Laws:
+        return [
+            law_slopes(self.scene.one_law, number_of(one.path)) if one.path[0] == "friction" else None
+            for one in self.numbers
+        ]
+
     def _at_place(self, laws: Laws, place: PathPlace) -> tuple[Array, Array]:
         """(2, k) at the beginning of a side, and what is added at its end: linear in between, as v and t are."""
-        first, last = (self._derivative(laws, place, place.side + end) for end in (0, 1))
+        path, held = self.path, (place.row, place.time, place.kink)
+        codes, ends = path.codes[place.side].astype(np.intp), (place.side, place.side + 1)
+        first, last = (self._derivative(laws, codes, path.u[k], float(path.t[k]), held) for k in ends)
         return first, last - first
 
-    def _derivative(self, laws: Laws, place: PathPlace, vertex: int) -> Array:
-        """(2, k) ∂(t, R)/∂p at a vertex of the side, the coordinate of the place held."""
-        path = self.path
-        problem, codes, v = path.problem, path.codes[place.side], path.u[vertex]
-        free = np.flatnonzero(problem.graph.free[codes])
-        t, m = float(path.t[vertex]), problem.m
+    def _derivative(
+        self, laws: Laws, codes: NDArray[np.intp], v: Array, t: float, held: tuple[Array, float, int]
+    ) -> Array:
+        """(2, k) ∂(t, R)/∂p at v and t, all nodes on the pieces of `codes`, row·v + time·t held, or its kink's."""
+        problem, law, (row, time, kink) = self.path.problem, self.scene.one_law, held
+        free, m, piece = np.flatnonzero(codes % 2 == 0), problem.m, codes // 2
         at = path_scene(self.scene, self.along, t)
-        piece = (codes // 2).astype(np.intp)
         bordered = np.zeros((len(free) + 1, len(free) + 1))
         bordered[:-1, :-1] = problem.A_tilde[np.ix_(free, free)]
-        bordered[np.arange(len(free)), np.arange(len(free))] += problem.c[free] * problem.graph.slope[codes[free]]
+        bordered[np.arange(len(free)), np.arange(len(free))] += problem.c[free] * law.slope(v[free], piece[free])
         scale = float(np.max(np.abs(bordered.diagonal()), initial=0.0)) or 1.0
         bordered[:-1, -1] = -problem.l_1[free]
-        bordered[-1, :-1] = scale * place.row[free]
-        bordered[-1, -1] = scale * place.time
+        bordered[-1, :-1] = scale * row[free]
+        bordered[-1, -1] = scale * time
         right = np.zeros((len(free) + 1, len(self.numbers)))
         kinks, loads = (np.zeros((m, len(self.numbers))) for _ in range(2))
         whole = WholeBody(self.level, at, v)
         for j, number in enumerate(self.numbers):
             slope = load_slope(self.level, at, number, v, whole)
             b, moving = np.zeros(m), np.zeros(m)
-            if (law := laws[j]) is not None:
-                b = law.value(v, piece)
-                moving[piece < len(law.kinks)] = law.kinks[piece[piece < len(law.kinks)]]
-                right[-1, j] = scale * law.kinks[place.kink] if place.kink >= 0 else 0.0
+            if (change := laws[j]) is not None:
+                b = change.value(v, piece)
+                moving[piece < len(change.kinks)] = change.kinks[piece[piece < len(change.kinks)]]
+                right[-1, j] = scale * change.kinks[kink] if kink >= 0 else 0.0
             moving[free] = 0.0
             kinks[:, j], loads[:, j] = moving, slope.right
             right[:-1, j] = (slope.right - problem.c * b - problem.A_tilde @ moving)[free]
@@ -134,6 +202,38 @@ class MovingPath:
         dv[free] = step[:-1]
         dR = (loads - problem.A_tilde @ dv).sum(axis=0) + step[-1] * problem.l_1.sum()
         return np.stack([step[-1], dR])
+
+
+def _distance(datum: Array, sigma: Array) -> Goal:
+    """½ of the squared distance of a point from a datum, in units of sigma."""
+
+    def goal(x: Array) -> tuple[float, Array, Array]:
+        apart = (x - datum) / sigma
+        return 0.5 * float(apart @ apart), apart / sigma, np.diag(sigma**-2.0)
+
+    return goal
+
+
+def _extreme(which: int, way: float) -> Goal:
+    """−t or −R, if it grows to its extreme, else t or R."""
+
+    def goal(x: Array) -> tuple[float, Array, Array]:
+        return -way * float(x[which]), -way * np.eye(2)[which], np.zeros((2, 2))
+
+    return goal
+
+
+def _on_curve(foot: Feet, points: Sequence[CurvePoint], data: Array, sigma: Array) -> Feet:
+    """The feet of data on the curve beside those on the polygon, positive on the same side."""
+    at = np.array([point.x for point in points]) / sigma
+    along = np.array([point.first for point in points]) / sigma
+    across, left = data - at, np.stack([-along[:, 1], along[:, 0]], axis=1)
+    size = np.linalg.norm(across, axis=1)
+    near = size <= 1e-9 * np.linalg.norm(data, axis=1)
+    normal = np.where(near[:, None], left, across)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)[:, None]
+    normal *= np.where(np.sum(normal * foot.normal, axis=1) >= 0.0, 1.0, -1.0)[:, None]
+    return replace(foot, point=at, normal=normal, distance=np.sum(across * normal, axis=1))
 
 
 def reversed_path(path: Path) -> Path:

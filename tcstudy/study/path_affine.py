@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from tcstudy.errors import PathError
 from tcstudy.offline.level import Condensed, Level
 from tcstudy.scene.records import Scene
+from tcstudy.solvers.bounds import solution_box
+from tcstudy.solvers.path.chords import piecewise_linear
 from tcstudy.solvers.path.follow import ParametricProblem
 
 Array = NDArray[np.float64]
@@ -78,6 +80,17 @@ def affine_load(level: Level, scene_of: Callable[[float], Scene], begin: float, 
     first = solved[0].problem
     problem = ParametricProblem(first.A_tilde, l_0, l_1, first.c, first.law)
     return AffineLoad(problem, off / size, begin, length, _quadratic([c.constant for c in solved]))
+
+
+def straightened(
+    level: Level, scene: Scene, problem: ParametricProblem, law_error: float, within: tuple[float, float]
+) -> ParametricProblem:
+    """The problem with straight pieces in the place of exponential ones, as far as solutions within two t may slip."""
+    if problem.law.piecewise_linear:
+        return problem
+    boxes = [solution_box(problem.at(t), level.lambda_1(scene)) for t in within]
+    reach = max(float(np.max(np.abs(side))) for box in boxes for side in box)
+    return problem.with_law(level.law(scene.with_laws(lambda law: piecewise_linear(law, law_error, reach))))
 
 
 def _quadratic(values: list[float]) -> tuple[float, float, float]:

@@ -21,18 +21,16 @@ from tcstudy.offline.level import Level
 from tcstudy.scene.contact_states import ContactState, contact_states
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.study import Acceptance, PathPlan, Study
-from tcstudy.solvers.bounds import solution_box
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import TIE, solve_contact
 from tcstudy.solvers.loop import Status
-from tcstudy.solvers.path.chords import piecewise_linear
 from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path
 from tcstudy.solvers.path.hysteresis import Hysteresis, hysteresis
 from tcstudy.solvers.path.problem import by_code
 from tcstudy.solvers.path.proofs import proved_minima
 from tcstudy.solvers.path.query import PathSolution, folds, lowest, solutions_at, solutions_of
 from tcstudy.solvers.path.start import NoSolutionError
-from tcstudy.study.path_affine import AffineLoad, PathError, affine_load
+from tcstudy.study.path_affine import AffineLoad, PathError, affine_load, straightened
 from tcstudy.study.run import stages
 
 Array = NDArray[np.float64]
@@ -96,12 +94,8 @@ def _level(study: Study, plan: PathPlan) -> tuple[Level, LevelRecord]:
 
 def _setting(study: Study, plan: PathPlan, level: Level) -> _Setting:
     load = affine_load(level, lambda t: path_scene(plan.scene, plan.parameter, t), plan.begin, plan.end, plan.name)
-    lambda_1, straight = level.lambda_1(plan.scene), load.problem
-    if not straight.law.piecewise_linear:
-        boxes = [solution_box(straight.at(t), lambda_1) for t in plan.within]
-        reach = max(float(np.max(np.abs(side))) for box in boxes for side in box)
-        stand_in = plan.scene.with_laws(lambda law: piecewise_linear(law, plan.law_error, reach))
-        straight = straight.with_law(level.law(stand_in))
+    lambda_1 = level.lambda_1(plan.scene)
+    straight = straightened(level, plan.scene, load.problem, plan.law_error, plan.within)
     return _Setting(plan, load, load.problem, straight, lambda_1, study.solver.tolerance)
 
 
