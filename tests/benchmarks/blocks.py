@@ -11,13 +11,14 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tcstudy.online import BlockAnswers, CondensedBody, LawTables, RowLaws, solve_block
-from tcstudy.solvers.certificates import certify
-from tcstudy.solvers.contact import TIE, solve_contact
+from tcstudy.solvers.certificates import Certificate, certify
+from tcstudy.solvers.contact import TIE, Answer, solve_contact
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.problem import ContactProblem
 from tests.benchmarks.stability_chain import ChainGrid, chain
@@ -59,6 +60,21 @@ def saw_teeth(problems: int) -> Iterator[Group]:
         yield group
 
 
+@dataclass(frozen=True)
+class Single:
+    """What the single solve and its certificates say of a problem."""
+
+    answer: Answer
+    proved: Certificate
+
+
+def solved_alone(body: CondensedBody, problem: ContactProblem) -> Single:
+    """A problem by the single solve."""
+    answer = solve_contact(problem)
+    known = {"inverse": body.inverse, "residual": answer.inclusion_residual}
+    return Single(answer, certify(problem, answer.v, body.lambda_1, **known))
+
+
 def compare(groups: Iterable[Group]) -> Counter[str]:
     """What blocks find beside the single solve."""
     counts: Counter[str] = Counter()
@@ -67,28 +83,33 @@ def compare(groups: Iterable[Group]) -> Counter[str]:
         laws = RowLaws(LawTables.of([group[0].law]), np.zeros((len(group), 1), dtype=np.intp))
         answers = solve_block(body, np.stack([problem.l_tilde for problem in group]), laws)
         for p, problem in enumerate(group):
-            counts["problems"] += 1
-            counts.update(_differences(body, answers, p, problem))
+            counts.update(("points", *differences(answers, p, problem, solved_alone(body, problem))))
     return counts
 
 
-def _differences(body: CondensedBody, answers: BlockAnswers, p: int, problem: ContactProblem) -> Iterator[str]:
-    single = solve_contact(problem)
+def differences(answers: BlockAnswers, p: int, problem: ContactProblem, single: Single) -> Iterator[str]:
+    """In what a point of a block differs from the same problem solved alone."""
+    own, alone = single.answer, single.answer.status == Status.CONVERGED
     solved = answers.status[p] == Status.CONVERGED
-    if not solved or single.status != Status.CONVERGED:
-        if solved or single.status == Status.CONVERGED:
-            yield "only the single solve" if not solved else "only the block"
+    if solved != alone:
+        yield "solved alone only" if alone else "solved in blocks only"
+    if not solved or not alone:
         return
-    terms = np.abs(single.v) @ np.abs(problem.A_tilde) @ np.abs(single.v)
-    rounding = 8.0 * np.finfo(float).eps * (float(terms) + float(np.abs(problem.l_tilde) @ np.abs(single.v)))
-    slack = TIE * (abs(single.energy) + float(problem.c @ np.abs(problem.law.j(single.v)))) + rounding
-    if abs(answers.energy[p] - single.energy) > slack:
-        yield "energy higher" if answers.energy[p] > single.energy else "energy lower"
-    proved = certify(problem, single.v, body.lambda_1, inverse=body.inverse, residual=single.inclusion_residual)
+    size = np.abs(own.v)
+    rounding = 8.0 * np.finfo(float).eps * float((size @ np.abs(problem.A_tilde) + np.abs(problem.l_tilde)) @ size)
+    slack = TIE * (abs(own.energy) + float(problem.c @ np.abs(problem.law.j(own.v)))) + rounding
+    if abs(answers.energy[p] - own.energy) > slack:
+        yield "energy higher" if answers.energy[p] > own.energy else "energy lower"
     for flag in FLAGS:
-        own, expected = bool(getattr(answers.certificates, flag)[p]), bool(getattr(proved, flag))
-        if own != expected:
+        found, expected = bool(getattr(answers.certificates, flag)[p]), bool(getattr(single.proved, flag))
+        if found != expected:
             yield f"{flag} {'lost' if expected else 'gained'}"
+
+
+def said(counts: Counter[str]) -> str:
+    """The counts in words, the number of points first."""
+    ends = [f"{count} {what}" for what, count in counts.most_common() if what != "points"]
+    return f"{counts['points']} points: " + (", ".join(ends) or "energies equal and certificates the same in all")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -101,8 +122,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             ("saw teeth", saw_teeth(problems // 5)),
             ("failure map", failure_map()),
         ):
-            counts = compare(groups)
-            print(f"{name}: " + ", ".join(f"{count} {what}" for what, count in counts.most_common()), flush=True)
+            print(f"{name}, {said(compare(groups))}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Many points on one body at once against one after the other: `python -m tests.benchmarks.online [--check | --whole]`.
+"""Many points on one body at once against one after the other: `python -m tests.benchmarks.online [--whole]`.
 
 Body:    the quickstart's at five mesh sizes, m = 11 to 352 contact nodes; loads of 10 α × 25 θ̄
 Sweeps:  softening with 10 δ, the quickstart's four laws, and 1,000 random laws of all shapes; 1,000 points each
@@ -6,7 +6,6 @@ Before:  tcstudy.solvers.contact with its certificates, λ₁ and Ã⁻¹ of the
 Now:     tcstudy.online.solve_block in blocks as a study has them, tables of the laws included; CPU time, least of two
 Whole:   1,000 points from the condensed body to the finished file: loads, solve, certificates, journal, netCDF
 `--whole` measures that alone and keeps the other figures.
-`--check` compares every answer of 2,000 saw-tooth problems and of random problems with those of the single solve.
 
 Writes results/online.md, results/online.nc and results/online.png.
 """
@@ -16,6 +15,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -29,16 +29,19 @@ import scipy.linalg
 import xarray as xr
 from numpy.typing import NDArray
 
+from tcstudy.data.journal import Journal
+from tcstudy.data.provenance import collect
+from tcstudy.data.store import write
 from tcstudy.executors.protocol import keep_freed_memory
 from tcstudy.online import BlockAnswers, CondensedBody, LawTables
 from tcstudy.reports.figures.style import INK, WIDTH, inches, save, styled
 from tcstudy.scene import laws as shapes
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.solvers.certificates import certify
-from tcstudy.solvers.contact import solve_contact
+from tcstudy.scene.study import Study
 from tcstudy.solvers.problem import ContactProblem
+from tcstudy.study.run import Stage, stages
+from tests.benchmarks.blocks import Single, differences, said, solved_alone
 from tests.online.rows import solve_points
-from tests.solvers.contact_cases import random_problem
 
 T = TypeVar("T")
 Array = NDArray[np.float64]
@@ -48,9 +51,15 @@ SWEEPS = ("softening", "four laws", "1,000 laws")
 LEVELS = (0, 1, 2, 4, 5)
 EVERY, RUNS = 40, 2
 WHOLE = (0, 2, 4, 5)
+DRAWN = {
+    "alpha": "[100, 400]",
+    "theta_bar": "[0, 20]",
+    "friction.tau_s": "[30 MPa, 50 MPa]",
+    "friction.tau_k": "[5 MPa, 20 MPa]",
+    "friction.delta": "[20 um, 60 um]",
+}
+"""Ends of what is drawn at random."""
 RESULTS = Path(__file__).parents[2] / "results"
-FLAGS = ("convex", "unique", "strict_minimum", "global_minimum")
-TIE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -93,8 +102,6 @@ def laws_of(name: str) -> list[FrictionLaw]:
     """The laws of a sweep; tractions and slips about those of the quickstart."""
     if name == "softening":
         return [shapes.slip_weakening(40e6, 10e6, delta) for delta in np.linspace(20e-6, 60e-6, 10)]
-    if name == "saw-tooth":
-        return [shapes.saw_tooth(tau, 20e-6, 3, drop, 0.7) for tau in (30e6, 40e6) for drop in (0.3, 0.5)]
     if name == "four laws":
         return [_law(shape, 40e6, 10e6, 40e-6) for shape in range(4)]
     rng = np.random.default_rng(0)
@@ -122,39 +129,9 @@ def sweep(body: CondensedBody, loads: Array, name: str, points: int = 1000) -> S
     return Sweep(body, loads[load], laws, law)
 
 
-def single(points: Sweep, which: Index) -> list[tuple[float, dict[str, bool]]]:
-    """(energy, flags) of points by the single solve and its certificates."""
-    found = []
-    for p in which:
-        problem = points.problem(int(p))
-        answer = solve_contact(problem)
-        proved = certify(problem, answer.v, points.body.lambda_1, inverse=points.body.inverse)
-        found.append((answer.energy, {flag: getattr(proved, flag) for flag in FLAGS}))
-    return found
-
-
-@dataclass
-class Comparison:
-    """Answers against those of the single solve: energies equal, lower and higher, and certificates lost."""
-
-    points: int = 0
-    lower: int = 0
-    higher: int = 0
-    lost: int = 0
-
-    def add(self, answers: BlockAnswers, which: Index, expected: list[tuple[float, dict[str, bool]]]) -> None:
-        """Count the named points."""
-        for p, (energy, flags) in zip(which, expected, strict=True):
-            apart = answers.energy[p] - energy
-            self.points += 1
-            self.lower += apart < -TIE * abs(energy)
-            self.higher += apart > TIE * abs(energy)
-            self.lost += any(flags[f] and not getattr(answers.certificates, f)[p] for f in FLAGS)
-
-    def __str__(self) -> str:
-        same = self.points - self.lower - self.higher
-        ends = f"{same} energies equal, {self.lower} lower, {self.higher} higher"
-        return f"{self.points} points: {ends}; {self.lost} lost a certificate"
+def single(points: Sweep, which: Index) -> list[Single]:
+    """Points by the single solve and its certificates."""
+    return [solved_alone(points.body, points.problem(int(p))) for p in which]
 
 
 def cpu(work: Callable[[], T]) -> tuple[T, float]:
@@ -169,7 +146,7 @@ def measure(progress: Callable[[str], None]) -> xr.Dataset:
     keep_freed_memory()  # as whoever solves the blocks of a study does
     shape = len(SWEEPS), len(LEVELS)
     before, now, factor = np.full(shape, np.inf), np.full(shape, np.inf), np.full(len(LEVELS), np.inf)
-    counts, sizes = Comparison(), np.zeros(len(LEVELS), dtype=np.int64)
+    counts, sizes = Counter[str](), np.zeros(len(LEVELS), dtype=np.int64)
     for j, (body, loads) in enumerate(bodies()):
         sizes[j] = body.m
         for i, name in enumerate(SWEEPS):
@@ -182,7 +159,8 @@ def measure(progress: Callable[[str], None]) -> xr.Dataset:
                 before[i, j] = min(before[i, j], 1e3 * spent / len(which))
                 _, spent = cpu(partial(scipy.linalg.cholesky, body.A_tilde, lower=True))
                 factor[j] = min(factor[j], 1e3 * spent)
-            counts.add(answers, which, expected)
+            for p, own in zip(which, expected, strict=True):
+                counts.update(("points", *differences(answers, int(p), points.problem(int(p)), own)))
             progress(f"m = {body.m:3d}  {name:10s}  {before[i, j]:7.2f} → {now[i, j]:6.3f} ms a point")
     return xr.Dataset(
         {
@@ -191,45 +169,52 @@ def measure(progress: Callable[[str], None]) -> xr.Dataset:
             "potrf": (("m",), factor, {"long_name": "one Cholesky factorisation of A_tilde", "units": "ms"}),
         },
         {"sweep": list(SWEEPS), "m": sizes},
-        {"comparison": str(counts), "load": f"{os.getloadavg()[0]:.0f} on {os.cpu_count()} processors"},
+        {"comparison": said(counts), "load": f"{os.getloadavg()[0]:.0f} on {os.cpu_count()} processors"},
     )
 
 
-def whole(progress: Callable[[str], None]) -> xr.Dataset:
-    """(size) CPU ms a point of a run of 10 α × 10 θ̄ × 10 δ, once a level is assembled and its body condensed."""
+def studies() -> Iterator[Study]:
+    """The sweeps as studies of the quickstart's body, 10 α × 10 θ̄ × 10 δ, × its four laws, and 1,000 laws at random."""
     import tcstudy
-    from tcstudy.data.journal import Journal
-    from tcstudy.data.provenance import collect
-    from tcstudy.data.store import write
-    from tcstudy.study.run import stages
 
     config = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
-    law = "friction={law: slip-weakening, tau_s: 40 MPa, tau_k: 10 MPa, delta: 40 um}"
-    grid = "alpha: {linspace: [100, 400, 10]}, theta_bar: {linspace: [0, 20, 10]}"
-    axes = f"sweep={{{grid}, friction.delta: {{linspace: [20 um, 60 um, 10]}}}}"
-    found = []
-    study = tcstudy.load(config, ["mesh.maxh=18.5 mm", f"mesh.levels={max(WHOLE) + 1}", axes, law])
-    for level in WHOLE:
-        least, m = np.inf, 0
-        for _ in range(RUNS):
-            stage = next(islice(stages(study), level, None))
-            assert stage.level is not None
-            assert stage.record is not None
-            stage.level.condensed(study.scenes[0])
-            m, since = stage.level.line.m, time.process_time()
-            with TemporaryDirectory() as folder, Journal.open(Path(folder) / "whole.nc", study) as journal:
-                for record in (stage.record, *stage.blocks):
-                    journal.add(record)
-                journal.flush()
-                target, words = Path(folder) / "whole.nc", collect(study, ("tcstudy",))
-                write(target, study, journal.levels(), journal.blocks(), words)
-                journal.discard()
-            least = min(least, 1e3 * (time.process_time() - since) / len(study.scenes))
-        found.append((m, least))
-        progress(f"m = {m:3d}  {least:6.3f} ms a point from the condensed body to the file")
-    sizes, spent = zip(*found, strict=True)
+    mesh = ["mesh.maxh=18.5 mm", f"mesh.levels={max(WHOLE) + 1}"]
+    softening = "friction={law: slip-weakening, tau_s: 40 MPa, tau_k: 10 MPa, delta: 40 um}"
+    grid = "alpha: {linspace: [100, 400, 10]}, theta_bar: {linspace: [0, 20, %d]}"
+    deltas = "friction.delta: {linspace: [20 um, 60 um, 10]}"
+    yield tcstudy.load(config, [*mesh, softening, f"sweep={{{grid % 10}, {deltas}}}"])
+    yield tcstudy.load(
+        config, [*mesh, "sweep.alpha={linspace: [100, 400, 10]}", "sweep.theta_bar={linspace: [0, 20, 25]}"]
+    )
+    drawn = ", ".join(f"{name}: {{uniform: {ends}}}" for name, ends in DRAWN.items())
+    yield tcstudy.load(config, [*mesh, softening, f"sweep={{mode: random, points: 1000, seed: 7, {drawn}}}"])
+
+
+def whole(progress: Callable[[str], None]) -> xr.Dataset:
+    """(sweep, size) CPU ms a point of a run, once a level is assembled and its body condensed."""
+    spent = np.full((len(SWEEPS), len(WHOLE)), np.inf)
+    for i, study in enumerate(studies()):
+        for j, level in enumerate(WHOLE):
+            for _ in range(RUNS):
+                stage = next(islice(stages(study), level, None))
+                assert stage.level is not None
+                stage.level.condensed(study.scenes[0])
+                spent[i, j] = min(spent[i, j], 1e3 * cpu(partial(_to_file, study, stage))[1] / len(study.scenes))
+            progress(f"{SWEEPS[i]}, m = {stage.level.line.m:3d}  {spent[i, j]:6.3f} ms a point to the file")
     about = {"long_name": "from the condensed body to the finished file", "units": "ms"}
-    return xr.Dataset({"whole": (("size",), list(spent), about)}, {"size": list(sizes)})
+    return xr.Dataset({"whole": (("sweep", "level"), spent, about)}, {"sweep": list(SWEEPS), "level": list(WHOLE)})
+
+
+def _to_file(study: Study, stage: Stage) -> None:
+    """Solve the points of a level and write them as a run does."""
+    with TemporaryDirectory() as folder, Journal.open(Path(folder) / "whole.nc", study) as journal:
+        assert stage.record is not None
+        for record in (stage.record, *stage.blocks):
+            journal.add(record)
+        journal.flush()
+        target, words = Path(folder) / "whole.nc", collect(study, ("tcstudy",))
+        write(target, study, journal.levels(), journal.blocks(), words)
+        journal.discard()
 
 
 def lines(data: xr.Dataset) -> Iterator[str]:
@@ -250,11 +235,15 @@ def lines(data: xr.Dataset) -> Iterator[str]:
         yield f"| {name} | " + " | ".join(cells) + " |"
     yield "| potrf | " + " | ".join(f"{float(x):.3f}" for x in data["potrf"]) + " |"
     yield ""
-    yield "Everything from the condensed body to the finished file (loads, solve, certificates, journal, netCDF),"
-    ends = zip(data["size"].values, data["whole"].values, strict=True)
-    yield "10 α × 10 θ̄ × 10 δ: " + ", ".join(f"{x:.2f} ms a point at m = {m}" for m, x in ends) + "."
+    yield "Everything from the condensed body to the finished file (loads, solve, certificates, journal, netCDF):"
     yield ""
-    yield f"Against the single solve, {data.attrs['comparison']}."
+    sizes = data["m"].values[[LEVELS.index(level) for level in data["level"].values]]
+    yield "| sweep | " + " | ".join(f"m = {m}" for m in sizes) + " |"
+    yield "|---" * (len(sizes) + 1) + "|"
+    for name in data["sweep"].values:
+        yield f"| {name} | " + " | ".join(f"{float(x):.2f}" for x in data["whole"].sel(sweep=name)) + " |"
+    yield ""
+    yield f"Beside the single solve: {data.attrs['comparison']}."
 
 
 def draw(data: xr.Dataset, target: Path) -> None:
@@ -294,35 +283,14 @@ def _names(axes: object, data: xr.Dataset) -> None:
         )
 
 
-def check(progress: Callable[[str], None], problems: int = 600) -> None:
-    """Every answer of 2,000 saw-tooth problems and of random problems beside the single solve's."""
-    total = Comparison()
-    for body, loads in bodies((0, 1, 2, 3)):
-        points = sweep(body, loads, "saw-tooth", 500)
-        which = np.arange(len(points.law))
-        total.add(points.now(), which, single(points, which))
-        progress(f"saw-tooth up to m = {body.m}: {total}")
-    total = Comparison()
-    for n in range(problems):
-        problem = random_problem(np.random.default_rng([n, 2010]), (20, 60, 200)[n % 3], smooth=(n // 3) % 2 == 1)
-        body = CondensedBody.of(problem.A_tilde, problem.c)
-        points = Sweep(body, problem.l_tilde[None], [problem.law], np.zeros(1, dtype=np.intp))
-        total.add(points.now(), np.arange(1), single(points, np.arange(1)))
-        if (n + 1) % 100 == 0:
-            progress(f"random problems of tests.benchmarks.reliability: {total}")
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure and write, or compare."""
+    """Measure and write."""
     words = list(sys.argv[1:] if arguments is None else arguments)
 
     def progress(line: str) -> None:
         print(line, flush=True)
 
-    if "--check" in words:
-        check(progress, *(int(word) for word in words if word.isdigit()))
-        return
-    known = xr.load_dataset(RESULTS / "online.nc").drop_vars(["whole", "size"], errors="ignore")
+    known = xr.load_dataset(RESULTS / "online.nc").drop_vars(["whole", "size", "level"], errors="ignore")
     data = (known if "--whole" in words else measure(progress)).merge(whole(progress), combine_attrs="override")
     data.to_netcdf(RESULTS / "online.nc")
     text = "\n".join(lines(data)) + "\n"
