@@ -9,21 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from tcstudy.data.files import FINISHED, StoreError, new_dataset, replace_file
-from tcstudy.data.provenance import CONTENT, Provenance, global_attributes, kind_of
+from tcstudy.data.files import write_dataset
+from tcstudy.data.provenance import CONTENT, Provenance, global_attributes
 from tcstudy.data.schema import FileVariable, flags
 from tcstudy.data.writer import put_all
 from tcstudy.scene.study import Study
 
-if TYPE_CHECKING:
-    import xarray
-
-Array = NDArray[np.float64]
 P, PP, D, S = ("parameter",), ("parameter", "other_parameter"), ("row",), ("start",)
 _OWN = (("comment", "in the units of parameter_units"),)
 
@@ -79,21 +72,5 @@ VARIABLES = (
 
 def write_fit(path: Path, study: Study, record: FitRecord, provenance: Provenance) -> None:
     """Write a fit to `path`, replacing an old file in one step; raises StoreError if that is not possible."""
-    named = tuple(variable for variable in VARIABLES if variable.name in record.values)
-
-    def fill(aside: Path) -> None:
-        with new_dataset(aside) as nc:
-            nc.setncatts({**global_attributes(study, provenance), CONTENT: "fit", **record.attributes})
-            put_all(nc, named, record.values, study)
-            nc.setncattr(FINISHED, np.int32(1))
-
-    replace_file(path, fill)
-
-
-def open_fit(path: Path) -> xarray.Dataset:
-    """Open the file of a fit lazily; close it after use. Raises StoreError if it is not that of a fit."""
-    if kind_of(path) != "fit":
-        raise StoreError(f"{path} is not the result of a fit; use tcstudy show")
-    import xarray
-
-    return xarray.open_dataset(path, engine="netcdf4")
+    told = global_attributes(study, provenance) | {CONTENT: "fit", **record.attributes}
+    write_dataset(path, told, lambda nc: put_all(nc, VARIABLES, record.values, study))

@@ -1,78 +1,218 @@
-"""The file of a load history: one netCDF-4 file, written whole again as steps are done, complete or not there at all.
+"""The file of a load history: one group, a row a sweep point and step (CF-1.11), written again as steps are done.
 
-A file in which steps are missing is that of a history that was stopped: the same study goes on from there, and so does
-one with more steps behind the same ones.
+Step 0 puts the loads of the study as it is written on the virgin body. After the step in which a history ends early
+everything is missing, and `reason` says why it ended. `u_T`, `kappa` and `plastic` are all that the next step
+remembers, to the bit: a file in which steps are missing is that of a history that was stopped, the same study goes on
+from there, and so does one with more steps behind the same ones.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data import history_records as schema
 from tcstudy.data.files import StoreError, write_dataset
-from tcstudy.data.history_records import HistoryRecord
-from tcstudy.data.provenance import CONTENT, Provenance, global_attributes, kind_of, program, without_paths
-from tcstudy.data.reading import attributes, is_foreign
+from tcstudy.data.path_store import LINE
+from tcstudy.data.provenance import CONTENT, Provenance, global_attributes, program, without_paths
+from tcstudy.data.reading import is_foreign
 from tcstudy.data.records import LevelRecord, PointStatus
-from tcstudy.data.schema import edge_flags
-from tcstudy.data.writer import in_file_order, put, put_all, put_axes
+from tcstudy.data.schema import BESIDE, CERTIFIED, DIFFERENCE, MISSING_COUNT, STATUS, SWEEP, FileVariable, edge_flags
+from tcstudy.data.store import load_root
+from tcstudy.data.writer import axis_name, in_file_order, put, put_all, put_axes
+from tcstudy.scene.histories import START
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
     import netCDF4
-    import xarray
+
+Array = NDArray[np.float64]
 
 
-def write_history(
-    path: Path, study: Study, line: LevelRecord, record: HistoryRecord, provenance: Provenance, kept: str = ""
-) -> None:
+@dataclass(frozen=True)
+class HistoryRecord:
+    """All steps of all points, filled row by row.
+
+    values: (P, N) arrays of STEPS, (P, N, m) of NODES and (P,) of POINTS by name, which are attributes as well
+    """
+
+    values: dict[str, NDArray[Any]]
+
+    @classmethod
+    def empty(cls, points: int, steps: int, m: int) -> HistoryRecord:
+        """Nothing is known yet."""
+        shapes: dict[str, tuple[int, ...]] = {"step": (points, steps), "node": (points, steps, m)}
+        own = {v.name: np.full(shapes.get(v.dims[-1], (points,)), v.missing, dtype=_kind(v)) for v in EVERY}
+        own["reason"][:] = ""
+        return cls(own)
+
+    def of(self, point: int) -> HistoryRecord:
+        """That of one point."""
+        return HistoryRecord({name: values[point : point + 1] for name, values in self.values.items()})
+
+    def take(self, point: int, one: HistoryRecord) -> None:
+        """Put the record of one point into its row."""
+        for name, values in self.values.items():
+            values[point] = one.values[name][0]
+
+    def __getattr__(self, name: str) -> NDArray[Any]:
+        try:
+            return self.__dict__["values"][name]
+        except KeyError as error:
+            raise AttributeError(name) from error
+
+
+def _kind(variable: FileVariable) -> Any:
+    return object if variable.dtype == "str" else variable.dtype
+
+
+_STEP, _NODE = (SWEEP, "step"), (SWEEP, "step", "node")
+_AT = (("coordinates", "cycle arclength x y"), ("ancillary_variables", "status"))
+_JUDGED = (("ancillary_variables", "status"),)
+_COUNT = (("valid_min", np.int32(0)), ("comment", f"{MISSING_COUNT} where there is no value"))
+
+
+def _number(name: str, units: str, long_name: str, comment: str = "", dims: tuple[str, ...] = _STEP) -> FileVariable:
+    told = (("comment", comment),) if comment else ()
+    return FileVariable(name, "f8", units, long_name, dims, extra=told + (_JUDGED if dims == _STEP else ()))
+
+
+def _count(name: str, long_name: str) -> FileVariable:
+    return FileVariable(name, "i4", "1", long_name, _STEP, extra=_COUNT + _JUDGED)
+
+
+def _flag(name: str, long_name: str) -> FileVariable:
+    return FileVariable(name, "i1", "1", long_name, _STEP, extra=(*CERTIFIED, *_JUDGED))
+
+
+def _node(name: str, units: str, long_name: str) -> FileVariable:
+    return FileVariable(name, "f8", units, long_name, _NODE, extra=_AT)
+
+
+_PER = "per unit thickness"
+STEPS: tuple[FileVariable, ...] = (
+    FileVariable("status", "i1", "1", "status of the step", _STEP, extra=STATUS),
+    _number("energy", "J m-1", "energy of body and loads", f"1/2 v A v - l v at the contact nodes, {_PER}"),
+    _number("stored", "J m-1", "energy stored in the bond", _PER),
+    _number("dissipated", "J m-1", "energy dissipated in the step", f"by friction, yielding or damage, {_PER}"),
+    _number(
+        "work", "J m-1", "work of the loads' change", f"-1/2 (v + v before) dl, summed over parts of the step, {_PER}"
+    ),
+    _number(
+        "closure",
+        "J m-1",
+        "energy missed by finite steps",
+        f"work - d(energy + stored) - dissipated - released, {_PER}",
+    ),
+    _number("released", "J m-1", "energy released by jumps", _PER),
+    _number("identity", "1", "defect of energy identity", "relative to its terms; rounding"),
+    _number("inclusion_residual", "1", "inclusion residual", "largest distance of -S_T from the law of the step"),
+    _number("inclusion_rounding", "1", "inclusion residual of rounding", "what the rounding of doubles allows"),
+    _number("friction_resultant", "N m-1", "friction resultant", f"integral of -S_T over the contact line, {_PER}"),
+    _number("u_T_max", "m", "largest |u_T|", "tangential displacement on the contact line"),
+    _number("slip_length", "m", "length that slipped in the step"),
+    _flag("unique", "only solution of the step"),
+    _flag("strict_minimum", "strict local energy minimum"),
+    _flag("global_minimum", "least energy of the step"),
+    _count("parts", "problems solved, or pieces of the path"),
+    _count("iterations", "steps of the solver"),
+    _count("jumps", "jumps in the step"),
+)
+"""Variables of HistoryRecord with a number a step."""
+NODES: tuple[FileVariable, ...] = (
+    _node("u_T", "m", "tangential displacement"),
+    _node("xi", "Pa", "tangential traction -S_T"),
+    _node("kappa", "m", "accumulated or largest slip kappa"),
+    _node("plastic", "m", "plastic slip"),
+    FileVariable("jumped", "i1", "1", "moved by a jump", _NODE, extra=_AT, no_value=-1),
+)
+"""Variables of HistoryRecord with a number a step and node."""
+POINTS: tuple[FileVariable, ...] = (
+    FileVariable("reason", "str", "", "why the history ended early", (SWEEP,)),
+    _number("lambda_1", "Pa m-1", "tangential stiffness lambda_1", "0 where only friction holds the body", (SWEEP,)),
+    _number("margin", "Pa m-1", "uniqueness margin", "all steps are unique if positive", (SWEEP,)),
+)
+"""Variables of HistoryRecord with a value a point."""
+EVERY = (*STEPS, *NODES, *POINTS)
+LEVEL: tuple[FileVariable, ...] = (
+    FileVariable("level", "i4", "1", "mesh level, from coarse to fine", (), coordinate=True),
+    FileVariable("h_max", "f8", "m", "longest element edge", (), coordinate=True),
+    FileVariable("n_dof", "i4", "1", "displacement unknowns", (), coordinate=True),
+    FileVariable("n_contact", "i4", "1", "contact unknowns m", (), coordinate=True),
+)
+
+
+def variables(study: Study) -> tuple[FileVariable, ...]:
+    """The variables of this study's file; what its memory does not have is left out."""
+    assert study.history is not None
+    name, jumping = study.history.memory.name, study.history.branch == "continued"
+    without = {"plastic"} if name != "elastic-plastic" else set()
+    return tuple(v for v in EVERY if v.name not in without and (jumping or v.name != "jumped"))
+
+
+def history_bytes(study: Study, m: int) -> int:
+    """Size of the file [byte] without compression, with m contact unknowns."""
+    assert study.history is not None
+    steps, row = len(study.scenes) * (study.history.steps + 1), {"step": 1, "node": m}
+    own = variables(study)
+    numbers = sum(np.dtype(v.dtype).itemsize * row.get(v.dims[-1], 0) for v in own if v.dtype != "str")
+    return 60_000 + len(study.text.encode()) + BESIDE * len(own) + steps * numbers
+
+
+def load_variables(study: Study) -> list[tuple[FileVariable, Array]]:
+    """Coordinates of the steps: number, name, cycle and every load that changes, with their values (N,)."""
+    plan = study.history
+    assert plan is not None
+    schedule, stations = list(plan.schedule()), plan.stations()
+    cycles = np.array([0, *(cycle for *_, cycle in schedule)])
+    names = np.array([START, *(name for *_, name, _ in schedule)], dtype=object)
+    found: list[tuple[FileVariable, Any]] = [
+        (FileVariable("step", "i4", "1", "step", ("step",), coordinate=True), np.arange(len(cycles))),
+        (FileVariable("step_name", "str", "", "name of the step", ("step",), coordinate=True), names),
+        (FileVariable("cycle", "i4", "1", "cycle, from 1", ("step",), coordinate=True), cycles),
+    ]
+    taken = {axis_name(axis) for axis in study.axes} | {v.name for v in (*EVERY, *LEVEL, *LINE)}
+    for name, (keys, units, _) in zip(plan.names, plan.parameters, strict=True):
+        at = [station[keys] for station in stations]
+        values = [at[0], *(at[i] if share == 0.0 else at[j] if share == 1.0 else at[i] + share * (at[j] - at[i])
+                           for i, j, share, *_ in schedule)]  # fmt: skip
+        extra = DIFFERENCE if units == "K" else ()
+        chosen = "_".join(keys) if name in taken else name
+        variable = FileVariable(chosen, "f8", units, ".".join(keys), ("step",), coordinate=True, extra=extra)
+        found.append((variable, np.array(values)))
+    return found
+
+
+def write_history(path: Path, study: Study, line: LevelRecord, record: HistoryRecord, provenance: Provenance) -> None:
     """Write all that is known so far to `path`, replacing an old file in one step; raises StoreError."""
     plan = study.history
     assert plan is not None
-    loads = schema.load_variables(study)
-    told = {CONTENT: "history", "memory": plan.memory.name, "branch": plan.branch, "substeps": _substeps(study)}
+    loads = load_variables(study)
+    # descents of a step, 0 where its path is followed
+    substeps = plan.substeps or int(plan.memory.healing or plan.branch == "lowest")
+    told = {CONTENT: "history", "memory": plan.memory.name, "branch": plan.branch, "substeps": substeps}
     told["loads"] = " ".join(variable.name for variable, _ in loads if variable.dtype == "f8")
 
     def fill(nc: netCDF4.Dataset) -> None:
         put_axes(nc, study)
-        put_all(nc, schema.LINE, vars(line), study)
+        put_all(nc, (*LINE, *LEVEL), vars(line), study)
         nc["edge"].setncatts(edge_flags(line.edge_names))
-        put_all(nc, schema.LEVEL, vars(line), study)
         for variable, values in loads:
             put(nc, variable, study, values)
-        known = dict(record.arrays())
-        for variable in schema.variables(study):
-            values = known[variable.name]
+        for variable in variables(study):
+            values = record.values[variable.name]
             if variable.name == "reason":
                 values = np.array([without_paths(one) for one in values], dtype=object)
-            shaped = values.reshape((*study.shape, *values.shape[1:]))
-            put(nc, variable, study, in_file_order(study, shaped))
+            put(nc, variable, study, in_file_order(study, values.reshape((*study.shape, *values.shape[1:]))))
 
-    write_dataset(path, global_attributes(study, provenance) | told, fill, kept)
-
-
-def _substeps(study: Study) -> int:
-    """Descents of a step, 0 where its path is followed."""
-    plan = study.history
-    assert plan is not None
-    return plan.substeps or int(plan.memory.healing or plan.branch == "lowest")
+    write_dataset(path, global_attributes(study, provenance) | told, fill)
 
 
-def open_history(path: Path) -> xarray.Dataset:
-    """Open the file of a history lazily; close it after use. Raises StoreError if it is none."""
-    if kind_of(path) != "history":
-        raise StoreError(f"{path} is no result of tcstudy history")
-    import xarray
-
-    return xarray.open_dataset(path, engine="netcdf4")
-
-
-def read_known(path: Path, study: Study, steps: int) -> HistoryRecord | None:
-    """What a file knows of the first steps of this study's history; None if there is no such file.
+def read_known(path: Path, study: Study, steps: int) -> tuple[HistoryRecord, dict[str, Any]] | None:
+    """What a file knows of the first steps of this study's history, and its attributes; None if there is no such file.
 
     steps: of the history, step 0 included. Raises StoreError where the file has other loads or a history of another
     program; that its study is this one but for its steps is for the caller to judge.
@@ -81,37 +221,29 @@ def read_known(path: Path, study: Study, steps: int) -> HistoryRecord | None:
         return None
     remedy = "give another --output, or --force to replace it"
     try:
-        found = attributes(path)
-        if kind_of(path) != "history":
-            raise StoreError(f"{path} holds results of another command")
-        if found.get("program") != program():
+        data = load_root(path, "history")
+        if data.attrs.get("program") != program():
             raise StoreError(f"{path} holds this study as another version of the program or its libraries computed it")
-        with open_history(path) as opened:
-            data = opened.load()
     except StoreError as error:
         raise StoreError(f"{error}; {remedy}") from error
     both = min(steps, data.sizes["step"])
-    for variable, values in schema.load_variables(study):
+    for variable, values in load_variables(study):
         if variable.dtype == "f8" and not (
             variable.name in data and np.array_equal(data[variable.name].values[:both], values[:both])
         ):
             raise StoreError(f"{path} holds a history with other steps; {remedy}")
-    return _record(data, study, steps, both)
+    return _record(data, study, steps, both), dict(data.attrs)
 
 
 def _record(data: Any, study: Study, steps: int, both: int) -> HistoryRecord:
-    order = np.argsort(in_file_order(study, np.arange(len(study.scenes)).reshape(study.shape)).ravel(), kind="stable")
-    m, points = data.sizes["node"], len(study.scenes)
-    record = HistoryRecord.empty(points, steps, m)
-    for variable in schema.variables(study):
+    points = len(study.scenes)
+    order = np.argsort(in_file_order(study, np.arange(points).reshape(study.shape)).ravel(), kind="stable")
+    record = HistoryRecord.empty(points, steps, data.sizes["node"])
+    for variable in variables(study):
         stored: NDArray[Any] = data[variable.name].values
         values = stored.reshape((points, *stored.shape[len(study.shape) :]))[order]
-        if variable.name == "reason":
-            record.reason = [str(one) for one in values]
-        elif variable.dims[-1] in ("step", "node"):
-            getattr(record, variable.name)[:, :both] = values[:, :both]
-        else:
-            getattr(record, variable.name)[...] = values
+        where = (slice(None), slice(both)) if variable.dims[-1] in ("step", "node") else ()
+        record.values[variable.name][where] = values[where]
     return record
 
 

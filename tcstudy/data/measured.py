@@ -20,17 +20,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.files import StoreError, write_dataset
+from tcstudy.data.files import write_dataset
 from tcstudy.data.provenance import CONTENT, Provenance, global_attributes, without_paths
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LEVEL_COORDINATE, POINT_LEVEL, STATUS, SWEEP, Dtype, FileVariable, flags
-from tcstudy.data.store import open_results
 from tcstudy.data.writer import geometry_dims, in_file_order, put, put_all, put_axes, put_names
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
     import netCDF4
-    import xarray
 
 Array = NDArray[np.float64]
 
@@ -287,15 +285,6 @@ def _fill_cost(nc: netCDF4.Dataset, study: Study, cost: Cost) -> None:
     values |= {f"error_{name}": errors for name, errors in cost.errors.items()}
     values |= {f"dominated_{name}": worse for name, worse in cost.dominated.items()}
     put_all(nc, COST_TABLE, values, study)
-
-
-def open_cost(path: Path) -> xarray.Dataset:
-    """The whole content of a file of accuracy against cost. Raises StoreError if it is none."""
-    with open_results(path) as tree:
-        data = tree.to_dataset().load()
-    if data.attrs.get(CONTENT) != "cost":
-        raise StoreError(f"{path} was not written by tcstudy cost")
-    return data
 
 
 def _own_attributes(cost: Cost) -> dict[str, Any]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from tcstudy.data import schema
 from tcstudy.data.files import StoreError, aside_of, new_dataset, write_dataset
-from tcstudy.data.provenance import Provenance, global_attributes
+from tcstudy.data.provenance import Kind, Provenance, global_attributes, kind_of
 from tcstudy.data.reading import attributes
 from tcstudy.data.records import BlockRecord, LevelRecord, check_block, check_level
 from tcstudy.data.schema import SWEEP, FileVariable, PointStatus, edge_flags
@@ -128,6 +128,14 @@ def open_results(path: Path) -> xarray.DataTree:
     import xarray  # here, because a run needs no xarray and its import takes longer than writing the file
 
     return xarray.open_datatree(path, engine="netcdf4")
+
+
+def load_root(path: Path, kind: Kind | None = None) -> xarray.Dataset:
+    """The whole root group of a result file. Raises StoreError if it is none, or none of this kind."""
+    if kind is not None and (found := kind_of(path)) != kind:
+        raise StoreError(f"{path} is a file of tcstudy {found}, not of tcstudy {kind}; use tcstudy show")
+    with open_results(path) as tree:
+        return tree.to_dataset().load()
 
 
 class Filling:

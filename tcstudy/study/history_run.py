@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.data.history_records import HistoryRecord
-from tcstudy.data.history_store import open_history, read_known, steps_done, write_history
+from tcstudy.data.history_store import HistoryRecord, read_known, steps_done, write_history
 from tcstudy.data.provenance import collect, study_sha256
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import HistoryError, StoreError, StudyError, UserFault
@@ -89,9 +88,9 @@ def execute_history(
     plan = study.history
     if plan is None:
         raise HistoryError("the study has no section history; add history: {memory: friction, steps: [...]}")
-    known = None if force else _known(output, study, plan.steps + 1)
+    known, whole = (None, False) if force else _known(output, study, plan.steps + 1)
     done = 0 if known is None else int(steps_done(known).sum())
-    if known is not None and all(_finished(known, p) for p in range(len(study.scenes))) and _same(output, study):
+    if known is not None and all(_finished(known, p) for p in range(len(study.scenes))) and whole:
         return _summary(study, known, done)
     provenance = collect(study, command)
     with threadpool_limits(1, user_api="blas"), closing(Staff(jobs, dask)) as staff:
@@ -123,27 +122,18 @@ def _finished(record: HistoryRecord, point: int) -> bool:
     return bool(record.reason[point]) or int(steps_done(record)[point]) == record.status.shape[1]
 
 
-def _same(path: Path, study: Study) -> bool:
-    """Whether the file is of this very study, steps and all."""
-    with open_history(path) as data:
-        return bool(data.attrs["study_sha256"] == study_sha256(study))
-
-
-def _known(path: Path, study: Study, steps: int) -> HistoryRecord | None:
-    """What the file has of this study; raises StoreError if it has another one."""
-    if not path.is_file():
-        return None
-    known = read_known(path, study, steps)
-    if known is None:
-        return None
-    with open_history(path) as data:
-        attrs = data.attrs
+def _known(path: Path, study: Study, steps: int) -> tuple[HistoryRecord | None, bool]:
+    """What the file has of this study, and whether it is of this very study, steps and all; raises StoreError if it has
+    another one."""
+    if (found := read_known(path, study, steps)) is None:
+        return None, False
+    known, attrs = found
     broken = known.status == PointStatus.ERROR  # no number's fault: tried again
     known.status[broken] = PointStatus.NOT_RUN
     for point in np.flatnonzero(broken.any(axis=1)).tolist():
         known.reason[point] = ""
     if attrs["study_sha256"] == study_sha256(study):
-        return known
+        return known, True
     try:
         overrides = [one for one in str(attrs["overrides"]).split("\n") if one]
         other = read_study_text(str(attrs["study_yaml"]), str(path), overrides, study.source)
@@ -153,7 +143,7 @@ def _known(path: Path, study: Study, steps: int) -> HistoryRecord | None:
     if apart:
         remedy = "give another --output, or --force to replace it"
         raise StoreError(f"{path} holds the history of another study ({apart[0]}); {remedy}")
-    return known
+    return known, False
 
 
 def _level(study: Study) -> Level:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.data.path_records import CurveRecord, LoopRecord, PathRecord, SolutionsRecord
-from tcstudy.data.path_store import write_path
+from tcstudy.data.path_store import PathRecord, Values, write_path
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import LevelRecord
 from tcstudy.errors import GeometryFailed
@@ -116,7 +115,7 @@ def _follow(setting: _Setting, progress: Progress | None) -> tuple[Path, Array]:
         raise PathError(str(error)) from error
 
 
-def _curve(setting: _Setting, path: Path) -> CurveRecord:
+def _curve(setting: _Setting, path: Path) -> Values:
     load, states = setting.load, by_code(path.problem.law, contact_states)
     state = states[path.codes]
     turning = folds(path)
@@ -124,33 +123,33 @@ def _curve(setting: _Setting, path: Path) -> CurveRecord:
     before, after = states[events.before], states[events.after]
     changed = before != after
     low = lowest(path)
-    return CurveRecord(
-        parameter=path.t,
-        u_T=path.u,
-        xi=path.traction,
-        energy=path.energy + load.constant(path.t),
-        energy_rate=load.constant_rate(path.t) - path.conjugate,
-        residual=path.residual,
-        stable=path.stable.astype(np.int8),
-        state=state,
-        slip_length=np.asarray((state != ContactState.STICK) @ path.problem.c),
-        fold_vertex=np.array([f.vertex for f in turning], dtype=np.int32),
-        fold_size=np.array([f.size for f in turning]),
-        fold_maximum=np.array([f.limit for f in turning], dtype=np.int8),
-        fold_stable_before=np.array([f.stable[0] for f in turning], dtype=np.int8),
-        fold_stable_after=np.array([f.stable[1] for f in turning], dtype=np.int8),
-        event_vertex=events.vertex[changed].astype(np.int32),
-        event_node=events.node[changed].astype(np.int32),
-        event_before=before[changed],
-        event_after=after[changed],
-        lowest_begin=low.begin,
-        lowest_end=low.end,
-        lowest_piece=low.piece.astype(np.int32),
-        lowest_certified=proved_minima(path, low, setting.lambda_1, Acceptance(setting.tolerance)).astype(np.int8),
-    )
+    return {
+        "parameter": path.t,
+        "u_T": path.u,
+        "xi": path.traction,
+        "energy": path.energy + load.constant(path.t),
+        "energy_rate": load.constant_rate(path.t) - path.conjugate,
+        "residual": path.residual,
+        "stable": path.stable,
+        "state": state,
+        "slip_length": np.asarray((state != ContactState.STICK) @ path.problem.c),
+        "fold_vertex": [f.vertex for f in turning],
+        "fold_size": [f.size for f in turning],
+        "fold_maximum": [f.limit for f in turning],
+        "fold_stable_before": [f.stable[0] for f in turning],
+        "fold_stable_after": [f.stable[1] for f in turning],
+        "event_vertex": events.vertex[changed],
+        "event_node": events.node[changed],
+        "event_before": before[changed],
+        "event_after": after[changed],
+        "lowest_begin": low.begin,
+        "lowest_end": low.end,
+        "lowest_piece": low.piece,
+        "lowest_certified": proved_minima(path, low, setting.lambda_1, Acceptance(setting.tolerance)),
+    }
 
 
-def _solutions(setting: _Setting, path: Path) -> SolutionsRecord:
+def _solutions(setting: _Setting, path: Path) -> Values:
     """All solutions at the requested values; those of a smooth law by Newton's method from those of its stand-in."""
     law, at = setting.true.law, setting.plan.at
     found: list[list[PathSolution]] = [
@@ -164,28 +163,25 @@ def _solutions(setting: _Setting, path: Path) -> SolutionsRecord:
     v = np.array([s.v for _, s in rows]).reshape(len(rows), path.problem.m)
     tractions = [setting.true.at(at[i]).xi(s.v) / path.problem.c for i, s in rows]
 
-    def flags(values: list[bool]) -> NDArray[np.int8]:
-        return np.array(values, dtype=np.int8)
-
-    return SolutionsRecord(
-        at=np.array(at),
-        solution_count=np.array([len(group) for group in found], dtype=np.int32),
-        solution_at=np.array([i for i, _ in rows], dtype=np.int32),
-        solution_piece=np.array([s.piece for _, s in rows], dtype=np.int32),
-        solution_energy=energies + setting.load.constant(np.array([at[i] for i, _ in rows])),
-        solution_residual=np.array([s.residual for _, s in rows]),
-        solution_rounding=np.array([setting.true.at(at[i]).xi_rounding(s.v) for i, s in rows]),
-        solution_stable=flags([s.stable for _, s in rows]),
-        solution_lowest=flags([s.energy <= least[i] + slack for i, s in rows]),
-        solution_unique=flags([proof.unique for proof in proofs]),
-        solution_strict_minimum=flags([proof.strict_minimum for proof in proofs]),
-        solution_global_minimum=flags([proof.global_minimum for proof in proofs]),
-        solution_u_T=v,
-        solution_xi=np.array(tractions).reshape(v.shape),
-    )
+    return {
+        "at": np.array(at),
+        "solution_count": [len(group) for group in found],
+        "solution_at": [i for i, _ in rows],
+        "solution_piece": [s.piece for _, s in rows],
+        "solution_energy": energies + setting.load.constant(np.array([at[i] for i, _ in rows])),
+        "solution_residual": [s.residual for _, s in rows],
+        "solution_rounding": [setting.true.at(at[i]).xi_rounding(s.v) for i, s in rows],
+        "solution_stable": [s.stable for _, s in rows],
+        "solution_lowest": [s.energy <= least[i] + slack for i, s in rows],
+        "solution_unique": [proof.unique for proof in proofs],
+        "solution_strict_minimum": [proof.strict_minimum for proof in proofs],
+        "solution_global_minimum": [proof.global_minimum for proof in proofs],
+        "solution_u_T": v,
+        "solution_xi": np.array(tractions).reshape(v.shape),
+    }
 
 
-def _loop(setting: _Setting, v: Array) -> LoopRecord:
+def _loop(setting: _Setting, v: Array) -> Values:
     """The loop between begin and end; with a falling range it is driven in −t."""
     plan, problem = setting.plan, setting.straight
     sign = 1.0 if plan.begin < plan.end else -1.0
@@ -194,26 +190,26 @@ def _loop(setting: _Setting, v: Array) -> LoopRecord:
     return _loop_record(setting, hysteresis(driven, v, sign * plan.begin, sign * plan.end, follower=follower), sign)
 
 
-def _loop_record(setting: _Setting, loop: Hysteresis, sign: float) -> LoopRecord:
+def _loop_record(setting: _Setting, loop: Hysteresis, sign: float) -> Values:
     branches, jumps = loop.branches, loop.jumps
     ends = np.cumsum([len(b.t) for b in branches]) - 1
     t = sign * np.concatenate([b.t for b in branches])
-    return LoopRecord(
-        loop_parameter=t,
-        loop_branch=np.repeat(np.arange(len(branches), dtype=np.int32), [len(b.t) for b in branches]),
-        loop_energy=np.concatenate([b.energy for b in branches]) + setting.load.constant(t),
-        loop_u_T=np.concatenate([b.u for b in branches]),
-        loop_xi=np.concatenate([b.traction for b in branches]),
-        jump_parameter=sign * np.array([jump.t for jump in jumps]),
-        jump_vertex=_jump_vertices(loop, ends),
-        jump_rising=np.array([jump.rising == (sign > 0.0) for jump in jumps], dtype=np.int8),
-        jump_drop=np.array([jump.drop for jump in jumps]),
-        energy_lost=loop.lost,
-        loop_area=loop.area,
-        loop_closed=int(loop.closed),
-        loop_complete=int(loop.complete),
-        loop_reason=loop.reason,
-    )
+    return {
+        "loop_parameter": t,
+        "loop_branch": np.repeat(np.arange(len(branches), dtype=np.int32), [len(b.t) for b in branches]),
+        "loop_energy": np.concatenate([b.energy for b in branches]) + setting.load.constant(t),
+        "loop_u_T": np.concatenate([b.u for b in branches]),
+        "loop_xi": np.concatenate([b.traction for b in branches]),
+        "jump_parameter": sign * np.array([jump.t for jump in jumps]),
+        "jump_vertex": _jump_vertices(loop, ends),
+        "jump_rising": [jump.rising == (sign > 0.0) for jump in jumps],
+        "jump_drop": [jump.drop for jump in jumps],
+        "energy_lost": loop.lost,
+        "loop_area": loop.area,
+        "loop_closed": int(loop.closed),
+        "loop_complete": int(loop.complete),
+        "loop_reason": loop.reason,
+    }
 
 
 def _jump_vertices(loop: Hysteresis, ends: NDArray[np.intp]) -> NDArray[np.int32]:
@@ -248,18 +244,18 @@ def execute_path(
 def shortfalls(study: Study, record: PathRecord) -> list[str]:
     """What a user must know beside the results: an early end, missing or inexact solutions, an incomplete loop."""
     assert study.path is not None
-    ends = ((record.begin, record.curve.parameter[0]), (record.end, record.curve.parameter[-1]))
+    ends = ((record.begin, record.curve["parameter"][0]), (record.end, record.curve["parameter"][-1]))
     found = [f"the path ends early, at {t:g}: {reason}" for (name, reason), t in ends if name not in GOOD_ENDS]
     solutions = record.solutions
-    for t, count in zip(solutions.at, solutions.solution_count, strict=True):
+    for t, count in zip(solutions["at"], solutions["solution_count"], strict=True):
         if not count:
             found.append(f"the path has no solution at {study.path.name} = {t:g}")
-    judged = zip(solutions.solution_residual, solutions.solution_rounding, strict=True)
+    judged = zip(solutions["solution_residual"], solutions["solution_rounding"], strict=True)
     acceptance = Acceptance(study.solver.tolerance)
     inexact = sum(not acceptance.accepts(float(residual), float(rounding)) for residual, rounding in judged)
     if inexact:
         found.append(f"{inexact} solutions miss the tolerance {acceptance.aim:g}; see solution_residual")
-    if record.loop is not None and not (record.loop.loop_complete and record.loop.loop_closed):
-        why = record.loop.loop_reason if not record.loop.loop_complete else "it does not end where it began"
+    if record.loop is not None and not (record.loop["loop_complete"] and record.loop["loop_closed"]):
+        why = record.loop["loop_reason"] if not record.loop["loop_complete"] else "it does not end where it began"
         found.append(f"the hysteresis loop is not whole: {why}")
     return found

@@ -220,7 +220,7 @@ def expected_bytes(study: Study) -> int:
 
 def _bytes(study: Study, levels: tuple[LevelForecast, ...]) -> int:
     if study.history is not None:
-        from tcstudy.data.history_records import history_bytes
+        from tcstudy.data.history_store import history_bytes
 
         return history_bytes(study, study.history.of(levels).n_contact)
     return schema.expected_bytes(study, [(level.n_contact, level.nodes) for level in refined(levels, study.mesh)])

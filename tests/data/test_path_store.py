@@ -10,9 +10,9 @@ import pytest
 import xarray as xr
 
 from tcstudy.data.files import StoreError
-from tcstudy.data.path_records import CURVE, LEVEL, LINE, LOOP, SOLUTIONS
-from tcstudy.data.path_store import is_path, open_path, write_path
+from tcstudy.data.path_store import CURVE, LEVEL, LINE, LOOP, SOLUTIONS, write_path
 from tcstudy.data.provenance import collect
+from tcstudy.data.store import load_root
 from tcstudy.read.study import read_study
 from tcstudy.scene.study import Study
 from tcstudy.study.path_run import PathRecord, follow_path
@@ -40,9 +40,8 @@ def test_everything_comes_back_exactly(followed: tuple[Study, PathRecord], file:
         for part, variables in ((record.curve, CURVE), (record.solutions, SOLUTIONS), (record.loop, LOOP)):
             for variable in variables:
                 if variable.name != "solution_parameter":
-                    expected = np.asarray(getattr(part, variable.name))
-                    assert np.array_equal(data[variable.name].values, expected), variable.name
-                    assert data[variable.name].dtype.kind == expected.dtype.kind
+                    assert np.array_equal(data[variable.name].values, part[variable.name]), variable.name
+                    assert data[variable.name].dtype == variable.dtype
         assert data.sizes["vertex"] == data.sizes["piece"] + 1
         assert data.attrs["parameter"] == "boundary.plate.u_x"
         assert data.attrs["begin_status"] == data.attrs["end_status"] == "range_end"
@@ -84,14 +83,13 @@ def test_compliance_checker_finds_no_fault(file: Path, tmp_path: Path, capsys: p
 
 
 def test_a_path_is_told_from_a_run(file: Path, tmp_path: Path) -> None:
-    assert is_path(file)
+    assert load_root(file, "path").attrs["content"] == "path"
     with netCDF4.Dataset(tmp_path / "run.nc", "w") as nc:
         nc.setncatts({"source": "tcstudy 0.1.0", "finished": np.int32(1)})
-    assert not is_path(tmp_path / "run.nc")
-    with pytest.raises(StoreError, match="result of a run"):
-        open_path(tmp_path / "run.nc")
+    with pytest.raises(StoreError, match="a file of tcstudy run, not of tcstudy path"):
+        load_root(tmp_path / "run.nc", "path")
     with pytest.raises(StoreError, match="there is no file"):
-        open_path(tmp_path / "none.nc")
+        load_root(tmp_path / "none.nc", "path")
 
 
 def test_an_unwritable_place_keeps_the_old_file(followed: tuple[Study, PathRecord], file: Path) -> None:

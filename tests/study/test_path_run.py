@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tcstudy.data.path_records import PathRecord
+from tcstudy.data.path_store import PathRecord
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
@@ -33,7 +33,7 @@ def softer(text: str) -> str:
 
 def distance(record: PathRecord, t: float, v: np.ndarray) -> float:
     """How far v is from the nearest solution of t on the path, relative to the largest slip on it."""
-    T, u = record.curve.parameter, record.curve.u_T
+    T, u = record.curve["parameter"], record.curve["u_T"]
     pieces = np.flatnonzero((np.minimum(T[:-1], T[1:]) <= t) & (np.maximum(T[:-1], T[1:]) >= t))
     s = (t - T[pieces]) / (T[pieces + 1] - T[pieces])
     points = u[pieces] + s[:, None] * (u[pieces + 1] - u[pieces])
@@ -62,10 +62,10 @@ def test_stable_solutions_of_a_run_lie_on_the_path(pad: tuple[Study, PathRecord]
         t = VALUES[point.index[0]]
         assert distance(pad[1], t, point.u_T) <= 1e-10
         curve = pad[1].curve
-        at = np.flatnonzero((curve.lowest_begin <= t) & (curve.lowest_end >= t))
-        piece = int(curve.lowest_piece[at[0]])
-        T, E = curve.parameter[piece : piece + 2], curve.energy[piece : piece + 2]
-        rate = curve.energy_rate[piece]
+        at = np.flatnonzero((curve["lowest_begin"] <= t) & (curve["lowest_end"] >= t))
+        piece = int(curve["lowest_piece"][at[0]])
+        T, E = curve["parameter"][piece : piece + 2], curve["energy"][piece : piece + 2]
+        rate = curve["energy_rate"][piece]
         h, s = T[1] - T[0], (t - T[0]) / (T[1] - T[0])
         least = E[0] + rate * h * s + (E[1] - E[0] - rate * h) * s**2  # the parabola of the piece
         assert least <= float(point.numbers["energy"]) * (1 + 1e-9)  # type: ignore[arg-type]
@@ -78,28 +78,30 @@ def test_every_vertex_is_a_solution_and_energy_follows_its_rate(pad: tuple[Study
     assert study.path
     curve = record.curve
     assert shortfalls(study, record) == []
-    assert len(curve.fold_vertex) >= 8
-    assert curve.residual.max() <= 1e-11
-    mean = 0.5 * (curve.energy_rate[1:] + curve.energy_rate[:-1])
-    assert np.diff(curve.energy) == pytest.approx(np.diff(curve.parameter) * mean, abs=1e-9 * np.ptp(curve.energy))
+    assert len(curve["fold_vertex"]) >= 8
+    assert curve["residual"].max() <= 1e-11
+    mean = 0.5 * (curve["energy_rate"][1:] + curve["energy_rate"][:-1])
+    assert np.diff(curve["energy"]) == pytest.approx(
+        np.diff(curve["parameter"]) * mean, abs=1e-9 * np.ptp(curve["energy"])
+    )
     level = Level(list(mesh_family(build(study.path.scene.body), study.mesh))[-1], study.path.scene)
-    for k in range(0, len(curve.parameter), 7):
-        scene = path_scene(study.path.scene, study.path.parameter, float(curve.parameter[k]))
+    for k in range(0, len(curve["parameter"]), 7):
+        scene = path_scene(study.path.scene, study.path.parameter, float(curve["parameter"][k]))
         condensed = level.condensed(scene)
-        assert condensed.problem.inclusion_residual(curve.u_T[k], 1e-9 * np.ptp(curve.u_T)) <= 1e-10
-        energy = condensed.problem.energy(curve.u_T[k]) + condensed.constant
-        assert curve.energy[k] == pytest.approx(energy, abs=1e-11 * np.max(np.abs(curve.energy)))
+        assert condensed.problem.inclusion_residual(curve["u_T"][k], 1e-9 * np.ptp(curve["u_T"])) <= 1e-10
+        energy = condensed.problem.energy(curve["u_T"][k]) + condensed.constant
+        assert curve["energy"][k] == pytest.approx(energy, abs=1e-11 * np.max(np.abs(curve["energy"])))
 
 
 def test_the_energy_lost_is_the_area_of_the_loop(pad: tuple[Study, PathRecord]) -> None:
     loop = pad[1].loop
     assert loop
-    assert loop.loop_closed
-    assert loop.energy_lost > 0.1
-    assert loop.energy_lost == pytest.approx(loop.loop_area, rel=1e-10)
-    before = loop.jump_vertex
-    assert loop.loop_energy[before] - loop.loop_energy[before + 1] == pytest.approx(loop.jump_drop, rel=1e-9)
-    assert loop.loop_parameter[before] == pytest.approx(loop.jump_parameter, rel=1e-14)
+    assert loop["loop_closed"]
+    assert loop["energy_lost"] > 0.1
+    assert loop["energy_lost"] == pytest.approx(loop["loop_area"], rel=1e-10)
+    before = loop["jump_vertex"]
+    assert loop["loop_energy"][before] - loop["loop_energy"][before + 1] == pytest.approx(loop["jump_drop"], rel=1e-9)
+    assert loop["loop_parameter"][before] == pytest.approx(loop["jump_parameter"], rel=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -118,18 +120,18 @@ def test_all_kinds_of_parameters_on_the_heated_bracket(section: str) -> None:
     study = read_study_text(f"{text}path: {section}\n")
     assert study.path
     record = follow_path(study)
-    assert record.solutions.solution_count.tolist() != [0]
+    assert record.solutions["solution_count"] != [0]
     assert record.affine_defect <= 1e-12
     meshes = list(mesh_family(build(study.path.scene.body), study.mesh))
     level = Level(meshes[record.line.level], study.path.scene)
     scene = path_scene(study.path.scene, study.path.parameter, study.path.at[0])
     condensed = level.condensed(scene)
-    for v, energy in zip(record.solutions.solution_u_T, record.solutions.solution_energy, strict=True):
+    for v, energy in zip(record.solutions["solution_u_T"], record.solutions["solution_energy"], strict=True):
         assert condensed.problem.inclusion_residual(v) <= 1e-10
         assert energy == pytest.approx(condensed.problem.energy(v) + condensed.constant, rel=1e-10)
     if "direction: forward" in section:
         assert record.start == 0
-        assert record.curve.parameter[0] == study.path.begin
+        assert record.curve["parameter"][0] == study.path.begin
 
 
 def test_a_parameter_that_is_not_affine_is_refused() -> None:

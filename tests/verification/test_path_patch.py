@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tcstudy.data.path_store import open_path
+from tcstudy.data.store import load_root
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
 from tcstudy.study.path_run import execute_path
@@ -24,8 +24,7 @@ REQUESTED = "path: {parameter: boundary.top.u_x, from: 0, to: 1.5, at: [0.8, 0.5
 def path_of(text: str, folder: Path, *overrides: str) -> xr.Dataset:
     study: Study = read_study_text(text, "test", overrides)
     assert execute_path(study, folder / "path.nc") == []
-    with open_path(folder / "path.nc") as data:
-        return data.load()
+    return load_root(folder / "path.nc", "path")
 
 
 def patch_text(maxh: float, law: str = SOFTENING) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.measured import ERRORS, VERDICTS
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import open_results
+from tcstudy.data.store import load_root
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.paper import NARROW, Paper
 from tcstudy.reports.select_point import Value, describe, locate
@@ -52,8 +52,7 @@ def plot_convergence(
     matplotlib, or `target` cannot be written.
     """
     style.check_target(target)
-    with open_results(path) as tree:
-        data = tree.to_dataset().load()
+    data = load_root(path)
     where = locate(data, point)
     at = data.isel(where)
     groups = [(s, words, [n for n in names if _drawable(at, n)]) for s, words, names in GROUPS]

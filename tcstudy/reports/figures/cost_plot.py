@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tcstudy.data.measured import OWN, open_cost
+from tcstudy.data.measured import OWN
+from tcstudy.data.store import load_root
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.convergence_plot import math_symbol
 from tcstudy.reports.figures.paper import KEY_LINE, NARROW, Paper
@@ -40,7 +41,7 @@ def plot_cost(path: Path, target: Path, measure: str | None = None, look: style.
     cannot be written.
     """
     style.check_target(target)
-    data = open_cost(path)
+    data = load_root(path, "cost")
     name = measure_of(data, measure)
     look = look or style.Look()
     with style.styled(look):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.fit_store import open_fit
+from tcstudy.data.store import load_root
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.paper import NARROW, Paper
 from tcstudy.reports.terminal.fit import BAND, columns, prediction_error
@@ -36,8 +36,7 @@ NAMES = {
 def draw_fit(path: Path, target: Path, look: style.Look | None = None) -> str:
     """Draw a fit into `target` (.png, .svg or .pdf); returns what was drawn. Raises StoreError, DrawError."""
     style.check_target(target)
-    with open_fit(path) as opened:
-        data = opened.load()
+    data = load_root(path, "fit")
     look = look or style.Look()
     with style.styled(look):
         style.save(fit_figure(data, look), target, look.dpi)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.history_store import open_history
 from tcstudy.data.records import PointStatus
+from tcstudy.data.store import load_root
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.paper import KEY_LINE, LETTER, LINE, NARROW, Paper
@@ -51,8 +51,7 @@ def draw_history(
     no such point or number or no solved step, if `target` cannot be written or matplotlib is not installed.
     """
     style.check_target(target)
-    with open_history(path) as opened:
-        data = opened.load()
+    data = load_root(path, "history")
     at = data.isel(step=0)
     where = locate(at, point)
     words, data = describe(at, where), data.isel(where)

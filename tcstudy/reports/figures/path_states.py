@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.path_store import open_path
+from tcstudy.data.store import load_root
 from tcstudy.reports.figures import style
 from tcstudy.reports.terminal.path_summary import STATES, seen_folds
 from tcstudy.reports.text import axis_unit
@@ -72,8 +72,7 @@ class PathPicture:
 def read_path_picture(path: Path, response: str = "mean-slip") -> PathPicture:
     """The picture of a path's file; raises StoreError if it is none, KeyError for an unknown response."""
     label, like, formula = RESPONSES[response]
-    with open_path(path) as opened:
-        data = opened.load()
+    data = load_root(path, "path")
     c = data["c"].values
     units = data[like].attrs["units"]
 

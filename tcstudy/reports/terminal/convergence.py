@@ -11,7 +11,7 @@ import numpy as np
 
 from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS, Measure
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import open_results
+from tcstudy.data.store import load_root
 from tcstudy.reports.select_point import Value, axis_names, describe, locate
 from tcstudy.reports.terminal.tables import Heading, Part, Table, render
 from tcstudy.reports.text import number, prefix, scaled_labels
@@ -56,8 +56,7 @@ def convergence_report(
 
     Raises StoreError if it is no such file, DrawError if it has no such point.
     """
-    with open_results(path) as tree:
-        data = tree.to_dataset().load()
+    data = load_root(path)
     return render(list(parts(data, point, full)), form)
 
 

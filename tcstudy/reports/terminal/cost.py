@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from tcstudy.accuracy.rates import dominated
-from tcstudy.data.measured import MEASURES, OWN, STAGES, open_cost
+from tcstudy.data.measured import MEASURES, OWN, STAGES
 from tcstudy.data.records import PointStatus
+from tcstudy.data.store import load_root
 from tcstudy.errors import DrawError
 from tcstudy.reports.terminal.tables import Heading, Part, Table, render
 from tcstudy.scene.families import FAMILIES
@@ -260,7 +261,7 @@ def cost_report(path: Path, form: str = "text", measure: str | None = None) -> s
     measure: name of the error, by default that of u in energy. Raises StoreError if `path` is no such file, DrawError
     if it has no such error.
     """
-    data = open_cost(path)
+    data = load_root(path, "cost")
     return render(list(parts(data, measure_of(data, measure))), form)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.fit_store import open_fit
+from tcstudy.data.store import load_root
 from tcstudy.reports.terminal.tables import plain_table
 from tcstudy.reports.text import counted, number, prefix
 
@@ -31,16 +31,14 @@ BAND = 1.96
 
 def fit_summary(path: Path) -> str:
     """What a fit found; raises StoreError."""
-    with open_fit(path) as opened:
-        data = opened.load()
+    data = load_root(path, "fit")
     parts = [data.attrs["title"], _estimates(data), *_said(data), _starts(data)]
     return "\n\n".join(part for part in parts if part)
 
 
 def fit_brief(path: Path) -> dict[str, Any]:
     """The object of --json, in SI units, with the sentence of --quiet as its `verdict`. Raises StoreError."""
-    with open_fit(path) as opened:
-        data = opened.load()
+    data = load_root(path, "fit")
     names, units = ([str(x) for x in data[key].values] for key in ("parameter", "parameter_units"))
     told, words = {}, []
     for i, name in enumerate(names):

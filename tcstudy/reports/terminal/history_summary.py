@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.history_store import open_history
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import POINT
+from tcstudy.data.store import load_root
 from tcstudy.reports.terminal.tables import plain_table
 from tcstudy.reports.text import counted, label, number, prefix
 
@@ -86,8 +86,7 @@ def history_summary(path: Path, every_row: bool = False) -> str:
 
     every_row: all steps of all cycles and points
     """
-    with open_history(path) as opened:
-        data = opened.load()
+    data = load_root(path, "history")
     dims = [str(d) for d in data["status"].dims if d != "step"]
     indices = list(np.ndindex(*(data.sizes[d] for d in dims)))
     shown = indices if every_row else indices[:MOST_POINTS]

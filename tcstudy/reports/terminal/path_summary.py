@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.path_store import open_path
+from tcstudy.data.store import load_root
 from tcstudy.reports.terminal.tables import plain_table
 from tcstudy.reports.text import number, prefix
 
@@ -47,8 +47,7 @@ def folds_in_words(data: Any) -> str:
 
 def path_summary(path: Path) -> str:
     """What a path's file holds: its extent and ends, the requested solutions, the loop; raises StoreError."""
-    with open_path(path) as opened:
-        data = opened.load()
+    data = load_root(path, "path")
     parts = [data.attrs["title"], _path(data), _solutions(data), _loop(data)]
     return "\n\n".join(part for part in parts if part)
 

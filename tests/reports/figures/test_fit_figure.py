@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from tcstudy.data.fit_store import open_fit
+from tcstudy.data.store import load_root
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.draw import Wanted, picture
 from tcstudy.reports.figures.fit_figure import fit_figure
@@ -17,8 +17,8 @@ from tests.reports.figures.draw_cases import LOOKS, off_the_page
 
 @pytest.mark.parametrize("look", LOOKS)
 def test_nothing_leaves_the_page_and_the_law_stands_below_where_it_is_narrow(fitted: Path, look: style.Look) -> None:
-    with open_fit(fitted) as opened, style.styled(look):
-        figure = fit_figure(opened.load(), look)
+    with style.styled(look):
+        figure = fit_figure(load_root(fitted, "fit"), look)
         assert off_the_page(figure) == []
     narrow = look.size is not None and look.size[0] < 4.0
     _, residuals, law = (axes.get_position() for axes in figure.axes)

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from tcstudy.data.history_store import open_history
+from tcstudy.data.store import load_root
 from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
@@ -34,8 +34,7 @@ def test_the_loop_is_the_slip_of_the_end_over_the_load(file: Path, monkeypatch: 
     loop, motion, cycles = (
         next(a for a in drawn[0].axes if word in a.get_xlabel()) for word in ("theta", "step", "cyc")
     )
-    with open_history(file) as opened:
-        data = opened.load()
+    data = load_root(file, "history")
     end = data["u_T"].values[:, np.abs(data["u_T"].values).max(axis=0).argmax()]
     whole = next(line for line in loop.lines if len(np.asarray(line.get_xdata())) == 17)
     assert np.array_equal(np.asarray(whole.get_xdata()), data["theta"].values)
@@ -52,8 +51,7 @@ def test_the_loop_is_the_slip_of_the_end_over_the_load(file: Path, monkeypatch: 
 
 @pytest.mark.parametrize("look", LOOKS)
 def test_every_text_stays_on_a_page_of_any_size(file: Path, look: style.Look) -> None:
-    with open_history(file) as opened:
-        data = opened.load()
+    data = load_root(file, "history")
     with style.styled(look):
         assert off_the_page(history_figure(data, "theta", "dissipated", "", look)) == []
 

@@ -14,10 +14,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from tcstudy.accuracy.rates import dominated
-from tcstudy.data.measured import STAGES, Cost, open_cost, write_cost
+from tcstudy.data.measured import STAGES, Cost, write_cost
 from tcstudy.data.provenance import collect, kind_of
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import StoreError
+from tcstudy.data.store import StoreError, load_root
 from tcstudy.errors import DrawError
 from tcstudy.reports.export.brief import brief
 from tcstudy.reports.figures import style
@@ -83,7 +83,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def test_settings_and_front(file: Path) -> None:
-    found = settings(open_cost(file), "u_energy")
+    found = settings(load_root(file, "cost"), "u_energy")
     assert len(found) == 16
     own = next(s for s in found if s.own)
     assert (own.family, own.level, own.error) == ("uniform", 3, 0.01)
@@ -98,7 +98,7 @@ def test_settings_and_front(file: Path) -> None:
 
 
 def test_the_fastest_curve_by_error(file: Path) -> None:
-    found = settings(open_cost(file), "u_energy")
+    found = settings(load_root(file, "cost"), "u_energy")
     first, second = stretches(found)
     # e_u = 0.08 (t/0.1)^-½ and e_g = 0.16 (t/0.1)^-1 meet at t = 0.4, e = 0.04; 5 % of time decide: e^(2-1) = 1/1.05
     assert (first.family, second.family) == ("uniform", "graded")
@@ -109,14 +109,14 @@ def test_the_fastest_curve_by_error(file: Path) -> None:
 
 
 def test_advice_names_what_is_faster_and_more_accurate(file: Path) -> None:
-    text = " ".join(advice(settings(open_cost(file), "u_energy")))
+    text = " ".join(advice(settings(load_root(file, "cost"), "u_energy")))
     assert "uniform meshes with separable-newton for errors from 16 % to 3.8 %" in text
     assert "The study's own settings (uniform, level 3, separable-newton): error 1 % in 6.4 s." in text
     assert "No other setting measured" in text  # graded level 3 takes the same time
     quick = made(time=made().time * np.array([1.0, 0.5])[:, None, None, None])
     study = study_of(RECTANGLE)
     write_cost(file, study, quick, collect(study, ["tcstudy"]))
-    text = " ".join(advice(settings(open_cost(file), "u_energy")))
+    text = " ".join(advice(settings(load_root(file, "cost"), "u_energy")))
     assert "Faster and more accurate: graded, level 3, separable-newton: 0.25 of the error in 0.50 of the time" in text
 
 
@@ -130,7 +130,7 @@ def test_two_families_that_begin_with_one_mesh_share_its_time(file: Path) -> Non
     fields = {"n_dof": dofs, "n_contact": dofs // 20, "errors": {"u_energy": error}, "time": time}
     fields["dominated"] = {"u_energy": made().dominated["u_energy"]}
     write_cost(file, study, made(**fields), collect(study, ["tcstudy"]))
-    (only,) = stretches(settings(open_cost(file), "u_energy"))
+    (only,) = stretches(settings(load_root(file, "cost"), "u_energy"))
     assert only.family == "uniform"
 
 
@@ -144,7 +144,7 @@ def test_one_mesh_of_two_families_is_once_on_the_front(file: Path) -> None:
         fields |= {"n_contact": fields["n_dof"] // 20, "errors": {"u_energy": error}}
         fields["dominated"] = {"u_energy": np.zeros_like(made().dominated["u_energy"])}
         write_cost(file, study_of(RECTANGLE), made(**fields), collect(study_of(RECTANGLE), ["tcstudy"]))
-        found = front(settings(open_cost(file), "u_energy"))
+        found = front(settings(load_root(file, "cost"), "u_energy"))
         assert [(s.family, s.solver) for s in found if s.level == 0] == [("uniform", SOLVERS[0])]
         report = cost_report(file)
         assert report.count("0.05*" if factor == 0.5 else "0.1*") == (factor != 0.5)
@@ -154,10 +154,10 @@ def test_errors_that_are_rounding_are_not_ranked(file: Path) -> None:
     errors = {name: 1e-13 * e for name, e in made().errors.items()}
     study = study_of(RECTANGLE)
     write_cost(file, study, made(errors=errors), collect(study, ["tcstudy"]))
-    (told,) = advice(settings(open_cost(file), "u_energy"))
+    (told,) = advice(settings(load_root(file, "cost"), "u_energy"))
     assert told.startswith("All errors are rounding (at most 1.6e-14): every mesh represents this solution exactly")
     assert "Fastest: uniform, level 0, separable-newton in 0.1 s" in told
-    assert best(settings(open_cost(file), "u_energy")) is None
+    assert best(settings(load_root(file, "cost"), "u_energy")) is None
     target = file.with_name("a.svg")
     plot_cost(file, target)
     assert "best:" not in target.read_text()
@@ -166,7 +166,7 @@ def test_errors_that_are_rounding_are_not_ranked(file: Path) -> None:
 def test_own_settings_that_failed_are_said_to_have_failed(file: Path) -> None:
     study = study_of(RECTANGLE)
     write_cost(file, study, made(own=(1, 1, 3)), collect(study, ["tcstudy"]))
-    told = advice(settings(open_cost(file), "u_energy"))
+    told = advice(settings(load_root(file, "cost"), "u_energy"))
     assert told[-1] == "The study's own settings (graded, level 3, bundle-newton) were not solved."
 
 
@@ -186,8 +186,8 @@ def test_the_report_says_it_all(file: Path, form: str) -> None:
 
 def test_an_error_that_is_not_there(file: Path) -> None:
     with pytest.raises(DrawError, match=r"theta_L2.*u_energy, xi_L2"):
-        measure_of(open_cost(file), "theta_L2")
-    assert measure_of(open_cost(file), None) == "u_energy"
+        measure_of(load_root(file, "cost"), "theta_L2")
+    assert measure_of(load_root(file, "cost"), None) == "u_energy"
 
 
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
@@ -211,8 +211,8 @@ def test_a_family_has_one_colour_and_what_is_beaten_is_pale(file: Path) -> None:
     from matplotlib.colors import to_hex
 
     with style.styled():
-        figure = _figure(open_cost(file), "u_energy")
-    own = next(s for s in settings(open_cost(file), "u_energy") if s.own)
+        figure = _figure(load_root(file, "cost"), "u_energy")
+    own = next(s for s in settings(load_root(file, "cost"), "u_energy") if s.own)
     for axes in figure.axes[:2]:
         (star,) = [line for line in axes.lines if line.get_marker() == "*"]
         assert (star.get_color() == "white") == own.dominated
@@ -233,7 +233,7 @@ def test_numbers_at_the_axes_keep_apart(file: Path, spread: float) -> None:
     errors = {"u_energy": made().errors["u_energy"] ** min(spread, 1.0)}
     write_cost(file, study, made(time=0.02 * (made().time / 0.1) ** spread, errors=errors), collect(study, ["tcstudy"]))
     with style.styled():
-        figure = _figure(open_cost(file), "u_energy")
+        figure = _figure(load_root(file, "cost"), "u_energy")
         left, right = figure.axes[:2]
         figure.draw(FigureCanvasAgg(figure).get_renderer())
         for axes in (left, right):
@@ -263,8 +263,8 @@ def test_the_kind_of_a_file(file: Path, tmp_path: Path) -> None:
 def test_a_file_of_another_command_is_refused(file: Path) -> None:
     with netCDF4.Dataset(file, "a") as nc:
         nc.setncattr("content", "path")
-    with pytest.raises(StoreError, match="not written by tcstudy cost"):
-        open_cost(file)
+    with pytest.raises(StoreError, match="not of tcstudy cost"):
+        load_root(file, "cost")
 
 
 def test_the_file_keeps_to_cf(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -278,7 +278,7 @@ def test_the_file_keeps_to_cf(file: Path, tmp_path: Path, capsys: pytest.Capture
 
 @pytest.mark.parametrize("look", LOOKS)
 def test_every_text_stays_on_a_page_of_any_size(file: Path, look: style.Look) -> None:
-    data = open_cost(file)
+    data = load_root(file, "cost")
     with style.styled(look):
         assert off_the_page(_figure(data, "u_energy", look)) == []
 
