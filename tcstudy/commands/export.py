@@ -44,6 +44,8 @@ def exported(
     file: Path, form: str, target: Path | None, point: Mapping[str, Any] | None, level: int | None
 ) -> tuple[Path, list[str]]:
     """Write a result file in one of FORMS; what was written, and what there is to say of it."""
+    from tcstudy.reports.text import counted
+
     if form in TABLES:
         from tcstudy.reports.export.export_table import write_csv, write_json
 
@@ -51,14 +53,14 @@ def exported(
         if table.suffix != f".{form}":
             fail(f"{table}: a table of this form has a name that ends in .{form}; what else is there stays")
         rows = (write_csv if form == "csv" else write_json)(file, table, point)
-        return table, [f"{rows} {'row' if rows == 1 else 'rows'}"]
+        return table, [counted(rows, "row")]
     from tcstudy.reports.export.export_fields import write_fields
 
     folder = target if target is not None else file.with_suffix("")
     if folder.exists() and not folder.is_dir():
         fail(f"{folder} is a file; name a folder with -o")
     written = write_fields(file, folder, point, -1 if level is None else level)
-    return written.path, [f"{written.points} {'point' if written.points == 1 else 'points'}", *written.lacks]
+    return written.path, [counted(written.points, "point"), *written.lacks]
 
 
 def compare(options: argparse.Namespace) -> int:

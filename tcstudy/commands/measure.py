@@ -39,7 +39,7 @@ def converge(options: argparse.Namespace) -> int:
     from tcstudy.reports.figures.convergence_plot import plot_convergence
     from tcstudy.reports.select_point import locate
     from tcstudy.reports.terminal.convergence import convergence_report
-    from tcstudy.reports.text import length_words
+    from tcstudy.reports.text import with_unit
     from tcstudy.study.convergence import converge_to_file, without_errors
 
     locate(sweep_points(study), point, "study")
@@ -47,7 +47,7 @@ def converge(options: argparse.Namespace) -> int:
         fail(f"--plot: there would be no errors to draw: {lack}")
     there = is_there(options, "convergence", study, path)
     tell = lambda text: note(options, text)  # noqa: E731
-    size = lambda h: length_words(h, length_unit(study))  # noqa: E731
+    size = lambda h: with_unit(h, length_unit(study), 3)  # noqa: E731
     failed = stored(path)[1] if there else converge_to_file(study, path, tell, options.words, size)
     drawn = plot_convergence(path, options.plot, point) if options.plot is not None else None
     full = options.full or options.verbose

@@ -25,9 +25,27 @@ CLOSE = 1e-3
 """Relative distance at which a number is taken for a label: what tables print has four digits."""
 
 
+def sweep_dims(data: Any) -> list[str]:
+    """Dimensions of the sweep of an opened result file (its root dataset); none where it has one point."""
+    return [str(dim) for dim in data["status"].dims if dim not in ("level", "step")]
+
+
+def each_point(data: Any) -> list[dict[str, int]]:
+    """Index along each sweep dimension of every point, in C order."""
+    dims = sweep_dims(data)
+    return [dict(zip(dims, index, strict=True)) for index in np.ndindex(*(data.sizes[d] for d in dims))]
+
+
+def by_point(values: Any, data: Any) -> NDArray[Any]:
+    """(P, …) values of a variable that lies along the sweep of `data`, its points in C order."""
+    dims = sweep_dims(data)
+    own = values.transpose(*dims, ...)
+    return np.asarray(own.values.reshape(int(np.prod([data.sizes[d] for d in dims])), *own.shape[len(dims) :]))
+
+
 def axis_names(data: Any) -> list[str]:
     """Names of the swept parameters of an opened result file (its root dataset)."""
-    sweep = set(data["status"].dims) - {"level", "step"}
+    sweep = set(sweep_dims(data))
     return [str(name) for name in data.coords if data[name].dims and set(data[name].dims) <= sweep]
 
 
@@ -63,7 +81,7 @@ def matching(data: Any, point: Mapping[str, Value]) -> NDArray[np.bool_]:
     """(points,) those that have all the given labels, in the order of the file. Raises DrawError as `locate`, and
     where no point has them together."""
     locate(data, point)
-    dims = [str(d) for d in data["status"].dims if d not in ("level", "step")]
+    dims = sweep_dims(data)
     fits = np.ones([int(data.sizes[d]) for d in dims], dtype=bool)
     for name, value in _by_name(data, point, "file").items():
         own = str(data[name].dims[0])
@@ -150,7 +168,7 @@ def fitting(
 
 def labels_by_point(data: Any) -> dict[str, NDArray[Any]]:
     """(P,) labels of each swept parameter at all points of the sweep, in C order."""
-    dims = [str(dim) for dim in data["status"].dims if dim != "level"]
+    dims = sweep_dims(data)
     index = np.indices([data.sizes[dim] for dim in dims]).reshape(len(dims), -1)
     return {name: data[name].values[index[dims.index(str(data[name].dims[0]))]] for name in axis_names(data)}
 
@@ -185,17 +203,14 @@ def describe(data: Any, where: Mapping[str, int]) -> str:
     parts = []
     for name in axis_names(data):
         axis = data[name]
-        shown, unit = scaled_labels(
-            axis.values.tolist(), str(axis.attrs.get("units", "1")), 6
-        )  # one unit for a whole axis
+        shown, unit = scaled_labels(axis.values.tolist(), str(axis.attrs.get("units", "1")), 6)  # one for a whole axis
         parts.append(f"{name} = {shown[where[str(axis.dims[0])]]}" + (f" {unit}" if unit != "1" else ""))
     return ", ".join(parts)
 
 
 def naming(data: Any) -> Callable[[tuple[int, ...]], str]:
     """`describe` by the index of a point along the sweep dimensions."""
-    dims = [str(dim) for dim in data["status"].dims if dim != "level"]
-    return lambda index: describe(data, dict(zip(dims, index, strict=True)))
+    return lambda index: describe(data, dict(zip(sweep_dims(data), index, strict=True)))
 
 
 def labels(data: Any, where: Mapping[str, int]) -> list[tuple[str, float | str, str]]:

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -91,10 +92,23 @@ def prefix(values: ArrayLike, units: str) -> tuple[float, str]:
     return divisor, letter + units
 
 
-def length_words(h: float, units: str) -> str:
-    """A length with the prefix that suits it: 12.5 mm."""
-    divisor, unit = prefix([h], units)
-    return f"{h / divisor:.3g}" + (f" {unit}" if unit != "1" else "")
+def with_unit(value: float, units: str, digits: int = 4) -> str:
+    """A number with the prefix that suits it: 12.5 mm."""
+    divisor, unit = prefix([float(value)], units)
+    return f"{number(float(value) / divisor, digits)} {unit}".removesuffix(" 1")
+
+
+def headed(name: str, unit: str) -> str:
+    """The heading of a column, with its unit if there is one."""
+    return name if unit == "1" else f"{name} [{unit}]"
+
+
+PROOFS = (("unique", "unique"), ("global_minimum", "global"), ("strict_minimum", "local"))
+
+
+def proved(at: Any, prefix: str = "", none: str = "nothing") -> str:
+    """The strongest statement that is proved of a solution; prefix: of the names of its flags."""
+    return next((word for name, word in PROOFS if int(at[prefix + name]) == 1), none)
 
 
 POWER_FIRST = re.compile(r"[A-Za-z]+-?\d")

@@ -7,16 +7,8 @@ from typing import Any
 import numpy as np
 
 from tcstudy.reports.page.container import Container, Json
-from tcstudy.reports.page.stored import (
-    BAND,
-    columns,
-    correlation,
-    fit_doubts,
-    number,
-    prediction_error,
-    prefix,
-    pretty,
-)
+from tcstudy.reports.terminal.fit import BAND, columns, correlation, fit_doubts, prediction_error
+from tcstudy.reports.text import number, prefix, pretty
 from tcstudy.scene.key import symbol
 
 

@@ -11,21 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.records import PointStatus
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.point_part import geometry
 from tcstudy.reports.page.run_part import FLAGS, ROOM_FOR_DOUBLES, axes, level_numbers
-from tcstudy.reports.page.stored import (
-    MOVES,
-    PointStatus,
-    Stored,
-    at_rest,
-    counted,
-    last_change,
-    motion,
-    number,
-    outline,
-    sources,
-)
+from tcstudy.reports.page.stored import Stored
+from tcstudy.reports.stored_study import at_rest, outline, sources
+from tcstudy.reports.terminal.history_summary import MOVES, last_change, motion
+from tcstudy.reports.text import counted, number
 from tcstudy.scene.key import symbol
 
 NUMBERS = (

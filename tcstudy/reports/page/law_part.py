@@ -6,16 +6,12 @@ import numpy as np
 
 from tcstudy.reports.figures.law_figure import curves, slip_range
 from tcstudy.reports.page.container import Container, Json
-from tcstudy.reports.page.stored import (
-    DOWN,
-    SHAPES,
-    UP,
-    EdgeLaws,
-    FrictionLaw,
-    LineFields,
-    Study,
-    file_order,
-)
+from tcstudy.reports.picture import LineFields
+from tcstudy.reports.stored_study import file_order
+from tcstudy.scene.friction import DOWN, UP, FrictionLaw
+from tcstudy.scene.laws import SHAPES
+from tcstudy.scene.records import EdgeLaws
+from tcstudy.scene.study import Study
 from tcstudy.scene.units import STIFFNESS, TRACTION
 
 SAMPLES, DECAYS = 60, 6.0

@@ -6,21 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS
+from tcstudy.data.records import PointStatus
+from tcstudy.errors import DrawError
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.point_part import geometry
 from tcstudy.reports.page.run_part import axes
-from tcstudy.reports.page.stored import (
-    ERRORS,
-    NUMBERS,
-    VERDICTS,
-    DrawError,
-    PointStatus,
-    Stored,
-    advice,
-    measure_of,
-    seen_folds,
-    settings,
-)
+from tcstudy.reports.page.stored import Stored
+from tcstudy.reports.terminal.cost import advice, measure_of, settings
+from tcstudy.reports.terminal.path_summary import seen_folds
 
 PATH_BYTES = 4_000_000
 """Room for slip and traction along a path; a longer one is thinned."""

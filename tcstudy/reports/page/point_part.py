@@ -9,26 +9,17 @@ from typing import Any
 
 import numpy as np
 
+from tcstudy.data.schema import STICKS, UNKNOWN
+from tcstudy.reports.figures.body_panel import boundary_edges
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.law_part import node_part
-from tcstudy.reports.page.stored import (
-    STICKS,
-    UNKNOWN,
-    BodyFields,
-    ContactState,
-    EdgeLaws,
-    FrictionLaw,
-    LineFields,
-    Stored,
-    at_rest,
-    boundary_edges,
-    each,
-    file_order,
-    law_of_nodes,
-    nearest,
-    node_states,
-    outline,
-)
+from tcstudy.reports.page.stored import Stored
+from tcstudy.reports.picture import BodyFields, LineFields
+from tcstudy.reports.stored_study import at_rest, file_order, law_of_nodes, nearest, outline
+from tcstudy.scene.contact_states import ContactState, node_states
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.nodal_laws import each
+from tcstudy.scene.records import EdgeLaws
 
 MOST_NODES = 8_000
 """Mesh nodes up to which a level is drawn; finer ones would cost room that no screen shows."""

@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from tcstudy.data.records import PointStatus
 from tcstudy.reports.page.container import Container, Json
-from tcstudy.reports.page.stored import PointStatus, Stored, axis_names
+from tcstudy.reports.page.stored import Stored
+from tcstudy.reports.select_point import axis_names
 from tcstudy.reports.verdict import RunSeen, verdict
 
 ROOM_FOR_DOUBLES = 300_000

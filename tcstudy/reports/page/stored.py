@@ -1,4 +1,4 @@
-"""What the page takes from other rooms: opened result files, the study that stands in them, drawing helpers."""
+"""A result file in memory for a page: its data, the study that stands in it, and the files of that study beside it."""
 
 from __future__ import annotations
 
@@ -6,46 +6,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from tcstudy.data.files import replace_file
-from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS
 from tcstudy.data.provenance import kind_of, measured_path
-from tcstudy.data.reading import GEOMETRIES, of_largest, reading
-from tcstudy.data.records import PointStatus
-from tcstudy.data.schema import STICKS, UNKNOWN
+from tcstudy.data.reading import GEOMETRIES, of_largest
 from tcstudy.data.store import open_results
-from tcstudy.errors import DrawError, StoreError
-from tcstudy.reports.figures.body_panel import boundary_edges
-from tcstudy.reports.picture import BodyFields, LineFields
-from tcstudy.reports.select_point import axis_names
+from tcstudy.errors import StoreError
 from tcstudy.reports.stored_study import (
-    at_rest,
-    file_order,
-    law_of_nodes,
-    nearest,
-    outline,
-    sources,
     stored_study,
 )
-from tcstudy.reports.terminal.cost import advice, measure_of, settings
-from tcstudy.reports.terminal.fit import BAND, columns, correlation, fit_doubts, prediction_error
-from tcstudy.reports.terminal.history_summary import MOVES, last_change, motion
-from tcstudy.reports.terminal.path_summary import STATES, seen_folds
-from tcstudy.reports.text import counted, number, prefix, pretty
-from tcstudy.scene.contact_states import ContactState, node_states
-from tcstudy.scene.friction import DOWN, UP, FrictionLaw
-from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.nodal_laws import each
-from tcstudy.scene.records import EdgeLaws
 from tcstudy.scene.study import Study
-
-__all__ = [
-    "BAND", "DOWN", "ERRORS", "MOVES", "NUMBERS", "SHAPES", "STATES", "STICKS", "UNKNOWN", "UP", "VERDICTS",
-    "BodyFields", "ContactState", "DrawError", "EdgeLaws", "FrictionLaw", "LineFields", "PointStatus", "StoreError",
-    "Stored", "Study", "advice", "at_rest", "axis_names", "boundary_edges", "columns", "correlation", "counted", "each",
-    "file_order", "fit_doubts", "last_change", "law_of_nodes", "measure_of", "motion", "nearest", "node_states",
-    "number", "outline", "prediction_error", "prefix", "pretty", "read", "reading", "replace_file", "seen_folds",
-    "settings", "sources",
-]  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ import numpy as np
 from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS, Measure
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import load_root
-from tcstudy.reports.select_point import Value, axis_names, describe, locate
+from tcstudy.reports.select_point import Value, axis_names, describe, each_point, locate
 from tcstudy.reports.terminal.tables import Heading, Part, Table, render
-from tcstudy.reports.text import number, prefix, scaled_labels
+from tcstudy.reports.text import headed, number, prefix, scaled_labels
 
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("θ", "temperature", ("theta_L2", "theta_H1")),
@@ -65,8 +65,7 @@ def parts(data: Any, point: Mapping[str, Value] | None = None, full: bool = True
     yield Heading(f"Convergence: {data.attrs['title']}", 1)
     yield f"Reference: {data.attrs['reference']}."
     yield _levels(data)
-    dims = sweep_dims(data)
-    points = [dict(zip(dims, index, strict=True)) for index in np.ndindex(*(data.sizes[d] for d in dims))]
+    points = each_point(data)
     if point:
         points = [locate(data, point)]
     elif len(points) > 1 and not full:
@@ -74,8 +73,8 @@ def parts(data: Any, point: Mapping[str, Value] | None = None, full: bool = True
         points = []
     for where in points:
         at = data.isel(where)
-        place = "".join(f"-{where[d]}" for d in dims)
-        if dims:
+        place = "".join(f"-{i}" for i in where.values())
+        if where:
             yield Heading(describe(data, where))
         for part in _point(at, data.attrs["reference"]):
             yield replace(part, label=part.label + place) if isinstance(part, Table) else part
@@ -109,7 +108,7 @@ def _overview(data: Any, points: list[dict[str, int]]) -> Iterator[Part]:
     expected = [values[np.isfinite(values)] for values in expected]  # a point without a mesh has none
     first = ("expected", *("" for _ in swept[1:]))
     rows.insert(0, (*first, *("…".join(dict.fromkeys(map(_fixed, e[[0, -1]]))) if len(e) else "–" for e in expected)))
-    header = (*(_unit(name, unit) for name, _, unit in swept), *(_BY_NAME[name].symbol for name in names))
+    header = (*(headed(name, unit) for name, _, unit in swept), *(_BY_NAME[name].symbol for name in names))
     ranks = (*(0 for _ in swept), *(_RANKS.get(name, 9) for name in names))
     yield Table("Orders of convergence", header, tuple(rows), label="orders", ranks=ranks)
     yield OVERVIEW
@@ -127,11 +126,6 @@ def _order(at: Any, name: str) -> str:
     verdict, slope = VERDICTS[int(at[f"verdict_{name}"])], float(at[f"slope_{name}"])
     text = MARKS["exact"] if verdict == "exact" else _fixed(slope) + MARKS.get(verdict, "")
     return text if bool((at["status"] == int(PointStatus.OK)).all()) else f"({text})"
-
-
-def sweep_dims(data: Any) -> tuple[str, ...]:
-    """Names of the sweep dimensions."""
-    return tuple(d for d in data["status"].dims if d != "level")
 
 
 def shown(at: Any, name: str) -> bool:
@@ -152,7 +146,7 @@ def _levels(data: Any) -> Table:
         for i in range(data.sizes["level"]) if np.isfinite(one["h_max"]).all() else ():
             sizes = number(one["h_max"][i] / size), str(int(one["n_dof"][i])), str(int(one["n_contact"][i]))
             rows.append((*own, str(i), *sizes))
-    header = (*(_unit(name, unit) for name, _, unit in swept), "level", _unit("h_max", unit))
+    header = (*(headed(name, unit) for name, _, unit in swept), "level", headed("h_max", unit))
     return Table("Meshes", (*header, "dofs", "contact unknowns"), tuple(rows), label="meshes")
 
 
@@ -218,42 +212,27 @@ def _orders(at: Any, names: tuple[str, ...]) -> Table:
 
 
 def _numbers(at: Any, measures: list[Measure]) -> Table:
-    """Numbers by level, extrapolated to h = 0."""
-    scales = {
-        m.name: prefix(at[f"value_{m.name}"].values.tolist(), at[f"value_{m.name}"].attrs["units"]) for m in measures
-    }
-    header = ["level"]
+    """Numbers by level, extrapolated to h = 0; the heat balance tends to nothing and has two digits."""
+    ok = at["status"].values == int(PointStatus.OK)
+    header, columns = ["level"], [[*(str(i) for i in range(len(ok))), "h → 0", "exact"]]
+    exact = False
     for m in measures:
-        header += [_unit(m.symbol, scales[m.name][1]), *(["order"] if m.name != "heat_balance" else [])]
-    rows = []
-    for i in range(at.sizes["level"]):
-        row, ok = [str(i)], int(at["status"][i]) == int(PointStatus.OK)
-        for m in measures:
-            value = number(at[f"value_{m.name}"][i] / scales[m.name][0], 2 if m.name == "heat_balance" else 7)
-            row.append(value if ok else f"({value})")
-            if m.name != "heat_balance":
-                row.append(_fixed(float(at[f"order_{m.name}"][i])))
-        rows.append(tuple(row))
-    rows.append(("h → 0", *_limits(at, measures, scales)))
-    if any(np.isfinite(float(at[f"exact_{m.name}"])) for m in measures if m.name != "heat_balance"):
-        exact = ["exact"]
-        for m in measures:
-            exact.append(
-                "–" if m.name == "heat_balance" else number(float(at[f"exact_{m.name}"]) / scales[m.name][0], 7)
-            )
-            exact += [""] if m.name != "heat_balance" else []
-        rows.append(tuple(exact))
-    return Table("Numbers, extrapolated by Richardson's rule", tuple(header), tuple(rows), label="numbers")
-
-
-def _limits(at: Any, measures: list[Measure], scales: Mapping[str, tuple[float, str]]) -> Iterator[str]:
-    for m in measures:
-        limit, unsure = float(at[f"limit_{m.name}"]), float(at[f"uncertainty_{m.name}"])
-        if m.name == "heat_balance":
-            yield "–"
+        divisor, unit = prefix(at[f"value_{m.name}"].values.tolist(), at[f"value_{m.name}"].attrs["units"])
+        tends = m.name != "heat_balance"
+        values = [number(value / divisor, 7 if tends else 2) for value in at[f"value_{m.name}"].values]
+        column = [value if good else f"({value})" for value, good in zip(values, ok, strict=True)]
+        header.append(headed(m.symbol, unit))
+        if not tends:
+            columns.append([*column, "–", "–"])
             continue
-        yield _uncertain(limit / scales[m.name][0], unsure / scales[m.name][0])
-        yield _fixed(float(at[f"limit_order_{m.name}"]))
+        limit, unsure, known = (float(at[f"{part}_{m.name}"]) / divisor for part in ("limit", "uncertainty", "exact"))
+        exact = exact or bool(np.isfinite(known))
+        orders = [*at[f"order_{m.name}"].values, float(at[f"limit_order_{m.name}"])]
+        columns += [[*column, _uncertain(limit, unsure), number(known, 7)], [*map(_fixed, orders), ""]]
+        header.append("order")
+    rows = list(zip(*columns, strict=True))
+    caption = "Numbers, extrapolated by Richardson's rule"
+    return Table(caption, tuple(header), tuple(rows if exact else rows[:-1]), label="numbers")
 
 
 def _uncertain(value: float, uncertainty: float) -> str:
@@ -278,7 +257,3 @@ def _fixed(value: float) -> str:
 
 def _small(value: float) -> str:
     return f"{value:.3e}" if np.isfinite(value) else "–"
-
-
-def _unit(name: str, unit: str) -> str:
-    return name if unit == "1" else f"{name} [{unit}]"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.store import load_root
 from tcstudy.reports.terminal.tables import plain_table
-from tcstudy.reports.text import counted, number, prefix
+from tcstudy.reports.text import counted, number, prefix, with_unit
 
 WIDE = 1.0
 """Half width of an interval, of the estimate, above which the data hardly say anything of a number."""
@@ -172,10 +172,6 @@ def _starts(data: Any) -> str:
     rows = []
     for k in range(data.sizes["start"]):
         found = zip(data["start_estimate"].values[k], data["parameter_units"].values, strict=True)
-        cells = []
-        for value, units in found:
-            divisor, unit = prefix([float(value)], str(units))
-            cells.append(f"{number(value / divisor)} {unit}".removesuffix(" 1"))
-        rows.append([number(2.0 * float(data["start_cost"][k]), 4), *cells])
+        rows.append([number(2.0 * float(data["start_cost"][k]), 4), *(with_unit(x, str(units)) for x, units in found)])
     title = "  Other starts end in other minima; the first is the lowest:"
     return f"{title}\n\n" + plain_table(["Σ r²", *map(str, data["parameter"].values)], rows)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from tcstudy.reports.terminal.tables import plain_table, wrapped
-from tcstudy.reports.text import counted, number, prefix, scaled_labels, span
+from tcstudy.reports.text import counted, headed, number, prefix, scaled_labels, span
 
 
 class _Level(Protocol):
@@ -60,8 +60,7 @@ def forecast_text(
     lines.append("")
     divisor, unit = prefix([v.h for v in levels], length)
     rows = [[str(i), number(v.h / divisor), _count(v.n_dof, v), _count(v.n_contact, v)] for i, v in enumerate(levels)]
-    size_of = "maxh" if unit == "1" else f"maxh [{unit}]"
-    lines += [plain_table(["level", size_of, "dofs", "contact unknowns"], rows), ""]
+    lines += [plain_table(["level", headed("maxh", unit), "dofs", "contact unknowns"], rows), ""]
     lines += [f"  left out: {text}" for text in left_out]
     lines += [f"  note: {text}" for text in notes]
     lines.append(f"  output: {output} ({'up to ' if at_most else ''}about {size / 1e6:.2g} MB)")

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import POINT
 from tcstudy.data.store import load_root
+from tcstudy.reports.select_point import each_point
 from tcstudy.reports.terminal.tables import plain_table
-from tcstudy.reports.text import counted, label, number, prefix
+from tcstudy.reports.text import counted, headed, label, number, prefix, proved, with_unit
 
 Array = NDArray[np.float64]
 
@@ -64,8 +65,7 @@ def cycle_change(v: Array, dissipated: Array, units: str = "m") -> CycleChange:
     size = float(np.max(np.abs(v))) or 1.0
     last, before = v[-1] - v[-2], v[-2] - v[-3]
     largest = float(np.max(np.abs(last)))
-    divisor, unit = prefix([largest], units)
-    moved = f"{number(largest / divisor, 6)} {unit}".removesuffix(" 1")
+    moved = with_unit(largest, units, 6)
     if largest <= SAME * size:
         if dissipated[-1] <= SAME * float(np.max(dissipated)):
             return CycleChange(
@@ -87,15 +87,14 @@ def history_summary(path: Path, every_row: bool = False) -> str:
     every_row: all steps of all cycles and points
     """
     data = load_root(path, "history")
-    dims = [str(d) for d in data["status"].dims if d != "step"]
-    indices = list(np.ndindex(*(data.sizes[d] for d in dims)))
-    shown = indices if every_row else indices[:MOST_POINTS]
+    points = each_point(data)
+    shown = points if every_row else points[:MOST_POINTS]
     parts = [str(data.attrs["title"]), _head(data)]
-    for index in shown:
-        part = data.isel(dict(zip(dims, index, strict=True)))
-        parts.append("\n".join(_of_point(part, dims, every_row or len(indices) == 1, every_row)))
-    if len(shown) < len(indices):
-        parts.append(f"  … {len(indices) - len(shown)} more points; --verbose shows all")
+    for where in shown:
+        part = data.isel(where)
+        parts.append("\n".join(_of_point(part, [*where], every_row or len(points) == 1, every_row)))
+    if len(shown) < len(points):
+        parts.append(f"  … {len(points) - len(shown)} more points; --verbose shows all")
     return "\n\n".join(parts)
 
 
@@ -156,11 +155,11 @@ def _table(part: Any, all_cycles: bool) -> str:
     header, cells = ["step", "cycle"], [[str(names[i]) for i in listed], [str(cycle[i]) for i in listed]]
     for name, values in columns.items():
         divisor, unit = prefix(list(values), str(part[units.get(name, name)].attrs.get("units", "1")))
-        header.append(f"{name} [{unit}]" if unit != "1" else name)
+        header.append(headed(name, unit))
         cells.append([number(value / divisor, 6) for value in values])
     with np.errstate(divide="ignore", invalid="ignore"):
         cells.append([number(x, 2) for x in closure / columns["dissipated"]])
-    cells.append([_certified(part, int(i)) for i in listed])
+    cells.append([proved(part.isel(step=i), none="–") for i in listed])
     table = plain_table([*header, "closure/dissipated", "proved"], list(zip(*cells, strict=True)))
     return table + ("\n  …" if len(listed) < len(rows) else "")
 
@@ -169,13 +168,6 @@ def _read(values: Array, reached: Array) -> Array:
     """The values, 0 where they are rounding of the largest that the history reaches."""
     largest = float(np.nanmax(np.abs(reached), initial=0.0))
     return np.where(np.abs(values) <= ROUNDING * largest, 0.0, values)
-
-
-def _certified(part: Any, i: int) -> str:
-    for name, word in (("unique", "unique"), ("global_minimum", "global"), ("strict_minimum", "local")):
-        if part[name].values[i] == 1:
-            return word
-    return "–"
 
 
 def last_change(part: Any) -> CycleChange:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.store import load_root
 from tcstudy.reports.terminal.tables import plain_table
-from tcstudy.reports.text import number, prefix
+from tcstudy.reports.text import counted, headed, number, prefix, proved, with_unit
 
 MOST_ROWS = 60
 """Solutions that are listed; the file has them all."""
@@ -37,12 +37,8 @@ def seen_folds(data: Any) -> tuple[NDArray[np.intp], int]:
 def folds_in_words(data: Any) -> str:
     """How many folds there are, and how many smaller turns beside them."""
     vertices, small = seen_folds(data)
-    text = f"{len(vertices)} {'fold' if len(vertices) == 1 else 'folds'}"
-    return (
-        f"{text} and {small} {'turn' if small == 1 else 'turns'} below {100 * VISIBLE:g} % of the range"
-        if small
-        else text
-    )
+    turns = f" and {counted(small, 'turn')} below {100 * VISIBLE:g} % of the range" if small else ""
+    return counted(len(vertices), "fold") + turns
 
 
 def path_summary(path: Path) -> str:
@@ -50,11 +46,6 @@ def path_summary(path: Path) -> str:
     data = load_root(path, "path")
     parts = [data.attrs["title"], _path(data), _solutions(data), _loop(data)]
     return "\n\n".join(part for part in parts if part)
-
-
-def _quantity(value: float, units: str) -> str:
-    divisor, unit = prefix([float(value)], units)
-    return f"{number(float(value) / divisor)} {unit}".removesuffix(" 1")
 
 
 def _path(data: Any) -> str:
@@ -95,13 +86,14 @@ def _solutions(data: Any) -> str:
     columns = ((data["at"].values, "at"), (slip, "u_T"), (energy, "energy"))
     scales = [prefix([float(np.max(np.abs(x), initial=0.0))], data[name].attrs["units"]) for x, name in columns]
     titles = (data.attrs["parameter"].split(".")[-1], "mean u_T", "energy")
-    header = [f"{name} [{unit}]" if unit != "1" else name for name, (_, unit) in zip(titles, scales, strict=True)]
+    header = [headed(name, unit) for name, (_, unit) in zip(titles, scales, strict=True)]
     header += ["stable", "least on path", "certified", "residual"]
     rows = []
     for i in range(min(len(t), MOST_ROWS)):
         values = (t[i], slip[i], energy[i])
         row = [number(value / scale, 5) for value, (scale, _) in zip(values, scales, strict=True)]
-        row += ["yes" if stable[i] else "no", "yes" if least[i] else "no", _certified(data, i), number(residual[i], 2)]
+        proof = proved(data.isel(solution=i), "solution_")
+        row += ["yes" if stable[i] else "no", "yes" if least[i] else "no", proof, number(residual[i], 2)]
         rows.append(row)
     counts = zip(data["at"].values, data["solution_count"].values, strict=True)
     missing = [number(value / scales[0][0]) for value, count in counts if not count]
@@ -111,14 +103,6 @@ def _solutions(data: Any) -> str:
     return text + (f"\n  no solution on the path at {', '.join(missing)}" if missing else "")
 
 
-def _certified(data: Any, i: int) -> str:
-    """The strongest statement that is proved of a solution."""
-    for name, text in (("unique", "unique"), ("global_minimum", "global"), ("strict_minimum", "local")):
-        if int(data[f"solution_{name}"][i]) == 1:
-            return text
-    return "nothing"
-
-
 def _loop(data: Any) -> str:
     """The energy lost in the loop and where the body falls."""
     if "energy_lost" not in data:
@@ -126,12 +110,12 @@ def _loop(data: Any) -> str:
     units = data["energy_lost"].attrs["units"]
     if not int(data["loop_complete"]):
         return f"  hysteresis loop not completed: {data.attrs['loop_reason']}"
-    text = f"  hysteresis loop: {_quantity(float(data['energy_lost']), units)} lost"
+    text = f"  hysteresis loop: {with_unit(float(data['energy_lost']), units)} lost"
     if not data.sizes.get("jump", 0):
         return text + ", the body never falls to another branch"
     t_units = data["parameter"].attrs["units"]
     falls = (data[name].values for name in ("jump_parameter", "jump_rising", "jump_drop"))
     for t, rising, drop in zip(*falls, strict=True):
         way = "rising" if rising else "falling"
-        text += f"\n    falls at {_quantity(t, t_units)} ({way}), {_quantity(drop, units)} lost"
+        text += f"\n    falls at {with_unit(t, t_units)} ({way}), {with_unit(drop, units)} lost"
     return text if int(data["loop_closed"]) else text + "\n    the loop does not close"

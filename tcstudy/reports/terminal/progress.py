@@ -17,7 +17,7 @@ import numpy as np
 from tcstudy.data.provenance import without_paths
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.reports.terminal.outlet import Outlet, raw_terminal, visible
-from tcstudy.reports.text import counted, kind, length_words, named, number, span
+from tcstudy.reports.text import counted, kind, named, number, span, with_unit
 
 
 class Work(Protocol):
@@ -174,7 +174,7 @@ def _counts(work: Sequence[Work]) -> tuple[list[int], list[int]]:
 
 
 def _level_line(record: LevelRecord, length: str) -> str:
-    size = length_words(record.h_max, length)
+    size = with_unit(record.h_max, length, 3)
     return (
         f"level {record.level}: h_max = {size}, {record.n_dof} dofs, {record.n_contact} contact unknowns, "
         f"meshed and assembled in {record.time_mesh + record.time_assemble:.2g} s"

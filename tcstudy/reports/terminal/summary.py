@@ -15,9 +15,9 @@ from tcstudy.data.reading import of_largest
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, UNBALANCED
 from tcstudy.data.store import open_results
-from tcstudy.reports.select_point import describe
+from tcstudy.reports.select_point import axis_names, describe, sweep_dims
 from tcstudy.reports.terminal.tables import plain_table, wrapped
-from tcstudy.reports.text import Failure, failure_lines, number, prefix, scaled_labels
+from tcstudy.reports.text import Failure, counted, failure_lines, headed, number, prefix, proved, scaled_labels
 
 NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "omega", "uniqueness_margin")
 """Variables of which a summary says nothing: of a long sweep they need not be in memory."""
@@ -42,13 +42,9 @@ def summary(path: Path, most: int | None = MOST_ROWS) -> str:
     return wrapped("\n\n".join(part for part in parts if part))
 
 
-def _sweep_dims(data: Any) -> tuple[str, ...]:
-    return tuple(d for d in data["status"].dims if d != "level")
-
-
 def _levels(data: Any) -> str:
     """One row per mesh level: size, outcome, worst residual, where the time went."""
-    dims = _sweep_dims(data)
+    dims = sweep_dims(data)
     ok = (data["status"] == int(PointStatus.OK)).sum(dims)
     total = int(np.prod([data.sizes[d] for d in dims], dtype=int))
     rows = []
@@ -74,9 +70,9 @@ def _levels(data: Any) -> str:
                 *estimates,
             ]
         )
-    header = ["level", _bracketed("h_max", unit), "dofs", "contact", "ok", "worst residual"]
-    header += [_bracketed("λ₁", stiffness_unit), "mesh+assembly [s]", "condense [s]", "solve [s]"]
-    header += [_bracketed(title, unit) for _, title, _, unit in estimated]
+    header = ["level", headed("h_max", unit), "dofs", "contact", "ok", "worst residual"]
+    header += [headed("λ₁", stiffness_unit), "mesh+assembly [s]", "condense [s]", "solve [s]"]
+    header += [headed(title, unit) for _, title, _, unit in estimated]
     shown = plain_table(header, rows, (*_LEVEL_RANKS, *range(1, len(estimated) + 1)))
     return f"{shown}\n\n  {SIZES}"
 
@@ -117,15 +113,15 @@ _COLUMNS = (
 
 def _points(data: Any, most: int | None) -> str:
     """One row per point on the finest level, with what changed in ∫ξ since the level before."""
-    dims = _sweep_dims(data)
+    dims = sweep_dims(data)
     shape = tuple(data.sizes[d] for d in dims)
     fine = data.isel(level=-1)
     columns = [one for one in _COLUMNS if np.isfinite(fine[one[0]].values).any()]
-    axes = [name for name in data.coords if data[name].dims and set(data[name].dims) <= set(dims)]
+    axes = axis_names(data)
     scales = {name: prefix(fine[name].values, fine[name].attrs["units"]) for name, _, _ in columns}
     labelled = {axis: scaled_labels(data[axis].values.tolist(), data[axis].attrs.get("units", "1")) for axis in axes}
-    header = [_bracketed(axis, labelled[axis][1]) for axis in axes]
-    header += [_bracketed(title, scales[name][1]) for name, title, _ in columns]
+    header = [headed(axis, labelled[axis][1]) for axis in axes]
+    header += [headed(title, scales[name][1]) for name, title, _ in columns]
     refined = data.sizes["level"] > 1
     header += ["certified", *(["Δ∫ξ to last level"] if refined else [])]
     rows, failed = [], False
@@ -155,14 +151,7 @@ def _certified(at: Any) -> str:
     """The strongest statement that is proved of a solution; "failed" or "not run" where there is none."""
     if (status := PointStatus(int(at["status"]))) != PointStatus.OK:
         return "not run" if status == PointStatus.NOT_RUN else "failed"
-    for name, text in (("unique", "unique"), ("global_minimum", "global"), ("strict_minimum", "local")):
-        if int(at[name]) == 1:
-            return text
-    return "nothing"
-
-
-def _bracketed(name: str, unit: str) -> str:
-    return name if unit == "1" else f"{name} [{unit}]"
+    return proved(at)
 
 
 def _change(values: Any) -> str:
@@ -243,7 +232,7 @@ def _heat(data: Any) -> str:
         return ""
     defects = [float(data["heat_balance"].values[tuple(place)]) for place in places]
     low, high = number(min(defects), 2), number(max(defects), 2)
-    count, example = ("1 point", "") if len(places) == 1 else (f"{len(places)} points", "for example ")
+    count, example = counted(len(places), "point"), "for example " if len(places) > 1 else ""
     return (
         f"  heat balance {low if low == high else f'{low} to {high}'} at {count}: thin triangles cost the temperature "
         f"its digits; remove slits and slivers of the body or refine towards them ({example}{_point(data, places[0])})"
