@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import subprocess
 import sys
@@ -26,10 +27,14 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from enum import Enum
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from tcstudy.errors import StoreError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 SECONDS = 60.0
 """For reading; an ordinary file takes a fraction of one."""
@@ -278,6 +283,31 @@ def refuse_geometries(attributes: Mapping[Any, Any], what: str) -> None:
     if GEOMETRIES in attributes:
         how = "take one out with tcstudy export FILE.nc --geometry --at NAME=VALUE -o ONE.nc"
         raise StoreError(f"the file has {attributes[GEOMETRIES]} geometries, and {what} is of one; {how}")
+
+
+def sweep_dims(data: Any) -> list[str]:
+    """Dimensions of the sweep of an opened result file (its root dataset); none where it has one point."""
+    return [str(dim) for dim in data["status"].dims if dim not in ("level", "step")]
+
+
+def each_point(data: Any) -> list[dict[str, int]]:
+    """Index along each sweep dimension of every point, in C order."""
+    dims = sweep_dims(data)
+    return [dict(zip(dims, index, strict=True)) for index in product(*(range(data.sizes[d]) for d in dims))]
+
+
+def by_point(values: Any, data: Any) -> NDArray[Any]:
+    """(P, …) values of a variable that lies along the sweep of `data`, its points in C order."""
+    dims = sweep_dims(data)
+    own = values.transpose(*dims, ...)
+    flat: NDArray[Any] = own.values.reshape(math.prod(own.shape[: len(dims)]), *own.shape[len(dims) :])
+    return flat
+
+
+def axis_names(data: Any) -> list[str]:
+    """Names of the swept parameters of an opened result file (its root dataset)."""
+    sweep = set(sweep_dims(data))
+    return [str(name) for name in data.coords if data[name].dims and set(data[name].dims) <= sweep]
 
 
 def of_largest(data: Any) -> Any:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.reading import axis_names, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import open_results
 from tcstudy.errors import DrawError, UsageError
@@ -23,30 +24,6 @@ SWEPT = "swept parameter "
 """What stands before the key path in the long name of an axis in files of earlier versions."""
 CLOSE = 1e-3
 """Relative distance at which a number is taken for a label: what tables print has four digits."""
-
-
-def sweep_dims(data: Any) -> list[str]:
-    """Dimensions of the sweep of an opened result file (its root dataset); none where it has one point."""
-    return [str(dim) for dim in data["status"].dims if dim not in ("level", "step")]
-
-
-def each_point(data: Any) -> list[dict[str, int]]:
-    """Index along each sweep dimension of every point, in C order."""
-    dims = sweep_dims(data)
-    return [dict(zip(dims, index, strict=True)) for index in np.ndindex(*(data.sizes[d] for d in dims))]
-
-
-def by_point(values: Any, data: Any) -> NDArray[Any]:
-    """(P, …) values of a variable that lies along the sweep of `data`, its points in C order."""
-    dims = sweep_dims(data)
-    own = values.transpose(*dims, ...)
-    return np.asarray(own.values.reshape(int(np.prod([data.sizes[d] for d in dims])), *own.shape[len(dims) :]))
-
-
-def axis_names(data: Any) -> list[str]:
-    """Names of the swept parameters of an opened result file (its root dataset)."""
-    sweep = set(sweep_dims(data))
-    return [str(name) for name in data.coords if data[name].dims and set(data[name].dims) <= sweep]
 
 
 def locate(data: Any, point: Mapping[str, Value] | None, holder: str = "file") -> dict[str, int]:

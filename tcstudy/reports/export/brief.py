@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.data.provenance import kind_of
+from tcstudy.data.reading import each_point
 from tcstudy.data.records import PointStatus
 from tcstudy.reports.page.container import Container, Json, plain
 from tcstudy.reports.page.other_part import convergence_part, cost_part, path_part
@@ -53,10 +54,8 @@ def json_text(value: Json) -> str:
 
 def _labels(data: Any) -> Iterator[dict[str, Json]]:
     """The labels of each point."""
-    dims = [str(d) for d in data["status"].dims if d != "level"]
     swept = axes(data)
-    for index in np.ndindex(*(data.sizes[d] for d in dims)):
-        where = dict(zip(dims, index, strict=True))
+    for where in each_point(data):
         yield {axis["name"]: axis["values"][where[axis["dim"]]] for axis in swept}
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.reading import by_point, each_point, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.point_part import geometry
@@ -18,7 +19,7 @@ from tcstudy.reports.page.run_part import FLAGS, ROOM_FOR_DOUBLES, axes, level_n
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.stored_study import at_rest, outline, sources
 from tcstudy.reports.terminal.history_summary import MOVES, last_change, motion
-from tcstudy.reports.text import counted, number
+from tcstudy.reports.text import counted, named, number
 from tcstudy.scene.key import symbol
 
 NUMBERS = (
@@ -34,21 +35,16 @@ MEMORY = ("kappa", "plastic")
 def history_content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
     """All that a history's page has: the sweep as that of a run, and the steps."""
     data = stored.data
-    dims = [str(d) for d in data["status"].dims if d != "step"]
-    shape = [int(data.sizes[d]) for d in dims]
-    points, steps = int(np.prod(shape, dtype=int)), int(data.sizes["step"])
 
     def flat(name: str) -> Any:
-        own = data[name].transpose(*dims, ...)
-        return own.values.reshape(points, *own.shape[len(dims) :])
+        return by_point(data[name], data)
 
     solved = flat("status") == int(PointStatus.OK)
-    parts = [data.isel(dict(zip(dims, index, strict=True))) for index in np.ndindex(*shape)]
-    changes = [last_change(part) for part in parts]
+    changes = [last_change(data.isel(where)) for where in each_point(data)]
     loads = str(data.attrs["loads"]).split()
-    kind = "f8" if points * steps * len(NUMBERS) * 8 <= ROOM_FOR_DOUBLES else "f4"
+    kind = "f8" if solved.size * len(NUMBERS) * 8 <= ROOM_FOR_DOUBLES else "f4"
     history = {
-        "steps": steps,
+        "steps": solved.shape[1],
         "loads": [_column(data, name, data[name].values.tolist()) for name in loads],
         "names": [str(one) for one in data["step_name"].values],
         "cycle": data["cycle"].values.tolist(),
@@ -62,7 +58,7 @@ def history_content(stored: Stored, without: tuple[str, ...], box: Container) ->
     }
     return {
         "history": history,
-        "run": _sweep(stored, dims, shape, flat, solved, box),
+        "run": _sweep(stored, flat, solved, box),
         "outline": [{**vars(edge), "line": edge.line.tolist()} for edge in outline(stored.study)],
         "sources": [line.tolist() for line in sources(stored.study)],
     }
@@ -115,12 +111,10 @@ def _line(stored: Stored, without: tuple[str, ...], flat: Any, solved: NDArray[n
     }
 
 
-def _sweep(
-    stored: Stored, dims: list[str], shape: list[int], flat: Any, solved: NDArray[np.bool_], box: Container
-) -> Json:
+def _sweep(stored: Stored, flat: Any, solved: NDArray[np.bool_], box: Container) -> Json:
     """Totals of every point in the form of a run of one level."""
-    data, whole = stored.data, solved.all(axis=1)
-    done = solved.any(axis=1)
+    data, dims = stored.data, sweep_dims(stored.data)
+    done, whole = solved.any(axis=1), solved.all(axis=1)
     totals: dict[str, Any] = {
         name: (np.where(done, np.where(solved, flat(name), 0).sum(axis=1), np.nan), data[name].attrs) for name in SUMS
     }
@@ -136,7 +130,7 @@ def _sweep(
     return {
         "mode": str(data.attrs["sweep_mode"]),
         "dims": dims,
-        "shape": shape,
+        "shape": [int(data.sizes[d]) for d in dims],
         "axes": axes(data.isel(step=0)),
         "levels": one,
         "stop": [],
@@ -147,7 +141,7 @@ def _sweep(
             for name, (values, about) in totals.items()
         },
         "flags": {name: box.array(values, "i1") for name, values in flags.items()},
-        "statuses": [status.name.lower().replace("_", " ") for status in PointStatus],
+        "statuses": [named(status) for status in PointStatus],
         "reasons": ["", *texts],
         "reason": box.array([[texts.index(one) + 1 if one else 0] for one in reasons], "u2"),
         "starts": [],

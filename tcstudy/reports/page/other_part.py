@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS
+from tcstudy.data.reading import by_point, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import DrawError
 from tcstudy.reports.page.container import Container, Json
@@ -23,12 +24,10 @@ PATH_BYTES = 4_000_000
 def convergence_part(stored: Stored, box: Container) -> Json:
     """Errors, rates, expected orders and extrapolated numbers of every sweep point."""
     data = stored.data
-    dims = [str(d) for d in data["status"].dims if d != "level"]
-    points, levels = int(np.prod([data.sizes[d] for d in dims], dtype=int)), int(data.sizes["level"])
+    dims = sweep_dims(data)
 
     def flat(name: str) -> Any:
-        own = data[name].transpose(*dims, "level") if "level" in data[name].dims else data[name].transpose(*dims)
-        return own.values.reshape((points, levels) if "level" in data[name].dims else (points,))
+        return by_point(data[name], data)
 
     sizes = data[["h_max", "n_dof", "n_contact"]]
     if sizes["h_max"].ndim > 1:  # of several geometries: of every point

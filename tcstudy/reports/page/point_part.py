@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from tcstudy.data.reading import by_point
 from tcstudy.data.schema import STICKS, UNKNOWN
 from tcstudy.reports.figures.body_panel import boundary_edges
 from tcstudy.reports.page.container import Container, Json
@@ -35,12 +36,11 @@ def drawn_level(stored: Stored) -> int | None:
 def body_part(stored: Stored, level: int, box: Container) -> Json:
     """Mesh, boundary with roles, and fields of all points as few modes (drawn to 0.1 % of their range)."""
     group = stored.groups[level]
-    dims = [str(d) for d in stored.data["status"].dims if d != "level"]
     x, y, triangles = (group[name].values for name in ("node_x", "node_y", "triangle"))
     n = len(x)
 
     def field(name: str) -> Json:
-        values = group[name].transpose(*dims, "mesh_node").values.reshape(-1, n)
+        values = by_point(group[name], stored.data)
         return box.fields(np.where(np.isfinite(values), values, 0.0))
 
     zero = np.zeros(n)
@@ -60,26 +60,17 @@ def body_part(stored: Stored, level: int, box: Container) -> Json:
     }
 
 
-NEAR = 1e-6
-"""Relative difference of two lengths that are one."""
-
-
 def line_part(stored: Stored, level: int, box: Container) -> Json:
     """One level's contact line with u_T, ξ and states of all points, flattened in C order of the sweep."""
     group = stored.groups[level]
-    dims = [str(d) for d in stored.data["status"].dims if d != "level"]
-    m = int(group.sizes["node"])
-
-    def flat(name: str) -> Any:
-        return group[name].transpose(*dims, "node").values.reshape(-1, m)
-
-    u_T = flat("u_T")
+    u_T, xi = (by_point(group[name], stored.data) for name in ("u_T", "xi"))
+    sticks = by_point(group["sticks"], stored.data) if "sticks" in group else None
     return {
         **geometry(group, box),
         **node_part(stored.study, contact_line(group), box),
         "u_T": box.rows(u_T),
-        "xi": box.rows(flat("xi")),
-        "state": box.array(_states(stored, group, u_T, flat("sticks") if "sticks" in group else None), "i1"),
+        "xi": box.rows(xi),
+        "state": box.array(_states(stored, group, u_T, sticks), "i1"),
         "u_T_units": str(group["u_T"].attrs["units"]),
         "xi_units": str(group["xi"].attrs["units"]),
         "rest": at_rest(stored.study),
@@ -110,14 +101,11 @@ def _states(stored: Stored, group: Any, u_T: Any, stored_sticks: Any) -> Any:
 def geometry(group: Any, box: Container) -> Json:
     """Where the nodes are and what each stands for; `held` says whether a part ends at a node without unknown."""
     line = contact_line(group)
-    parts = []
-    for part in line.parts:
-        cells = line.cells(part)
-        closed = line.closed(part)
-        s = line.arclength[part]
-        span = float(line.c[part].sum())
-        held = [not closed and abs(cells[0] - s[0]) > NEAR * span, not closed and abs(cells[-1] - s[-1]) > NEAR * span]
-        parts.append({"a": part.start, "b": part.stop, "cells": box.array(cells), "closed": closed, "held": held})
+    parts = [
+        {"a": part.start, "b": part.stop, "cells": box.array(line.cells(part)), "closed": line.closed(part),
+         "held": list(line.held(part))}
+        for part in line.parts
+    ]  # fmt: skip
     return {
         "arclength": box.array(line.arclength),
         "x": box.array(line.x),
@@ -153,10 +141,9 @@ def live_part(stored: Stored, box: Container) -> Json | None:
     level = max(usable)
     data = stored.live[level]
     group = stored.groups[level]
-    dims = [str(d) for d in stored.data["status"].dims if d != "level"]
     A_tilde: Any = data["A_tilde"].values
     functions = {name: box.array(data[name].values) for name in FUNCTIONS if name in data and data[name].size}
-    points = {name: box.array(data[name].transpose(*dims).values.ravel()) for name in POINTWISE}
+    points = {name: box.array(by_point(data[name], stored.data)) for name in POINTWISE}
     return {
         "level": level,
         "A": box.array(A_tilde[np.tril_indices(len(A_tilde))]),

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from tcstudy.data.reading import axis_names, by_point, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.stored import Stored
-from tcstudy.reports.select_point import axis_names
+from tcstudy.reports.text import named
 from tcstudy.reports.verdict import RunSeen, verdict
 
 ROOM_FOR_DOUBLES = 300_000
@@ -29,16 +30,13 @@ LEVEL_NUMBERS = ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")
 def run_part(stored: Stored, box: Container) -> Json:
     """Axes, numbers and flags, with points flattened in C order of the sweep."""
     data = stored.data
-    dims = [str(d) for d in data["status"].dims if d != "level"]
-    shape = [int(data.sizes[d]) for d in dims]
-    points, levels = int(np.prod(shape, dtype=int)), int(data.sizes["level"])
+    dims = sweep_dims(data)
 
     def flat(name: str) -> Any:
-        own = data[name].transpose(*dims, "level", ...)
-        return own.values.reshape(points, levels, *own.shape[len(dims) + 1 :])
+        return by_point(data[name], data)
 
     names = [name for name in QUANTITIES if name in data and np.isfinite(flat(name)).any()]
-    kind = "f8" if points * levels * len(names) * 8 <= ROOM_FOR_DOUBLES else "f4"
+    kind = "f8" if data["status"].size * len(names) * 8 <= ROOM_FOR_DOUBLES else "f4"
     numbers = {
         name: {
             "long_name": ": ".join(data[name].attrs.get(key, "") for key in ("long_name", "comment")).rstrip(": "),
@@ -54,14 +52,14 @@ def run_part(stored: Stored, box: Container) -> Json:
     return {
         "mode": str(data.attrs["sweep_mode"]),
         "dims": dims,
-        "shape": shape,
+        "shape": [int(data.sizes[d]) for d in dims],
         "axes": axes(data),
         "levels": level_numbers(data),
         "stop": [str(one) for one in data["stop"].values] if "stop" in data else [],
         "units": {name: str(data[name].attrs.get("units", "1")) for name in LEVEL_NUMBERS if name in data},
         "numbers": numbers,
         "flags": {name: box.array(flat(name), "i1") for name in FLAGS if name in data},
-        "statuses": [status.name.lower().replace("_", " ") for status in PointStatus],
+        "statuses": [named(status) for status in PointStatus],
         "reasons": ["", *texts],
         "reason": box.array([[place.get(str(one), 0) for one in row] for row in reasons], "u2"),
         "starts": [str(one) for one in data["start"].values] if "start" in data else [],

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS, Measure
+from tcstudy.data.reading import axis_names, each_point
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import load_root
-from tcstudy.reports.select_point import Value, axis_names, describe, each_point, locate
+from tcstudy.reports.select_point import Value, describe, locate
 from tcstudy.reports.terminal.tables import Heading, Part, Table, render
 from tcstudy.reports.text import headed, number, prefix, scaled_labels
 

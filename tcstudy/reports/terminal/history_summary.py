@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.reading import each_point
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import POINT
 from tcstudy.data.store import load_root
-from tcstudy.reports.select_point import each_point
 from tcstudy.reports.terminal.tables import plain_table
 from tcstudy.reports.text import counted, headed, label, number, prefix, proved, with_unit
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from tcstudy.data.reading import of_largest
+from tcstudy.data.reading import axis_names, of_largest, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, UNBALANCED
 from tcstudy.data.store import open_results
-from tcstudy.reports.select_point import axis_names, describe, sweep_dims
+from tcstudy.reports.select_point import describe
 from tcstudy.reports.terminal.tables import plain_table, wrapped
 from tcstudy.reports.text import Failure, counted, failure_lines, headed, number, prefix, proved, scaled_labels
 
