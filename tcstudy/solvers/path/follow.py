@@ -304,14 +304,12 @@ class Run:
         A node that only bends there may move off its bound by rounding; one at a jump stays on it.
         """
         walk, graph = self.walk, self.walk.graph
-        lead = int(np.argmax(np.abs(walk.dx)))
         on_low, on_high = walk.x == walk.low, walk.x == walk.high
         beyond = np.where(on_low, graph.after_low[walk.codes], graph.after_high[walk.codes])
         keep = (on_low | on_high) & ~(graph.free[walk.codes] & graph.free[beyond])
-        held = int(np.argmax(np.where(keep, np.abs(walk.dx), 0.0))) if np.any(keep) else lead
         x = walk.x.copy()
         try:
-            walk.refine(held)
+            walk.refine(walk.held_by(np.flatnonzero(keep)))
         except SingularCellError:
             return  # the check of the residuals judges the point as it is
         walk.x = np.where(keep, x, walk.x)
@@ -325,8 +323,7 @@ class Run:
         lead = int(np.argmax(np.abs(walk.dx)))
         speed = float(walk.dx[lead])
         on_low, on_high = walk.x == walk.low, walk.x == walk.high
-        at = np.flatnonzero(on_low | on_high)
-        held = int(at[np.argmax(np.abs(walk.dx[at]))]) if len(at) else lead  # it must stay on its kink
+        held = walk.held_by(np.flatnonzero(on_low | on_high))  # it must stay on its kink
         if walk.direction_defect() > BLURRED:
             walk.tableau.refactor()
         walk.refine(held)

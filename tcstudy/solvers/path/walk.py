@@ -38,6 +38,10 @@ DRIFTED = 1e3
 FEW = 8
 """Nodes up to which it is quicker to put each on its new piece than to put all there."""
 
+SLOW = 1e-4
+"""A node slower than this part of the fastest one hardly knows its place on the path: a corrected point is not held
+where that node has reached its bound, or rounding of its coordinate would move the point along the path."""
+
 STILL = 1e-14
 """Speeds below this part of the largest one are rounding, and zero."""
 
@@ -223,7 +227,7 @@ class Walk:
         gaps = self.gaps()
         if np.count_nonzero(gaps <= DRIFTED * self.tie) > 1:  # are they there, or has the point drifted?
             with suppress(SingularCellError):
-                self.refine(first)
+                self.refine(self.held_by(np.array([first])))
                 gaps = self.gaps()
         near = gaps <= self.tie
         if np.count_nonzero(near) > 1:
@@ -263,6 +267,13 @@ class Walk:
         force = np.where(self.free, self.tableau.k * self.dx, self.dx)
         defect = self.units.body.A @ np.where(self.free, self.dx, 0.0) + force - self.dt * self.units.load
         return float(np.max(np.abs(defect)) / np.max(np.abs(self.dx)))
+
+    def held_by(self, nodes: Index) -> int:
+        """Which coordinate a correction keeps: that of the fastest of these nodes, or of all if it is slow."""
+        speed = np.abs(self.dx)
+        lead = int(speed.argmax())
+        own = int(nodes[speed[nodes].argmax()]) if len(nodes) else lead
+        return own if speed[own] > SLOW * speed[lead] else lead
 
     def refine(self, node: int | None) -> None:
         """One correction of the present point, with `node` (or t, if None) held where it is."""
