@@ -70,6 +70,8 @@ def history(options: argparse.Namespace) -> int:
     with closing(HistoryProgress()) as progress:
         watcher = None if options.quiet else progress
         result = execute_history(study, output, watcher, options.words, options.force, options.jobs, options.dask)
+    for warning in result.warnings:
+        note(options, warning)
     if result.found == result.points * result.steps:
         note(options, f"{output} holds these results already; --force computes them again")
     elif result.found:

@@ -19,7 +19,7 @@ from tcstudy.data.files import StoreError, write_dataset
 from tcstudy.data.path_store import LINE
 from tcstudy.data.provenance import CONTENT, Provenance, global_attributes, program, without_paths
 from tcstudy.data.reading import is_foreign
-from tcstudy.data.records import LevelRecord, PointStatus
+from tcstudy.data.records import LevelRecord, PointStatus, Row, decode, row_of
 from tcstudy.data.schema import BESIDE, CERTIFIED, DIFFERENCE, MISSING_COUNT, STATUS, SWEEP, FileVariable, edge_flags
 from tcstudy.data.store import load_root
 from tcstudy.data.writer import axis_name, in_file_order, put, put_all, put_axes
@@ -57,6 +57,23 @@ class HistoryRecord:
         """Put the record of one point into its row."""
         for name, values in self.values.items():
             values[point] = one.values[name][0]
+
+    def row(self, point: int, step: int) -> Row:
+        """A step of a point for the journal."""
+        own = {v.name: self.values[v.name][(point,) if v.dims[-1] == SWEEP else (point, step)] for v in EVERY}
+        reason = {"reason": str(own.pop("reason"))}
+        return row_of("step", str(point), step, reason, {name: np.asarray(value) for name, value in own.items()})
+
+    def take_row(self, row: Row) -> None:
+        """Put a step from the journal where it belongs. Raises ValueError if it belongs nowhere."""
+        scalars, arrays, _ = decode(row)
+        point, step = int(row[1]), int(row[2])
+        if not (0 <= point < self.status.shape[0] and 0 <= step < self.status.shape[1]):
+            raise ValueError(f"step {step} of point {point} is outside the history")
+        self.reason[point] = str(scalars["reason"])
+        for name, value in arrays.items():
+            kept = self.values[name]
+            kept[point if kept.ndim == 1 else (point, step)] = value
 
     def __getattr__(self, name: str) -> NDArray[Any]:
         try:

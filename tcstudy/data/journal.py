@@ -59,10 +59,11 @@ class Journal:
         self._closed = False
 
     @classmethod
-    def open(cls, output: Path, study: Study, beside: str = "") -> Journal:
+    def open(cls, output: Path, study: Study, beside: str = "", check: Callable[[Row], None] | None = None) -> Journal:
         """Create the journal of `output`, or resume it if it is of the same study and numerics.
 
         beside: digest of the file whose points the run leaves alone, if any
+        check:  raises an error for a row that has no place in the file; by default of levels and blocks of a run
 
         Raises StoreError if another run is writing to the same output or the directory cannot be written.
         """
@@ -77,11 +78,11 @@ class Journal:
             raise StoreError(f"cannot make {path.parent}: {error.strerror}. choose another output") from error
         header = _header(study) | ({"beside": beside} if beside else {})
         warnings: tuple[str, ...] = ()
-        connection, why = connect(path, header, _check_of(study))
+        connection, why = connect(path, header, check or _check_of(study))
         if why:
             kept = set_aside(path, connection)
             warnings = (f"{path.name} {why}; it is kept as {kept.name} and the run starts anew",)
-            connection, why = connect(path, header, _check_of(study))
+            connection, why = connect(path, header, check or _check_of(study))
         if connection is None or why:
             raise StoreError(f"cannot start the journal {path}: {why}. Choose another output")
         remove_stale(output)
@@ -91,12 +92,12 @@ class Journal:
         journal.finished = frozenset((int(level), int(place)) for level, place in places)
         return journal
 
-    def add(self, record: BlockRecord | LevelRecord) -> None:
-        """Keep a record; it is on the disk within COMMIT_SECONDS. A second one of the same place replaces it.
+    def add(self, record: BlockRecord | LevelRecord | Row) -> None:
+        """Keep a record, or a row; it is on the disk within COMMIT_SECONDS. A second one of the same place replaces it.
 
         Raises StoreError if an earlier record could not be brought to the disk; it is tried again.
         """
-        row = encode(record)
+        row = record if isinstance(record, tuple) else encode(record)
         with self._lock:
             if self._closed:
                 raise StoreError(f"the journal {self.path} is closed")
@@ -135,6 +136,10 @@ class Journal:
     def blocks(self) -> Iterator[BlockRecord]:
         """All blocks as they finished, read one by one: whole-body fields need not fit into memory."""
         return (decode_block(row) for row in self._rows("block"))
+
+    def steps(self) -> Iterator[Row]:
+        """All steps of histories, as they were done."""
+        return self._rows("step")
 
     def close(self) -> None:
         """Flush and give up the lock; the journal stays for a later run. Closing twice does no harm."""
@@ -299,7 +304,7 @@ def _look_into(connection: sqlite3.Connection, header: dict[str, str], check: Ca
         return "is of a run that began from another file"
     if found != header:
         return "was made by other versions of the program"
-    for kind in ("level", "block"):
+    for kind in ("level", "block", "step"):
         for row in connection.execute(SELECT, (kind,)):
             if checksum(row) != row[-1]:
                 raise _Damaged(f"wrong checksum of {kind} {row[1]} on level {row[2]}")

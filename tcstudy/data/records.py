@@ -249,16 +249,23 @@ def checksum(row: Row) -> int:
 
 
 def encode(record: BlockRecord | LevelRecord) -> Row:
-    """A record as a row: scalars as JSON (exact for floats), arrays as their bytes one after the other."""
+    """A record as a row."""
     values = vars(record)
     groups = {name: values[name] for name in ("numbers", "fields") if name in values}
     arrays = {name: v for name, v in values.items() if isinstance(v, np.ndarray)}
     arrays |= {f"{group}.{name}": array for group, named in groups.items() for name, array in named.items()}
     scalars = {name: v for name, v in values.items() if name not in arrays and name not in groups and v is not None}
     kind, place = ("level", "") if isinstance(record, LevelRecord) else ("block", str(record.number))
+    return row_of(kind, place, record.level, scalars, arrays)
+
+
+def row_of(
+    kind: str, place: str, level: int, scalars: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]
+) -> Row:
+    """A row: scalars as JSON (exact for floats), arrays as their bytes one after the other."""
     layout = json.dumps([(name, array.dtype.str, array.shape) for name, array in arrays.items()])
     blob = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays.values())
-    row = (kind, place, int(record.level), json.dumps(scalars, default=_plain), layout, blob)
+    row = (kind, place, int(level), json.dumps(scalars, default=_plain), layout, blob)
     return (*row, checksum((*row, 0)))
 
 
@@ -269,20 +276,20 @@ def _plain(value: Any) -> Any:
 
 def decode_level(row: Row) -> LevelRecord:
     """The level record that a row was made of."""
-    scalars, arrays, groups = _decode(row)
+    scalars, arrays, groups = decode(row)
     scalars["edge_names"] = tuple(scalars["edge_names"])
     return LevelRecord(**scalars, **arrays, fields=groups["fields"])
 
 
 def decode_block(row: Row) -> BlockRecord:
     """The block that a row was made of."""
-    scalars, arrays, groups = _decode(row)
+    scalars, arrays, groups = decode(row)
     scalars["shape"] = tuple(scalars["shape"])
     scalars["reasons"] = {int(i): words for i, words in scalars["reasons"].items()}
     return BlockRecord(**scalars, **arrays, numbers=groups["numbers"], fields=groups["fields"])
 
 
-def _decode(row: Row) -> tuple[dict[str, Any], dict[str, Any], dict[str, dict[str, NDArray[Any]]]]:
+def decode(row: Row) -> tuple[dict[str, Any], dict[str, Any], dict[str, dict[str, NDArray[Any]]]]:
     """Scalars, arrays, and the arrays that stand in `numbers` and `fields` of a row."""
     scalars, layout, blob = row[3:6]
     arrays: dict[str, Any] = {}

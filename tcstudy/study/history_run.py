@@ -22,6 +22,7 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.history_store import HistoryRecord, read_known, steps_done, write_history
+from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect, study_sha256
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import HistoryError, StoreError, StudyError, UserFault
@@ -43,8 +44,6 @@ from tcstudy.study.run import level_record
 from tcstudy.study.union import differences
 
 Array = NDArray[np.float64]
-SAVED_EVERY = 30.0
-"""Seconds between two writings of the file while steps are being solved."""
 FREE = ("history.steps", "history.repeat")
 """Keys in which a study may differ from that of the file it goes on from; the steps themselves are compared."""
 
@@ -61,13 +60,14 @@ class HistorySummary:
     """What came of it.
 
     points, steps: of the study, step 0 included in the steps;  ended: points whose history ended early
-    found: steps that stood in the file before
+    found: steps that stood in the file or its journal before;  warnings: of the journal
     """
 
     points: int
     steps: int
     ended: int
     found: int
+    warnings: tuple[str, ...] = ()
 
 
 def execute_history(
@@ -79,7 +79,7 @@ def execute_history(
     jobs: int | None = None,
     dask: str | None = None,
 ) -> HistorySummary:
-    """Follow the histories of a study and write their file, which is also written while it grows.
+    """Follow the histories of a study and write their file; until it is there, a journal beside it keeps what is done.
 
     force: compute again what the file holds;  jobs, dask: as of a run
     Raises HistoryError if the study has none, StoreError where the file holds something else or cannot be written,
@@ -99,23 +99,30 @@ def execute_history(
         built = time.perf_counter() - clock
         line = level_record(study, level.mesh, level)
         record = known or HistoryRecord.empty(len(study.scenes), plan.steps + 1, level.line.m)
-        saved = time.monotonic()
-        try:
-            for point, step in _steps(study, level, record, staff, built):
-                if watcher is not None:
-                    watcher(point, len(study.scenes), step, plan.steps)
-                if time.monotonic() - saved > SAVED_EVERY:
+        # a row of another size than this record's is refused as one that belongs nowhere
+        check = HistoryRecord.empty(len(study.scenes), plan.steps + 1, level.line.m).take_row
+        with Journal.open(output, study, check=check) as journal:
+            for row in journal.steps():
+                record.take_row(row)
+            _again(record)
+            found, kept = int(steps_done(record).sum()), steps_done(record)
+            try:
+                for point, step in _steps(study, level, record, staff, built):
+                    for n in range(int(kept[point]), step + 1):
+                        journal.add(record.row(point, n))
+                    kept[point] = step + 1
+                    if watcher is not None:
+                        watcher(point, len(study.scenes), step, plan.steps)
+            finally:
+                if int(steps_done(record).sum()) > done or known is not None:
                     write_history(output, study, line, record, provenance)
-                    saved = time.monotonic()
-        finally:
-            if int(steps_done(record).sum()) > done or known is not None:
-                write_history(output, study, line, record, provenance)
-    return _summary(study, record, done)
+                    journal.discard()
+    return _summary(study, record, found, journal.warnings)
 
 
-def _summary(study: Study, record: HistoryRecord, found: int) -> HistorySummary:
+def _summary(study: Study, record: HistoryRecord, found: int, warnings: tuple[str, ...] = ()) -> HistorySummary:
     ended = sum(bool(reason) for reason in record.reason)
-    return HistorySummary(len(study.scenes), record.status.shape[1], ended, found)
+    return HistorySummary(len(study.scenes), record.status.shape[1], ended, found, warnings)
 
 
 def _finished(record: HistoryRecord, point: int) -> bool:
@@ -128,10 +135,7 @@ def _known(path: Path, study: Study, steps: int) -> tuple[HistoryRecord | None, 
     if (found := read_known(path, study, steps)) is None:
         return None, False
     known, attrs = found
-    broken = known.status == PointStatus.ERROR  # no number's fault: tried again
-    known.status[broken] = PointStatus.NOT_RUN
-    for point in np.flatnonzero(broken.any(axis=1)).tolist():
-        known.reason[point] = ""
+    _again(known)
     if attrs["study_sha256"] == study_sha256(study):
         return known, True
     try:
@@ -144,6 +148,14 @@ def _known(path: Path, study: Study, steps: int) -> tuple[HistoryRecord | None, 
         remedy = "give another --output, or --force to replace it"
         raise StoreError(f"{path} holds the history of another study ({apart[0]}); {remedy}")
     return known, False
+
+
+def _again(record: HistoryRecord) -> None:
+    """Steps that broke down by no number's fault are to be tried again."""
+    broken = record.status == PointStatus.ERROR
+    record.status[broken] = PointStatus.NOT_RUN
+    for point in np.flatnonzero(broken.any(axis=1)).tolist():
+        record.reason[point] = ""
 
 
 def _level(study: Study) -> Level:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -92,6 +95,39 @@ def test_an_interrupted_history_keeps_its_steps(tmp_path: Path) -> None:
     told: list[int] = []
     summary = execute_history(study, tmp_path / "a.nc", lambda point, points, step, steps: told.append(step))
     assert (told, summary.found) == ([4, 5, 6], 4)
+
+
+KILLED = """
+import os, signal, sys, time
+from pathlib import Path
+from tcstudy.read.study import read_study_text
+from tcstudy.study.history_run import execute_history
+
+def stop(point, points, step, steps):
+    if step == 4:
+        time.sleep(1.0)  # what is done is on the disk a quarter of a second later
+        os.kill(os.getpid(), signal.SIGKILL)
+
+execute_history(read_study_text(Path(sys.argv[1]).read_text(), "study.yaml"), Path(sys.argv[2]), stop)
+"""
+
+
+def test_a_killed_history_keeps_its_steps(tmp_path: Path) -> None:
+    """kill -9 between two steps: the next run does the others alone, and all numbers are those of a whole run."""
+    text = f"{SOFT}history: {{memory: damage, steps: [{{theta: 60 K, in: 4}}, {{theta: -60 K, in: 2}}]}}\n"
+    (tmp_path / "study.yaml").write_text(text, encoding="utf-8")
+    words = [sys.executable, "-c", KILLED, tmp_path / "study.yaml", tmp_path / "a.nc"]
+    assert subprocess.run(words, check=False).returncode == -signal.SIGKILL
+    assert (tmp_path / "a.nc.partial").exists()
+    assert not (tmp_path / "a.nc").exists()
+    study, told = read_study_text(text, "study.yaml"), list[int]()
+    summary = execute_history(study, tmp_path / "a.nc", lambda point, points, step, steps: told.append(step))
+    assert (told, summary.found) == ([5, 6], 5)
+    assert not list(tmp_path.glob("*.partial*"))
+    execute_history(study, tmp_path / "b.nc")
+    with xr.open_dataset(tmp_path / "a.nc") as a, xr.open_dataset(tmp_path / "b.nc") as b:
+        for name in b.data_vars:
+            assert np.array_equal(a[name].values, b[name].values, equal_nan=b[name].dtype.kind == "f"), name
 
 
 def test_a_sweep_multiplies_histories(tmp_path: Path) -> None:
