@@ -25,6 +25,7 @@ from tcstudy.commands.shared import (
     note,
     output_option,
     plot_option,
+    plotted,
     point_of,
     say,
     stored,
@@ -36,7 +37,6 @@ def converge(options: argparse.Namespace) -> int:
     point = point_of(options)
     study, path = checked(options, "convergence")
     from tcstudy.data.writer import sweep_points
-    from tcstudy.reports.figures.convergence_plot import plot_convergence
     from tcstudy.reports.select_point import locate
     from tcstudy.reports.terminal.convergence import convergence_report
     from tcstudy.reports.text import with_unit
@@ -49,7 +49,7 @@ def converge(options: argparse.Namespace) -> int:
     tell = lambda text: note(options, text)  # noqa: E731
     size = lambda h: with_unit(h, length_unit(study), 3)  # noqa: E731
     failed = stored(path)[1] if there else converge_to_file(study, path, tell, options.words, size)
-    drawn = plot_convergence(path, options.plot, point) if options.plot is not None else None
+    drawn = plotted(options, path, at=point)
     full = options.full or options.verbose
     say(options, path, lambda: convergence_report(path, options.format, point, full))
     return _end(options, drawn, path, failed)
@@ -67,7 +67,6 @@ def cost(options: argparse.Namespace) -> int:
     point = point_of(options)
     study, path = checked(options, "cost")
     from tcstudy.data.writer import sweep_points
-    from tcstudy.reports.figures.cost_plot import plot_cost
     from tcstudy.reports.select_point import describe, locate
     from tcstudy.reports.terminal.cost import cost_report
     from tcstudy.reports.terminal.progress import CostProgress
@@ -93,14 +92,14 @@ def cost(options: argparse.Namespace) -> int:
         with closing(CostProgress()) as bar:
             progress = (lambda what, left: None) if options.quiet else bar
             failed = cost_to_file(study, tuple(where.values()), words, options.runs, path, progress, options.words)
-    drawn = plot_cost(path, options.plot, options.error) if options.plot is not None else None
+    drawn = plotted(options, path, error=options.error)
     say(options, path, lambda: cost_report(path, options.format, options.error))
     return _end(options, drawn, path, failed)
 
 
-def _end(options: argparse.Namespace, drawn: str | None, path: Path, failed: int) -> int:
+def _end(options: argparse.Namespace, drawn: list[str], path: Path, failed: int) -> int:
     """What was drawn and where the data are."""
-    for line in filter(None, (drawn, f"data in {path}")):
+    for line in (*drawn, f"data in {path}"):
         note(options, line)
     return SOME_FAILED if failed else OK
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from tcstudy.commands import shared
-from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, Command, checked, fail, is_there, note, say
+from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, Command, checked, fail, is_there, note, plotted, say
 
 if TYPE_CHECKING:
     from tcstudy.scene.study import Study
@@ -34,7 +34,6 @@ def path(options: argparse.Namespace) -> int:
     """Follow all solutions along one parameter."""
     study, output = _checked(options, "path")
     from tcstudy.data.path_store import stored_shortfalls
-    from tcstudy.reports.figures.path_figure import draw_path
     from tcstudy.reports.terminal.path_summary import path_summary
     from tcstudy.reports.terminal.progress import PathProgress
     from tcstudy.reports.terminal.tables import wrapped
@@ -53,8 +52,7 @@ def path(options: argparse.Namespace) -> int:
     else:
         with closing(PathProgress()) as progress:
             problems = execute_path(study, output, None if options.quiet else progress, options.words)
-    drawn = [draw_path(output, options.plot, options.response or "mean-slip")] if options.plot is not None else []
-    said = (*drawn, *problems, f"data in {output}")
+    said = (*plotted(options, output, response=options.response), *problems, f"data in {output}")
     say(options, output, lambda: wrapped("\n".join([path_summary(output), "", *(f"  {line}" for line in said)])))
     return SOME_FAILED if problems else OK
 
@@ -85,15 +83,13 @@ def fit(options: argparse.Namespace) -> int:
     """Find numbers of a study from measurements."""
     study, output = _checked(options, "fit")
     assert study.fit is not None
-    from tcstudy.reports.figures.fit_figure import draw_fit
     from tcstudy.reports.terminal.fit import fit_summary
     from tcstudy.reports.terminal.tables import wrapped
     from tcstudy.study.fit import execute_fit
 
     if not is_there(options, "fit", study, output, data_sha256=study.fit.sha256):
         execute_fit(study, output, lambda text: note(options, text), options.words)
-    drawn = [draw_fit(output, options.plot)] if options.plot is not None else []
-    said = (*drawn, f"data in {output}")
+    said = (*plotted(options, output), f"data in {output}")
     say(options, output, lambda: wrapped("\n".join([fit_summary(output), "", *(f"  {line}" for line in said)])))
     return OK
 

@@ -201,6 +201,15 @@ def checked(
     return study, output
 
 
+def plotted(options: argparse.Namespace, file: Path, **wanted: Any) -> list[str]:
+    """Draw what --plot asks for; a line on what was drawn."""
+    if options.plot is None:
+        return []
+    from tcstudy.reports.figures.draw import Wanted, picture
+
+    return [picture(file, options.plot, Wanted(**wanted))]
+
+
 def usual_output(kind: Kind, study: Study) -> Path:
     """Where a file of this kind is written unless another place is asked for."""
     from tcstudy.data.provenance import measured_path

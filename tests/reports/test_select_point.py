@@ -13,7 +13,7 @@ pytest.importorskip("matplotlib")
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.store import write
 from tcstudy.errors import DrawError
-from tcstudy.reports.figures.point_figure import draw
+from tcstudy.reports.figures.draw import picture
 from tcstudy.reports.picture import read_picture
 from tests.reports.figures.draw_cases import ALPHA, level_record, point_record, result, study
 
@@ -52,7 +52,7 @@ def test_a_point_of_a_list(listed: Path, point: dict[str, float | str] | None, i
 def test_a_study_without_a_sweep(tmp_path: Path) -> None:
     path = result(tmp_path / "r.nc", axes=())
     assert read_picture(path).parameters == ()
-    assert draw(path, tmp_path / "p.png") == f"{tmp_path / 'p.png'}: Plate for $5 and $6, level 1"
+    assert picture(path, tmp_path / "p.png") == f"{tmp_path / 'p.png'}: Plate for $5 and $6, level 1"
     with pytest.raises(DrawError, match=r"no swept parameter 'alpha'; leave the point out"):
         read_picture(path, {"alpha": 1})
 

@@ -43,15 +43,11 @@ APART = 1.7
 _SYMBOLS = {measure.name: measure.symbol for measure in ERRORS}
 
 
-def plot_convergence(
-    path: Path, target: Path, point: Mapping[str, Value] | None = None, look: style.Look | None = None
-) -> str:
-    """Draw the errors of one sweep point (the first, unless named) into `target`; returns what was drawn.
+def plot_convergence(path: Path, point: Mapping[str, Value] | None, look: style.Look) -> tuple[Figure, str]:
+    """The errors of one sweep point, the first unless named, and which it is.
 
-    Raises StoreError if `path` is no convergence file, DrawError if there is no such point, nothing to draw, no
-    matplotlib, or `target` cannot be written.
+    Raises DrawError if there is no such point or nothing to draw.
     """
-    style.check_target(target)
     data = load_root(path)
     where = locate(data, point)
     at = data.isel(where)
@@ -59,10 +55,8 @@ def plot_convergence(
     groups = [(s, words, names) for s, words, names in groups if names]
     if not groups:
         raise style.DrawError("the file has no errors to draw: no reference was there, or all errors are rounding")
-    look = look or style.Look()
-    with style.styled(look):
-        style.save(_figure(data, at, describe(data, where), groups, look), target, look.dpi)
-    return f"{target}: {describe(data, where) or data.attrs['title']}"
+    words = describe(data, where)
+    return _figure(data, at, words, groups, look), words or data.attrs["title"]
 
 
 def _drawable(at: Any, name: str) -> bool:

@@ -34,19 +34,11 @@ PALE = 0.32
 """Opacity of curves that others beat everywhere, and of the fill of marks that others beat."""
 
 
-def plot_cost(path: Path, target: Path, measure: str | None = None, look: style.Look | None = None) -> str:
-    """Draw accuracy against cost into `target`; returns what was drawn.
-
-    Raises StoreError if `path` is no such file, DrawError if it has no such error, no matplotlib is there, or `target`
-    cannot be written.
-    """
-    style.check_target(target)
+def plot_cost(path: Path, measure: str | None, look: style.Look) -> tuple[Figure, str]:
+    """The chart of accuracy against cost, and what it shows. Raises DrawError if the file has no such error."""
     data = load_root(path, "cost")
     name = measure_of(data, measure)
-    look = look or style.Look()
-    with style.styled(look):
-        style.save(_figure(data, name, look), target, look.dpi)
-    return f"{target}: {SYMBOLS[name]}, {data.attrs['point'] or data.attrs['title']}"
+    return _figure(data, name, look), f"{SYMBOLS[name]}, {data.attrs['point'] or data.attrs['title']}"
 
 
 def _figure(data: Any, measure: str, look: style.Look | None = None) -> Figure:

@@ -5,20 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from tcstudy.data.provenance import kind_of
+from tcstudy.data.provenance import Kind, kind_of
 from tcstudy.data.reading import reading
 from tcstudy.errors import UsageError
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.convergence_plot import plot_convergence
 from tcstudy.reports.figures.cost_plot import plot_cost
+from tcstudy.reports.figures.fit_figure import draw_fit
+from tcstudy.reports.figures.history_figure import draw_history
 from tcstudy.reports.figures.law_figure import law_figure, read_law
 from tcstudy.reports.figures.mesh_figure import mesh_figure, read_mesh
 from tcstudy.reports.figures.path_figure import draw_path
-from tcstudy.reports.figures.point_figure import draw
+from tcstudy.reports.figures.point_figure import draw_point
 from tcstudy.reports.figures.sweep_figure import curves_figure, map_figure
 from tcstudy.reports.sweep import read_sweep
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 OF_RUN = ("x", "y", "by", "map", "of", "law", "mesh")
 """What chooses among the pictures of a run."""
@@ -82,45 +87,46 @@ class Wanted:
 EXAMPLES = {"x": "x = theta_bar", "y": "y = slip_length", "map": "map = alpha,theta_bar", "of": "of = u_T_max"}
 
 
-def picture(file: Path, target: Path, wanted: Wanted) -> str:
-    """Draw a file of any kind; returns what was drawn. Raises StoreError, DrawError, UsageError."""
+def picture(file: Path, target: Path, wanted: Wanted | None = None) -> str:
+    """Draw a file of any kind into `target` (.png, .svg or .pdf by its suffix); returns one line on what was drawn.
+
+    Raises StoreError if `file` is no complete result file, DrawError if it does not have what is wanted, `target`
+    cannot be written or matplotlib is not installed, UsageError for what does not go together.
+    """
     style.check_target(target)
-    kind = kind_of(file)
+    wanted, kind = wanted or Wanted(), kind_of(file)
     wanted.check(kind)
     look = style.Look(wanted.size, wanted.font, wanted.title)
-    with reading(file):
-        if kind == "path":
-            return draw_path(file, target, wanted.response or "mean-slip", look)
-        if kind == "history":
-            from tcstudy.reports.figures.history_figure import draw_history
-
-            return draw_history(file, target, wanted.at, wanted.x, wanted.y, look)
-        if kind == "fit":
-            from tcstudy.reports.figures.fit_figure import draw_fit
-
-            return draw_fit(file, target, look)
-        if kind == "cost":
-            return plot_cost(file, target, wanted.error, look)
-        if kind == "convergence":
-            return plot_convergence(file, target, wanted.at, look)
-        return _of_run(file, target, wanted, look)
+    with reading(file), style.styled(look):
+        figure, words = _drawn(file, kind, wanted, look)
+        style.save(figure, target, look.dpi)
+    return f"{target}: {words}"
 
 
-def _of_run(file: Path, target: Path, wanted: Wanted, look: style.Look) -> str:
+def _drawn(file: Path, kind: Kind, wanted: Wanted, look: style.Look) -> tuple[Figure, str]:
+    match kind:
+        case "path":
+            return draw_path(file, wanted.response or "mean-slip", look)
+        case "history":
+            return draw_history(file, wanted.at, wanted.x, wanted.y, look)
+        case "fit":
+            return draw_fit(file, look)
+        case "cost":
+            return plot_cost(file, wanted.error, look)
+        case "convergence":
+            return plot_convergence(file, wanted.at, look)
     level = -1 if wanted.level is None else wanted.level
-    if not (wanted.x or wanted.map or wanted.law or wanted.mesh):
-        return draw(file, target, wanted.at, level, look)
-    with style.styled(look):
-        if wanted.law:
-            shown = read_law(file, wanted.at, level)
-            style.save(law_figure(shown, look), target, look.dpi)
-            laws = ", ".join(f"{edge}: {law.name}" if edge else law.name for edge, law in shown.laws)
-            return f"{target}: law {laws}, {shown.point.point or shown.point.title}, level {shown.point.level}"
-        if wanted.mesh:
-            mesh = read_mesh(file, wanted.at, level)
-            style.save(mesh_figure(mesh, look), target, look.dpi)
-            return f"{target}: mesh of level {mesh.level}, {len(mesh.body.triangles)} elements"
-        along = wanted.map or tuple(filter(None, (wanted.x, wanted.by)))
+    if wanted.law:
+        shown = read_law(file, wanted.at, level)
+        laws = ", ".join(f"{edge}: {law.name}" if edge else law.name for edge, law in shown.laws)
+        where = f"{shown.point.point or shown.point.title}, level {shown.point.level}"
+        return law_figure(shown, look), f"law {laws}, {where}"
+    if wanted.mesh:
+        mesh = read_mesh(file, wanted.at, level)
+        return mesh_figure(mesh, look), f"mesh of level {mesh.level}, {len(mesh.body.triangles)} elements"
+    if along := wanted.map or tuple(filter(None, (wanted.x, wanted.by))):
         sweep = read_sweep(file, along, wanted.of or wanted.y or "", wanted.at, level)
-        style.save((map_figure if wanted.map else curves_figure)(sweep, look), target, look.dpi)
-        return f"{target}: {sweep.quantity} over {' and '.join(one.name for one in sweep.parameters)}, {sweep.words}"
+        over = " and ".join(one.name for one in sweep.parameters)
+        figure = (map_figure if wanted.map else curves_figure)(sweep, look)
+        return figure, f"{sweep.quantity} over {over}, {sweep.words}"
+    return draw_point(file, wanted.at, level, look)

@@ -33,14 +33,10 @@ NAMES = {
 }
 
 
-def draw_fit(path: Path, target: Path, look: style.Look | None = None) -> str:
-    """Draw a fit into `target` (.png, .svg or .pdf); returns what was drawn. Raises StoreError, DrawError."""
-    style.check_target(target)
+def draw_fit(path: Path, look: style.Look) -> tuple[Figure, str]:
+    """The picture of a fit's file, and what it shows."""
     data = load_root(path, "fit")
-    look = look or style.Look()
-    with style.styled(look):
-        style.save(fit_figure(data, look), target, look.dpi)
-    return f"{target}: {data.attrs['title']}, fitted to {data.attrs['data_file']}"
+    return fit_figure(data, look), f"{data.attrs['title']}, fitted to {data.attrs['data_file']}"
 
 
 def fit_figure(data: Any, look: style.Look | None = None) -> Figure:

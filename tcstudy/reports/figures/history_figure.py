@@ -35,22 +35,15 @@ MOTION = (style.SHADE, "#7fb8de", "#e69f00", style.VERMILLION)
 
 
 def draw_history(
-    path: Path,
-    target: Path,
-    point: Mapping[str, Value] | None = None,
-    x: str | None = None,
-    y: str | None = None,
-    look: style.Look | None = None,
-) -> str:
-    """Draw one history of the file `path` into `target` (.png, .svg or .pdf by its suffix).
+    path: Path, point: Mapping[str, Value] | None, x: str | None, y: str | None, look: style.Look
+) -> tuple[Figure, str]:
+    """The picture of one history of a file, and what it shows.
 
     x, y: the loop is of y over x, numbers that the file has by step, or "slip" for u_T where it is largest. Over the
           first load that changes, unless given: the slip, or the friction resultant if a displacement is prescribed
 
-    Returns one line that says what was drawn. Raises StoreError if `path` holds no load history, DrawError if it has
-    no such point or number or no solved step, if `target` cannot be written or matplotlib is not installed.
+    Raises DrawError if the file has no such point or number, or no solved step.
     """
-    style.check_target(target)
     data = load_root(path, "history")
     at = data.isel(step=0)
     where = locate(at, point)
@@ -66,10 +59,8 @@ def draw_history(
     names = x or loads[0], y or ("friction_resultant" if pulled else "slip")
     for name in names:
         _check(data, name)
-    look = look or style.Look()
-    with style.styled(look):
-        style.save(history_figure(data, *names, words, look), target, look.dpi)
-    return f"{target}: {names[1]} over {names[0]}, {counted(done - 1, 'step')}" + (f", {words}" if words else "")
+    said = ", ".join(filter(None, [f"{names[1]} over {names[0]}", counted(done - 1, "step"), words]))
+    return history_figure(data, *names, words, look), said
 
 
 def _check(data: Any, name: str) -> None:

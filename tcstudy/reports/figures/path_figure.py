@@ -42,22 +42,12 @@ ASKED: Mark = {"color": style.BLUE, "marker": "D", "markersize": 5.5, "linestyle
 """How the lines and points of the response curve look, there and in its legend."""
 
 
-def draw_path(path: Path, target: Path, response: str = "mean-slip", look: style.Look | None = None) -> str:
-    """Draw the path file `path` into `target` (.png, .svg or .pdf by its suffix).
-
-    response: what stands over the parameter: mean-slip, max-slip or friction (its resultant)
-
-    Returns one line that says what was drawn. Raises StoreError if `path` is not the file of a path, DrawError if the
-    response is unknown, `target` cannot be written or matplotlib is not installed.
-    """
-    style.check_target(target)
+def draw_path(path: Path, response: str, look: style.Look) -> tuple[Figure, str]:
+    """The picture of a path's file, and what it shows; response: one of RESPONSES, which stands over the parameter."""
     if response not in RESPONSES:
         raise DrawError(f"there is no response {response!r}; use one of {', '.join(RESPONSES)}")
-    look = look or style.Look()
-    with style.styled(look):
-        picture = read_path_picture(path, response)
-        style.save(path_figure(picture, look), target, look.dpi)
-    return f"{target}: {picture.data.attrs['title']}, path along {picture.name}"
+    picture = read_path_picture(path, response)
+    return path_figure(picture, look), f"{picture.data.attrs['title']}, path along {picture.name}"
 
 
 def path_figure(picture: PathPicture, look: style.Look | None = None) -> Figure:

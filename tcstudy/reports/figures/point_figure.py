@@ -35,29 +35,11 @@ BAR = 1.25
 """Room for the bar of the temperature to the right of the body [inch]."""
 
 
-def draw(
-    path: Path,
-    target: Path,
-    point: Mapping[str, Value] | None = None,
-    level: int = -1,
-    look: style.Look | None = None,
-) -> str:
-    """Draw one sweep point of the result file `path` into `target` (.png, .svg or .pdf by its suffix).
-
-    point: label by name of the swept parameter, {"alpha": 100, "friction": "softening"}; numbers in the units of
-           the file or texts with a unit. A parameter left out has its first value.
-    level: mesh level from 0, or from the finest with -1, -2, …
-
-    Returns one line that says what was drawn. Raises StoreError if `path` is not a complete result file, DrawError
-    if it does not hold such a solved point, if `target` cannot be written or if matplotlib is not installed.
-    """
-    style.check_target(target)
-    look = look or style.Look()
-    with style.styled(look):
-        picture = read_picture(path, point, level)
-        style.save(point_figure(picture, look), target, look.dpi)
+def draw_point(path: Path, point: Mapping[str, Value] | None, level: int, look: style.Look) -> tuple[Figure, str]:
+    """The picture of one sweep point of a run's file (see `read_picture`), and which it is."""
+    picture = read_picture(path, point, level)
     fields = "" if picture.body else " (contact line only: the run kept no fields, see output.fields)"
-    return f"{target}: {picture.point or picture.title}, level {picture.level}{fields}"
+    return point_figure(picture, look), f"{picture.point or picture.title}, level {picture.level}{fields}"
 
 
 def point_figure(picture: Picture, look: style.Look | None = None) -> Figure:

@@ -14,7 +14,7 @@ from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.draw import Wanted, picture
-from tcstudy.reports.figures.history_figure import draw_history, history_figure
+from tcstudy.reports.figures.history_figure import history_figure
 from tcstudy.study.history_run import execute_history
 from tests.reports.figures.draw_cases import LOOKS, RAIL, off_the_page
 
@@ -29,7 +29,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_loop_is_the_slip_of_the_end_over_the_load(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn = []
     monkeypatch.setattr(style, "save", lambda figure, *_: drawn.append(figure))
-    said = draw_history(file, file.with_suffix(".png"))
+    said = picture(file, file.with_suffix(".png"))
     assert "slip over theta, 16 steps" in said
     loop, motion, cycles = (
         next(a for a in drawn[0].axes if word in a.get_xlabel()) for word in ("theta", "step", "cyc")

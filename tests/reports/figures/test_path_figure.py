@@ -10,7 +10,8 @@ import pytest
 from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.path_figure import draw_path, path_figure, symbol
+from tcstudy.reports.figures.draw import Wanted, picture
+from tcstudy.reports.figures.path_figure import path_figure, symbol
 from tcstudy.reports.figures.path_states import read_path_picture
 from tcstudy.reports.terminal.path_summary import path_summary, seen_folds
 from tcstudy.study.path_run import execute_path
@@ -69,24 +70,24 @@ def test_stable_unstable_and_lowest_parts_are_told_apart(pad: Path) -> None:
 @pytest.mark.parametrize(("response", "name"), [("mean-slip", "a.svg"), ("max-slip", "a.png"), ("friction", "a.pdf")])
 def test_files(pad: Path, tmp_path: Path, response: str, name: str) -> None:
     target = tmp_path / name
-    assert str(target) in draw_path(pad, target, response)
+    assert str(target) in picture(pad, target, Wanted(response=response))
     first = target.read_bytes()
     assert 5_000 < len(first) < 400_000
     if name == "a.svg":
-        draw_path(pad, target, response)
+        picture(pad, target, Wanted(response=response))
         assert target.read_bytes() == first
 
 
 def test_a_path_without_folds_loop_and_requests(plain: Path, tmp_path: Path) -> None:
-    draw_path(plain, tmp_path / "plain.png")
+    picture(plain, tmp_path / "plain.png")
     assert (tmp_path / "plain.png").stat().st_size > 5_000
 
 
 def test_bad_wishes_are_named(pad: Path, tmp_path: Path) -> None:
     with pytest.raises(DrawError, match="use one of mean-slip"):
-        draw_path(pad, tmp_path / "a.png", "slip")
+        picture(pad, tmp_path / "a.png", Wanted(response="slip"))
     with pytest.raises(DrawError, match="ends in"):
-        draw_path(pad, tmp_path / "a.gif")
+        picture(pad, tmp_path / "a.gif")
 
 
 def test_symbols() -> None:

@@ -13,7 +13,7 @@ from tcstudy.data.store import open_results
 from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.convergence_plot import plot_convergence
+from tcstudy.reports.figures.draw import Wanted, picture
 from tcstudy.reports.terminal.convergence import _fixed, _uncertain, convergence_report
 from tests.reports.figures.draw_cases import LOOKS, off_the_page
 
@@ -96,11 +96,11 @@ def test_the_tables(file):
 
 
 def test_the_plot(file, tmp_path):
-    said = plot_convergence(file, tmp_path / "a.svg", {"tau": "2 MPa"})
+    said = picture(file, tmp_path / "a.svg", Wanted({"tau": "2 MPa"}))
     assert "tau = 2" in said
     assert (tmp_path / "a.svg").read_text().startswith("<?xml")
     with pytest.raises(DrawError, match="no point"):
-        plot_convergence(file, tmp_path / "b.svg", {"tau": "3 MPa"})
+        picture(file, tmp_path / "b.svg", Wanted({"tau": "3 MPa"}))
 
 
 def test_points_that_failed_are_hollow(file):
@@ -146,7 +146,7 @@ def test_nothing_to_draw(tmp_path):
     write_convergence(tmp_path / "a.nc", STUDY, what, Provenance("now", (), "abc"))
     assert "energy" in convergence_report(tmp_path / "a.nc")
     with pytest.raises(DrawError, match="no errors"):
-        plot_convergence(tmp_path / "a.nc", tmp_path / "a.png")
+        picture(tmp_path / "a.nc", tmp_path / "a.png")
 
 
 def test_bad_places(tmp_path):
@@ -163,7 +163,7 @@ def test_bad_places(tmp_path):
 def test_every_text_stays_on_a_page_of_any_size(file, tmp_path, look, monkeypatch):
     drawn = []
     monkeypatch.setattr(style, "save", lambda figure, *_: drawn.append(figure))
-    plot_convergence(file, tmp_path / "a.png", {"tau": "2 MPa"}, look)
+    picture(file, tmp_path / "a.png", Wanted({"tau": "2 MPa"}, size=look.size, font=look.font, title=look.title))
     assert off_the_page(drawn[0]) == []
 
 

@@ -21,7 +21,8 @@ from tcstudy.data.store import StoreError, load_root
 from tcstudy.errors import DrawError
 from tcstudy.reports.export.brief import brief
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.cost_plot import _figure, plot_cost
+from tcstudy.reports.figures.cost_plot import _figure
+from tcstudy.reports.figures.draw import picture
 from tcstudy.reports.terminal.cost import (
     advice,
     best,
@@ -159,7 +160,7 @@ def test_errors_that_are_rounding_are_not_ranked(file: Path) -> None:
     assert "Fastest: uniform, level 0, separable-newton in 0.1 s" in told
     assert best(settings(load_root(file, "cost"), "u_energy")) is None
     target = file.with_name("a.svg")
-    plot_cost(file, target)
+    picture(file, target)
     assert "best:" not in target.read_text()
 
 
@@ -193,17 +194,17 @@ def test_an_error_that_is_not_there(file: Path) -> None:
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
 def test_the_chart(file: Path, suffix: str) -> None:
     target = file.with_name(f"a.{suffix}")
-    said = plot_cost(file, target)
+    said = picture(file, target)
     assert said == f"{target}: u in energy, tau = 0.01"
     first = target.read_bytes()
-    plot_cost(file, target)
+    picture(file, target)
     assert target.read_bytes() == first
     if suffix == "svg":
         text = first.decode()
         assert "best:" in text
         assert "own settings" in text
     with pytest.raises(DrawError, match=r"\.png"):
-        plot_cost(file, file.with_name("a.txt"))
+        picture(file, file.with_name("a.txt"))
 
 
 def test_a_family_has_one_colour_and_what_is_beaten_is_pale(file: Path) -> None:
