@@ -102,6 +102,13 @@ class NodeGraph:
     starts: Indices
     columns: Indices
 
+    @classmethod
+    def of(cls, form: Any) -> tuple[NodeGraph, Array]:
+        """The pattern, and the blocks (nnz, 2, 2) of an assembled form of vectors: a view, which dies with the form."""
+        values, columns, starts = form.mat.CSR()
+        pattern = (np.array(np.asarray(starts).view(np.int64), dtype=np.int32), np.array(columns, dtype=np.int32))
+        return cls(*pattern), np.asarray(values).reshape(-1, 2, 2)
+
     @cached_property
     def rows(self) -> Indices:
         """Row of every entry."""
@@ -140,11 +147,7 @@ class GradientProducts:
         if where:  # a factor 0 elsewhere, since a form that is not defined there has no entries there either
             divergences = self.mesh.mesh.MaterialCF(dict.fromkeys(where, 1.0), default=0.0) * divergences
         form = ngs.BilinearForm(divergences * ngs.dx).Assemble()
-        values, columns, starts = form.mat.CSR()  # views: they die with the form, what leaves here are copies
-        graph = NodeGraph(
-            np.array(np.asarray(starts).view(np.int64), dtype=np.int32), np.array(columns, dtype=np.int32)
-        )
-        blocks = np.asarray(values).reshape(-1, 2, 2)
+        graph, blocks = NodeGraph.of(form)
         return graph, np.array(blocks.transpose(1, 2, 0), order="C")
 
     def assemble(self) -> None:
@@ -254,11 +257,8 @@ class ElasticForms(GradientProducts):
         for name, normal, tangential in springs:
             energy = normal * (u * n) * (v * n) + tangential * (u * t) * (v * t)
             form += energy * ngs.ds(self.mesh.region(name))
-        values, columns, starts = form.Assemble().mat.CSR()
-        graph = NodeGraph(
-            np.array(np.asarray(starts).view(np.int64), dtype=np.int32), np.array(columns, dtype=np.int32)
-        )
-        blocks, nodes = np.asarray(values).reshape(-1, 2, 2), self.mesh.n_points
+        form.Assemble()
+        (graph, blocks), nodes = NodeGraph.of(form), self.mesh.n_points
         at = [(graph.rows + c * nodes, graph.columns + d * nodes) for c in (0, 1) for d in (0, 1)]
         i, j = (np.concatenate(part) for part in zip(*at, strict=True))
         entries = np.concatenate([blocks[:, c, d] for c in (0, 1) for d in (0, 1)])

@@ -16,7 +16,6 @@ factorisation breaks down, its direction of negative curvature is one more d for
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.online.newton import factor_free, slopes
@@ -25,7 +24,7 @@ from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.friction import UP
 from tcstudy.solvers.bounds import FEW, PARTS, bends
 from tcstudy.solvers.problem import least_lowered
-from tcstudy.solvers.separable.pieces import cholesky
+from tcstudy.solvers.separable.pieces import cholesky, negative_direction
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -91,14 +90,7 @@ def _refutation(A: Array, diagonal: Array) -> Array | None:
     matrix = A.copy()
     matrix.reshape(-1)[:: len(A) + 1] = diagonal
     factor, info = cholesky(matrix)
-    if info == 0:
-        return None
-    k = info - 1
-    direction = np.zeros(len(A))
-    direction[k] = 1.0
-    if k:
-        direction[:k] = -scipy.linalg.lapack.dpotrs(np.asfortranarray(factor[:k, :k]), A[k, :k], lower=1)[0]
-    return direction
+    return None if info == 0 else negative_direction(factor, info, A[info - 1])
 
 
 MARGIN = 1e-6

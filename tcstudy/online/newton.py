@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from tcstudy.online.problems import CondensedBody, Rows
 from tcstudy.scene.friction import BEND
 from tcstudy.solvers.law_tables import Place
-from tcstudy.solvers.separable.pieces import cholesky
+from tcstudy.solvers.separable.pieces import cholesky, negative_direction
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -233,17 +233,10 @@ def _negative_curvature(rows: Rows, free: Index, added: Array) -> Array | None:
     """(n,) d with dᵀ(A_FF + diag `added`)d ≤ 0, None if that matrix is positive definite."""
     A = rows.body.A_tilde
     diagonal = np.diagonal(A)[free]
-    direction = np.zeros(len(free))
     if np.any(diagonal + added <= 0.0):
-        direction[np.argmin((diagonal + added) / diagonal)] = 1.0
-        return direction
+        return np.where(np.arange(len(free)) == np.argmin((diagonal + added) / diagonal), 1.0, 0.0)
     factor, info = factor_free(rows.body, free, added)
-    if info == 0:
-        return None
-    k = info - 1
-    direction[k] = 1.0
-    direction[:k] = -scipy.linalg.lapack.dpotrs(np.asfortranarray(factor[:k, :k]), A[free[k], free[:k]], lower=1)[0]
-    return direction
+    return None if info == 0 else negative_direction(factor, info, A[free[info - 1], free])
 
 
 def _lower_along(row: Rows, v: Array, xi: Array, s: BlockSlopes, direction: Array) -> tuple[Array, bool]:

@@ -185,11 +185,7 @@ class Rows:
 class Certificates:
     """What is proved about P points, (P,) each; the meaning is that of tcstudy.solvers.certificates.Certificate.
 
-    omega:       steepest fall of the law [Pa/m]
-    convex, unique, strict_minimum, global_minimum: proved; False says "not certified"
-    energy_gap:  what rounding leaves open of a global minimum [J/m], NaN where none is certified
-    least_slack, resting: of the nodes on up-jumps
-    margin:      λ_min(C^{−½}ÃC^{−½} − diag ω_i) with laws by node, NaN with one a row, where it is λ₁ − ω [Pa/m]
+    margin: NaN with one law a row, where it is λ₁ − ω [Pa/m]
     """
 
     omega: Array
@@ -205,21 +201,10 @@ class Certificates:
 
 @dataclass(frozen=True, eq=False)
 class BlockAnswers:
-    """Judged solutions of P points.
+    """Judged solutions of P points: fields (P,), (P, m) or (P, 5) with the meaning of tcstudy.solvers.contact.Answer.
 
-    v, v_low:           (P, m) tangential displacements v + v_low [m]; the low part is 0 where one double is enough
-    xi:                 (P, m) nodal friction forces l̃ − Ã(v + v_low) [N/m]
-    inclusion_residual: (P,) max_i dist(ξ_i/c_i, b̂(v_i)) / (scale of b)
-    rounding:           (P,) what rounding of the problem allows of it, ContactProblem.xi_rounding
-    limited:            (P,) accepted only because rounding allows no better (scene/study.py)
-    energy:             (P,) L̃(v) [J/m]
-    status:             (P,) tcstudy.solvers.loop.Status
-    reasons:            why a point has no solution, empty for a solution
-    start:              (P,) ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE or EXACT of tcstudy.solvers.contact: led to v
-    start_energies:     (P, 5) L̃ of the solutions found from these starts; NaN where none was sought or found
-    steps:              (P,) Newton steps on the body itself of the descent that led to v, or of the single solve
-    searched_singly:    (P,) the single solve was asked, too
-    certificates:       what is proved
+    steps:           Newton steps on the body itself of the descent that led to v, or of the single solve
+    searched_singly: the single solve was asked, too;  certificates: what is proved
     """
 
     v: Array

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from tcstudy.errors import StudyError
 from tcstudy.read.checks import check_goal, check_mesh
@@ -18,12 +19,10 @@ from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge, read_material
 from tcstudy.read.plans import read_mesh, read_output, read_path, read_solver
 from tcstudy.read.scenes import SECTIONS, SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, records
-from tcstudy.scene.fits import FitPlan
-from tcstudy.scene.histories import HistoryPlan
 from tcstudy.scene.keys import row, rows
 from tcstudy.scene.parameters import SHORT, sweepable
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Exact, MeshPlan, OutputPlan, PathPlan, SolverPlan, Study
+from tcstudy.scene.study import Exact, Study
 
 REQUIRED = tuple(row.name for row in rows("").values() if row.required)
 OPTIONAL = tuple(name for name in rows("") if name not in REQUIRED)
@@ -46,23 +45,6 @@ def read_study_text(
     source: the file that the text was read from, if any: other files are sought beside it
     """
     return _read(text, name, source, tuple(overrides))
-
-
-@dataclass(frozen=True)
-class _Header:
-    title: str
-    institution: str
-
-
-@dataclass(frozen=True)
-class _Plans:
-    mesh: MeshPlan | None
-    solver: SolverPlan | None
-    output: OutputPlan | None
-    exact: Exact | None
-    path: PathPlan | None
-    history: HistoryPlan | None = None
-    fit: FitPlan | None = None
 
 
 def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...], swept: bool = True) -> Study:
@@ -94,7 +76,13 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
 
 
 def _one_body(
-    ctx: Context, root: Node, sweep: Sweep, header: _Header, text: str, source: Path | None, said: tuple[str, ...]
+    ctx: Context,
+    root: Node,
+    sweep: Sweep,
+    header: dict[str, Any],
+    text: str,
+    source: Path | None,
+    said: tuple[str, ...],
 ) -> Study:
     """The study of one body and its meshes. said: options that make the text this study."""
     given = without_loads(ctx, root, sweep) if root.child("exact") else root
@@ -104,30 +92,21 @@ def _one_body(
     scenes = reader.read()
     ctx.errors.point = ""
     plans = _read_run(ctx, base, sweep, reader, scenes)
-    if plans.exact and plans.exact.derived and reader.body and not ctx.errors.problems:
-        scenes = derived_scenes(ctx, base, sweep, plans.exact, reader.body, scenes)
+    exact: Exact | None = plans["exact"]
+    if exact and exact.derived and reader.body and not ctx.errors.problems:
+        scenes = derived_scenes(ctx, base, sweep, exact, reader.body, scenes)
     if ctx.errors.problems:
         raise StudyError(ctx.errors.problems)
-    assert plans.mesh
-    assert plans.solver
-    assert plans.output
     return Study(
-        title=header.title,
+        **header,
+        **plans,
         text=text,
         source=source,
         units=ctx.units,
         mode=sweep.mode,
         axes=records(sweep, ctx.units) if sweep.axes else (),
         scenes=scenes,
-        mesh=plans.mesh,
-        solver=plans.solver,
-        output=plans.output,
-        institution=header.institution,
         overrides=said,
-        exact=plans.exact,
-        path=plans.path,
-        history=plans.history,
-        fit=plans.fit,
         design=sweep.design,
     )
 
@@ -139,12 +118,12 @@ def _friction_may_hold(root: Node) -> bool:
     return word is not None and word.value == "friction"
 
 
-def _read_header(ctx: Context, root: Node, default: str) -> _Header:
+def _read_header(ctx: Context, root: Node, default: str) -> dict[str, Any]:
     """Title and institution; sets the system of units, on which every number depends."""
     if units := root.child("units"):
         ctx.units = "none" if ctx.choice(units, row("", "units").words) == "none" else "SI"
     title = ctx.text(node) if (node := root.child("title")) else default
-    return _Header(title, ctx.text(node) if (node := root.child("institution")) else "")
+    return {"title": title, "institution": ctx.text(node) if (node := root.child("institution")) else ""}
 
 
 def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
@@ -254,8 +233,8 @@ def _check_keys(ctx: Context, root: Node, sweep: Sweep) -> None:
     Fields(ctx, root, "", required, (*OPTIONAL, "mesh"))
 
 
-def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scenes: Sequence[Scene]) -> _Plans:
-    """Meshes, solver, output and the exact solution."""
+def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scenes: Sequence[Scene]) -> dict[str, Any]:
+    """The plans of a study by field, None after faults: meshes, solver, output, exact solution, path, history, fit."""
     before, body = len(ctx.errors), reader.body
     if sweep.h and not isinstance(sweep.h.value, tuple | Mapping):
         remedy = "write [20 mm, 10 mm] or {tolerance: 1e-3, of: friction_resultant}"
@@ -294,4 +273,5 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
         from tcstudy.read.asked import Asked, check_together
 
         check_together(ctx, root, scenes, Asked(mesh, output, exact))
-    return _Plans(mesh, solver, output, exact, path, history, fit)
+    found = {"mesh": mesh, "solver": solver, "output": output, "exact": exact}
+    return found | {"path": path, "history": history, "fit": fit}

@@ -187,15 +187,6 @@ def _hulls_of(tables: LawTables, kappa: float) -> tuple[tuple[FrictionLaw, ...],
     return tuple(hulls.law(k, "proximal hull") for k in range(len(tables.q))), bridges
 
 
-@dataclass(frozen=True)
-class _Relaxed:
-    """How the free nodes follow one node: the free nodes, Cholesky factor of H, stiffnesses k_i (m,)."""
-
-    free: Index
-    factor: Array
-    stiffness: Array
-
-
 def node_moves(problem: ContactProblem, v: Array) -> Iterator[Array]:
     """Points (m,) that promise less energy than v, one node moved and the others relaxed; the best promise first.
 
@@ -205,14 +196,15 @@ def node_moves(problem: ContactProblem, v: Array) -> Iterator[Array]:
     relaxed = _relaxed(problem, v, xi)
     if relaxed is None:
         return
-    gain, target = best_places(*tables_of(problem.law, problem.m), v, xi / c, relaxed.stiffness / c)
+    free, factor, stiffness = relaxed
+    gain, target = best_places(*tables_of(problem.law, problem.m), v, xi / c, stiffness / c)
     for node in np.argsort(c * gain, kind="stable")[: np.count_nonzero(gain)]:
-        step = follow(problem.A_tilde, relaxed.free, relaxed.factor, int(node), float(target[node] - v[node]))
+        step = follow(problem.A_tilde, free, factor, int(node), float(target[node] - v[node]))
         yield v + step
 
 
-def _relaxed(problem: ContactProblem, v: Array, xi: Array) -> _Relaxed | None:
-    """Factor H and form all k_i; about three factorisations' work."""
+def _relaxed(problem: ContactProblem, v: Array, xi: Array) -> tuple[Index, Array, Array] | None:
+    """(free nodes, Cholesky factor of H, all k_i (m,)): how the free nodes follow one; three factorisations' work."""
     s = slopes(problem, v, xi)
     free, resting = np.flatnonzero(~s.at_rest), np.flatnonzero(s.at_rest)
     law, c, A = problem.law, problem.c, problem.A_tilde
@@ -222,4 +214,4 @@ def _relaxed(problem: ContactProblem, v: Array, xi: Array) -> _Relaxed | None:
     factor, info = cholesky(matrix)
     if info != 0:
         return None
-    return _Relaxed(free, factor, relaxed_stiffness(A, free, resting, factor, c[free] * q))
+    return free, factor, relaxed_stiffness(A, free, resting, factor, c[free] * q)

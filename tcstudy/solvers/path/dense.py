@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.solvers.separable.pieces import cholesky
+from tcstudy.solvers.separable.pieces import cholesky, negative_direction
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -61,7 +61,8 @@ def definite_inverse(H: Array, limit: float) -> tuple[Array, int]:
         return H, -1
     factor, info = cholesky(H.copy())
     if info != 0:
-        return H, _centre(H, factor, info - 1)
+        # the row that moves most in the direction of negative curvature which the failing pivot reveals
+        return H, int(np.argmax(np.abs(negative_direction(factor, info, H[info - 1]))))
     inverse = inverse_of(factor)
     worst = int(np.argmax(np.diagonal(inverse)))
     return (inverse, -1) if inverse[worst, worst] <= limit else (H, worst)
@@ -85,15 +86,6 @@ def inverse_of(factor: Array) -> Array:
         return factor
     lower = np.tril(scipy.linalg.lapack.dpotri(factor, lower=1)[0])
     return np.asarray(lower + np.tril(lower, -1).T)
-
-
-def _centre(H: Array, factor: Array, k: int) -> int:
-    """The row that moves most in the direction of negative curvature which the failing pivot k reveals."""
-    if k == 0:
-        return 0
-    leading = np.asfortranarray(factor[:k, :k])
-    direction = np.append(scipy.linalg.lapack.dpotrs(leading, H[:k, k], lower=1)[0], 1.0)
-    return int(np.argmax(np.abs(direction)))
 
 
 def indefinite_inverse(H: Array, limit: float) -> tuple[Array, int]:

@@ -127,18 +127,16 @@ def factorise(problem: ContactProblem, free: Index, slope: Array) -> FreeSystem:
             if info == 0:
                 return FreeSystem(free, factor, tried, curvature)
             if curvature is None:
-                curvature = negative_direction(problem, factor, info, free)
+                curvature = negative_direction(factor, info, problem.A_tilde[free[info - 1], free])
         elif curvature is None:
             curvature = np.where(np.arange(len(free)) == np.argmin(shifted / diagonal), 1.0, 0.0)
     raise IndefiniteSystem
 
 
-def negative_direction(problem: ContactProblem, factor: Array, info: int, free: Index) -> Array:
-    """From a factorisation that broke down at pivot `info`: d with dᵀHd ≤ 0 (the failing pivot), zero elsewhere."""
-    k = info - 1
-    direction = np.zeros(len(free))
+def negative_direction(factor: Array, info: int, row: Array) -> Array:
+    """From a factorisation of H that broke down at pivot `info`: d with dᵀHd ≤ 0; row: (n,) of H that fails."""
+    k, direction = info - 1, np.zeros(len(factor))
     direction[k] = 1.0
     if k:
-        row = problem.A_tilde[free[k], free[:k]]
-        direction[:k] = -scipy.linalg.lapack.dpotrs(np.asfortranarray(factor[:k, :k]), row, lower=1)[0]
+        direction[:k] = -scipy.linalg.lapack.dpotrs(np.asfortranarray(factor[:k, :k]), row[:k], lower=1)[0]
     return direction
