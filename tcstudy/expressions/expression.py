@@ -128,16 +128,9 @@ class Expression:
         """The expression with numbers in place of names."""
         made: dict[TreeNode, TreeNode] = {}
         for node in self.order:
-            if isinstance(node, Coordinate):
-                made[node] = Number(values[node.name]) if node.name in values else node
-            elif isinstance(node, Negative):
-                made[node] = Negative(made[node.operand])
-            elif isinstance(node, Binary):
-                made[node] = Binary(node.operator, made[node.left], made[node.right])
-            elif isinstance(node, Call):
-                made[node] = Call(node.function, tuple(made[one] for one in node.arguments))
-            else:
-                made[node] = node
+            named = isinstance(node, Coordinate) and node.name in values
+            parts = tuple(made[part] for part in tree.children(node))
+            made[node] = Number(values[node.name]) if named else tree.made_of(node, parts)  # type: ignore[union-attr]
         return of_tree(made[self.root])
 
     def fold(self, variables: Mapping[str, T], functions: Mapping[str, Callable[..., T]]) -> T | float:

@@ -69,6 +69,15 @@ def children(node: TreeNode) -> tuple[TreeNode, ...]:
     return node.arguments if isinstance(node, Call) else ()
 
 
+def made_of(node: TreeNode, parts: tuple[TreeNode, ...]) -> TreeNode:
+    """A node like this one, of other children; one without any is itself."""
+    if isinstance(node, Negative):
+        return Negative(parts[0])
+    if isinstance(node, Binary):
+        return Binary(node.operator, *parts)
+    return Call(node.function, parts) if isinstance(node, Call) else node
+
+
 def ordered(roots: Iterable[TreeNode]) -> Order:
     """The nodes of one or more trees, each once, every node after its children."""
     done: dict[TreeNode, None] = {}
@@ -219,37 +228,19 @@ def _digest(order: Order) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def pack(order: Order) -> tuple[tuple[str, object, tuple[int, ...]], ...]:
-    """A tree as plain tuples (kind, datum, places of the children), for pickling without recursion."""
-    place = {node: i for i, node in enumerate(order)}
+def pack(order: Order) -> tuple[tuple[TreeNode, tuple[int, ...]], ...]:
+    """A tree as (node without its children, places of the children), for pickling without recursion."""
+    place, bare = {node: i for i, node in enumerate(order)}, Number(0.0)
     packed = []
     for node in order:
-        datum: object = None
-        if isinstance(node, Number):
-            datum = node.value
-        elif isinstance(node, Coordinate):
-            datum = node.name
-        elif isinstance(node, Binary):
-            datum = node.operator
-        elif isinstance(node, Call):
-            datum = node.function
-        packed.append((type(node).__name__, datum, tuple(place[child] for child in children(node))))
+        parts = children(node)
+        packed.append((made_of(node, (bare,) * len(parts)), tuple(place[part] for part in parts)))
     return tuple(packed)
 
 
-def unpack(packed: tuple[tuple[str, Any, tuple[int, ...]], ...]) -> TreeNode:
+def unpack(packed: tuple[tuple[TreeNode, tuple[int, ...]], ...]) -> TreeNode:
     """The root of a packed tree."""
     nodes: list[TreeNode] = []
-    for kind, datum, places in packed:
-        parts = tuple(nodes[place] for place in places)
-        if kind == "Number":
-            nodes.append(Number(datum))
-        elif kind == "Coordinate":
-            nodes.append(Coordinate(datum))
-        elif kind == "Negative":
-            nodes.append(Negative(parts[0]))
-        elif kind == "Binary":
-            nodes.append(Binary(datum, *parts))
-        else:
-            nodes.append(Call(datum, parts))
+    for node, places in packed:
+        nodes.append(made_of(node, tuple(nodes[place] for place in places)))
     return nodes[-1]

@@ -22,7 +22,7 @@ from tcstudy.read.document import load_text
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, nearest
 from tcstudy.read.plans import affine_parameters, level_of, path_of
-from tcstudy.read.table import csv_lines
+from tcstudy.read.points import csv_lines
 from tcstudy.scene.fits import PLACE, RESULTS, FitColumn, FitMark, FitParameter, FitPlan, Sensitivity
 from tcstudy.scene.friction import GrowthError
 from tcstudy.scene.law_slopes import POINTS

@@ -12,10 +12,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from tcstudy.read.designs import draw, read_design
 from tcstudy.read.fields import Context, Fields
 from tcstudy.read.node import Node, nearest
-from tcstudy.read.table import read_table
+from tcstudy.read.points import draw, read_design, read_table
 from tcstudy.scene import keys as table
 from tcstudy.scene.designs import DESIGNS, Design
 from tcstudy.scene.laws import SHAPES

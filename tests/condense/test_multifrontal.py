@@ -34,17 +34,6 @@ def test_fronts_are_factorised_with_one_thread(monkeypatch):
     assert before == {2}
 
 
-def test_without_the_factor_only_A_tilde_is_there():
-    case = rolled_plate(MESHES["structured"])
-    c = on(case, keep_factor=False)
-    assert np.array_equal(c.A_tilde, on(case).A_tilde)
-    for use in (c.condense, c.forward):
-        with pytest.raises(RuntimeError, match="keep_factor"):
-            use(np.zeros(case[0].shape[0]))
-    with pytest.raises(RuntimeError, match="keep_factor"):
-        c.expand(np.zeros(c.m))
-
-
 def test_another_matrix_takes_over_the_order_of_elimination():
     """The plan of one material serves another: the same numbers, bit for bit; other unknowns are refused."""
     mesh = MESHES["irregular"]
