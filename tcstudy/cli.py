@@ -7,6 +7,7 @@ printed, 130 interrupted.
 from __future__ import annotations
 
 import argparse
+import gc
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -31,6 +32,8 @@ _EPILOG = (
     "exit codes: 0 all points solved, 1 some points failed, 2 bad study or usage, 3 no memory or no room for what is "
     "printed, 130 interrupted"
 )
+RARE = 50_000
+"""Objects after which cycles are looked for; every 700, as is usual, takes a tenth of the second of imports."""
 _NEEDED = 1 << 28
 """Bytes that the mesher and the solvers ask for at once; where these are not to be had, memory is what is short."""
 
@@ -38,6 +41,7 @@ _NEEDED = 1 << 28
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code; raises SystemExit for bad usage and bad studies."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    gc.set_threshold(RARE)
     with guarded_streams() as out:
         try:
             code = _command(arguments)

@@ -34,7 +34,7 @@ from tcstudy.commands.shared import (
 
 if TYPE_CHECKING:
     from tcstudy.scene.study import Study
-    from tcstudy.study.jobs import Resources
+    from tcstudy.study.jobs import Resources, Staff
     from tcstudy.study.plan import Plan
 
 KEPT = "finished points are kept, the same command goes on from there"
@@ -45,7 +45,15 @@ def run(options: argparse.Namespace) -> int:
     """Run a study and write its netCDF file."""
     if options.force and (options.append or options.retry):
         fail("--force computes all points again, --append and --retry keep them; give one of these")
-    study, output = checked(options)
+    from tcstudy.study.jobs import Staff
+
+    with closing(Staff(options.jobs, options.dask)) as staff:
+        study, output = checked(options, at_once=staff.early)
+        return _run(options, study, output, staff)
+
+
+def _run(options: argparse.Namespace, study: Study, output: Path, staff: Staff) -> int:
+    """The same with a study that was found usable, and those who work."""
     kept = None
     if options.append or options.retry:
         from tcstudy.study.grow import appended, retried
@@ -61,9 +69,7 @@ def run(options: argparse.Namespace) -> int:
     from tcstudy.study.run import execute
 
     with closing(progress(naming=lambda index: _named(study, index), length=length_unit(study))) as watcher:
-        result = execute(
-            study, output, None if options.quiet else watcher, options.words, options.jobs, options.dask, kept
-        )
+        result = execute(study, output, None if options.quiet else watcher, options.words, kept=kept, staff=staff)
     return _say(options, result.output, result.points, result.failed, "found")
 
 

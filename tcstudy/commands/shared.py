@@ -176,17 +176,23 @@ def point_of(options: argparse.Namespace) -> dict[str, str]:
 
 
 def checked(
-    options: argparse.Namespace, kind: Kind = "run", swept: bool = True, planned: bool = False
+    options: argparse.Namespace,
+    kind: Kind = "run",
+    swept: bool = True,
+    planned: bool = False,
+    at_once: Callable[[Study], object] = id,
 ) -> tuple[Study, Path]:
     """The study and the file that is asked for or usual for this kind, found usable as is a picture; raises UserFault.
 
     The study is kept in the options, where cli finds the place of a later fault.
     swept: whether the command uses the sweep;  planned: whether it only says what another one would do
+    at_once: called with the study as soon as it is read, before the rest of the program is imported
     """
     check_manner(options)
     from tcstudy.read.study import read_study
 
     study = options.read = read_study(options.study, options.overrides, swept=swept)
+    at_once(study)
     from tcstudy.study.plan import check_kind, faults  # needs the mesher, a fault in the text does not
 
     if not planned:

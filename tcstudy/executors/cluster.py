@@ -17,11 +17,13 @@ import threading
 import time
 import uuid
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tcstudy.executors.processes import WORKER, Processes, available
 from tcstudy.executors.protocol import Doable, T, WorkerDied, WorkersFailed, parts, whole
-from tcstudy.online import CondensedBody
+
+if TYPE_CHECKING:
+    from tcstudy.online import CondensedBody
 
 LOCAL = "local"
 """The address of a scheduler that is started here, with as many workers as asked for."""

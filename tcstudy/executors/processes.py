@@ -20,10 +20,12 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tcstudy.executors.protocol import Doable, T, WorkerDied, WorkersFailed, parts
-from tcstudy.online import CondensedBody
+
+if TYPE_CHECKING:
+    from tcstudy.online import CondensedBody
 
 START = 120.0
 """Seconds that a worker may take to start."""

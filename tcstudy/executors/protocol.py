@@ -9,13 +9,15 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.errors import UserFault
-from tcstudy.online import BlockAnswers, CondensedBody, Options, RowLaws, solve_block
+
+if TYPE_CHECKING:  # at work only: who just starts others begins without it
+    from tcstudy.online import BlockAnswers, CondensedBody, Options, RowLaws
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -73,6 +75,13 @@ class Errand:
 def unpacked(answer: Future[bytes]) -> Any:
     """What an errand's function returned, or raises what it raised, WorkerDied or WorkersFailed."""
     return pickle.loads(answer.result())
+
+
+def solve_block(body: CondensedBody, *more: Any) -> BlockAnswers:
+    """That of tcstudy.online, which is imported with the first block."""
+    from tcstudy import online
+
+    return online.solve_block(body, *more)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,12 +1,10 @@
 """What a study asks for beside its scenes: meshes, solver, sweep, path and output.
 
 Which inclusion residual makes a solution: the one rule for every solver, path, certificate and comparison.
-
 A tolerance that a study writes is strict. The default is TOLERANCE or what rounding of the problem allows, whichever is
 larger: √m ε max_i (|l̃| + |Ã||v|)_i/c_i over the scale of b (`ContactProblem.xi_rounding`), which is what rounding v to
 doubles, Ã and l̃ being doubles too, does to ξ. Where that exceeds LOST there is no friction left to solve for, and the
 default goes no further.
-
 How a contact problem may be solved: the one place of the names of solvers, of starts, and of which solution is kept.
 """
 
@@ -203,7 +201,6 @@ class SolverPlan:
 
     names:          solvers; the first one's solution is stored, the others are compared with it
     tolerance:      largest inclusion residual of an accepted solution, strict; None for 1e-10 or what rounding allows
-                    (scene/study.py)
     max_iterations: iteration limit of the method, None for its own
     branch:         which solution is stored where several are found: the one of lowest energy ("lowest": starts at
                     zero, at the frictionless solution and at the neighbouring sweep point), the one that continues
@@ -214,6 +211,11 @@ class SolverPlan:
     tolerance: float | None = None
     max_iterations: int | None = None
     branch: Branch = "lowest"
+
+    @property
+    def in_blocks(self) -> bool:
+        """Whether points are solved together."""
+        return self.names == (SEPARABLE,) and self.max_iterations is None
 
 
 @dataclass(frozen=True)

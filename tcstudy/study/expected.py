@@ -13,9 +13,10 @@ from functools import lru_cache
 import numpy as np
 
 from tcstudy.scene.study import Study
+from tcstudy.study.forecasts import LevelForecast, forecast, refined
 from tcstudy.study.jobs import WORTH, Resources, crew, workers
 from tcstudy.study.jobs import seconds as contact_seconds
-from tcstudy.study.sizes import LevelForecast, forecast, meshing_seconds, refined
+from tcstudy.study.sizes import meshing_seconds
 
 PROBES = (6.0e-3, 1.2e-2)
 """Seconds of the two probes on the machine of results/speed.md: arithmetic, and scattered memory."""
@@ -24,7 +25,7 @@ START, LEVEL = 2.0, 0.3
 """Seconds that starting takes, and a level whatever its size."""
 ASSEMBLY, FACTOR, HEAT, LOADS = (1.25e-6, 1.08), (8.6e-7, 1.12), (1.04e-6, 1.07), (1.05e-6, 1.08)
 """(c, p) of the stages: mesh refinement with assembly, Ã, the heat problem, loads."""
-STEP = 40.0
+STEP = 75.0
 """Times as long as a point of a block takes a step of a history (13 ms with 40 nodes, 33 ms with 133)."""
 MEMORY, UNKNOWN = 270e6, 2700.0
 """Bytes of the program, and more for each unknown of the finest mesh (2.79 GB at N = 939,518)."""

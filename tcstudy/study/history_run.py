@@ -94,6 +94,7 @@ def execute_history(
         return _summary(study, known, done)
     provenance = collect(study, command)
     with threadpool_limits(1, user_api="blas"), closing(Staff(jobs, dask)) as staff:
+        staff.ready(study)
         clock = time.perf_counter()
         level = _level(study)
         built = time.perf_counter() - clock

@@ -10,17 +10,16 @@ import numpy as np
 
 from tcstudy.executors import Cluster, Executor, Here, Processes, available
 from tcstudy.scene.study import Study
-from tcstudy.study.sizes import forecast
-from tcstudy.study.workshop import in_blocks
+from tcstudy.study.forecasts import forecast
 
 Choice = Callable[[Study, int], Executor]
 """(study, contact unknowns of a level) → who solves its blocks."""
-POINT, NODE = 0.1e-3, 6e-6
-"""Seconds that a point takes, and more for each contact unknown (results/online.md): a rough figure is enough."""
+POINT, NODE = 0.08e-3, 2.6e-6
+"""Seconds that a point takes to the file, and more for each contact unknown (results/online.md, m = 11 to 176)."""
 FINE = 2000
 """Contact unknowns of a fine level: where these would not pay for workers no forecast is made."""
-WORTH = 4.0
-"""Seconds of work from which a worker is worth its start, of about one."""
+WORTH = 2.0
+"""Seconds of work from which a worker is worth its start, of about half a second."""
 
 
 def seconds(study: Study, m: int) -> float:
@@ -43,7 +42,7 @@ def paying(seconds: float, jobs: int | None, start: float = 0.0) -> int:
 
 def workers(study: Study, m: int, jobs: int | None = None) -> int:
     """The same for a level with m contact unknowns; points that are not solved in blocks leave workers nothing."""
-    return paying(seconds(study, m), jobs) if in_blocks(study) else 1
+    return paying(seconds(study, m), jobs) if study.solver.in_blocks else 1
 
 
 @dataclass(frozen=True)
@@ -79,25 +78,34 @@ class Staff:
     """Those who work in a run and end with it."""
 
     def __init__(self, jobs: int | None = None, dask: str | None = None) -> None:
-        """jobs: worker processes, None for as many as pay;  dask: address of a scheduler, whose workers do all instead
-
-        Raises WorkersFailed if it does not answer.
-        """
-        self.jobs, self._here = jobs, Here()
-        self._cluster = Cluster(dask, jobs) if dask is not None else None
+        """jobs: worker processes, None for as many as pay;  dask: address of a scheduler whose workers do it"""
+        self.jobs, self.dask, self._here = jobs, dask, Here()
+        self._cluster: Cluster | None = None
         self._pool: Processes | None = None
 
     def early(self, study: Study) -> Staff:
-        """Start workers for blocks at once where the levels promise to pay for them: it takes as long as a mesh."""
-        if self._cluster is None and (self.jobs is not None or seconds(study, FINE) >= 2 * WORTH):
-            count = max((workers(study, one.n_contact, self.jobs) for one in forecast(study)), default=1)
+        """Start workers of this machine at once where the levels promise to pay for them.
+
+        It takes as long as what a run has to do, and to import, before its first block.
+        """
+        if self.dask is None and self._pool is None and (self.jobs is not None or seconds(study, FINE) >= 2 * WORTH):
+            if study.variants or study.history is not None:
+                count = min(self.jobs or 1, len(study.variants) or len(study.scenes))
+            else:
+                count = max((workers(study, one.n_contact, self.jobs) for one in forecast(study)), default=1)
             self._of(count).warm() if count > 1 else None
         return self
+
+    def ready(self, study: Study) -> Staff:
+        """The same, and connected to the scheduler. Raises WorkersFailed if it does not answer."""
+        if self.dask is not None and self._cluster is None:
+            self._cluster = Cluster(self.dask, self.jobs)
+        return self.early(study)
 
     def blocks(self, study: Study, m: int) -> Executor:
         """Who solves the blocks of a level with m contact unknowns."""
         if self._cluster is not None:
-            return self._cluster if in_blocks(study) else self._here
+            return self._cluster if study.solver.in_blocks else self._here
         count = workers(study, m, self.jobs)
         return self._here if count == 1 else self._of(count)
 

@@ -20,7 +20,8 @@ from tcstudy.read.document import located
 from tcstudy.scene.points import FELT, count_points, distinct, idle_notes, needs_heat_solve, of_stiffness, why_no_heat
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.study.doubts import built_doubts, built_faults, doubts, locking_notes
-from tcstudy.study.sizes import LevelForecast, forecast, measured, meshing_seconds, refined, sizes
+from tcstudy.study.forecasts import LevelForecast, forecast, refined
+from tcstudy.study.sizes import measured, meshing_seconds, sizes
 
 
 @dataclass(frozen=True)

@@ -243,27 +243,27 @@ def execute(
     jobs: int | None = None,
     dask: str | None = None,
     kept: Kept | None = None,
+    staff: Staff | None = None,
 ) -> Summary:
     """Run all points of a study and write the result file.
 
     jobs: worker processes, None for as many as pay;  dask: address of a scheduler whose workers are to do it instead
     kept: what the output has of the study already and keeps (study.grow), None for nothing
-    Only this process writes, and the numbers are the same to the bit.
+    staff: who works, if some have begun to. Only this process writes, and the numbers are the same to the bit.
     A run that was killed or interrupted leaves its finished points beside the output; the same study then goes on
-    where it stopped. Raises StoreError if the results cannot be kept, GeometryFailed if the body has no mesh;
-    WorkersFailed if there are no workers; KeyboardInterrupt passes through after the
-    finished points are on the disk.
+    where it stopped. Raises StoreError if the results cannot be kept, GeometryFailed if the body has no mesh,
+    WorkersFailed if there are no workers; KeyboardInterrupt passes through after the finished points are on the disk.
     """
     output = output if output is not None else output_of(study)
     watcher = watcher if watcher is not None else Quiet()
-    with closing(Staff(jobs, dask)) as staff:
+    with closing((staff or Staff(jobs, dask)).ready(study)) as staff:
         if study.variants:
             if problems := faults(study, output):
                 raise StoreError("\n".join(problems))
             from tcstudy.study.variants import execute_variants
 
             return execute_variants(study, output, watcher, command, staff, kept)
-        return into_file(study, output, watcher, command, staff.early(study), kept)
+        return into_file(study, output, watcher, command, staff, kept)
 
 
 def into_file(

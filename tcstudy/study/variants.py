@@ -33,13 +33,13 @@ from tcstudy.scene.study import Study, Variant
 from tcstudy.study.convergence import converge
 from tcstudy.study.errands import errand, solve_geometry
 from tcstudy.study.expected import of_geometry, of_run
+from tcstudy.study.forecasts import forecast
 from tcstudy.study.grow import Kept
 from tcstudy.study.jobs import Resources, Staff
 from tcstudy.study.jobs import seconds as contact_seconds
 from tcstudy.study.plan import Plan, expected_bytes, warnings
 from tcstudy.study.plan import plan as plan_of
 from tcstudy.study.run import LevelWork, Summary, Watcher, into_file, work_of
-from tcstudy.study.sizes import forecast
 from tcstudy.study.solved_levels import Length, Say
 from tcstudy.study.workshop import all_failed
 

@@ -28,7 +28,7 @@ from tcstudy.online.row_laws import row_laws
 from tcstudy.refine.survey import Survey
 from tcstudy.scene.points import combinations, of_stiffness
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import SEPARABLE, Study
+from tcstudy.scene.study import Study
 from tcstudy.study.point import block_numbers, line_values, point_status, solve_point
 from tcstudy.study.starts import Solutions, exact_start
 
@@ -55,12 +55,14 @@ class Prepared:
     """A block on its way: what is known of it beside the answers that an executor owes.
 
     known: the block itself, if it was solved before or could not be condensed
+    vanishing: (P,) whether a point has no friction
     """
 
     block: Block
     known: BlockRecord | None = None
     condensed: CondensedBlock | None = None
     laws: RowLaws | None = None
+    vanishing: NDArray[np.bool_] | None = None
     answers: Future[Solved] | None = None
 
 
@@ -116,7 +118,7 @@ class Workshop:
 
         tries: workers that may die over it
         """
-        if not in_blocks(self.study):
+        if not self.study.solver.in_blocks:
             return Prepared(block)
         try:
             scenes = [self._scene(place) for place in block.points]
@@ -127,7 +129,8 @@ class Workshop:
             loads, near = condensed.l_tilde / factor[:, None], self.solutions.beside(block.points)
             name = f"level-{self.level.mesh.level} points {block.points.min()}-{block.points.max()}"
             task = Task(self._body(condensed, Level.ratio(scenes[0])), loads, laws, options, near, self.exact, name)
-            return Prepared(block, None, condensed, laws, self.executor.submit(task, tries))
+            vanishing = np.array([scene.friction.vanishes for scene in scenes])
+            return Prepared(block, None, condensed, laws, vanishing, self.executor.submit(task, tries))
         except Exception as error:  # as in solve_point
             broken: Future[Solved] = Future()
             broken.set_exception(error)
@@ -142,7 +145,7 @@ class Workshop:
                 self._completed(known)
             return
         block = prepared.block
-        record = self._together(prepared) if in_blocks(self.study) else self._singly(block)
+        record = self._together(prepared) if self.study.solver.in_blocks else self._singly(block)
         self.solutions.take(record)
         if self.study.output.asks:
             from tcstudy.study.requested import with_requested  # only for a study that asks for more
@@ -188,11 +191,10 @@ class Workshop:
         solved = prepared.answers.result()
         assert condensed is not None
         assert laws is not None
+        assert prepared.vanishing is not None
         answers, elapsed = solved.answers, solved.time / len(block.points)
         factor = condensed.mu / condensed.mu[0]
-        scenes = [self._scene(place) for place in block.points]
-        vanishing = np.array([scene.friction.vanishes for scene in scenes])
-        xi, sticks = line_values(answers, laws, factor, vanishing)
+        xi, sticks = line_values(answers, laws, factor, prepared.vanishing)
         return BlockRecord(
             number=block.number,
             level=self.level.mesh.level,
@@ -288,15 +290,9 @@ class Block:
     ratio: int = 0
 
 
-def in_blocks(study: Study) -> bool:
-    """Whether points are solved together."""
-    solver = study.solver
-    return solver.names == (SEPARABLE,) and solver.max_iterations is None
-
-
 def keeps_solutions(study: Study) -> bool:
     """Whether points begin from solutions of their neighbours."""
-    return study.solver.branch == "continued" or not in_blocks(study)
+    return study.solver.branch == "continued" or not study.solver.in_blocks
 
 
 def blocks_of(study: Study, m: int, n_points: int, todo: Places | None = None) -> list[Block]:
@@ -323,7 +319,7 @@ def blocks_of(study: Study, m: int, n_points: int, todo: Places | None = None) -
 
 
 def _size(study: Study, m: int, n_points: int) -> int:
-    if not in_blocks(study):
+    if not study.solver.in_blocks:
         return 1
     if study.mesh.estimates:
         return ESTIMATED

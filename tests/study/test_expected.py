@@ -10,7 +10,7 @@ import pytest
 
 from tcstudy.read.study import read_study
 from tcstudy.study import expected, sizes
-from tcstudy.study.sizes import LevelForecast
+from tcstudy.study.forecasts import LevelForecast
 
 CONFIG = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
 
