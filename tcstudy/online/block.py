@@ -27,10 +27,9 @@ from tcstudy.online.certify import (
     strict_minimum,
     unique,
 )
-from tcstudy.online.descent import TOLERANCE, Descended, descend, descend_nested
+from tcstudy.online.descent import TOLERANCE, Descended, descend, descend_nested, hull_starts, move_starts
 from tcstudy.online.problems import BlockAnswers, Certificates, CondensedBody, Judged, Rows, judge
 from tcstudy.online.row_laws import RowLaws
-from tcstudy.online.search import hull_starts, move_starts
 from tcstudy.scene.study import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NAMES, ZERO, Acceptance, Branch
 from tcstudy.solvers.contact import TIE, Answer, solve_contact
 from tcstudy.solvers.loop import Status

@@ -4,6 +4,10 @@ Every step is the same for all rows (rest, Newton's equations, clipped path with
 gives no decrease, and on request the step along negative curvature at a saddle); rows that are done drop out. Where
 energies can no longer tell two points apart the residual judges, and a row ends with the best point that it has seen.
 Left out: the convex model of thin layers; rows that would need it end unsolved and are left to the single solve.
+
+The search for less energy starts descents elsewhere, by the two steps of tcstudy/solvers/search.py: descent on the
+problems with the laws' proximal hulls b_κ, κ growing from below λ₁, knows all wells of j; a move puts one node on
+another piece or up-jump of b while all others relax.
 """
 
 from __future__ import annotations
@@ -13,9 +17,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online.newton import BlockSlopes, directions, leave_saddles, slopes
+from tcstudy.online.newton import BlockSlopes, directions, factor_free, leave_saddles, slopes
 from tcstudy.online.problems import Rows, prolonged
+from tcstudy.online.row_laws import RowLaws
+from tcstudy.solvers.hulls import proximal_hulls
 from tcstudy.solvers.law_tables import Place
+from tcstudy.solvers.moves import best_places, follow, relaxed_stiffness
+from tcstudy.solvers.search import GROWTH, LOOSE, PROMISES
 from tcstudy.solvers.separable.descent import NodeEnergy
 
 Array = NDArray[np.float64]
@@ -33,6 +41,8 @@ _ROUNDING = 1e-13
 _POLISHED, _CREPT = 3, 10
 """Steps at rounding level that may follow each other as long as they lower the residual; steps node by node of a row:
 one that needs more of them creeps, and is left to the single solve."""
+_BELOW = 0.9
+"""First κ over λ₁."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,3 +170,69 @@ def _node_by_node(rows: Rows, row: int, v: Array, xi: Array, descent: Array) -> 
         xi -= A[node] * (target - v[node])
         v[node] = target
     return v
+
+
+# -- starts of the search for less energy ----------------------------------------------------------
+
+
+def hull_starts(rows: Rows, v: Array) -> tuple[Array, Flags]:
+    """(starts (R, m), whether the first, convex problem is the original one at its solution, which then is the lowest).
+
+    v: (R, m) where the first problem begins
+    """
+    lowest = np.zeros(len(v), dtype=bool)
+    found, at, kappa, nested = v.copy(), np.arange(len(v)), _BELOW * rows.body.lambda_1, True
+    stiffest = float(np.max(np.diagonal(rows.body.A_tilde) / rows.body.c))
+    ceiling = np.minimum(rows.laws.omega(), stiffest)
+    while len(at):
+        laws = rows.laws.tabulated()
+        hulls, bridges = proximal_hulls(laws.tables, kappa, passes=1)
+        smooth = Rows(rows.body, RowLaws(hulls, laws.law, laws.moved), rows.loads)
+        ended = descend_nested(smooth, v, LOOSE, coarse=LOOSE) if nested else descend(smooth, v, LOOSE, minima=True)
+        on_bridge = np.any(bridges.cover(laws.law, laws.own_slip(ended.v)), axis=1)
+        found[at] = ended.v
+        if nested:
+            lowest[at] = ~on_bridge & (ended.residual <= LOOSE)
+        kappa, nested = GROWTH * kappa, False
+        on = np.flatnonzero(on_bridge & (kappa < ceiling[at]))
+        rows, at, v = rows.take(on), at[on], ended.v[on]
+    return found, lowest
+
+
+def move_starts(rows: Rows, v: Array) -> tuple[Array, Index, Index]:
+    """(starts (n, m), the rows they belong to (n,), which promise of its row each is (n,)), the best promise first.
+
+    None for rows whose free nodes have no positive definite matrix, or where no move promises less energy.
+    """
+    body, xi = rows.body, rows.xi(v)
+    s = slopes(rows, v, xi)
+    free, added = s.free, body.c * rows.laws.slope(v, s.piece)
+    stiffness, factors = np.full(v.shape, np.nan), {}
+    for i in range(len(v)):
+        nodes = np.flatnonzero(free[i])
+        factor, info = factor_free(body, nodes, added[i, nodes])
+        if info == 0:
+            stiffness[i] = relaxed_stiffness(body.A_tilde, nodes, np.flatnonzero(~free[i]), factor, added[i, nodes])
+            factors[i] = nodes, factor
+    known = np.array(sorted(factors), dtype=np.intp)
+    c = body.c
+    gain, place = _best_places(rows.laws.take(known), v[known], xi[known] / c, stiffness[known] / c)
+    gain = gain * c
+    starts, owners, promises = [], [], []
+    for i, own_gain, own_place in zip(known, gain, place, strict=True):
+        order = np.argsort(own_gain, kind="stable")[: min(PROMISES, np.count_nonzero(own_gain))]
+        for promise, node in enumerate(order):
+            step = follow(body.A_tilde, *factors[int(i)], int(node), float(own_place[node] - v[i, node]))
+            starts.append(v[i] + step)
+            owners.append(i)
+            promises.append(promise)
+    shape = len(starts), v.shape[1]
+    return np.array(starts).reshape(shape), np.array(owners, dtype=np.intp), np.array(promises, dtype=np.intp)
+
+
+def _best_places(laws: RowLaws, v: Array, force: Array, k: Array) -> tuple[Array, Array]:
+    """(gain per length, slip), (R, m): where single nodes would go; force = ξ/c [Pa], stiffness k [Pa/m]."""
+    sigma = 1.0 if laws.stretched is None else laws.stretched
+    own = laws.own_slip(v), laws.own_traction(force), laws.own_traction(k * sigma)
+    gain, place = best_places(laws.tables, laws.law, *own)
+    return laws.traction(gain, 1), np.where(gain < 0.0, laws.slip(place), v)

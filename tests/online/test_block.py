@@ -7,8 +7,8 @@ import pytest
 
 from tcstudy.online import BlockAnswers, CondensedBody, LawTables, Options, RowLaws, solve_block
 from tcstudy.online.certify import solution_boxes
+from tcstudy.online.descent import hull_starts
 from tcstudy.online.problems import Rows
-from tcstudy.online.search import hull_starts
 from tcstudy.scene.nodal_laws import NONE, nodal
 from tcstudy.scene.study import NEIGHBOUR
 from tcstudy.solvers.bounds import solution_box
