@@ -169,13 +169,23 @@ def _bundle(
     return solve_with_bundle(problem, x0, max_iterations=max_iterations, log=log, inclusion=accuracy)
 
 
+def as_it_is(problem: ContactProblem, v: Array, tolerance: float | None = None) -> Answer | None:
+    """v as `solve_contact` has it where it starts from a solution, without its energies; None if v is none."""
+    acceptance = Acceptance(tolerance)
+    point, rounding = _looked_at(problem, v, acceptance)
+    if not point.residual <= acceptance.aim:
+        return None
+    limited = acceptance.limited(point.residual, rounding)
+    return Answer(point.v, point.residual, float("nan"), Status.CONVERGED, "", 0, 1, NEIGHBOUR,
+                  v_low=point.v_low, xi=point.xi, rounding=rounding, limited=limited)  # fmt: skip
+
+
 def _judge(problem: ContactProblem, outcome: Outcome, acceptance: Acceptance) -> Answer:
     """End on the exact active pieces if that is better, then apply the inclusion test."""
-    point = _looked_at(problem, outcome.x, acceptance)
+    point, rounding = _looked_at(problem, outcome.x, acceptance)
     if not point.residual <= acceptance.aim:
-        other = _looked_at(problem, finish(problem, outcome.x)[0], acceptance)
-        point = other if other.residual < point.residual else point
-    rounding = problem.xi_rounding(point.v)
+        other, blur = _looked_at(problem, finish(problem, outcome.x)[0], acceptance)
+        point, rounding = (other, blur) if other.residual < point.residual else (point, rounding)
     status, reason = Status.CONVERGED, ""
     if not acceptance.accepts(point.residual, rounding):
         status = Status.INCLUSION_VIOLATED if outcome.converged else outcome.status
@@ -195,13 +205,15 @@ def _judge(problem: ContactProblem, outcome: Outcome, acceptance: Acceptance) ->
     )
 
 
-def _looked_at(problem: ContactProblem, v: Array, acceptance: Acceptance) -> Refined:
-    """v with its residual, in extended precision and refined where rounding is no longer small beside the tolerance."""
-    xi = problem.xi(v)
+def _looked_at(problem: ContactProblem, v: Array, acceptance: Acceptance) -> tuple[Refined, float]:
+    """v with its residual and what rounding allows of that, in extended precision and refined where rounding is no
+    longer small beside the tolerance."""
+    xi, rounding = problem.xi(v), problem.xi_rounding(v)
     plain = Refined(v, np.zeros(problem.m), xi, problem.inclusion_residual(v, xi=xi))
-    if problem.xi_rounding(v) > ROUNDING * acceptance.aim or not plain.residual <= acceptance.aim:
-        return refined(problem, v, acceptance.aim)
-    return plain
+    if rounding > ROUNDING * acceptance.aim or not plain.residual <= acceptance.aim:
+        point = refined(problem, v, acceptance.aim)
+        return point, problem.xi_rounding(point.v)
+    return plain, rounding
 
 
 def _failure(outcome: Outcome, residual: float, rounding: float, acceptance: Acceptance) -> str:

@@ -20,7 +20,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solvers.contact import Answer, solve_contact
+from tcstudy.scene.nodal_laws import Law
+from tcstudy.solvers.contact import Answer, as_it_is, solve_contact
 from tcstudy.solvers.history.memory import LAW_ERROR, NodeState
 from tcstudy.solvers.history.steps import Energies, HistoryProblem, HistoryStep, booked, proved
 from tcstudy.solvers.loop import Status, iterate
@@ -75,6 +76,7 @@ class _Step:
         self.judged: tuple[ContactProblem, Answer] | None = None
         self.reason, self.beyond, self.fold = "", last.state.v, 0.0
         self.tableau: Tableau | None = None
+        self.laws: dict[bool, tuple[NodeState, Law]] = {}
         on = 1.0 if float(np.sign(last.xi) @ self.change) >= 0.0 else -1.0
         self.ways = np.where(last.xi == 0.0, np.sign(self.change), on * np.sign(last.xi))
 
@@ -165,11 +167,18 @@ class _Step:
     def _parametric(self) -> ParametricProblem:
         """The problem of the present part, over the shares of the step."""
         body, state = self.body, self.now.state
-        law = body.model.next_law(state, straight=True)
+        law = self._law(straight=True)
         begin = self.last.load - body.A_tilde @ body.model.origin(state)
         problem = ParametricProblem(body.A_tilde, begin, self.change, body.c, law)
         vars(problem)["body"] = body.scaled  # the same in all parts and steps
         return problem
+
+    def _law(self, straight: bool = False) -> Law:
+        """That of the present part, made once."""
+        state, straight = self.now.state, straight and not self.body.law.piecewise_linear
+        if self.laws.get(straight, (None,))[0] is not state:
+            self.laws[straight] = state, self.body.model.next_law(state, straight)
+        return self.laws[straight][1]
 
     def _follower(self, one_way: bool = False) -> Follower:
         return Follower(self.t, 1.0, tolerance=self.body.tolerance, stable_only=True, one_way=one_way)
@@ -247,8 +256,7 @@ class _Step:
         friction = 0.5 * float(np.sum((xi[1:] + xi[:-1]) * slips))
         if body.law.piecewise_linear:
             return work, friction
-        law, w = body.model.next_law(state), (ws[0], answer.v)
-        missed = float(body.c @ integral(law, *w)) - friction
+        missed = float(body.c @ integral(self._law(), ws[0], answer.v)) - friction
         allowed = 4.0 * LAW_ERROR * body.law.b_scale * float(np.sum(np.abs(slips) @ body.c))
         return (work + missed, friction + missed) if abs(missed) <= allowed else None
 
@@ -274,8 +282,10 @@ class _Step:
 
     def _answer(self, w: Array, t: float) -> Answer:
         """w, judged as a solution at the share t."""
-        problem = self.body.problem(self.now.state, self.load_at(t))
-        answer = solve_contact(problem, tolerance=self.body.tolerance, branch="continued", neighbour=w)
+        body = self.body
+        problem = body.problem(self.now.state, self.load_at(t), self._law())
+        answer = as_it_is(problem, w, body.tolerance) if body.law.piecewise_linear else None
+        answer = answer or solve_contact(problem, tolerance=body.tolerance, branch="continued", neighbour=w)
         self.judged = problem, answer
         return answer
 

@@ -217,7 +217,7 @@ class MemoryModel:
             return np.abs(w)
         if self.memory.name == "damage":
             return np.maximum(np.abs(w) - state.kappa, 0.0)
-        return self.after(state, w).state.kappa - state.kappa
+        return self._flow(state, w)[0]
 
     def after(self, state: NodeState, w: Array) -> Bonds:
         """What the step to v = a + w leaves behind."""
@@ -233,8 +233,8 @@ class MemoryModel:
             return self._yielded(state, v, w)
         return self._broken(state, v)
 
-    def _yielded(self, state: NodeState, v: Array, w: Array) -> Bonds:
-        """The return map: Δp from the piece on which |w| lies."""
+    def _flow(self, state: NodeState, w: Array) -> tuple[Array, Array]:
+        """(Δp, force), (m,) each, of the return map: from the piece on which |w| lies."""
         flow, force = np.zeros(self.m), np.zeros(self.m)
         k = self._stiffness
         for nodes, virgin in self.groups:
@@ -247,9 +247,14 @@ class MemoryModel:
             beyond = size - (begin + t / k)
             flow[nodes] = np.where(passed > 0, begin + beyond * k / (k + q), 0.0)
             force[nodes] = np.where(passed > 0, t + beyond * k * q / (k + q), k * size)
+        return flow, force
+
+    def _yielded(self, state: NodeState, v: Array, w: Array) -> Bonds:
+        """Plastic slip, and what is stored in the springs."""
+        flow, force = self._flow(state, w)
         dissipated = integral(self.law, state.kappa, state.kappa + flow)
         plastic = state.plastic + np.sign(w) * flow
-        return Bonds(NodeState(v, state.kappa + flow, plastic), 0.5 * force**2 / k, dissipated)
+        return Bonds(NodeState(v, state.kappa + flow, plastic), 0.5 * force**2 / self._stiffness, dissipated)
 
     def _broken(self, state: NodeState, v: Array) -> Bonds:
         """Secants grow softer where |v| has passed κ; R(κ) = T(κ) − ½ τ(κ) κ."""

@@ -187,11 +187,11 @@ class HistoryProblem:
         """Ã⁻¹, for certificates."""
         return np.asarray(scipy.linalg.inv(self.A_tilde))
 
-    def problem(self, state: NodeState, load: Array) -> ContactProblem:
-        """The contact problem of the next step in w = v − a."""
+    def problem(self, state: NodeState, load: Array, law: Law | None = None) -> ContactProblem:
+        """The contact problem of the next step in w = v − a; law: of that step, if it is at hand."""
         a = self.model.origin(state)
         rest = load - self.A_tilde @ a if np.any(a) else load
-        return ContactProblem(self.A_tilde, rest, self.c, self.model.next_law(state))
+        return ContactProblem(self.A_tilde, rest, self.c, self.model.next_law(state) if law is None else law)
 
     def energy(self, v: Array, load: Array) -> float:
         """E = ½ vᵀÃv − l̃ᵀv [J/m]."""
