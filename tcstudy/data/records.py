@@ -33,7 +33,8 @@ class LevelRecord:
     arclength, x, y, c: (m,) contact nodes in order along Γ_C, and their segment lengths c_i [m]
     edge:       (m,) index into edge_names of the contact edge that a node lies on
     time_mesh, time_assemble: wall time of this level's mesh and matrices [s]
-    fields:     mesh arrays for whole-body fields: "node_x", "node_y" (n,), "triangle" (t, 3); empty unless asked for
+    fields:     mesh arrays for whole-body fields if they are asked for: "node_x", "node_y" (n,), "triangle" (t, 3), and
+                the held ends of Γ_C if it has some (data.schema.HELD)
     stop:       why refinement ended on this level, in words; empty if it went on or there was nothing to decide
     """
 

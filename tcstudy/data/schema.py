@@ -237,6 +237,18 @@ CONTACT: tuple[FileVariable, ...] = (
     ),
 )
 
+_END = ("held_end",)
+_AT_END = (("coordinates", "held_arclength held_x held_y"),)
+HELD: tuple[FileVariable, ...] = (
+    FileVariable("held_arclength", "f8", "m", "arc length of the held end", _END, coordinate=True),
+    FileVariable("held_x", "f8", "m", "x of the held end", _END, coordinate=True),
+    FileVariable("held_y", "f8", "m", "y of the held end", _END, coordinate=True),
+    FileVariable("held_edge", "i1", "1", "clamped edge that holds the end", _END, extra=_AT_END),
+    FileVariable("held_along", "f8", "1", "shares of its components in u_T", (*_END, "component"), extra=_AT_END),
+    FileVariable("held_u_T", "f8", "m", "tangential displacement of the held end", (SWEEP, *_END), extra=_AT_END),
+)
+"""Ends of the contact line that carry no unknown, as a clamped edge prescribes their u_T; a level without has none."""
+
 _MESH_NODE = ("mesh_node",)
 _AT_MESH = (("coordinates", "node_x node_y"), ("mesh", "mesh"), ("location", "node"), *_JUDGED)
 _CONNECTIVITY = (("cf_role", "face_node_connectivity"), ("start_index", np.int32(0)))
@@ -303,9 +315,22 @@ NUMBERS = (_POINTWISE | {*_GOAL_NAMES}) - {"status", "reason"}
 FIELD_NAMES = frozenset(v.name for v in FIELDS)
 """Names that `PointRecord.fields` may hold."""
 
-RESERVED = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES, *CONTACT, *MESH, REGION, *FIELDS)) | {
+RESERVED = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES, *CONTACT, *HELD, *MESH, REGION, *FIELDS)) | {
     *_GOAL_NAMES,
-    *("level", "start", "solver", "geometry", "node", "mesh_node", "mesh_face", "corner", "mesh", POINT),
+    *(
+        "level",
+        "start",
+        "solver",
+        "geometry",
+        "node",
+        "mesh_node",
+        "mesh_face",
+        "corner",
+        "mesh",
+        "held_end",
+        "component",
+        POINT,
+    ),
 }
 """Names of the file that no swept parameter may take; see `tcstudy.data.writer`."""
 

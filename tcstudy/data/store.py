@@ -31,7 +31,8 @@ from tcstudy.data.writer import (
     put_names,
     tiles,
 )
-from tcstudy.scene.records import BODY
+from tcstudy.scene.points import combinations, prescribed
+from tcstudy.scene.records import BODY, Scene
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
@@ -254,7 +255,27 @@ def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF
     _put_live(group, study, level.fields)
     put_all(group, schema.CONTACT, line, study)
     group["edge"].setncatts(edge_flags(level.edge_names))
+    _put_held(group, study, level.fields)
     return group
+
+
+def _put_held(group: netCDF4.Group, study: Study, fields: Mapping[str, np.ndarray[Any, Any]]) -> None:
+    """The held ends of the contact line, and u_T there as the scenes prescribe it."""
+    if "held_edge" not in fields:
+        return
+    some, of = combinations(study.scenes, "boundary")
+    values = np.array([_held_slip(scene, fields) for scene in some])[of].reshape(*study.shape, -1)
+    put_all(group, schema.HELD, {**fields, "held_u_T": in_file_order(study, values)}, study)
+    names = (name for name, _ in study.scenes[0].boundary)
+    group["held_edge"].setncatts(dict(schema.flags("contact_corner", *names, first=-1)))
+
+
+def _held_slip(scene: Scene, fields: Mapping[str, np.ndarray[Any, Any]]) -> list[float]:
+    """u_T of a scene at the held ends [m]: shares of what their edges prescribe."""
+    found = []
+    for x, y, edge, along in zip(*(fields[f"held_{name}"] for name in ("x", "y", "edge", "along")), strict=True):
+        found.append(float(along @ prescribed(scene, edge, x, y)))
+    return found
 
 
 def _put_live(level_group: netCDF4.Group, study: Study, fields: Mapping[str, np.ndarray[Any, Any]]) -> None:

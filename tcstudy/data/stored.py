@@ -79,7 +79,11 @@ def _level(nc: netCDF4.Dataset, group: netCDF4.Group) -> LevelRecord:
         level=i,
         **values,
         edge_names=tuple(meanings.split()),
-        fields={v.name: group[v.name][...] for v in (*schema.MESH, schema.REGION) if v.name in group.variables},
+        fields={
+            v.name: group[v.name][...]
+            for v in (*schema.MESH, schema.REGION, *schema.HELD[:-1])
+            if v.name in group.variables
+        },
         stop=str(nc["stop"][i]) if "stop" in nc.variables else "",
     )
 

@@ -12,6 +12,7 @@ neighbours, so that Σ c_i = meas(Γ_C) whatever the ends.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -290,3 +291,59 @@ def _part_start(segments: Indices, start: NDArray[np.bool_]) -> Indices:
     """First node of the part that each segment belongs to."""
     heads = segments[start, 0]
     return heads[np.cumsum(start) - 1]
+
+
+def held_ends(mesh: PlaneMesh, line: ContactLine, boundary: tuple[tuple[str, Role], ...]) -> dict[str, NDArray[Any]]:
+    """Where Γ_C has no unknown, in order along it, and what makes its u_T there: Σ_j along_j u_j of a clamped edge.
+
+    held_arclength, held_x, held_y: (h,) [m];  held_edge: (h,) place of the edge in the boundary, −1 at a corner of Γ_C,
+    where u = 0;  held_along: (h, 2), NaN where a rigid edge moves the node. Empty where no end is held.
+    """
+    at, side = np.nonzero(line.unknowns < 0)
+    if not len(at):
+        return {}
+    way = line.ends[:, 1] - line.ends[:, 0]
+    length = np.hypot(*way.T)
+    found = [
+        _held_by(mesh, int(line.segments[k, j]), way[k], line.edge_names, boundary)
+        for k, j in zip(at, side, strict=True)
+    ]
+    x, y = line.ends[at, side].T
+    return {
+        "held_arclength": (np.cumsum(length) - length)[at] + side * length[at],
+        "held_x": x,
+        "held_y": y,
+        "held_edge": np.array([edge for edge, _ in found], dtype=np.int8),
+        "held_along": np.array([along for _, along in found]),
+    }
+
+
+def _held_by(
+    mesh: PlaneMesh, node: int, way: Array, contact: tuple[str, ...], boundary: tuple[tuple[str, Role], ...]
+) -> tuple[int, Array]:
+    """The edge that holds a node, and the shares of its components in the displacement along the contact edge."""
+    normal = max(_normals(mesh, node, contact), key=lambda n: float(way @ (-n[1], n[0])))
+    tangent = np.array([-normal[1], normal[0]])
+    best, edge, along = SMOOTH, -1, np.zeros(2)
+    for number, (name, role) in enumerate(boundary):
+        for n in _normals(mesh, node, (name,)) if isinstance(role, Clamped) else ():
+            axes = np.array([n, [-n[1], n[0]]]) if role.frame == "nt" else np.eye(2)
+            given = np.array([component is not None for component in role.u])
+            share = axes @ tangent
+            if isinstance(role, Rigid):
+                return number, np.full(2, np.nan)
+            if given.all():
+                return number, share
+            if given.any() and abs(share[given][0]) > best:  # u_N = 0 leaves u = u_T t
+                best, edge, along = float(abs(share[given][0])), number, np.where(given, 1.0 / share[given][0], 0.0)
+    return edge, along
+
+
+def _normals(mesh: PlaneMesh, node: int, names: tuple[str, ...]) -> list[Array]:
+    """Outward normals at a node of the curves of some edges that meet there."""
+    found: list[Array] = []
+    for index in np.unique(mesh.segment_curve[(mesh.segments == node).any(axis=1)]).tolist():
+        if mesh.geometry.curves[index].name in names:
+            nodes, normals = curve_normals(mesh, index)
+            found += list(normals[nodes == node])
+    return found

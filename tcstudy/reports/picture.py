@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -15,8 +15,7 @@ from tcstudy.data.reading import refuse_geometries
 from tcstudy.data.schema import STICKS, UNKNOWN
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import Value, check_solved, describe, labels, level_number, locate
-from tcstudy.reports.stored_study import NamedEdge, file_order, held_slip, outline, sources, stored_study
-from tcstudy.scene.study import Study
+from tcstudy.reports.stored_study import NamedEdge, outline, sources, stored_study
 
 Array = NDArray[np.float64]
 
@@ -128,7 +127,7 @@ class Picture:
     parameters: (name, label, units) of the swept parameters
     point:      the same in words
     edges:      those of the body with their roles;  sources: outlines (n, 2) of heated regions [length units]
-    held:       u_T at both ends of every part of the line, None where no node is held or the study does not say it
+    held:       u_T at both ends of every part of the line, None where no node is held or the file does not say it
     """
 
     title: str
@@ -173,25 +172,34 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
             body=body_fields(group),
             edges=tuple(outline(study)),
             sources=tuple(sources(study)),
-            held=held_ends(study, [where[str(d)] for d in root["status"].dims[:-1]], line),
+            held=_held_slip(line, group),
         )
 
 
-def held_ends(study: Study | None, index: Sequence[int], line: LineFields) -> tuple[Held, ...]:
-    """u_T at both ends of every part of the line of one point. index: its place in the file."""
-    if study is None:
-        return ()
-    number = int(np.ravel_multi_index(tuple(index), study.shape)) if study.shape else 0
-    scene, found = study.scenes[file_order(study)[number]], []
+def ends_held(line: LineFields, group: Any) -> list[tuple[int, int]]:
+    """Which stored held end (data.schema.HELD) both ends of every part of the line are; −1 for none of them.
+
+    Files of versions that did not store them have none.
+    """
+    if "held_arclength" not in group:
+        return [(-1, -1)] * len(line.parts)
+    stored, found = group["held_arclength"].values, []
     for part in line.parts:
-        xy, cells = np.column_stack([line.x[part], line.y[part]]), line.cells(part)
-        ends: list[float | None] = [None, None]
-        for k in np.flatnonzero(line.held(part)).tolist():
-            along = (xy[1] - xy[0]) if k == 0 else (xy[-1] - xy[-2])
-            along = along / np.hypot(*along)
-            ends[k] = held_slip(scene, xy[-k] + (cells[-k] - line.arclength[part][-k]) * along, along)
-        found.append((ends[0], ends[1]))
-    return tuple(found)
+        cells, (first, last) = line.cells(part), line.held(part)
+        room = NEAR * float(line.c.sum())
+        begin, end = (np.flatnonzero(np.abs(stored - at) <= room) for at in (cells[0], cells[-1]))
+        # where two parts meet in one held corner, the end of the one is stored before the start of the other
+        found.append((int(begin[-1]) if first and len(begin) else -1, int(end[0]) if last and len(end) else -1))
+    return found
+
+
+def _held_slip(line: LineFields, group: Any) -> tuple[Held, ...]:
+    """u_T at both ends of every part of the line of one point."""
+    if "held_u_T" not in group:
+        return ()
+    values = group["held_u_T"].values
+    slip = lambda end: float(values[end]) if end >= 0 and np.isfinite(values[end]) else None  # noqa: E731
+    return tuple((slip(first), slip(last)) for first, last in ends_held(line, group))
 
 
 def sticking(u_T: Array, c: Array, slip_length: float) -> NDArray[np.bool_] | None:

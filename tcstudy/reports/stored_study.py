@@ -17,14 +17,12 @@ from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.nodal_laws import Law, nodal
-from tcstudy.scene.records import Clamped, Convection, EdgeLaws, Role, Scene, Traction, resultant
+from tcstudy.scene.records import Clamped, Convection, EdgeLaws, Role, Traction, resultant
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
 
 ARC_POINTS = 24
-PERPENDICULAR = 1e-6
-"""Share of a direction below which it has none of another one."""
 
 
 @dataclass(frozen=True)
@@ -74,35 +72,6 @@ def at_rest(study: Study | None) -> bool:
         return False
     roles = {role for scene in study.scenes for _, role in scene.boundary if isinstance(role, Clamped)}
     return all(component in (None, 0.0) for role in roles for component in role.u)
-
-
-def held_slip(scene: Scene, at: Array, along: Array) -> float | None:
-    """u_T [m] in a direction (2,) at the held end of a contact edge that is nearest to a place (2,).
-
-    None where the study does not say it: a body from a file, or displacements along the normal that are not 0.
-    """
-    loops, roles = (scene.body.outline, *scene.body.holes), dict(scene.boundary)
-    held = [
-        (edge, role)
-        for loop in loops
-        if loop
-        for edge in loop.edges
-        if isinstance(role := roles.get(edge.name), Clamped)
-    ]
-    ends = [(np.array(end), role) for edge, role in held for end in (edge.start, edge.end)]
-    if not ends:
-        return None
-    place, role = min(ends, key=lambda end: float(np.hypot(*(end[0] - at))))
-    if role.frame == "nt":
-        return 0.0 if all(component in (None, 0.0) for component in role.u) else None
-    total = 0.0
-    for component, share in zip(role.u, along, strict=True):
-        if component is None and abs(share) > PERPENDICULAR:
-            return None
-        if component is not None:
-            value = component if isinstance(component, int | float) else component.evaluate(*place)
-            total += float(share) * float(value)
-    return total
 
 
 def outline(study: Study | None) -> list[NamedEdge]:

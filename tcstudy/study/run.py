@@ -26,6 +26,7 @@ from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.store import Begun, write
 from tcstudy.errors import GeometryFailed
 from tcstudy.executors import Here
+from tcstudy.fem.boundary import held_ends
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
@@ -184,9 +185,9 @@ def _stop(survey: Survey | None, last: bool, times: Times) -> str:
 def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
     """What the data keep of a level: sizes, the contact line, and the mesh if fields are kept."""
     line = level.line
-    fields: dict[str, NDArray[np.generic]] = {}
+    fields: dict[str, NDArray[np.generic]] = held_ends(mesh, line, study.scenes[0].boundary)
     if study.output.fields:
-        fields = {
+        fields |= {
             "node_x": mesh.points[:, 0],
             "node_y": mesh.points[:, 1],
             "triangle": mesh.triangles.astype(np.int32),
@@ -342,9 +343,8 @@ def as_start(study: Study, block: BlockRecord) -> BlockRecord:
 
 def work_of(study: Study, finished: Mapping[Key, BlockRecord], kept: Kept | None) -> list[LevelWork]:
     """Points of every level; a point costs about as much as its mesh has nodes."""
-    mesh = study.mesh
+    mesh, growth = study.mesh, study.mesh.strategy.growth
     points = [len(study.scenes)] * mesh.levels if kept is None else kept.todo.sum(axis=0).tolist()
     done = [sum(len(block) for block in finished.values() if block.level == i) for i in range(mesh.levels)]
-    growth = mesh.strategy.growth
     finer = [(mesh.maxh[0] / mesh.maxh[i]) ** 2 if mesh.listed else growth**i for i in range(mesh.levels)]
     return [LevelWork(points[i], done[i], finer[i], not mesh.open_ended) for i in range(mesh.levels)]

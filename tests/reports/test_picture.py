@@ -200,7 +200,7 @@ def test_the_arclength_stands_below_x(grid: Path) -> None:
 def test_a_held_end_is_drawn_where_it_rests(grid: Path) -> None:
     picture = read_picture(grid, level=0)
     assert picture.line.held(slice(0, 4)) == (True, False)
-    assert not picture.held  # the study of the file cannot be read
+    assert not picture.held  # the file does not say it
     upper = max(figure_of(replace(picture, held=((0.0, None),))).axes[-2:], key=lambda axes: axes.get_position().y0)
     s, u_T = shown_line(upper)
     assert (s[0], u_T[0]) == (0.0, 0.0)

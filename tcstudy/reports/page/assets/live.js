@@ -101,7 +101,7 @@ TC.live = {
   apart: (a, b) => a.reduce((t, x, i) => t + (x - b[i]) ** 2, 0),
   result(left, right, p, done, all, solved) {
     const L = TC.data.live, law = done.problem.law, drawn = law.drawn(), lambda = TC.live.lambda, unique = solved && law.omega < lambda.proved;
-    const one = TC.live.case(TC.live.shown), stored = TC.live.same(p) ? TC.point.contact(L.line, p) : null, cases = stored ? [one, stored] : [one], line = { ...L.line };
+    const one = { ...TC.live.case(TC.live.shown), held: TC.point.contact(L.line, p).held }, stored = TC.live.same(p) ? TC.point.contact(L.line, p) : null, cases = stored ? [one, stored] : [one], line = { ...L.line };
     const frame = { ...TC.point.frame(line, TC.width(left)), shape: false };
     TC.fill(left);
     TC.point.profiles(left, line, cases, frame, stored ? "dashed: the stored solution of this point" : "");

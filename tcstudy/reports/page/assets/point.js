@@ -50,8 +50,10 @@ TC.point = {
   // Slip, friction and state at every contact node of a point, with the line that they are on.
   contact(line, p) {
     const q = TC.point.own(p), m = line.x.length;
-    return { line, u: TC.row(line.u_T, q), xi: TC.row(line.xi, q), state: line.state.subarray(q * m, (q + 1) * m) };
+    return { line, u: TC.row(line.u_T, q), held: line.held_u_T ? TC.row(line.held_u_T, q) : null, xi: TC.row(line.xi, q), state: line.state.subarray(q * m, (q + 1) * m) };
   },
+  // u_T at a held end of a part: as stored, or 0 where every clamped edge is at rest; NaN where it is not known.
+  heldSlip: (c, part, e) => (!part.held[e] ? NaN : c.held && part.ends[e] >= 0 ? c.held[part.ends[e]] : c.line.rest ? 0 : NaN),
   // The laws of a point: one, or one of every edge.
   lawsOf: (p) => (TC.data.laws ? [TC.data.laws.index[p]].flat().map((k) => TC.data.laws.laws[k]) : [null]),
   strength: (line, p) => (line.of_law ? TC.row(line.strengths, line.strength_of[TC.point.own(p)]) : null),
@@ -206,9 +208,9 @@ TC.point = {
     const place = (on, part, s) => (frame.along ? (on.x[part.a] + sense(on, part) * (s - on.arclength[part.a])) / by : s / by);
     const ends = cases.flatMap(({ line: on }) => on.parts.flatMap((part) => [place(on, part, part.cells[0]), place(on, part, part.cells[part.cells.length - 1])]));
     const xr = frame.along && frame.shape ? TC.range([...frame.bx.map((v) => v / by), ...ends]) : TC.range(ends), margin = { left: frame.margin.left, right, top: 20, bottom: 10 };
-    const us = TC.scale(cases.flatMap((c) => TC.range(c.u)), line.u_T_units), xs = TC.scale(cases.flatMap((c) => TC.range(c.xi)), line.xi_units);
+    const slips = cases.flatMap((c) => [...TC.range(c.u), ...(c.held ? Array.from(c.held).filter(Number.isFinite) : [])]), us = TC.scale(slips, line.u_T_units), xs = TC.scale(cases.flatMap((c) => TC.range(c.xi)), line.xi_units);
     const label = (frame.along ? "x" : "arc length along the contact line") + (frame.scale.unit ? ` [${frame.scale.unit}]` : "");
-    const upper = new TC.Plot({ width, height: 178, x: xr, y: TC.pad(TC.range([0, ...cases.flatMap((c) => TC.range(c.u).map((v) => v / us.by))])), ylabel: `slip u_T${us.unit ? ` [${us.unit}]` : ""}`, margin: { ...margin, bottom: 8 }, xnone: true, label: "slip along the contact line" });
+    const upper = new TC.Plot({ width, height: 178, x: xr, y: TC.pad(TC.range([0, ...slips.map((v) => v / us.by)])), ylabel: `slip u_T${us.unit ? ` [${us.unit}]` : ""}`, margin: { ...margin, bottom: 8 }, xnone: true, label: "slip along the contact line" });
     const lower = new TC.Plot({ width, height: 214, x: xr, y: TC.pad(TC.range([0, ...cases.flatMap((c) => TC.range(c.xi).map((v) => v / xs.by))])), xlabel: label, ylabel: `friction ξ = −S_T${xs.unit ? ` [${xs.unit}]` : ""}`, margin: { ...margin, top: 8, bottom: 46 }, label: "friction along the contact line" });
     cases.forEach((c, k) => {
       const dash = k ? { "stroke-dasharray": "6 4", opacity: 0.85 } : {}, line = c.line, pos = frame.along ? line.x : line.arclength, edge = (part, s) => place(line, part, s);
@@ -216,8 +218,9 @@ TC.point = {
         const xsPart = [], uPart = [];
         for (let i = part.a; i < part.b; i++) { xsPart.push(pos[i] / by); uPart.push(c.u[i] / us.by); }
         const a = edge(part, part.cells[0]), b = edge(part, part.cells[part.cells.length - 1]);
-        if (part.held[0] && line.rest) { xsPart.unshift(a); uPart.unshift(0); }
-        if (part.held[1] && line.rest) { xsPart.push(b); uPart.push(0); }
+        const slip = [0, 1].map((e) => TC.point.heldSlip(c, part, e) / us.by);
+        if (Number.isFinite(slip[0])) { xsPart.unshift(a); uPart.unshift(slip[0]); }
+        if (Number.isFinite(slip[1])) { xsPart.push(b); uPart.push(slip[1]); }
         if (part.closed) { xsPart.push(b); uPart.push(c.u[part.a] / us.by); }
         upper.line(xsPart, uPart, { stroke: "var(--c1)", "stroke-width": 2, ...dash });
         const edges = Array.from(part.cells, (s) => edge(part, s)), values = [];
@@ -229,8 +232,8 @@ TC.point = {
           const l = upper.px(edge(part, part.cells[i - part.a])), r = upper.px(edge(part, part.cells[i - part.a + 1]));
           upper.over.append(TC.svgNode("rect", { x: Math.min(l, r), y: 4, width: Math.abs(r - l) + 0.4, height: 9, fill: TC.stateOf(line, c.state[i]).colour }));
         }
-        for (const [held, at] of [[part.held[0], a], [part.held[1], b]]) if (held) for (const plot of [upper, lower]) {
-          const x = plot.px(at), y = plot.py(0);
+        for (const [held, at, u] of [[part.held[0], a, slip[0]], [part.held[1], b, slip[1]]]) if (held) for (const plot of [upper, lower]) {
+          const x = plot.px(at), y = plot.py(plot === upper && Number.isFinite(u) ? u : 0);
           plot.over.append(TC.svgNode("path", { d: `M${x},${y - 8}V${y + 8}M${x},${y - 8}l-5,5M${x},${y - 2}l-5,5M${x},${y + 4}l-5,5`, stroke: "var(--ink)", "stroke-width": 1.5, fill: "none" }, TC.svgNode("title", {}, "held end")));
         }
       }
