@@ -317,20 +317,8 @@ FIELD_NAMES = frozenset(v.name for v in FIELDS)
 
 RESERVED = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES, *CONTACT, *HELD, *MESH, REGION, *FIELDS)) | {
     *_GOAL_NAMES,
-    *(
-        "level",
-        "start",
-        "solver",
-        "geometry",
-        "node",
-        "mesh_node",
-        "mesh_face",
-        "corner",
-        "mesh",
-        "held_end",
-        "component",
-        POINT,
-    ),
+    *("level", "start", "solver", "geometry", "node", "mesh_node", "mesh_face", "corner", "mesh", POINT),
+    *("held_end", "component"),
 }
 """Names of the file that no swept parameter may take; see `tcstudy.data.writer`."""
 

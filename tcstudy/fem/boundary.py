@@ -326,10 +326,11 @@ def _held_by(
     tangent = np.array([-normal[1], normal[0]])
     best, edge, along = SMOOTH, -1, np.zeros(2)
     for number, (name, role) in enumerate(boundary):
-        for n in _normals(mesh, node, (name,)) if isinstance(role, Clamped) else ():
-            axes = np.array([n, [-n[1], n[0]]]) if role.frame == "nt" else np.eye(2)
+        if not isinstance(role, Clamped):
+            continue
+        for n in _normals(mesh, node, (name,)):
+            share = (np.array([n, [-n[1], n[0]]]) if role.frame == "nt" else np.eye(2)) @ tangent
             given = np.array([component is not None for component in role.u])
-            share = axes @ tangent
             if isinstance(role, Rigid):
                 return number, np.full(2, np.nan)
             if given.all():

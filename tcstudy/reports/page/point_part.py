@@ -14,35 +14,13 @@ from tcstudy.data.schema import STICKS, UNKNOWN
 from tcstudy.reports.figures.body_panel import boundary_edges
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.law_part import node_part
-<<<<<<< HEAD
 from tcstudy.reports.page.stored import Stored
-from tcstudy.reports.picture import BodyFields, LineFields
+from tcstudy.reports.picture import BodyFields, LineFields, ends_held
 from tcstudy.reports.stored_study import at_rest, file_order, law_of_nodes, nearest, outline
 from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.nodal_laws import each
 from tcstudy.scene.records import EdgeLaws
-=======
-from tcstudy.reports.page.stored import (
-    STICKS,
-    UNKNOWN,
-    BodyFields,
-    ContactState,
-    EdgeLaws,
-    FrictionLaw,
-    LineFields,
-    Stored,
-    at_rest,
-    boundary_edges,
-    each,
-    ends_held,
-    file_order,
-    law_of_nodes,
-    nearest,
-    node_states,
-    outline,
-)
->>>>>>> 6432c1c (Store the held ends of the contact line with the slip that clamped edges prescribe, and draw them where they are)
 
 MOST_NODES = 8_000
 """Mesh nodes up to which a level is drawn; finer ones would cost room that no screen shows."""
@@ -85,32 +63,16 @@ def body_part(stored: Stored, level: int, box: Container) -> Json:
 def line_part(stored: Stored, level: int, box: Container) -> Json:
     """One level's contact line with u_T, ξ and states of all points, flattened in C order of the sweep."""
     group = stored.groups[level]
-<<<<<<< HEAD
     u_T, xi = (by_point(group[name], stored.data) for name in ("u_T", "xi"))
     sticks = by_point(group["sticks"], stored.data) if "sticks" in group else None
-=======
-    dims = [str(d) for d in stored.data["status"].dims if d != "level"]
-    m = int(group.sizes["node"])
-
-    def flat(name: str) -> Any:
-        return group[name].transpose(*dims, "node").values.reshape(-1, m)
-
-    u_T = flat("u_T")
-    ends = group["held_u_T"].transpose(*dims, "held_end").values if "held_u_T" in group else None
-    held = {} if ends is None else {"held_u_T": box.rows(ends.reshape(len(u_T), -1))}
->>>>>>> 6432c1c (Store the held ends of the contact line with the slip that clamped edges prescribe, and draw them where they are)
+    held = {"held_u_T": box.rows(by_point(group["held_u_T"], stored.data))} if "held_u_T" in group else {}
     return {
         **geometry(group, box),
         **node_part(stored.study, contact_line(group), box),
         "u_T": box.rows(u_T),
-<<<<<<< HEAD
         "xi": box.rows(xi),
-        "state": box.array(_states(stored, group, u_T, sticks), "i1"),
-=======
-        "xi": box.rows(flat("xi")),
         **held,
-        "state": box.array(_states(stored, group, u_T, flat("sticks") if "sticks" in group else None), "i1"),
->>>>>>> 6432c1c (Store the held ends of the contact line with the slip that clamped edges prescribe, and draw them where they are)
+        "state": box.array(_states(stored, group, u_T, sticks), "i1"),
         "u_T_units": str(group["u_T"].attrs["units"]),
         "xi_units": str(group["xi"].attrs["units"]),
         "rest": at_rest(stored.study),
@@ -142,23 +104,11 @@ def geometry(group: Any, box: Container) -> Json:
     """Where the nodes are and what each stands for; `held` says whether a part ends at a node without unknown, `ends`
     which of `held_u_T` is its slip (-1 for none)."""
     line = contact_line(group)
-<<<<<<< HEAD
     parts = [
         {"a": part.start, "b": part.stop, "cells": box.array(line.cells(part)), "closed": line.closed(part),
-         "held": list(line.held(part))}
-        for part in line.parts
+         "held": list(line.held(part)), "ends": ends}
+        for part, ends in zip(line.parts, ends_held(line, group), strict=True)
     ]  # fmt: skip
-=======
-    parts = []
-    for part, ends in zip(line.parts, ends_held(line, group), strict=True):
-        cells = line.cells(part)
-        closed = line.closed(part)
-        s = line.arclength[part]
-        span = float(line.c[part].sum())
-        held = [not closed and abs(cells[0] - s[0]) > NEAR * span, not closed and abs(cells[-1] - s[-1]) > NEAR * span]
-        own = {"cells": box.array(cells), "closed": closed, "held": held, "ends": ends}
-        parts.append({"a": part.start, "b": part.stop, **own})
->>>>>>> 6432c1c (Store the held ends of the contact line with the slip that clamped edges prescribe, and draw them where they are)
     return {
         "arclength": box.array(line.arclength),
         "x": box.array(line.x),

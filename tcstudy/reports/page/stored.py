@@ -9,32 +9,12 @@ from typing import Any
 from tcstudy.data.provenance import kind_of, measured_path
 from tcstudy.data.reading import GEOMETRIES, of_largest
 from tcstudy.data.store import open_results
-<<<<<<< HEAD
 from tcstudy.errors import StoreError
-=======
-from tcstudy.errors import DrawError, StoreError
-from tcstudy.reports.figures.body_panel import boundary_edges
-from tcstudy.reports.picture import BodyFields, LineFields, ends_held
-from tcstudy.reports.select_point import axis_names
->>>>>>> 6432c1c (Store the held ends of the contact line with the slip that clamped edges prescribe, and draw them where they are)
 from tcstudy.reports.stored_study import (
     stored_study,
 )
 from tcstudy.scene.study import Study
 
-<<<<<<< HEAD
-=======
-__all__ = [
-    "BAND", "DOWN", "ERRORS", "MOVES", "NUMBERS", "SHAPES", "STATES", "STICKS", "UNKNOWN", "UP", "VERDICTS",
-    "BodyFields", "ContactState", "DrawError", "EdgeLaws", "FrictionLaw", "LineFields", "PointStatus", "StoreError",
-    "Stored", "Study", "advice", "at_rest", "axis_names", "boundary_edges", "columns", "correlation", "counted", "each",
-    "ends_held",
-    "file_order", "fit_doubts", "last_change", "law_of_nodes", "measure_of", "motion", "nearest", "node_states",
-    "number", "outline", "prediction_error", "prefix", "pretty", "read", "reading", "replace_file", "seen_folds",
-    "settings", "sources",
-]  # fmt: skip
-
->>>>>>> 6432c1c (Store the held ends of the contact line with the slip that clamped edges prescribe, and draw them where they are)
 
 @dataclass(frozen=True)
 class Stored:
