@@ -219,7 +219,7 @@ def _column(
     unit = _unit(ctx, lines[0][at], dimension)
     values = tuple(_number(ctx, row[at], unit, dimension) for row in lines[1:]) if unit is not None else ()
     sigma = ctx.quantity(noise[name], dimension) if name in noise else None
-    if sigma is not None and not sigma > 0.0:
+    if sigma is not None and sigma <= 0.0:
         ctx.errors.at(noise[name], "must be above 0", "give the standard deviation of the noise")
     return FitColumn(name, path, ctx.cf(dimension), values, sigma, dimension) if len(ctx.errors) == before else None
 
