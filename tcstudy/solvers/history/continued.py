@@ -30,7 +30,7 @@ from tcstudy.solvers.path.start import locate
 from tcstudy.solvers.path.tableau import Tableau
 from tcstudy.solvers.path.walk import Walk, units_of
 from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.separable.descent import escape, new_state
+from tcstudy.solvers.separable.descent import escape, first_rest, new_state
 from tcstudy.solvers.separable.newton import Downhill
 from tcstudy.solvers.separable.pieces import factorise, integral
 
@@ -144,7 +144,7 @@ class _Step:
         """Where descent from w ends, to rounding.
 
         Beside a fold the energy is flat, and Newton's steps on a convex model creep: one along the negative curvature,
-        to the end of the piece, takes their place.
+        to the end of the piece, takes their place; where it is flat, Newton's own, as far as the energy falls.
         """
         method = Downhill(tolerance=1e-14, max_iterations=CREEPS)
         for _ in range(CREEPS):
@@ -155,7 +155,13 @@ class _Step:
             state = new_state(problem, outcome.x)
             free = np.flatnonzero(~state.slopes.at_rest)
             slope = problem.law.of(free).slope(state.v[free], state.piece[free])
-            w = escape(problem, state, factorise(problem, free, slope)).v
+            system = factorise(problem, free, slope)
+            w = escape(problem, state, system).v
+            if system.curvature is None:
+                target = state.v.copy()
+                target[free] -= system.solve(state.slopes.descent[free])
+                rest = first_rest(problem, state, target)
+                w = w if rest is None else rest
         return outcome.x
 
     def _ahead(self) -> float:
