@@ -96,8 +96,13 @@ class Minimum:
         return self.costs[-1]
 
 
-def minimise(model: Model, start: Array, box: Box, loss: Literal["linear", "soft_l1"] = "linear") -> Minimum:
-    """The minimum that a start leads to. What the model raises passes through."""
+def minimise(
+    model: Model, start: Array, box: Box, loss: Literal["linear", "soft_l1"] = "linear", prior: int = 0
+) -> Minimum:
+    """The minimum that a start leads to. What the model raises passes through.
+
+    prior: residuals at the end that are no measurements: the loss does not act on them
+    """
     known: dict[bytes, tuple[Array, Array]] = {}
     costs: list[float] = []
 
@@ -105,7 +110,7 @@ def minimise(model: Model, start: Array, box: Box, loss: Literal["linear", "soft
         key = q.tobytes()
         if key not in known:
             known[key] = model(box.outer(q))
-            cost = 0.5 * float(np.sum(_rho(known[key][0], loss)))
+            cost = 0.5 * float(np.sum(_rho(known[key][0] ** 2, loss, prior)[0]))
             if not costs or cost < costs[-1]:
                 costs.append(cost)
         return known[key]
@@ -119,7 +124,7 @@ def minimise(model: Model, start: Array, box: Box, loss: Literal["linear", "soft
         bounds=(0.0, 1.0),  # its norms of steps must not depend on units
         method="trf",
         x_scale="jac",
-        loss=loss,
+        loss="linear" if loss == "linear" else lambda z: _rho(z, loss, prior),
         ftol=1e-5,  # a few hundredths of a standard error; distances to a polygon have small steps in their slope
         xtol=1e-6,
         gtol=1e-10,
@@ -129,9 +134,17 @@ def minimise(model: Model, start: Array, box: Box, loss: Literal["linear", "soft
     return Minimum(box.outer(low + found.x * span), residual, jacobian, tuple(costs), len(known), ENDED[found.status])
 
 
-def _rho(residual: Array, loss: str) -> Array:
-    z = residual**2
-    return np.asarray(z if loss == "linear" else 2.0 * (np.sqrt(1.0 + z) - 1.0))
+def _rho(z: Array, loss: str, prior: int) -> Array:
+    """(3, n) ρ(z) of squared residuals z and its first two derivatives; ρ = z for the last `prior` of them."""
+    root = np.sqrt(1.0 + z)
+    soft = np.stack([2.0 * (root - 1.0), 1.0 / root, -0.5 / root**3])
+    plain = np.full(len(z), loss == "linear") | (np.arange(len(z)) >= len(z) - prior)
+    return np.where(plain, np.stack([z, np.ones_like(z), np.zeros_like(z)]), soft)
+
+
+def misfit(residual: Array, loss: str) -> float:
+    """Σ ρ(r²), Σ r² for a linear loss."""
+    return float(np.sum(_rho(residual**2, loss, 0)[0]))
 
 
 def different(minima: Sequence[Minimum], box: Box) -> list[Minimum]:

@@ -3,7 +3,7 @@
 Added to Σr² is w Σ_i D_i², D_i the jump of slope at point i over the root of its share of the line, so that Σ D_i² is
 ∫ b″² (in units of the law's length and size); jumps of b stay free. The weight w is that of least generalised
 cross-validation n Σr²/(n − tr A)², A = J(JᵀJ + wDᵀD)⁻¹Jᵀ, over decades: it needs no knowledge of the noise. tr A is how
-many numbers the data decide.
+many numbers the data decide. Where outliers count less, ρ(r²) stands for r², and w Σ D_i² is added as it is.
 
 Literature: Craven & Wahba, Numer. Math. 31 (1978) 377–403; Golub, Heath & Wahba, Technometrics 21 (1979) 215–223.
 """
@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.fitted import Box, Minimum, minimise
+from tcstudy.accuracy.fitted import Box, Minimum, minimise, misfit
 from tcstudy.scene.fits import FitPlan
 from tcstudy.scene.law_slopes import POINTS
 from tcstudy.scene.records import EdgeLaws
@@ -77,12 +77,12 @@ def smoothed(model: Model, start: Array, box: Box, plan: FitPlan) -> Smoothed:
             r, J = model(p)
             return np.concatenate([r, root * (rows @ p + constant)]), np.concatenate([J, root * rows])
 
-        best = minimise(penalised, p, box, plan.loss)
+        best = minimise(penalised, p, box, plan.loss, len(rows))
         n, p = len(first), best.p
         own = replace(best, residual=best.residual[:n], jacobian=best.jacobian[:n])
         prior, by_q = root * rows * box.rate(p), own.jacobian * box.rate(p)
         numbers = float(np.trace(by_q @ np.linalg.lstsq(by_q.T @ by_q + prior.T @ prior, by_q.T)[0]))
-        square = float(own.residual @ own.residual)
+        square = misfit(own.residual, plan.loss)
         found.append((n * square / max(n - numbers, 1e-300) ** 2, Smoothed(own, prior, weight, numbers)))
     chosen = min(found, key=lambda item: item[0])[1]
     evaluations = sum(one.minimum.evaluations for _, one in found)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import optimize, stats
 
 from tcstudy.accuracy.curve_distance import feet
 from tcstudy.accuracy.fitted import Box, different, minimise, product, uncertainty
@@ -37,6 +37,23 @@ def test_a_curve_is_found_to_rounding(log: bool, loss: str) -> None:
     assert found.evaluations <= 40
     assert found.cost == pytest.approx(0.0, abs=1e-9)
     assert list(found.costs) == sorted(found.costs, reverse=True)
+
+
+def test_outliers_count_less_but_what_is_no_measurement_counts_as_it_is() -> None:
+    """Σρ(r²) of data with an outlier, and a prior of its own that pulls far: the least value by another method."""
+    data = np.array([0.9, 1.0, 1.1, 9.0])
+
+    def model(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.append(p - data, 0.5 * (p - 20.0)), np.append(np.ones(4), 0.5)[:, None]
+
+    def cost(p: float) -> float:
+        return float(np.sum(2.0 * (np.sqrt(1.0 + (p - data) ** 2) - 1.0)) + 0.25 * (p - 20.0) ** 2)
+
+    wide = Box(np.array([0.0]), np.array([40.0]), np.array([False]))
+    found = minimise(model, np.array([2.0]), wide, "soft_l1", prior=1)
+    expected = optimize.minimize_scalar(cost, bounds=(0.0, 40.0), method="bounded", options={"xatol": 1e-10})
+    assert found.p == pytest.approx([expected.x], rel=1e-4)
+    assert found.cost == pytest.approx(0.5 * expected.fun, rel=1e-8)
 
 
 @pytest.mark.parametrize("units", [1e-6, 1.0, 1e6])

@@ -14,6 +14,7 @@ from tcstudy.data.sensitivities import AT_EVENT, DIFFERENTIABLE, name_of, quotie
 from tcstudy.errors import StudyError
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
+from tcstudy.offline.slopes import law_slope, load_slope
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.summary import summary
 from tcstudy.scene.fits import Sensitivity
@@ -21,6 +22,7 @@ from tcstudy.scene.parameters import with_number
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.solvers.contact import solve_contact
+from tcstudy.solvers.linearised import Linearised
 from tcstudy.study.sensitivities import of_point
 
 BRACKET = """
@@ -157,6 +159,47 @@ def test_layers_springs_and_heat_by_edge_against_differences(plane: str) -> None
         coarse, fine = ((at(step) - at(-step)) / (2.0 * step * value) for step in (2.0 * h, h))
         exact = np.array([found[name_of(quantity, name)] for quantity in QUANTITIES])
         np.testing.assert_allclose(exact, (4.0 * fine - coarse) / 3.0, rtol=1e-7, atol=3e-9, err_msg=name)
+
+
+RIGID = """
+units: none
+body:
+  outline: [{from: [0, 0], edge: bottom}, {from: [2, 0], edge: gap}, {from: [2, 0.4], edge: plate},
+            {from: [2, 1], edge: top}, {from: [0, 1], edge: left}]
+boundary: {bottom: contact, left: clamped, top: free, gap: free,
+           plate: {role: rigid, force: [0.2, -0.05], moment: 0.02}}
+material: {E: 2, nu: 0.25, plane: stress, alpha_T: 0.05}
+heat: {theta: 0.2}
+friction: {law: slip-weakening, tau_s: 0.06, tau_k: 0.02, delta: 0.03}
+mesh: {maxh: 0.3}
+"""
+OF_RIGID = {
+    **{f"boundary.plate.{name}": value for name, value in (("force_x", 0.2), ("force_y", -0.05), ("moment", 0.02))},
+    **{"E": 2.0, "nu": 0.25, "theta": 0.2, "load": 1.0, "friction.delta": 0.03},
+}
+
+
+def test_a_plate_that_turns_under_its_moment_against_differences() -> None:
+    """Whole runs on the same mesh, by Richardson; and for every number adjoint and forward derivatives are the same."""
+    study = asking(RIGID, *OF_RIGID)
+    scene = study.scenes[0]
+    own = Level(Meshes(study).next(0), scene)
+    _, v = results(own, RIGID)
+    found = of_point(own, scene, v, study.output.sensitivity)
+    assert found["sensitivity_status"] == DIFFERENTIABLE
+    assert np.all(v > 0.0)
+    at, y = Linearised.at(own.condensed(scene).problem, v), np.cos(np.arange(len(v)))
+    adjoint, at_rest = at.adjoint(y)
+    for number in study.output.sensitivity:
+        value = OF_RIGID[number.name]
+        ends = [[numbers_of(own, with_number(scene, number, value * (1.0 + way * h)))[0] for way in (1.0, -1.0)]
+                for h in (2e-4, 1e-4)]  # fmt: skip
+        coarse, fine = ((up - down) / (2.0 * h * value) for (up, down), h in zip(ends, (2e-4, 1e-4), strict=True))
+        exact = np.array([found[name_of(quantity, number.name)] for quantity in QUANTITIES])
+        np.testing.assert_allclose(exact, (4.0 * fine - coarse) / 3.0, rtol=1e-7, atol=1e-10, err_msg=number.name)
+        b, kinks = law_slope(own, scene, number, at)
+        r = at.right_side(load_slope(own, scene, number, v).right, b)
+        assert adjoint @ r + at_rest @ kinks == pytest.approx(y @ at.step(r, kinks), rel=1e-12)
 
 
 def test_a_sweep_keeps_them_with_units_and_show_prints_them(tmp_path: Path) -> None:
