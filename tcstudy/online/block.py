@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.online.certify import (
-    MARGIN,
     energy_gap,
     global_minimum,
     margins,
@@ -33,6 +32,7 @@ from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.study import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NAMES, ZERO, Acceptance, Branch
 from tcstudy.solvers.contact import TIE, Answer, solve_contact
 from tcstudy.solvers.loop import Status
+from tcstudy.solvers.problem import MARGIN
 from tcstudy.solvers.search import MOVES
 from tcstudy.solvers.separable.finish import finish, refined
 
@@ -102,7 +102,7 @@ class _Block:
         self.margin = np.full(count, np.nan)
         if rows.laws.by_node:
             self.margin = margins(rows)
-            self.convex |= self.margin > rows.body.shift(MARGIN)
+            self.convex |= self.margin > rows.body.shift
         self.unique = self.convex.copy()
         self.low, self.high = np.zeros((count, m)), np.zeros((count, m))
         self.lowest, self.strict, self.singly = (np.zeros(count, dtype=bool) for _ in range(3))

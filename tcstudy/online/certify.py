@@ -31,13 +31,13 @@ Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 
-def definite(body: CondensedBody, slope: Array, margin: float) -> Flags:
+def definite(body: CondensedBody, slope: Array) -> Flags:
     """(R,) whether Ã + C diag(slope − μ) ≻ 0 is proved, for rows of slopes (R, m) [Pa/m]."""
     proved = np.zeros(len(slope), dtype=bool)
     if body.m == 0:
         return ~proved
     diagonal = np.diagonal(body.A_tilde)
-    lowered = diagonal + body.c * (slope - body.shift(margin))
+    lowered = diagonal + body.c * (slope - body.shift)
     open_ = np.flatnonzero(np.all(lowered > 0.0, axis=1))
     sure, open_ = _by_products(body, lowered[open_] - diagonal, open_)
     proved[sure] = True
@@ -93,8 +93,6 @@ def _refutation(A: Array, diagonal: Array) -> Array | None:
     return None if info == 0 else negative_direction(factor, info, A[info - 1])
 
 
-MARGIN = 1e-6
-"""μ/λ₁, by how much a matrix must be positive definite."""
 _ROUNDS, _SHRINKS = 30, 0.01
 """Improvements of a box at most, and by which part of its size one must shrink it."""
 
@@ -139,7 +137,7 @@ def margins(rows: Rows) -> Array:
 
 def unique(rows: Rows, low: Array, high: Array) -> Flags:
     """(R,) whether the energy is proved to be convex on the boxes of all solutions."""
-    return definite(rows.body, rows.laws.least_slope(low, high), MARGIN)
+    return definite(rows.body, rows.laws.least_slope(low, high))
 
 
 def nearest_traction(rows: Rows, v: Array) -> tuple[Array, Array]:
@@ -160,17 +158,17 @@ def global_minimum(rows: Rows, v: Array, low: Array, high: Array) -> Flags:
     upper, lower = bends_below_tangent(rows.laws, v, zeta, low, high, few)
     proved = np.all(np.isfinite(upper), axis=1)
     open_ = np.flatnonzero(proved)
-    proved[open_] = definite(rows.body, -upper[open_], MARGIN)
+    proved[open_] = definite(rows.body, -upper[open_])
     if few < PARTS:
         rigid = 1e6 * np.max(np.diagonal(rows.body.A_tilde) / rows.body.c)
         open_ = open_[~proved[open_]]
-        open_ = open_[definite(rows.body, -np.maximum(lower[open_], -rigid), MARGIN)]
+        open_ = open_[definite(rows.body, -np.maximum(lower[open_], -rigid))]
         row, node = np.nonzero(lower[open_] < upper[open_])
         row = open_[row]
         own_v, own_zeta, own_low, own_high = (x[row, node][:, None] for x in (v, zeta, low, high))
         again, _ = bends_below_tangent(rows.laws.nodes(row, node), own_v, own_zeta, own_low, own_high)
         upper[row, node] = again[:, 0]
-        proved[open_] = definite(rows.body, -upper[open_], MARGIN)
+        proved[open_] = definite(rows.body, -upper[open_])
     return proved
 
 
@@ -182,7 +180,7 @@ def strict_minimum(rows: Rows, v: Array) -> Flags:
     on_up = rows.laws.kind(s.at) == UP
     held = on_up & (s.left < -noise) & (s.right > noise)
     least = np.minimum(rows.laws.slope(v, s.at.piece), rows.laws.slope(v, s.at.piece + s.at.on))
-    added = body.c * (least - body.shift(MARGIN))
+    added = body.c * (least - body.shift)
     proved = ~np.any(s.jump & ~on_up, axis=1)
     for i in np.flatnonzero(proved):
         free = np.flatnonzero(~held[i])
@@ -201,7 +199,7 @@ def resting_slack(rows: Rows, v: Array) -> tuple[Array, NDArray[np.intp]]:
 def energy_gap(rows: Rows, v: Array) -> Array:
     """(R,) ‖ξ/c − ζ‖²/(2μ): what rounding in v leaves open of a proof [J/m]."""
     traction, zeta = nearest_traction(rows, v)
-    return np.asarray((traction - zeta) ** 2 @ rows.body.c / (2.0 * rows.body.shift(MARGIN)))
+    return np.asarray((traction - zeta) ** 2 @ rows.body.c / (2.0 * rows.body.shift))
 
 
 def bends_below_tangent(

@@ -21,7 +21,7 @@ from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.extended import extended_residual
 from tcstudy.solvers.law_tables import Place
-from tcstudy.solvers.problem import ContactProblem, least_eigenvalue
+from tcstudy.solvers.problem import ContactProblem, least_eigenvalue, pivot_shift
 from tcstudy.solvers.separable.newton import interpolation
 
 Array = NDArray[np.float64]
@@ -68,13 +68,10 @@ class CondensedBody:
         """Number of contact nodes."""
         return len(self.c)
 
-    def shift(self, margin: float) -> float:
-        """μ = margin·λ₁, by how much a matrix must be positive definite, and no less than rounding [Pa/m].
-
-        As in tcstudy/solvers/certificates.py.
-        """
-        largest = float(np.max(np.diagonal(self.A_tilde) / self.c))
-        return max(margin * self.lambda_1, 8.0 * self.m * float(np.finfo(float).eps) * largest)
+    @cached_property
+    def shift(self) -> float:
+        """μ, by how much a matrix must be positive definite in a proof [Pa/m]."""
+        return pivot_shift(self.A_tilde, self.c, self.lambda_1)
 
     def inverse_rounding(self) -> float:
         """Relative rounding of products with Ã⁻¹."""

@@ -25,14 +25,11 @@ from numpy.typing import NDArray
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.bounds import FEW, PARTS, bend_below_tangent, least_slope, solution_box
-from tcstudy.solvers.problem import ContactProblem, least_lowered
+from tcstudy.solvers.problem import MARGIN, ContactProblem, least_lowered, pivot_shift
 from tcstudy.solvers.separable.pieces import cholesky, slopes, submatrix
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-MARGIN = 1e-6
-"""μ/λ₁: by how much a matrix must be positive definite."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +67,6 @@ def certify(
     v: Array,
     lambda_1: float | None = None,
     tolerance: float | None = None,
-    margin: float = MARGIN,
     inverse: Array | None = None,
     residual: float | None = None,
 ) -> Certificate:
@@ -80,20 +76,21 @@ def certify(
     tolerance: largest inclusion residual that counts as a solution, None for the default of scene/study.py
     residual:  inclusion residual if known better than from v in double precision, else it is computed
     inverse:   Ã⁻¹ if known (it depends on the body only), else it is computed
-    margin:    μ/λ₁, by how much a matrix must be positive definite
     """
     threshold = problem.lambda_1 if lambda_1 is None else lambda_1
     residual, omega = problem.inclusion_residual(v) if residual is None else residual, problem.law.omega
     slack, resting = _resting_slack(problem, v)
     apart = uniqueness_margin(problem, threshold)
-    convex = omega < (1.0 - margin) * threshold or (problem.m > 0 and apart > _shift(problem, threshold, margin))
+    convex = omega < (1.0 - MARGIN) * threshold or (
+        problem.m > 0 and apart > pivot_shift(problem.A_tilde, problem.c, threshold)
+    )
     if problem.m == 0:
         return Certificate(residual, threshold, omega, convex, True, True, True, 0.0, slack, 0, apart)
     low, high = solution_box(problem, threshold, inverse=inverse)
-    unique = convex or positive_definite(problem, least_slope(problem.law, low, high), threshold, margin)
+    unique = convex or positive_definite(problem, least_slope(problem.law, low, high), threshold)
     solved = Acceptance(tolerance).accepts(residual, problem.xi_rounding(v))
-    strict = solved and (unique or _strict_minimum(problem, v, threshold, margin))
-    gap = _global_gap(problem, v, low, high, threshold, margin, unique) if solved else float("nan")
+    strict = solved and (unique or _strict_minimum(problem, v, threshold))
+    gap = _global_gap(problem, v, low, high, threshold, unique) if solved else float("nan")
     lowest = bool(np.isfinite(gap))
     return Certificate(residual, threshold, omega, convex, unique, strict, lowest, gap, slack, resting, apart)
 
@@ -105,18 +102,12 @@ def uniqueness_margin(problem: ContactProblem, lambda_1: float) -> float:
     return least_lowered(problem.A_tilde, problem.c, problem.law.omega_by_node)
 
 
-def _shift(problem: ContactProblem, lambda_1: float, margin: float) -> float:
-    """μ = margin·λ₁, but no less than the rounding of a Cholesky factorisation [Pa/m]."""
-    largest = float(np.max(np.diagonal(problem.A_tilde) / problem.c))
-    return max(margin * lambda_1, 8.0 * problem.m * np.finfo(float).eps * largest)
-
-
 def positive_definite(
-    problem: ContactProblem, slope: Array, lambda_1: float, margin: float, named: Index | None = None
+    problem: ContactProblem, slope: Array, lambda_1: float, named: Index | None = None, margin: float = MARGIN
 ) -> bool:
     """Whether Ã + C diag(slope − μ) is positive definite on the named nodes (all by default)."""
     nodes = np.arange(problem.m, dtype=np.intp) if named is None else named
-    lowered = problem.c[nodes] * (slope - _shift(problem, lambda_1, margin))
+    lowered = problem.c[nodes] * (slope - pivot_shift(problem.A_tilde, problem.c, lambda_1, margin))
     diagonal = np.diagonal(problem.A_tilde)[nodes] + lowered
     if not len(nodes):
         return True
@@ -137,7 +128,7 @@ def _resting_slack(problem: ContactProblem, v: Array) -> tuple[float, int]:
     return float(np.min(slack)) / problem.traction_scale, int(np.count_nonzero(on))
 
 
-def _strict_minimum(problem: ContactProblem, v: Array, lambda_1: float, margin: float) -> bool:
+def _strict_minimum(problem: ContactProblem, v: Array, lambda_1: float) -> bool:
     """Second-order test with the nodes that rest without slack counted as free (sufficient, not necessary)."""
     law, xi = problem.law, problem.xi(v)
     s = slopes(problem, v, xi)
@@ -149,21 +140,19 @@ def _strict_minimum(problem: ContactProblem, v: Array, lambda_1: float, margin: 
     free = np.flatnonzero(~held)
     own, at = law.of(free), v[free]
     slope = np.minimum(own.slope(at, own.piece(at, -1)), own.slope(at, own.piece(at, +1)))
-    return positive_definite(problem, slope, lambda_1, margin, free)
+    return positive_definite(problem, slope, lambda_1, free)
 
 
-def _global_gap(
-    problem: ContactProblem, v: Array, low: Array, high: Array, lambda_1: float, margin: float, unique: bool
-) -> float:
+def _global_gap(problem: ContactProblem, v: Array, low: Array, high: Array, lambda_1: float, unique: bool) -> float:
     """The energy gap ‖ξ/c − ζ‖²/(2μ) if v is certified to be a global minimum, else nan."""
     traction = problem.xi(v) / problem.c
     zeta = np.clip(traction, *problem.law.interval(v))
-    gap = float(problem.c @ (traction - zeta) ** 2) / (2.0 * _shift(problem, lambda_1, margin))
+    gap = float(problem.c @ (traction - zeta) ** 2) / (2.0 * pivot_shift(problem.A_tilde, problem.c, lambda_1))
     low, high = np.minimum(low, v), np.maximum(high, v)
     if unique:
         return gap
     for parts in (PARTS,) if problem.law.piecewise_linear else (FEW, PARTS):
         bend = bend_below_tangent(problem.law, v, zeta, low, high, parts)
-        if np.all(np.isfinite(bend)) and positive_definite(problem, -bend, lambda_1, margin):
+        if np.all(np.isfinite(bend)) and positive_definite(problem, -bend, lambda_1):
             return gap
     return float("nan")

@@ -129,6 +129,16 @@ class ContactProblem:
         return scipy.linalg.cho_solve(scipy.linalg.cho_factor(self.A_tilde, lower=True), self.l_tilde)
 
 
+MARGIN = 1e-6
+"""μ/λ₁: by how much a matrix must be positive definite in a proof."""
+
+
+def pivot_shift(A_tilde: Array, c: Array, lambda_1: float, margin: float = MARGIN) -> float:
+    """μ = margin·λ₁, but no less than the rounding of a Cholesky factorisation [Pa/m]."""
+    largest = float(np.max(np.diagonal(A_tilde) / c))
+    return max(margin * lambda_1, 8.0 * len(c) * float(np.finfo(float).eps) * largest)
+
+
 def least_eigenvalue(A_tilde: Array, c: Array) -> float:
     """Smallest eigenvalue of Ãw = λCw with C = diag(c); inf for an empty matrix."""
     if len(c) == 0:

@@ -109,7 +109,7 @@ def seems_global(problem: ContactProblem, v: Array, lambda_1: float) -> bool:
     low, high = first_box(problem, below)
     zeta = np.clip(problem.xi(v) / problem.c, *law.interval(v))
     bend = bend_below_tangent(law, v, zeta, np.minimum(low, v), np.maximum(high, v), _PARTS)
-    return bool(np.all(np.isfinite(bend))) and positive_definite(problem, -bend, lambda_1, 0.0)
+    return bool(np.all(np.isfinite(bend))) and positive_definite(problem, -bend, lambda_1, margin=0.0)
 
 
 def _lower(problem: ContactProblem, v: Array, w: Array) -> bool:

@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 from tcstudy.scene.histories import HistoryBranch, Memory
 from tcstudy.scene.nodal_laws import Law
 from tcstudy.scene.study import Acceptance
-from tcstudy.solvers.certificates import MARGIN, certify, positive_definite
+from tcstudy.solvers.certificates import certify, positive_definite
 from tcstudy.solvers.contact import Answer, solve_contact
 from tcstudy.solvers.history.memory import Bonds, MemoryModel, NodeState
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.path.problem import ScaledBody
-from tcstudy.solvers.problem import ContactProblem, least_eigenvalue, least_lowered
+from tcstudy.solvers.problem import MARGIN, ContactProblem, least_eigenvalue, least_lowered
 from tcstudy.solvers.separable.convex_step import convex_step
 from tcstudy.solvers.separable.pieces import slopes
 
@@ -325,4 +325,4 @@ def _strict(body: HistoryProblem, problem: ContactProblem, w: Array) -> bool:
     free = np.flatnonzero(~(s.at_rest & (s.left < -slack) & (s.right > slack)))
     own, at = problem.law.of(free), w[free]
     slope = np.minimum(own.slope(at, own.piece(at, -1)), own.slope(at, own.piece(at, +1)))
-    return positive_definite(problem, slope, body.stiffness, MARGIN, free)
+    return positive_definite(problem, slope, body.stiffness, free)

@@ -23,11 +23,11 @@ from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.nodal_laws import each
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.bounds import bends_by_side, solution_box
-from tcstudy.solvers.certificates import MARGIN, positive_definite, uniqueness_margin
+from tcstudy.solvers.certificates import positive_definite, uniqueness_margin
 from tcstudy.solvers.path.problem import ParametricProblem
 from tcstudy.solvers.path.query import Lowest
 from tcstudy.solvers.path.record import Path
-from tcstudy.solvers.problem import ContactProblem
+from tcstudy.solvers.problem import MARGIN, ContactProblem
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -99,7 +99,7 @@ def _passes(problem: ContactProblem, bend: Array, lambda_1: float) -> bool:
     if np.any(bend == np.inf):
         return False
     stiff = STIFF * float(np.max(np.diagonal(problem.A_tilde) / problem.c))
-    return positive_definite(problem, -np.maximum(bend, -stiff), lambda_1, MARGIN)
+    return positive_definite(problem, -np.maximum(bend, -stiff), lambda_1)
 
 
 def _bends(states: States, group: slice, lambda_1: float, inverse: Array) -> tuple[Array, Array]:
