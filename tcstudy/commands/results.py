@@ -33,7 +33,7 @@ def show(options: argparse.Namespace) -> int:
     try:
         _show(options, options.file)
     except StoreError:
-        from tcstudy.reports.terminal.other_file import other_text
+        from tcstudy.reports.terminal.summary import other_text
 
         with spoken(options):
             text = "" if options.json or options.quiet else other_text(options.file)

@@ -139,7 +139,7 @@ class BlockRecord:
 
 
 SENSITIVITY = "sensitivity_"
-"""How the names of derivatives begin (`tcstudy.data.sensitivities`)."""
+"""How the names of derivatives begin (`tcstudy.data.on_request`)."""
 ON_REQUEST = (SENSITIVITY, "probe_", "reaction_", "theta_mean_", "von_mises_")
 """How the names of all numbers on request begin (`tcstudy.data.on_request`)."""
 

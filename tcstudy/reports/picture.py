@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,11 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.reading import refuse_geometries
+from tcstudy.data.reading import refuse_geometries, sweep_dims
 from tcstudy.data.schema import STICKS, UNKNOWN
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import Value, check_solved, describe, labels, level_number, locate
-from tcstudy.reports.stored_study import NamedEdge, outline, sources, stored_study
+from tcstudy.reports.stored_study import NamedEdge, outline, scene_at, sources, stored_study
+from tcstudy.scene.records import Scene
 
 Array = NDArray[np.float64]
 
@@ -128,6 +130,8 @@ class Picture:
     point:      the same in words
     edges:      those of the body with their roles;  sources: outlines (n, 2) of heated regions [length units]
     held:       u_T at both ends of every part of the line, None where no node is held or the file does not say it
+    scene:      what was solved, None if the study in the file cannot be read
+    lambda_1, omega: as stored [stiffness_units]
     """
 
     title: str
@@ -142,6 +146,10 @@ class Picture:
     edges: tuple[NamedEdge, ...] = ()
     sources: tuple[Array, ...] = ()
     held: tuple[Held, ...] = ()
+    scene: Scene | None = None
+    lambda_1: float = math.nan
+    omega: float = math.nan
+    stiffness_units: str = "1"
 
 
 def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: int = -1) -> Picture:
@@ -173,6 +181,9 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
             edges=tuple(outline(study)),
             sources=tuple(sources(study)),
             held=_held_slip(line, group),
+            scene=None if study is None else scene_at(study, [where[d] for d in sweep_dims(root)]),
+            **{name: float(at[name]) for name in ("lambda_1", "omega") if name in at},
+            stiffness_units=str(root["omega"].attrs.get("units", "1")) if "omega" in root else "1",
         )
 
 

@@ -82,9 +82,7 @@ def quantity(data: Any, given: str) -> str:
     numbers = [str(name) for name in data.data_vars if set(data[name].dims) == dims and data[name].dtype.kind in "fi"]
     held = [name for name in numbers if "flag_values" not in data[name].attrs]
     if given not in held:
-        near = difflib.get_close_matches(given, held, n=1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
-        raise DrawError(f"the file has no number {given!r} by point and level; {hint}it has {_listed(held, 30)}")
+        raise DrawError(f"the file has no number {given!r} by point and level; {_has(given, held, 30)}")
     return given
 
 
@@ -205,9 +203,7 @@ def _fits(name: str, axis: Any, value: Value, holder: str) -> NDArray[np.bool_]:
     if held.dtype.kind in "OUS":
         texts = [str(label) for label in held]
         if str(value) not in texts:
-            near = difflib.get_close_matches(str(value), texts, n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
-            raise DrawError(f"no point of the {holder} has {name} = {value}; {hint}it has {_listed(texts)}")
+            raise DrawError(f"no point of the {holder} has {name} = {value}; {_has(str(value), texts)}")
         return np.array([text == str(value) for text in texts])
     wanted = _as_number(name, value, str(axis.attrs["units"]))
     distance = np.abs(held - wanted)
@@ -240,9 +236,13 @@ def _as_number(name: str, value: Value, units: str) -> float:
 def _unknown_name(name: str, names: list[str], holder: str) -> str:
     if not names:
         return f"the {holder} has one point and no swept parameter {name!r}; leave the point out"
-    near = difflib.get_close_matches(name, names, n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
-    return f"the {holder} has no swept parameter {name!r}; {hint}it has {', '.join(names)}"
+    return f"the {holder} has no swept parameter {name!r}; {_has(name, names, len(names))}"
+
+
+def _has(given: str, names: list[str], most: int = 8) -> str:
+    """What there is instead, and what may be meant."""
+    near = difflib.get_close_matches(given, names, n=1)
+    return (f"did you mean {near[0]!r}? " if near else "") + f"it has {_listed(names, most)}"
 
 
 def _listed(texts: Any, most: int = 8) -> str:

@@ -5,6 +5,7 @@ Every result file has the text of its study. Where it can be read again, picture
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -54,6 +55,12 @@ def file_order(study: Study) -> list[int]:
     if study.mode == "grid" and study.axes:
         numbers = numbers[np.ix_(*(np.argsort(axis_places(axis)) for axis in study.axes))]
     return [int(i) for i in numbers.ravel()]
+
+
+def scene_at(study: Study, index: Sequence[int]) -> Scene:
+    """The scene of the point at a place of the file, which is its index along each dimension of the sweep."""
+    number = int(np.ravel_multi_index(tuple(index), study.shape)) if study.shape else 0
+    return study.scenes[file_order(study)[number]]
 
 
 def law_of_nodes(friction: FrictionLaw | EdgeLaws, group: Any) -> Law:

@@ -1,4 +1,4 @@
-"""Derivatives of the results of solved points by numbers of the study, for the variables of `data.sensitivities`.
+"""Derivatives of the results of solved points by numbers of the study, for the variables of `data.on_request`.
 
 A point is linearised once at its solution (`solvers.linearised`); a number then costs O(m²).
 """
@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.on_request import AT_EVENT, AT_FOLD, DIFFERENTIABLE, EVENTS, QUANTITIES, STATUS, name_of
 from tcstudy.data.records import BlockRecord, PointStatus
-from tcstudy.data.sensitivities import AT_EVENT, AT_FOLD, DIFFERENTIABLE, EVENTS, QUANTITIES, STATUS, name_of
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import friction_energy, law_slope, load_slope, omega_slope
 from tcstudy.offline.whole_slopes import WholeBody, change_of

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 import tcstudy
-from tcstudy.data.sensitivities import AT_EVENT, DIFFERENTIABLE, name_of, quotient
+from tcstudy.data.on_request import AT_EVENT, DIFFERENTIABLE, name_of, quotient
 from tcstudy.errors import StudyError
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level

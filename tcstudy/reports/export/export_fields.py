@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.provenance import kind_of
-from tcstudy.data.reading import reading, refuse_geometries
+from tcstudy.data.reading import by_point, each_point, reading, refuse_geometries
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import STICKS
 from tcstudy.data.store import open_results
@@ -73,15 +73,13 @@ def write_fields(path: Path, folder: Path, point: Mapping[str, Value] | None = N
         if f"level_{n}" not in tree.children:
             raise UsageError(f"--vtu: {path} has no mesh of level {n}; see the reasons with: tcstudy show")
         group, study = tree[f"level_{n}"].to_dataset(), stored_study(root)
-        dims = [str(d) for d in root["status"].dims if d != "level"]
-        shape = tuple(int(root.sizes[d]) for d in dims)
-        wanted = matching(root, point or {})
-        solved = root["status"].isel(level=n).transpose(*dims).values.ravel() == PointStatus.OK
+        points, wanted = each_point(root), matching(root, point or {})
+        solved = by_point(root["status"], root)[:, n] == PointStatus.OK
         scenes = None if study is None else (study, file_order(study))
         files: list[tuple[int, int, str, str]] = []
         for i in np.flatnonzero(wanted & solved):
-            where = dict(zip(dims, (int(k) for k in np.unravel_index(i, shape)), strict=True)) if dims else {}
-            files += _write_point(path.stem, folder, int(i), labels(root, where), group.isel(where), scenes)
+            at = group.isel(points[i])
+            files += _write_point(path.stem, folder, int(i), labels(root, points[i]), at, scenes)
         pvd = folder / f"{path.stem}.pvd"
         write_collection(pvd, files)
     lacks = []

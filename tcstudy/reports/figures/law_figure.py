@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.store import open_results
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.picture import Picture, read_picture
-from tcstudy.reports.select_point import Value, locate
-from tcstudy.reports.stored_study import file_order, stored_study
-from tcstudy.reports.text import axis_unit, counted, label, number, pretty, scaled_unit
+from tcstudy.reports.select_point import Value
+from tcstudy.reports.text import axis_unit, counted, number, pretty
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw
 from tcstudy.scene.records import EdgeLaws
 
@@ -63,21 +61,14 @@ def read_law(path: Path, point: Mapping[str, Value] | None, level: int) -> LawPi
     cannot be read.
     """
     picture = read_picture(path, point, level)
-    with open_results(path) as tree:
-        data = tree.to_dataset()
-        study, where = stored_study(data), locate(data, point)
-        shape = [data.sizes[dim] for dim in data["status"].dims if dim != "level"]
-        place = int(np.ravel_multi_index(tuple(where.values()), shape)) if shape else 0
-        at = data.isel(where).isel(level=level)
-        lambda_1, omega = (float(at[name]) if name in at else np.nan for name in ("lambda_1", "omega"))
-        units = str(data["omega"].attrs.get("units", "1")) if "omega" in data else "1"
-    if study is None or len(study.scenes) != int(np.prod(shape, dtype=int)):
+    if picture.scene is None:
         raise style.DrawError("the study in the file cannot be read any more, so its friction laws are not known")
-    friction, line = study.scenes[file_order(study)[place]].friction, picture.line
+    friction, line = picture.scene.friction, picture.line
     if isinstance(friction, FrictionLaw):
         friction = EdgeLaws((("", friction, 1.0),))
     along = friction.along(line.edge_names, line.edge, np.stack([line.x, line.y], axis=1))
-    return LawPicture(picture, tuple((edge, law) for edge, law, _ in friction.laws), *along, lambda_1, omega, units)
+    laws = tuple((edge, law) for edge, law, _ in friction.laws)
+    return LawPicture(picture, laws, *along, picture.lambda_1, picture.omega, picture.stiffness_units)
 
 
 def law_figure(picture: LawPicture, look: style.Look) -> Figure:
@@ -111,13 +102,7 @@ def law_figure(picture: LawPicture, look: style.Look) -> Figure:
 
 def _facts(picture: LawPicture) -> list[str]:
     """The point, and what the law says of uniqueness."""
-    words = []
-    for name, value, units in picture.point.parameters:
-        if isinstance(value, str):
-            words.append(f"{style.symbol(name)}: " + value.replace("$", r"\$"))
-        else:
-            divisor, unit = scaled_unit([value], units)
-            words.append(f"{style.symbol(name)} = {label(value / divisor)} {pretty(unit)}".rstrip())
+    words = style.parameter_words(picture.point.parameters)
     words.append(f"level {picture.point.level}")
     divisor, unit = axis_unit([picture.lambda_1], picture.stiffness_units)
     omega, lambda_1 = number(picture.omega / divisor, 3), number(picture.lambda_1 / divisor, 3)

@@ -18,7 +18,7 @@ from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.picture import BodyFields
 from tcstudy.reports.select_point import Value, level_number, locate
 from tcstudy.reports.stored_study import outline, sources, stored_study
-from tcstudy.reports.text import axis_unit, number, pretty, scaled_unit
+from tcstudy.reports.text import axis_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -73,8 +73,7 @@ def read_mesh(path: Path, point: Mapping[str, Value] | None, level: int) -> Mesh
 def mesh_figure(picture: MeshPicture, look: style.Look) -> Figure:
     """The figure of one mesh."""
     body = picture.body
-    h, h_unit = scaled_unit([picture.h_max], picture.units)
-    size = f"{number(picture.h_max / h, 3)} {pretty(h_unit)}"
+    size = style.with_unit(picture.h_max, picture.units, 3)
     facts = [
         f"level {picture.level}:  {len(body.triangles)} elements,  {len(body.x)} nodes,  longest edge {size}".rstrip(),
         "" if picture.runs else "the roles of the edges are not known: the body comes from a file of its own",

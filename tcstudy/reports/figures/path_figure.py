@@ -13,7 +13,7 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.paper import KEY_LINE, LINE, NARROW, Paper
 from tcstudy.reports.figures.path_states import RESPONSES, PathPicture, draw_states, read_path_picture
 from tcstudy.reports.terminal.path_summary import seen_folds
-from tcstudy.reports.text import axis_unit, number, pretty, scaled_unit
+from tcstudy.reports.text import axis_unit, counted, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -95,14 +95,13 @@ def _caption(picture: PathPicture) -> str:
     t = t[(t >= picture.span[0]) & (t <= picture.span[1])]
     parts = [
         f"{data.sizes.get('piece', 0)} pieces",
-        f"{len(t)} {'fold' if len(t) == 1 else 'folds'}",
+        counted(len(t), "fold"),
         f"{int(data['n_contact'])} contact nodes, level {int(data['level'])}",
         f"worst residual {number(float(data['residual'].max()), 2)}",
     ]
     if "energy_lost" in data:
-        lost = float(data["energy_lost"])
-        divisor, unit = scaled_unit([lost], data["energy_lost"].attrs["units"])
-        parts.append(f"{number(lost / divisor)} {pretty(unit)}".rstrip() + " lost in one loop")
+        lost = style.with_unit(float(data["energy_lost"]), data["energy_lost"].attrs["units"])
+        parts.append(f"{lost} lost in one loop")
     if float(data["law_error"]) > 0.0:
         parts.append(f"law approximated to {float(data['law_error']):.1g}")
     return ",  ".join(parts)

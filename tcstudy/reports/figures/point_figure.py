@@ -16,7 +16,7 @@ from tcstudy.reports.figures.boundary_roles import draw_roles, name_parts, runs
 from tcstudy.reports.figures.paper import Paper
 from tcstudy.reports.picture import NEAR, BodyFields, Held, LineFields, Picture, read_picture
 from tcstudy.reports.select_point import Value
-from tcstudy.reports.text import axis_unit, label, number, pretty, scaled_unit
+from tcstudy.reports.text import axis_unit, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -108,23 +108,14 @@ def window_below(line: LineFields, body: BodyFields, shape: Drawn) -> tuple[floa
 
 def _caption(picture: Picture) -> list[str]:
     """Lines below the title: the swept parameters, then the mesh and how well the inclusion is met."""
-    parts = []
-    for name, value, units in picture.parameters:
-        symbol = style.symbol(name)
-        if isinstance(value, str):
-            parts.append(f"{symbol}: " + value.replace("$", r"\$"))
-            continue
-        divisor, unit = scaled_unit([value], units)
-        parts.append(f"{symbol} = {label(value / divisor)} {pretty(unit)}".rstrip())
-    divisor, unit = scaled_unit([picture.h_max], picture.line.length_units)
-    size = f"{number(picture.h_max / divisor, 3)} {pretty(unit)}".rstrip()
+    size = style.with_unit(picture.h_max, picture.line.length_units, 3)
     mesh = [
         f"level {picture.level}",
         f"longest element edge {size}",
         f"{picture.n_dof} displacement unknowns",
         f"inclusion residual {number(picture.residual, 2)}",
     ]
-    return [",  ".join(parts), ",  ".join(mesh)]
+    return [",  ".join(style.parameter_words(picture.parameters)), ",  ".join(mesh)]
 
 
 FEW = 60

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from tcstudy.data.files import place_faults, replace_file
 from tcstudy.errors import DrawError, StoreError, UsageError
-from tcstudy.reports.text import pretty
+from tcstudy.reports.text import label, number, pretty, scaled_unit
 from tcstudy.scene import key
 from tcstudy.scene.key import GREEK
 
@@ -225,6 +226,24 @@ def point_words(text: str) -> str:
     """A point as files name it, "alpha = 100 W m-2 K-1, friction = tresca", with symbols and raised exponents."""
     named = re.sub(r"(\w+) = (?!-?[\d.])", lambda one: f"{symbol(one[1])} = ", text.replace("$", r"\$"))
     return _STATED.sub(lambda one: f"{symbol(one[1])} = {one[2]}{pretty(one[3])}", named)
+
+
+def with_unit(value: float, units: str, digits: int = 4) -> str:
+    """A number with the prefix that suits it and raised exponents."""
+    divisor, unit = scaled_unit([value], units)
+    return f"{number(value / divisor, digits)} {pretty(unit)}".rstrip()
+
+
+def parameter_words(parameters: Iterable[tuple[str, float | str, str]]) -> list[str]:
+    """Swept parameters (name, label, units) with their symbols."""
+    found = []
+    for name, value, units in parameters:
+        if isinstance(value, str):
+            found.append(f"{symbol(name)}: " + value.replace("$", r"\$"))
+        else:
+            divisor, unit = scaled_unit([value], units)
+            found.append(f"{symbol(name)} = {label(value / divisor)} {pretty(unit)}".rstrip())
+    return found
 
 
 def labelled(name: str, units: str) -> str:

@@ -1,4 +1,4 @@
-"""What the page has of files of converge, cost and path."""
+"""What the page has of files of converge, cost, path and fit."""
 
 from __future__ import annotations
 
@@ -14,8 +14,11 @@ from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.point_part import geometry
 from tcstudy.reports.page.run_part import axes
 from tcstudy.reports.page.stored import Stored
-from tcstudy.reports.terminal.cost import advice, measure_of, settings
+from tcstudy.reports.terminal.cost import advice, measure_of, settings, stages
+from tcstudy.reports.terminal.fit import BAND, columns, correlation, fit_doubts, prediction_error
 from tcstudy.reports.terminal.path_summary import seen_folds
+from tcstudy.reports.text import counted, number, prefix, pretty
+from tcstudy.scene.key import symbol
 
 PATH_BYTES = 4_000_000
 """Room for slip and traction along a path; a longer one is thinned."""
@@ -98,11 +101,7 @@ def cost_part(stored: Stored) -> Json:
             found = settings(data, measure_of(data, name))
         except DrawError:
             continue
-        rows = [
-            {key: getattr(s, key) for key in ("family", "solver", "level", "h_max", "n_dof", "n_contact", "error",
-             "time", "upper", "dominated", "solved", "own")} | {"stages": _stages(data, s)}
-            for s in found
-        ]  # fmt: skip
+        rows = [vars(s) | {"stages": stages(data, s)} for s in found]
         charts.append({"name": name, "rows": rows, "advice": advice(found)})
     first = next((c for c in charts if c["name"] == "u_energy"), charts[0] if charts else None)
     return {
@@ -113,16 +112,6 @@ def cost_part(stored: Stored) -> Json:
         "charts": charts,
         "verdict": {"text": " ".join(first["advice"]) if first else "Nothing was measured.", "how": "", "ok": True},
     }
-
-
-def _stages(data: Any, setting: Any) -> dict[str, float]:
-    at = {
-        "family": data["family"].values.tolist().index(setting.family),
-        "solver": data["solver"].values.tolist().index(setting.solver),
-        "level": setting.level,
-    }
-    names = ("mesh", "assemble", "condense", "solve", "steps")
-    return {name: float(data[f"time_{name}"].isel(at)) for name in names if f"time_{name}" in data}
 
 
 def path_part(stored: Stored, box: Container) -> Json:
@@ -195,13 +184,104 @@ def _path_verdict(data: Any, low: float, high: float, folds: Any, turns: int) ->
     t = data["parameter"].values
     inside = int(np.count_nonzero((t[folds] >= min(low, high)) & (t[folds] <= max(low, high)))) if len(folds) else 0
     pieces, stable = int(data.sizes["piece"]), int(data["stable"].sum())
-    folded = f"{inside} {'fold' if inside == 1 else 'folds'} in the range asked for"
+    folded = f"{counted(inside, 'fold')} in the range asked for"
     parts = [f"One path of {pieces} pieces, {stable} of them stable, with {folded}"]
     parts += [f"{turns} smaller turns of the parameter, as nodes let go one by one"] if turns else []
     if data.sizes.get("at", 0):
         most = int(data["solution_count"].max())
-        parts.append(f"up to {most} solution{'s' if most != 1 else ''} at the values asked for")
+        parts.append(f"up to {counted(most, 'solution')} at the values asked for")
     if data.sizes.get("jump", 0):
         parts.append(f"the body falls to another branch {data.sizes['jump']} times in a loop")
     parts.append(f"worst residual {float(data['residual'].max()):.1e}")
     return {"text": ", ".join(parts) + ".", "how": "other paths may exist that are not connected to it", "ok": True}
+
+
+def fit_part(data: Any, box: Container) -> Json:
+    """Everything that a fit's file says, numbers in SI units."""
+    given, measured = columns(data)
+    error = prediction_error(data)
+    named = {"given": "datum_given", "value": "datum", "at": "predicted_given", "predicted": "predicted",
+             "residual": "residual", "noise": "noise"}  # fmt: skip
+    found = {name: float(data.attrs[name]) for name in
+             ("chi_square", "degrees_of_freedom", "fit_probability", "runs", "runs_probability", "known_noise",
+              "given_noise", "information_criterion", "evaluations", "solves") if name in data.attrs}  # fmt: skip
+    return {
+        "given": [{"name": name, "units": units} for name, units in given],
+        "measured": [{"name": name, "units": units} for name, units in measured],
+        "data": {name: box.array(data[variable].values) for name, variable in named.items()}
+        | {"error": box.array(error), "column": data["measured_column"].values.tolist()},
+        "parameters": _found_numbers(data),
+        "correlation": correlation(data).tolist(),
+        "directions": [
+            {"size": float(size), "vector": vector.tolist()}
+            for size, vector in zip(data["singular_value"].values, data["singular_vector"].values, strict=True)
+        ],
+        "curve": _fitted_curve(data, box),
+        "law": _fitted_law(data, box),
+        "cost": data["cost"].values.tolist(),
+        "starts": _starts(data),
+        "numbers": found,
+        "words": {name: str(data.attrs.get(name, "")) for name in
+                  ("compare", "loss", "data_file", "data_sha256", "message", "not_determined", "determined")},
+        "doubts": fit_doubts(data),
+        "band": BAND,
+        "verdict": _fit_verdict(data),
+    }  # fmt: skip
+
+
+def _found_numbers(data: Any) -> list[Json]:
+    found = []
+    for i, name in enumerate(data["parameter"].values):
+        own = {key: float(data[key][i]) for key in ("estimate", "standard_error", "parameter_start")}
+        low, high = (float(x) for x in data["interval"].values[i])
+        units = str(data["parameter_units"].values[i])
+        found.append(
+            {"name": str(name), "symbol": symbol(str(name)), "units": units, "low": low, "high": high,
+             "within": data["parameter_within"].values[i].tolist(), "at_bound": bool(data["at_bound"][i]),
+             "logarithmic": bool(data["logarithmic"][i]), **own}
+        )  # fmt: skip
+    return found
+
+
+def _fitted_curve(data: Any, box: Container) -> Json | None:
+    if "curve_given" not in data:
+        return None
+    folds = data["fold_vertex"].values.tolist() if "fold_vertex" in data else []
+    return {"x": box.array(data["curve_given"].values), "y": box.array(data["curve_measured"].values), "folds": folds}
+
+
+def _fitted_law(data: Any, box: Container) -> Json | None:
+    if "law_slip" not in data:
+        return None
+    units = {key: str(data[f"law_{key}"].attrs["units"]) for key in ("slip", "traction")}
+    return {key: box.array(data[f"law_{key}"].values) for key in ("slip", "traction", "error")} | {"units": units}
+
+
+def _starts(data: Any) -> list[Json]:
+    if "start_cost" not in data:
+        return []
+    columns = (data[f"start_{key}"].values for key in ("cost", "estimate", "evaluations"))
+    return [
+        {"cost": float(cost), "estimate": estimate.tolist(), "evaluations": int(count)}
+        for cost, estimate, count in zip(*columns, strict=True)
+    ]
+
+
+def _fit_verdict(data: Any) -> Json:
+    """The numbers with their standard errors, and whether the data agree with them."""
+    parts = []
+    for one in _found_numbers(data):
+        divisor, unit = prefix([one["estimate"]], one["units"])
+        told = f"{one['symbol']} = {number(one['estimate'] / divisor)}"
+        known = np.isfinite(one["standard_error"]) and not one["at_bound"]
+        told += (
+            f" ± {number(one['standard_error'] / divisor, 2)}"
+            if known
+            else " (on its bound)"
+            if one["at_bound"]
+            else " (not determined)"
+        )
+        parts.append(f"{told} {pretty(unit)}".removesuffix(" 1"))
+    doubts = [words for words, doubt in fit_doubts(data) if doubt]
+    agree = "; ".join(doubts) if doubts else "the data agree with the study"
+    return {"text": f"{', '.join(parts)}; {agree}.", "how": "", "ok": not doubts}

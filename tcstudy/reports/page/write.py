@@ -12,10 +12,9 @@ from tcstudy.data.files import replace_file
 from tcstudy.data.reading import reading
 from tcstudy.errors import PageError, StoreError
 from tcstudy.reports.page.container import Container, Json, size_of
-from tcstudy.reports.page.fit_part import fit_part
 from tcstudy.reports.page.history_part import history_content
 from tcstudy.reports.page.law_part import law_part
-from tcstudy.reports.page.other_part import convergence_part, cost_part, path_part
+from tcstudy.reports.page.other_part import convergence_part, cost_part, fit_part, path_part
 from tcstudy.reports.page.point_part import body_part, drawn_level, line_part, live_part
 from tcstudy.reports.page.run_part import level_numbers, run_part, time_of_levels
 from tcstudy.reports.page.stored import Stored, read

@@ -116,6 +116,12 @@ def settings(data: Any, measure: str) -> list[Setting]:
     return _judged(found)
 
 
+def stages(data: Any, one: Setting) -> dict[str, float]:
+    """Wall time of each stage of a setting's fastest run [s]."""
+    f, s = (data[name].values.tolist().index(getattr(one, name)) for name in ("family", "solver"))
+    return {name: float(data[f"time_{name}"].values[f, s, one.level]) for name in STAGES if f"time_{name}" in data}
+
+
 def _judged(found: list[Setting]) -> list[Setting]:
     """The settings with their `dominated`: one mesh that two families share counts once, in the simplest of them.
 
@@ -319,11 +325,9 @@ def _error(setting: Setting) -> str:
 def _front(data: Any, found: list[Setting]) -> Table:
     """Settings worth their cost with the stages of their fastest run."""
     header = ("meshes", "level", "solver", "error", "time [s]", *(f"{stage} [s]" for stage in STAGES))
-    families, solvers = data["family"].values.tolist(), data["solver"].values.tolist()
     rows = []
     for s in front(found):
-        at = (families.index(s.family), solvers.index(s.solver), s.level)
-        spent = [f"{float(data[f'time_{stage}'].values[at]):.2g}" for stage in STAGES]
+        spent = [f"{time:.2g}" for time in stages(data, s).values()]
         rows.append((s.family, str(s.level), s.solver, _error(s), f"{s.time:.3g}", *spent))
     return Table(
         "Worth their cost: nothing measured is both faster and more accurate", header, tuple(rows), label="front"
