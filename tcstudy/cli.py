@@ -21,8 +21,7 @@ MODULES = {
     **dict.fromkeys(("path", "history", "fit"), "sections"),
     "show": "results",
     **dict.fromkeys(("converge", "cost"), "measure"),
-    **dict.fromkeys(("draw", "report", "sensitivity"), "results"),
-    **dict.fromkeys(("export", "compare"), "export"),
+    **dict.fromkeys(("draw", "report", "sensitivity", "export", "compare"), "results"),
     **dict.fromkeys(("init", "schema", "completion"), "writing"),
 }
 """Which module of `commands` has which command, in the order of the list."""

@@ -101,7 +101,7 @@ def export(
 
     Raises StoreError, DrawError (no such point), UsageError.
     """
-    from tcstudy.commands.export import FORMS, exported
+    from tcstudy.commands.results import FORMS, exported
 
     if form not in FORMS:
         raise UsageError(f"there is no form {form!r}; choose of {', '.join(FORMS)}")

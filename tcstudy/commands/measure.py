@@ -6,11 +6,8 @@ import argparse
 from contextlib import closing
 from pathlib import Path
 
+from tcstudy.commands import shared
 from tcstudy.commands.shared import (
-    ERROR,
-    FORCE,
-    FORMAT,
-    FULL,
     MANNER,
     OK,
     SOME_FAILED,
@@ -21,14 +18,9 @@ from tcstudy.commands.shared import (
     checked,
     fail,
     is_there,
-    length_unit,
     note,
-    output_option,
-    plot_option,
-    plotted,
     point_of,
     say,
-    stored,
 )
 
 
@@ -47,9 +39,9 @@ def converge(options: argparse.Namespace) -> int:
         fail(f"--plot: there would be no errors to draw: {lack}")
     there = is_there(options, "convergence", study, path)
     tell = lambda text: note(options, text)  # noqa: E731
-    size = lambda h: with_unit(h, length_unit(study), 3)  # noqa: E731
-    failed = stored(path)[1] if there else converge_to_file(study, path, tell, options.words, size)
-    drawn = plotted(options, path, at=point)
+    size = lambda h: with_unit(h, shared.length_unit(study), 3)  # noqa: E731
+    failed = shared.stored(path)[1] if there else converge_to_file(study, path, tell, options.words, size)
+    drawn = shared.plotted(options, path, at=point)
     full = options.full or options.verbose
     say(options, path, lambda: convergence_report(path, options.format, point, full))
     return _end(options, drawn, path, failed)
@@ -78,7 +70,7 @@ def cost(options: argparse.Namespace) -> int:
     if options.error is not None and (lack := unmeasured(study, options.error)):
         fail(f"--error: {options.error} {lack}")
     if is_there(options, "cost", study, path, point=words, runs=options.runs):
-        failed = stored(path)[1]
+        failed = shared.stored(path)[1]
     else:
         from tcstudy.reports.terminal.forecast import expected_words
         from tcstudy.study.expected import of_cost
@@ -92,7 +84,7 @@ def cost(options: argparse.Namespace) -> int:
         with closing(CostProgress()) as bar:
             progress = (lambda what, left: None) if options.quiet else bar
             failed = cost_to_file(study, tuple(where.values()), words, options.runs, path, progress, options.words)
-    drawn = plotted(options, path, error=options.error)
+    drawn = shared.plotted(options, path, error=options.error)
     say(options, path, lambda: cost_report(path, options.format, options.error))
     return _end(options, drawn, path, failed)
 
@@ -109,13 +101,13 @@ COMMANDS = {
         "measure errors, rates and limits over the levels",
         (
             *STUDY,
-            output_option("convergence file (default: results/<study>.convergence.nc)"),
-            FORMAT,
+            shared.output_option("convergence file (default: results/<study>.convergence.nc)"),
+            shared.FORMAT,
             *MANNER,
-            plot_option("draw the errors"),
+            shared.plot_option("draw the errors"),
             at("the point of tables and picture (default: orders of all, picture of the first)"),
-            FULL,
-            FORCE,
+            shared.FULL,
+            shared.FORCE,
         ),
         converge,
     ),
@@ -123,14 +115,14 @@ COMMANDS = {
         "chart accuracy against cost: meshes and solvers compared",
         (
             *STUDY,
-            output_option("cost file (default: results/<study>.cost.nc)"),
+            shared.output_option("cost file (default: results/<study>.cost.nc)"),
             Option("--runs", type=int, default=5, metavar="N", help="how often everything is timed (default: 5)"),
-            FORMAT,
+            shared.FORMAT,
             *MANNER,
-            plot_option("draw the chart"),
+            shared.plot_option("draw the chart"),
             at("sweep point (default: first)"),
-            ERROR,
-            FORCE,
+            shared.ERROR,
+            shared.FORCE,
         ),
         cost,
     ),

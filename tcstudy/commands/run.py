@@ -9,10 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tcstudy.commands import shared
 from tcstudy.commands.shared import (
-    DASK,
-    FORCE,
-    JOBS,
     MANNER,
     OK,
     SOME_FAILED,
@@ -22,14 +20,9 @@ from tcstudy.commands.shared import (
     check_manner,
     checked,
     fail,
-    file_name,
     is_there,
-    length_unit,
     note,
-    output_option,
     say,
-    spoken,
-    stored,
 )
 
 if TYPE_CHECKING:
@@ -63,12 +56,12 @@ def _run(options: argparse.Namespace, study: Study, output: Path, staff: Staff) 
     if there and kept is not None:
         note(options, f"{output} {'has all these points' if options.append else 'has no failed point'}")
     if there:
-        points, failed = stored(output)
+        points, failed = shared.stored(output)
         return _say(options, output, points, failed, "found before")
     from tcstudy.reports.terminal.progress import progress
     from tcstudy.study.run import execute
 
-    with closing(progress(naming=lambda index: _named(study, index), length=length_unit(study))) as watcher:
+    with closing(progress(naming=lambda index: _named(study, index), length=shared.length_unit(study))) as watcher:
         result = execute(study, output, None if options.quiet else watcher, options.words, kept=kept, staff=staff)
     return _say(options, result.output, result.points, result.failed, "found")
 
@@ -121,7 +114,7 @@ def plan(options: argparse.Namespace) -> int:
         print(f"{options.study}: {forecast.points} × {steps or study.mesh.levels} solutions: {time}")
     else:
         axes = [(axis.name, axis.labels, axis.units) for axis in study.axes]
-        with spoken(options):
+        with shared.spoken(options):
             print(
                 forecast_text(
                     study.title,
@@ -136,7 +129,7 @@ def plan(options: argparse.Namespace) -> int:
                     str(output),
                     forecast.bytes,
                     study.mesh.open_ended,
-                    length_unit(study),
+                    shared.length_unit(study),
                     work_words(study, forecast.levels, options.jobs),
                     time,
                     steps,
@@ -180,20 +173,30 @@ GROW = (
 COMMANDS = {
     "run": Command(
         "run a study and write its netCDF file",
-        (*STUDY, output_option("result file (default: results/<study>.nc)"), *MANNER, FORCE, JOBS, DASK, *GROW),
+        (
+            *STUDY,
+            shared.output_option("result file (default: results/<study>.nc)"),
+            *MANNER,
+            shared.FORCE,
+            shared.JOBS,
+            shared.DASK,
+            *GROW,
+        ),
         run,
         KEPT,
     ),
     "plan": Command(
         "check a study and say what a run would do",
-        (*STUDY, output_option("result file that a run would write"), *MANNER, JOBS),
+        (*STUDY, shared.output_option("result file that a run would write"), *MANNER, shared.JOBS),
         plan,
     ),
     "merge": Command(
         "join result files of one study that have different points of its sweep",
         (
             Option("files", type=Path, nargs="+", metavar="FILE.nc"),
-            Option("-o", "--output", type=file_name, required=True, metavar="FILE", help="the file of all points"),
+            Option(
+                "-o", "--output", type=shared.file_name, required=True, metavar="FILE", help="the file of all points"
+            ),
             *MANNER,
             Option("--force", action="store_true", help="replace the output if it is there"),
         ),
