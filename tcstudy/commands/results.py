@@ -208,11 +208,7 @@ DRAWN = (
 """Options of the pictures of a run, beside the point and the level."""
 PICTURE = ("level", "response", "error", "x", "y", "by", "map", "of", "law", "mesh", "size", "font", "title")
 COMMANDS = {
-    "show": Command(
-        "print the summary of a result file",
-        (FILE, *MANNER, at(_TABLES), shared.FULL),
-        show,
-    ),
+    "show": Command("print the summary of a result file", (FILE, *MANNER, at(_TABLES), shared.FULL), show),
     "sensitivity": Command(
         "say which swept parameter a number comes from: Sobol indices of a sweep with mode: saltelli",
         (FILE, Option("--of", metavar="NUMBER", default="slip_length", help="of what (default: slip_length)"), *MANNER),

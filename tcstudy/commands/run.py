@@ -113,28 +113,10 @@ def plan(options: argparse.Namespace) -> int:
     elif options.quiet:
         print(f"{options.study}: {forecast.points} × {steps or study.mesh.levels} solutions: {time}")
     else:
-        axes = [(axis.name, axis.labels, axis.units) for axis in study.axes]
+        more = [f"note: {text}" for text in already_there(output, study)]
+        work = work_words(study, forecast.levels, options.jobs)
         with shared.spoken(options):
-            print(
-                forecast_text(
-                    study.title,
-                    axes,
-                    forecast.points,
-                    forecast.factorisations,
-                    forecast.heat_solves,
-                    forecast.levels,
-                    study.mesh.levels,
-                    forecast.left_out,
-                    (*forecast.notes, *already_there(output, study)),
-                    str(output),
-                    forecast.bytes,
-                    study.mesh.open_ended,
-                    shared.length_unit(study),
-                    work_words(study, forecast.levels, options.jobs),
-                    time,
-                    steps,
-                )
-            )
+            print(forecast_text(study, forecast, more, output, work, time))
     return OK
 
 
@@ -165,10 +147,7 @@ def merge(options: argparse.Namespace) -> int:
 
 _RETRY = "keep the result file's solutions and solve again only its points without one"
 _APPEND = "keep the points of the result file and add those that the study's sweep has beside them"
-GROW = (
-    Option("--retry", choices=("failed",), help=_RETRY),
-    Option("--append", action="store_true", help=_APPEND),
-)
+GROW = (Option("--retry", choices=("failed",), help=_RETRY), Option("--append", action="store_true", help=_APPEND))
 
 COMMANDS = {
     "run": Command(

@@ -137,10 +137,7 @@ def _place_faults(path: Path) -> list[str]:
         with tempfile.TemporaryFile(dir=existing):
             pass
     except OSError as error:
-        return [
-            *problems,
-            f"cannot write in the directory {existing}: {_cause(error)}; choose another output",
-        ]
+        return [*problems, f"cannot write in the directory {existing}: {_cause(error)}; choose another output"]
     return problems
 
 

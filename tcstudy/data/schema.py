@@ -227,13 +227,7 @@ CONTACT: tuple[FileVariable, ...] = (
     FileVariable("u_T", "f8", "m", "tangential displacement", (SWEEP, "node"), extra=_JUDGED + _AT_NODE),
     FileVariable("xi", "f8", "Pa", "tangential traction -S_T", (SWEEP, "node"), extra=_JUDGED + _AT_NODE),
     FileVariable(
-        "sticks",
-        "i1",
-        "1",
-        "rests on an up-jump of b",
-        (SWEEP, "node"),
-        extra=_STICKS + _AT_NODE,
-        no_value=UNKNOWN,
+        "sticks", "i1", "1", "rests on an up-jump of b", (SWEEP, "node"), extra=_STICKS + _AT_NODE, no_value=UNKNOWN
     ),
 )
 

@@ -81,10 +81,7 @@ def drawn(body: BodyFields, length_units: str, widest: float = 5.9, highest: flo
     x, y = x0 + factor * body.u_x / divisor, y0 + factor * body.u_y / divisor
     low = min(x.min(), x0.min()), min(y.min(), y0.min())
     high = max(x.max(), x0.max()), max(y.max(), y0.max())
-    per_inch = max(
-        (high[0] - low[0]) / (widest - 2 * MARGIN),
-        (high[1] - low[1]) / (highest - 2 * MARGIN),
-    )
+    per_inch = max((high[0] - low[0]) / (widest - 2 * MARGIN), (high[1] - low[1]) / (highest - 2 * MARGIN))
     pad = MARGIN * per_inch
     return Drawn(
         *(x, y, x0, y0, factor),
@@ -262,8 +259,7 @@ def _nearest(body: BodyFields, line: LineFields, candidates: Indices) -> Indices
     """(m,) the boundary node of the mesh at each contact node."""
     x, y = body.x[candidates], body.y[candidates]
     return np.array(
-        [candidates[np.argmin((x - a) ** 2 + (y - b) ** 2)] for a, b in zip(line.x, line.y, strict=True)],
-        dtype=np.intp,
+        [candidates[np.argmin((x - a) ** 2 + (y - b) ** 2)] for a, b in zip(line.x, line.y, strict=True)], dtype=np.intp
     )
 
 

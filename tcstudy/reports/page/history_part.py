@@ -68,13 +68,7 @@ def _column(data: Any, name: str, values: Any) -> Json:
     """A number by step, with its units and what it is."""
     attrs = data[name].attrs
     told = str(attrs.get("long_name", name))
-    return {
-        "name": name,
-        "symbol": symbol(name),
-        "units": str(attrs.get("units", "1")),
-        "long_name": told,
-        "v": values,
-    }
+    return {"name": name, "symbol": symbol(name), "units": str(attrs.get("units", "1")), "long_name": told, "v": values}
 
 
 def _about(data: Any) -> Json:

@@ -10,9 +10,7 @@ from tcstudy.data.provenance import kind_of, measured_path
 from tcstudy.data.reading import GEOMETRIES, of_largest
 from tcstudy.data.store import open_results
 from tcstudy.errors import StoreError
-from tcstudy.reports.stored_study import (
-    stored_study,
-)
+from tcstudy.reports.stored_study import stored_study
 from tcstudy.scene.study import Study
 
 
