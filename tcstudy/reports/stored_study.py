@@ -18,7 +18,7 @@ from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.nodal_laws import Law, nodal
-from tcstudy.scene.records import Clamped, Convection, EdgeLaws, Role, Traction, resultant
+from tcstudy.scene.records import Clamped, Convection, EdgeLaws, Role, Scene, Traction, resultant
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
