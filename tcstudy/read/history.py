@@ -78,7 +78,7 @@ def _memory(ctx: Context, fields: Fields) -> Memory:
 
 def _lines(ctx: Context, fields: Fields, base: Scene, swept: Collection[Keys]) -> tuple[HistoryLine, ...]:
     """The lines in order; one that leaves all loads as they are is a fault."""
-    known, found = dict(affine_parameters(base)), []
+    known, found, told = dict(affine_parameters(base)), [], False
     values: dict[Keys, float] = {}
     for item in ctx.items(fields.values["steps"], "a list of lines {theta: 60 K, in: 8, name: hot}", 1):
         if not isinstance(item.value, Mapping):
@@ -86,9 +86,10 @@ def _lines(ctx: Context, fields: Fields, base: Scene, swept: Collection[Keys]) -
             continue
         line = _line(ctx, item, known, swept)
         if line is None:
+            told = True  # what the loads are is no longer known
             continue
         before = {keys: values.get(keys, known[keys].value) for keys, _ in line.values}
-        if all(before[keys] == value for keys, value in line.values):
+        if not told and all(before[keys] == value for keys, value in line.values):
             what = "changes nothing: the loads are there already"
             ctx.errors.at(item, what, "give one of them another value, or remove the line")
         values |= dict(line.values)

@@ -71,6 +71,11 @@ def test_only_friction_may_hold_a_body_with_a_memory() -> None:
         ("{theta: 60 K, in: 8, name: hot}", "{thetta: 60 K}", "10:8: history.steps[0].thetta: is no load of this"),
         ("{theta: 60 K, in: 8, name: hot}", "{theta: 60 MPa}", "10:15: history.steps[0].theta: 'MPa' is not a unit"),
         ("{theta: 60 K, in: 8, name: hot}", "{theta: 60 K, in: 0}", "10:25: history.steps[0].in: must be"),
+        (
+            "{theta: 60 K, in: 8, name: hot}\n    - {theta: 5 K, boundary.top.pressure: 2 MPa}",
+            "{theta: 60 K, in: 0}\n    - {theta: 5 K}",
+            "10:25: history.steps[0].in: must be",
+        ),
         ("{theta: 60 K, in: 8, name: hot}", "{load: 2}", "9:3: history.steps: load is a factor of all"),
         ("{theta: 60 K, in: 8, name: hot}", "{E: 1 GPa}", "10:8: history.steps[0].E: is no load"),
         ("theta: 5 K}\nfriction", "theta: 5*x}\nfriction", "varies in space (5*x), but in a history it is one number"),

@@ -267,6 +267,7 @@ def test_the_file_the_text_and_the_picture(tmp_path: Path) -> None:
 REFUSED = {
     ("T [K],u", "T,u"): "the heading 'T' has no unit; write T [K]",
     ("u [um]", "u [K]"): "'K' is not a unit of a length",
+    ("0.5 um", "1 K"): "fit.noise.u_T_max: 'K' is not a unit of a length",
     ("0.5 um", "-1 um"): "fit.noise.u_T_max: must be above 0",
     ('"R [kN/m]"', '"Q [kN/m]"'): "the table has no column 'Q [kN/m]'",
     ('u_T_max: "u', 'u_Tmax: "u'): "'u_Tmax' is neither a result nor a parameter of the load; did you mean 'u_T_max'",
@@ -306,6 +307,8 @@ def test_what_cannot_be_fitted_is_refused(tmp_path: Path, change: tuple[str, str
     with pytest.raises(StudyError) as info:
         read_study_text(text, "heated.yaml", source=tmp_path / "heated.yaml")
     assert said in str(info.value)
+    places = [(problem.line, problem.column) for problem in info.value.problems]
+    assert len(set(places)) == len(places)
 
 
 def test_missing_parameters_hide_no_fault_of_the_data(tmp_path: Path) -> None:

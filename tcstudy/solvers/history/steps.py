@@ -174,8 +174,12 @@ class HistoryProblem:
 
     @property
     def follows_paths(self) -> bool:
-        """Whether steps are followed along their paths; parts of a step cannot heal, which a whole one does."""
-        return self.substeps is None and self.branch == "continued" and not self.memory.healing
+        """Whether steps are followed along their paths; parts of a step cannot heal, which a whole one does.
+
+        Without friction nothing is remembered, and no path has a scale.
+        """
+        alone = self.substeps is None and self.branch == "continued" and not self.memory.healing
+        return alone and not self.law.vanishes
 
     @cached_property
     def scaled(self) -> ScaledBody:
