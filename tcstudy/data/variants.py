@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tcstudy.data.files import write_dataset
 from tcstudy.data.provenance import Provenance, global_attributes
@@ -65,9 +64,13 @@ def write_variants(
                 with _opened(file) as own:
                     for name, array in values.items():
                         array[geometry_place(study, variant)] = own[name][...]
-                    _copy(own, nc.createGroup(f"geometry_{number}"))
+                    _define(own, nc.createGroup(f"geometry_{number}"))
         for name, array in values.items():
             new[name][0][...] = array
+        for number, file in enumerate(files):
+            if file is not None:
+                with _opened(file) as own:
+                    _fill(own, nc[f"geometry_{number}"])
 
     write_dataset(path, global_attributes(study, provenance) | {GEOMETRIES: len(files)}, make, KEPT)
     return counts[0]
@@ -121,26 +124,39 @@ def _opened(path: Path) -> Any:
 
 
 def _copy(source: netCDF4.Dataset, target: netCDF4.Dataset) -> None:
-    """All dimensions, attributes, variables and groups of a group; the dimension `point` of a root changes its name."""
-    rename = {POINT: OWN_POINT} if source.parent is None else {OWN_POINT: POINT}
-    _copy_into(source, target, rename)
+    """All that a group has."""
+    _define(source, target)
+    _fill(source, target)
 
 
-def _copy_into(source: netCDF4.Dataset, target: netCDF4.Dataset, rename: dict[str, str]) -> None:
+def _define(source: netCDF4.Dataset, target: netCDF4.Dataset) -> None:
+    """All dimensions, attributes, variables and groups of a group; the dimension `point` of a root changes its name.
+
+    Values come later: the first one written after a definition makes the library look through the whole file.
+    """
+    _define_into(source, target, {POINT: OWN_POINT} if source.parent is None else {OWN_POINT: POINT})
+
+
+def _define_into(source: netCDF4.Dataset, target: netCDF4.Dataset, rename: dict[str, str]) -> None:
     target.setncatts({name: source.getncattr(name) for name in source.ncattrs()})
     for name, size in ((name, dim.size) for name, dim in source.dimensions.items()):
         target.createDimension(rename.get(name, name), size)
     for name, old in source.variables.items():
-        values: NDArray[Any] = old[...]
         given = {key: old.getncattr(key) for key in old.ncattrs()}
         none = given.pop("_FillValue", False)
-        large = old.dtype is not str and values.nbytes > 2**16
+        large = old.dtype is not str and old.size * old.dtype.itemsize > 2**16
         storage: dict[str, Any] = (
             {"compression": "zlib", "complevel": 1, "shuffle": True, "fletcher32": True} if large else {}
         )
         dims = tuple(rename.get(dim, dim) for dim in old.dimensions)
-        new = target.createVariable(name, old.dtype, dims, fill_value=none, **storage)
-        new.setncatts(given)
-        new[...] = values
+        target.createVariable(name, old.dtype, dims, fill_value=none, **storage).setncatts(given)
     for name, group in source.groups.items():
-        _copy_into(group, target.createGroup(name), rename)
+        _define_into(group, target.createGroup(name), rename)
+
+
+def _fill(source: netCDF4.Dataset, target: netCDF4.Dataset) -> None:
+    """The values of all variables of a group that `_define` has made."""
+    for name, old in source.variables.items():
+        target[name][...] = old[...]
+    for name, group in source.groups.items():
+        _fill(group, target[name])
