@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from tcstudy.exact.fields import body_edges, edge_samples, kinks, sides
 from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.expressions.expression import Expression
+from tcstudy.scene.points import law_along
 from tcstudy.scene.records import Body, Clamped, Contact, Convection, Free, Scalar, Scene, Traction
 from tcstudy.scene.study import Exact
 from tcstudy.shapes.edges import INWARD, body_size, inside
@@ -117,7 +118,7 @@ class Checks:
     def scene(self, scene: Scene) -> Iterator[SolutionFault]:
         """What is wrong with a scene whose loads were derived; nothing new where scenes differ in heat only."""
         yield from self._values(scene)
-        key = (scene.material, scene.boundary, scene.one_law)
+        key = (scene.material, scene.boundary, scene.friction)
         if key in self._checked:
             return
         self._checked.add(key)
@@ -167,11 +168,12 @@ class Checks:
                 ("xi",), given - xi, stress, at, f"xi differs from -S_T of u by {{}} on {name}", remedy
             )
             xi = given
-        low, high = scene.one_law.interval(u_T, 1e-9 * largest)
+        b = law_along(scene.friction, (name,), np.zeros(len(u_T), dtype=np.intp), at.points)
+        low, high = b.interval(u_T, 1e-9 * largest)
         off = np.maximum(np.maximum(low - xi, xi - high), 0.0)
         worst = int(np.argmax(np.nan_to_num(off)))
         # stress is sampled INWARD of the edge, which alone leaves so much where there is no friction to compare with
-        slack = max(TOLERANCE * max(scene.one_law.b_scale, self._largest(xi, 0.0)), 10 * INWARD * stress)
+        slack = max(TOLERANCE * max(b.b_scale, self._largest(xi, 0.0)), 10 * INWARD * stress)
         if off[worst] > slack:
             law = f"[{low[worst]:.6g}, {high[worst]:.6g}]" if low[worst] < high[worst] else f"{low[worst]:.6g}"
             what = (

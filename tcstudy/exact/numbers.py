@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.norms import LineFunction, Triangles
 from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.scene.nodal_laws import Law, each
+from tcstudy.scene.points import law_along
 from tcstudy.scene.records import Body, Contact, Convection, Edge, Point, Scalar, Scene, Traction
 from tcstudy.scene.study import Exact, Goal
 from tcstudy.shapes.edges import Arc, body_size, edge_arc, edge_at, edge_distance, edge_length, edge_normal
@@ -83,9 +85,14 @@ def exact_slip_length(exact: Exact, scene: Scene) -> float:
         points = edge_at(edge, places)
         n = _outward(scene.body, edge, points)
         u_T = _at(exact.u[1], *points.T) * n[:, 0] - _at(exact.u[0], *points.T) * n[:, 1]
-        return ~_at_up_jump(scene.one_law, u_T, STICKS * size)
+        return ~np.asarray(each(_law(scene, edge, points), lambda law, s: _at_up_jump(law, s, STICKS * size), u_T))
 
     return sum(edge_length(edge) * _share(lambda places, edge=edge: slips(edge, places)) for edge in edges)  # type: ignore[misc]
+
+
+def _law(scene: Scene, edge: Edge, points: Array) -> Law:
+    """The law at points of a contact edge."""
+    return law_along(scene.friction, (edge.name,), np.zeros(len(points), dtype=np.intp), points)
 
 
 def _at_up_jump(law: FrictionLaw, u_T: Array, rounding: float) -> NDArray[np.bool_]:
@@ -186,7 +193,7 @@ def _on_edge(exact: Exact, scene: Scene, edge: Edge) -> float:
     n = _outward(scene.body, edge, points)
     ux, uy = (_at(component, x, y) for component in exact.u)
     if isinstance(role, Contact):
-        return float(weights @ scene.one_law.j(uy * n[:, 0] - ux * n[:, 1]))
+        return float(weights @ _law(scene, edge, points).j(uy * n[:, 0] - ux * n[:, 1]))
     work = _at(role.g[0], x, y) * ux + _at(role.g[1], x, y) * uy
     work -= _at(role.pressure, x, y) * (ux * n[:, 0] + uy * n[:, 1])
     return -float(weights @ work)

@@ -17,7 +17,8 @@ from tcstudy.data.writer import axis_places
 from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.nodal_laws import Law, nodal
+from tcstudy.scene.nodal_laws import Law
+from tcstudy.scene.points import law_along
 from tcstudy.scene.records import Clamped, Convection, EdgeLaws, Role, Scene, Traction, resultant
 from tcstudy.scene.study import Study
 
@@ -65,12 +66,9 @@ def scene_at(study: Study, index: Sequence[int]) -> Scene:
 
 def law_of_nodes(friction: FrictionLaw | EdgeLaws, group: Any) -> Law:
     """The law of the contact line of a stored level, or of its nodes."""
-    if isinstance(friction, FrictionLaw):
-        return friction
-    xy = np.stack([group["x"].values, group["y"].values], axis=1)
     names = str(group["edge"].attrs.get("flag_meanings", "")).split()
-    index, strength = friction.along(names, group["edge"].values, xy)
-    return nodal([law for _, law, _ in friction.laws], index, strength)
+    xy = np.stack([group["x"].values, group["y"].values], axis=1)
+    return law_along(friction, names, group["edge"].values, xy)
 
 
 def at_rest(study: Study | None) -> bool:

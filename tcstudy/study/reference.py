@@ -32,6 +32,7 @@ from tcstudy.accuracy.transfer import (
 )
 from tcstudy.exact.numbers import exact_u_T, exact_xi
 from tcstudy.expressions.derivative import value_and_gradient
+from tcstudy.scene.points import law_along
 from tcstudy.scene.records import Scalar, Scene
 from tcstudy.scene.study import Exact
 from tcstudy.study.solved_levels import Solution, SolvedLevel
@@ -98,7 +99,9 @@ class ExactReference:
 
     def inclusion(self, scene: Scene) -> float:
         """max dist(ξ, b̂(u_T)) over the finest contact nodes, over the scale of b: whether the solution is one."""
-        line, law = self._levels[-1].line, scene.one_law
+        line, names = self._levels[-1].line, self._levels[-1].edges
+        own, edge = np.unique(names, return_inverse=True)
+        law = law_along(scene.friction, own.tolist(), edge, line.points[line.nodes])
         slip, xi = line.at_nodes(exact_u_T(self._exact)), line.at_nodes(self.xi(scene))
         low, high = law.interval(slip, 1e-9 * _largest(slip))
         worst = float(np.max(np.maximum(low - xi, xi - high), initial=0.0))

@@ -147,3 +147,33 @@ def test_faults_are_one_line(friction: str, more: str, said: str) -> None:
         read_study_text(one_point(friction, more))
     assert len(caught.value.problems) == 1
     assert said in str(caught.value)
+
+
+CHOSEN = """
+units: none
+body: {outline: [{from: [0, 0], edge: film}, {from: [0.5, 0], edge: shoe}, {from: [1, 0], edge: right},
+  {from: [1, 1], edge: top}, {from: [0, 1], edge: left}]}
+boundary: {film: contact, shoe: contact, top: clamped, left: {role: traction}, right: {role: traction}}
+material: {lambda: 1.5, mu: 1}
+friction:
+  film: {law: slip-weakening, tau_s: 1, tau_k: 0.4, delta: 1}
+  shoe: {law: tresca, tau: 2, strength: "0.41 - 0.06*sin(pi*x)"}
+mesh: {maxh: 0.25, levels: 5}
+exact: {u: ["y + (1 - 0.6*y)*(0.3 + 0.2*sin(pi*x))", "0.1*y*cos(pi*x)"], loads: derived}
+"""
+
+
+def test_a_chosen_solution_of_two_laws_is_met_at_the_orders_of_theory(tmp_path: Path) -> None:
+    """ξ = 1 − 0.6 u_T on all of Γ_C: a falling law on the film, a strength that varies along the shoe."""
+    data = tcstudy.converge(read_study_text(CHOSEN), tmp_path / "out.nc").to_dataset()
+    assert np.all(data["status"] == 1)
+    for name, order in (("u_energy", 1.0), ("u_L2", 2.0), ("u_T_L2", 2.0), ("xi_L2", 1.0)):
+        assert float(data[f"slope_{name}"]) == pytest.approx(order, abs=0.15), name
+    mean = 0.3 + 0.2 * 2.0 / np.pi
+    assert float(data["exact_friction_resultant"]) == pytest.approx(1.0 - 0.6 * mean, rel=1e-9)
+    assert float(data["exact_slip_length"]) == pytest.approx(1.0)
+    assert float(data["limit_friction_resultant"]) == pytest.approx(1.0 - 0.6 * mean, rel=1e-4)
+    before, last = abs(data["value_energy"].values - float(data["exact_energy"]))[-2:]
+    assert 1.8 < before / last < 2.1  # the nodes' quadrature of a strength that varies
+    with pytest.raises(StudyError, match=r"the friction law does not hold on shoe: .* but b\(u_T\) is 1;"):
+        read_study_text(CHOSEN.replace("0.41 - 0.06*sin(pi*x)", "0.5"))
