@@ -44,6 +44,8 @@ ESTIMATED = 0.01
 BLIND = 1e-10
 """Column of the Jacobian by ln p, of the largest, below which the data do not depend on a number."""
 LAW_PLACES = 400
+DRAWN = 1e-4
+"""Error of straight pieces in the place of exponential ones that nobody sees in a picture of the curve."""
 
 
 def fit(study: Study, progress: Progress | None = None) -> FitRecord:
@@ -64,7 +66,7 @@ def fit(study: Study, progress: Progress | None = None) -> FitRecord:
     minima = different([one.minimum for one in fits], box)
     best = minima[0]
     smooth = next(one for one in fits if one.minimum is best)
-    found = model.compared(best.p)
+    found = replace(model, law_error=DRAWN).compared(best.p)
     if found.early:
         raise FitError(f"the path that fits best ends early: {found.early}")
     asked = (smooth.prior, smooth.numbers) if plan.smooth else (None, None)

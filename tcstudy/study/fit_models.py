@@ -34,8 +34,6 @@ from tcstudy.study.path_affine import affine_load, straightened
 Array = NDArray[np.float64]
 WHOLE = (PathStatus.RANGE_END, PathStatus.UNBOUNDED, PathStatus.CLOSED_LOOP)
 """Ends of a path at which there is nothing more to follow."""
-LAW_ERROR = 1e-3
-"""Of the straight pieces beside which the curve of a law with exponential pieces is sought."""
 SCALARS = ("friction_resultant", "u_T_max", "theta_mean")
 
 
@@ -65,6 +63,7 @@ class FitModel:
 
     noise:  (n,) of the measured columns one after the other, then of marks; given_noise: of the parameter of a path
     solves: contact problems solved, or paths followed, so far
+    law_error: of the straight pieces beside which the curve of a law with exponential pieces is sought
     """
 
     plan: FitPlan
@@ -73,6 +72,7 @@ class FitModel:
     given_noise: float
     tolerance: float | None = None
     solves: int = 0
+    law_error: float = 1e-3
 
     def scene(self, p: Array) -> Scene:
         """The scene with these numbers."""
@@ -209,7 +209,7 @@ class FitModel:
             load = affine_load(self.level, lambda t: path_scene(scene, column.path, t), low, high, column.name)
         except PathError as error:
             raise FitError(str(error)) from error
-        problem = straightened(self.level, scene, load.problem, LAW_ERROR, (low - reach, high + reach))
+        problem = straightened(self.level, scene, load.problem, self.law_error, (low - reach, high + reach))
         start = solve_contact(problem.at(0.0), tolerance=self.tolerance, branch="from-zero")
         self.solves += 1
         if start.status != Status.CONVERGED:

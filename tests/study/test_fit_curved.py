@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tcstudy.study import fit_models
 from tcstudy.study.fit import fit
 from tests.study.test_fit import LENGTH, Array, D, model, study_of
 
@@ -31,7 +31,7 @@ def pulled(n: int) -> Array:
     return np.stack([-DELTA * np.log(y), np.sqrt(2.0 * D * A * DELTA * (E - y))], axis=1)
 
 
-def test_distances_to_a_curve_change_as_differences_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_distances_to_a_curve_change_as_differences_say(tmp_path: Path) -> None:
     """By a, delta and E, with the fold as one datum, and whatever straight pieces the path was followed on."""
     data = pulled(16) * (1.0 + 0.01 * np.random.default_rng(5).normal(size=(16, 2)))
     more = {"    friction.delta": "    E: {start: 42 GPa, within: [30 GPa, 60 GPa]}\n    friction.delta"}
@@ -47,8 +47,7 @@ def test_distances_to_a_curve_change_as_differences_say(tmp_path: Path, monkeypa
     for j in range(3):
         apart = (4.0 * difference(j, 1e-4) - difference(j, 2e-4)) / 3.0
         np.testing.assert_allclose(here.jacobian[:, j], apart, rtol=0.0, atol=1e-8 * np.max(np.abs(apart)))
-    monkeypatch.setattr(fit_models, "LAW_ERROR", 1e-4)
-    finer = follow.compared(p)
+    finer = replace(follow, law_error=1e-4).compared(p)
     assert finer.residual == pytest.approx(here.residual, rel=1e-9, abs=1e-9)
     size = np.max(np.abs(here.jacobian), axis=0)
     assert finer.jacobian / size == pytest.approx(here.jacobian / size, rel=1e-9, abs=1e-9)
