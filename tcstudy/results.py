@@ -77,7 +77,7 @@ def report(file: str | FilePath, target: str | FilePath | None = None, *, withou
 
     without: parts to leave out: "levels", "live", "body", "memory", "lines". Raises StoreError, PageError, UsageError.
     """
-    from tcstudy.reports.page import LEAVE_OUT, write_page
+    from tcstudy.reports.page.write import LEAVE_OUT, write_page
 
     if unknown := [part for part in without if part not in LEAVE_OUT]:
         raise UsageError(f"without: there is no part {unknown[0]!r}; choose of {', '.join(LEAVE_OUT)}")

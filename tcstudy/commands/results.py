@@ -90,7 +90,7 @@ def draw(options: argparse.Namespace) -> int:
 
 def report(options: argparse.Namespace) -> int:
     """Make one HTML page of a file of any kind."""
-    from tcstudy.reports.page import LEAVE_OUT, write_page
+    from tcstudy.reports.page.write import LEAVE_OUT, write_page
 
     if unknown := [part for part in options.without if part not in LEAVE_OUT]:
         fail(f"--without: there is no part {unknown[0]!r}; choose of {', '.join(LEAVE_OUT)}")

@@ -4,7 +4,3 @@
 shows, `container` packs it, `write` puts it together with the scripts in `assets`. What a node does, what a
 cycle changes and what speaks against a fit stand in the data: the scripts draw and have no rules of their own.
 """
-
-from tcstudy.reports.page.write import LEAVE_OUT, PageError, write_page
-
-__all__ = ["LEAVE_OUT", "PageError", "write_page"]

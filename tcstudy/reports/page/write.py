@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tcstudy.data.files import replace_file
 from tcstudy.data.reading import reading
-from tcstudy.errors import PageError, StoreError
+from tcstudy.errors import PageError
 from tcstudy.reports.page.container import Container, Json, size_of
 from tcstudy.reports.page.history_part import history_content
 from tcstudy.reports.page.law_part import law_part
@@ -191,6 +191,3 @@ def _home(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
         "sources": [line.tolist() for line in sources(stored.study)],
         "body": None if body is None else body_part(stored, body, box),
     }
-
-
-__all__ = ["LEAVE_OUT", "PageError", "StoreError", "Written", "page", "write_page"]

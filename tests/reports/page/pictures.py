@@ -9,7 +9,7 @@ from PIL import Image
 
 from tcstudy.cli import main as tcstudy
 from tcstudy.read.study import read_study
-from tcstudy.reports.page import write_page
+from tcstudy.reports.page.write import write_page
 from tcstudy.study.run import execute
 from tests.reports.page.browser import Browser
 

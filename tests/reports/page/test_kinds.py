@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tcstudy.reports.page import write, write_page
+from tcstudy.reports.page import write
 from tcstudy.reports.page.stored import read
+from tcstudy.reports.page.write import write_page
 from tcstudy.reports.terminal.fit import prediction_error
 from tcstudy.reports.terminal.path_summary import STATES
 from tcstudy.scene.contact_states import ContactState

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tcstudy.reports.page import write_page
+from tcstudy.reports.page.write import write_page
 from tests.reports.page.browser import Browser, fragment, missing, text_of
 
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(bool(missing()), reason=missing())]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tcstudy.reports.page import write_page
+from tcstudy.reports.page.write import write_page
 from tcstudy.reports.stored_study import file_order
 from tcstudy.solvers.loop import iterate
 from tcstudy.solvers.separable.newton import SeparableNewton

@@ -7,7 +7,9 @@ import pytest
 import xarray as xr
 
 from tcstudy.data.files import StoreError
-from tcstudy.reports.page import PageError, write, write_page
+from tcstudy.errors import PageError
+from tcstudy.reports.page import write
+from tcstudy.reports.page.write import write_page
 from tests.reports.page.unpacked import data_of
 
 

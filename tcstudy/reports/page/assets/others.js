@@ -41,7 +41,7 @@ TC.others = {
     for (const e of ends) plot.text(plot.right + 6, e.y + 4, e.text, { style: `fill:${e.look.stroke}` });
     return plot.svg;
   },
-  cost(host, c, inside) {
+  cost(host, c) {
     const s = TC.state, chart = c.charts.find((o) => o.name === s.error) || c.charts.find((o) => o.name === "u_energy") || c.charts[0];
     if (!chart) { TC.fill(host, TC.el("p", { class: "note" }, "Nothing was measured.")); return; }
     const rows = chart.rows.filter((r) => r.error > 0 && r.time > 0), width = TC.width(host), keys = [...new Set(rows.map((r) => `${r.family}, ${r.solver}`))], families = [...new Set(rows.map((r) => r.family))], solvers = [...new Set(rows.map((r) => r.solver))];
@@ -68,7 +68,6 @@ TC.others = {
       TC.el("div", { class: "columns" }, TC.el("div", { class: "panel" }, TC.el("h3", {}, "Error against wall time"), draw((r) => r.time, "wall time [s]", half)), TC.el("div", { class: "panel" }, TC.el("h3", {}, "Error against unknowns"), draw((r) => r.n_dof, "displacement unknowns", half))), key,
       TC.el("ul", {}, chart.advice.map((a) => TC.el("li", {}, a))), TC.el("p", { class: "note" }, `Reference: ${c.reference}. ${c.point ? `Point: ${c.point}.` : ""}`), c.notes.map((n) => TC.el("p", { class: "note" }, n)),
       TC.el("button", { class: "noprint", onclick: () => TC.save("cost.csv", TC.CSV(cols.map((k) => k.title), t.order.map((r) => cols.map((k) => k.get(r))))) }, "Download as CSV"), TC.el("div", { class: "scroll" }, t.node));
-    void inside;
   },
   ERRORS: { theta_L2: "θ in L²", theta_H1: "θ in H¹", u_energy: "u in energy", u_H1: "u in H¹", u_L2: "u in L²", u_T_L2: "u_T in L²", u_T_max: "u_T in maximum", xi_L2: "ξ in L²", xi_nodes: "ξ at nodes", xi_max: "ξ in maximum", energy: "energy", friction_resultant: "∫ξ" },
   RESPONSES: [["mean_slip", "mean slip", "slip"], ["max_slip", "largest |slip|", "slip"], ["friction", "friction resultant ∫ξ", "friction"], ["energy", "energy", "energy"]],

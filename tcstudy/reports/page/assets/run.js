@@ -282,7 +282,7 @@ TC.run = {
     out.push(TC.el("h3", {}, "What would be better"), TC.el("ul", {}, TC.run.advice(p).map((t) => TC.el("li", {}, t))));
     TC.fill(host, out);
     if (TC.data.convergence) { const box = TC.el("div"); host.append(TC.el("h3", {}, "Measured convergence (tcstudy converge)"), box); TC.others.convergence(box, TC.data.convergence, true); }
-    if (TC.data.cost) { const box = TC.el("div"); host.append(TC.el("h3", {}, "Accuracy against cost (tcstudy cost)"), box); TC.others.cost(box, TC.data.cost, true); }
+    if (TC.data.cost) { const box = TC.el("div"); host.append(TC.el("h3", {}, "Accuracy against cost (tcstudy cost)"), box); TC.others.cost(box, TC.data.cost); }
   },
   ROUNDING: 1e-12, // relative changes below it are none
   CONVERGED: ["u_T_max", "slip_length", "friction_resultant", "energy", "error_estimate"],
