@@ -77,14 +77,16 @@ def _named(study: Study, index: tuple[int, ...]) -> str:
 def _say(options: argparse.Namespace, output: Path, points: int, failed: int, found: str) -> int:
     """The summary of a run, where its data are and what could be asked next."""
     again = shlex.join(["tcstudy", "cost", str(options.study), *(f"--set={text}" for text in options.overrides)])
+    onward = "" if options.read.variants else f"\n  what accuracy costs here: {again} --plot cost.png"
+    if (design := options.read.design) is not None and design.mode == "saltelli":
+        onward = f"\n  which parameter decides: {shlex.join(['tcstudy', 'sensitivity', str(output)])}"
 
     def text() -> str:
         from tcstudy.reports.terminal.summary import MOST_ROWS, summary
 
         return (
             f"{summary(output, None if options.verbose else MOST_ROWS)}\n\n"
-            f"  {points - failed} of {points} solutions {found}; data in {output}"
-            + ("" if options.read.variants else f"\n  what accuracy costs here: {again} --plot cost.png")
+            f"  {points - failed} of {points} solutions {found}; data in {output}" + onward
         )
 
     say(options, output, text)

@@ -69,6 +69,14 @@ def test_points_of_a_list_are_joined_only_where_they_follow_one_another(listed: 
     assert alone.get_linestyle() == "None"  # two points share one α
 
 
+def test_drawn_points_are_not_joined(grid: Path) -> None:
+    picture = swept(grid, "alpha")
+    drawn = replace(picture, parameters=tuple(replace(one, drawn=True) for one in picture.parameters))
+    for one, style_of_line in ((picture, "-"), (drawn, "None")):
+        with style.styled():
+            assert curves_figure(one, style.Look()).axes[0].lines[0].get_linestyle() == style_of_line
+
+
 @pytest.mark.parametrize("look", [style.Look(), SMALL, replace(SMALL, title="A longer heading, wrapped where it ends")])
 def test_no_text_overlaps_another(grid: Path, look: style.Look) -> None:
     with style.styled(look):

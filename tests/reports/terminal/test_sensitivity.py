@@ -80,6 +80,7 @@ def test_the_example(tmp_path: Path) -> None:
     ran = tcstudy_command("run", CONFIGS / "random_adhesive.yaml", *words)
     assert ran.returncode == 0, ran.stderr
     assert "160 of 160 solved" in ran.stdout
+    assert "tcstudy sensitivity" in tcstudy_command("run", CONFIGS / "random_adhesive.yaml", *words[:-1]).stdout
     said = tcstudy_command("sensitivity", tmp_path / "pad.nc", "--of", "friction_resultant", "--json")
     found = json.loads(said.stdout)
     side = {name: index["value"] for name, index in found["tables"][0]["total"].items()}
