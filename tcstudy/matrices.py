@@ -156,7 +156,9 @@ def follow(
     t lies outside the range.
     """
     start = v.v if isinstance(v, Answer) else _vector("v", v, problem.m)
-    along = ParametricProblem(problem.A_tilde, problem.l_tilde, _vector("l_1", l_1, problem.m), problem.c, problem.law)
+    load, per_t = problem.l_tilde, _vector("l_1", l_1, problem.m)
+    span = t_min if np.isfinite(t_min) else t, t_max if np.isfinite(t_max) else t + 1.0
+    along = ParametricProblem(problem.A_tilde, load, per_t, problem.c, problem.law, span)
     _one_of("direction", direction, ("both", "forward", "backward"))
     try:
         return Follower(t_min=t_min, t_max=t_max, max_pieces=max_pieces).follow(along, start, t, direction)

@@ -92,12 +92,18 @@ class ContactProblem:
 
         √m ε max_i ((|l̃| + |Ã||v|)_i/c_i + |b′(v_i) v_i|) / (scale of b), the slope of b only off its kinks.
         """
-        if self.m == 0 or self.traction_scale == 0.0:
-            return 0.0
-        size = (np.abs(self.l_tilde) + np.abs(self.A_tilde) @ np.abs(v)) / self.c
+        return self.rounding(v) / self.traction_scale if self.traction_scale > 0.0 else 0.0
+
+    def rounding(self, v: Array, load: Array | None = None) -> float:
+        """The same before it is divided by the scale of b [Pa].
+
+        load: (m,) sizes of what l̃ is summed from, |l̃| without [N/m]
+        """
+        load = np.abs(self.l_tilde) if load is None else load
+        size = (load + np.abs(self.A_tilde) @ np.abs(v)) / self.c
         slope = np.abs(self.law.slope(v, self.law.piece(v)) * v)
         size += np.where(self.law.on_kink(v), 0.0, slope)
-        return float(np.sqrt(self.m) * np.finfo(float).eps * np.max(size)) / self.traction_scale
+        return float(np.sqrt(self.m) * np.finfo(float).eps * np.max(size, initial=0.0))
 
     def distance(self, v: Array, tolerance: float = 0.0, xi: Array | None = None) -> Array:
         """(m,) dist(ξ_i/c_i, b̂(v_i)) [Pa]; nodes within `tolerance` of a kink are tested on the filled interval."""

@@ -78,7 +78,7 @@ def affine_load(level: Level, scene_of: Callable[[float], Scene], begin: float, 
             "is no piecewise-linear path along it; use a sweep"
         )
     first = solved[0].problem
-    problem = ParametricProblem(first.A_tilde, l_0, l_1, first.c, first.law)
+    problem = ParametricProblem(first.A_tilde, l_0, l_1, first.c, first.law, (begin, end))
     return AffineLoad(problem, off / size, begin, length, _quadratic([c.constant for c in solved]))
 
 

@@ -185,7 +185,7 @@ def _loop(setting: _Setting, v: Array) -> Values:
     """The loop between begin and end; with a falling range it is driven in −t."""
     plan, problem = setting.plan, setting.straight
     sign = 1.0 if plan.begin < plan.end else -1.0
-    driven = problem if sign > 0.0 else replace(problem, l_1=-problem.l_1)
+    driven = problem if sign > 0.0 else replace(problem, l_1=-problem.l_1, span=(-plan.begin, -plan.end))
     follower = Follower(max_pieces=plan.max_pieces, tolerance=setting.tolerance)
     return _loop_record(setting, hysteresis(driven, v, sign * plan.begin, sign * plan.end, follower=follower), sign)
 

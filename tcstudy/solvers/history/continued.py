@@ -93,7 +93,7 @@ class _Step:
         """The path from the state, as far as it is stable and nobody turns back; None without one."""
         problem, state = self._parametric(), self.now.state
         try:
-            units = units_of(problem, self.t)
+            units = units_of(problem)
             walk = locate(problem, units, self._w(state), self.t, self.ways, self.tableau)
         except ValueError as error:
             self.reason = str(error).partition("; ")[0]

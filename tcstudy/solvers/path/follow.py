@@ -18,6 +18,7 @@ except the one that keeps tied nodes together.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -83,7 +84,7 @@ class Follower:
             raise ValueError(f"the start t = {t:g} lies outside the range [{self.t_min:g}, {self.t_max:g}]")
         if not np.any(problem.l_1):
             raise ValueError("l_1 is zero: the load does not depend on t, so there is no path to follow")
-        units = units_of(problem, t)
+        units = units_of(problem)
         walk = locate(problem, units, np.asarray(v, dtype=float), t)
         try:
             ways = rays(walk)
@@ -129,7 +130,6 @@ BLURRED = 3e-14
 
 AIM = 0.1
 """Part of the tolerance that is worked for with fresh factorisations, as far as rounding lets it be reached."""
-
 
 BACKWARD = 1e-12
 """A node that moves back more slowly than this part of the fastest one does not turn."""
@@ -210,6 +210,9 @@ class Run:
             if np.isfinite(step):
                 walk.x += step * walk.dx
                 walk.t = self._end_t(status, walk.t + step * walk.dt)
+                if self.every == 1 and status == PathStatus.RANGE_END:
+                    with suppress(SingularCellError):
+                        walk.refine(None)
                 record.stable.append(walk.stable)
                 self._store()
             return status
@@ -224,7 +227,7 @@ class Run:
             return PathStatus.SINGULAR
         for node, code in zip(at, before, strict=True):
             record.changed(node, code, walk.codes.item(node))
-        if len(at) > 1:
+        if len(at) > 1 or self.every == 1:
             self._settle()
         self.trail.append(self._here())
         return self._entered()
@@ -258,8 +261,6 @@ class Run:
     def _at_start(self) -> bool:
         gap = np.abs(self.walk.x - self.start_x)
         return bool(np.all(gap <= self.walk.tie * (np.abs(self.walk.u) + self.units.slip) * self.walk.own))
-
-    # -- accuracy ----------------------------------------------------------------------------------
 
     def _here(self) -> Checkpoint:
         walk = self.walk
@@ -296,10 +297,11 @@ class Run:
 
     def _noise(self, vertex: int) -> float:
         """What rounding allows of the residual at a vertex."""
-        return self.problem.at(self.record.t[vertex]).xi_rounding(self.record.u[vertex])
+        return self.problem.xi_rounding(self.record.t[vertex], self.record.u[vertex])
 
     def _settle(self) -> None:
-        """Balance the point again after tied nodes were put on their bounds, and store it as the vertex.
+        """Balance the point again and store it as the vertex: after tied nodes were put on their bounds, and where a
+        long piece has brought the rounding of its larger loads along.
 
         A node that only bends there may move off its bound by rounding; one at a jump stays on it.
         """

@@ -36,6 +36,7 @@ class ParametricProblem:
     l_1:     (m,) load per unit of t [N/m per unit of t], not zero
     c:       (m,) segment lengths > 0 [m]
     law:     friction law b [Pa] of the slip [m], or the laws of the nodes (scene/nodal_laws.py)
+    span:    two values of t whose loads are the scale of residuals where the law has none
 
     t is anything the load is affine in: a load factor, θ̄, the strength of a source, the share of a load step.
     """
@@ -45,11 +46,21 @@ class ParametricProblem:
     l_1: Array
     c: Array
     law: Law
+    span: tuple[float, float] = (0.0, 1.0)
 
     @property
     def m(self) -> int:
         """Number of contact unknowns."""
         return len(self.c)
+
+    @cached_property
+    def traction_scale(self) -> float:
+        """Scale of b for the whole path, that of the problems at both ends of `span` [Pa]."""
+        return max(self.at(t).traction_scale for t in self.span) or float(np.max(np.abs(self.l_1 / self.c)))
+
+    def xi_rounding(self, t: float, v: Array) -> float:
+        """What rounding of v, t, l̃₀ and l̃₁ does to a residual relative to `traction_scale` (ContactProblem)."""
+        return self.at(t).rounding(v, np.abs(self.l_0) + abs(t) * np.abs(self.l_1)) / self.traction_scale
 
     def load(self, t: float) -> Array:
         """l̃(t) (m,)."""

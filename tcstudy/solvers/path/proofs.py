@@ -68,11 +68,10 @@ def _middles(path: Path, low: Lowest, acceptance: Acceptance) -> tuple[States, F
     v = path.u[k] + share[:, None] * (path.u[k + 1] - path.u[k])
     traction = (p.l_0 + t[:, None] * p.l_1 - v @ p.A_tilde) / p.c
     zeta = np.clip(traction, *(side.T for side in each(p.law, FrictionLaw.interval, v.T)))
-    scale = p.at(float(t[0])).traction_scale
-    residual = np.max(np.abs(traction - zeta), axis=1) / (scale if scale > 0.0 else 1.0)
+    residual = np.max(np.abs(traction - zeta), axis=1) / p.traction_scale
     solved = residual <= acceptance.aim
     for i in np.flatnonzero(~solved):
-        solved[i] = acceptance.accepts(float(residual[i]), p.at(float(t[i])).xi_rounding(v[i]))
+        solved[i] = acceptance.accepts(float(residual[i]), p.xi_rounding(float(t[i]), v[i]))
     return States(p, t, v, zeta, path.codes[k]), solved
 
 

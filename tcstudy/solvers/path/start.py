@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.path.dense import SingularCellError
 from tcstudy.solvers.path.problem import ParametricProblem
 from tcstudy.solvers.path.tableau import Tableau
@@ -25,7 +26,8 @@ REMEMBERED = 1e-10
 """Where a node is said to go on from where two pieces meet it stands there, as exactly as a solution is accepted."""
 
 NEAR = 1e-8
-"""A given solution may miss the exact one by this much, relative to slip and traction; it is corrected."""
+"""A given solution may miss the exact one by this much, relative to slip and traction, or by what rounding of its
+residual allows if that is more; it is corrected."""
 
 
 class NoSolutionError(ValueError):
@@ -66,7 +68,8 @@ def locate(
         codes = np.where(outside, after, codes).astype(np.int32)
     u = walk.u
     moved = np.max(np.abs(u - v) / (np.abs(u) + units.slip), initial=0.0)
-    if not (moved <= 1e3 * NEAR and walk.residual() <= NEAR) or np.any(outside):
+    near = max(NEAR, Acceptance().limit(problem.xi_rounding(t, v)))
+    if not (moved <= 1e3 * NEAR and walk.residual() <= near) or np.any(outside):
         raise NoSolutionError(
             f"the start is no solution at t = {t:g}: inclusion residual {problem.at(t).inclusion_residual(v):.1e}; "
             "solve the problem at this t first and start from its answer"

@@ -76,12 +76,9 @@ class Units:
         return max(TIE, min(BLURS * self.body.blur, LARGEST_TIE))
 
 
-def units_of(problem: ParametricProblem, t: float) -> Units:
+def units_of(problem: ParametricProblem) -> Units:
     """Scales that make every tolerance below relative; raises ValueError if Ã is not positive definite."""
-    body, diagonal = problem.body, np.diagonal(problem.A_tilde)
-    traction = problem.at(t).traction_scale
-    if traction == 0.0:
-        traction = float(np.max(np.abs(problem.l_1 / problem.c)))
+    body, diagonal, traction = problem.body, np.diagonal(problem.A_tilde), problem.traction_scale
     stiffness, slip = body.stiffness, traction * problem.c / diagonal
     return Units(body, problem.l_1 / stiffness, diagonal / stiffness, problem.c / stiffness, traction, slip)
 

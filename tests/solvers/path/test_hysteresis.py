@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tcstudy.scene import laws
 from tcstudy.scene.nodal_laws import nodal
+from tcstudy.solvers.path.follow import ParametricProblem
 from tcstudy.solvers.path.hysteresis import hysteresis
 from tests.solvers import contact_cases as cases
 from tests.solvers.path.cases import a_solution, one_node, random_path_problem, softening_line
@@ -64,3 +66,26 @@ def test_every_fall_leads_elsewhere_beside_nodes_whose_bond_is_all_but_gone(seed
     assert loop.complete
     size = max(float(np.max(np.abs(branch.u))) for branch in loop.branches)
     assert all(np.max(np.abs(jump.v_to - jump.v_from)) > 1e-6 * size for jump in loop.jumps)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e6])
+@pytest.mark.parametrize("law", ["none", "weak", "spring", "patch"])
+def test_loops_close_where_friction_is_nothing_against_the_load(law: str, unit: float) -> None:
+    """Loads of 1e6 beside friction of 1, 0 or none but that of a spring; t in any unit; slips by one linear solve."""
+    for seed in range(6):
+        rng = np.random.default_rng([seed, 5])
+        A, c = cases.random_stiffness(rng, 12)
+        l_1 = 1e6 * c * rng.normal(size=12)
+        shape = {"none": laws.linear(0.0), "spring": cases.spring(3.0)}.get(law, laws.tresca(1.0))
+        nodes = nodal([shape], np.zeros(12, dtype=int), (rng.random(12) < 0.4).astype(float))
+        problem = ParametricProblem(A, np.zeros(12), l_1 / unit, c, nodes if law == "patch" else shape, (0.0, unit))
+        loop = hysteresis(problem, np.zeros(12), 0.0, unit)
+        assert loop.complete, loop.reason
+        assert loop.closed
+        assert not loop.jumps
+        assert loop.lost == 0.0
+        slope = 3.0 if law == "spring" else 0.0
+        v = np.linalg.solve(A + np.diag(c * slope), l_1)
+        assert np.max(np.abs(loop.branches[0].u[-1] - v)) <= 1e-4 * np.max(np.abs(v))
+        if law in ("none", "spring"):
+            assert np.max(np.abs(loop.branches[0].u[-1] - v)) <= 1e-11 * np.max(np.abs(v))
