@@ -239,7 +239,7 @@ FEATURES: tuple[tuple[str, Callable[[Node, Sequence[Scene]], bool], dict[str, Wh
     (
         "an edge rests on springs",
         lambda _, scenes: any(scene.springs for scene in distinct(scenes, "boundary")),
-        OF_BODY,
+        {name: why for name, why in OF_BODY.items() if name != "goals"},
     ),
     (
         "an edge has heat of its own",

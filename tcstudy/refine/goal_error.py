@@ -28,7 +28,7 @@ Crossing:   where contributions of different order cancel, J(u) − J(u_h) chang
             more, and takes at least a third of what that level's error has become at the rate 1/N. So the estimate
             does not follow the error down to zero; its ratio to the error is then large and means nothing
 Shares:     ‖u_{h/2} − u_h‖_K ‖z − I_h z‖_K + |a_K(lift of u_D − u_h, z)| + lumping + heat, with the dual solution z on
-            the finer mesh (goals.py), and for ∫ξ held ends and tears: unsigned, for marking only
+            the finer mesh (goals.py), and for ∫ξ held ends and tears: unsigned, without springs, for marking only
 Why not the dual weighted residual itself: products of recovered gradients gave 0.05 to 26 times the true error.
             Recovery is not superconvergent on bisected meshes, and where displacements are given beside Γ_C their
             interpolation carried most of the error of ∫ξ, weighted with the recovered stress of a dual solution that
@@ -193,7 +193,7 @@ def _parts(
     """
     fine, line, material = halved.level, halved.coarse.line, scene.material
     z = fine.extension(scene, z_T)
-    parts = contributions(goal, halved, material, (condensed[0].problem, condensed[1].problem), v, u, z)
+    parts = contributions(goal, halved, scene, (condensed[0].problem, condensed[1].problem), v, u, z)
     e = u[1] - u[0]
     rest = own_strain(halved.triangles, z - halved.interpolated(z))
     shares = np.sqrt(_energy(halved, own_strain(halved.triangles, e), material) * _energy(halved, rest, material))

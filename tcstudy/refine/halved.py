@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.transfer import prolongation
 from tcstudy.fem.estimators import own_strain
+from tcstudy.fem.forms import Springs
 from tcstudy.fem.meshes import PlaneMesh, refine_uniformly
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
@@ -56,6 +57,7 @@ class Halved:
         self.triangles = ElementGeometry(fine)
         self._prolong = prolongation(mesh.points, fine.points, fine.triangles)
         self.parent = _parents(mesh, fine, self._prolong.matrix)
+        self._springs: tuple[Springs, sp.csr_array] = (), sp.csr_array((0, 0))
         self._heat: dict[tuple[tuple[float, ...], float], scipy.sparse.linalg.SuperLU] = {}
 
     @cached_property
@@ -111,6 +113,12 @@ class Halved:
         at_new = np.bincount(self.level.line.segments.max(axis=1), values, minlength=self.level.mesh.n_points)
         return np.asarray(at_new[self.middles])
 
+    def springs(self, scene: Scene) -> sp.csr_array:
+        """(2n_f, 2n_f) the springs of the edges on the finer mesh, in local rows [Pa]."""
+        if self._springs[0] != scene.springs:
+            self._springs = scene.springs, self.level.elastic.springs(scene.springs, self.level.frames)
+        return self._springs[1]
+
     def dual_temperature(self, scene: Scene, z: Array) -> Array:
         """ζ (n_f,) with c(ζ, φ) = β∫φ div z for all φ: the change of a goal with the heat that goes in."""
         heat, k = self.level.heat, scene.material.k
@@ -158,7 +166,7 @@ def _sorted_pairs(pairs: NDArray[np.intp], n: int) -> NDArray[np.intp]:
 def contributions(
     goal: Goal,
     halved: Halved,
-    material: Material,
+    scene: Scene,
     problems: tuple[ContactProblem, ContactProblem],
     v: tuple[Array, Array],
     u: tuple[Array, Array],
@@ -168,12 +176,17 @@ def contributions(
 
     problems, v: the contact problems of the level and the finer one, and their solutions
     u, z:        (2n_f,) displacements of both and the dual solution, on the finer mesh
+
+    a has the springs of edges in it.
     """
     fine = halved.level
     nodes, local = fine.line.nodes, fine.frames.local
     rest = np.where(fine.frames.fixed, 0.0, local(z - halved.interpolated(z)))
     e = u[1] - u[0]
-    by_node = np.sum((rest * local(_nodal_forces(halved.triangles, e, material))).reshape(2, -1), axis=0)
+    forces = local(_nodal_forces(halved.triangles, e, scene.material))
+    if scene.springs:
+        forces += halved.springs(scene) @ local(e)
+    by_node = np.sum((rest * forces).reshape(2, -1), axis=0)
     by_node[nodes] += rest[nodes] * problems[1].xi(v[1])
     weight = 1.0 if goal.quantity == "friction_resultant" else 0.0
     lacks = weight - local(z)[nodes]

@@ -67,12 +67,6 @@ def test_roles_are_read() -> None:
         (END, "{role: rigid, moment: 3 kg}", "", "boundary.end.moment: 'kg' is not a unit of a moment per length (N)"),
         ("top: free", "top: {role: free, moment: 3 N}", "", "the role free takes no moment; an edge that turns under"),
         (END, '{role: rigid, u_y: "x"}', "", "a rigid edge moves as a whole, by one number; use the role clamped"),
-        (
-            "mesh: {maxh: 0.2}",
-            "mesh: {maxh: 0.2, estimate: true, goal: slip_length}",
-            "",
-            "on springs, and errors of goals are not estimated",
-        ),
         ("top: free", "top: free", "output: {live: true}\n", "an edge rests on springs, and a live page takes none"),
         (
             "top: free",
@@ -107,3 +101,10 @@ def test_a_rigid_edge_that_contact_holds_is_refused() -> None:
         GeometryFailed, match=r"end cannot turn: another edge holds it at \(1, 0\); leave out its moment"
     ):
         constrain(mesh, turns.boundary)
+
+
+def test_errors_of_goals_are_estimated_on_springs_but_not_with_a_rigid_edge() -> None:
+    goal = TEXT.replace("mesh: {maxh: 0.2}", "mesh: {maxh: 0.2, estimate: true, goal: slip_length}")
+    assert read_study_text(goal).mesh.estimates
+    with pytest.raises(StudyError, match="an edge is rigid, and errors of goals are not estimated then"):
+        read_study_text(goal.replace(END, "{role: rigid, u_y: 0, force: [5 N/m, 0]}"))

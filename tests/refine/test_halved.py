@@ -35,7 +35,7 @@ def changes(text: str, goal: Goal) -> tuple[float, np.ndarray, Halved]:
     v, w = solve_contact(condensed.problem).v, solve_contact(finer.problem).v
     u = (halved.carry(coarse.displacement(scene, condensed, v)), fine.displacement(scene, finer, w))
     z = fine.extension(scene, dual(goal, finer.problem, fine.line, w))
-    parts = contributions(goal, halved, scene.material, (condensed.problem, finer.problem), (v, w), u, z)
+    parts = contributions(goal, halved, scene, (condensed.problem, finer.problem), (v, w), u, z)
     values = goal_value(goal, finer.problem, fine.line, w), goal_value(goal, condensed.problem, coarse.line, v)
     return values[0] - values[1], parts, halved
 
@@ -45,6 +45,18 @@ def test_parts_sum_to_the_change_where_the_problem_is_linear(goal: Goal) -> None
     change, parts, _ = changes(PULLED, goal)
     assert float(parts.sum()) == pytest.approx(change, rel=1e-8)
     assert float(np.abs(parts).sum()) > abs(change)
+
+
+SPRUNG = PULLED.replace("right: free", "right: {role: traction, spring: {normal: 0.7, tangential: 0.3}}")
+GRADED = PULLED.replace("k: 0.4}", 'k: 0.4, strength: "2 + sin(3*x)"}')
+
+
+@pytest.mark.parametrize("text", [SPRUNG, GRADED, SPRUNG.replace("left: clamped", "left: symmetry")])
+@pytest.mark.parametrize("goal", GOALS, ids=["resultant", "slip"])
+def test_springs_and_strength_by_place_have_their_parts(text: str, goal: Goal) -> None:
+    """The problem stays linear; without the work of springs a part would be missing."""
+    change, parts, _ = changes(text, goal)
+    assert float(parts.sum()) == pytest.approx(change, rel=1e-8)
 
 
 @pytest.mark.parametrize("goal", GOALS, ids=["resultant", "slip"])

@@ -63,6 +63,11 @@ friction: {law: slip-weakening, tau_s: 0.012, tau_k: 0.006, delta: 0.1}
 mesh: {maxh: 0.5, levels: 1}
 """
 
+SPRUNG = FILM.replace("left: clamped", "left: symmetry").replace(
+    "right: free", "right: {role: traction, spring: {normal: 0.05, tangential: 0.2}}"
+)
+"""The film on half a block whose end rests on springs."""
+
 BRACKET = (
     HEATED_BRACKET.replace("  regions:\n    heater: {rectangle: {corner: [1.3, 0.4], width: 0.4, height: 0.3}}\n", "")
     .replace(", omega: heater", "")

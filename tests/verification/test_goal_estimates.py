@@ -23,6 +23,7 @@ from tests.verification.goal_scenes import (
     OBTUSE,
     RESULTANT,
     SLIP_LENGTH,
+    SPRUNG,
     Row,
     at_crossing,
     fine_value,
@@ -94,6 +95,12 @@ def test_numbers_of_a_softening_film() -> None:
     study = scene_of(FILM)
     for goal in (RESULTANT, Goal("u_T", (1.4, 0.0))):
         check(table(study, goal, fine_value(FILM, goal), "adaptive", 20, FEWER))
+
+
+def test_numbers_of_a_block_held_by_springs() -> None:
+    study = scene_of(SPRUNG)
+    for goal in (RESULTANT, Goal("u_T", (1.4, 0.0))):
+        check(table(study, goal, fine_value(SPRUNG, goal), "adaptive", 20, FEWER))
 
 
 def test_numbers_of_a_bracket_with_an_obtuse_contact_corner() -> None:
