@@ -55,10 +55,11 @@ class CycleChange:
     words: str
 
 
-def cycle_change(v: Array, dissipated: Array, units: str = "m") -> CycleChange:
+def cycle_change(v: Array, dissipated: Array, units: str = "m", rounding: float = 0.0) -> CycleChange:
     """The change from cycle to cycle, from the slips at their ends.
 
     v: (C + 1, m) at the start and the end of every cycle;  dissipated: (C,) in each
+    rounding: what rounding of the forces may move the slips by in a cycle
     """
     if len(v) < 3:
         return CycleChange("", "")
@@ -66,17 +67,18 @@ def cycle_change(v: Array, dissipated: Array, units: str = "m") -> CycleChange:
     last, before = v[-1] - v[-2], v[-2] - v[-3]
     largest = float(np.max(np.abs(last)))
     moved = with_unit(largest, units, 6)
-    if largest <= SAME * size:
+    same = max(SAME * size, rounding)
+    if largest <= same:
         if dissipated[-1] <= SAME * float(np.max(dissipated)):
             return CycleChange(
                 "shakedown", "shakedown: the last cycle leaves everything as it was and dissipates nothing"
             )
         return CycleChange("closed", "a closed loop: every cycle dissipates the same and leaves no slip behind")
-    if np.max(np.abs(last - before)) > 1e-6 * largest:
+    if np.max(np.abs(last - before)) > max(1e-6 * largest, rounding):
         return CycleChange(
             "settling", f"not settled: the last cycle changed slips by up to {moved}, unlike the one before"
         )
-    if np.ptp(last) <= 1e-6 * largest:
+    if np.ptp(last) <= max(1e-6 * largest, rounding):
         return CycleChange("walking", f"walking: every cycle moves the whole contact line by {moved}")
     return CycleChange("ratcheting", f"ratcheting: every cycle adds slips of up to {moved}")
 
@@ -176,7 +178,16 @@ def last_change(part: Any) -> CycleChange:
     whole = [c for c in range(1, int(cycle.max()) + 1) if np.all(status[cycle == c] == PointStatus.OK)]
     ends = [0, *(int(np.flatnonzero(cycle == c)[-1]) for c in whole)]
     each = np.array([spent[cycle == c].sum() for c in whole])
-    return cycle_change(part["u_T"].values[ends], each, str(part["u_T"].attrs["units"]))
+    return cycle_change(part["u_T"].values[ends], each, str(part["u_T"].attrs["units"]), _slip_rounding(part))
+
+
+def _slip_rounding(part: Any) -> float:
+    """What rounding of the forces may do to slips: that to tractions over the margin; 0 where nothing bounds it [m]."""
+    margin = float(part["margin"])
+    if not margin > 0.0:
+        return 0.0
+    traction = float(np.nanmax(np.abs(part["xi"].values) / part["c"].values))
+    return float(np.nanmax(part["inclusion_rounding"].values)) * traction / margin
 
 
 def _sentences(part: Any) -> list[str]:

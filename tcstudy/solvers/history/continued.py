@@ -198,7 +198,10 @@ class _Step:
             return None
 
     def _jump(self, path: Path) -> bool:
-        """To the solution to which the path back from the load ahead leads, or ahead if only that gains."""
+        """To the solution to which the path back from the load ahead leads, or ahead if only that gains.
+
+        Where the energy of the step is convex no state lets go: what looks like a jump is rounding, and counts as none.
+        """
         body, state = self.body, self.now.state
         for vertex in (-1, 0):
             t = float(path.t[vertex])
@@ -212,11 +215,15 @@ class _Step:
             step = booked(body, self.now, self.load_at(t), landed, after, (-float(state.v @ change), drop))
             if step.energies.closure > 0.0:
                 break
-        released = max(0.0, step.energies.closure)
+        moved, forces = np.abs(step.state.v - state.v), np.abs(step.load) + np.abs(body.A_tilde) @ np.abs(step.state.v)
+        rounding = np.sqrt(body.m) * np.finfo(float).eps * float(forces @ moved)
+        lets_go = step.energies.closure > rounding and not body.one_solution(self._law())
+        released = step.energies.closure if lets_go else 0.0
         self.energies += replace(step.energies, closure=step.energies.closure - released, released=released)
-        moved = np.abs(step.state.v - state.v)
-        self.jumped |= moved > ROUNDING * np.max(moved)
-        self.jumps, self.beyond = self.jumps + 1, step.state.v
+        if lets_go:
+            self.jumped |= moved > ROUNDING * np.max(moved)
+            self.jumps += 1
+        self.beyond = step.state.v
         self.now, self.t = step, t
         return True
 

@@ -22,9 +22,11 @@ from numpy.typing import NDArray
 from tcstudy.scene.histories import HistoryBranch, Memory
 from tcstudy.scene.nodal_laws import Law
 from tcstudy.scene.study import Acceptance
+from tcstudy.solvers.bounds import least_slope, tables_of
 from tcstudy.solvers.certificates import certify, positive_definite
 from tcstudy.solvers.contact import Answer, solve_contact
 from tcstudy.solvers.history.memory import Bonds, MemoryModel, NodeState
+from tcstudy.solvers.law_tables import far
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.path.problem import ScaledBody
 from tcstudy.solvers.problem import MARGIN, ContactProblem, least_eigenvalue, least_lowered
@@ -156,7 +158,7 @@ class HistoryProblem:
     def margin(self) -> float:
         """λ_min(C^{−½}ÃC^{−½} − diag ω_i) [Pa/m], λ₁ − ω where all nodes have one law."""
         omega = self.model.omega
-        if self.m and np.ptp(omega) > 0.0:
+        if np.any(omega != omega[:1]):
             return least_lowered(self.A_tilde, self.c, omega)
         return self.stiffness - float(np.max(omega, initial=0.0))
 
@@ -166,6 +168,16 @@ class HistoryProblem:
         largest = float(np.max(np.diagonal(self.A_tilde) / self.c, initial=0.0))
         noise = 8.0 * self.m * np.finfo(float).eps * largest
         return self.held and self.margin > max(MARGIN * self.stiffness, noise)
+
+    def one_solution(self, law: Law) -> bool:
+        """Whether a step with these laws, as the memory has moved them, has one solution or a connected set of them."""
+        if self.convex or self.monotone:
+            return True
+        tables, own = tables_of(law, self.m)
+        reach = far(tables)[own]
+        slope = least_slope(law, -reach, reach)
+        problem = ContactProblem(self.A_tilde, np.zeros(self.m), self.c, law)
+        return bool(np.all(slope >= 0.0)) or positive_definite(problem, slope, self.stiffness)
 
     @cached_property
     def monotone(self) -> bool:

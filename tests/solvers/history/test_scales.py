@@ -1,0 +1,106 @@
+"""Jumps and slips of histories in any unit, at any scale, of blocks however stiff: rounding is no jump."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tcstudy.matrices import law
+from tcstudy.reports.terminal.history_summary import cycle_change
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.histories import Memory
+from tcstudy.solvers.history.steps import HistoryProblem, HistoryStep, history
+from tests.solvers.history.cases import coupled_line, strip
+from tests.solvers.history.test_continued import followed
+from tests.solvers.history.test_steps import FALLING
+
+Array = NDArray[np.float64]
+
+METRES, PASCALS = (1e-3, 1.0, 1e3), (1e-9, 1.0, 1e6, 1e15)
+
+
+def steep(metre: float, pascal: float) -> tuple[HistoryProblem, list[Array]]:
+    """A line of 12 nodes under a film that falls more steeply than they rise, both loaded and taken back."""
+    A, c, load = coupled_line(12)
+    film = law("slip-weakening", tau_s=2e7 * pascal, tau_k=4e6 * pascal, delta=3e-4 * metre)
+    loads = [e * metre * pascal * load for e in (2.0, 4.0, 1.0, -4.0)]
+    return HistoryProblem(pascal * A, metre * c, film, Memory("friction"), substeps=None), loads
+
+
+@pytest.fixture(scope="module")
+def in_si_units() -> list[HistoryStep]:
+    return followed(*steep(1.0, 1.0))
+
+
+@pytest.mark.parametrize("pascal", PASCALS)
+@pytest.mark.parametrize("metre", METRES)
+def test_a_steep_film_jumps_alike_in_all_units(metre: float, pascal: float, in_si_units: list[HistoryStep]) -> None:
+    """H8 by hand, and a line of nodes against itself in metres and pascals: jumps, nodes, slips and energies."""
+    film = law(points=[(s * metre, b * pascal) for s, b in ((0.0, 1.0), (0.4, 0.2))])
+    assert film.omega * metre / pascal == pytest.approx(FALLING.omega)
+    body = HistoryProblem(np.eye(1) * pascal, np.ones(1) * metre, film, Memory("friction"), substeps=None)
+    block = list(history(body, [np.array([U]) * metre * pascal for U in (0.8, 1.2, 0.8, 0.4, -0.2, 1.4)]))
+    assert [step.jumps for step in block] == [0, 1, 0, 0, 0, 0]
+    assert [step.state.v[0] / metre for step in block] == pytest.approx([0, 1, 1, 0.6, 0, 1.2], abs=1e-13)
+    steps = list(history(*steep(metre, pascal)))
+    size = max(np.max(np.abs(step.state.v)) for step in in_si_units)
+    assert sum(step.jumps for step in in_si_units) > 0
+    for step, other in zip(steps, in_si_units, strict=True):
+        assert (step.solved, step.jumps) == (True, other.jumps)
+        assert np.array_equal(step.jumped, other.jumped)
+        assert step.state.v / metre == pytest.approx(other.state.v, abs=1e-9 * size)
+        released = step.energies.released / metre**2 / pascal
+        assert released == pytest.approx(other.energies.released, rel=1e-8, abs=1e-12 * abs(other.body))
+
+
+@pytest.mark.parametrize("stiffness", 10.0 ** np.arange(-9.0, 16.0, 3.0))
+@pytest.mark.parametrize("ratio", [1.0, 1e4])
+@pytest.mark.parametrize("metre", METRES)
+def test_a_stiff_block_on_a_spring_never_jumps(stiffness: float, ratio: float, metre: float) -> None:
+    """Jenkins' element, spring K and Tresca resistance F: u = (P − F)/K, back to −u, and each loop the same.
+
+    ratio: of the block's stiffness to the spring's, from which rounding of slips follows
+    """
+    K, F = stiffness, 0.04 * stiffness * metre
+    A = ratio * K * strip(4, 1.0, 1.0, held=False)[0]
+    A[-1, -1] += K
+    c = metre * np.array([0.025, 0.05, 0.05, 0.05, 0.025])
+    body = HistoryProblem(A, c, law("tresca", tau=F / c.sum()), Memory("friction"), substeps=None)
+    share = np.array([0.05, 0.1, 0.2, 0.2, 0.45]) if ratio > 1e3 else c / c.sum()
+    loads = [P * F * share for P in (2.5, 1.5, -2.5, 2.5, 2.5, 1.5, -2.5, 2.5)]
+    steps = list(history(body, loads))
+    assert [(step.reason, step.jumps, step.energies.released) for step in steps] == [("", 0, 0.0)] * 8
+    assert all(abs(step.energies.closure) <= 1e-8 * abs(step.body) for step in steps)
+    if ratio > 1e3:
+        u, exact = [step.state.v.mean() for step in steps], 1.5 * F / K
+        error = max(2.0 / ratio, 8.0 * np.finfo(float).eps * ratio)
+        assert u == pytest.approx([exact, exact, -exact, exact] * 2, abs=10.0 * error * exact)
+
+
+FILMS: list[tuple[FrictionLaw, bool]] = [
+    (law("tresca", tau=1.0), True),
+    (law(points=[(0.0, 1.0), (0.4, 0.8)]), True),
+    (law(points=[(0.0, 1.0), (0.4, 0.2)]), False),
+    (law("exponential", a=1.0, b=0.8, delta=0.4), True),
+    (law("exponential", a=1.0, b=0.2, delta=0.4), False),
+    (law(points=[(0.0, 1.0), (0.4, 1.0), (0.4, 0.2)]), False),
+]
+
+
+@pytest.mark.parametrize(("film", "proved"), FILMS)
+def test_no_state_can_let_go_once_the_film_has_fallen(film: FrictionLaw, proved: bool) -> None:
+    """Of a block on a spring of 1: at first where the law falls by less than 1, after a long way whatever it was."""
+    body = HistoryProblem(np.eye(1), np.ones(1), film, Memory("friction"), substeps=None)
+    first, last = HistoryStep.virgin(1), next(history(body, [np.array([9.0])]))
+    assert body.one_solution(body.model.next_law(first.state)) == proved
+    assert body.one_solution(body.model.next_law(last.state))
+
+
+def test_a_cycle_that_changes_less_than_rounding_allows_is_closed() -> None:
+    """The same changes are a closed loop, walking or not settled, by what rounding of the slips allows."""
+    ends = 6.0 + np.cumsum([[0.0, 0.0], [1e-6, 1e-6], [-2e-6, 1e-6]], axis=0)
+    assert cycle_change(ends, np.ones(2)).kind == "settling"
+    assert cycle_change(ends, np.ones(2), rounding=1e-5).kind == "closed"
+    walk = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0 + 3e-6]])
+    assert [cycle_change(walk, np.ones(2), rounding=r).kind for r in (0.0, 1e-5)] == ["settling", "walking"]
