@@ -11,6 +11,7 @@ Exact, each by how the number enters:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,7 +45,7 @@ def load_slope(level: Level, scene: Scene, by: Sensitivity, v: Array, whole: Who
     Raises NotPositiveDefinite as `Level.condensed`.
     """
     path = by.path
-    if path[0] == "friction":
+    if path[0] in ("friction", "history"):
         return LoadSlope(np.zeros(level.line.m), 0.0)
     if not _is_short(scene, path):
         change = change_of(level, scene, by)
@@ -97,6 +98,25 @@ def law_slope(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> tu
         if len(law.kinks):
             kinks[nodes] = slopes.kinks[law.nearest_kink(s)]
     return b, kinks
+
+
+def virgin_slope(level: Level, scene: Scene, by: Sensitivity) -> Callable[[Array, Index], tuple[Array, Array]] | None:
+    """(κ, piece) → ∂τ/∂p at κ on pieces of τ(κ) = b(s > 0), and ∂/∂p of where these begin, (m,) each, of all nodes;
+    None where p is no number of a law. Raises KeyError where no law has the parameter."""
+    if by.path[0] != "friction":
+        return None
+    own = [(one, law_slopes(one[0], number_of(by.path))) for one in _laws(level, scene, by.path)]
+
+    def slopes(kappa: Array, piece: Index) -> tuple[Array, Array]:
+        tau, starts = np.zeros((2, len(kappa)))
+        for (law, nodes, factor), slope in own:
+            k = np.minimum(int(law.piece(0.0, +1)) + piece[nodes], len(law.q) - 1)
+            tau[nodes] = factor * slope.value(kappa[nodes], k)
+            if len(law.kinks):
+                starts[nodes] = np.where(piece[nodes] > 0, slope.kinks[k - 1], 0.0)
+        return tau, starts
+
+    return slopes
 
 
 def friction_energy(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> float:

@@ -37,7 +37,7 @@ class Linearised:
     """A solution v (m,) of a contact problem and the factor of H.
 
     free: (f,) nodes that slide;  rest: (m − f,) nodes on an up-jump;  piece: (m,) pieces of b, at kinks on the right
-    events: nodes within EVENT of an event;  singular: whether H is, to SINGULAR
+    near: (m,) nodes within EVENT of an event;  singular: whether H is, to SINGULAR
     """
 
     problem: ContactProblem
@@ -45,7 +45,7 @@ class Linearised:
     free: Index
     rest: Index
     piece: Index
-    events: int
+    near: NDArray[np.bool_]
     singular: bool
     _factor: tuple[Array, Index]
 
@@ -62,6 +62,11 @@ class Linearised:
         factor = _factorised(H)
         condition = scipy.linalg.lapack.dgecon(factor[0], norm)[0] if len(free) else 1.0
         return cls(problem, v, free, rest, piece, _events(problem, v, rests), bool(condition < SINGULAR), factor)
+
+    @property
+    def events(self) -> int:
+        """How many nodes are near an event."""
+        return int(np.count_nonzero(self.near))
 
     def right_side(self, l_tilde: Array, b: Array, stiffness: float = 0.0) -> Array:
         """(m,) r of ∂l̃/∂p (m,), ∂b/∂p (m,) at v and ∂Ã/∂p = stiffness·Ã."""
@@ -99,16 +104,15 @@ def _factorised(H: Array) -> tuple[Array, Index]:
     return lu, pivots
 
 
-def _events(problem: ContactProblem, v: Array, rests: NDArray[np.bool_]) -> int:
-    """How many nodes slide at a kink, or rest with the traction at a bound of what the kink can bear."""
+def _events(problem: ContactProblem, v: Array, rests: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(m,) nodes that slide at a kink, or rest with the traction at a bound of what the kink can bear."""
     law = problem.law
     if not np.size(law.kinks):
-        return 0
+        return np.zeros(len(v), dtype=bool)
     kink = law.nearest_kink(v)
     apart = np.abs(v - law.kink(kink))
     near = ~rests & (apart <= EVENT * float(np.max(np.abs(v), initial=0.0)))
     traction = problem.xi(v) / problem.c
     left, right = law.limits(kink)
     slack = np.minimum(np.abs(traction - left), np.abs(traction - right))
-    near |= rests & (slack <= EVENT * problem.traction_scale)
-    return int(np.count_nonzero(near))
+    return near | (rests & (slack <= EVENT * problem.traction_scale))
