@@ -154,8 +154,11 @@ def start_excess(value: Array, zeta: Array) -> Array:
 
 
 def quotient(gap: Array, excess: Array, slope: Array, distance: Array, width: Array) -> Array:
-    """sup over 0 < w ≤ width of 2 (gap + excess w − ½ slope w²)/(distance + w)², a parabola in 1/(distance + w)."""
-    with np.errstate(divide="ignore", invalid="ignore"):
+    """sup over 0 < w ≤ width of 2 (gap + excess w − ½ slope w²)/(distance + w)², a parabola in 1/(distance + w).
+
+    Where its vertex is too far away for a double it is at infinity, beyond the width.
+    """
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         touching = np.where(excess > 0.0, np.inf, 2.0 * excess / width - slope)
         h_0 = gap - excess * distance - 0.5 * slope * distance**2
         vertex = -2.0 * h_0 / (excess + slope * distance) - distance

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.solvers.bounds import bend_below_tangent, least_slope, solution_box, tables_of
+from tcstudy.solvers.bounds import bend_below_tangent, least_slope, quotient, solution_box, tables_of
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.law_tables import value_range
 from tcstudy.solvers.loop import iterate
@@ -211,3 +211,10 @@ def test_spring_and_empty_problem() -> None:
     assert spring.resting == 0
     empty = ContactProblem(np.zeros((0, 0)), np.zeros(0), np.zeros(0), cases.slip_weakening())
     assert certify(empty, np.zeros(0)).unique
+
+
+def test_a_quotient_whose_vertex_is_too_far_away_for_a_double_is_bounded_by_its_ends() -> None:
+    """2 (gap − ½ slope w²)/(1 + w)² with a slope so flat that the vertex at −2 gap/slope overflows: monotone in w."""
+    gap, none, flat = np.array([1.0, -1.0]), np.zeros(2), np.array([1e-310, -1e-310])
+    largest = quotient(gap, none, flat, np.ones(2), np.full(2, 3.0))
+    assert largest == pytest.approx([2.0, -2.0 / 16.0], rel=1e-15)

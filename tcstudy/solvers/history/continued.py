@@ -77,6 +77,7 @@ class _Step:
         self.reason, self.beyond, self.fold = "", last.state.v, 0.0
         self.tableau: Tableau | None = None
         self.laws: dict[bool, tuple[NodeState, Law]] = {}
+        self.defect: tuple[HistoryStep, Array] | None = None
         on = 1.0 if float(np.sign(last.xi) @ self.change) >= 0.0 else -1.0
         self.ways = np.where(last.xi == 0.0, np.sign(self.change), on * np.sign(last.xi))
 
@@ -174,7 +175,7 @@ class _Step:
         """The problem of the present part, over the shares of the step."""
         body, state = self.body, self.now.state
         law = self._law(straight=True)
-        begin = self.last.load - body.A_tilde @ body.model.origin(state)
+        begin = self.last.load - body.A_tilde @ body.model.origin(state) + self._defect()
         problem = ParametricProblem(body.A_tilde, begin, self.change, body.c, law)
         vars(problem)["body"] = body.scaled  # the same in all parts and steps
         return problem
@@ -185,6 +186,20 @@ class _Step:
         if self.laws.get(straight, (None,))[0] is not state:
             self.laws[straight] = state, self.body.model.next_law(state, straight)
         return self.laws[straight][1]
+
+    def _defect(self) -> Array:
+        """(m,) what rounding of the state's slips takes its forces off the graph, as the part begins with it [N/m].
+
+        A stiff body makes much of a slip's last digit; without this no path would begin at the state.
+        """
+        now, body = self.now, self.body
+        if self.defect is None or self.defect[0] is not now:
+            xi, w = now.load - body.A_tilde @ now.state.v, self._w(now.state)
+            size = np.abs(now.load) + np.abs(body.A_tilde) @ np.abs(now.state.v)
+            apart = body.c * np.clip(xi / body.c, *self._law().interval(w)) - xi
+            rounding = 8.0 * np.sqrt(body.m) * np.finfo(float).eps * size
+            self.defect = now, np.where(np.abs(apart) <= rounding, apart, 0.0)
+        return self.defect[1]
 
     def _follower(self, one_way: bool = False) -> Follower:
         return Follower(self.t, 1.0, tolerance=self.body.tolerance, stable_only=True, one_way=one_way)
@@ -297,6 +312,7 @@ class _Step:
         """w, judged as a solution at the share t."""
         body = self.body
         problem = body.problem(self.now.state, self.load_at(t), self._law())
+        problem = replace(problem, l_tilde=problem.l_tilde + self._defect())
         answer = as_it_is(problem, w, body.tolerance) if body.law.piecewise_linear else None
         answer = answer or solve_contact(problem, tolerance=body.tolerance, branch="continued", neighbour=w)
         self.judged = problem, answer
