@@ -103,6 +103,8 @@ def _front(
     rests, slides = ends[segment, ::towards]
     node = int(slides if rests == HELD else rests)
     law = problem.law.single(node)
+    if not len(law.kinks):
+        return None
     kink = law.nearest_kink(v[node])
     slip = v - law.kinks[kink]
     nodes: list[int] = []

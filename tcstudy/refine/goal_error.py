@@ -17,6 +17,9 @@ Held ends:  ξ_i of a sticking node beside a held one is what its hat function s
             The finer mesh lacks half of it; what it lacks less or more, as where a node there changes sides, is added
 Tears:      where b jumps or turns at a slip, neighbours may lie on either side of it, and the front rests on a node: ∫ξ
             is known to a cell times the jump (goals.torn). Half of that of the finer mesh is added to the error
+Steps:      where the law itself steps along Γ_C, from edge to edge or by its strength, cells straddle the step, and the
+            parts on the finer cells there (goals.steps) have p = 1. A step that is no end of an edge lies somewhere in
+            its cell: half a cell of the finer mesh times the step, as friction that changes J, is added to the error
 Slip length: the sum of slipping cells, quantised to a cell, against the positions of the fronts within their cells
             (fronts.py), L_h and L_{h/2}: limit L as above, error |J(u_h) − L| + the doubt of fronts that could not be
             located
@@ -61,7 +64,7 @@ from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Condensed, Level
 from tcstudy.refine.ends import end_cells
 from tcstudy.refine.fronts import fronts, slip_length
-from tcstudy.refine.goals import dual, goal_value, lost, lumping, torn
+from tcstudy.refine.goals import dual, goal_value, lost, lumping, steps, torn
 from tcstudy.refine.halved import Halved, contributions
 from tcstudy.scene.nodal_laws import sticking
 from tcstudy.scene.points import needs_heat_solve
@@ -114,8 +117,11 @@ def goal_error(
     z_T = _dual(goal, finer.problem, fine.line, answer.v)
     shares, parts = _parts(goal, halved, triangles, scene, (condensed, finer), *solutions, z_T)
     hidden = _hidden(goal, halved, finer.problem, answer.v, solutions[1][1], z_T)
-    hides = float(hidden.sum())
-    parted = regions(halved, scene, sticking(condensed.problem.law, v), _places(goal, halved.coarse, condensed, v))
+    stepped, straddled = _stepped(goal, halved, finer.problem, answer.v, z_T)
+    hides = float(hidden.sum()) + straddled
+    shares += _at_segments(halved.coarse, stepped)
+    places = _places(goal, halved.coarse, condensed, v)
+    parted = regions(halved, scene, sticking(condensed.problem.law, v), places, stepped > 0.0)
     if goal.quantity == "slip_length":
         own, _ = slip_length(line, condensed.problem, v)
         better, doubt = slip_length(fine.line, finer.problem, answer.v)
@@ -175,6 +181,16 @@ def _hidden(goal: Goal, halved: Halved, problem: ContactProblem, v: Array, u: Ar
         if goal.quantity == "slip_length" and cell.sticks:
             hidden[cell.segment] += cell.width
     return halved.on_segments(hidden)
+
+
+def _stepped(goal: Goal, halved: Halved, problem: ContactProblem, v: Array, z_T: Array) -> tuple[Array, float]:
+    """(s,) what steps of the law change of J if they move half a cell of the finer level, by segments of the level,
+    and the sum of those that are no end of an edge."""
+    line, a = halved.level.line, 1.0 if goal.quantity == "friction_resultant" else 0.0
+    own, half = line.unknowns, 0.5 * np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1)
+    effect = half * steps(line, problem, v) * np.max(np.abs(a - z_T[own]), axis=1)
+    within = line.edge[own[:, 0]] == line.edge[own[:, 1]]
+    return halved.on_segments(effect), float(effect[within].sum())
 
 
 def _parts(
@@ -249,8 +265,8 @@ def _cells(halved: Halved, triangles: ElementGeometry, condensed: Condensed, v: 
     return shares
 
 
-SMOOTH, DIFFERENCE = 4.0 / 3.0, 1.0 / 3.0
-"""1/(1 − 2^{−p}) for p = 2, and by how much its mean with p = 1 differs from it."""
+SMOOTH, FIRST, DIFFERENCE = 4.0 / 3.0, 2.0, 1.0 / 3.0
+"""1/(1 − 2^{−p}) for p = 2 and for p = 1, and by how much their mean differs from the first."""
 
 
 @dataclass(frozen=True)
@@ -269,10 +285,13 @@ class Regions:
         return np.asarray(np.bincount(self.region, parts))
 
 
-def regions(halved: Halved, scene: Scene, sticks: NDArray[np.bool_], more: Array) -> Regions:
+def regions(
+    halved: Halved, scene: Scene, sticks: NDArray[np.bool_], more: Array, stepped: NDArray[np.bool_] | None = None
+) -> Regions:
     """Every singular corner with the triangles that touch it, and the nodes that are nearest to one end of a curve.
 
-    sticks: (m,) whether the contact nodes stick;  more: (k, 2) other places with nodes of their own, beside curve ends
+    sticks:  (m,) whether the contact nodes stick;  more: (k, 2) other places with nodes of their own, beside curve ends
+    stepped: (s,) segments of Γ_C of the level on which the law steps
     """
     coarse, fine, line = halved.coarse.mesh, halved.level.mesh, halved.coarse.line
     found, factors = curve_ends(coarse), np.full(fine.n_points, SMOOTH)
@@ -284,6 +303,10 @@ def regions(halved: Halved, scene: Scene, sticks: NDArray[np.bool_], more: Array
             around = fine.triangles[np.any(coarse.triangles == corner.node, axis=1)[halved.parent]]
             factors[around] = np.maximum(factors[around], 1.0 / (1.0 - 2.0 ** (-2.0 * exponent)))
             region[around] = region.max() + 1
+    if stepped is not None and np.any(stepped):
+        around = np.concatenate([halved.middles[stepped], line.segments[stepped].ravel()])
+        factors[around] = np.maximum(factors[around], FIRST)
+        region[around] = region.max() + 1
     return Regions(factors, region)
 
 

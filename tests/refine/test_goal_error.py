@@ -21,7 +21,7 @@ from tcstudy.read.study import read_study
 from tcstudy.refine import goal_error as goal_error_module
 from tcstudy.refine.family import Family
 from tcstudy.refine.goal_error import SMOOTH, regions
-from tcstudy.refine.goals import goal_value, lost, torn
+from tcstudy.refine.goals import goal_value, lost, steps, torn
 from tcstudy.refine.halved import Halved
 from tcstudy.refine.survey import Survey
 from tcstudy.scene.study import Goal, MeshPlan
@@ -275,3 +275,21 @@ def test_falls_and_turns_between_two_nodes_are_tears_and_bends_are_not() -> None
     assert tear(0.09, 0.11) == pytest.approx(0.5 * 0.5 * 0.006 * 0.1, rel=1e-6)  # a bend
     assert tear(-1e-9, 1e-9) == pytest.approx(0.5 * 0.02, rel=1e-6)  # a turn without a node that sticks
     assert tear(0.0, 0.05) == 0.0
+
+
+def test_a_step_of_strength_is_told_from_smooth_growth_and_from_nodes_that_stick() -> None:
+    def found(strength: str, v: float) -> list[float]:
+        study = study_of(PULLED.replace("tau: 0.01", f'tau: 0.01, strength: "{strength}"').replace("0.5", "0.2"))
+        level = Level(Family(study).next(0), study.scenes[0])
+        problem = level.condensed(study.scenes[0]).problem
+        at = steps(level.line, problem, np.full(level.line.m, v))
+        x = level.line.ends[:, :, 0]
+        assert all(x[i].min() < 0.91 < x[i].max() for i in np.flatnonzero(at))
+        return [float(step) for step in at[at > 0.0]]
+
+    step = "1 - 0.6*max(0, min(1, (x - 0.91)*1e9))"
+    assert found(step, 0.1) == pytest.approx([0.006])
+    assert found(f"({step})*(1 + 0.1*x)", -0.1) == pytest.approx([0.006], rel=0.1)
+    assert found("1 + 0.5*sin(4*x)", 0.1) == []
+    assert found("1 + x", 0.1) == []
+    assert found(step, 0.0) == []

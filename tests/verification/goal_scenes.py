@@ -63,10 +63,43 @@ friction: {law: slip-weakening, tau_s: 0.012, tau_k: 0.006, delta: 0.1}
 mesh: {maxh: 0.5, levels: 1}
 """
 
+GRADED = """
+units: none
+body: {rectangle: {width: 1, height: 1}}
+boundary: {bottom: contact, left: clamped, right: clamped, top: clamped}
+material: {lambda: 1, mu: 1}
+friction: {law: linear, k: 0.8, strength: "1 + x"}
+mesh: {maxh: 0.25, levels: 1}
+exact: {loads: derived, u: ["sin(pi*x)*(1 + 0.8*(1 + x)*y)", "x*y^2"]}
+"""
+"""A linear law that grows along the edge: u_T = sin(πx), ∫ξ = 2.4/π, with loads that follow."""
+
 SPRUNG = FILM.replace("left: clamped", "left: symmetry").replace(
     "right: free", "right: {role: traction, spring: {normal: 0.05, tangential: 0.2}}"
 )
 """The film on half a block whose end rests on springs."""
+
+_LAW = "friction: {law: slip-weakening, tau_s: 0.012, tau_k: 0.006, delta: 0.1}"
+_SPLIT = """body:
+  outline:
+    - {from: [0, 0], edge: bottom}
+    - {from: [AT, 0], edge: shoe}
+    - {from: [2, 0], edge: right}
+    - {from: [2, 1], edge: top}
+    - {from: [0, 1], edge: left}
+boundary: {shoe: contact, bottom"""
+UNEVEN = FILM.replace("delta: 0.1}", 'delta: 0.1, strength: "1 + 0.5*sin(2*x)"}')
+"""The film with a strength that varies along it."""
+PATCH = FILM.replace("delta: 0.1}", 'delta: 0.1, strength: "1 - 0.6*max(0, min(1, (x - 0.83)*1e9))"}')
+"""The film weaker beyond x = 0.83, which is no node."""
+PATCH_AT_NODE = PATCH.replace(
+    "body: {rectangle: {width: 2, height: 1}}\nboundary: {bottom", _SPLIT.replace("AT", "0.83")
+).replace("*1e9", "*1e9 + 0.5")
+"""The same with a node there, of half the step: lumping does not see the step."""
+TWO_LAWS = FILM.replace(
+    "body: {rectangle: {width: 2, height: 1}}\nboundary: {bottom", _SPLIT.replace("AT", "1.2")
+).replace(_LAW, _LAW.replace("friction: ", "friction:\n  bottom: ") + "\n  shoe: {law: tresca, tau: 0.002}")
+"""The film as far as x = 1.2, a weak shoe beyond it."""
 
 BRACKET = (
     HEATED_BRACKET.replace("  regions:\n    heater: {rectangle: {corner: [1.3, 0.4], width: 0.4, height: 0.3}}\n", "")

@@ -9,21 +9,32 @@ bound where the true error is small by accident (`at_crossing`; the estimate can
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from tcstudy.offline.level import Level
+from tcstudy.refine.family import Family
+from tcstudy.refine.survey import Survey
 from tcstudy.scene.families import FamilyName
-from tcstudy.scene.study import Goal, Study
+from tcstudy.scene.study import Goal, MeshPlan, Study
+from tcstudy.solvers.contact import solve_contact
 from tests.verification import closed_forms
 from tests.verification.goal_scenes import (
     BRACKET,
     FILM,
+    GRADED,
     HEATED,
     OBTUSE,
+    PATCH,
+    PATCH_AT_NODE,
     RESULTANT,
     SLIP_LENGTH,
     SPRUNG,
+    TWO_LAWS,
+    UNEVEN,
     Row,
     at_crossing,
     fine_value,
@@ -101,6 +112,45 @@ def test_numbers_of_a_block_held_by_springs() -> None:
     study = scene_of(SPRUNG)
     for goal in (RESULTANT, Goal("u_T", (1.4, 0.0))):
         check(table(study, goal, fine_value(SPRUNG, goal), "adaptive", 20, FEWER))
+
+
+def test_numbers_under_a_law_that_grows_along_its_edge() -> None:
+    """All is smooth, so that what the parts are extrapolated to on uniform meshes comes to be the error itself."""
+    study, resultant = scene_of(GRADED), 2.4 / math.pi
+    both(study, RESULTANT, resultant)
+    plan = MeshPlan(study.mesh.maxh, 4, goal=RESULTANT, estimate=True)
+    family, scene, ratios = Family(replace(study, mesh=plan)), study.scenes[0], []
+    for i in range(plan.levels):
+        level = Level(family.next(i), scene)
+        survey, condensed = Survey(level, plan), level.condensed(scene)
+        survey.look((), scene, condensed, solve_contact(condensed.problem).v)
+        found = survey.estimates[()]
+        ratios.append((found.limit - found.value) / (resultant - found.value))
+    assert all(abs(after - 1.0) < 0.6 * abs(before - 1.0) for before, after in pairwise(ratios)), ratios
+    assert abs(ratios[-1] - 1.0) < 0.05, ratios
+
+
+def test_numbers_of_a_film_whose_strength_varies() -> None:
+    study = scene_of(UNEVEN)
+    check(table(study, RESULTANT, fine_value(UNEVEN, RESULTANT), "adaptive", 20, FEWER))
+
+
+def test_numbers_of_a_film_and_a_shoe() -> None:
+    """The cell of the node where they meet straddles them: an error of first order, and known to be."""
+    study = scene_of(TWO_LAWS)
+    for goal in (RESULTANT, Goal("u_T", (1.4, 0.0))):
+        rows = table(study, goal, fine_value(TWO_LAWS, goal), "adaptive", 20, FEWER)
+        check(rows)
+        assert all(1.0 < row.effectivity < 2.0 for row in rows[3:]), rows
+
+
+def test_a_film_that_is_weaker_from_somewhere_within_a_cell_on() -> None:
+    """What half a cell may hide there covers the error, which is anything from nothing to that."""
+    study = scene_of(PATCH)
+    for goal in (RESULTANT, Goal("u_T", (1.4, 0.0))):
+        rows = table(study, goal, fine_value(PATCH_AT_NODE, goal), "adaptive", 20, FEWER)
+        assert min(row.effectivity for row in rows[1:]) > 1.0, rows
+        assert rows[-1].estimate < 0.01
 
 
 def test_numbers_of_a_bracket_with_an_obtuse_contact_corner() -> None:
