@@ -306,7 +306,9 @@ class _Step:
             if near and answer.status == Status.CONVERGED:
                 break
         self.fold = float(path.t[last]) if fold or back else 0.0
-        return last - back, answer if near else replace(answer, status=Status.STALLED, reason=path.end.reason)
+        if not near:
+            answer = replace(answer, status=Status.STALLED, reason=path.end.reason if self.fold else HIDDEN)
+        return last - back, answer
 
     def _answer(self, w: Array, t: float) -> Answer:
         """w, judged as a solution at the share t."""
