@@ -46,7 +46,7 @@ def locate(
 
     ways:    (m,) sense in which nodes that stand where two pieces meet are to go along their graphs, 0 for no wish
     tableau: of another walk on the same body, which this one takes over
-    Raises NoSolutionError if no solution lies within NEAR of v.
+    Raises NoSolutionError if no solution lies within NEAR of v, or as near as rounding lets v be one.
     """
     codes = _codes(problem, units, v, t) if ways is None else _towards(problem, units, v, t, ways)
     graph = problem.graph
@@ -69,7 +69,8 @@ def locate(
     u = walk.u
     moved = np.max(np.abs(u - v) / (np.abs(u) + units.slip), initial=0.0)
     near = max(NEAR, Acceptance().limit(problem.xi_rounding(t, v)))
-    if not (moved <= 1e3 * NEAR and walk.residual() <= near) or np.any(outside):
+    as_exact = moved <= 1e3 * NEAR or problem.at(t).inclusion_residual(v) <= problem.xi_rounding(t, v)
+    if not (as_exact and walk.residual() <= near) or np.any(outside):
         raise NoSolutionError(
             f"the start is no solution at t = {t:g}: inclusion residual {problem.at(t).inclusion_residual(v):.1e}; "
             "solve the problem at this t first and start from its answer"
