@@ -26,7 +26,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.records import Body, Clamped, Contact, Edge, Material, Point, Role
+from tcstudy.scene.records import Body, Clamped, Contact, Edge, Material, Point, Rigid, Role
 from tcstudy.shapes.edges import edge_normal
 
 Sticks = Callable[[str, Point], bool]
@@ -101,6 +101,8 @@ def _condition(role: Role, side: Side, at: Point, sticks: Sticks) -> tuple[tuple
     """Held directions in the polar frame of a side, and the condition in words."""
     if isinstance(role, Contact):
         return (CLAMPED, "sticking contact") if sticks(side.name, at) else (SLIDING, "slipping contact")
+    if isinstance(role, Rigid):  # whatever it moves by, it is straight
+        return CLAMPED, "rigid"
     if not isinstance(role, Clamped):
         return FREE, "traction"
     if None not in role.u:

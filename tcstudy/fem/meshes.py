@@ -115,6 +115,10 @@ class Frames:
         rows = self.rotation.T @ F
         return rows if self.ties is None else self.ties.T @ rows
 
+    def rows(self, u: Array) -> Array:
+        """Rᵀu: displacements in x and y, rigid edges and all, in local rows."""
+        return np.asarray(self.rotation.T @ u)
+
     def cartesian(self, w: Array) -> Array:
         """R w, or R T w: local displacements in x and y."""
         return self.rotation @ (w if self.ties is None else self.ties @ w)

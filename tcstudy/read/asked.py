@@ -214,7 +214,6 @@ def _one(what: str) -> dict[str, Why]:
 
 
 OF_BODY: dict[str, Why] = {
-    "goals": GOALS,
     "exact": ("an exact solution has no such edge", "remove exact"),
     "live": ("a live page takes none", "remove live: true"),
 }
@@ -239,7 +238,7 @@ FEATURES: tuple[tuple[str, Callable[[Node, Sequence[Scene]], bool], dict[str, Wh
     (
         "an edge rests on springs",
         lambda _, scenes: any(scene.springs for scene in distinct(scenes, "boundary")),
-        {name: why for name, why in OF_BODY.items() if name != "goals"},
+        OF_BODY,
     ),
     (
         "an edge has heat of its own",

@@ -214,7 +214,7 @@ def _parts(
     rest = own_strain(halved.triangles, z - halved.interpolated(z))
     shares = np.sqrt(_energy(halved, own_strain(halved.triangles, e), material) * _energy(halved, rest, material))
     frames = fine.frames
-    lift = own_strain(halved.triangles, frames.cartesian(np.where(frames.fixed, frames.local(e), 0.0)))
+    lift = own_strain(halved.triangles, frames.cartesian(np.where(frames.fixed, frames.rows(e), 0.0)))
     shares += np.abs(halved.gathered(_work(halved.triangles, lift, own_strain(halved.triangles, z), material)))
     xi = condensed[0].problem.xi(v[0]) / line.c
     shares += triangles.from_segments(np.abs(lumping(triangles, line, xi, halved.at_coarse(z_T))))

@@ -82,7 +82,7 @@ class Halved:
         nodal[self.coarse.line.nodes], held[self.coarse.line.nodes] = v, 0.0
         nodes, level = self.level.line.nodes, self.level
         beside_held = self._prolong(held)[nodes] > 0.0
-        return np.where(beside_held, level.frames.local(self.carry(u))[nodes], self._prolong(nodal)[nodes])
+        return np.where(beside_held, level.frames.rows(self.carry(u))[nodes], self._prolong(nodal)[nodes])
 
     def at_coarse(self, z_T: Array) -> Array:
         """(m,) values at the contact nodes of the level of (m_f,) values on the finer one."""
@@ -180,7 +180,7 @@ def contributions(
     a has the springs of edges in it.
     """
     fine = halved.level
-    nodes, local = fine.line.nodes, fine.frames.local
+    nodes, local = fine.line.nodes, fine.frames.rows
     rest = np.where(fine.frames.fixed, 0.0, local(z - halved.interpolated(z)))
     e = u[1] - u[0]
     forces = local(_nodal_forces(halved.triangles, e, scene.material))

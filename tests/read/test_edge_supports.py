@@ -103,9 +103,8 @@ def test_a_rigid_edge_that_contact_holds_is_refused() -> None:
         constrain(mesh, turns.boundary)
 
 
-def test_errors_of_goals_are_estimated_on_springs_and_uneven_films_but_not_with_a_rigid_edge() -> None:
+def test_errors_of_goals_are_estimated_on_springs_uneven_films_and_with_a_rigid_edge() -> None:
     goal = TEXT.replace("mesh: {maxh: 0.2}", "mesh: {maxh: 0.2, estimate: true, goal: slip_length}")
     assert read_study_text(goal).mesh.estimates
     assert read_study_text(goal.replace("friction: {", 'friction: {strength: "2 + x", ')).mesh.estimates
-    with pytest.raises(StudyError, match="an edge is rigid, and errors of goals are not estimated then"):
-        read_study_text(goal.replace(END, "{role: rigid, u_y: 0, force: [5 N/m, 0]}"))
+    assert read_study_text(goal.replace(END, "{role: rigid, u_y: 0, force: [5 N/m, 0]}")).mesh.estimates

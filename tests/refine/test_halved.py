@@ -48,13 +48,17 @@ def test_parts_sum_to_the_change_where_the_problem_is_linear(goal: Goal) -> None
 
 
 SPRUNG = PULLED.replace("right: free", "right: {role: traction, spring: {normal: 0.7, tangential: 0.3}}")
+PUSHED = PULLED.replace("right: free", "right: {role: rigid, u_y: 0, force: [0.02, 0]}")
+TURNED = SPRUNG.replace("left: clamped", "left: free").replace(
+    'top: {role: traction, g: ["0.03*x", -0.01]}', "top: {role: rigid, force: [0.02, -0.01], moment: 0.005}"
+)
 GRADED = PULLED.replace("k: 0.4}", 'k: 0.4, strength: "2 + sin(3*x)"}')
 
 
-@pytest.mark.parametrize("text", [SPRUNG, GRADED, SPRUNG.replace("left: clamped", "left: symmetry")])
+@pytest.mark.parametrize("text", [SPRUNG, SPRUNG.replace("left: clamped", "left: symmetry"), GRADED, PUSHED, TURNED])
 @pytest.mark.parametrize("goal", GOALS, ids=["resultant", "slip"])
-def test_springs_and_strength_by_place_have_their_parts(text: str, goal: Goal) -> None:
-    """The problem stays linear; without the work of springs a part would be missing."""
+def test_springs_rigid_edges_and_strength_by_place_have_their_parts(text: str, goal: Goal) -> None:
+    """The problem stays linear; a sum without springs, or with a rigid edge node by node, is wrong."""
     change, parts, _ = changes(text, goal)
     assert float(parts.sum()) == pytest.approx(change, rel=1e-8)
 

@@ -79,6 +79,10 @@ SPRUNG = FILM.replace("left: clamped", "left: symmetry").replace(
 )
 """The film on half a block whose end rests on springs."""
 
+PRESSED = FILM.replace(
+    '{role: traction, g: ["0.03*x", -0.01]}', "{role: rigid, force: [0.03, -0.02], moment: 0.01}"
+).replace("left: clamped", "left: {role: traction, spring: {normal: 0.2}}")
+"""The film under a block whose rigid top is pushed and turned, its side on springs."""
 _LAW = "friction: {law: slip-weakening, tau_s: 0.012, tau_k: 0.006, delta: 0.1}"
 _SPLIT = """body:
   outline:

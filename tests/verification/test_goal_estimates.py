@@ -30,6 +30,7 @@ from tests.verification.goal_scenes import (
     OBTUSE,
     PATCH,
     PATCH_AT_NODE,
+    PRESSED,
     RESULTANT,
     SLIP_LENGTH,
     SPRUNG,
@@ -112,6 +113,13 @@ def test_numbers_of_a_block_held_by_springs() -> None:
     study = scene_of(SPRUNG)
     for goal in (RESULTANT, Goal("u_T", (1.4, 0.0))):
         check(table(study, goal, fine_value(SPRUNG, goal), "adaptive", 20, FEWER))
+
+
+def test_numbers_of_a_block_with_a_rigid_top() -> None:
+    study = scene_of(PRESSED)
+    for goal in (RESULTANT, Goal("u_T", (1.4, 0.0))):
+        rows = table(study, goal, fine_value(PRESSED, goal), "adaptive", 20, FEWER)
+        check(rows)
 
 
 def test_numbers_under_a_law_that_grows_along_its_edge() -> None:
