@@ -197,7 +197,7 @@ def checked(
 
     if not planned:
         check_kind(study, kind, str(options.study))
-    output = options.output or usual_output("history" if study.history else kind, study)
+    output = options.output or usual_output("history" if study.history and kind != "fit" else kind, study)
     if problems := faults(study, output):
         fail("\n".join(problems))
     if getattr(options, "plot", None) is not None:

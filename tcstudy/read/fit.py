@@ -20,41 +20,50 @@ from tcstudy.errors import StudyError
 from tcstudy.read.asked import differentiable, heat_grows, why_not
 from tcstudy.read.document import load_text
 from tcstudy.read.fields import Context, Fields, none_after_fault
+from tcstudy.read.history import check_fit
 from tcstudy.read.node import Node, nearest
 from tcstudy.read.plans import affine_parameters, level_of, path_of
 from tcstudy.read.points import csv_lines
-from tcstudy.scene.fits import PLACE, RESULTS, FitColumn, FitMark, FitParameter, FitPlan, Sensitivity
+from tcstudy.scene.fits import PLACE, RESULTS, STEP, FitColumn, FitMark, FitParameter, FitPlan, Sensitivity
 from tcstudy.scene.friction import GrowthError
+from tcstudy.scene.histories import HistoryPlan, Memory, UnfitLaw
 from tcstudy.scene.law_slopes import POINTS
 from tcstudy.scene.laws import LawError
 from tcstudy.scene.parameters import with_number
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import MeshPlan
-from tcstudy.scene.units import LENGTH, NUMBER, Dimension, UnitError, to_si
+from tcstudy.scene.units import LENGTH, NONE, NUMBER, STIFFNESS, Dimension, UnitError, to_si
 
 Cells = list[tuple[Node, ...]]
 
 
 @none_after_fault
-def read_fit(ctx: Context, node: Node, root: Node, scene: Scene | None, mesh: MeshPlan | None) -> FitPlan | None:
+def read_fit(
+    ctx: Context, node: Node, root: Node, scene: Scene | None, mesh: MeshPlan | None, history: HistoryPlan | None
+) -> FitPlan | None:
     """The fit; None after a fault.
 
     scene: the scene without a sweep, mesh: the meshes; None if they have faults of their own
+    history: that of the study, at whose steps was measured
     """
     before, fields = len(ctx.errors), Fields(ctx, node, "fit")
     if scene is None:
         return None
     if root.child("sweep"):
         ctx.errors.at(node, "a fit is of one scene, but the study has a sweep", "remove the sweep")
-    columns, sha256 = _columns(ctx, fields, scene) if "data" in fields.values else ([], "")
-    parameters = _parameters(ctx, fields, root, scene) if "parameters" in fields.values else ()
+    columns, sha256 = _columns(ctx, fields, scene, history) if "data" in fields.values else ([], "")
+    parameters = _parameters(ctx, fields, root, scene, history) if "parameters" in fields.values else ()
     if len(ctx.errors) > before:
         return None
     given, measured = (tuple(c for c in columns if bool(c.path) is is_given) for is_given in (True, False))
     options = fields.given(("compare", "starts", "seed", "loss", "smooth")) | level_of(ctx, fields, mesh, "a fit")
     file = str(fields.values["data"].child("file").text())  # type: ignore[union-attr]
+    if history is not None:
+        options = {"level": history.level, "history": history} | options
     plan = FitPlan(given, measured, parameters, scene, file, sha256, marks=_marks(ctx, fields, given), **options)
     _check(ctx, fields, plan)
+    if history is not None:
+        check_fit(ctx, fields, plan, history)
     return plan
 
 
@@ -133,7 +142,7 @@ def _to_and_fro(plan: FitPlan) -> float:
     return own / way if way > 0.0 else 1.0
 
 
-def _columns(ctx: Context, fields: Fields, scene: Scene) -> tuple[list[FitColumn], str]:
+def _columns(ctx: Context, fields: Fields, scene: Scene, history: HistoryPlan | None) -> tuple[list[FitColumn], str]:
     """The columns of the table, and its checksum; none after a fault."""
     data = Fields(ctx, fields.values["data"], "fit_data")
     wanted, file = data["columns"], data["file"]
@@ -156,7 +165,7 @@ def _columns(ctx: Context, fields: Fields, scene: Scene) -> tuple[list[FitColumn
     if len(ctx.errors) > before:
         return [], ""
     noise = _noise(ctx, fields["noise"], tuple(headings))
-    found = [_column(ctx, name, item, lines, scene, noise) for name, item in headings.items()]
+    found = [_column(ctx, name, item, lines, scene, noise, history is not None) for name, item in headings.items()]
     return [one for one in found if one], hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -192,22 +201,29 @@ def _noise(ctx: Context, node: Node | None, names: tuple[str, ...]) -> Mapping[s
 
 
 def _column(
-    ctx: Context, name: str, node: Node, lines: Cells, scene: Scene, noise: Mapping[str, Node]
+    ctx: Context, name: str, node: Node, lines: Cells, scene: Scene, noise: Mapping[str, Node], stepwise: bool
 ) -> FitColumn | None:
-    """One column in SI; None after a fault."""
+    """One column in SI; None after a fault. stepwise: of a history, whose lines have steps in the place of loads"""
     before, path = len(ctx.errors), path_of(name)
-    affine = dict(affine_parameters(scene))
+    affine = {} if stepwise else dict(affine_parameters(scene))
     if name in RESULTS:
         path, dimension = (), RESULTS[name]
     elif path == PLACE:
         dimension = LENGTH
+    elif stepwise and path == STEP:
+        dimension = NONE
     elif path in affine and not affine[path].idle:
         dimension = affine[path].dimension
     else:
-        known = [*RESULTS, *(".".join(one) for one, parameter in affine.items() if not parameter.idle)]
+        known = [
+            *RESULTS,
+            *(["step"] if stepwise else []),
+            *(".".join(one) for one, parameter in affine.items() if not parameter.idle),
+        ]
         near = nearest(name, known)
         remedy = f"did you mean {near!r}?" if near else f"use {', '.join(known)}"
-        ctx.errors.at(node, f"{name!r} is neither a result nor a parameter of the load", remedy, on_key=True)
+        what = "the step of the history" if stepwise else "a parameter of the load"
+        ctx.errors.at(node, f"{name!r} is neither a result nor {what}", remedy, on_key=True)
         return None
     heading = ctx.text(node, "the heading of a column")
     heads = [str(cell.value) for cell in lines[0]]
@@ -254,10 +270,14 @@ def _number(ctx: Context, cell: Node, unit: str, dimension: Dimension) -> float:
     return ctx.quantity(replace(cell, value=f"{word} {unit}" if unit else float(word)), dimension)
 
 
-def _parameters(ctx: Context, fields: Fields, root: Node, scene: Scene) -> tuple[FitParameter, ...]:
+def _parameters(
+    ctx: Context, fields: Fields, root: Node, scene: Scene, history: HistoryPlan | None
+) -> tuple[FitParameter, ...]:
     """The numbers to find."""
-    node = fields.values["parameters"]
+    node, memory = fields.values["parameters"], history.memory if history else None
     known = dict(differentiable(root, scene, (scene,)))
+    if memory and memory.stiffness is not None:
+        known["history", "stiffness"] = (STIFFNESS, "")
     found, remedy = [], "write {friction.tau_s: {start: 4 MPa, within: [1 MPa, 50 MPa]}}"
     for name, item in ctx.mapping(node, "numbers", remedy).items():
         path = path_of(name)
@@ -266,13 +286,13 @@ def _parameters(ctx: Context, fields: Fields, root: Node, scene: Scene) -> tuple
             ctx.errors.at(item, what, remedy, on_key=True)
             continue
         number = Sensitivity(name, path, ctx.cf(known[path][0]), heat_grows(root, path))
-        if one := _parameter(ctx, item, number, known[path][0], scene):
+        if one := _parameter(ctx, item, number, known[path][0], scene, memory):
             found.append(one)
     return tuple(found)
 
 
 def _parameter(
-    ctx: Context, node: Node, number: Sensitivity, dimension: Dimension, scene: Scene
+    ctx: Context, node: Node, number: Sensitivity, dimension: Dimension, scene: Scene, memory: Memory | None
 ) -> FitParameter | None:
     before, fields = len(ctx.errors), Fields(ctx, node, "fit_parameter")
     if len(ctx.errors) > before:
@@ -290,12 +310,12 @@ def _parameter(
     if scale == "log" and low <= 0.0:
         ctx.errors.at(fields.values["within"], "begins at 0 or below, which has no logarithm", "write scale: linear")
     for end in (low, high) if len(ctx.errors) == before else ():
-        if why := _refused(scene, number, end):
+        if why := _refused(scene, number, end, memory):
             ctx.errors.at(fields.values["within"], f"{number.name} = {end:g}: {why}", "narrow the bounds")
     return FitParameter(number, start, low, high, scale == "log") if len(ctx.errors) == before else None
 
 
-def _refused(scene: Scene, number: Sensitivity, value: float) -> str:
+def _refused(scene: Scene, number: Sensitivity, value: float, memory: Memory | None) -> str:
     """Why a scene cannot have this value; empty if it can."""
     section, name = number.path[0], number.path[-1]
     if name in ("E", "k") and section in ("material", "materials") and value <= 0.0:
@@ -307,7 +327,12 @@ def _refused(scene: Scene, number: Sensitivity, value: float) -> str:
     if number.path[-2:-1] == ("spring",) and value < 0.0:
         return "must be at least 0"
     try:
-        with_number(scene, number, value)
-    except (LawError, GrowthError) as error:
+        if section == "history" and memory:
+            memory = replace(memory, stiffness=value)
+        else:
+            scene = with_number(scene, number, value)
+        for law in scene.laws if memory else ():
+            memory.check(law)  # type: ignore[union-attr]
+    except (LawError, GrowthError, UnfitLaw) as error:
         return str(error).partition("; ")[0]
     return ""

@@ -15,6 +15,7 @@ from tcstudy.read.checks import supports_fault
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, nearest
 from tcstudy.read.plans import Affine, affine_parameters, level_of, path_of
+from tcstudy.scene.fits import STEP, FitPlan
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Keys, Memory, UnfitLaw
 from tcstudy.scene.keys import rows
 from tcstudy.scene.points import distinct
@@ -175,3 +176,29 @@ def _refuse(ctx: Context, root: Node, mesh: MeshPlan | None) -> None:
         ctx.errors.at(words, f"a history is solved by {SEPARABLE} alone", f"write solver: {SEPARABLE}", on_key=True)
     if solver and (branch := solver.child("branch")):
         ctx.errors.at(branch, "is of single points", "write history.branch: continued or lowest", on_key=True)
+
+
+def check_fit(ctx: Context, fields: Fields, plan: FitPlan, history: HistoryPlan) -> None:
+    """What a fit at the steps of a history needs and does not take."""
+    for key in ("fold", "peak"):
+        if node := fields[key]:
+            ctx.errors.at(node, "belongs to a path, but the study has a history", "leave it out", on_key=True)
+    if plan.compare == "orthogonal":
+        what = "distances to a path are of one monotone load, but the study has a history"
+        ctx.errors.at(fields["compare"] or fields.values["data"], what, "use compare: vertical")
+    steps = [value for column in plan.given if column.path == STEP for value in column.values]
+    if not steps:
+        remedy = 'add {step: "step"}, the number of the step at every line, 0 for the study as it is written'
+        ctx.errors.at(fields.values["data"], "a fit of a history needs a column step", remedy)
+    elif wrong := [value for value in steps if value != int(value) or not 0 <= value <= history.steps]:
+        remedy = f"steps are 0 for the study as it is written, then 1 to {history.steps}"
+        ctx.errors.at(fields.values["data"], f"the history has no step {wrong[0]:g}", remedy)
+    changed = {keys for keys, *_ in history.parameters}
+    for number in (one.number for one in plan.parameters):
+        factored = number.path[-1] in (*FACTORED, "force_x", "force_y", "moment")
+        if number.path in changed or (("load",) in changed and factored):
+            what = f"{number.name} is what the history changes, so it is known"
+            ctx.errors.at(fields.values["parameters"], what, "remove it from the parameters")
+        elif number.path == ("load",) and any(keys[-1] in FACTORED for keys in changed):
+            what = "load is a factor of loads that the history changes"
+            ctx.errors.at(fields.values["parameters"], what, "remove it from the parameters")

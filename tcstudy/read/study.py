@@ -268,7 +268,7 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
     if (section := root.child("fit")) and not ctx.errors.problems:
         from tcstudy.read.fit import read_fit  # only for a study that has one
 
-        fit = read_fit(ctx, section, root, reader.base, mesh)
+        fit = read_fit(ctx, section, root, reader.base, mesh, history)
     if exact or fit or (mesh and mesh.estimates) or (output and (output.live or output.sensitivity)):
         from tcstudy.read.asked import Asked, check_together
 

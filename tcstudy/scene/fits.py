@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from tcstudy.scene import units as u
+from tcstudy.scene.histories import HistoryPlan
 from tcstudy.scene.key import Key
 from tcstudy.scene.records import Scene
 
@@ -19,6 +20,8 @@ RESULTS = {"friction_resultant": u.LINE_FORCE, "u_T_max": u.LENGTH, "theta_mean"
 """Results that may be measured, with their dimensions; u_T is that at the x of the datum."""
 PLACE = ("x",)
 """Key path of the column that says where on the contact line u_T was measured."""
+STEP = ("step",)
+"""Key path of the column that says at which step of a history a line was measured."""
 
 FITS: tuple[Key, ...] = (
     Key("fit", "section", "[numbers of the study from measurements](#numbers-from-measurements)", of=("fit",)),
@@ -126,6 +129,7 @@ class FitPlan:
     level:           mesh level, None for the finest
     marks:           single numbers of the path, data beside the table
     smooth:          whether laws by points are to be as straight as the data let them
+    history:         the load history at whose steps was measured, None for static points
     """
 
     given: tuple[FitColumn, ...]
@@ -141,6 +145,7 @@ class FitPlan:
     level: int | None = None
     marks: tuple[FitMark, ...] = ()
     smooth: bool = False
+    history: HistoryPlan | None = None
 
     @property
     def count(self) -> int:
@@ -150,7 +155,12 @@ class FitPlan:
     @property
     def loads(self) -> tuple[FitColumn, ...]:
         """The given columns that are parameters of the load."""
-        return tuple(column for column in self.given if column.path != PLACE)
+        return tuple(column for column in self.given if column.path not in (PLACE, STEP))
+
+    @property
+    def at_steps(self) -> list[int]:
+        """The step of every line of the table; empty for static points."""
+        return [int(value) for column in self.given if column.path == STEP for value in column.values]
 
     @property
     def place(self) -> FitColumn | None:

@@ -84,7 +84,7 @@ def mesh_shift(model: FitModel, best: Minimum, box: Box, said: Uncertainty, prio
     where that mesh gives no result."""
     free, shift = np.flatnonzero(~said.at_bound), np.full(len(best.p), np.nan)
     try:
-        level = Level(refine_uniformly(model.level.mesh), model.plan.scene)
+        level = Level(refine_uniformly(model.level.mesh), model.plan.scene, held=held(model.plan))
         finer = replace(model, level=level).compared(best.p)
     except (FitError, GeometryFailed, NotPositiveDefinite, MemoryError):
         return shift
@@ -104,7 +104,13 @@ def model_of(study: Study, plan: FitPlan) -> FitModel:
     sigma = [_noise(column.noise, column.values) for column in (*plan.measured, *plan.given)]
     count = len(plan.measured[0].values)
     noise = np.append(np.repeat(sigma[: len(plan.measured)], count), [mark.noise for mark in plan.marks])
-    return FitModel(plan, Level(mesh, plan.scene), noise, sigma[-1] if plan.given else 1.0, study.solver.tolerance)
+    level = Level(mesh, plan.scene, held=held(plan))
+    return FitModel(plan, level, noise, sigma[-1] if plan.given else 1.0, study.solver.tolerance)
+
+
+def held(plan: FitPlan) -> bool:
+    """Whether more than friction holds the body."""
+    return plan.history is None or not plan.history.loose
 
 
 def _noise(given: float | None, values: Sequence[float]) -> float:
@@ -155,8 +161,11 @@ def _from(model: FitModel, start: Array, box: Box) -> Smoothed:
 
 def _unique(model: FitModel, p: Array) -> bool:
     """Whether every load has one solution with these numbers."""
-    scene = model.scene(p)
-    return max(law.omega for law in scene.laws) < model.level.lambda_1(scene)
+    scene, history = model.scene(p), model.plan_of(p)
+    fall = max(law.omega for law in scene.laws)
+    if history is not None:
+        return not history.loose and history.memory.omega(fall) < model.level.lambda_1(scene)
+    return fall < model.level.lambda_1(scene)
 
 
 def _check_depends(plan: FitPlan, best: Minimum, box: Box) -> None:

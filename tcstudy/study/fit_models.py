@@ -1,5 +1,7 @@
 """What a study says of measurements, for given numbers of it, with exact derivatives by these numbers.
 
+Of a history (`history_slopes`) the steps are compared that were measured: one history an evaluation.
+
 Vertical: the scene is solved at every datum, each from the solution before (the way a test goes: one solve a datum),
 and its results are compared; derivatives from the factor at each solution (`solvers.linearised`).
 
@@ -16,11 +18,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.condense import NotPositiveDefinite
 from tcstudy.errors import FitError, PathError
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import law_slope, load_slope
 from tcstudy.offline.whole_slopes import WholeBody
 from tcstudy.scene.fits import FitPlan
+from tcstudy.scene.histories import HistoryPlan, UnfitLaw
 from tcstudy.scene.parameters import path_scene, with_number
 from tcstudy.scene.records import Scene
 from tcstudy.solvers.contact import solve_contact
@@ -29,6 +33,7 @@ from tcstudy.solvers.loop import Status
 from tcstudy.solvers.path.follow import Follower, Path, PathStatus
 from tcstudy.solvers.path.start import NoSolutionError
 from tcstudy.study.fit_path import MovingPath, reversed_path
+from tcstudy.study.history_slopes import STIFFNESS, MovingStep, moving_steps, with_stiffness
 from tcstudy.study.path_affine import affine_load, straightened
 
 Array = NDArray[np.float64]
@@ -78,7 +83,8 @@ class FitModel:
         """The scene with these numbers."""
         scene = self.plan.scene
         for parameter, value in zip(self.plan.parameters, p, strict=True):
-            scene = with_number(scene, parameter.number, float(value))
+            if parameter.number.path != STIFFNESS:
+                scene = with_number(scene, parameter.number, float(value))
         return scene
 
     def __call__(self, p: Array) -> tuple[Array, Array]:
@@ -89,6 +95,8 @@ class FitModel:
     def compared(self, p: Array) -> Compared:
         """The study with the numbers p against the data. Raises FitError where it has no solution."""
         scene = self.scene(p)
+        if self.plan.history is not None:
+            return self._vertical(scene, self._steps(p, scene))
         found = self._vertical(scene) if self.plan.compare == "vertical" else self._orthogonal(scene)
         if self.plan.marks:
             found = self._marked(scene, found)
@@ -96,13 +104,53 @@ class FitModel:
             raise FitError("the results have no derivative at a datum: it lies on a fold; use compare: orthogonal")
         return found
 
-    def _vertical(self, scene: Scene) -> Compared:
+    def plan_of(self, p: Array) -> HistoryPlan | None:
+        """The history with these numbers."""
+        paths = [one.number.path for one in self.plan.parameters]
+        return (
+            with_stiffness(self.plan.history, dict(zip(paths, p.tolist(), strict=True))) if self.plan.history else None
+        )
+
+    def _steps(self, p: Array, scene: Scene) -> dict[int, tuple[Array, Array]]:
+        """What is compared at the measured steps of the history, with derivatives; the rest of it is not followed."""
+        wanted, found, plan = set(self.plan.at_steps), dict[int, tuple[Array, Array]](), self.plan_of(p)
+        assert plan is not None
+        numbers = [one.number for one in self.plan.parameters]
+        try:
+            for n, at in enumerate(moving_steps(plan, self.level, scene, self.tolerance, numbers)):
+                self.solves += 1
+                reason = at.step.reason if not at.step.solved else next((m.reason for m in at.by if m.reason), "")
+                if reason:
+                    raise FitError(f"step {n} cannot be compared with the numbers tried: {reason}")
+                if n in wanted:
+                    found[n] = self._at_step(at)
+                if n >= max(wanted):
+                    break
+        except (NotPositiveDefinite, UnfitLaw) as error:
+            raise FitError(str(error)) from error
+        return found
+
+    def _at_step(self, at: MovingStep) -> tuple[Array, Array]:
+        """(3 + m,) the SCALARS of a step and u_T, and (3 + m, k) their derivatives."""
+        v, rows = at.step.state.v, []
+        largest = int(np.argmax(np.abs(v)))
+        for one, theta_mean in zip(at.by, at.theta_mean, strict=True):
+            rows.append([one.xi.sum(), np.sign(v[largest]) * one.v[largest], theta_mean, *one.v])
+        return np.array([at.step.xi.sum(), np.max(np.abs(v)), self._mean(at.scene), *v]), np.array(rows).T
+
+    def _mean(self, scene: Scene) -> float:
+        return self.level.temperature(scene).mean if scene.material.beta != 0.0 else 0.0
+
+    def _vertical(self, scene: Scene, steps: dict[int, tuple[Array, Array]] | None = None) -> Compared:
+        """steps: of a history, in the place of solutions"""
         plan, v, known = self.plan, None, None
         count, k = len(plan.measured[0].values), len(plan.parameters)
         predicted, slopes = np.empty((len(plan.measured), count)), np.empty((len(plan.measured), count, k))
         for i in range(count):
             loads = tuple(column.values[i] for column in plan.loads)
-            if loads != known:  # the data of a profile have one load
+            if steps is not None:
+                values, rates = steps[plan.at_steps[i]]
+            elif loads != known:  # the data of a profile have one load
                 for column, value in zip(plan.loads, loads, strict=True):
                     scene = path_scene(scene, column.path, value)
                 v, known = self._solved(scene, v, i), loads
@@ -139,8 +187,7 @@ class FitModel:
             dv = at.step(at.right_side(slope.right, b), kinks)
             dxi = slope.right - problem.A_tilde @ dv
             rows.append([dxi.sum(), np.sign(v[largest]) * dv[largest], slope.theta_mean, *dv])
-        mean = level.temperature(scene).mean if scene.material.beta != 0.0 else 0.0
-        return np.array([problem.xi(v).sum(), np.max(np.abs(v)), mean, *v]), np.array(rows).T
+        return np.array([problem.xi(v).sum(), np.max(np.abs(v)), self._mean(scene), *v]), np.array(rows).T
 
     @cached_property
     def _weights(self) -> Array:

@@ -30,7 +30,7 @@ from tcstudy.executors import Errand, in_order, unpacked
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.histories import UnfitLaw
+from tcstudy.scene.histories import HistoryPlan, UnfitLaw
 from tcstudy.scene.parameters import loaded_scene
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
@@ -232,7 +232,8 @@ def _follow(study: Study, level: Level, scene: Scene, record: HistoryRecord, poi
 
 def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, point: int) -> Iterator[int]:
     """The steps of one point that are still to do."""
-    problem, loads = _problem(study, level, scene)
+    assert study.history is not None
+    problem, loads = problem_of(study.history, level, scene, study.solver.tolerance)
     record.lambda_1[point], record.margin[point] = problem.stiffness, problem.margin
     first = int(steps_done(record)[point])
     start = None if first == 0 else _state(problem, record, point, first - 1, loads[first - 1])
@@ -241,10 +242,10 @@ def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, p
         yield n
 
 
-def _problem(study: Study, level: Level, scene: Scene) -> tuple[HistoryProblem, list[Array]]:
-    """What all steps of a scene share, and the loads l̃ of all steps."""
-    plan = study.history
-    assert plan is not None
+def problem_of(
+    plan: HistoryPlan, level: Level, scene: Scene, tolerance: float | None
+) -> tuple[HistoryProblem, list[Array]]:
+    """What all steps of a scene share, and the loads l̃ of all steps. Raises NotPositiveDefinite."""
     at = [level.condensed(loaded_scene(scene, values)) for values in plan.stations()]
     first = at[0].problem
     lambda_1 = None if plan.loose else level.lambda_1(scene)
@@ -255,7 +256,7 @@ def _problem(study: Study, level: Level, scene: Scene) -> tuple[HistoryProblem, 
         plan.memory,
         plan.branch,
         plan.substeps,
-        study.solver.tolerance,
+        tolerance,
         lambda_1,
         held=not plan.loose,
     )

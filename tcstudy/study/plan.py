@@ -87,7 +87,7 @@ def output_beside(study: Study, kind: str) -> Path:
 
 def check_kind(study: Study, kind: str, name: str) -> None:
     """Raise UsageError where a command would leave out what a study is about: a history is no set of static points."""
-    if study.history is not None and kind != "history":
+    if study.history is not None and kind not in ("history", "fit"):
         command = COMMAND_OF.get(kind, kind)
         raise UsageError(
             f"{name}: history: the study is a load history, and tcstudy {command} has no memory; use tcstudy "

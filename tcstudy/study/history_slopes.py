@@ -1,0 +1,88 @@
+"""The steps of a scene's load history with their derivatives by numbers of the study, for fits and for `sensitivity`.
+
+What the loads, the body and the law do with a number is `offline.slopes`, how the memory carries it on from step to
+step `solvers.history.moving`. Steps in equal parts are differentiated part by part, as they are solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.offline.level import Level
+from tcstudy.offline.slopes import load_slope, virgin_slope
+from tcstudy.offline.whole_slopes import WholeBody
+from tcstudy.scene.fits import Sensitivity
+from tcstudy.scene.histories import HistoryPlan, Keys
+from tcstudy.scene.parameters import loaded_scene
+from tcstudy.scene.records import Scene
+from tcstudy.solvers.history.moving import Moved, StepSlope, moved
+from tcstudy.solvers.history.steps import HistoryStep, next_step
+from tcstudy.study.history_run import problem_of
+
+Array = NDArray[np.float64]
+STIFFNESS = ("history", "stiffness")
+"""Key path of k, the number of a memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class MovingStep:
+    """A step, the scene with its loads, and by every number the derivatives of its state and of the mean θ."""
+
+    step: HistoryStep
+    scene: Scene
+    by: list[Moved]
+    theta_mean: list[float]
+
+
+def with_stiffness(plan: HistoryPlan, values: dict[Keys, float]) -> HistoryPlan:
+    """The plan with the k of these values, if they have one."""
+    stiffness = values.get(STIFFNESS, plan.memory.stiffness)
+    return replace(plan, memory=replace(plan.memory, stiffness=stiffness))
+
+
+def moving_steps(
+    plan: HistoryPlan, level: Level, scene: Scene, tolerance: float | None, numbers: Sequence[Sensitivity]
+) -> Iterator[MovingStep]:
+    """Step 0 and all others; one that fails is the last.
+
+    Raises NotPositiveDefinite, UnfitLaw, and KeyError for a number that the scene does not have.
+    """
+    body, loads = problem_of(plan, level, scene, tolerance)
+    parts = 1 if body.follows_paths else body.substeps or 1
+    body = body if body.follows_paths else replace(body, substeps=1)
+    virgin = [virgin_slope(level, scene, number) for number in numbers]
+    last, old = HistoryStep.virgin(body.m), [Moved.virgin(body.m) for _ in numbers]
+    before: dict[Keys, float] = {}
+    for values, load in zip(_values(plan), loads, strict=True):
+        begin = last.load
+        for part in range(1, parts + 1):
+            share = part / parts
+            step = next_step(body, last, load if part == parts else begin + share * (load - begin))
+            between = {keys: before[keys] + share * (values[keys] - before[keys]) for keys in values if before}
+            here = loaded_scene(scene, values if part == parts or not before else between)
+            whole = 1.0 if before else share  # the loads of step 0 begin at nothing, whatever the scene says
+            if not step.solved:
+                yield MovingStep(step, here, old, [])
+                return
+            v = step.state.v / whole
+            extended = WholeBody(level, here, v)
+            slopes = [load_slope(level, here, number, v, extended) for number in numbers]
+            given = [
+                StepSlope(whole * slope.right, own, number.path == STIFFNESS)
+                for slope, own, number in zip(slopes, virgin, numbers, strict=True)
+            ]
+            old, last = moved(body, last, step, old, given), step
+        before = values
+        yield MovingStep(last, here, old, [slope.theta_mean for slope in slopes])
+
+
+def _values(plan: HistoryPlan) -> Iterator[dict[Keys, float]]:
+    """The loads of every step, by key path."""
+    at = plan.stations()
+    yield at[0]
+    for i, j, share, *_ in plan.schedule():
+        yield {keys: at[i][keys] + share * (at[j][keys] - at[i][keys]) for keys in at[i]} if share < 1.0 else at[j]
