@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.nodal_laws import Law
+from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.contact import Answer, as_it_is, solve_contact
 from tcstudy.solvers.history.memory import LAW_ERROR, NodeState
 from tcstudy.solvers.history.steps import Energies, HistoryProblem, HistoryStep, booked, proved
@@ -232,7 +233,7 @@ class _Step:
                 break
         moved, forces = np.abs(step.state.v - state.v), np.abs(step.load) + np.abs(body.A_tilde) @ np.abs(step.state.v)
         rounding = np.sqrt(body.m) * np.finfo(float).eps * float(forces @ moved)
-        lets_go = step.energies.closure > rounding and not body.one_solution(self._law())
+        lets_go = step.energies.closure > rounding and not self._held()
         released = step.energies.closure if lets_go else 0.0
         self.energies += replace(step.energies, closure=step.energies.closure - released, released=released)
         if lets_go:
@@ -241,6 +242,13 @@ class _Step:
         self.beyond = step.state.v
         self.now, self.t = step, t
         return True
+
+    def _held(self) -> bool:
+        """Whether the state is a solution of the part and the only one: just behind a down-jump it is none."""
+        problem = self.body.problem(self.now.state, self.now.load, self._law())
+        problem, w = replace(problem, l_tilde=problem.l_tilde + self._defect()), self._w(self.now.state)
+        own = Acceptance(self.body.tolerance).accepts(problem.inclusion_residual(w), problem.xi_rounding(w))
+        return own and self.body.one_solution(problem.law)
 
     def _along(self, path: Path, lead: Path | None = None) -> bool:
         """Forward to where the first node takes something back, or to the end of the path.

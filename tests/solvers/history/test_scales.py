@@ -97,6 +97,17 @@ def test_no_state_can_let_go_once_the_film_has_fallen(film: FrictionLaw, proved:
     assert body.one_solution(body.model.next_law(last.state))
 
 
+@pytest.mark.parametrize("metre", METRES)
+def test_a_film_that_breaks_at_once_lets_go_where_nothing_falls_behind_it(metre: float) -> None:
+    """b = 1 to s = 0.4, then 0.2, on a spring of 1: let go at U = 1.4, it stops at 1.2; ½ 0.8² is released."""
+    film = law(points=[(0.0, 1.0), (0.4 * metre, 1.0), (0.4 * metre, 0.2)])
+    body = HistoryProblem(np.eye(1) / metre, np.ones(1), film, Memory("friction"), substeps=None)
+    steps = followed(body, [np.array([U]) for U in (1.3, 1.6, 1.0)])
+    assert [step.jumps for step in steps] == [0, 1, 0]
+    assert steps[1].energies.released == pytest.approx(0.32 * metre, rel=1e-12)
+    assert [step.state.v[0] / metre for step in steps] == pytest.approx([0.3, 1.4, 1.2], rel=1e-12)
+
+
 def test_a_cycle_that_changes_less_than_rounding_allows_is_closed() -> None:
     """The same changes are a closed loop, walking or not settled, by what rounding of the slips allows."""
     ends = 6.0 + np.cumsum([[0.0, 0.0], [1e-6, 1e-6], [-2e-6, 1e-6]], axis=0)
