@@ -1,9 +1,10 @@
 """Do 95 % intervals of fits hold the truth as often as they say? `python -m tests.benchmarks.fits --draws 200`
 
-Three tests with data from closed forms and noise drawn anew, fitted by two-dimensional models: a pull test through its
-snap-back (distances to the path), the same on its stable branch alone (results at each datum), and a heated strip of
-which expansion and film are sought. Told are the share of intervals that hold the truth, the bias in standard errors,
-evaluations, and contact problems for a datum and evaluation.
+Four tests with data from closed forms and noise drawn anew, fitted by two-dimensional models: a pull test through its
+snap-back (distances to the path), the same on its stable branch alone (results at each datum), a heated strip of which
+expansion and film are sought, and a block pulled to and fro on elastic-plastic bonds (steps of a history). Told are the
+share of intervals that hold the truth, the bias in standard errors, evaluations, and contact problems for a datum and
+evaluation.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from tcstudy.accuracy.fitted import minimise, uncertainty
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.fits import FitColumn, FitPlan
 from tcstudy.study.fit import box_of, groups_of, model_of
+from tests.study.test_fit_history import FOUND, PULLED, RIGID, returned
 
 Array = NDArray[np.float64]
 
@@ -103,13 +105,14 @@ def heated(n: int) -> Array:
 
 
 def cases(size: float) -> list[Case]:
-    """The three tests; size: of elements, over the usual one."""
+    """The four tests; size: of elements, over the usual one."""
     strip = STRIP.replace("MAXH", f"{1.0 * size:g} mm")
     truth = (TAU, DELTA)
     return [
         Case("through the fold", strip.replace("COMPARE", "orthogonal"), pulled(60, 3), (5e-6, 2.2e3), truth),
         Case("stable branch", strip.replace("COMPARE", "vertical"), stable(45), (0.0, 2.2e3), truth),
         Case("heated strip", HEATED.replace("MAXH", f"{10.0 * size:g} mm"), heated(30), (0.0, 2e-6, 8e3), (3e6, 12e-6)),
+        Case("cyclic pull", RIGID, np.stack([np.arange(31.0), returned(PULLED)], axis=1), (0.0, 2e3), FOUND),
     ]
 
 

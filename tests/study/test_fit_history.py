@@ -98,6 +98,14 @@ fit:
 """
 
 
+PULLED = np.concatenate(
+    [np.linspace(0, 2e-4, 9), np.linspace(2e-4, -1.5e-4, 13)[1:], np.linspace(-1.5e-4, 2.5e-4, 11)[1:]]
+)
+"""(31,) where the steps have pulled it [m]."""
+FOUND = (TAU, TAU + 1e-3 * RISE, K)
+"""What is sought."""
+
+
 def returned(U: Array) -> Array:
     """(n,) resultants of the rigid block pulled to U, by the return map written down for one point."""
     p = kappa = 0.0
@@ -112,8 +120,7 @@ def returned(U: Array) -> Array:
 
 def test_strength_rise_and_spring_of_a_cyclic_test(tmp_path: Path) -> None:
     """The closed form of a rigid block as data: found as far as it is rigid, and with noise."""
-    ways = [np.linspace(0.0, 2e-4, 9), np.linspace(2e-4, -1.5e-4, 13)[1:], np.linspace(-1.5e-4, 2.5e-4, 11)[1:]]
-    clean, truth = returned(np.concatenate(ways)), np.array([TAU, TAU + 1e-3 * RISE, K])
+    clean, truth = returned(PULLED), np.array(FOUND)
     for noise, rel in ((0.0, 1e-5), (2e3, 0.05)):
         measured = clean + noise * np.random.default_rng(3).normal(size=len(clean))
         record = fit(study_of(tmp_path, RIGID, "step,P [N/m]", list(enumerate(measured))))  # type: ignore[arg-type]
