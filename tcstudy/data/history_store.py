@@ -8,6 +8,7 @@ from there, and so does one with more steps behind the same ones.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.files import StoreError, write_dataset
+from tcstudy.data.on_request import step_derivatives
 from tcstudy.data.path_store import LINE
 from tcstudy.data.provenance import CONTENT, Provenance, global_attributes, program, without_paths
 from tcstudy.data.reading import is_foreign
@@ -23,6 +25,7 @@ from tcstudy.data.records import LevelRecord, PointStatus, Row, decode, row_of
 from tcstudy.data.schema import BESIDE, CERTIFIED, DIFFERENCE, MISSING_COUNT, STATUS, SWEEP, FileVariable, edge_flags
 from tcstudy.data.store import load_root
 from tcstudy.data.writer import axis_name, in_file_order, put, put_all, put_axes
+from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.histories import START
 from tcstudy.scene.study import Study
 
@@ -42,10 +45,11 @@ class HistoryRecord:
     values: dict[str, NDArray[Any]]
 
     @classmethod
-    def empty(cls, points: int, steps: int, m: int) -> HistoryRecord:
-        """Nothing is known yet."""
+    def empty(cls, points: int, steps: int, m: int, numbers: Sequence[Sensitivity] = ()) -> HistoryRecord:
+        """Nothing is known yet; numbers: by which results are differentiated."""
         shapes: dict[str, tuple[int, ...]] = {"step": (points, steps), "node": (points, steps, m)}
-        own = {v.name: np.full(shapes.get(v.dims[-1], (points,)), v.missing, dtype=_kind(v)) for v in EVERY}
+        every = (*EVERY, *step_derivatives(numbers))
+        own = {v.name: np.full(shapes.get(v.dims[-1], (points,)), v.missing, dtype=_kind(v)) for v in every}
         own["reason"][:] = ""
         return cls(own)
 
@@ -60,7 +64,7 @@ class HistoryRecord:
 
     def row(self, point: int, step: int) -> Row:
         """A step of a point for the journal."""
-        own = {v.name: self.values[v.name][(point,) if v.dims[-1] == SWEEP else (point, step)] for v in EVERY}
+        own = {name: all_[point if all_.ndim == 1 else (point, step)] for name, all_ in self.values.items()}
         reason = {"reason": str(own.pop("reason"))}
         return row_of("step", str(point), step, reason, {name: np.asarray(value) for name, value in own.items()})
 
@@ -167,7 +171,8 @@ def variables(study: Study) -> tuple[FileVariable, ...]:
     assert study.history is not None
     name, jumping = study.history.memory.name, study.history.branch == "continued"
     without = {"plastic"} if name != "elastic-plastic" else set()
-    return tuple(v for v in EVERY if v.name not in without and (jumping or v.name != "jumped"))
+    own = (v for v in EVERY if v.name not in without and (jumping or v.name != "jumped"))
+    return (*own, *step_derivatives(study.output.sensitivity))
 
 
 def history_bytes(study: Study, m: int) -> int:
@@ -255,7 +260,7 @@ def read_known(path: Path, study: Study, steps: int) -> tuple[HistoryRecord, dic
 def _record(data: Any, study: Study, steps: int, both: int) -> HistoryRecord:
     points = len(study.scenes)
     order = np.argsort(in_file_order(study, np.arange(points).reshape(study.shape)).ravel(), kind="stable")
-    record = HistoryRecord.empty(points, steps, data.sizes["node"])
+    record = HistoryRecord.empty(points, steps, data.sizes["node"], study.output.sensitivity)
     for variable in variables(study):
         stored: NDArray[Any] = data[variable.name].values
         values = stored.reshape((points, *stored.shape[len(study.shape) :]))[order]

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from tcstudy.data.records import SENSITIVITY
-from tcstudy.data.schema import DIFFERENCE, POINT_LEVEL, FileVariable, flags
+from tcstudy.data.schema import DIFFERENCE, POINT_LEVEL, SWEEP, FileVariable, flags
 from tcstudy.scene.records import Clamped, Contact
 from tcstudy.scene.study import Sensitivity, Study
 
@@ -69,7 +69,7 @@ def _of_edges(study: Study) -> Iterator[FileVariable]:
             yield _one(f"theta_mean_{name}", "K", f"mean temperature of {name}", what)
 
 
-NOT_JUDGED, DIFFERENTIABLE, AT_EVENT, AT_FOLD = range(4)
+NOT_JUDGED, DIFFERENTIABLE, AT_EVENT, AT_FOLD, TURNED_BACK = range(5)
 STATUS, EVENTS = f"{SENSITIVITY}status", f"{SENSITIVITY}events"
 
 QUANTITIES = {
@@ -82,6 +82,8 @@ QUANTITIES = {
 }
 """Differentiated quantities, their units and names. `slip_length` is not among them: on one mesh it is a step function
 of every number, and its derivative 0 would say nothing."""
+STEP_QUANTITIES = ("u_T_max", "friction_resultant", "theta_mean")
+"""Those of the steps of a history."""
 
 
 def name_of(quantity: str, number: str) -> str:
@@ -91,18 +93,28 @@ def name_of(quantity: str, number: str) -> str:
 
 def derivatives(numbers: Sequence[Sensitivity]) -> tuple[FileVariable, ...]:
     """The variables of a study that asks for these."""
-    judged = (("ancillary_variables", STATUS),)
     status = flags("not_judged", "differentiable", "at_event", "at_fold")
     found = [
         FileVariable(STATUS, "i1", "1", "verdict on derivatives", extra=status),
         FileVariable(EVENTS, "i4", "1", "contact nodes at an event", extra=_EVENTS),
     ]
-    for number in numbers:
-        for quantity, (units, what) in QUANTITIES.items():
-            name, over = name_of(quantity, number.name), quotient(units, number.units)
-            extra = (("comment", "at the solution, while its nodes keep their pieces of b"), *judged)
-            found.append(FileVariable(name, "f8", over, f"{what} by {number.name}", POINT_LEVEL, extra=extra))
-    return tuple(found)
+    return (*found, *(_by(number, quantity, POINT_LEVEL) for number in numbers for quantity in QUANTITIES))
+
+
+def step_derivatives(numbers: Sequence[Sensitivity]) -> tuple[FileVariable, ...]:
+    """The same at every step of a history."""
+    if not numbers:
+        return ()
+    status = flags("not_judged", "differentiable", "at_event", "at_fold", "turned_back")
+    verdict = FileVariable(STATUS, "i1", "1", "verdict on derivatives", (SWEEP, "step"), extra=status)
+    return (verdict, *(_by(number, one, (SWEEP, "step")) for number in numbers for one in STEP_QUANTITIES))
+
+
+def _by(number: Sensitivity, quantity: str, dims: tuple[str, ...]) -> FileVariable:
+    units, what = QUANTITIES[quantity]
+    name, over = name_of(quantity, number.name), quotient(units, number.units)
+    extra = (("comment", "at the solution, while its nodes keep their pieces of b"), ("ancillary_variables", STATUS))
+    return FileVariable(name, "f8", over, f"{what} by {number.name}", dims, extra=extra)
 
 
 _EVENTS = (

@@ -130,6 +130,8 @@ def differentiable(root: Node, base: Scene, scenes: Sequence[Scene]) -> Iterator
                 yield ("boundary", edge, "spring", name), (STIFFNESS, "")
     for scene in distinct(scenes, "friction"):
         yield from _of_laws(scene)
+    if (history := root.child("history")) and history.child("stiffness"):
+        yield ("history", "stiffness"), (STIFFNESS, "")
 
 
 def _of_edges(base: Scene) -> Iterator[tuple[Keys, tuple[Dimension, str]]]:

@@ -32,7 +32,7 @@ from tcstudy.scene.laws import LawError
 from tcstudy.scene.parameters import with_number
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import MeshPlan
-from tcstudy.scene.units import LENGTH, NONE, NUMBER, STIFFNESS, Dimension, UnitError, to_si
+from tcstudy.scene.units import LENGTH, NONE, NUMBER, Dimension, UnitError, to_si
 
 Cells = list[tuple[Node, ...]]
 
@@ -276,8 +276,6 @@ def _parameters(
     """The numbers to find."""
     node, memory = fields.values["parameters"], history.memory if history else None
     known = dict(differentiable(root, scene, (scene,)))
-    if memory and memory.stiffness is not None:
-        known["history", "stiffness"] = (STIFFNESS, "")
     found, remedy = [], "write {friction.tau_s: {start: 4 MPa, within: [1 MPa, 50 MPa]}}"
     for name, item in ctx.mapping(node, "numbers", remedy).items():
         path = path_of(name)

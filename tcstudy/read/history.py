@@ -15,7 +15,7 @@ from tcstudy.read.checks import supports_fault
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, nearest
 from tcstudy.read.plans import Affine, affine_parameters, level_of, path_of
-from tcstudy.scene.fits import STEP, FitPlan
+from tcstudy.scene.fits import STEP, FitPlan, Sensitivity
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Keys, Memory, UnfitLaw
 from tcstudy.scene.keys import rows
 from tcstudy.scene.points import distinct
@@ -167,7 +167,7 @@ def _refuse(ctx: Context, root: Node, mesh: MeshPlan | None) -> None:
         remedy = "remove estimate and tolerance, and compare histories on meshes of your own"
         ctx.errors.at(node, "errors are not estimated in a history", remedy, on_key=True)
     output = root.child("output")
-    for key in ("fields", "live", "sensitivity"):
+    for key in ("fields", "live"):
         if output and (asked := output.child(key)) and asked.value is not False:
             ctx.errors.at(asked, "is not kept of a history", "remove it", on_key=True)
     solver = root.child("solver")
@@ -193,12 +193,15 @@ def check_fit(ctx: Context, fields: Fields, plan: FitPlan, history: HistoryPlan)
     elif wrong := [value for value in steps if value != int(value) or not 0 <= value <= history.steps]:
         remedy = f"steps are 0 for the study as it is written, then 1 to {history.steps}"
         ctx.errors.at(fields.values["data"], f"the history has no step {wrong[0]:g}", remedy)
+    check_numbers(ctx, fields.values["parameters"], [one.number for one in plan.parameters], history)
+
+
+def check_numbers(ctx: Context, node: Node, numbers: Iterable[Sensitivity], history: HistoryPlan) -> None:
+    """Numbers to differentiate by must not be loads that the history changes."""
     changed = {keys for keys, *_ in history.parameters}
-    for number in (one.number for one in plan.parameters):
+    for number in numbers:
         factored = number.path[-1] in (*FACTORED, "force_x", "force_y", "moment")
         if number.path in changed or (("load",) in changed and factored):
-            what = f"{number.name} is what the history changes, so it is known"
-            ctx.errors.at(fields.values["parameters"], what, "remove it from the parameters")
+            ctx.errors.at(node, f"{number.name} is what the history changes, so it is known", "remove it")
         elif number.path == ("load",) and any(keys[-1] in FACTORED for keys in changed):
-            what = "load is a factor of loads that the history changes"
-            ctx.errors.at(fields.values["parameters"], what, "remove it from the parameters")
+            ctx.errors.at(node, "load is a factor of loads that the history changes", "remove it")

@@ -256,7 +256,7 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
     exact = read_exact(ctx, node, root, body) if (node := root.child("exact")) else None
     history = None
     if root.child("history") and scenes:
-        from tcstudy.read.history import read_history  # few studies have one
+        from tcstudy.read.history import check_numbers, read_history  # few studies have one
 
         history = read_history(ctx, root, reader.base, scenes, mesh, [axis.parameter.path for axis in sweep.axes])
     asked = root.child("output") if output and not ctx.errors.problems else None
@@ -264,6 +264,8 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
         from tcstudy.read.asked import read_sensitivity  # only for a study that asks for derivatives
 
         output = replace(output, sensitivity=read_sensitivity(ctx, names, root, reader.base, scenes, exact))
+        if history is not None:
+            check_numbers(ctx, names, output.sensitivity, history)
     fit = None
     if (section := root.child("fit")) and not ctx.errors.problems:
         from tcstudy.read.fit import read_fit  # only for a study that has one

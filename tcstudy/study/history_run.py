@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Protocol
 
@@ -98,10 +99,10 @@ def execute_history(
         clock = time.perf_counter()
         level = _level(study)
         built = time.perf_counter() - clock
-        line = level_record(study, level.mesh, level)
-        record = known or HistoryRecord.empty(len(study.scenes), plan.steps + 1, level.line.m)
+        line, asked = level_record(study, level.mesh, level), study.output.sensitivity
+        record = known or HistoryRecord.empty(len(study.scenes), plan.steps + 1, level.line.m, asked)
         # a row of another size than this record's is refused as one that belongs nowhere
-        check = HistoryRecord.empty(len(study.scenes), plan.steps + 1, level.line.m).take_row
+        check = HistoryRecord.empty(len(study.scenes), plan.steps + 1, level.line.m, asked).take_row
         with Journal.open(output, study, check=check) as journal:
             for row in journal.steps():
                 record.take_row(row)
@@ -215,7 +216,7 @@ def follow_point(study: Study, key: str, known: HistoryRecord | None) -> History
         _kept.clear()
         _kept[key] = _level(study)
     level = _kept[key]
-    record = known or HistoryRecord.empty(1, study.history.steps + 1, level.line.m)
+    record = known or HistoryRecord.empty(1, study.history.steps + 1, level.line.m, study.output.sensitivity)
     for _ in _follow(study, level, study.scenes[1], record, 0):
         pass
     return record
@@ -237,8 +238,15 @@ def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, p
     record.lambda_1[point], record.margin[point] = problem.stiffness, problem.margin
     first = int(steps_done(record)[point])
     start = None if first == 0 else _state(problem, record, point, first - 1, loads[first - 1])
+    slopes: Iterator[dict[str, float]] | None = None
+    if study.output.sensitivity:
+        from tcstudy.study.history_slopes import step_derivatives  # only for a study that asks for derivatives
+
+        slopes = islice(step_derivatives(study, level, scene), first, None)
     for n, step in enumerate(history(problem, loads[first:], start), first):
         _put(record, point, n, step, problem)
+        for name, value in next(slopes).items() if slopes and step.solved else ():
+            getattr(record, name)[point, n] = value
         yield n
 
 

@@ -7,11 +7,21 @@ step `solvers.history.moving`. Steps in equal parts are differentiated part by p
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.on_request import (
+    AT_EVENT,
+    AT_FOLD,
+    DIFFERENTIABLE,
+    STATUS,
+    STEP_QUANTITIES,
+    TURNED_BACK,
+    name_of,
+)
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import load_slope, virgin_slope
 from tcstudy.offline.whole_slopes import WholeBody
@@ -19,9 +29,11 @@ from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.histories import HistoryPlan, Keys
 from tcstudy.scene.parameters import loaded_scene
 from tcstudy.scene.records import Scene
-from tcstudy.solvers.history.moving import Moved, StepSlope, moved
+from tcstudy.scene.study import Study
+from tcstudy.solvers.history.moving import EVENT, FOLD, TURNED, Moved, StepSlope, moved
 from tcstudy.solvers.history.steps import HistoryStep, next_step
 from tcstudy.study.history_run import problem_of
+from tcstudy.study.sensitivities import of_largest
 
 Array = NDArray[np.float64]
 STIFFNESS = ("history", "stiffness")
@@ -78,6 +90,30 @@ def moving_steps(
             old, last = moved(body, last, step, old, given), step
         before = values
         yield MovingStep(last, here, old, [slope.theta_mean for slope in slopes])
+
+
+def step_derivatives(study: Study, level: Level, scene: Scene) -> Iterator[dict[str, float]]:
+    """Of every step of a scene what its study asks for, by variable name; without what its law does not have.
+
+    They begin with step 0 wherever the history goes on, since files keep what nodes remember, but not its derivatives.
+    """
+    plan, numbers = study.history, []
+    assert plan is not None
+    for number in study.output.sensitivity:
+        with suppress(KeyError):  # a law of the sweep that has no such parameter
+            virgin_slope(level, scene, number)
+            numbers.append(number)
+    for at in moving_steps(plan, level, scene, study.solver.tolerance, numbers):
+        reason = next((one.reason for one in at.by if one.reason), "")
+        found: dict[str, float] = {STATUS: VERDICTS[reason]}
+        for number, one, theta_mean in zip(numbers, at.by, at.theta_mean, strict=True):
+            values = of_largest(at.step.state.v, one.v), float(one.xi.sum()), theta_mean
+            found |= {name_of(q, number.name): x for q, x in zip(STEP_QUANTITIES, values, strict=True)}
+        yield found
+
+
+VERDICTS = {"": DIFFERENTIABLE, EVENT: AT_EVENT, FOLD: AT_FOLD, TURNED: TURNED_BACK}
+"""What files call the reasons why there is no derivative."""
 
 
 def _values(plan: HistoryPlan) -> Iterator[dict[Keys, float]]:

@@ -53,7 +53,7 @@ def of_point(level: Level, scene: Scene, v: Array, numbers: tuple[Sensitivity, .
         dv = at.step(at.right_side(slope.right, b), kinks)
         dxi = slope.right - at.problem.A_tilde @ dv
         values = {
-            "u_T_max": _of_largest(v, dv),
+            "u_T_max": of_largest(v, dv),
             "friction_resultant": float(dxi.sum()),
             "theta_mean": slope.theta_mean,
             "lambda_1": whole.lambda_1(change),
@@ -64,7 +64,7 @@ def of_point(level: Level, scene: Scene, v: Array, numbers: tuple[Sensitivity, .
     return found
 
 
-def _of_largest(v: Array, dv: Array) -> float:
+def of_largest(v: Array, dv: Array) -> float:
     """Derivative of max |v|; NaN where several nodes have it and do not agree."""
     if not len(v):
         return 0.0
