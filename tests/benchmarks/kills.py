@@ -1,8 +1,8 @@
-"""Random kills of workers and of the run itself: `python -m tests.benchmarks.kills [KILLS] [SEED]`; 100 kills.
+"""Random kills of workers and of the run itself: `python -m tests.benchmarks.kills [KILLS] [SEED]`; 100 kills, and 25.
 
-A run of many small blocks with two workers is started again and again. At random times a worker or the run itself gets
-SIGKILL; a run that was killed is started again and goes on from what it kept. The file in the end is compared with that
-of a run in one process that nobody kills: every array to the bit, no point failed.
+A run of many small blocks with two workers, and one of many geometries, is started again and again. At random times a
+worker or the run itself gets SIGKILL; a run that was killed is started again and goes on from what it kept. The file in
+the end is compared with that of a run in one process that nobody kills: every array to the bit, no point failed.
 
 Writes results/kills.md.
 """
@@ -28,10 +28,12 @@ from tcstudy.study.run import execute
 from tests.verification.scenes import RECTANGLE
 
 RESULTS = Path(__file__).parents[2] / "results"
-STUDY = (
-    RECTANGLE.replace("maxh: 0.1, levels: 3", "maxh: 0.3, levels: 1")
-    + "\nsweep: {friction.tau: {linspace: [0.005, 0.03, POINTS]}}\n"
+COARSE = RECTANGLE.replace("maxh: 0.1, levels: 3", "maxh: 0.3, levels: 1")
+STUDY = COARSE + "\nsweep: {friction.tau: {linspace: [0.005, 0.03, POINTS]}}\n"
+GEOMETRIES = COARSE + (
+    "\nsweep: {body.rectangle.width: {linspace: [1.5, 2.5, POINTS]}, friction.tau: {linspace: [0.005, 0.03, 5]}}\n"
 )
+"""The same body in many widths, each with five points, which a worker meshes and solves whole."""
 RUN = """
 import sys, time
 from pathlib import Path
@@ -41,7 +43,7 @@ from tcstudy.study.run import execute
 workshop.POINTS = 2
 class Slow:
     def begin(self, *_): print("begun", flush=True)
-    def level(self, _): ...
+    def level(self, *_): ...
     def block(self, _):
         print("block", flush=True)
         time.sleep(float(sys.argv[4]))
@@ -60,10 +62,13 @@ class Kills:
     starts: int = 0
 
 
-def survive(folder: Path, kills: int, seed: int, points: int) -> Kills:
-    """Kill so often, let the last run end, and compare; raises AssertionError if anything was lost or differs."""
+def survive(folder: Path, kills: int, seed: int, points: int, text: str = STUDY) -> Kills:
+    """Kill so often, let the last run end, and compare; raises AssertionError if anything was lost or differs.
+
+    points: of the sweep, or its geometries
+    """
     study, output, plain = folder / "study.yaml", folder / "killed.nc", folder / "plain.nc"
-    study.write_text(STUDY.replace("POINTS", str(points)))
+    study.write_text(text.replace("POINTS", str(points)))
     chance, done = random.Random(seed), Kills()
     while not output.exists():
         assert done.starts < kills + 10, "runs end without a result"
@@ -119,12 +124,15 @@ def assert_same(one: Path, other: Path) -> None:
 def main() -> None:
     """Kill, compare and write what came of it."""
     kills, seed = (int(word) for word in (*sys.argv[1:], *("100", "0")[len(sys.argv) - 1 :]))
-    with tempfile.TemporaryDirectory() as folder:
-        done = survive(Path(folder), kills, seed, 20 * kills)
-    text = (
-        f"Made by `python -m tests.benchmarks.kills {kills} {seed}`: {done.workers} workers and {done.runs} runs "
-        f"killed at random, {done.starts} starts of one study of {20 * kills} points in blocks of two.\n"
-        "Nothing lost: every number equal to the bit to that of a run in one process, no point failed.\n"
+    lines = [f"Made by `python -m tests.benchmarks.kills {kills} {seed}`, two workers, kills at random:"]
+    studies = (("points in blocks of two", STUDY, kills, 20), ("geometries of five points", GEOMETRIES, kills // 4, 8))
+    for words, study, times, each in studies:
+        with tempfile.TemporaryDirectory() as folder:
+            done = survive(Path(folder), times, seed, each * times, study)
+        killed = f"{done.workers} workers and {done.runs} runs killed, {done.starts} starts"
+        lines.append(f"- one study of {each * times} {words}: {killed}")
+    text = "\n".join(
+        [*lines, "", "Nothing lost: every number is that of a run in one process, to the bit; no point failed.", ""]
     )
     (RESULTS / "kills.md").write_text(text, encoding="utf-8")
     print(text)
