@@ -192,7 +192,8 @@ def _other_commands(study: Study) -> list[str]:
         how = f"{steps} steps of {', '.join(study.history.names)}" + (
             f" at each of {points} points" if points > 1 else ""
         )
-        notes.append(f"load history, {how}: tcstudy history follows it, and nothing else is computed of this study")
+        alone = "" if study.fit is not None else ", and nothing else is computed of this study"
+        notes.append(f"load history, {how}: tcstudy history follows it{alone}")
     if study.fit is not None:
         names = ", ".join(one.number.name for one in study.fit.parameters)
         notes.append(f"fit of {names} to {study.fit.file}: find them with tcstudy fit")

@@ -131,6 +131,42 @@ def test_strength_rise_and_spring_of_a_cyclic_test(tmp_path: Path) -> None:
         assert int(record.attributes["evaluations"]) <= 12
 
 
+STRIP = """
+title: bonded strip pulled, let go, pushed and pulled
+body: {rectangle: {width: 190 mm, height: 1 mm}}
+boundary: {bottom: contact, right: {role: clamped, u_x: 0 mm, u_y: free}, top: free, left: free}
+material: {E: 42.24 GPa, nu: 0, plane: stress}
+friction: {law: slip-weakening, tau_s: 5 MPa, tau_k: 0 MPa, delta: 0.25 mm}
+mesh: {maxh: 4 mm}
+history:
+  memory: damage
+  steps:
+    - {boundary.right.u_x: 0.15 mm, in: 6}
+    - {boundary.right.u_x: -0.1 mm, in: 2}
+    - {boundary.right.u_x: 0.25 mm, in: 3}
+fit:
+  data: {file: data.csv, columns: {step: step, friction_resultant: "P [N/m]"}}
+  noise: {friction_resultant: 2.2 kN/m}
+  starts: 1
+  parameters:
+    friction.tau_s: {start: 5 MPa, within: [1 MPa, 50 MPa]}
+    friction.delta: {start: 0.25 mm, within: [0.01 mm, 1 mm]}
+"""
+
+
+def test_softening_film_from_a_strip_that_unloads_along_its_secants(tmp_path: Path) -> None:
+    """P = √(τ_s δ D (1 − (1 − Δ/δ)²)) up to δ, then constant; before the largest Δ straight through the origin."""
+    D, tau, delta = 42.24e6, 7.2e6, 0.16e-3
+    pulled = 1e-5 * np.array([0.0, *np.linspace(2.5, 15.0, 6), 2.5, -10.0, 5.0 / 3.0, 40.0 / 3.0, 25.0])
+    largest = np.maximum.accumulate(np.abs(pulled))
+    virgin = np.sqrt(tau * delta * D * (1.0 - (1.0 - np.minimum(largest / delta, 1.0)) ** 2))
+    clean = virgin * pulled / np.where(largest > 0.0, largest, 1.0)
+    record = fit(study_of(tmp_path, STRIP, "step,P [N/m]", list(enumerate(clean))))  # type: ignore[arg-type]
+    found, error = record.values["estimate"], record.values["standard_error"]
+    assert found == pytest.approx([tau, delta], rel=0.02)  # elements of 4 mm
+    assert np.all(np.abs(found - [tau, delta]) < 0.5 * error)
+
+
 REFUSED = (
     ({"step: step, ": ""}, "fit.data: a fit of a history needs a column step; add {step:"),
     ({"step: step": "boundary.right.u_x: step"}, "'boundary.right.u_x' is neither a result nor the step of the"),
