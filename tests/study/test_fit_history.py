@@ -49,26 +49,70 @@ def study_of(folder: Path, text: str, head: str, rows: Sequence[Sequence[float]]
 
 
 @pytest.mark.parametrize(
-    "memory", ["friction", "damage", "elastic-plastic, stiffness: 500 GPa/m", "friction, substeps: 2"]
+    ("text", "memory"),
+    [
+        *(("BLOCK", name) for name in ("friction", "damage", "friction, substeps: 2")),
+        ("BLOCK", "elastic-plastic, stiffness: 500 GPa/m"),
+        *(("LAYERS", name) for name in ("friction", "friction, healing: true", "friction, branch: lowest")),
+        ("LAYERS", "elastic-plastic, stiffness: 800 GPa/m"),
+    ],
 )
-def test_jacobian_of_a_plane_body_against_differences(tmp_path: Path, memory: str) -> None:
+def test_jacobian_of_a_plane_body_against_differences(tmp_path: Path, text: str, memory: str) -> None:
     """Resultants, largest slips and temperatures at every step by numbers of law, body and memory: Richardson."""
     name, _, more = memory.partition(", ")
-    text = BLOCK.replace("memory: MEMORY", "\n  ".join([f"memory: {name}", *([more] if more else [])]))
+    count = 9 if text == "BLOCK" else 7
+    text = {"BLOCK": BLOCK, "LAYERS": LAYERS}[text].replace(
+        "memory: MEMORY", "\n  ".join([f"memory: {name}", *([more] if more else [])])
+    )
     text += STIFFNESS if "stiffness" in memory else ""
-    study = study_of(tmp_path, text, "step,u [mm],R [kN/m],T [K]", [(n, 0.0, 0.0, 0.0) for n in range(9)])
+    study = study_of(tmp_path, text, "step,u [mm],R [kN/m],T [K]", [(n, 0.0, 0.0, 0.0) for n in range(count)])
     model = model_of(study, study.fit)
     p = np.array([one.start for one in study.fit.parameters])
     exact = model.compared(p)
-    assert len(np.unique(np.abs(exact.predicted))) > 15
+    assert len(np.unique(np.abs(exact.predicted))) > 12
     for j, size in enumerate(p):
 
         def at(h: float, j: int = j) -> Array:
             return model.compared(p * (1.0 + h * np.eye(len(p))[j])).residual
 
-        coarse, fine = ((at(h) - at(-h)) / (2.0 * h * size) for h in (2e-5, 1e-5))
+        coarse, fine = ((at(h) - at(-h)) / (2.0 * h * size) for h in (1e-4, 5e-5))
         apart, scale = (4.0 * fine - coarse) / 3.0, np.max(np.abs(exact.jacobian[:, j]))
         np.testing.assert_allclose(exact.jacobian[:, j], apart, rtol=0.0, atol=1e-7 * scale + 1e-9 / size)
+
+
+LAYERS = """
+title: two films
+body:
+  outline: [{from: [0, 0], edge: film}, {from: [0.2 m, 0], edge: shoe}, {from: [0.4 m, 0], edge: right},
+            {from: [0.4 m, 0.1 m], edge: top}, {from: [0, 0.1 m], edge: left}]
+  regions: {coat: {rectangle: {corner: [0 mm, 75 mm], width: 0.4 m, height: 25 mm}}}
+boundary:
+  film: contact
+  shoe: contact
+  left: {role: clamped, u_x: 0, u_y: free}
+  top: free
+  right: {role: traction, g: [3 MPa, 0], spring: {normal: 5 GPa/m}}
+material: {E: 200 GPa, nu: 0.3, plane: strain, alpha_T: 10e-6 1/K}
+materials: {coat: {E: 100 GPa, nu: 0.3, alpha_T: 20e-6 1/K}}
+heat: {theta: 5 K}
+friction:
+  film: {law: piecewise-linear, points: [[0 mm, 10 MPa], [0.05 mm, 12 MPa], [0.2 mm, 3 MPa]]}
+  shoe: {law: slip-weakening, tau_s: 20 MPa, tau_k: 8 MPa, delta: 0.2 mm, strength: 1.3}
+mesh: {maxh: 50 mm}
+history:
+  memory: MEMORY
+  steps: [{theta: 80 K, in: 2}, {theta: -60 K, in: 2}, {theta: 90 K, in: 2}]
+fit:
+  data: {file: data.csv, columns: {step: step, u_T_max: "u [mm]", friction_resultant: "R [kN/m]", theta_mean: "T [K]"}}
+  starts: 1
+  parameters:
+    friction.shoe.delta: {start: 0.2 mm, within: [0.15 mm, 3 mm]}
+    friction.shoe.strength: {start: 1.3, within: [1.1, 1.5]}
+    friction.film.points.1: {start: 12 MPa, within: [8 MPa, 20 MPa]}
+    materials.coat.E: {start: 100 GPa, within: [50 GPa, 300 GPa]}
+    boundary.right.spring.normal: {start: 5 GPa/m, within: [1 GPa/m, 10 GPa/m]}
+    boundary.right.g_x: {start: 3 MPa, within: [1 MPa, 10 MPa]}
+"""
 
 
 W, K, TAU, RISE = 0.1, 50e9, 2e6, 4e9
