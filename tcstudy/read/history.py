@@ -22,7 +22,7 @@ from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import SEPARABLE, MeshPlan
 
-FACTORED = ("g", "g_x", "g_y", "pressure", "f_x", "f_y")
+FACTORED = ("g", "g_x", "g_y", "pressure", "f_x", "f_y", "force_x", "force_y", "moment")
 """Loads that `load` multiplies."""
 
 
@@ -200,8 +200,7 @@ def check_numbers(ctx: Context, node: Node, numbers: Iterable[Sensitivity], hist
     """Numbers to differentiate by must not be loads that the history changes."""
     changed = {keys for keys, *_ in history.parameters}
     for number in numbers:
-        factored = number.path[-1] in (*FACTORED, "force_x", "force_y", "moment")
-        if number.path in changed or (("load",) in changed and factored):
+        if number.path in changed or (("load",) in changed and number.path[-1] in FACTORED):
             ctx.errors.at(node, f"{number.name} is what the history changes, so it is known", "remove it")
         elif number.path == ("load",) and any(keys[-1] in FACTORED for keys in changed):
             ctx.errors.at(node, "load is a factor of loads that the history changes", "remove it")

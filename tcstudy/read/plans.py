@@ -224,8 +224,8 @@ def affine_parameters(scene: Scene) -> Iterator[tuple[tuple[str, ...], Affine]]:
             loads += [*role.g, role.pressure, *role.force]
             for row, name, value in affine_numbers(role, "boundary"):
                 yield ("boundary", edge, name), Affine(row.dimension, value)
-    no_load = "" if any(isinstance(x, Expression) or x != 0.0 for x in loads) else "the study has no f, g or pressure"
-    yield ("load",), Affine(NONE, 1.0, no_load)
+    loaded = any(isinstance(x, Expression) or x != 0.0 for x in loads)
+    yield ("load",), Affine(NONE, 1.0, "" if loaded else "the study has no f, g, pressure, force or moment")
 
 
 def _parameter(ctx: Context, node: Node, scene: Scene) -> tuple[str, ...] | None:

@@ -127,8 +127,8 @@ SHORT = _short_names()
 def path_scene(scene: Scene, parameter: tuple[str, ...], t: float) -> Scene:
     """The scene with the value t [SI] put at a parameter's key path (see records.PathPlan).
 
-    ("load",) multiplies f, g and pressure by t; everything else is replaced. Raises KeyError for a parameter that the
-    scene does not have.
+    ("load",) multiplies f, g, pressure, force and moment by t; everything else is replaced. Raises KeyError for a
+    parameter that the scene does not have.
     """
     section, key = parameter[0], parameter[-1]
     if parameter == ("load",):

@@ -147,7 +147,7 @@ class PathPlan:
     """The path of solutions along one parameter t in which the load is affine, l̃(t) = l̃₀ + t l̃₁ (`tcstudy path`).
 
     parameter:  key path of t, e.g. ("heat", "theta_bar"), ("boundary", "top", "u_x"), ("loads", "f_x"); ("load",) is a
-                factor of all mechanical loads f, g and pressure
+                factor of all mechanical loads: f, g, pressure, force, moment
     units:      units of t in CF form, "1" without
     begin, end: range of interest; the path starts at begin
     within:     (low, high): how far the path is followed; it may leave the range of interest and come back

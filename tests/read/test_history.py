@@ -104,6 +104,14 @@ def test_one_fault_gives_one_line(old: str, new: str, said: str) -> None:
     assert len(more) == ("theta: 5*x" in new or "sweep" in new)  # of both lines
 
 
+def test_load_and_the_force_on_a_rigid_edge_do_not_change_together() -> None:
+    plate = BASE.replace("top: {role: traction, pressure: 1 MPa}", "top: {role: rigid, force: [2 MN/m, 0]}")
+    both = plate.replace("boundary.top.pressure: 2 MPa", "boundary.top.force_x: 3 MN/m")
+    assert read_study_text(both).history
+    with pytest.raises(StudyError, match=r"load is a factor of all .*, and boundary\.top\.force_x is one"):
+        read_study_text(both.replace("{theta: 60 K, in: 8, name: hot}", "{load: 2}"))
+
+
 def test_laws_that_a_memory_cannot_be_made_of() -> None:
     law = "law: slip-weakening, tau_s: 2 MPa, tau_k: 1 MPa, delta: 1 mm"
     rising = BASE.replace(law, "points: [[0 mm, 0 MPa], [1 mm, 1 MPa], [2 mm, 3 MPa]], law: piecewise-linear")

@@ -263,7 +263,7 @@ def test_parameters_that_do_nothing_are_refused() -> None:
         "theta_bar, from: 0 K, to: 40 K", "load, from: 0, to: 1"
     )
     unloaded = unloaded.replace('{role: traction, g: [2 MPa, "1e6*x"], pressure: 3 MPa}', "free")
-    with pytest.raises(StudyError, match="no f, g or pressure"):
+    with pytest.raises(StudyError, match="no f, g, pressure, force or moment"):
         read_study_text(unloaded)
 
 
