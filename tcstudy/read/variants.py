@@ -86,7 +86,7 @@ def read_variants(
     variants: list[Variant] = []
     for index, places, rest in _geometries(sweep, outer):
         values = [sweep.axes[i].values[k] for i, k in zip(outer, index, strict=True)]
-        words = ", ".join(f"{sweep.axes[i].key} = {value.brief()}" for i, value in zip(outer, values, strict=True))
+        words = ", ".join(_said_of(sweep.axes[i], value) for i, value in zip(outer, values, strict=True))
         own = root
         for i, value in zip(outer, values, strict=True):
             own = put(own, split_path(".".join(sweep.axes[i].parameter.path)) or (), value)
@@ -184,3 +184,10 @@ def _values(axis: SweptAxis) -> object:
     """The values of an axis of a grid as a sweep has them."""
     plain = [value.plain() for value in axis.values]
     return dict(zip(map(str, axis.labels), plain, strict=True)) if axis.parameter.is_whole else plain
+
+
+def _said_of(axis: SweptAxis, value: Node) -> str:
+    """A swept value as people write it; one of a linspace, which stands nowhere, in six digits and its SI unit."""
+    if not isinstance(value.value, float):
+        return f"{axis.key} = {value.brief()}"
+    return f"{axis.key} = {value.value:.6g} {axis.parameter.row.dimension.si}".rstrip()
