@@ -13,6 +13,7 @@ import pytest
 import xarray as xr
 from netgen import occ
 
+from tcstudy.data.files import StoreError
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.executors import Errand, Here, Processes, in_order, unpacked
 from tcstudy.read.study import read_study, read_study_text
@@ -91,21 +92,34 @@ def test_workers_write_the_file_of_one_process_though_one_is_killed(
     assert [one.name for one in tmp_path.iterdir()] == ["out.nc"]
 
 
+DIED = "the worker process that solved this died: "
+
+
+@pytest.mark.parametrize(
+    ("what", "limit", "told"),
+    [
+        ("kill", None, DIED + "signal SIGKILL"),
+        ("crash", None, DIED + "signal SIGSEGV"),
+        ("hang", 10.0, DIED + "no answer within 10 s"),
+        ("exhaust", None, "MemoryError: Unable to allocate"),
+    ],
+)
 def test_a_geometry_that_kills_its_workers_is_told_and_the_rest_goes_on(
-    alone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    alone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str, limit: float | None, told: str
 ) -> None:
     """What was told is solved by a run that mends the file."""
     pids, path = tmp_path / "pids", tmp_path / "out.nc"
-    cruel = partial(Processes, worker=(CRUEL, "kill", "0.015", str(pids)))
+    cruel = partial(Processes, limit=limit, memory=2**33, worker=(CRUEL, what, "0.015", str(pids)))
     with monkeypatch.context() as patched:
         patched.setattr(jobs, "Processes", cruel)
         summary = execute(read_study_text(BARS), path, jobs=2)
     assert (summary.points, summary.failed) == (24, 6)
-    assert len(pids.read_text().split()) == 2
+    survives = what == "exhaust"  # every point of the geometry is told by itself
+    assert len(set(pids.read_text().split())) == (1 if survives else 2)
     with xr.open_datatree(path) as tree:
         assert np.all(tree["status"].sel(s=1.5) == PointStatus.ERROR)
-        assert np.all(tree["geometry"].sel(s=1.5) == -1)
-        assert "the worker process that solved this died: signal SIGKILL" in str(tree["reason"].sel(s=1.5).values[0, 0])
+        assert np.all((tree["geometry"].sel(s=1.5) == -1) == (not survives))
+        assert told in str(tree["reason"].sel(s=1.5).values[0, 0])
     study = read_study_text(BARS)
     from tcstudy.study.grow import retried
 
@@ -136,6 +150,29 @@ def test_a_stopped_sweep_keeps_what_workers_brought(alone: Path, tmp_path: Path)
     assert {"0.nc", "1.nc"} <= kept
     assert len(pids) == 2
     assert all(gone(pid) for pid in pids)
+    again = Watch()
+    execute(read_study_text(BARS), path, again, jobs=2)
+    assert again.points <= 12
+    assert_same(alone, path)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="file size limits are a matter of POSIX")
+def test_a_disk_that_fills_costs_no_geometry_that_stands(alone: Path, tmp_path: Path) -> None:
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    path = tmp_path / "out.nc"
+
+    def fill() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))
+
+    try:
+        with pytest.raises(StoreError, match=r"cannot write.*space"):
+            execute(read_study_text(BARS), path, Watch(3, fill), jobs=2)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert not path.exists()
+    assert {"0.nc", "1.nc"} <= {one.name for one in (tmp_path / "out.nc.geometries").iterdir()}
     again = Watch()
     execute(read_study_text(BARS), path, again, jobs=2)
     assert again.points <= 12

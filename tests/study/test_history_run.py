@@ -18,6 +18,7 @@ from tcstudy.errors import StoreError, UsageError
 from tcstudy.read.study import read_study_text
 from tcstudy.study import jobs
 from tcstudy.study.history_run import execute_history
+from tests.study.test_errands import kill_one
 
 BLOCK = """
 body: {rectangle: {width: 0.4 m, height: 0.1 m}}
@@ -102,6 +103,7 @@ import os, signal, sys, time
 from pathlib import Path
 from tcstudy.read.study import read_study_text
 from tcstudy.study.history_run import execute_history
+from tests.study.test_errands import kill_one
 
 def stop(point, points, step, steps):
     if step == 4:
@@ -174,6 +176,21 @@ def test_workers_find_the_same_histories_and_one_that_kills_them_is_told(
         assert np.count_nonzero(b["status"].values == PointStatus.ERROR) == 1
     summary = execute_history(study, tmp_path / "b.nc", jobs=2)
     assert (summary.ended, summary.found) == (0, 25)
+    with xr.open_dataset(tmp_path / "a.nc") as a, xr.open_dataset(tmp_path / "b.nc") as b:
+        assert a.drop_attrs().equals(b.drop_attrs())
+
+
+def test_a_cluster_finds_the_same_histories_though_a_worker_is_killed(tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="dask.distributed is not installed: pip install 'tcstudy[dask]'")
+    study = read_study_text(SWEPT, "study.yaml")
+    execute_history(study, tmp_path / "a.nc", jobs=1)
+
+    def watch(point: int, points: int, step: int, steps: int) -> None:
+        if point == 0:
+            kill_one()
+
+    summary = execute_history(study, tmp_path / "b.nc", watch, jobs=2, dask="local")
+    assert (summary.points, summary.ended) == (6, 0)
     with xr.open_dataset(tmp_path / "a.nc") as a, xr.open_dataset(tmp_path / "b.nc") as b:
         assert a.drop_attrs().equals(b.drop_attrs())
 
