@@ -81,3 +81,18 @@ def test_a_swept_key_of_the_scene_outside_the_sweep_may_be_set(folder: Path) -> 
     weak, strong = (xr.open_dataset(folder / f"{tau}.nc") for tau in ("0.01", "0.03"))
     with weak, strong:
         assert float(abs(strong["xi"]).max()) > 1.5 * float(abs(weak["xi"]).max())
+
+
+@pytest.mark.parametrize("mesh", ["{maxh: 0.3, levels: 2, family: adaptive}", "{maxh: 0.3, tolerance: 0.2}"])
+def test_a_study_with_a_path_runs_on_adaptive_meshes(folder: Path, mesh: str) -> None:
+    """A run needs no path; the path, which is of one mesh, says which meshes to give it."""
+    asked = ("block.yaml", "--set", f"mesh={mesh}")
+    assert tcstudy_command("run", *asked, cwd=folder).returncode == 0
+    result = tcstudy_command("path", *asked, cwd=folder)
+    assert result.returncode == 2
+    assert "block.yaml: path: the path is of one mesh, and adaptive meshes follow from the solutions of a run" in (
+        result.stderr
+    )
+    remedy = ("--set", "mesh={maxh: 0.3, levels: 2}")
+    assert remedy[1].split("=")[0] in result.stderr
+    assert tcstudy_command("path", *asked[:1], *remedy, cwd=folder).returncode == 0

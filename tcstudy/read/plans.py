@@ -173,7 +173,8 @@ def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | No
     within = _within(ctx, fields, dimension, begin, end)
     plan = PathPlan(keys, ctx.cf(dimension), begin, end, within, scene)
     given = fields.given(("start", "direction", "max_pieces", "hysteresis", "law_error"))
-    options = given | level_of(ctx, fields, mesh, "a path")
+    level = {} if mesh and mesh.strategy.adapts else level_of(ctx, fields, mesh, "a path")  # a run needs no path
+    options = given | level
     plan = replace(plan, at=_at(ctx, fields, dimension, plan), **options)
     if len(ctx.errors) == before:
         _check_corners(ctx, fields, plan)

@@ -221,7 +221,9 @@ def merge(files: Sequence[Path], output: Path, command: Sequence[str] = ("tcstud
     study = runs[0].study
     for run in runs[1:]:
         if found := differences(runs[0].study, run.study):
-            raise StoreError(f"{runs[0].path} and {run.path} hold different studies: {'; '.join(found[:5])}")
+            what = f"{runs[0].path} and {run.path} hold different studies ({'; '.join(found[:5])})"
+            remedy = "run one of them again as the other is written, or both with what differs among the swept values"
+            raise StoreError(f"{what}, and only values of their sweep may differ; {remedy}")
         study = union(study, run.study)
     study = replace(study, title=runs[0].study.title, output=replace(study.output, live=False))
     if problems := check_writable(output, sum(path.stat().st_size for path in files)):

@@ -81,8 +81,6 @@ def follow_path(study: Study, progress: Progress | None = None) -> PathRecord:
 
 def _level(study: Study, plan: PathPlan) -> tuple[Level, LevelRecord]:
     """The mesh level of the path, as a run of its scene would have it, and what the data keep of it."""
-    if study.mesh.strategy.adapts:
-        raise PathError("adaptive meshes follow from the solutions of a run; use mesh.family uniform or graded")
     last = study.mesh.levels - 1 if plan.level is None else plan.level
     mesh = replace(study.mesh, levels=last + 1, tolerance=None, estimate=False)
     stage = next(stages(replace(study, mesh=mesh, scenes=(plan.scene,), axes=()), first=last))

@@ -86,13 +86,19 @@ def output_beside(study: Study, kind: str) -> Path:
 
 
 def check_kind(study: Study, kind: str, name: str) -> None:
-    """Raise UsageError where a command would leave out what a study is about: a history is no set of static points."""
+    """Raise UsageError where a command would leave out what a study is about, or needs meshes that only a run makes.
+
+    A history is no set of static points; a path is of one mesh, and adaptive ones follow from the points of a run.
+    """
     if study.history is not None and kind not in ("history", "fit"):
         command = COMMAND_OF.get(kind, kind)
         raise UsageError(
             f"{name}: history: the study is a load history, and tcstudy {command} has no memory; use tcstudy "
             "history, or --set history=null for its points without memory"
         )
+    if kind == "path" and study.path is not None and study.mesh.strategy.adapts:
+        what = "the path is of one mesh, and adaptive meshes follow from the solutions of a run"
+        raise UsageError(f"{name}: path: {what}; give it others, for example --set 'mesh={{maxh: ..., levels: 3}}'")
 
 
 def _left_out(study: Study, heat_solved: bool) -> list[str]:

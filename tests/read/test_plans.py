@@ -265,8 +265,3 @@ def test_parameters_that_do_nothing_are_refused() -> None:
     unloaded = unloaded.replace('{role: traction, g: [2 MPa, "1e6*x"], pressure: 3 MPa}', "free")
     with pytest.raises(StudyError, match="no f, g, pressure, force or moment"):
         read_study_text(unloaded)
-
-
-def test_adaptive_meshes_have_no_path() -> None:
-    with pytest.raises(StudyError, match="adaptive meshes follow from the solutions of a run"):
-        read_study_text(STUDY.replace("levels: 2", "levels: 2, family: adaptive"))

@@ -218,7 +218,7 @@ def test_merge_refuses_what_is_not_one_study(
         main(["merge", str(a), str(b), "-o", str(c)])
     assert stop.value.code == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
-    assert line.endswith("hold different studies: friction.tau: 0.01 | 0.02")
+    assert "hold different studies (friction.tau: 0.01 | 0.02), and only values of their sweep may differ; run" in line
     original = protocol.solve_block
 
     def shifted(*words: object) -> object:
