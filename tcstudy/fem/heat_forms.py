@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from tcstudy.fem.forms import Conductivity, GradientProducts, bonus, coefficient, csr, vector
+from tcstudy.fem.forms import Conductivity, GradientProducts, bonus, coefficient, csr, is_zero, vector
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.scene.records import Scalar
 
@@ -84,6 +84,8 @@ class HeatForms:
 
     def flux(self, flux: Scalar, names: tuple[str, ...]) -> Array:
         """∫ flux φ_i over study edges, (n,) [W/m]."""
+        if is_zero(flux):  # which NGSolve makes no form of
+            return np.zeros(self.mesh.n_points)
         phi = self._space.TestFunction()
         where = ngs.ds(self.mesh.region(*names), bonus_intorder=bonus(flux))
         return vector(ngs.LinearForm(coefficient(flux) * phi * where).Assemble())

@@ -40,7 +40,7 @@ from tcstudy.solvers.history.steps import HistoryProblem, HistoryStep, history
 from tcstudy.study.errands import errand
 from tcstudy.study.expected import of_history
 from tcstudy.study.jobs import Staff
-from tcstudy.study.point import point_status
+from tcstudy.study.point import STATUS
 from tcstudy.study.run import level_record
 from tcstudy.study.union import differences
 
@@ -286,7 +286,7 @@ def _state(problem: HistoryProblem, record: HistoryRecord, point: int, n: int, l
 def _put(record: HistoryRecord, point: int, n: int, step: HistoryStep, problem: HistoryProblem) -> None:
     """A step into its row."""
     at = point, n
-    record.status[at] = int(point_status(np.array([step.status]))[0])
+    record.status[at] = STATUS[step.status]
     if not step.solved:
         record.reason[point] = step.reason
     e, state, c = step.energies, step.state, problem.c

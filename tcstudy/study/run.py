@@ -149,7 +149,7 @@ def stages(
         times.estimate = time.perf_counter() - clock
         who = executor(study, level.line.m) if executor is not None else Here()
         workshop = Workshop(study, level, survey, who, times, todo=todo)
-        if kept is not None and workshop.solutions.kept:
+        if kept is not None and workshop.solutions is not None:
             for block in kept.blocks(study, i):
                 workshop.solutions.take(block)
         stop = partial(_stop, survey, i + 1 == study.mesh.levels, times)

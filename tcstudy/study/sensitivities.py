@@ -5,34 +5,18 @@ A point is linearised once at its solution (`solvers.linearised`); a number then
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.on_request import AT_EVENT, AT_FOLD, DIFFERENTIABLE, EVENTS, QUANTITIES, STATUS, name_of
-from tcstudy.data.records import BlockRecord, PointStatus
+from tcstudy.data.on_request import AT_EVENT, AT_FOLD, DIFFERENTIABLE, EVENTS, STATUS, name_of
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import friction_energy, law_slope, load_slope, omega_slope
 from tcstudy.offline.whole_slopes import WholeBody, change_of
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Study
 from tcstudy.solvers.linearised import EVENT, Linearised
 
 Array = NDArray[np.float64]
-
-
-def with_sensitivities(study: Study, level: Level, record: BlockRecord) -> BlockRecord:
-    """The block with the derivatives that the study asks for."""
-    numbers = study.output.sensitivity
-    names = [name_of(q, number.name) for number in numbers for q in QUANTITIES]
-    columns = {name: np.full(len(record), np.nan) for name in (STATUS, EVENTS, *names)}
-    for row, place in enumerate(record.points):
-        if record.status[row] == PointStatus.OK and record.u_T is not None:
-            for name, value in of_point(level, study.scenes[int(place)], record.u_T[row], numbers).items():
-                columns[name][row] = value
-    return replace(record, numbers={**record.numbers, **columns})
 
 
 def of_point(level: Level, scene: Scene, v: Array, numbers: tuple[Sensitivity, ...]) -> dict[str, float]:

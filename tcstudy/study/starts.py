@@ -24,24 +24,22 @@ Places = NDArray[np.intp]
 class Solutions:
     """Contact solutions of a level found so far: where neighbours begin from."""
 
-    def __init__(self, study: Study, m: int, kept: bool) -> None:
-        """m: contact unknowns;  kept: whether anything begins from them"""
-        self._shape, self.kept = study.shape, kept
-        self._v = np.full((len(study.scenes), m), np.nan) if self.kept else np.empty((0, m))
+    def __init__(self, study: Study, m: int) -> None:
+        """m: contact unknowns"""
+        self._shape = study.shape
+        self._v = np.full((len(study.scenes), m), np.nan)
 
     def take(self, block: BlockRecord) -> None:
         """Remember a block's solutions."""
-        if self.kept and block.u_T is not None:
+        if block.u_T is not None:
             ok = block.status == PointStatus.OK
             self._v[block.points[ok]] = block.u_T[ok]
 
-    def beside(self, points: Places) -> Array | None:
+    def beside(self, points: Places) -> Array:
         """(P, m) the solutions one step back along the last sweep dimension that has a step back and a solution there.
 
-        NaN in rows without one; None if the study has no use for them.
+        NaN in rows without one.
         """
-        if not self.kept:
-            return None
         found = np.full((len(points), self._v.shape[1]), np.nan)
         index = np.array(np.unravel_index(points, self._shape)) if self._shape else np.zeros((0, len(points)), int)
         for d in range(len(self._shape)):  # the last dimension overwrites those before
@@ -52,11 +50,6 @@ class Solutions:
             known = ~np.isnan(v).any(axis=1)
             found[inside[known]] = v[known]
         return found
-
-
-def exact_start(study: Study, level: Level) -> Array | None:
-    """(m,) u_T of the exact solution at the contact nodes [m]; None where the study gives none."""
-    return None if study.exact is None else exact_at(study.exact, contact_line(study, level))
 
 
 def exact_at(exact: Exact, line: Line) -> Array:

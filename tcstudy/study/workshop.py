@@ -11,28 +11,33 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
+from tcstudy.data.on_request import variables
 from tcstudy.data.records import BlockRecord, PointRecord, PointStatus, block_of
 from tcstudy.executors import Executor, Here, Solved, Task, WorkersFailed
 from tcstudy.offline.level import CondensedBlock, Level
 from tcstudy.online import CondensedBody, Options, RowLaws
 from tcstudy.online.row_laws import row_laws
 from tcstudy.refine.survey import Survey
+from tcstudy.scene.friction import UP
 from tcstudy.scene.points import combinations, of_stiffness
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.study.point import block_numbers, line_values, point_status, solve_point
-from tcstudy.study.starts import Solutions, exact_start
+from tcstudy.solvers.loop import Status
+from tcstudy.study.point import STATUS, block_numbers, solve_point
+from tcstudy.study.starts import Solutions, contact_line, exact_at
 
 Array = NDArray[np.float64]
+Pending = Callable[[], BlockRecord]
+"""A block on its way: the call waits for what an executor owes of it."""
 
 
 @dataclass
@@ -51,22 +56,6 @@ class Times:
 
 
 @dataclass(frozen=True)
-class Prepared:
-    """A block on its way: what is known of it beside the answers that an executor owes.
-
-    known: the block itself, if it was solved before or could not be condensed
-    vanishing: (P,) whether a point has no friction
-    """
-
-    block: Block
-    known: BlockRecord | None = None
-    condensed: CondensedBlock | None = None
-    laws: RowLaws | None = None
-    vanishing: NDArray[np.bool_] | None = None
-    answers: Future[Solved] | None = None
-
-
-@dataclass(frozen=True)
 class Workshop:
     """A level at work: what its blocks are solved with. todo: places of the points to solve, None for all."""
 
@@ -79,14 +68,15 @@ class Workshop:
     todo: Places | None = None
 
     @cached_property
-    def solutions(self) -> Solutions:
+    def solutions(self) -> Solutions | None:
         """Those found so far, where others begin from them."""
-        return Solutions(self.study, self.level.line.m, keeps_solutions(self.study))
+        return Solutions(self.study, self.level.line.m) if keeps_solutions(self.study) else None
 
     @cached_property
     def exact(self) -> Array | None:
         """(m,) the exact solution at the contact nodes, a start where the study gives one."""
-        return exact_start(self.study, self.level)
+        exact = self.study.exact
+        return None if exact is None else exact_at(exact, contact_line(self.study, self.level))
 
     def work(self, finished: Mapping[int, BlockRecord]) -> Iterator[BlockRecord]:
         """Solve the blocks of the level of which an earlier run left nothing, and give them in their order.
@@ -95,67 +85,66 @@ class Workshop:
                   since the next mesh depends on them
         A few blocks are prepared ahead, so that whoever solves them need not wait for loads.
         """
-        waiting: deque[Prepared] = deque()
+        waiting: deque[tuple[Block, BlockRecord | Pending]] = deque()
         for block in blocks_of(self.study, self.level.line.m, self.level.mesh.n_points, self.todo):
-            while waiting and (len(waiting) > self.executor.ahead or self._must_wait(waiting[-1].block, block)):
-                yield from self._finish(waiting.popleft())
+            while waiting and (len(waiting) > self.executor.ahead or self._must_wait(waiting[-1][0], block)):
+                yield from self._finish(*waiting.popleft())
             known = finished.get(block.number)
             if known is None or not np.array_equal(known.points, block.points):
-                waiting.append(self._prepare(block, tries=2))
+                waiting.append((block, self._prepare(block, tries=2)))
             else:
-                waiting.append(Prepared(block, known))
+                waiting.append((block, known))
         while waiting:
-            yield from self._finish(waiting.popleft())
+            yield from self._finish(*waiting.popleft())
 
     def _must_wait(self, last: Block, block: Block) -> bool:
         """Whether a block needs the solutions of those before, or takes away the factor that these need to end."""
         output = self.study.output
         more = self.survey is not None or output.fields or output.asks
-        return (self.solutions.kept and block.wave != last.wave) or (more and block.ratio != last.ratio)
+        return (self.solutions is not None and block.wave != last.wave) or (more and block.ratio != last.ratio)
 
-    def _prepare(self, block: Block, tries: int = 1) -> Prepared:
+    def _prepare(self, block: Block, tries: int = 1) -> Pending:
         """Condense a block and hand it to the executor; what breaks down there is told where answers are due.
 
         tries: workers that may die over it
         """
         if not self.study.solver.in_blocks:
-            return Prepared(block)
+            return partial(self._singly, block)
         try:
             scenes = [self._scene(place) for place in block.points]
             condensed = self.level.block(scenes)
             factor = condensed.mu / condensed.mu[0]
             laws = row_laws([self.level.law(scene) for scene in scenes], factor)
             options = Options(self.study.solver.branch, self.study.solver.tolerance)
-            loads, near = condensed.l_tilde / factor[:, None], self.solutions.beside(block.points)
+            loads, near = condensed.l_tilde / factor[:, None], self._beside(block)
             name = f"level-{self.level.mesh.level} points {block.points.min()}-{block.points.max()}"
             task = Task(self._body(condensed, Level.ratio(scenes[0])), loads, laws, options, near, self.exact, name)
             vanishing = np.array([scene.friction.vanishes for scene in scenes])
-            return Prepared(block, None, condensed, laws, vanishing, self.executor.submit(task, tries))
+            solved = partial(self._solved, block, condensed, laws, vanishing, self.executor.submit(task, tries))
         except Exception as error:  # as in solve_point
-            broken: Future[Solved] = Future()
+            broken: Future[BlockRecord] = Future()
             broken.set_exception(error)
-            return Prepared(block, answers=broken)
+            return partial(self._together, block, broken.result)
+        return partial(self._together, block, solved)
 
-    def _finish(self, prepared: Prepared) -> Iterator[BlockRecord]:
+    def _beside(self, block: Block) -> Array | None:
+        """(P, m) solutions that the points of a block begin from, NaN in rows without; None if there are none."""
+        return None if self.solutions is None else self.solutions.beside(block.points)
+
+    def _finish(self, block: Block, pending: BlockRecord | Pending) -> Iterator[BlockRecord]:
         """The block's record, unless it was there before; every failure becomes a status with its reason."""
-        known = prepared.known
-        if known is not None:
-            self.solutions.take(known)
+        record = pending if isinstance(pending, BlockRecord) else pending()
+        if self.solutions is not None:
+            self.solutions.take(record)
+        if isinstance(pending, BlockRecord):
             if self.survey is not None:
-                self._completed(known)
+                self._completed(record)
             return
-        block = prepared.block
-        record = self._together(prepared) if self.study.solver.in_blocks else self._singly(block)
-        self.solutions.take(record)
-        if self.study.output.asks:
-            from tcstudy.study.requested import with_requested  # only for a study that asks for more
-
-            record = with_requested(self.study, self.level, record)
-        yield replace(record, number=block.number)
+        yield replace(self._with_asked(record) if self.study.output.asks else record, number=block.number)
 
     def _singly(self, block: Block) -> BlockRecord:
         """One point after the other."""
-        near = self.solutions.beside(block.points)
+        near = self._beside(block)
         points = []
         for row, place in enumerate(block.points):
             neighbour = None if near is None or np.isnan(near[row]).any() else near[row]
@@ -167,11 +156,10 @@ class Workshop:
                 points.append(replace(point, status=PointStatus.ERROR, reason=reason, numbers={}, fields={}))
         return block_of(points, self.study.shape, block.number)
 
-    def _together(self, prepared: Prepared) -> BlockRecord:
+    def _together(self, block: Block, solved: Pending) -> BlockRecord:
         """All points at once; where that breaks down, half of them at a time, to find the one that does it."""
-        block = prepared.block
         try:
-            return self._completed(self._solved(prepared))
+            return self._completed(solved())
         except WorkersFailed:
             raise
         except NotPositiveDefinite as error:
@@ -179,30 +167,37 @@ class Workshop:
         except Exception as error:  # one point must not end a sweep; what it was stands in the data
             status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
         if len(block.points) == 1:
-            return _failed(self.study, self.level.mesh.level, block, status, reason)
+            return all_failed(self.study, self.level.mesh.level, block.points, status, reason)
         halves = [replace(block, points=part) for part in np.array_split(block.points, 2)]
         parts = [self._prepare(half, tries=1 + (len(half.points) == 1)) for half in halves]
-        points = [point for part in parts for point in self._together(part).one_by_one()]
+        points = [point for part in parts for point in part().one_by_one()]
         return block_of(points, self.study.shape, block.number)
 
-    def _solved(self, prepared: Prepared) -> BlockRecord:
-        block, condensed, laws = prepared.block, prepared.condensed, prepared.laws
-        assert prepared.answers is not None
-        solved = prepared.answers.result()
-        assert condensed is not None
-        assert laws is not None
-        assert prepared.vanishing is not None
-        answers, elapsed = solved.answers, solved.time / len(block.points)
-        factor = condensed.mu / condensed.mu[0]
-        xi, sticks = line_values(answers, laws, factor, prepared.vanishing)
+    def _solved(
+        self,
+        block: Block,
+        condensed: CondensedBlock,
+        laws: RowLaws,
+        vanishing: NDArray[np.bool_],
+        future: Future[Solved],
+    ) -> BlockRecord:
+        """The record of a block whose answers an executor owes; vanishing: (P,) whether a point has no friction."""
+        solved = future.result()
+        answers, factor = solved.answers, condensed.mu / condensed.mu[0]
+        # no friction leaves a solution nothing but rounding of ξ; how far from 0 that is is its inclusion residual
+        nothing = vanishing & (answers.status == Status.CONVERGED)
+        xi = np.where(nothing[:, None], 0.0, answers.xi * factor[:, None])
+        sticks = laws.kind(laws.locate(answers.v)) == UP
+        count = len(block.points)
+        numbers = block_numbers(condensed, factor, answers, xi, sticks)
         return BlockRecord(
             number=block.number,
             level=self.level.mesh.level,
             shape=self.study.shape,
             points=block.points,
-            status=point_status(answers.status),
+            status=STATUS[answers.status],
             reasons={row: reason for row, reason in enumerate(answers.reasons) if reason},
-            numbers=block_numbers(condensed, factor, answers, xi, sticks, elapsed),
+            numbers=numbers | {"time_solve": np.full(count, solved.time / count)},
             u_T=answers.v,
             xi=xi / condensed.c,
             sticks=sticks.astype(np.int8),
@@ -216,6 +211,30 @@ class Workshop:
             self.bodies.clear()
             self.bodies[key] = CondensedBody.of(mu * condensed.A_tilde, condensed.c)
         return self.bodies[key]
+
+    @cached_property
+    def _asked(self) -> list[Callable[[Scene, Array], dict[str, float]]]:
+        """What gives the numbers on request of a scene and its u_T (m,), by variable name."""
+        from tcstudy.offline.requested import Requested  # only for a study that asks for more
+        from tcstudy.study.sensitivities import of_point
+
+        output = self.study.output
+        found: list[Callable[[Scene, Array], dict[str, float]]] = []
+        if output.probes or output.quantities:
+            found.append(Requested(self.level, output).of)
+        if output.sensitivity:
+            found.append(lambda scene, v: of_point(self.level, scene, v, output.sensitivity))
+        return found
+
+    def _with_asked(self, record: BlockRecord) -> BlockRecord:
+        """The block with the numbers and the derivatives that the study asks for of solved points."""
+        columns = {v.name: np.full(len(record), np.nan) for v in variables(self.study)}
+        for row, place in enumerate(record.points):
+            if record.status[row] == PointStatus.OK and record.u_T is not None:
+                for of in self._asked:
+                    for name, value in of(self._scene(place), record.u_T[row]).items():
+                        columns[name][row] = value
+        return replace(record, numbers={**record.numbers, **columns})
 
     def _completed(self, record: BlockRecord) -> BlockRecord:
         """Whole-body fields and estimates, where the study asks for them."""
@@ -246,18 +265,13 @@ class Workshop:
 
 
 def all_failed(study: Study, level: int, points: Places, status: PointStatus, reason: str) -> BlockRecord:
-    """All points of a level that could not be made."""
-    return _failed(study, level, Block(0, points), status, reason)
-
-
-def _failed(study: Study, level: int, block: Block, status: PointStatus, reason: str) -> BlockRecord:
-    """A block without results."""
-    count = len(block.points)
+    """Points of a level without results."""
+    count = len(points)
     return BlockRecord(
-        number=block.number,
+        number=0,
         level=level,
         shape=study.shape,
-        points=block.points,
+        points=points,
         status=np.full(count, int(status), dtype=np.int8),
         reasons=dict.fromkeys(range(count), reason),
         numbers={},

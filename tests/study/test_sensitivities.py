@@ -83,7 +83,7 @@ def numbers_of(level: Level, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return np.array([*values, problem.law.omega]), answer.v
 
 
-@pytest.mark.parametrize("theta_bar", ["0.2", '"0.2 + 0.1*x"'])
+@pytest.mark.parametrize("theta_bar", ["0.2", '"0.2 + 0.1*x"', "0"])
 def test_every_kind_of_number_against_differences(level: Level, theta_bar: str) -> None:
     """Differences of points solved on the same mesh, whose nodes keep their pieces."""
     text = BRACKET.replace("theta_bar: 0.2", f"theta_bar: {theta_bar}")
