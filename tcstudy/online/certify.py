@@ -18,13 +18,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online.newton import factor_free, slopes
+from tcstudy.online.newton import slopes
 from tcstudy.online.problems import CondensedBody, Rows
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.friction import UP
 from tcstudy.solvers.bounds import FEW, PARTS, bends
 from tcstudy.solvers.problem import least_lowered
-from tcstudy.solvers.separable.pieces import cholesky, negative_direction
+from tcstudy.solvers.separable.pieces import cholesky, factor_free, negative_direction
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -184,7 +184,7 @@ def strict_minimum(rows: Rows, v: Array) -> Flags:
     proved = ~np.any(s.jump & ~on_up, axis=1)
     for i in np.flatnonzero(proved):
         free = np.flatnonzero(~held[i])
-        proved[i] = factor_free(body, free, added[i, free])[1] == 0
+        proved[i] = factor_free(body.A_tilde, free, added[i, free])[1] == 0
     return proved
 
 

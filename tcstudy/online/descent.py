@@ -17,14 +17,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online.newton import BlockSlopes, directions, factor_free, leave_saddles, slopes
-from tcstudy.online.problems import Rows, prolonged
+from tcstudy.online.newton import BlockSlopes, directions, leave_saddles, slopes
+from tcstudy.online.problems import Rows
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.solvers.hulls import proximal_hulls
 from tcstudy.solvers.law_tables import Place
 from tcstudy.solvers.moves import best_places, follow, relaxed_stiffness
+from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.search import GROWTH, LOOSE, PROMISES
-from tcstudy.solvers.separable.descent import NodeEnergy
+from tcstudy.solvers.separable.descent import descend_nodes
+from tcstudy.solvers.separable.pieces import factor_free
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -113,7 +115,7 @@ def descend_nested(
     copies = rows.coarse()
     if copies is not None:
         ended = descend_nested(copies, start[:, ::2], max(tolerance, coarse), minima, coarse)
-        v = prolonged(ended.v, rows.body.m)
+        v = ended.v @ rows.body.P.T
         lower = rows.energy(v) < rows.energy(start)
         start = np.where(lower[:, None], v, start)
     return descend(rows, start, tolerance, minima)
@@ -142,7 +144,9 @@ def _step(rows: Rows, v: Array, xi: Array, s: BlockSlopes, careful: bool) -> tup
         if not len(todo):
             break
     for i in todo:
-        new[i] = _node_by_node(rows, int(i), v[i], xi[i], s.descent[i])
+        law = rows.laws.of_row(int(i), rows.body.m)
+        problem = ContactProblem(rows.body.A_tilde, rows.loads[i], rows.body.c, law)
+        new[i] = descend_nodes(problem, v[i], xi[i], s.descent[i])
     node_by_node[todo] = True
     return new, level, node_by_node
 
@@ -154,22 +158,6 @@ def _newton(rows: Rows, v: Array, s: BlockSlopes, careful: bool) -> Array:
     d = directions(rows.body, free, stiffness, s.descent, careful)
     d[s.jump & (np.where(d > 0.0, s.right, -s.left) > 0.0)] = 0.0
     return d
-
-
-def _node_by_node(rows: Rows, row: int, v: Array, xi: Array, descent: Array) -> Array:
-    """(m,) one row after a pass over its descending nodes, largest gain first (solvers/separable/descent.py)."""
-    A, c, laws = rows.body.A_tilde, rows.body.c, rows.laws
-    diagonal = np.diagonal(A)
-    gain = descent**2 / diagonal
-    v, xi = v.copy(), xi.copy()
-    law = laws.single(row) if laws.plain else None
-    for node in np.argsort(-gain, kind="stable")[: np.count_nonzero(gain)]:
-        own = laws.single(row, int(node)) if law is None else law
-        place = float(v[node])
-        target = NodeEnergy(own, place, float(xi[node] / c[node]), float(diagonal[node] / c[node])).descend()
-        xi -= A[node] * (target - v[node])
-        v[node] = target
-    return v
 
 
 # -- starts of the search for less energy ----------------------------------------------------------
@@ -210,7 +198,7 @@ def move_starts(rows: Rows, v: Array) -> tuple[Array, Index, Index]:
     stiffness, factors = np.full(v.shape, np.nan), {}
     for i in range(len(v)):
         nodes = np.flatnonzero(free[i])
-        factor, info = factor_free(body, nodes, added[i, nodes])
+        factor, info = factor_free(body.A_tilde, nodes, added[i, nodes])
         if info == 0:
             stiffness[i] = relaxed_stiffness(body.A_tilde, nodes, np.flatnonzero(~free[i]), factor, added[i, nodes])
             factors[i] = nodes, factor

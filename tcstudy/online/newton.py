@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from tcstudy.online.problems import CondensedBody, Rows
 from tcstudy.scene.friction import BEND
 from tcstudy.solvers.law_tables import Place
-from tcstudy.solvers.separable.pieces import cholesky, negative_direction
+from tcstudy.solvers.separable.pieces import factor_free, negative_direction, with_diagonal
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -145,37 +145,6 @@ def _stacked(M: Array, mask: Flags, diagonal: Array, rhs: Array) -> Array:
     return x
 
 
-def block_of(M: Array, rows: Index, columns: Index) -> Array:
-    """M[rows, columns] as a new matrix; two `take` are faster than one fancy index."""
-    return M.take(rows, axis=0).take(columns, axis=1)
-
-
-def principal(M: Array, nodes: Index) -> Array:
-    """M[nodes, nodes] of growing nodes as a new matrix; slices where these follow one another, as a zone that slips."""
-    n, first, last = len(nodes), int(nodes[0]), int(nodes[-1])
-    if last - first == n - 1:
-        return M[first : last + 1, first : last + 1].copy()
-    left = int(np.searchsorted(nodes - np.arange(n), first, side="right"))  # nodes of the first run
-    if last - int(nodes[left]) != n - left - 1:
-        return block_of(M, nodes, nodes)
-    matrix, a, b = np.empty((n, n)), slice(first, first + left), slice(last - n + left + 1, last + 1)
-    matrix[:left, :left], matrix[:left, left:] = M[a, a], M[a, b]
-    matrix[left:, :left], matrix[left:, left:] = M[b, a], M[b, b]
-    return matrix
-
-
-def _with_diagonal(M: Array, nodes: Index, added: Array) -> Array:
-    """M[nodes, nodes] + diag `added`."""
-    matrix = principal(M, nodes)
-    matrix.reshape(-1)[:: len(nodes) + 1] += added
-    return matrix
-
-
-def factor_free(body: CondensedBody, free: Index, k: Array) -> tuple[Array, int]:
-    """Cholesky factor of A_FF + diag k and LAPACK's info (0 if positive definite)."""
-    return cholesky(_with_diagonal(body.A_tilde, free, k)) if len(free) else (np.zeros((0, 0)), 0)
-
-
 def _positive(matrix: Array, rhs: Array) -> tuple[Array, int]:
     """Solution with a symmetric matrix (overwritten) and LAPACK's info, 0 if it is positive definite."""
     _, x, info = scipy.linalg.lapack.dposv(matrix.T, rhs, lower=1, overwrite_a=1)
@@ -186,17 +155,17 @@ def _on_free(body: CondensedBody, free: Index, k: Array, rhs: Array, trusted: bo
     """(n,) solution of one row on its free nodes."""
     if not len(free):
         return rhs
-    x, info = _positive(_with_diagonal(body.A_tilde, free, k), rhs)
+    x, info = _positive(with_diagonal(body.A_tilde, free, k), rhs)
     if info and trusted:
-        return np.asarray(np.linalg.solve(_with_diagonal(body.A_tilde, free, k), rhs))
-    return _positive(_with_diagonal(body.A_tilde, free, np.maximum(k, 0.0)), rhs)[0] if info else x
+        return np.asarray(np.linalg.solve(with_diagonal(body.A_tilde, free, k), rhs))
+    return _positive(with_diagonal(body.A_tilde, free, np.maximum(k, 0.0)), rhs)[0] if info else x
 
 
 def _on_held(body: CondensedBody, held: Index, k: Array, y: Array, trusted: bool) -> Array:
     """(n,) forces z of one row on the nodes that rest or have k ≠ 0."""
     if not len(held):
         return y
-    matrix = _with_diagonal(body.inverse, held, np.divide(1.0, k, out=np.zeros(len(k)), where=k != 0.0))
+    matrix = with_diagonal(body.inverse, held, np.divide(1.0, k, out=np.zeros(len(k)), where=k != 0.0))
     falls = np.count_nonzero(k < 0.0)
     if not falls:
         return _positive(matrix, y)[0]
@@ -235,7 +204,7 @@ def _negative_curvature(rows: Rows, free: Index, added: Array) -> Array | None:
     diagonal = np.diagonal(A)[free]
     if np.any(diagonal + added <= 0.0):
         return np.where(np.arange(len(free)) == np.argmin((diagonal + added) / diagonal), 1.0, 0.0)
-    factor, info = factor_free(rows.body, free, added)
+    factor, info = factor_free(A, free, added)
     return None if info == 0 else negative_direction(factor, info, A[free[info - 1], free])
 
 

@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse
 from numpy.typing import NDArray
 
 from tcstudy.online.row_laws import RowLaws
@@ -22,7 +23,7 @@ from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.extended import extended_residual
 from tcstudy.solvers.law_tables import Place
 from tcstudy.solvers.problem import ContactProblem, least_eigenvalue, pivot_shift
-from tcstudy.solvers.separable.newton import interpolation
+from tcstudy.solvers.separable.newton import galerkin, interpolation
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -61,7 +62,8 @@ class CondensedBody:
             raise ValueError("the condensed stiffness is not positive definite: the body can move freely (clamp it)")
         half = scipy.linalg.lapack.dpotri(factor, lower=1)[0] if len(c) else A
         inverse = np.ascontiguousarray(np.tril(half) + np.tril(half, -1).T)
-        return cls(A, c, inverse, least_eigenvalue(A, c), _coarse(A, c) if len(c) > COARSEST else None)
+        coarse = cls.of(*galerkin(A, c, interpolation(len(c)))) if len(c) > COARSEST else None
+        return cls(A, c, inverse, least_eigenvalue(A, c), coarse)
 
     @property
     def m(self) -> int:
@@ -73,37 +75,15 @@ class CondensedBody:
         """μ, by how much a matrix must be positive definite in a proof [Pa/m]."""
         return pivot_shift(self.A_tilde, self.c, self.lambda_1)
 
+    @cached_property
+    def P(self) -> scipy.sparse.csr_matrix:
+        """(m, ⌈m/2⌉) interpolation from the nodes of the coarse copy."""
+        return interpolation(self.m)
+
     def inverse_rounding(self) -> float:
         """Relative rounding of products with Ã⁻¹."""
         condition = float(np.linalg.norm(self.A_tilde, 1) * np.linalg.norm(self.inverse, 1))
         return 8.0 * self.m * float(np.finfo(float).eps) * condition
-
-
-def _coarse(A: Array, c: Array) -> CondensedBody:
-    P = interpolation(len(c))
-    coarse = P.T @ (P.T @ A).T
-    return CondensedBody.of(0.5 * (coarse + coarse.T), P.T @ c)
-
-
-def restricted(rows: Array) -> Array:
-    """Pᵀ of every row (R, m): loads of the coarser copy (R, ⌈m/2⌉)."""
-    coarse = np.array(rows[:, ::2])
-    half = 0.5 * rows[:, 1::2]
-    coarse[:, : half.shape[1]] += half
-    after = half[:, : coarse.shape[1] - 1]
-    coarse[:, 1 : 1 + after.shape[1]] += after
-    if half.shape[1] == coarse.shape[1]:
-        coarse[:, -1] += half[:, -1]  # m is even: the last node has one coarse neighbour only
-    return coarse
-
-
-def prolonged(rows: Array, m: int) -> Array:
-    """P of every row (R, ⌈m/2⌉): displacements of m nodes."""
-    fine = np.empty((len(rows), m))
-    fine[:, ::2] = rows
-    right = np.concatenate([rows[:, 1:], rows[:, -1:]], axis=1)
-    fine[:, 1::2] = 0.5 * (rows + right)[:, : m // 2]
-    return fine
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +112,7 @@ class Rows:
     def coarse(self) -> Rows | None:
         """The same problems on the body's coarse copy, if it has one."""
         copy = self.body.coarse
-        return None if copy is None else Rows(copy, self.laws.every_second(), restricted(self.loads))
+        return None if copy is None else Rows(copy, self.laws.every_second(), self.loads @ self.body.P)
 
     @property
     def counted_from_law(self) -> bool:
@@ -146,13 +126,9 @@ class Rows:
         """
         laws, body = self.laws, self.body
         if not self.counted_from_law:
-            law = laws.tables.law(int(laws.law[row, 0])) if laws.plain else laws.of_row(row, body.m)
-            return ContactProblem(body.A_tilde, self.loads[row], body.c, law)
+            return ContactProblem(body.A_tilde, self.loads[row], body.c, laws.of_row(row, body.m))
         law = laws.tables.law(int(laws.law[row, 0]))
-        s_p, sigma, beta = (
-            np.broadcast_to(fill if x is None else x[row], body.m)
-            for x, fill in ((laws.moved, 0.0), (laws.stretched, 1.0), (laws.stronger, 1.0))
-        )
+        beta, sigma, s_p = (np.broadcast_to(x[row], body.m) for x in laws.placing())
         load = sigma * (self.loads[row] - body.A_tilde @ s_p)
         return ContactProblem(sigma[:, None] * body.A_tilde * sigma, load, body.c * beta * sigma, law)
 

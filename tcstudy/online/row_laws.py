@@ -7,8 +7,9 @@ edges with laws of their own name a law by node.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,37 +54,40 @@ class RowLaws:
         factors = (x for x in (self.law, self.stretched, self.stronger) if x is not None)
         return any(x.shape[1] > 1 for x in factors)
 
+    def _each(self, pick: Callable[[Any], Any]) -> RowLaws:
+        """The laws of the places that `pick` takes from an array of rows."""
+        placed = (x if x is None else pick(x) for x in (self.moved, self.stretched, self.stronger))
+        return RowLaws(self.tables, pick(self.law), *placed)
+
     def take(self, rows: Index | Flags) -> RowLaws:
         """The named rows."""
-        parts = (x if x is None else x[rows] for x in (self.moved, self.stretched, self.stronger))
-        return RowLaws(self.tables, self.law[rows], *parts)
+        return self._each(lambda x: x[rows])
 
     def nodes(self, row: Index, node: Index) -> RowLaws:
         """The laws of single nodes (n,), each as a row of its own."""
-        law = self.law[row, np.minimum(node, self.law.shape[1] - 1)][:, None]
-        parts = (
-            x if x is None else x[row, np.minimum(node, x.shape[1] - 1)][:, None]
-            for x in (self.moved, self.stretched, self.stronger)
-        )
-        return RowLaws(self.tables, law, *parts)
+        return self._each(lambda x: x[row, np.minimum(node, x.shape[1] - 1)][:, None])
+
+    def every_second(self) -> RowLaws:
+        """The laws of the nodes 0, 2, 4, …"""
+        return self._each(lambda x: x if x.shape[1] == 1 else x[:, ::2])
+
+    def placing(self) -> tuple[Array, Array, Array]:
+        """(β, σ, s_p) of all rows, (R, 1) or (R, m) each."""
+        given = ((self.stronger, 1.0), (self.stretched, 1.0), (self.moved, 0.0))
+        beta, sigma, s_p = (np.full((len(self), 1), fill) if x is None else x for x, fill in given)
+        return beta, sigma, s_p
 
     def tabulated(self) -> RowLaws:
         """The same laws with tables that hold those in use, stretched and stronger as they are, and are moved only."""
         if self.stretched is None and self.stronger is None:
             used, law = np.unique(self.law, return_inverse=True)
             return RowLaws(self.tables.take(used), law.reshape(self.law.shape), self.moved)
-        parts = (np.ones((1, 1)) if x is None else x for x in (self.stretched, self.stronger))
-        each = np.broadcast_arrays(self.law, *parts)
+        each = np.broadcast_arrays(self.law, *self.placing()[1::-1])
         rows = np.stack([x.ravel() for x in each], axis=1).astype(float)
         used, law = np.unique(rows, axis=0, return_inverse=True)
-        sigma, beta = np.asarray(used[:, 1], dtype=float), np.asarray(used[:, 2], dtype=float)
+        sigma, beta = (np.asarray(used[:, k], dtype=float) for k in (1, 2))
         tables = self.tables.take(used[:, 0].astype(np.intp)).scaled(sigma, beta)
         return RowLaws(tables, law.reshape(each[0].shape), self.moved)
-
-    def every_second(self) -> RowLaws:
-        """The laws of the nodes 0, 2, 4, …"""
-        parts = (x if x is None or x.shape[1] == 1 else x[:, ::2] for x in (self.moved, self.stretched, self.stronger))
-        return RowLaws(self.tables, self.law if self.law.shape[1] == 1 else self.law[:, ::2], *parts)
 
     @property
     def in_place(self) -> bool:
@@ -92,28 +96,15 @@ class RowLaws:
 
     def of_row(self, row: int, m: int) -> Law:
         """The laws of one row's m nodes as the single solve takes them."""
+        if self.plain:
+            return self.tables.law(int(self.law[row, 0]))
         used, index = np.unique(np.broadcast_to(self.law[row], m), return_inverse=True)
-        beta, sigma, s_p = (
-            fill if x is None else np.broadcast_to(x[row], m)
-            for x, fill in ((self.stronger, 1.0), (self.stretched, 1.0), (self.moved, 0.0))
-        )
-        return nodal([self.tables.law(int(k)) for k in used], index, beta, sigma, s_p)
+        placed = (np.broadcast_to(x[row], m) for x in self.placing())
+        return nodal([self.tables.law(int(k)) for k in used], index, *placed)
 
     def omega_by_node(self) -> Array:
         """(R, 1) or (R, m) steepest fall of every node's law [Pa/m]."""
         return self.traction(self.tables.omega[self.law], -1)
-
-    def single(self, row: int, node: int = 0) -> FrictionLaw:
-        """The law of one node as a record of its own."""
-        law = self.tables.law(int(self.law[row, min(node, self.law.shape[1] - 1)]))
-        if self.plain:
-            return law
-        s_p, sigma, beta = (
-            fill if x is None else float(x[row, min(node, x.shape[1] - 1)])
-            for x, fill in ((self.moved, 0.0), (self.stretched, 1.0), (self.stronger, 1.0))
-        )
-        law = law.scaled(1.0 / sigma, 1.0 / beta)
-        return replace(law, kinks=law.kinks + s_p, s_0=law.s_0 + s_p)
 
     def own_slip(self, s: Array) -> Array:
         """Slips as the tables count them."""
@@ -195,16 +186,12 @@ class RowLaws:
         """(R,) sup over s of −sign(s) b(s), at least 0 [Pa]."""
         if self.moved is None:
             return np.asarray(np.max(self.traction(largest_push(self.tables)[self.law]), axis=1))
-        reach = np.abs(self.moved) + self._slip_reach()
+        own = far(self.tables)[self.law]  # from `moved`: beyond it b is as it is far away
+        reach = np.abs(self.moved) + (own if self.stretched is None else own * self.stretched)
         zero = np.zeros(reach.shape)
         least, _ = self.value_range(zero, reach)
         _, largest = self.value_range(-reach, zero)
         return np.asarray(np.maximum(0.0, np.max(np.maximum(-least, largest), axis=1)))
-
-    def _slip_reach(self) -> Array:
-        """Slips from `moved` within which b differs from its behaviour far away (R, 1) or (R, m) [m]."""
-        own = far(self.tables)[self.law]
-        return own if self.stretched is None else own * self.stretched
 
 
 def row_laws(laws: Sequence[Law], factor: Array) -> RowLaws:

@@ -241,4 +241,4 @@ def tables_of(law: Law, m: int) -> tuple[LawTables, Index]:
 @lru_cache(maxsize=64)
 def _tables(law: FrictionLaw | LawTable) -> LawTables:
     """Cached, since a sweep or a path asks of few laws many times."""
-    return LawTables.of([law] if isinstance(law, FrictionLaw) else law.laws)
+    return LawTables.of([law] if isinstance(law, FrictionLaw) else law)

@@ -26,7 +26,7 @@ from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.bounds import FEW, PARTS, bend_below_tangent, least_slope, solution_box
 from tcstudy.solvers.problem import MARGIN, ContactProblem, least_lowered, pivot_shift
-from tcstudy.solvers.separable.pieces import cholesky, slopes, submatrix
+from tcstudy.solvers.separable.pieces import factor_free, slopes
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -108,14 +108,8 @@ def positive_definite(
     """Whether Ã + C diag(slope − μ) is positive definite on the named nodes (all by default)."""
     nodes = np.arange(problem.m, dtype=np.intp) if named is None else named
     lowered = problem.c[nodes] * (slope - pivot_shift(problem.A_tilde, problem.c, lambda_1, margin))
-    diagonal = np.diagonal(problem.A_tilde)[nodes] + lowered
-    if not len(nodes):
-        return True
-    if not np.all(diagonal > 0.0):
-        return False
-    matrix = submatrix(problem.A_tilde, nodes)
-    matrix[np.diag_indices(len(nodes))] = diagonal
-    return cholesky(matrix)[1] == 0
+    possible = np.all(np.diagonal(problem.A_tilde)[nodes] + lowered > 0.0)
+    return bool(possible) and factor_free(problem.A_tilde, nodes, lowered)[1] == 0
 
 
 def _resting_slack(problem: ContactProblem, v: Array) -> tuple[float, int]:

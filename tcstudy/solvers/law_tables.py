@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import BEND, DOWN, UP, FrictionLaw
+from tcstudy.scene.nodal_laws import LawTable
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -67,31 +68,11 @@ class LawTables:
     omega: Array
 
     @classmethod
-    def of(cls, laws: Sequence[FrictionLaw]) -> LawTables:
+    def of(cls, laws: Sequence[FrictionLaw] | LawTable) -> LawTables:
         """The laws' own numbers, in the order given."""
-        most = max([1, *(len(law.kinks) for law in laws)])
-
-        def table(rows: list[Array], width: int, beyond: float | None) -> Array:
-            filled = np.empty((len(rows), width))
-            for row, values in zip(filled, rows, strict=True):
-                row[: len(values)] = values
-                row[len(values) :] = values[-1] if beyond is None else beyond
-            return filled
-
-        s_0, b_0, q, a, r = (
-            table([getattr(law, name) for law in laws], most + 1, None) for name in ("s_0", "b_0", "q", "a", "r")
-        )
-        return cls(
-            table([law.kinks for law in laws], most, np.inf),
-            table([law.kinds.astype(float) for law in laws], most, BEND).astype(np.int8),
-            s_0,
-            b_0,
-            q,
-            a,
-            r,
-            np.array([law.b_scale for law in laws]),
-            np.array([law.omega for law in laws]),
-        )
+        table = laws if isinstance(laws, LawTable) else LawTable(tuple(laws))
+        s_0, b_0, q, a, r = table.pieces
+        return cls(table.kinks, table.kinds.astype(np.int8), s_0, b_0, q, a, r, table.scales, table.omega)
 
     def law(self, k: int, name: str = "row") -> FrictionLaw:
         """The k-th law as a record of its own."""

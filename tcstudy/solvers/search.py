@@ -32,7 +32,7 @@ from tcstudy.solvers.law_tables import LawTables
 from tcstudy.solvers.loop import Outcome
 from tcstudy.solvers.moves import best_places, follow, relaxed_stiffness
 from tcstudy.solvers.problem import ContactProblem, integral
-from tcstudy.solvers.separable.pieces import cholesky, energy_change, slopes, submatrix
+from tcstudy.solvers.separable.pieces import energy_change, factor_free, slopes
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -209,9 +209,7 @@ def _relaxed(problem: ContactProblem, v: Array, xi: Array) -> tuple[Index, Array
     free, resting = np.flatnonzero(~s.at_rest), np.flatnonzero(s.at_rest)
     law, c, A = problem.law, problem.c, problem.A_tilde
     q = law.slope(v, np.where(s.descent <= 0.0, law.piece(v, +1), law.piece(v, -1)))[free]
-    matrix = submatrix(A, free)
-    matrix[np.diag_indices(len(free))] += c[free] * q
-    factor, info = cholesky(matrix)
+    factor, info = factor_free(A, free, c[free] * q)
     if info != 0:
         return None
     return free, factor, relaxed_stiffness(A, free, resting, factor, c[free] * q)

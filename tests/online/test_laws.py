@@ -115,9 +115,9 @@ def test_laws_by_node_are_moved_stretched_and_made_stronger() -> None:
     np.testing.assert_allclose(rows.value(v, at.piece), stronger * by_law(law, t, of=lambda b, x: b.b(x)), rtol=1e-12)
     for row in range(shape[0]):
         for node in range(shape[1]):
-            own, x = rows.single(row, node), v[row, node]
+            own, x = rows.of_row(row, shape[1]).single(node), v[row, node]
             np.testing.assert_allclose(own.b(x), rows.value(v, at.piece)[row, node], rtol=1e-10)
     zero, to = np.zeros(shape), rows.locate(v)
     from_zero = rows.integral(zero, v, rows.locate(zero), to)
-    expected = [[float(rows.single(r, i).j(v[r, i])) for i in range(shape[1])] for r in range(shape[0])]
+    expected = [rows.of_row(r, shape[1]).j(v[r]) for r in range(shape[0])]
     np.testing.assert_allclose(from_zero, expected, rtol=1e-9, atol=1e-12)

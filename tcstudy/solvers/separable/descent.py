@@ -238,15 +238,14 @@ def descend_nodes(problem: ContactProblem, v: Array, xi: Array, descent: Array) 
 
     descent: the descending one-sided slopes at v (0 at rest) [N/m]
     """
-    diagonal = np.diagonal(problem.A_tilde)
+    A_tilde, c, law = problem.A_tilde, problem.c, problem.law
+    diagonal = np.diagonal(A_tilde)
     gain = descent**2 / diagonal
     v, xi = v.copy(), xi.copy()
-    for node in np.argsort(-gain, kind="stable")[: np.count_nonzero(gain)]:
-        c = float(problem.c[node])
-        law = problem.law.single(int(node))
-        energy = NodeEnergy(law, float(v[node]), float(xi[node]) / c, float(diagonal[node]) / c)
-        target = energy.descend()
-        xi -= problem.A_tilde[node] * (target - v[node])
+    for node in map(int, np.argsort(-gain, kind="stable")[: np.count_nonzero(gain)]):
+        own = law.single(node), float(v[node]), float(xi[node] / c[node]), float(diagonal[node] / c[node])
+        target = NodeEnergy(*own).descend()
+        xi -= A_tilde[node] * (target - v[node])
         v[node] = target
     return v
 

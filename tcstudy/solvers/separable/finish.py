@@ -26,7 +26,7 @@ from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.scene.nodal_laws import each
 from tcstudy.solvers.extended import two_sum
 from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.separable.pieces import cholesky, next_up_jump, slopes, submatrix
+from tcstudy.solvers.separable.pieces import factor_free, next_up_jump, slopes, with_diagonal
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -118,11 +118,10 @@ def solve_on(problem: ContactProblem, active: ActivePieces, v: Array, newton_ste
 
 def linear_solver(problem: ContactProblem, free: Index, slope: Array) -> Callable[[Array], Array] | None:
     """x = (A_FF + diag(slope))⁻¹ rhs by Cholesky, by LU where the matrix is indefinite, None where it is singular."""
-    matrix = submatrix(problem.A_tilde, free)
-    matrix[np.diag_indices(len(free))] += slope
-    factor, info = cholesky(matrix.copy())
+    factor, info = factor_free(problem.A_tilde, free, slope)
     if info == 0:
         return lambda rhs: scipy.linalg.lapack.dpotrs(factor, rhs, lower=1)[0]
+    matrix = with_diagonal(problem.A_tilde, free, slope)
     lu, pivots, info = scipy.linalg.lapack.dgetrf(matrix.T, overwrite_a=1)
     if info != 0:
         return None

@@ -174,11 +174,10 @@ def interpolation(m: int) -> scipy.sparse.csr_matrix:
     return scipy.sparse.csr_matrix((np.full(2 * m, 0.5), (rows, columns)), shape=(m, coarse))
 
 
-def restricted(problem: ContactProblem, P: scipy.sparse.csr_matrix) -> ContactProblem:
-    """The Galerkin restriction of a problem to the columns of P."""
-    A_coarse = P.T @ (P.T @ problem.A_tilde).T
-    A_coarse = np.ascontiguousarray(0.5 * (A_coarse + A_coarse.T))
-    return ContactProblem(A_coarse, P.T @ problem.l_tilde, P.T @ problem.c, problem.law.of(slice(None, None, 2)))
+def galerkin(A_tilde: Array, c: Array, P: scipy.sparse.csr_matrix) -> tuple[Array, Array]:
+    """(PᵀÃP, Pᵀc), the Galerkin restriction of a body to the columns of P."""
+    coarse = P.T @ (P.T @ A_tilde).T
+    return np.ascontiguousarray(0.5 * (coarse + coarse.T)), P.T @ c
 
 
 def coarse_start(
@@ -192,7 +191,8 @@ def coarse_start(
     if problem.m <= smallest:
         return x0
     P = interpolation(problem.m)
-    coarse = restricted(problem, P)
+    A_coarse, c = galerkin(problem.A_tilde, problem.c, P)
+    coarse = ContactProblem(A_coarse, P.T @ problem.l_tilde, c, problem.law.of(slice(None, None, 2)))
     interpolated = P @ solve(coarse, coarse_start(coarse, x0[::2], solve, smallest))
     step = interpolated - x0
     lower = energy_change(problem, x0, problem.xi(x0), step, problem.A_tilde @ step) < 0.0

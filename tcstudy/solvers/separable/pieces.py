@@ -97,17 +97,37 @@ class FreeSystem:
         return scipy.linalg.lapack.dpotrs(self.factor, rhs, lower=1)[0]
 
 
-def submatrix(A_tilde: Array, rows: Index) -> Array:
-    """A_tilde[rows, rows] as a new matrix; two `take` are faster than one fancy index."""
-    if len(rows) == len(A_tilde):
-        return np.array(A_tilde, order="C")
-    return A_tilde.take(rows, axis=0).take(rows, axis=1)
+def submatrix(M: Array, nodes: Index) -> Array:
+    """M[nodes, nodes] of growing nodes as a new matrix; slices where these follow one another, as a zone that slips."""
+    n = len(nodes)
+    first, last = (int(nodes[0]), int(nodes[-1])) if n else (0, -1)
+    if last - first == n - 1:
+        return M[first : last + 1, first : last + 1].copy()
+    left = int(np.searchsorted(nodes - np.arange(n), first, side="right"))  # nodes of the first run
+    if last - int(nodes[left]) != n - left - 1:
+        return M.take(nodes, axis=0).take(nodes, axis=1)  # faster than one fancy index
+    matrix, a, b = np.empty((n, n)), slice(first, first + left), slice(last - n + left + 1, last + 1)
+    matrix[:left, :left], matrix[:left, left:] = M[a, a], M[a, b]
+    matrix[left:, :left], matrix[left:, left:] = M[b, a], M[b, b]
+    return matrix
+
+
+def with_diagonal(M: Array, nodes: Index, added: Array) -> Array:
+    """M[nodes, nodes] + diag `added`."""
+    matrix = submatrix(M, nodes)
+    matrix.reshape(-1)[:: len(nodes) + 1] += added
+    return matrix
 
 
 def cholesky(matrix: Array) -> tuple[Array, int]:
     """Lower factor of a symmetric C-ordered matrix (overwritten) and LAPACK's info (0 if positive definite)."""
     factor, info = scipy.linalg.lapack.dpotrf(matrix.T, lower=1, clean=0, overwrite_a=1)
     return factor, int(info)
+
+
+def factor_free(A_tilde: Array, free: Index, added: Array) -> tuple[Array, int]:
+    """Cholesky factor of A_FF + diag `added` and LAPACK's info (0 if positive definite)."""
+    return cholesky(with_diagonal(A_tilde, free, added)) if len(free) else (np.zeros((0, 0)), 0)
 
 
 def factorise(problem: ContactProblem, free: Index, slope: Array) -> FreeSystem:
@@ -120,9 +140,7 @@ def factorise(problem: ContactProblem, free: Index, slope: Array) -> FreeSystem:
     for q in (slope, np.maximum(slope, 0.0)):
         shifted = diagonal + problem.c[free] * q
         if np.all(shifted > 0.0):
-            matrix = submatrix(problem.A_tilde, free)
-            matrix[np.diag_indices(len(free))] = shifted
-            factor, info = cholesky(matrix)
+            factor, info = factor_free(problem.A_tilde, free, problem.c[free] * q)
             tried += 1
             if info == 0:
                 return FreeSystem(free, factor, tried, curvature)
