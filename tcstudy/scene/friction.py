@@ -166,6 +166,13 @@ class FrictionLaw:
         near = self.nearest_kink(s)
         return np.where(self.kinks[near] == s, self.kinds[near], BEND).astype(np.int8)
 
+    def next_up_jump(self, s: Array, direction: Array) -> Array:
+        """First up-jump strictly beyond s in the sign of `direction`, ±∞ if there is none (shape of s) [m]."""
+        jumps = np.concatenate([[-np.inf], self.kinks[self.kinds == UP], [np.inf]])
+        above = jumps[np.searchsorted(jumps, s, side="right")]
+        below = jumps[np.searchsorted(jumps, s, side="left") - 1]
+        return np.where(direction > 0, above, below)
+
     def j(self, s: ArrayLike) -> Array:
         """The primitive j(s) = ∫₀ˢ b, exact, eq. (17) (shape of s) [Pa·m].
 

@@ -15,7 +15,7 @@ together lower the energy, and any proof that nothing lower exists (certificates
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import islice
 
@@ -24,7 +24,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.nodal_laws import Law, LawTable, NodalLaws
+from tcstudy.scene.nodal_laws import LawTable, NodalLaws
 from tcstudy.solvers.bounds import bend_below_tangent, first_box, tables_of
 from tcstudy.solvers.certificates import positive_definite
 from tcstudy.solvers.hulls import Bridges, proximal_hulls
@@ -79,11 +79,11 @@ def escape(problem: ContactProblem, best: Array | None, tolerance: float, solve:
         return runs[-1]
 
     begin = np.zeros(problem.m) if best is None else best
-    start = hull_start(problem, begin, lambda_1, lambda smoothed, x0: run(smoothed, x0, LOOSE))
-    found = run(problem, start.v, tolerance)
+    start, lowest = hull_start(problem, begin, lambda_1, lambda smoothed, x0: run(smoothed, x0, LOOSE))
+    found = run(problem, start, tolerance)
     if found.converged and (best is None or _lower(problem, best, found.x)):
         best = found.x
-    if best is not None and not start.lowest:
+    if best is not None and not lowest:
         found = _moved(problem, best, lambda x0: run(problem, x0, tolerance)) or found
     iterations, evaluations = sum(r.iterations for r in runs), sum(r.evaluations for r in runs)
     return replace(found, iterations=iterations, evaluations=evaluations)
@@ -121,37 +121,37 @@ def _lower(problem: ContactProblem, v: Array, w: Array) -> bool:
     return energy_change(problem, v, xi, step, A_step) < -_ROUNDING * size
 
 
-@dataclass(frozen=True)
-class HullStart:
-    """v: (m,) displacements to start from.
-
-    lowest: the first, convex problem had b_κ = b at its solution, which then has the least energy of the original one,
-            too (as far as the estimate of λ₁ and the hull are exact)
-    """
-
-    v: Array
-    lowest: bool
-
-
 def hull_start(
     problem: ContactProblem, x0: Array, lambda_1: float, solve: Callable[[ContactProblem, Array], Outcome]
-) -> HullStart:
-    """Solve the convexified problems one after the other.
+) -> tuple[Array, bool]:
+    """(displacements to start from (m,), whether they have the least energy) of convexified problems, one by one.
 
     x0:       (m,) where the first one begins; its solution does not depend on it, the work does
     lambda_1: about λ₁; only the first problem's convexity hangs on it
     solve:    solves one convexified problem from a start; no accuracy is needed
+
+    Where the first, convex problem has b_κ = b at its solution, that has the least energy of the original one, too (as
+    far as the estimate of λ₁ and the hull are exact).
     """
     v, kappa, first = x0, _SAFELY * lambda_1, True
     stiffest = min(problem.law.omega, float(np.max(np.diagonal(problem.A_tilde) / problem.c)))
+    tables, index = tables_of(problem.law, problem.m)
     while True:
-        law, on_bridge = _hulls(problem.law, problem.m, kappa)
+        hulls, bridges = _hulls(tables, kappa)
+        law = hulls.laws[0] if isinstance(problem.law, FrictionLaw) else NodalLaws(hulls, index)
         outcome = solve(replace(problem, law=law), v)
         v, kappa = outcome.x, GROWTH * kappa
-        settled = not np.any(on_bridge(v))
+        settled = not np.any(bridges.cover(index, v))
         if settled or kappa >= stiffest:
-            return HullStart(v, first and settled and outcome.converged)
+            return v, first and settled and outcome.converged
         first = False
+
+
+@lru_cache(maxsize=64)
+def _hulls(tables: LawTables, kappa: float) -> tuple[LawTable, Bridges]:
+    """The proximal hulls of laws; cached, since a sweep asks for few laws and bodies many times."""
+    hulls, bridges = proximal_hulls(tables, kappa)
+    return LawTable(tuple(hulls.law(k, "proximal hull") for k in range(len(tables.q)))), bridges
 
 
 def estimate_lambda_1(problem: ContactProblem) -> float:
@@ -170,21 +170,6 @@ def estimate_lambda_1(problem: ContactProblem) -> float:
         softness = x.T @ y
         x = y
     return 1.0 / float(np.linalg.eigvalsh(softness)[-1])
-
-
-def _hulls(law: Law, m: int, kappa: float) -> tuple[Law, Callable[[Array], NDArray[np.bool_]]]:
-    """The proximal hull, of every node's own law, and which slips (m,) are strictly inside its bridges: b_κ ≠ b."""
-    tables, index = tables_of(law, m)
-    hulls, bridges = _hulls_of(tables, kappa)
-    smooth = hulls[0] if isinstance(law, FrictionLaw) else NodalLaws(LawTable(hulls), law.index)
-    return smooth, lambda v: bridges.cover(index, v)
-
-
-@lru_cache(maxsize=64)
-def _hulls_of(tables: LawTables, kappa: float) -> tuple[tuple[FrictionLaw, ...], Bridges]:
-    """Cached, since a sweep asks for few laws and bodies many times."""
-    hulls, bridges = proximal_hulls(tables, kappa)
-    return tuple(hulls.law(k, "proximal hull") for k in range(len(tables.q))), bridges
 
 
 def node_moves(problem: ContactProblem, v: Array) -> Iterator[Array]:

@@ -13,7 +13,6 @@ from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.search import (
     GROWTH,
     PROMISES,
-    HullStart,
     escape,
     estimate_lambda_1,
     hull_start,
@@ -139,9 +138,9 @@ def test_convexified_start_knows_when_it_is_the_lowest() -> None:
     def start(law: FrictionLaw) -> bool:
         problem = ContactProblem(A_tilde, c * (1.4 + 0.6 * np.sin(7 * x)), c, law)
         loose = SeparableNewton(1e-3)
-        found = hull_start(problem, np.zeros(30), estimate_lambda_1(problem), lambda p, x0: iterate(loose, p, x0))
-        assert problem.m == len(found.v)
-        return found.lowest
+        v, lowest = hull_start(problem, np.zeros(30), estimate_lambda_1(problem), lambda p, x0: iterate(loose, p, x0))
+        assert problem.m == len(v)
+        return lowest
 
     assert start(cases.slip_weakening(1.0, 0.1, 0.01))
     assert not start(down_jumps(0.6, 10))
@@ -180,7 +179,7 @@ def test_moves_begin_at_the_best_and_end_where_none_helps(monkeypatch: pytest.Mo
         return Outcome(x0, 0.0, Status.CONVERGED, "", 1, 1)
 
     monkeypatch.setattr(escape_module, "seems_global", lambda *_: False)
-    monkeypatch.setattr(escape_module, "hull_start", lambda p, x, *_: HullStart(x + 0.5, False))
+    monkeypatch.setattr(escape_module, "hull_start", lambda p, x, *_: (x + 0.5, False))
     monkeypatch.setattr(escape_module, "node_moves", moves)
     found = escape(problem, best, 1e-12, stay)
     assert found is not None

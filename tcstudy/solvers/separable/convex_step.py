@@ -19,6 +19,7 @@ costs one Cholesky factor of Ã plus a diagonal.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,7 +42,7 @@ _SMALL = 1e-14
 
 @dataclass(frozen=True)
 class _Elements:
-    """The elements of b_↑, all (n, 1) where they are the same at every node, else (n, m).
+    """The elements of b_↑ at every node, (n, m) each.
 
     sign: −1 for the outer piece on the left, whose slip counts to the left;  kink: index of the kink of an up-jump, −1
     A node with fewer elements than others has some of sign 0, which act on nothing.
@@ -52,7 +53,7 @@ class _Elements:
     gamma: Array
     sign: Array
     kink: Index
-    slope: float | Array
+    slope: Array
 
     def force(self, v: Array, piece: Index) -> Array:
         """b_↑(v) on the named pieces, 0 left of all elements (m,) [Pa]."""
@@ -62,8 +63,8 @@ class _Elements:
         return np.asarray(self.slope * v + np.sum(self.sign * np.where(self.gamma > 0.0, ramp, jump), axis=0))
 
 
-def _elements(law: FrictionLaw) -> _Elements:
-    """The rising part of a law; exponential pieces count with their rise from end to end."""
+def _elements(law: FrictionLaw) -> tuple[list[tuple[float, float, float, float, int]], float]:
+    """(s, h, γ, sign and kink of every element, least slope) of a law; exponential pieces rise from end to end."""
     kinks, last = law.kinks, len(law.kinks)
     rise = np.maximum(law.q, 0.0)
     for piece in np.flatnonzero(law.a):
@@ -71,7 +72,7 @@ def _elements(law: FrictionLaw) -> _Elements:
             ends = law.value(kinks[piece - 1 : piece + 1], np.full(2, piece))
             rise[piece] = max(0.0, float(ends[1] - ends[0]) / float(kinks[piece] - kinks[piece - 1]))
     least = float(rise.min())
-    rows: list[tuple[float, float, float, float, int]] = []  # s, h, gamma, sign, kink
+    rows = []
     for k in np.flatnonzero(law.kinds == UP):
         rows.append((float(kinks[k]), float(law.b_right[k] - law.b_left[k]), 0.0, 1.0, int(k)))
     for piece in np.flatnonzero(rise > least):
@@ -80,8 +81,7 @@ def _elements(law: FrictionLaw) -> _Elements:
         height = np.inf if outer else steeper * float(kinks[piece] - kinks[piece - 1])
         left = piece == 0
         rows.append((float(kinks[0 if left else piece - 1]), height, 1.0 / steeper, -1.0 if left else 1.0, -1))
-    s, h, gamma, sign, kink = np.array(rows).reshape(len(rows), 5, 1).transpose(1, 0, 2)
-    return _Elements(s, h, gamma, sign, kink.astype(np.intp), least)
+    return rows, least
 
 
 def _rises(law: FrictionLaw) -> bool:
@@ -89,16 +89,16 @@ def _rises(law: FrictionLaw) -> bool:
     return bool(np.any(law.kinds == UP) or np.ptp(np.maximum(law.q, 0.0)) > 0.0)
 
 
-def _by_node(laws: NodalLaws) -> _Elements:
+def _by_node(laws: Sequence[FrictionLaw], index: Index, b_scale: float) -> _Elements:
     """The elements of every node's law, with some of sign 0 and of the scale of b where others have more."""
-    own = [_elements(law) for law in laws.table.laws]
-    s, h, gamma, sign, kink = (np.zeros((max(len(el.s) for el in own), len(laws))) for _ in range(5))
-    h[:], kink[:] = laws.b_scale or 1.0, -1.0
-    for k, el in enumerate(own):
-        for whole, part in ((s, el.s), (h, el.h), (gamma, el.gamma), (sign, el.sign), (kink, el.kink)):
-            whole[: len(part), laws.index == k] = part
-    slope = np.array([el.slope for el in own])[laws.index]
-    return _Elements(s, h, gamma, sign, kink.astype(np.intp), slope)
+    own = [_elements(law) for law in laws]
+    padded = np.tile(
+        [[0.0], [b_scale or 1.0], [0.0], [0.0], [-1.0]], (max(len(rows) for rows, _ in own), 1, len(index))
+    )
+    for k, (rows, _) in enumerate(own):
+        padded[: len(rows), :, index == k] = np.array(rows).reshape(len(rows), 5, 1)
+    s, h, gamma, sign, kink = padded.transpose(1, 0, 2)
+    return _Elements(s, h, gamma, sign, kink.astype(np.intp), np.array([least for _, least in own])[index])
 
 
 def convex_step(problem: ContactProblem, v: Array, piece: Index) -> tuple[Array, int] | None:
@@ -109,14 +109,10 @@ def convex_step(problem: ContactProblem, v: Array, piece: Index) -> tuple[Array,
     Nodes on an up-jump at the minimum are put on it bitwise.
     """
     law, c = problem.law, problem.c
-    if isinstance(law, NodalLaws):
-        if not any(_rises(own) for own, _ in law.groups):
-            return None
-        elements = _by_node(law)
-    elif _rises(law):
-        elements = _elements(law)
-    else:
+    laws, index = (law.table.laws, law.index) if isinstance(law, NodalLaws) else ((law,), np.zeros(problem.m, np.intp))
+    if not any(_rises(laws[k]) for k in np.unique(index)):
         return None
+    elements = _by_node(laws, index, law.b_scale)
     rest = law.value(v, piece) - elements.force(v, piece)
     return _InteriorPoint(problem, elements, problem.l_tilde - c * rest).minimum(v)
 
@@ -201,12 +197,9 @@ class _InteriorPoint:
     def _length(self, room: Array, de: Array, d_above: Array, d_below: Array, share: float) -> float:
         """Longest step, at most 1, that keeps e, h − e, x⁺ and x⁻ positive."""
         length = 1.0
-        pairs = ((self.e, de), (self.below, d_below), (room, np.where(self.capped, -de, 0.0)))
+        shrinking = np.where(self.capped, -de, 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            for value, change in (
-                *pairs,
-                (np.where(self.capped, self.above, 1.0), np.where(self.capped, d_above, 0.0)),
-            ):
+            for value, change in ((self.e, de), (self.below, d_below), (room, shrinking), (self.above, d_above)):
                 length = min(length, float(np.min(np.where(change < 0.0, -share * value / change, np.inf))))
         return length
 

@@ -15,7 +15,7 @@ from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.problem import ContactProblem, integral
 from tcstudy.solvers.separable.convex_step import convex_step
-from tcstudy.solvers.separable.pieces import FreeSystem, Slopes, energy_change, next_up_jump, slopes
+from tcstudy.solvers.separable.pieces import FreeSystem, Slopes, energy_change, slopes
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -34,6 +34,9 @@ _ROUNDING = 64.0
 """Residuals below this many roundings of the largest terms of ξ count as rounding."""
 _WHOLE = ("newton/1", "escape", "model")
 """Steps after which progress is not called slow."""
+ARMIJO, HALVINGS = 1e-4, 4
+"""Share of the first-order decrease that a step must realise; step lengths 1, ½, ¼ … tried before going node by node.
+"""
 _PUT_OFF = 20
 """Slow steps more before a step on the convex model is tried again that was of no use."""
 
@@ -88,25 +91,23 @@ def new_state(problem: ContactProblem, v: Array) -> SeparableState:
     return SeparableState(v, xi, s, piece, residual, rounding, f, second_order=second_order)
 
 
-def along_path(
-    problem: ContactProblem, state: SeparableState, system: FreeSystem, armijo: float, halvings: int
-) -> SeparableState | None:
+def along_path(problem: ContactProblem, state: SeparableState, system: FreeSystem) -> SeparableState | None:
     """The first of the step lengths 1, ½, ¼ … on the clipped Newton path that satisfies Armijo's rule, else None."""
     s = state.slopes
     direction = np.zeros(problem.m)
     direction[system.free] = -system.solve(s.descent[system.free])
     uphill = np.where(direction > 0.0, s.right, -s.left) > 0.0
     direction[s.at_jump & uphill] = 0.0
-    stop = next_up_jump(problem.law, state.v, direction)
+    stop = problem.law.next_up_jump(state.v, direction)
     slope = np.where(direction > 0.0, s.right, s.left)
-    for halving in range(halvings + 1):
+    for halving in range(HALVINGS + 1):
         target = state.v + 0.5**halving * direction
         reached = np.where(direction > 0.0, target >= stop, target <= stop) & (direction != 0.0)
         target = np.where(reached, stop, target)
         step = target - state.v
         change = energy_change(problem, state.v, state.xi, step, problem.A_tilde @ step)
         state = replace(state, evaluations=state.evaluations + 1)
-        if change < 0.0 and change <= -armijo * abs(float(slope @ step)):
+        if change < 0.0 and change <= -ARMIJO * abs(float(slope @ step)):
             new = moved(problem, state, target, f"newton/{2**halving}")
             same = np.array_equal(new.slopes.at_rest, s.at_rest) and np.array_equal(new.piece, state.piece)
             if system.curvature is None and same:
@@ -115,7 +116,7 @@ def along_path(
     return None
 
 
-def on_model(problem: ContactProblem, state: SeparableState, halvings: int) -> SeparableState:
+def on_model(problem: ContactProblem, state: SeparableState) -> SeparableState:
     """The first of the step lengths 1, ½, ¼ … towards the minimum of the convex model that lowers L̃.
 
     Without one the state itself, with the next such step put off.
@@ -124,7 +125,7 @@ def on_model(problem: ContactProblem, state: SeparableState, halvings: int) -> S
     if found is not None:
         target, factorisations = found
         state = replace(state, factorisations=state.factorisations + factorisations)
-        for halving in range(halvings + 1):
+        for halving in range(HALVINGS + 1):
             at = target if halving == 0 else state.v + 0.5**halving * (target - state.v)
             step = at - state.v
             state = replace(state, evaluations=state.evaluations + 1)
@@ -276,16 +277,11 @@ class NodeEnergy:
         sign = 1 if -right >= left else -1
         piece = int(self.law.piece(s, sign))
         while True:
-            end = self._end(piece, sign)
+            end = float(self.law.ends(np.asarray(piece))[sign > 0])
             s = self._descend_piece(piece, sign, s, end)
             if s != end or sign * self.derivative(s, piece + sign) >= 0.0:
                 return s
             piece += sign
-
-    def _end(self, piece: int, sign: int) -> float:
-        """Where the piece ends in the direction `sign` (±inf for an outer piece)."""
-        ends = np.concatenate([[-np.inf], self.law.kinks, [np.inf]])
-        return float(ends[piece + 1] if sign > 0 else ends[piece])
 
     def _descend_piece(self, piece: int, sign: int, s: float, end: float) -> float:
         """First zero of the slope on the way to `end`, or `end`; exponential pieces stop short of the zero.

@@ -26,7 +26,7 @@ from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.scene.nodal_laws import each
 from tcstudy.solvers.extended import two_sum
 from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.separable.pieces import factor_free, next_up_jump, slopes, with_diagonal
+from tcstudy.solvers.separable.pieces import factor_free, slopes, with_diagonal
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -219,6 +219,6 @@ def _step(problem: ContactProblem, at: Refined) -> Refined | None:
     if not np.all(np.isfinite(direction)):
         return None
     v, v_low = two_sum(at.v, at.v_low + direction)
-    stop = next_up_jump(law, at.v, direction)
+    stop = law.next_up_jump(at.v, direction)
     reached = (direction != 0.0) & np.where(direction > 0.0, v >= stop, v <= stop)
     return extended(problem, np.where(reached, stop, v), np.where(reached, 0.0, v_low))

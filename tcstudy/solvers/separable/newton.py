@@ -31,7 +31,6 @@ the start, never correctness.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -64,6 +63,9 @@ NOT_POSITIVE_DEFINITE = (
     "constants are wrong"
 )
 
+PATIENCE = 6
+"""Slow steps (shortened, node by node) before the minimum of a convex model is gone to."""
+
 
 @dataclass(frozen=True)
 class SeparableNewton:
@@ -71,9 +73,6 @@ class SeparableNewton:
 
     tolerance:      largest accepted residual, relative to the scale of b
     max_iterations: steps before giving up
-    armijo:         fraction of the first-order decrease that a step must realise
-    halvings:       step lengths 1, ½, ¼ … tried before going node by node
-    patience:       slow steps (shortened, node by node) before the minimum of a convex model is gone to
     coarsest:       problems larger than this start from coarser copies of themselves where that start has the
                     lower energy and x0 is not a solution already; 0 to start from x0 always
 
@@ -83,19 +82,27 @@ class SeparableNewton:
 
     tolerance: float = 1e-12
     max_iterations: int = 300
-    armijo: float = 1e-4
-    halvings: int = 4
     coarsest: int = 40
-    patience: int = 6
 
     def start(self, problem: ContactProblem, x0: Array) -> SeparableState:
         """State at x0 or at the coarse start."""
         state = new_state(problem, x0)
         if self.coarsest == 0 or problem.m <= self.coarsest or not state.residual > self.tolerance:
             return state
-        flat = replace(self, coarsest=0)
-        start = coarse_start(problem, x0, lambda level, x: iterate(flat, level, x).x, self.coarsest)
-        return new_state(problem, start)
+        return new_state(problem, self._coarse_start(problem, x0))
+
+    def _coarse_start(self, problem: ContactProblem, x0: Array) -> Array:
+        """x0, or the interpolated solution of the coarser problem where its energy is lower (m,)."""
+        if problem.m <= self.coarsest:
+            return x0
+        P = interpolation(problem.m)
+        A_coarse, c = galerkin(problem.A_tilde, problem.c, P)
+        coarse = ContactProblem(A_coarse, P.T @ problem.l_tilde, c, problem.law.of(slice(None, None, 2)))
+        start = self._coarse_start(coarse, x0[::2])
+        interpolated = P @ iterate(replace(self, coarsest=0), coarse, start).x
+        step = interpolated - x0
+        lower = energy_change(problem, x0, problem.xi(x0), step, problem.A_tilde @ step) < 0.0
+        return interpolated if lower else x0
 
     def step(self, problem: ContactProblem, state: SeparableState) -> SeparableState:
         """One Newton step along the clipped path, or one pass node by node, or the last refinement."""
@@ -108,11 +115,11 @@ class SeparableNewton:
         state = replace(state, factorisations=state.factorisations + system.factorisations)
         if state.residual <= self.tolerance:
             return escape(problem, state, system)
-        if state.slow >= self.patience and not state.at_rounding:
-            state = on_model(problem, state, self.halvings)
+        if state.slow >= PATIENCE and not state.at_rounding:
+            state = on_model(problem, state)
             if state.moved == "model" and state.slow == 0:
                 return state
-        moved = along_path(problem, state, system, self.armijo, self.halvings)
+        moved = along_path(problem, state, system)
         if moved is not None and not (moved.at_rounding and moved.residual > self.tolerance):
             return moved
         if moved is not None and moved.second_order is not None:
@@ -178,22 +185,3 @@ def galerkin(A_tilde: Array, c: Array, P: scipy.sparse.csr_matrix) -> tuple[Arra
     """(PᵀÃP, Pᵀc), the Galerkin restriction of a body to the columns of P."""
     coarse = P.T @ (P.T @ A_tilde).T
     return np.ascontiguousarray(0.5 * (coarse + coarse.T)), P.T @ c
-
-
-def coarse_start(
-    problem: ContactProblem, x0: Array, solve: Callable[[ContactProblem, Array], Array], smallest: int
-) -> Array:
-    """x0, or the interpolated solution of the coarser problem where its energy is lower (m,).
-
-    solve:    solves one level from a start
-    smallest: problems of at most this size are not coarsened further
-    """
-    if problem.m <= smallest:
-        return x0
-    P = interpolation(problem.m)
-    A_coarse, c = galerkin(problem.A_tilde, problem.c, P)
-    coarse = ContactProblem(A_coarse, P.T @ problem.l_tilde, c, problem.law.of(slice(None, None, 2)))
-    interpolated = P @ solve(coarse, coarse_start(coarse, x0[::2], solve, smallest))
-    step = interpolated - x0
-    lower = energy_change(problem, x0, problem.xi(x0), step, problem.A_tilde @ step) < 0.0
-    return interpolated if lower else x0

@@ -17,22 +17,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import BEND, UP
-from tcstudy.scene.nodal_laws import Law, NodalLaws
+from tcstudy.scene.friction import BEND
 from tcstudy.solvers.problem import ContactProblem, integral
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-
-def next_up_jump(law: Law, v: Array, direction: Array) -> Array:
-    """First up-jump strictly beyond v in the sign of `direction`; ±inf if there is none (shape of v) [m]."""
-    if isinstance(law, NodalLaws):
-        return law.next_up_jump(v, direction)
-    jumps = np.concatenate([[-np.inf], law.kinks[law.kinds == UP], [np.inf]])
-    above = jumps[np.searchsorted(jumps, v, side="right")]
-    below = jumps[np.searchsorted(jumps, v, side="left") - 1]
-    return np.where(direction > 0, above, below)
 
 
 @dataclass(frozen=True)
