@@ -6,7 +6,7 @@ Not here: meshes, scenes, files. The single problem (solve) is its oracle.
 from tcstudy.online.block import Options, solve_block
 from tcstudy.online.problems import BlockAnswers, Certificates, CondensedBody
 from tcstudy.online.row_laws import RowLaws
-from tcstudy.solvers.law_tables import LawTables
+from tcstudy.scene.law_tables import LawTables
 
 __all__ = [
     "BlockAnswers",

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from tcstudy.online.newton import BlockSlopes, directions, leave_saddles, slopes
 from tcstudy.online.problems import Rows
 from tcstudy.online.row_laws import RowLaws
+from tcstudy.scene.law_tables import Place
 from tcstudy.solvers.hulls import proximal_hulls
-from tcstudy.solvers.law_tables import Place
 from tcstudy.solvers.moves import best_places, follow, relaxed_stiffness
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.search import GROWTH, LOOSE, PROMISES

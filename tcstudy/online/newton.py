@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from tcstudy.online.problems import CondensedBody, Rows
 from tcstudy.scene.friction import BEND
-from tcstudy.solvers.law_tables import Place
+from tcstudy.scene.law_tables import Place
 from tcstudy.solvers.separable.pieces import factor_free, negative_direction, with_diagonal
 
 Array = NDArray[np.float64]

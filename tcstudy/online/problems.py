@@ -19,9 +19,9 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 from tcstudy.online.row_laws import RowLaws
+from tcstudy.scene.law_tables import Place
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.extended import extended_residual
-from tcstudy.solvers.law_tables import Place
 from tcstudy.solvers.problem import ContactProblem, least_eigenvalue, pivot_shift
 from tcstudy.solvers.separable.newton import galerkin, interpolation
 

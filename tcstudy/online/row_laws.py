@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import BEND, FrictionLaw
+from tcstudy.scene.law_tables import LawTables, Place
 from tcstudy.scene.nodal_laws import Law, NodalLaws, nodal
-from tcstudy.solvers.law_tables import LawTables, Place, far, largest_push, least_slope, value_range
+from tcstudy.solvers.bounds import far, largest_push, least_slopes, value_range
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -180,7 +181,7 @@ class RowLaws:
 
     def least_slope(self, low: Array, high: Array) -> Array:
         """Least slope of b on [low, high], −∞ with a down-jump in it (R, m) [Pa/m]."""
-        return self.traction(least_slope(self.tables, self.law, self.own_slip(low), self.own_slip(high)), -1)
+        return self.traction(least_slopes(self.tables, self.law, self.own_slip(low), self.own_slip(high)), -1)
 
     def largest_push(self) -> Array:
         """(R,) sup over s of −sign(s) b(s), at least 0 [Pa]."""

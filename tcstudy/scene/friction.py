@@ -108,7 +108,7 @@ class FrictionLaw:
         s, k = np.asarray(s, dtype=float), np.asarray(piece)
         slope: Array = self.q[k] + 0.0 * s
         if not self.piecewise_linear:
-            slope = slope - self.a[k] * self.r[k] * np.exp(-self.r[k] * (s - self.s_0[k]))
+            slope = slope - self.r[k] * (self.a[k] * np.exp(-self.r[k] * (s - self.s_0[k])))
         return slope
 
     def b(self, s: ArrayLike, side: int = 1) -> Array:
@@ -187,8 +187,9 @@ class FrictionLaw:
         """∫_x^y b_k(s) ds of the named pieces, accurate for small y − x (shape of x) [Pa·m]."""
         k, x = np.asarray(piece), np.asarray(x, dtype=float)
         y = np.asarray(y, dtype=float)
-        pieces = (self.s_0[k], self.b_0[k], self.q[k], self.a[k], self.r[k])
-        return integral_of_piece(*pieces, x, y, self.piecewise_linear)
+        step, s_0 = y - x, self.s_0[k]
+        total: Array = step * (self.b_0[k] + self.q[k] * ((x - s_0) + 0.5 * step))
+        return total if self.piecewise_linear else total + decay_integral(s_0, self.a[k], self.r[k], x, y)
 
     @cached_property
     def from_first(self) -> Array:
@@ -301,8 +302,7 @@ class FrictionLaw:
 
         No double lies inside the narrowest of them, so that a descent cannot come to rest there; on a jump it can.
         """
-        size = np.maximum(np.abs(self.kinks[:-1]), np.abs(self.kinks[1:]))
-        narrow = np.diff(self.kinks) <= NARROW * np.spacing(size)
+        narrow = narrow_pieces(self.kinks)
         if not np.any(narrow):
             return self
         kept = np.concatenate([[True], ~narrow, [True]])
@@ -330,14 +330,17 @@ class FrictionLaw:
                 )
 
 
-def integral_of_piece(s_0: Array, b_0: Array, q: Array, a: Array, r: Array, x: Array, y: Array, linear: bool) -> Array:
-    """∫_x^y of b_0 + q (s − s_0) + a exp(−r (s − s_0)), all of one shape; linear: no a differs from 0 [Pa·m]."""
+def narrow_pieces(kinks: Array) -> NDArray[np.bool_]:
+    """Whether a piece between kinks (…, K) is no wider than NARROW roundings of the slip (…, K−1)."""
+    with np.errstate(invalid="ignore"):  # of kinks at infinity, behind the last of a law
+        return np.diff(kinks) <= NARROW * np.spacing(np.maximum(np.abs(kinks[..., :-1]), np.abs(kinks[..., 1:])))
+
+
+def decay_integral(s_0: Array, a: Array, r: Array, x: Array, y: Array) -> Array:
+    """∫_x^y of a exp(−r (s − s_0)), all of one shape [Pa·m]."""
     step = y - x
-    total: Array = step * (b_0 + q * ((x - s_0) + 0.5 * step))
-    if linear:
-        return total
     # from the end where the exponential is larger, so that expm1 cannot overflow
     larger = np.where(r * step >= 0.0, x, y)
     decay = np.abs(r * step)
     length = np.where(decay == 0.0, step, step * -np.expm1(-decay) / np.where(decay == 0.0, 1.0, decay))
-    return total + a * np.exp(-r * (larger - s_0)) * length
+    return np.asarray(a * np.exp(-r * (larger - s_0)) * length)

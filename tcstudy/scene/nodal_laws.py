@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tcstudy.scene.friction import BEND, UP, FrictionLaw, integral_of_piece
+from tcstudy.scene.friction import BEND, UP, FrictionLaw, narrow_pieces
+from tcstudy.scene.law_tables import LawTables
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -29,91 +30,14 @@ NONE = FrictionLaw("none", np.zeros(0), *(np.zeros(1) for _ in range(5)))
 
 
 @dataclass(frozen=True, eq=False)
-class LawTable:
-    """Distinct laws and the arrays of their pieces, one row a law, short ones padded with kinks at +∞."""
-
-    laws: tuple[FrictionLaw, ...]
-
-    def _table(self, name: str, width: int, beyond: float | None = None) -> Array:
-        """One of the arrays of the laws, short ones filled with `beyond` or their last value."""
-        rows = [getattr(law, name) for law in self.laws]
-        table = np.empty((len(rows), width))
-        for filled, row in zip(table, rows, strict=True):
-            filled[: len(row)] = row
-            filled[len(row) :] = row[-1] if beyond is None else beyond
-        return table
-
-    @cached_property
-    def kinks(self) -> Array:
-        """(L, K) kinks [m]."""
-        return self._table("kinks", max([1, *(len(law.kinks) for law in self.laws)]), np.inf)
-
-    @cached_property
-    def kinds(self) -> Array:
-        """(L, K) UP, BEND or DOWN, as `FrictionLaw.kinds`; BEND beyond a law's last kink."""
-        (left, terms), (right, others) = self._beside_kinks
-        return np.where(np.abs(right - left) <= 8 * np.finfo(float).eps * (terms + others), BEND, np.sign(right - left))
-
-    @cached_property
-    def ends(self) -> Array:
-        """(L, K+2) −∞, the kinks, +∞."""
-        return np.pad(self.kinks, ((0, 0), (1, 1)), constant_values=(-np.inf, np.inf))
-
-    @cached_property
-    def limits(self) -> tuple[Array, Array]:
-        """(L, K) left and right limits of b at the kinks, 0 beyond a law's last [Pa]."""
-        return self._beside_kinks[0][0], self._beside_kinks[1][0]
-
-    @cached_property
-    def _beside_kinks(self) -> list[tuple[Array, Array]]:
-        """(b, the magnitudes that it is made of), (L, K) each, of the pieces to the left and right of the kinks."""
-        found, count, real = [], self.kinks.shape[1], np.isfinite(self.kinks)
-        for side in (0, 1):
-            s_0, b_0, q, a, r = (x[:, side : side + count] for x in self.pieces)
-            apart = np.where(real, self.kinks, s_0) - s_0
-            linear, decays = b_0 + q * apart, a * np.exp(-r * apart)
-            terms = np.abs(b_0) + np.abs(q * apart) + np.abs(decays) * (1.0 + np.abs(r * apart))
-            found.append((np.where(real, linear if self.linear else linear + decays, 0.0), terms))
-        return found
-
-    @cached_property
-    def from_first(self) -> Array:
-        """(L, K) ∫ b from a law's first kink to each, to its last beyond that [Pa·m]."""
-        last = np.where(np.isfinite(self.kinks), self.kinks, self.pieces[0][:, 1:])
-        s_0, b_0, q, a, r = (x[:, 1:-1] for x in self.pieces)
-        steps = integral_of_piece(s_0, b_0, q, a, r, last[:, :-1], last[:, 1:], self.linear)
-        return np.pad(np.cumsum(np.where(np.isfinite(self.kinks[:, 1:]), steps, 0.0), axis=1), ((0, 0), (1, 0)))
-
-    @cached_property
-    def pieces(self) -> tuple[Array, ...]:
-        """s_0, b_0, q, a, r, (L, K+1) each."""
-        return tuple(self._table(name, self.kinks.shape[1] + 1) for name in ("s_0", "b_0", "q", "a", "r"))
-
-    @cached_property
-    def linear(self) -> bool:
-        """True if no law has an exponential part."""
-        return all(law.piecewise_linear for law in self.laws)
-
-    @cached_property
-    def omega(self) -> Array:
-        """(L,) steepest falls [Pa/m]."""
-        return np.array([law.omega for law in self.laws])
-
-    @cached_property
-    def scales(self) -> Array:
-        """(L,) scales of b [Pa]."""
-        return np.array([law.b_scale for law in self.laws])
-
-
-@dataclass(frozen=True, eq=False)
 class NodalLaws:
     """The friction laws of m contact nodes.
 
-    table: the laws in use, each once
+    table: the laws in use, each once, or laws as they were made, a row a node
     index: (m,) the law of every node among them
     """
 
-    table: LawTable
+    table: LawTables
     index: Index
 
     def __len__(self) -> int:
@@ -129,7 +53,7 @@ class NodalLaws:
 
     def mapped(self, change: Callable[[FrictionLaw], FrictionLaw]) -> NodalLaws:
         """The same with every distinct law changed."""
-        return NodalLaws(LawTable(tuple(change(law) for law in self.table.laws)), self.index)
+        return NodalLaws(LawTables.of([change(law) for law in self.table.laws]), self.index)
 
     @cached_property
     def groups(self) -> list[tuple[FrictionLaw, Index]]:
@@ -143,7 +67,12 @@ class NodalLaws:
         return self.table.kinks[self.index]
 
     @cached_property
-    def kinds(self) -> Array:
+    def _first(self) -> Index:
+        """(m,) address of the first piece of every node's law."""
+        return self.table.first[self.index]
+
+    @cached_property
+    def kinds(self) -> NDArray[np.int8]:
         """(m, K) UP, BEND or DOWN."""
         return self.table.kinds[self.index]
 
@@ -155,7 +84,7 @@ class NodalLaws:
     @property
     def vanishes(self) -> bool:
         """True if b ≡ 0 at all nodes."""
-        return all(law.vanishes for law, _ in self.groups)
+        return not any(np.any(part[self.index]) for part in (self.table.b_0, self.table.q, self.table.a))
 
     @property
     def name(self) -> str:
@@ -175,7 +104,7 @@ class NodalLaws:
     @property
     def b_scale(self) -> float:
         """Largest scale of b [Pa]."""
-        return float(np.max(self.table.scales[self.index], initial=0.0))
+        return float(np.max(self.table.b_scale[self.index], initial=0.0))
 
     @property
     def s_scale(self) -> float:
@@ -185,6 +114,8 @@ class NodalLaws:
     @property
     def without_narrow_pieces(self) -> NodalLaws:
         """As `FrictionLaw.without_narrow_pieces`."""
+        if not np.any(narrow_pieces(self.kinks)):
+            return self
         return self.mapped(lambda law: law.without_narrow_pieces)
 
     def scaled(self, s_unit: float, b_unit: float) -> NodalLaws:
@@ -198,17 +129,11 @@ class NodalLaws:
 
     def value(self, s: ArrayLike, piece: Index) -> Array:
         """b_k(s) of the named pieces (m,)."""
-        s_0, b_0, q, a, r = (x[self.index, piece] for x in self.table.pieces)
-        apart = np.asarray(s, dtype=float) - s_0
-        value: Array = b_0 + q * apart
-        return value if self.piecewise_linear else value + a * np.exp(-r * apart)
+        return self.table.value(np.asarray(s, dtype=float), self._first + piece)
 
     def slope(self, s: ArrayLike, piece: Index) -> Array:
         """b_k′(s) of the named pieces (m,)."""
-        s_0, _, q, a, r = (x[self.index, piece] for x in self.table.pieces)
-        s = np.asarray(s, dtype=float)
-        slope: Array = q + 0.0 * s
-        return slope if self.piecewise_linear else slope - a * r * np.exp(-r * (s - s_0))
+        return self.table.slope(np.asarray(s, dtype=float), self._first + piece)
 
     def b(self, s: ArrayLike, side: int = 1) -> Array:
         """The right (side=1) or left limit of b (m,)."""
@@ -224,7 +149,7 @@ class NodalLaws:
         s = np.asarray(s, dtype=float)
         near = self.nearest_kink(s)
         on = np.abs(s - self.kink(near)) <= tolerance
-        left, right = (limit[self.index, near] for limit in self.table.limits)
+        left, right = self.limits(near)
         left, right = np.where(on, left, self.b(s, -1)), np.where(on, right, self.b(s, +1))
         return np.minimum(left, right), np.maximum(left, right)
 
@@ -234,7 +159,7 @@ class NodalLaws:
 
     def ends(self, piece: Index) -> tuple[Array, Array]:
         """(left, right) end of the named piece of every node (m,) [m]."""
-        return self.table.ends[self.index, piece], self.table.ends[self.index, piece + 1]
+        return self.table.lower.take(self._first + piece), self.table.upper.take(self._first + piece)
 
     def on_kink(self, s: Array) -> Flags:
         """(m,) whether s is a kink, to the bit."""
@@ -258,13 +183,12 @@ class NodalLaws:
 
     def piece_integral(self, piece: Index, x: Array, y: Array) -> Array:
         """∫_x^y b_k of the named pieces (m,) [Pa·m]."""
-        s_0, b_0, q, a, r = (part[self.index, piece] for part in self.table.pieces)
-        return integral_of_piece(s_0, b_0, q, a, r, x, y, self.piecewise_linear)
+        return self.table.piece_integral(self._first + piece, x, y)
 
     def between_kinks(self, first: Index, last: Index) -> Array:
         """∫ b from one kink of every node to another (m,) [Pa·m]."""
-        table = self.table.from_first
-        return table[self.index, last] - table[self.index, first]
+        _, upper = self.table.primitive
+        return upper.take(self._first + last) - upper.take(self._first + first)
 
     def j(self, s: ArrayLike) -> Array:
         """The primitive j(s) of slips (m,) or (m, …) [Pa·m]."""
@@ -324,7 +248,7 @@ def nodal(
     rows = np.stack([np.where(gap, -1, first[index]), *(np.where(gap, 1.0, x) for x in (beta, sigma, a))], axis=1)
     used, at = np.unique(rows, axis=0, return_inverse=True)
     distinct = tuple(NONE if k < 0 else placed(laws[int(k)], b, s, shift) for k, b, s, shift in used.tolist())
-    return distinct[0] if len(distinct) == 1 else NodalLaws(LawTable(distinct), at.reshape(-1).astype(np.intp))
+    return distinct[0] if len(distinct) == 1 else NodalLaws(LawTables.of(distinct), at.reshape(-1).astype(np.intp))
 
 
 def times(law: FrictionLaw, strength: float) -> FrictionLaw:

@@ -23,10 +23,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.nodal_laws import Law, LawTable
-from tcstudy.solvers.law_tables import LawTables, largest_push, value_range
-from tcstudy.solvers.law_tables import least_slope as least_slopes
+from tcstudy.scene.friction import DOWN, FrictionLaw
+from tcstudy.scene.law_tables import LawTables
+from tcstudy.scene.nodal_laws import Law
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -235,10 +234,80 @@ def tables_of(law: Law, m: int) -> tuple[LawTables, Index]:
     """The tables of one law for all of m nodes or of a law a node, and which of them every node has (m,)."""
     if isinstance(law, FrictionLaw):
         return _tables(law), np.zeros(m, dtype=np.intp)
-    return _tables(law.table), law.index
+    return law.table, law.index
 
 
 @lru_cache(maxsize=64)
-def _tables(law: FrictionLaw | LawTable) -> LawTables:
+def _tables(law: FrictionLaw) -> LawTables:
     """Cached, since a sweep or a path asks of few laws many times."""
-    return LawTables.of([law] if isinstance(law, FrictionLaw) else law)
+    return LawTables.of([law])
+
+
+def value_range(tables: LawTables, law: Index, low: Array, high: Array) -> tuple[Array, Array]:
+    """(least, largest) value of the filled graph of b on [low, high] (shape of low); law broadcasts with low [Pa]."""
+    least, largest = np.full(low.shape, np.inf), np.full(low.shape, -np.inf)
+
+    def meet(inside: NDArray[np.bool_] | bool, value: Array) -> None:
+        np.minimum(least, value, out=least, where=inside)
+        np.maximum(largest, value, out=largest, where=inside)
+
+    for s in (low, high):
+        at = tables.locate(law, s)
+        meet(True, tables.value(s, at.piece))
+        if np.any(at.on):
+            meet(at.on, tables.value(s, at.piece + at.on))
+    for kink in range(tables.kinks.shape[1]):
+        s = tables.kinks[:, kink]
+        inside = (low <= s[law]) & (s[law] <= high)
+        if np.any(inside):
+            s, piece = np.where(np.isfinite(s), s, 0.0), tables.first + kink
+            meet(inside, tables.value(s, piece)[law])
+            meet(inside, tables.value(s, piece + 1)[law])
+    if not tables.linear:
+        turning, value = _turning_points(tables)
+        for column in np.flatnonzero(np.any(np.isfinite(turning), axis=0)):
+            s = turning[:, column][law]
+            meet((low <= s) & (s <= high), value[:, column][law])
+    return least, largest
+
+
+def _turning_points(tables: LawTables) -> tuple[Array, Array]:
+    """(L, K+1) slip where b′ = q − a r exp(−r (s − s_0)) vanishes inside a piece, NaN where it does not; b there."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = tables.s_0 - np.log(tables.q / (tables.a * tables.r)) / tables.r
+        s = np.where(np.isfinite(s) & (tables.lower < s) & (s < tables.upper), s, np.nan)
+    piece = tables.first[:, None] + np.arange(s.shape[1])
+    return s, tables.value(np.where(np.isnan(s), 0.0, s), piece)
+
+
+def least_slopes(tables: LawTables, law: Index, low: Array, high: Array) -> Array:
+    """inf (b(s₁) − b(s₂))/(s₁ − s₂) over [low, high]: −∞ with a down-jump in it (shape of low) [Pa/m]."""
+    least = np.full(low.shape, np.inf)
+    for piece in range(tables.q.shape[1]):
+        first, last = (tables.lower[:, piece])[law], (tables.upper[:, piece])[law]
+        met = (low <= last) & (first <= high)
+        if tables.linear:
+            np.minimum(least, tables.q[:, piece][law], out=least, where=met)
+        elif np.any(met):
+            address = np.broadcast_to((tables.first + piece)[law], low.shape)[met]
+            for s in (np.maximum(low, first)[met], np.minimum(high, last)[met]):
+                least[met] = np.minimum(least[met], tables.slope(s, address))
+    for kink in np.flatnonzero(np.any(tables.kinds == DOWN, axis=0)):
+        s = np.where(tables.kinds[:, kink] == DOWN, tables.kinks[:, kink], np.nan)[law]
+        least[(low <= s) & (s <= high)] = -np.inf
+    return least
+
+
+def largest_push(tables: LawTables) -> Array:
+    """(L,) sup over s of −sign(s) b(s), at least 0: how hard friction may push slip on (finite by (15)) [Pa]."""
+    reach, every = far(tables), np.arange(len(tables.q), dtype=np.intp)
+    least, _ = value_range(tables, every, np.zeros(len(reach)), reach)
+    _, largest = value_range(tables, every, -reach, np.zeros(len(reach)))
+    return np.maximum(0.0, np.maximum(-least, largest))
+
+
+def far(tables: LawTables) -> Array:
+    """(L,) slip beyond which a law has no kink and its exponentials have decayed [m]."""
+    kinks = np.where(np.isfinite(tables.kinks), np.abs(tables.kinks), 0.0)
+    decays = np.divide(40.0, np.abs(tables.r), out=np.zeros(tables.r.shape), where=tables.r != 0.0)
+    return np.asarray(2.0 * np.max(kinks, axis=1) + np.max(decays, axis=1))

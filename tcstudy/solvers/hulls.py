@@ -17,14 +17,13 @@ quality, never correctness.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import BEND, DOWN
-from tcstudy.solvers.law_tables import LawTables
+from tcstudy.scene.friction import DOWN
+from tcstudy.scene.law_tables import LawTables
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -296,12 +295,13 @@ def _assembled(tables: LawTables, kappa: float, bridges: Bridges) -> LawTables:
     new_kinks = np.full((L, max(1, width - 1)), np.inf)
     new_kinks[law[order], rank] = at[order]
     columns = []
-    for values, line in zip((tables.s_0, tables.b_0, tables.q, tables.a, tables.r), tangent, strict=True):
+    for values, line in zip(tables.pieces, tangent, strict=True):
         moved = np.concatenate([values.take(after[:n]), line, values.take(after[n:])])[order]
         table = np.repeat(values[:, :1], new_kinks.shape[1] + 1, axis=1)
         table[law[order], rank + 1] = moved
         columns.append(table)
-    return _with_kinds(new_kinks, columns, tables)
+    noise = _CONTINUOUS * tables.b_scale[:, None]
+    return LawTables.of_arrays(new_kinks, columns, tables.b_scale, tables.omega, noise)
 
 
 def _from_bridge(tables: LawTables, bridges: Bridges) -> Flags:
@@ -311,17 +311,6 @@ def _from_bridge(tables: LawTables, bridges: Bridges) -> Flags:
         own = kinks[bridges.law]
         replaced[bridges.law[(bridges.left <= own) & (own < bridges.right)], column] = True
     return replaced.ravel()
-
-
-def _with_kinds(kinks: Array, pieces: list[Array], of: LawTables) -> LawTables:
-    """Tables whose kinds follow from the jumps of their pieces; scales as those of the laws they are hulls of."""
-    s_0, b_0, q, a, r = pieces
-    plain = LawTables(kinks, np.zeros(kinks.shape, dtype=np.int8), s_0, b_0, q, a, r, of.b_scale, of.omega)
-    s = np.where(np.isfinite(kinks), kinks, 0.0)
-    piece = plain.first[:, None] + np.arange(kinks.shape[1])
-    jump = plain.value(s, piece + 1) - plain.value(s, piece)
-    small = ~np.isfinite(kinks) | (np.abs(jump) <= _CONTINUOUS * of.b_scale[:, None])
-    return replace(plain, kinds=np.where(small, BEND, np.sign(jump)).astype(np.int8))
 
 
 def _rank(law: Index) -> Index:

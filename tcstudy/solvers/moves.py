@@ -16,7 +16,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import UP
-from tcstudy.solvers.law_tables import LawTables
+from tcstudy.scene.law_tables import LawTables
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -24,11 +24,10 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.nodal_laws import LawTable, NodalLaws
+from tcstudy.scene.nodal_laws import NodalLaws
 from tcstudy.solvers.bounds import bend_below_tangent, first_box, tables_of
 from tcstudy.solvers.certificates import positive_definite
-from tcstudy.solvers.hulls import Bridges, proximal_hulls
-from tcstudy.solvers.law_tables import LawTables
+from tcstudy.solvers.hulls import proximal_hulls
 from tcstudy.solvers.loop import Outcome
 from tcstudy.solvers.moves import best_places, follow, relaxed_stiffness
 from tcstudy.solvers.problem import ContactProblem, integral
@@ -147,11 +146,8 @@ def hull_start(
         first = False
 
 
-@lru_cache(maxsize=64)
-def _hulls(tables: LawTables, kappa: float) -> tuple[LawTable, Bridges]:
-    """The proximal hulls of laws; cached, since a sweep asks for few laws and bodies many times."""
-    hulls, bridges = proximal_hulls(tables, kappa)
-    return LawTable(tuple(hulls.law(k, "proximal hull") for k in range(len(tables.q)))), bridges
+_hulls = lru_cache(maxsize=64)(proximal_hulls)
+"""Cached, since a sweep asks for few laws and bodies many times."""
 
 
 def estimate_lambda_1(problem: ContactProblem) -> float:

@@ -9,9 +9,8 @@ from tcstudy.online import LawTables, RowLaws
 from tcstudy.online.certify import bends_below_tangent
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solvers import bounds
-from tcstudy.solvers.bounds import tables_of
+from tcstudy.solvers.bounds import largest_push, least_slopes, tables_of, value_range
 from tcstudy.solvers.hulls import proximal_hulls
-from tcstudy.solvers.law_tables import largest_push, least_slope, value_range
 from tcstudy.solvers.separable import pieces as nodal_pieces
 from tests.online.rows import some_laws
 
@@ -62,7 +61,7 @@ def test_ranges_and_least_slopes_are_those_of_the_laws() -> None:
         expected = by_law(law, low, high, of=lambda b, x, y, one=one: value_range(*tables_of(b, len(x)), x, y)[one])
         np.testing.assert_allclose(found, expected, rtol=1e-14)
     np.testing.assert_allclose(
-        least_slope(TABLES, law, low, high), by_law(law, low, high, of=bounds.least_slope), rtol=1e-14
+        least_slopes(TABLES, law, low, high), by_law(law, low, high, of=bounds.least_slope), rtol=1e-14
     )
     for own, push in zip(LAWS, largest_push(TABLES), strict=True):
         s = np.union1d(np.linspace(-3.0, 3.0, 20001), own.kinks)

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.solvers.bounds import bend_below_tangent, least_slope, quotient, solution_box, tables_of
+from tcstudy.solvers.bounds import bend_below_tangent, least_slope, quotient, solution_box, tables_of, value_range
 from tcstudy.solvers.certificates import certify
-from tcstudy.solvers.law_tables import value_range
 from tcstudy.solvers.loop import iterate
 from tcstudy.solvers.problem import ContactProblem, integral
 from tcstudy.solvers.separable.finish import ActivePieces, solve_on

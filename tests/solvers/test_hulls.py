@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tcstudy.scene.friction import DOWN, FrictionLaw
+from tcstudy.scene.law_tables import LawTables
 from tcstudy.solvers.hulls import proximal_hulls
-from tcstudy.solvers.law_tables import LawTables
 from tests.solvers import contact_cases as cases
 from tests.solvers import exhaustive
 

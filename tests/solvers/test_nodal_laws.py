@@ -11,8 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.law_tables import LawTables
 from tcstudy.scene.laws import tresca
-from tcstudy.scene.nodal_laws import NONE, LawTable, NodalLaws, nodal
+from tcstudy.scene.nodal_laws import NONE, NodalLaws, nodal
 from tcstudy.scene.study import SOLVERS
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import solve_contact
@@ -29,7 +30,7 @@ def in_two_rows(problem: ContactProblem) -> ContactProblem:
     """The same problem with its law twice in a table, every second node having the second."""
     law = problem.law
     assert isinstance(law, FrictionLaw)
-    return replace(problem, law=NodalLaws(LawTable((law, law, NONE)), np.arange(problem.m) % 2))
+    return replace(problem, law=NodalLaws(LawTables.of((law, law, NONE)), np.arange(problem.m) % 2))
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -202,10 +203,12 @@ def test_strength_two_is_the_law_times_two() -> None:
 @pytest.mark.parametrize("smooth", [False, True])
 def test_a_table_holds_what_its_laws_say_of_themselves(smooth: bool) -> None:
     laws = [cases.random_problem(np.random.default_rng([seed, 9]), 4, seed, smooth).law for seed in range(1, 8)]
-    table = LawTable((*laws, NONE, cases.spring(2.0)))  # type: ignore[arg-type]
+    table = LawTables.of((*laws, NONE, cases.spring(2.0)))  # type: ignore[arg-type]
     for row, law in enumerate(table.laws):
         count = len(law.kinks)
         assert np.array_equal(table.kinds[row], np.append(law.kinds, np.zeros(table.kinks.shape[1] - count)))
-        for rows, own in zip((*table.limits, table.from_first), (law.b_left, law.b_right, law.from_first), strict=True):
+        for rows, own in zip(
+            (*table.limits, table.primitive[1][:, :-1]), (law.b_left, law.b_right, law.from_first), strict=True
+        ):
             assert np.array_equal(rows[row, :count], own)
             assert np.all(np.isfinite(rows))

@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.histories import Memory
+from tcstudy.scene.law_tables import PARTS
 from tcstudy.scene.nodal_laws import Law
-from tcstudy.solvers.history.rows import PARTS, HalfRows, laws_of
+from tcstudy.solvers.history.rows import HalfRows, laws_of
 from tcstudy.solvers.path.chords import piecewise_linear
 from tcstudy.solvers.problem import integral
 

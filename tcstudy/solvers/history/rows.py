@@ -9,16 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.nodal_laws import Flags, Index, LawTable, NodalLaws
+from tcstudy.scene.law_tables import LawTables
+from tcstudy.scene.nodal_laws import Index, NodalLaws
 
 Array = NDArray[np.float64]
-PARTS = ("s_0", "b_0", "q", "a", "r")
 MIRROR = np.array([-1.0, -1.0, 1.0, -1.0, -1.0])[:, None, None]
 """Signs of s_0, b_0, q, a, r in the mirrored piece −b(−s)."""
 
@@ -58,63 +56,11 @@ class HalfRows:
         return np.where(column < 2 * N - 1 + middle, kinks, np.inf), pieces + 0.0
 
 
-class RowTable(LawTable):
-    """One law a row, given as arrays.
-
-    kinks: (L, K) with +∞ where a row has fewer;  pieces: five of (L, K+1);  omega: (L,)
-    """
-
-    def __init__(self, kinks: Array, pieces: Array, omega: Array) -> None:
-        self.__dict__.update(kinks=kinks, pieces=tuple(pieces), omega=omega)
-
-    @cached_property
-    def laws(self) -> tuple[FrictionLaw, ...]:
-        """The rows as laws, made when somebody asks."""
-        finite = np.isfinite(self.kinks).sum(axis=1)
-        return tuple(
-            FrictionLaw("remembering", self.kinks[i, :k], *(part[i, : k + 1] for part in self.pieces))
-            for i, k in enumerate(finite)
-        )
-
-    @cached_property
-    def linear(self) -> bool:
-        """True if no row has an exponential part."""
-        return not np.any(self.pieces[3])
-
-
-@dataclass(frozen=True, eq=False)
-class RememberedLaws(NodalLaws):
-    """The laws of nodes that remember.
-
-    scale: scale of b of the law that they all come from [Pa]: what a film has lost does not make its residuals larger
-    """
-
-    scale: float = 0.0
-
-    @property
-    def b_scale(self) -> float:
-        """Scale of b before anything was forgotten [Pa]."""
-        return self.scale
-
-    @property
-    def vanishes(self) -> bool:
-        """True if b ≡ 0 at all nodes."""
-        return not any(np.any(part[self.index]) for part in (self.table.pieces[i] for i in (1, 2, 3)))
-
-    @property
-    def without_narrow_pieces(self) -> RememberedLaws:
-        """The laws themselves: they are made without pieces as narrow as rounding."""
-        return self
-
-    def of(self, nodes: Index | Flags | slice) -> RememberedLaws:
-        """The laws of the named nodes."""
-        return RememberedLaws(self.table, self.index[nodes], self.scale)
-
-
-def laws_of(halves: Sequence[HalfRows], m: int, omega: Array, scale: float) -> RememberedLaws:
+def laws_of(halves: Sequence[HalfRows], m: int, omega: Array, scale: float) -> NodalLaws:
     """The laws of m nodes from those of groups of them, which together are all.
 
-    omega: (m,) steepest fall of every node's law [Pa/m];  scale: of b [Pa]
+    omega: (m,) steepest fall of every node's law [Pa/m]
+    scale: of b before anything was forgotten: what a film has lost does not make its residuals larger [Pa]
     """
     whole = [half.whole() for half in halves]
     K = max(kinks.shape[1] for kinks, _ in whole)
@@ -124,4 +70,5 @@ def laws_of(halves: Sequence[HalfRows], m: int, omega: Array, scale: float) -> R
         kinks[half.nodes, :k] = own_kinks
         pieces[:, half.nodes, : k + 1] = own_pieces
         pieces[:, half.nodes, k + 1 :] = own_pieces[:, :, -1:]
-    return RememberedLaws(RowTable(kinks, pieces, omega), np.arange(m, dtype=np.intp), scale)
+    table = LawTables.of_arrays(kinks, tuple(pieces), np.full(m, scale), omega)
+    return NodalLaws(table, np.arange(m, dtype=np.intp))

@@ -22,11 +22,10 @@ from numpy.typing import NDArray
 from tcstudy.scene.histories import HistoryBranch, Memory
 from tcstudy.scene.nodal_laws import Law
 from tcstudy.scene.study import Acceptance
-from tcstudy.solvers.bounds import least_slope, tables_of
+from tcstudy.solvers.bounds import far, least_slope, tables_of
 from tcstudy.solvers.certificates import certify, positive_definite
 from tcstudy.solvers.contact import Answer, solve_contact
 from tcstudy.solvers.history.memory import Bonds, MemoryModel, NodeState
-from tcstudy.solvers.law_tables import far
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.path.problem import ScaledBody
 from tcstudy.solvers.problem import MARGIN, ContactProblem, least_eigenvalue, least_lowered

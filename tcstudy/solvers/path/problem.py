@@ -21,7 +21,8 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import BEND, DOWN, FrictionLaw
-from tcstudy.scene.nodal_laws import Law, LawTable
+from tcstudy.scene.law_tables import LawTables
+from tcstudy.scene.nodal_laws import Law
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -198,8 +199,8 @@ def by_code(law: Law, answer: Callable[[FrictionLaw], NDArray[Any]]) -> NDArray[
     return np.concatenate([np.append(row, np.repeat(row[-1:], width - len(row))) for row in rows])
 
 
-def _table(law: Law) -> LawTable:
-    return LawTable((law,)) if isinstance(law, FrictionLaw) else law.table
+def _table(law: Law) -> LawTables:
+    return LawTables.of([law]) if isinstance(law, FrictionLaw) else law.table
 
 
 def law_graph(law: Law) -> LawGraph:
@@ -217,7 +218,7 @@ def law_graph(law: Law) -> LawGraph:
     free, codes = np.zeros(shape, dtype=bool), np.arange(laws * shape[1], dtype=np.int32).reshape(shape)
     low, high, slope, anchor, start, kink = (np.zeros(shape) for _ in range(6))
     free[:, 0::2] = True
-    low[:, 0::2], high[:, 0::2] = table.ends[:, :-1], table.ends[:, 1:]
+    low[:, 0::2], high[:, 0::2] = table.lower, table.upper
     anchor[:, 0::2], start[:, 0::2], slope[:, 0::2] = table.pieces[:3]
     low[:, 1::2], high[:, 1::2] = np.minimum(*table.limits), np.maximum(*table.limits)
     kink[:, 1::2] = np.where(real, table.kinks, 0.0)

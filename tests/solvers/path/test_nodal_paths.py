@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.law_tables import LawTables
 from tcstudy.scene.laws import tresca
-from tcstudy.scene.nodal_laws import NONE, LawTable, NodalLaws, nodal
+from tcstudy.scene.nodal_laws import NONE, NodalLaws, nodal
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.path.chords import piecewise_linear
@@ -27,7 +28,7 @@ SHARED = (cases.slip_weakening(1.0, 0.3, 0.4), tresca(0.7), cases.sawtooth(1.0, 
 def in_two_rows(problem: ParametricProblem) -> ParametricProblem:
     """The same problem with its law twice in a table that holds another one as well."""
     assert isinstance(problem.law, FrictionLaw)
-    table = LawTable((NONE, problem.law, SHARED[0], problem.law))
+    table = LawTables.of((NONE, problem.law, SHARED[0], problem.law))
     return problem.with_law(NodalLaws(table, 1 + 2 * (np.arange(problem.m) % 2)))
 
 

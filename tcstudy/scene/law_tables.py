@@ -4,9 +4,6 @@ Table:      one row a law, one column a kink or a piece; short laws are padded w
 Addresses:  a piece is one flat number, law·(K+1) + piece, and every lookup is one `take`
 Literature: the laws are those of tcstudy/scene/friction.py; eqs. (4), (17) of Šestak & Jovanović (2010)
 
-Bounds:     range and least slope of b on intervals of slip, as in tcstudy/solvers/bounds.py: a piece has a monotone
-            slope, so that its ends within an interval, and for the range the one slip where b′ = 0, decide
-
 All functions take slips of any shape, and law indices or addresses of a shape that broadcasts with it: laws by row and
 laws by node are the same thing here.
 """
@@ -14,20 +11,21 @@ laws by node are the same thing here.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import BEND, DOWN, UP, FrictionLaw
-from tcstudy.scene.nodal_laws import LawTable
+from tcstudy.scene.friction import BEND, UP, FrictionLaw, decay_integral
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
+PARTS = ("s_0", "b_0", "q", "a", "r")
+"""The numbers of a piece."""
 _SELDOM = 3
 """Exponentials are formed one by one where fewer than one in so many slips has one."""
 
@@ -68,19 +66,50 @@ class LawTables:
     omega: Array
 
     @classmethod
-    def of(cls, laws: Sequence[FrictionLaw] | LawTable) -> LawTables:
+    def of(cls, laws: Sequence[FrictionLaw]) -> LawTables:
         """The laws' own numbers, in the order given."""
-        table = laws if isinstance(laws, LawTable) else LawTable(tuple(laws))
-        s_0, b_0, q, a, r = table.pieces
-        return cls(table.kinks, table.kinds.astype(np.int8), s_0, b_0, q, a, r, table.scales, table.omega)
+        most = max([1, *(len(law.kinks) for law in laws)])
 
-    def law(self, k: int, name: str = "row") -> FrictionLaw:
+        def table(name: str, width: int, beyond: float | None = None) -> Array:
+            filled = np.empty((len(laws), width))
+            for row, law in zip(filled, laws, strict=True):
+                values = getattr(law, name)
+                row[: len(values)] = values
+                row[len(values) :] = values[-1] if beyond is None else beyond
+            return filled
+
+        pieces = [table(name, most + 1) for name in PARTS]
+        scales = (np.array([getattr(law, name) for law in laws]) for name in ("b_scale", "omega"))
+        found = cls.of_arrays(table("kinks", most, np.inf), pieces, *scales)
+        vars(found)["laws"] = tuple(laws)
+        return found
+
+    @classmethod
+    def of_arrays(
+        cls, kinks: Array, pieces: Sequence[Array], b_scale: Array, omega: Array, noise: Array | float = 0.0
+    ) -> LawTables:
+        """Laws whose kinks follow from the jumps of their pieces; those up to `noise` or rounding are bends."""
+        s_0, b_0, q, a, r = pieces
+        plain = cls(kinks, np.full(kinks.shape, BEND, dtype=np.int8), s_0, b_0, q, a, r, b_scale, omega)
+        (left, terms), (right, others) = plain._beside_kinks
+        small = np.abs(right - left) <= np.maximum(noise, 8 * np.finfo(float).eps * (terms + others))
+        return replace(plain, kinds=np.where(small, BEND, np.sign(right - left)).astype(np.int8))
+
+    @cached_property
+    def laws(self) -> tuple[FrictionLaw, ...]:
+        """All laws as records of their own."""
+        return tuple(self.law(k) for k in range(len(self.q)))
+
+    def law(self, k: int) -> FrictionLaw:
         """The k-th law as a record of its own."""
         used = np.isfinite(self.kinks[k])
         pieces = np.concatenate([[True], used])
-        return FrictionLaw(
-            name, self.kinks[k][used], *(x[k][pieces] for x in (self.s_0, self.b_0, self.q, self.a, self.r))
-        )
+        return FrictionLaw("row", self.kinks[k][used], *(x[k][pieces] for x in self.pieces))
+
+    @property
+    def pieces(self) -> tuple[Array, ...]:
+        """s_0, b_0, q, a, r."""
+        return self.s_0, self.b_0, self.q, self.a, self.r
 
     def take(self, laws: Index) -> LawTables:
         """The named laws."""
@@ -122,7 +151,24 @@ class LawTables:
         return np.concatenate([self.kinds, np.full((len(self.kinks), 1), BEND, dtype=np.int8)], axis=1)
 
     @cached_property
-    def _primitive(self) -> tuple[Array, Array]:
+    def limits(self) -> tuple[Array, Array]:
+        """(L, K) left and right limits of b at the kinks, 0 beyond a law's last [Pa]."""
+        return self._beside_kinks[0][0], self._beside_kinks[1][0]
+
+    @property
+    def _beside_kinks(self) -> list[tuple[Array, Array]]:
+        """(b, the magnitudes that it is made of), (L, K) each, of the pieces to the left and right of the kinks."""
+        found, count, real = [], self.kinks.shape[1], np.isfinite(self.kinks)
+        for side in (0, 1):
+            s_0, b_0, q, a, r = (x[:, side : side + count] for x in self.pieces)
+            apart = np.where(real, self.kinks, s_0) - s_0
+            linear, decays = b_0 + q * apart, a * np.exp(-r * apart)
+            terms = np.abs(b_0) + np.abs(q * apart) + np.abs(decays) * (1.0 + np.abs(r * apart))
+            found.append((np.where(real, linear if self.linear else linear + decays, 0.0), terms))
+        return found
+
+    @cached_property
+    def primitive(self) -> tuple[Array, Array]:
         """(L, K+1) each: ∫ b from a law's first kink to the left and to the right end of every piece, 0 outside."""
         pieces = self.first[:, None] + np.arange(self.q.shape[1])
         inner = np.isfinite(self.lower) & np.isfinite(self.upper)
@@ -191,21 +237,16 @@ class LawTables:
 
     def piece_integral(self, piece: Index, x: Array, y: Array) -> Array:
         """∫_x^y b of the addressed pieces, accurate for small y − x [Pa·m]."""
-        step, from_anchor = y - x, x - self.s_0.take(piece)
-        total: Array = step * (self.b_0.take(piece) + self.q.take(piece) * (from_anchor + 0.5 * step))
+        step, s_0 = y - x, self.s_0.take(piece)
+        total: Array = step * (self.b_0.take(piece) + self.q.take(piece) * (x - s_0 + 0.5 * step))
         if self.linear:
             return total
-        amplitude = np.broadcast_to(self.a.take(piece), total.shape).reshape(-1)
-        bent: Index | slice = slice(None) if np.all(amplitude) else amplitude.nonzero()[0]
-        if isinstance(bent, slice) or len(bent):
-            step, from_anchor, rate = (
-                np.broadcast_to(x, total.shape).reshape(-1)[bent] for x in (step, from_anchor, self.r.take(piece))
-            )
-            decay = rate * step  # from the end where the exponential is larger: expm1 cannot overflow
-            larger = from_anchor + np.where(decay >= 0.0, 0.0, step)
-            decay = np.abs(decay)
-            length = np.where(decay == 0.0, step, step * -np.expm1(-decay) / np.where(decay == 0.0, 1.0, decay))
-            total.reshape(-1)[bent] += amplitude[bent] * np.exp(-rate * larger) * length
+        a, r = self.a.take(piece), self.r.take(piece)
+        if np.all(a):
+            return total + decay_integral(s_0, a, r, x, y)
+        bent = np.broadcast_to(a, total.shape).nonzero()
+        if len(bent[0]):
+            total[bent] += decay_integral(*(np.broadcast_to(part, total.shape)[bent] for part in (s_0, a, r, x, y)))
         return total
 
     def integral(self, x: Array, y: Array, x_at: Place, y_at: Place) -> Array:
@@ -219,7 +260,7 @@ class LawTables:
             up, start, end = rising[crossed], first[crossed], last[crossed]
             leave = np.where(up, self.upper.take(start), self.lower.take(start))
             enter = np.where(up, self.lower.take(end), self.upper.take(end))
-            at_lower, at_upper = self._primitive
+            at_lower, at_upper = self.primitive
             between = np.where(up, at_lower.take(end) - at_upper.take(start), at_upper.take(end) - at_lower.take(start))
             total[crossed] = (
                 self.piece_integral(start, x[crossed], leave) + between + self.piece_integral(end, enter, y[crossed])
@@ -230,73 +271,3 @@ class LawTables:
         """First up-jump strictly beyond the slips at `at` in the sign of `direction`, ±∞ if there is none [m]."""
         before, after = self._up_jumps
         return np.where(direction > 0.0, after.take(at.piece + at.on), before.take(at.piece))
-
-
-def value_range(tables: LawTables, law: Index, low: Array, high: Array) -> tuple[Array, Array]:
-    """(least, largest) value of the filled graph of b on [low, high] (shape of low); law broadcasts with low [Pa]."""
-    least, largest = np.full(low.shape, np.inf), np.full(low.shape, -np.inf)
-
-    def meet(inside: NDArray[np.bool_] | bool, value: Array) -> None:
-        np.minimum(least, value, out=least, where=inside)
-        np.maximum(largest, value, out=largest, where=inside)
-
-    for s in (low, high):
-        at = tables.locate(law, s)
-        meet(True, tables.value(s, at.piece))
-        if np.any(at.on):
-            meet(at.on, tables.value(s, at.piece + at.on))
-    for kink in range(tables.kinks.shape[1]):
-        s = tables.kinks[:, kink]
-        inside = (low <= s[law]) & (s[law] <= high)
-        if np.any(inside):
-            s, piece = np.where(np.isfinite(s), s, 0.0), tables.first + kink
-            meet(inside, tables.value(s, piece)[law])
-            meet(inside, tables.value(s, piece + 1)[law])
-    if not tables.linear:
-        turning, value = _turning_points(tables)
-        for column in np.flatnonzero(np.any(np.isfinite(turning), axis=0)):
-            s = turning[:, column][law]
-            meet((low <= s) & (s <= high), value[:, column][law])
-    return least, largest
-
-
-def _turning_points(tables: LawTables) -> tuple[Array, Array]:
-    """(L, K+1) slip where b′ = q − a r exp(−r (s − s_0)) vanishes inside a piece, NaN where it does not; b there."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = tables.s_0 - np.log(tables.q / (tables.a * tables.r)) / tables.r
-        s = np.where(np.isfinite(s) & (tables.lower < s) & (s < tables.upper), s, np.nan)
-    piece = tables.first[:, None] + np.arange(s.shape[1])
-    return s, tables.value(np.where(np.isnan(s), 0.0, s), piece)
-
-
-def least_slope(tables: LawTables, law: Index, low: Array, high: Array) -> Array:
-    """inf (b(s₁) − b(s₂))/(s₁ − s₂) over [low, high]: −∞ with a down-jump in it (shape of low) [Pa/m]."""
-    least = np.full(low.shape, np.inf)
-    for piece in range(tables.q.shape[1]):
-        first, last = (tables.lower[:, piece])[law], (tables.upper[:, piece])[law]
-        met = (low <= last) & (first <= high)
-        if tables.linear:
-            np.minimum(least, tables.q[:, piece][law], out=least, where=met)
-        elif np.any(met):
-            address = np.broadcast_to((tables.first + piece)[law], low.shape)[met]
-            for s in (np.maximum(low, first)[met], np.minimum(high, last)[met]):
-                least[met] = np.minimum(least[met], tables.slope(s, address))
-    for kink in np.flatnonzero(np.any(tables.kinds == DOWN, axis=0)):
-        s = np.where(tables.kinds[:, kink] == DOWN, tables.kinks[:, kink], np.nan)[law]
-        least[(low <= s) & (s <= high)] = -np.inf
-    return least
-
-
-def largest_push(tables: LawTables) -> Array:
-    """(L,) sup over s of −sign(s) b(s), at least 0: how hard friction may push slip on (finite by (15)) [Pa]."""
-    reach, every = far(tables), np.arange(len(tables.q), dtype=np.intp)
-    least, _ = value_range(tables, every, np.zeros(len(reach)), reach)
-    _, largest = value_range(tables, every, -reach, np.zeros(len(reach)))
-    return np.maximum(0.0, np.maximum(-least, largest))
-
-
-def far(tables: LawTables) -> Array:
-    """(L,) slip beyond which a law has no kink and its exponentials have decayed [m]."""
-    kinks = np.where(np.isfinite(tables.kinks), np.abs(tables.kinks), 0.0)
-    decays = np.divide(40.0, np.abs(tables.r), out=np.zeros(tables.r.shape), where=tables.r != 0.0)
-    return np.asarray(2.0 * np.max(kinks, axis=1) + np.max(decays, axis=1))
