@@ -19,8 +19,9 @@ from tcstudy.data.provenance import Kind, Provenance, global_attributes, kind_of
 from tcstudy.data.reading import attributes
 from tcstudy.data.records import BlockRecord, LevelRecord, check_block, check_level
 from tcstudy.data.schema import SWEEP, FileVariable, PointStatus, edge_flags
-from tcstudy.data.windows import MEMORY, Places, Section, Window, missing, passes, put_window, section_of, take_block
+from tcstudy.data.windows import MEMORY, Section, Window, missing, put_window, section_of
 from tcstudy.data.writer import (
+    Places,
     axis_problems,
     define,
     file_places,
@@ -29,7 +30,6 @@ from tcstudy.data.writer import (
     put_all,
     put_axes,
     put_names,
-    tiles,
 )
 from tcstudy.scene.points import combinations, prescribed
 from tcstudy.scene.records import BODY, Scene
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     import netCDF4
     import xarray
 
+Key = tuple[int | None, int]
+"""The level of a section, None for the root, and the number of a window in it."""
 Records = Collection[BlockRecord] | Callable[[], Iterable[BlockRecord]]
 
 KEPT = "finished points are kept in the journal"
@@ -151,10 +153,14 @@ class Filling:
         self.known: dict[int, LevelRecord] = {}
         self.groups: dict[int, netCDF4.Group] = {}
         self.count: Counter[int] = Counter()
-        self._open: dict[tuple[int | None, int], tuple[Window, int]] = {}
-        self._written: set[tuple[int | None, int]] = set()
-        self._left: set[tuple[int | None, int]] = set()
-        _put_dimensions(nc, study)
+        self._open: dict[Key, Window] = {}
+        self._written: set[Key] = set()
+        self._left: set[Key] = set()
+        put_axes(nc, study)
+        put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels))
+        put_names(nc, "start", schema.START_NAMES, "where the solver started", study)
+        if len(study.solver.names) > 1:
+            put_names(nc, "solver", study.solver.names, "solver", study)
         self.variables = root_variables(study)
         sizes = {"level": study.mesh.levels, "start": len(schema.START_NAMES), "solver": len(study.solver.names)}
         self.sections: dict[int | None, Section] = {None: section_of(None, nc, study, self.variables, sizes)}
@@ -169,73 +175,72 @@ class Filling:
         own = {"node": len(level.arclength)}
         self.sections[level.level] = section_of(level.level, group, self.study, schema.CONTACT, own)
 
-    def take(self, block: BlockRecord) -> None:
-        """Take the points of a block, each for the first time."""
+    def take(self, block: BlockRecord, once: bool = True) -> Places:
+        """Take the points of a block, of which MEMORY holds some; returns their places in the file.
+
+        once: none of them has come before, so that a window with as many as it has places is full
+        """
         check_block(block, self.study, self.known.get(block.level))
         places = file_places(self.study, block.points)
-        own = (self.sections[key] for key in (None, block.level) if key in self.sections)  # no mesh, no group
-        for section in own:
-            for _, start, stop in tiles(self.study.shape, section.tile):
-                if (section.level, start) not in self._left and np.any((places >= start) & (places < stop)):
-                    self._put(section, start, stop, block, places)
-        while sum((w.stop - w.start) * w.section.point_bytes for w, _ in self._open.values()) > MEMORY:
-            oldest = next(iter(self._open))
-            self._left.add(oldest)
-            del self._open[oldest]
+        for section in (self.sections[key] for key in (None, block.level) if key in self.sections):  # no mesh, no group
+            for number in np.unique(np.searchsorted(section.starts, places, side="right") - 1).tolist():
+                if (window := self._window(section, number)) is None:
+                    continue
+                window.take(block, places)
+                levels = 1 if section.level is not None else self.study.mesh.levels
+                if once and window.taken >= (window.stop - window.start) * levels:
+                    self._put((section.level, number), window)
+        return places
 
-    def _put(self, section: Section, start: int, stop: int, block: BlockRecord, places: Places) -> None:
-        key = (section.level, start)
-        window, have = self._open.get(key) or (Window.empty(section, start, stop), 0)
-        have += take_block(window, block, places)
-        if have < (stop - start) * (1 if section.level is not None else self.study.mesh.levels):
-            self._open[key] = window, have
-            return
+    def _window(self, section: Section, number: int) -> Window | None:
+        """A window that is open, or opened while there is room; None where it is written or left to the next pass."""
+        key = section.level, number
+        if key not in self._open and key not in self._written and key not in self._left:
+            held = sum(window.section.bytes_of(window.run) for window in self._open.values())
+            if held and held + section.bytes_of(section.runs[number]) > MEMORY:
+                self._left.add(key)
+            else:
+                self._open[key] = section.window(number)
+        return self._open.get(key)
+
+    def _put(self, key: Key, window: Window) -> None:
+        """Write a window to the disk."""
         self._open.pop(key, None)
         self._written.add(key)
-        self._end(window)
-
-    def _end(self, window: Window) -> None:
         if window.section.level is None:
             found, times = np.unique(window.arrays["status"], return_counts=True)
             self.count.update(dict(zip(found.tolist(), times.tolist(), strict=True)))
-        put_window(window, self.study)
+        put_window(window)
 
     def finish(self, levels: Sequence[LevelRecord], records: Records) -> tuple[int, int]:
-        """The rest, from front to back; returns what `write` does."""
-        self._open.clear()
+        """The rest, in as many passes over all records as MEMORY asks for; returns what `write` does."""
         for variable in self.variables:
             if variable.dims == ("level",) and not self.study.variants:
-                put(self.nc, variable, self.study, _by_level(variable, self.study, levels))
+                values = missing(variable, (self.study.mesh.levels,))
+                for level in levels:
+                    values[level.level] = getattr(level, variable.name)
+                put(self.nc, variable, self.study, values)
         for level in levels:
             self.level(level)
-        for number, windows in enumerate(passes([*self.sections.values()], self.study, self._written)):
+        first = True
+        while rest := self._rest():
+            self._open.clear()
+            self._left.clear()
             for block in records() if callable(records) else records:
-                check_block(block, self.study, self.known.get(block.level))
-                places = file_places(self.study, block.points)
-                for window in windows:
-                    take_block(window, block, places)
-                if not number:
+                places = self.take(block, once=False)
+                if first:
                     _put_fields(self.groups.get(block.level), self.study, block, places)
-            for window in windows:
-                self._end(window)
+            first = False
+            for key, section in rest:
+                if key not in self._left:
+                    self._put(key, self._open.get(key) or section.window(key[1]))
         sought = self.count.total() - self.count[PointStatus.NOT_RUN]
         return sought, sought - self.count[PointStatus.OK]
 
-
-def _put_dimensions(nc: netCDF4.Dataset, study: Study) -> None:
-    """Dimensions and coordinates of the sweep, the level, the starts and, if they are compared, the solvers."""
-    put_axes(nc, study)
-    put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels))
-    put_names(nc, "start", schema.START_NAMES, "where the solver started", study)
-    if len(study.solver.names) > 1:
-        put_names(nc, "solver", study.solver.names, "solver", study)
-
-
-def _by_level(variable: FileVariable, study: Study, levels: Sequence[LevelRecord]) -> np.ndarray[Any, Any]:
-    values = missing(variable, (study.mesh.levels,))
-    for level in levels:
-        values[level.level] = getattr(level, variable.name)
-    return values
+    def _rest(self) -> list[tuple[Key, Section]]:
+        """The windows that are not written."""
+        every = [((level, k), one) for level, one in self.sections.items() for k in range(len(one.runs))]
+        return [(key, section) for key, section in every if key not in self._written]
 
 
 def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF4.Group:

@@ -7,7 +7,7 @@ full is written, every chunk once.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,14 +16,15 @@ import numpy as np
 from tcstudy.data.provenance import without_paths
 from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import MISSING_COUNT, SWEEP, FileVariable
-from tcstudy.data.writer import CHUNK, define, tile_shape, tiles
+from tcstudy.data.writer import CHUNK, Places, define, tile_shape, tiles
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
     import netCDF4
 
 Arrays = dict[str, np.ndarray[Any, Any]]
-Places = np.ndarray[Any, np.dtype[np.intp]]
+Tile = tuple[tuple[slice, ...], int, int]
+"""(slices, first place, place after the last), as from `tcstudy.data.writer.tiles`."""
 
 MEMORY = 2**26
 """Bytes of results that the writer holds at a time; a longer sweep takes several passes over its records."""
@@ -33,39 +34,56 @@ MEMORY = 2**26
 class Section:
     """Variables by point of one group: the root, which has all levels, or the contact line of one level.
 
-    level: None for the root;  group: where they stand;  tile: extent of their chunks along the sweep
-    after: sizes of the dimensions after those of the sweep, by variable
+    level: None for the root;  group: where they stand;  runs: the tiles of every window;  starts: its first place
+    after: sizes of the dimensions after those of the sweep, by variable;  point_bytes: what a point takes in memory
     """
 
     level: int | None
     group: netCDF4.Dataset
     variables: tuple[FileVariable, ...]
-    tile: tuple[int, ...]
+    runs: list[list[Tile]]
+    starts: list[int]
     after: dict[str, tuple[int, ...]]
+    point_bytes: int
 
-    @property
-    def point_bytes(self) -> int:
-        """Bytes that a point takes in memory."""
-        return sum(math.prod(self.after[v.name]) * _width(v) for v in self.variables)
+    def bytes_of(self, run: list[Tile]) -> int:
+        """What a window takes in memory."""
+        return (run[-1][2] - run[0][1]) * self.point_bytes
+
+    def window(self, number: int) -> Window:
+        """A window without any value."""
+        run = self.runs[number]
+        start, stop = run[0][1], run[-1][2]
+        arrays = {v.name: missing(v, (stop - start, *self.after[v.name])) for v in self.variables}
+        return Window(self, run, start, stop, arrays)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Window:
-    """A run of places of a section, as many tiles as fit into memory, and what their points have there.
+    """A run of tiles of a section, and what their points have there.
 
-    places: start, stop;  arrays: (stop − start, …) by variable
+    start, stop: places;  arrays: (stop − start, …) by variable;  taken: how many points have come, on all levels
     """
 
     section: Section
+    run: list[Tile]
     start: int
     stop: int
     arrays: Arrays
+    taken: int = 0
 
-    @classmethod
-    def empty(cls, section: Section, start: int, stop: int) -> Window:
-        """Without any value."""
-        arrays = {v.name: missing(v, (stop - start, *section.after[v.name])) for v in section.variables}
-        return cls(section, start, stop, arrays)
+    def take(self, block: BlockRecord, places: Places) -> None:
+        """Put the points of a block that lie in the window in their places."""
+        rows = np.flatnonzero((places >= self.start) & (places < self.stop))
+        at = places[rows] - self.start
+        self.taken += len(rows)
+        if self.section.level is None:
+            _take_numbers(self.arrays, block, rows, at)
+            return
+        known = np.zeros(0, dtype=bool) if block.u_T is None else ~np.isnan(block.u_T[rows]).any(axis=1)
+        for name, line in (("u_T", block.u_T), ("xi", block.xi), ("sticks", block.sticks)) if known.any() else ():
+            if line is not None:
+                self.arrays[name][at[known]] = line[rows[known]]
 
 
 def _width(variable: FileVariable) -> int:
@@ -75,71 +93,23 @@ def _width(variable: FileVariable) -> int:
 def section_of(
     level: int | None, group: netCDF4.Dataset, study: Study, variables: Iterable[FileVariable], sizes: dict[str, int]
 ) -> Section:
-    """Define the variables by point of a group."""
+    """Define the variables by point of a group, which goes to the disk by windows of a quarter of MEMORY."""
     own = tuple(v for v in variables if SWEEP in v.dims)
     after = {v.name: tuple(sizes[d] for d in v.dims if d != SWEEP) for v in own}
-    widest = max(math.prod(after[v.name]) * _width(v) for v in own)
-    tile = tile_shape(study.shape, max(1, CHUNK // max(1, widest)))
+    widths = {v.name: math.prod(after[v.name]) * _width(v) for v in own}
+    tile = tile_shape(study.shape, max(1, CHUNK // max(1, *widths.values())))
     for variable in own:
         define(group, variable, study, (*tile, *after[variable.name]))
-    return Section(level, group, own, tile, after)
-
-
-def passes(
-    sections: Sequence[Section], study: Study, written: Collection[tuple[int | None, int]] = ()
-) -> Iterator[list[Window]]:
-    """Windows over all sections, but for tiles `written` (level, start), as many at a time as MEMORY holds."""
-    batch: list[Window] = []
-    left = MEMORY
-    for section in sections:
-        tile_points, cost = math.prod(section.tile), max(1, section.point_bytes)
-        size = max(1, MEMORY // (cost * tile_points)) * tile_points
-        for start, stop in _runs(section, study, written, size):
-            if batch and cost * (stop - start) > left:
-                yield batch
-                batch, left = [], MEMORY
-            batch.append(Window.empty(section, start, stop))
-            left -= cost * (stop - start)
-    if batch:
-        yield batch
-
-
-def _runs(
-    section: Section, study: Study, written: Collection[tuple[int | None, int]], size: int
-) -> Iterator[tuple[int, int]]:
-    """(start, stop) of runs of tiles of at most `size` points that are not written."""
-    run: tuple[int, int] | None = None
-    for _, start, stop in tiles(study.shape, section.tile):
-        if run and ((section.level, start) in written or stop - run[0] > size):
-            yield run
-            run = None
-        if (section.level, start) not in written:
-            run = (run[0] if run else start, stop)
-    if run:
-        yield run
+    point_bytes = sum(widths.values())
+    every = list(tiles(study.shape, tile))
+    count = max(1, MEMORY // (4 * max(1, point_bytes) * math.prod(tile)))
+    runs = [every[i : i + count] for i in range(0, len(every), count)]
+    return Section(level, group, own, runs, [run[0][1] for run in runs], after, point_bytes)
 
 
 def missing(variable: FileVariable, shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
     """An array full of missing values."""
     return np.full(shape, variable.missing, dtype=object if variable.dtype == "str" else variable.dtype)
-
-
-def take_block(window: Window, block: BlockRecord, places: Places) -> int:
-    """Put the points of a block that lie in a window in their places; how many there are."""
-    if window.section.level not in (None, block.level):
-        return 0
-    rows = np.flatnonzero((places >= window.start) & (places < window.stop))
-    if not len(rows):
-        return 0
-    at = places[rows] - window.start
-    if window.section.level is None:
-        _take_numbers(window.arrays, block, rows, at)
-        return len(rows)
-    known = np.zeros(0, dtype=bool) if block.u_T is None else ~np.isnan(block.u_T[rows]).any(axis=1)
-    for name, line in (("u_T", block.u_T), ("xi", block.xi), ("sticks", block.sticks)) if known.any() else ():
-        if line is not None and name in window.arrays:
-            window.arrays[name][at[known]] = line[rows[known]]
-    return len(rows)
 
 
 def _take_numbers(arrays: Arrays, block: BlockRecord, rows: Places, at: Places) -> None:
@@ -159,14 +129,11 @@ def _take_numbers(arrays: Arrays, block: BlockRecord, rows: Places, at: Places) 
         array[at] = found
 
 
-def put_window(window: Window, study: Study) -> None:
+def put_window(window: Window) -> None:
     """Write a window tile by tile, each a hyperslab."""
-    section = window.section
-    for variable in section.variables:
-        array, new = window.arrays.pop(variable.name), section.group[variable.name]
-        for cut, start, stop in tiles(study.shape, section.tile):
-            if not window.start <= start < window.stop:
-                continue
+    for variable in window.section.variables:
+        array, new = window.arrays.pop(variable.name), window.section.group[variable.name]
+        for cut, start, stop in window.run:
             values = array[start - window.start : stop - window.start]
             if variable.dtype == "str" and not values.any():
                 continue  # what is never written is empty, and costs nothing

@@ -131,7 +131,8 @@ def test_what_comes_in_the_order_of_the_file_is_written_at_once(
     order = np.argsort(whole.points)
     parts = [_rows(whole, rows) for rows in np.array_split(order, 40)]
     monkeypatch.setattr(windows, "CHUNK", 2**15)
-    monkeypatch.setattr(store, "MEMORY", 600_000)
+    for module in (windows, store):
+        monkeypatch.setattr(module, "MEMORY", 600_000)
     output.parent.mkdir(exist_ok=True)
     growing = store.Begun(output, long)
     for record in (levels[0], *parts):
