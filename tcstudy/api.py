@@ -330,12 +330,12 @@ def _made(
     **asked: object,
 ) -> FilePath:
     """The file of these results, computed unless it holds them already."""
-    from tcstudy.data.provenance import holds, identity
+    from tcstudy.data.provenance import holds
     from tcstudy.study.plan import check_kind
 
     check_kind(study, kind, str(study.source or "study"))
     target = FilePath(output) if output is not None else usual_output(kind, study)
-    if force or not holds(target, identity(kind, study, **asked)):
+    if force or not holds(target, kind, study, **asked):
         work(target)
     return target
 

@@ -231,9 +231,9 @@ def is_there(options: argparse.Namespace, kind: Kind, study: Study, output: Path
     something else. With --force neither is asked."""
     if options.force:
         return False
-    from tcstudy.data.provenance import holds, identity
+    from tcstudy.data.provenance import holds
 
-    there = holds(output, identity(kind, study, **asked))
+    there = holds(output, kind, study, **asked)
     if there:
         note(options, f"{output} holds these results already; --force computes them again")
     return there

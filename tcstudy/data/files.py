@@ -18,32 +18,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tcstudy.data.reading import FINISHED, PARTIAL, is_foreign, put_seal
+from tcstudy.data.reading import FINISHED, is_foreign, put_seal
 from tcstudy.errors import StoreError, printable, shortened
 
 if TYPE_CHECKING:
     import netCDF4
-
-__all__ = [
-    "FINISHED",
-    "PARTIAL",
-    "StoreError",
-    "aside_of",
-    "check_writable",
-    "new_dataset",
-    "place_faults",
-    "remove_stale",
-    "replace_file",
-    "special_file",
-    "sync_directory",
-    "write_dataset",
-]
 
 LONGEST_NAME = 255 - 32
 """Bytes of a name, such that the names of files written beside the output remain below the 255 of file systems."""
 
 ROOM = 3
 """Free disk that must be there, as a multiple of the expected file (old and new stand side by side)."""
+
+PROTECTED = "the file is write-protected"
 
 
 def replace_file(path: Path, make: Callable[[Path], None], kept: str = "", sealed: bool = True) -> None:
@@ -57,12 +44,14 @@ def replace_file(path: Path, make: Callable[[Path], None], kept: str = "", seale
     try:
         if what := special_file(path):
             raise StoreError(f"{path} is {what}, no file; choose another output")
-        _refuse_protected(path)
+        if _protected(path):
+            raise PermissionError(errno.EACCES, PROTECTED, str(path))
         target.parent.mkdir(parents=True, exist_ok=True)
         make(aside)
         if sealed:
             put_seal(aside)
-        _sync_file(aside)
+        with open(aside, "rb+") as stream:
+            os.fsync(stream.fileno())
         if target.exists():
             shutil.copymode(target, aside)
         os.replace(aside, target)
@@ -80,26 +69,24 @@ def aside_of(path: Path) -> Path:
     return target.with_name(f".{target.name}.{os.getpid()}.tmp")
 
 
-def check_writable(path: Path, expected_bytes: int) -> list[str]:
-    """Why `path` could not take a result file of this size; empty if it can. Leaves nothing behind."""
+def check_writable(path: Path, expected_bytes: int | None = None) -> list[str]:
+    """Why `path` could not take a result file of this size, None for any other file; empty if it can.
+
+    Leaves nothing behind.
+    """
     try:
-        return _write_problems(path, expected_bytes)
+        return _place_faults(path) or ([] if expected_bytes is None else _result_faults(path, expected_bytes))
     except OSError as error:
         return [f"cannot look at {path}: {_cause(error)}; choose another output"]
 
 
-def place_faults(path: Path) -> list[str]:
-    """Why no file at all could be put at `path`; empty if one can. Leaves nothing behind."""
-    try:
-        return _place_faults(path)
-    except OSError as error:
-        return [f"cannot look at {path}: {_cause(error)}; choose another output"]
+def _existing(target: Path) -> Path:
+    """The innermost part of the way to a file that is there."""
+    return next(p for p in target.parents if p.exists())
 
 
-def _write_problems(path: Path, expected_bytes: int) -> list[str]:
-    if problems := _place_faults(path):
-        return problems
-    target = Path(os.path.realpath(path))
+def _result_faults(path: Path, expected_bytes: int) -> list[str]:
+    problems, target = [], Path(os.path.realpath(path))
     if is_foreign(target):
         problems.append(f"{path} exists and is no result file; it would be lost: remove it or choose another output")
     existing = _existing(target)
@@ -112,11 +99,6 @@ def _write_problems(path: Path, expected_bytes: int) -> list[str]:
     return problems
 
 
-def _existing(target: Path) -> Path:
-    """The innermost part of the way to a file that is there."""
-    return next(p for p in target.parents if p.exists())
-
-
 def _place_faults(path: Path) -> list[str]:
     if fault := _name_fault(path):
         return [fault]
@@ -125,11 +107,7 @@ def _place_faults(path: Path) -> list[str]:
         return [f"{path} is a directory; give the name of a file in it"]
     if what := special_file(path):
         return [f"{path} is {what}, no file; choose another output"]
-    problems = []
-    try:
-        _refuse_protected(path)
-    except OSError as error:
-        problems.append(f"{path}: {_cause(error)}; make it writable or choose another output")
+    problems = [f"{path}: {PROTECTED}; make it writable or choose another output"] if _protected(path) else []
     existing = _existing(target)
     if not existing.is_dir():
         return [*problems, f"{existing} is a file, so {path} cannot be made; choose another output"]
@@ -192,11 +170,6 @@ def sync_directory(directory: Path) -> None:
         os.close(descriptor)
 
 
-def _sync_file(file: Path) -> None:
-    with open(file, "rb+") as stream:
-        os.fsync(stream.fileno())
-
-
 def new_dataset(file: Path) -> netCDF4.Dataset:
     """A new netCDF-4 file, open for writing; raises OSError."""
     import netCDF4
@@ -230,10 +203,9 @@ def write_dataset(
     replace_file(path, make, kept)
 
 
-def _refuse_protected(path: Path) -> None:
+def _protected(path: Path) -> bool:
     # by the mode, not by os.access: renaming over a file needs no right to write it, and root may do anything
-    if path.exists() and not path.stat().st_mode & 0o222:
-        raise PermissionError(errno.EACCES, "the file is write-protected", str(path))
+    return path.exists() and not path.stat().st_mode & 0o222
 
 
 def _cause(error: Exception) -> str:
@@ -242,14 +214,14 @@ def _cause(error: Exception) -> str:
 
 def _remedy(error: Exception, directory: Path, kept: str) -> str:
     """What the user can do; a netCDF error has no errno, so the disk itself is asked."""
-    number = error.errno if isinstance(error, OSError) else None
-    if number in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return "; ".join(("Make the place writable or choose another output", *filter(None, [kept])))
     remedy = "Choose another output"
-    with suppress(OSError):
-        free = _size(shutil.disk_usage(directory).free)
-        remedy = f"Free some space ({free} left; a quota may be lower) or choose another output"
-    return "; ".join((remedy, *filter(None, [kept])))
+    if isinstance(error, OSError) and error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        remedy = "Make the place writable or choose another output"
+    else:
+        with suppress(OSError):
+            free = _size(shutil.disk_usage(directory).free)
+            remedy = f"Free some space ({free} left; a quota may be lower) or choose another output"
+    return f"{remedy}; {kept}" if kept else remedy
 
 
 def _size(number: float) -> str:

@@ -9,14 +9,16 @@ deleted.
 from __future__ import annotations
 
 import os
+import re
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from tcstudy.data.files import PARTIAL, StoreError, remove_stale, special_file, sync_directory
+from tcstudy.data.files import remove_stale, special_file, sync_directory
 from tcstudy.data.provenance import program, study_sha256
+from tcstudy.data.reading import PARTIAL
 from tcstudy.data.records import (
     BlockRecord,
     LevelRecord,
@@ -29,14 +31,11 @@ from tcstudy.data.records import (
     encode,
 )
 from tcstudy.data.writer import axis_problems
-from tcstudy.errors import shortened
+from tcstudy.errors import StoreError, shortened
 from tcstudy.scene.study import Study
 
 COMMIT_SECONDS = 0.25
 """Longest time that a finished record waits for its commit; one commit costs some 15 ms of disk."""
-
-FORMAT = "3"
-"""Of the records: a journal of another format is set aside."""
 
 _INSERT = "INSERT OR REPLACE INTO record VALUES (?, ?, ?, ?, ?, ?, ?)"
 
@@ -76,13 +75,14 @@ class Journal:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise StoreError(f"cannot make {path.parent}: {error.strerror}. choose another output") from error
-        header = _header(study) | ({"beside": beside} if beside else {})
+        header = {"study_sha256": study_sha256(study), "program": program(), "beside": beside}
         warnings: tuple[str, ...] = ()
-        connection, why = connect(path, header, check or _check_of(study))
+        check = check or _check_of(study)
+        connection, why = connect(path, header, check)
         if why:
             kept = set_aside(path, connection)
             warnings = (f"{path.name} {why}; it is kept as {kept.name} and the run starts anew",)
-            connection, why = connect(path, header, check or _check_of(study))
+            connection, why = connect(path, header, check)
         if connection is None or why:
             raise StoreError(f"cannot start the journal {path}: {why}. Choose another output")
         remove_stale(output)
@@ -206,18 +206,14 @@ def _check_of(study: Study) -> Callable[[Row], None]:
     return check
 
 
-def _header(study: Study) -> dict[str, str]:
-    return {"format": FORMAT, "study_sha256": study_sha256(study), "program": program()}
-
-
 SMALLEST_PAGE = 512
 """Bytes of the smallest SQLite file that holds anything."""
 
-_TABLES = """
-CREATE TABLE header (key TEXT PRIMARY KEY, value TEXT NOT NULL);
-CREATE TABLE record (kind TEXT, place TEXT, level INTEGER, scalars TEXT NOT NULL, layout TEXT NOT NULL,
-                     arrays BLOB NOT NULL, crc INTEGER NOT NULL, PRIMARY KEY (kind, place, level));
-"""
+_TABLES = (
+    "CREATE TABLE header (key TEXT PRIMARY KEY, value TEXT NOT NULL)",
+    "CREATE TABLE record (kind TEXT, place TEXT, level INTEGER, scalars TEXT NOT NULL, layout TEXT NOT NULL, "
+    "arrays BLOB NOT NULL, crc INTEGER NOT NULL, PRIMARY KEY (kind, place, level))",
+)
 
 # NOT INDEXED: a scan in the order of rowid streams; by the index SQLite would first sort all arrays in memory
 SELECT = "SELECT kind, place, level, scalars, layout, arrays, crc FROM record NOT INDEXED WHERE kind = ? ORDER BY rowid"
@@ -254,15 +250,11 @@ def connect(path: Path, header: dict[str, str], check: Callable[[Row], None]) ->
     except _FAULTS as error:
         obstacle = _obstacle(path, error)
         if connection is not None and not obstacle:
-            return connection, f"is damaged ({_line(error)})"
+            line = (str(error).splitlines() or [type(error).__name__])[0]
+            return connection, f"is damaged ({shortened(line, 100)})"
         if connection is not None:
             connection.close()
         raise StoreError(obstacle) from error
-
-
-def _line(error: Exception) -> str:
-    """The first line of an error, cut to a readable length."""
-    return shortened((str(error).splitlines() or [type(error).__name__])[0], 100)
 
 
 def _obstacle(path: Path, error: Exception) -> str:
@@ -275,9 +267,7 @@ def _obstacle(path: Path, error: Exception) -> str:
     # SQLite also calls a file with a damaged header read-only
     if "readonly" in text and os.access(path, os.W_OK):
         return ""
-    if isinstance(error, sqlite3.OperationalError) and any(
-        word in text for word in ("unable to open", "readonly", "full", "I/O")
-    ):
+    if isinstance(error, sqlite3.OperationalError) and re.search("unable to open|readonly|full|I/O", text):
         return f"cannot use the journal {path}: {text}. Make room there or choose another output"
     return ""
 
@@ -288,7 +278,7 @@ def _look_into(connection: sqlite3.Connection, header: dict[str, str], check: Ca
     if not tables:
         with connection:
             connection.execute("BEGIN IMMEDIATE")
-            for statement in _TABLES.strip().split(";\n"):
+            for statement in _TABLES:
                 connection.execute(statement)
             connection.executemany("INSERT INTO header VALUES (?, ?)", header.items())
         return ""
@@ -300,7 +290,7 @@ def _look_into(connection: sqlite3.Connection, header: dict[str, str], check: Ca
     found = dict(connection.execute("SELECT key, value FROM header").fetchall())
     if found.get("study_sha256") != header["study_sha256"]:
         return "is of another study or other overrides"
-    if found.get("beside") != header.get("beside"):
+    if found.get("beside") != header["beside"]:
         return "is of a run that began from another file"
     if found != header:
         return "was made by other versions of the program"

@@ -11,9 +11,8 @@ Accuracy against cost has the dimensions family, solver, level and run (repeated
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -131,38 +130,45 @@ class Convergence:
 def write_convergence(path: Path, study: Study, convergence: Convergence, provenance: Provenance) -> None:
     """Write a convergence file, replacing an old one in one step. Raises StoreError if that cannot be done."""
     own = {"reference": convergence.reference, "notes": "\n".join(convergence.notes)}
-    fill = lambda nc: _fill_convergence(nc, study, convergence)  # noqa: E731
-    write_dataset(path, global_attributes(study, provenance) | own, fill)
+    told = global_attributes(study, provenance) | own
+    write_dataset(path, told, lambda nc: _fill_convergence(nc, study, convergence))
 
 
 def _fill_convergence(nc: netCDF4.Dataset, study: Study, convergence: Convergence) -> None:
     put_axes(nc, study)
-    levels = convergence.h_max.shape[-1]
+    levels, points = convergence.h_max.shape[-1], convergence.points
     put(nc, LEVEL_COORDINATE, study, np.arange(levels))
     dims = (*geometry_dims(study), "level")
     put_all(nc, [replace(one, dims=dims) for one in LEVELS], vars(convergence), study)
-    for variable, value in _by_point(convergence):
+
+    def put_points(variable: FileVariable, of_points: Iterable[Any]) -> None:
         by_level = (levels,) if "level" in variable.dims else ()
         values = np.empty((*study.shape, *by_level), dtype=object)
-        for point in convergence.points:
-            values[point.index] = value(point)
+        for point, value in zip(points, of_points, strict=True):
+            values[point.index] = value
         put(nc, variable, study, in_file_order(study, values))
 
-
-Value = Callable[[PointConvergence], Any]
-"""What a point has of a variable: a number, a text, or an array by level."""
-
-
-def _by_point(convergence: Convergence) -> Iterator[tuple[FileVariable, Value]]:
-    """Variables by sweep point, with the errors and numbers that some point has."""
     status = FileVariable("status", "i1", "1", "status of the solution", coordinate=True, extra=STATUS)
-    yield status, lambda point: np.array(point.status)
-    for measure in ERRORS:
-        if any(measure.name in point.errors for point in convergence.points):
-            yield from _variables(measure, _ERROR_PARTS, lambda point, name: point.errors.get(name, UNMEASURED))
-    for measure in NUMBERS:
-        if any(measure.name in point.numbers for point in convergence.points):
-            yield from _variables(measure, _NUMBER_PARTS, lambda point, name: point.numbers.get(name, NO_NUMBER))
+    put_points(status, (np.array(point.status) for point in points))
+    for measure in (*ERRORS, *NUMBERS):
+        error = measure in ERRORS
+        having = [(point.errors if error else point.numbers).get(measure.name) for point in points]
+        if any(having):
+            series = [vars(one or (UNMEASURED if error else NO_NUMBER)) for one in having]
+            for part, dtype, meaning in _ERROR_PARTS if error else _NUMBER_PARTS:
+                dims = POINT_LEVEL if part in _BY_LEVEL else (SWEEP,)
+                units = measure.units if part in _IN_UNITS else "1"
+                extra = flags(*VERDICTS) if part == "verdict" else ()
+                name, what = f"{part}_{measure.name}", meaning.format(measure.long_name)
+                variable = FileVariable(name, dtype, units, what, dims, extra=extra)
+                put_points(variable, (_stored(one, part) for one in series))
+
+
+def _stored(series: dict[str, Any], part: str) -> Any:
+    """What the file has of a series by point: a number, a text, or an array by level."""
+    if part == "size_squared":
+        return series["size"] ** 2
+    return VERDICTS.index(series[part]) if part == "verdict" else series[part]
 
 
 LEVELS = (
@@ -173,49 +179,29 @@ LEVELS = (
 )
 """What a level of a geometry has, by field name of `Convergence`."""
 
-Part = tuple[str, Dtype, str, Callable[[Any], Any]]
-"""What is kept of a series: name before that of the measure, type, meaning, value."""
-
-_ERROR_PARTS: tuple[Part, ...] = (
-    ("error", "f8", "relative {}", lambda s: s.error),
-    ("rate", "f8", "rate from the level before: {}", lambda s: s.rate),
-    ("size_squared", "f8", "square of the norm of the reference, for the {}", lambda s: s.size**2),
-    ("slope", "f8", "least-squares order: {}", lambda s: s.slope),
-    ("slope_error", "f8", "standard error of the order: {}", lambda s: s.slope_error),
-    ("first_level", "i4", "first asymptotic level, -1 for none: {}", lambda s: s.first_level),
-    ("expected", "f8", "expected order: {}", lambda s: s.expected),
-    ("reason", "str", "reason of the expected order: {}", lambda s: s.reason),
-    ("verdict", "i1", "what the rates say: {}", lambda s: VERDICTS.index(s.verdict)),
+_ERROR_PARTS: tuple[tuple[str, Dtype, str], ...] = (
+    ("error", "f8", "relative {}"),
+    ("rate", "f8", "rate from the level before: {}"),
+    ("size_squared", "f8", "square of the norm of the reference, for the {}"),
+    ("slope", "f8", "least-squares order: {}"),
+    ("slope_error", "f8", "standard error of the order: {}"),
+    ("first_level", "i4", "first asymptotic level, -1 for none: {}"),
+    ("expected", "f8", "expected order: {}"),
+    ("reason", "str", "reason of the expected order: {}"),
+    ("verdict", "i1", "what the rates say: {}"),
 )
-_NUMBER_PARTS: tuple[Part, ...] = (
-    ("value", "f8", "{}", lambda s: s.value),
-    ("order", "f8", "order from three levels: {}", lambda s: s.order),
-    ("limit", "f8", "extrapolated: {}", lambda s: s.limit),
-    ("uncertainty", "f8", "uncertainty of the extrapolated value: {}", lambda s: s.uncertainty),
-    ("limit_order", "f8", "order of the extrapolation: {}", lambda s: s.limit_order),
-    ("exact", "f8", "exact value where known: {}", lambda s: s.exact),
+"""What is kept of an ErrorSeries: name before that of the measure, type, meaning."""
+_NUMBER_PARTS: tuple[tuple[str, Dtype, str], ...] = (
+    ("value", "f8", "{}"),
+    ("order", "f8", "order from three levels: {}"),
+    ("limit", "f8", "extrapolated: {}"),
+    ("uncertainty", "f8", "uncertainty of the extrapolated value: {}"),
+    ("limit_order", "f8", "order of the extrapolation: {}"),
+    ("exact", "f8", "exact value where known: {}"),
 )
+"""The same of a NumberSeries."""
 _IN_UNITS = ("size_squared", "value", "limit", "uncertainty", "exact")
 _BY_LEVEL = ("error", "rate", "value", "order")
-
-
-Series = Callable[[PointConvergence, str], Any]
-"""The series of a point that has this name."""
-
-
-def _variables(measure: Measure, parts: tuple[Part, ...], series: Series) -> Iterator[tuple[FileVariable, Value]]:
-    """Variables of one error or number, and what they hold of a point's series."""
-    for part, dtype, meaning, value in parts:
-        units = measure.units if part in _IN_UNITS else "1"
-        dims = POINT_LEVEL if part in _BY_LEVEL else (SWEEP,)
-        extra = flags(*VERDICTS) if part == "verdict" else ()
-        name = f"{part}_{measure.name}"
-        variable = FileVariable(name, dtype, units, meaning.format(measure.long_name), dims, extra=extra)
-        yield variable, partial(_value, value, series, measure.name)
-
-
-def _value(value: Callable[[Any], Any], series: Series, name: str, point: PointConvergence) -> Any:
-    return value(series(point, name))
 
 
 OWN = "study"
@@ -272,8 +258,19 @@ class Cost:
 
 def write_cost(path: Path, study: Study, cost: Cost, provenance: Provenance) -> None:
     """Write the file, replacing an old one in one step. Raises StoreError if that cannot be done."""
-    fill = lambda nc: _fill_cost(nc, study, cost)  # noqa: E731
-    write_dataset(path, global_attributes(study, provenance) | _own_attributes(cost), fill)
+    family, solver, level = cost.own
+    own = {
+        CONTENT: "cost",
+        "reference": cost.reference,
+        "reference_error": float(cost.reference_error),
+        "own_family": cost.families[family],
+        "own_solver": cost.solvers[solver],
+        "own_level": np.int32(level),
+        "point": cost.point,
+        "runs": np.int32(cost.time.shape[-1]),
+        "notes": "\n".join(cost.notes),
+    }
+    write_dataset(path, global_attributes(study, provenance) | own, lambda nc: _fill_cost(nc, study, cost))
 
 
 def _fill_cost(nc: netCDF4.Dataset, study: Study, cost: Cost) -> None:
@@ -285,21 +282,6 @@ def _fill_cost(nc: netCDF4.Dataset, study: Study, cost: Cost) -> None:
     values |= {f"error_{name}": errors for name, errors in cost.errors.items()}
     values |= {f"dominated_{name}": worse for name, worse in cost.dominated.items()}
     put_all(nc, COST_TABLE, values, study)
-
-
-def _own_attributes(cost: Cost) -> dict[str, Any]:
-    family, solver, level = cost.own
-    return {
-        CONTENT: "cost",
-        "reference": cost.reference,
-        "reference_error": float(cost.reference_error),
-        "own_family": cost.families[family],
-        "own_solver": cost.solvers[solver],
-        "own_level": np.int32(level),
-        "point": cost.point,
-        "runs": np.int32(cost.time.shape[-1]),
-        "notes": "\n".join(cost.notes),
-    }
 
 
 _MESHES, _SOLVED = ("family", "level"), ("family", "solver", "level")

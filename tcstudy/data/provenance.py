@@ -1,10 +1,8 @@
 """Where a result comes from: study text, command, versions, commit; the global attributes of a result file.
 
-Nothing of a machine is recorded: absolute paths are cut to the file name; host and user names are never read.
-
-Which results a file holds, so that two studies do not overwrite each other and none is computed twice.
-
-Which command wrote a result file.
+Nothing of a machine is recorded: absolute paths are cut to the file name; host and user names are never read. By its
+attributes a file also tells which command wrote it and which results it holds, so that two studies do not overwrite
+each other and none is computed twice.
 """
 
 from __future__ import annotations
@@ -22,7 +20,7 @@ from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from tcstudy.data.reading import attributes, is_foreign
 from tcstudy.errors import StoreError
@@ -56,7 +54,8 @@ def collect(study: Study, command: Sequence[str], now: datetime | None = None) -
     """Provenance of a run started with `command` (the words of the command line) at `now`."""
     date = (now or datetime.now(UTC)).isoformat(timespec="seconds")
     versions = {"python": platform.python_version(), **package_versions(PACKAGES)}
-    return Provenance(f"{date} {_command_line(command)}", tuple(versions.items()), git_commit(study.source))
+    words = re.sub(r"^__main__\.py\b", "tcstudy", shlex.join(without_directories(command)))  # of python -m
+    return Provenance(f"{date} {words}", tuple(versions.items()), git_commit(study.source))
 
 
 def global_attributes(study: Study, provenance: Provenance) -> dict[str, Any]:
@@ -158,13 +157,6 @@ def _git(directory: Path, *arguments: str) -> str | None:
     return done.stdout.strip()
 
 
-def _command_line(command: Sequence[str]) -> str:
-    words = list(without_directories(command))
-    if words and words[0] == "__main__.py":
-        words[0] = "tcstudy"
-    return shlex.join(words)
-
-
 def without_directories(words: Iterable[str]) -> tuple[str, ...]:
     """Words of a command or override; an absolute path, alone or after "=", is cut to its last part."""
     return tuple("=".join(_file_name(part) for part in word.split("=")) for word in words)
@@ -172,11 +164,8 @@ def without_directories(words: Iterable[str]) -> tuple[str, ...]:
 
 def _file_name(text: str) -> str:
     stripped = text.strip().strip("'\"")
-    if PurePosixPath(stripped).is_absolute():
-        return PurePosixPath(stripped).name
-    if PureWindowsPath(stripped).is_absolute():
-        return PureWindowsPath(stripped).name
-    return text
+    paths = (PurePosixPath(stripped), PureWindowsPath(stripped))
+    return next((path.name for path in paths if path.is_absolute()), text)
 
 
 _PATH = re.compile(r"(?<![^\s'\"(=:])(?:[A-Za-z]:)?[/\\](?:[^\s'\"/\\]+[/\\])+")
@@ -188,9 +177,8 @@ def without_paths(sentence: str) -> str:
 
 
 Kind = Literal["run", "path", "history", "convergence", "cost", "fit"]
-OTHER_KINDS: tuple[Kind, ...] = ("path", "history", "cost", "fit")
 CONTENT = "content"
-"""Global attribute that tells the files of other commands from that of a run."""
+"""Global attribute that tells the files of other commands from those of a run and of converge."""
 
 
 def kind_of(path: Path) -> Kind:
@@ -200,11 +188,8 @@ def kind_of(path: Path) -> Kind:
 
 def kind_from(found: Mapping[str, Any]) -> Kind:
     """The command by the global attributes of its file."""
-    content = found.get(CONTENT)
-    for kind in OTHER_KINDS:
-        if content == kind:
-            return kind
-    return "convergence" if "reference" in found else "run"
+    content = found.get(CONTENT, "convergence" if "reference" in found else "run")
+    return next((kind for kind in get_args(Kind) if kind == content), "run")
 
 
 def measured_path(output: Path, kind: Kind) -> Path:
@@ -212,27 +197,12 @@ def measured_path(output: Path, kind: Kind) -> Path:
     return output.with_name(f"{output.stem}.{kind}.nc")
 
 
-@dataclass(frozen=True)
-class Identity:
-    """All that decides what stands in a file.
+def holds(path: Path, kind: Kind, study: Study, **asked: Any) -> bool:
+    """Whether the file holds what a command would compute now, complete.
 
-    kind: the command;  study_sha256: the study with its overrides and geometry;  program: versions of the code and of
-    the libraries that compute;  asked: global attributes that options of the command decide
+    kind: the command;  asked: global attributes that its options decide
+    Raises StoreError if the file holds something else, or is damaged.
     """
-
-    kind: Kind
-    study_sha256: str
-    program: str
-    asked: tuple[tuple[str, Any], ...] = ()
-
-
-def identity(kind: Kind, study: Study, **asked: Any) -> Identity:
-    """The identity of the results that a command would compute now."""
-    return Identity(kind, study_sha256(study), program(), tuple(asked.items()))
-
-
-def holds(path: Path, wanted: Identity) -> bool:
-    """Whether the file holds the wanted results, complete. Raises StoreError if it holds others, or is damaged."""
     if not path.is_file() or not path.stat().st_size or is_foreign(path):  # a foreign one is told of elsewhere
         return False
     remedy = "give another --output, or --force to replace it"
@@ -240,7 +210,16 @@ def holds(path: Path, wanted: Identity) -> bool:
         found = attributes(path)
     except StoreError as error:
         raise StoreError(f"{error}: {remedy}") from error
-    if what := _difference(found, wanted):
+    what = ""
+    if (other := kind_from(found)) != kind:
+        what = f"holds results of another command ({other})"
+    elif found.get("study_sha256") != study_sha256(study):
+        what = "holds the results of another study, or of this one with other values"
+    elif differing := [name for name, value in asked.items() if found.get(name) != value]:
+        what = f"holds the results of another {'table of data' if 'data_sha256' in differing else '--at or --runs'}"
+    elif found.get("program") != program():
+        what = "holds this study as another version of the program or its libraries computed it"
+    if what:
         raise StoreError(f"{path} {what}; {remedy}")
     return True
 
@@ -250,20 +229,7 @@ def already_there(path: Path, study: Study) -> list[str]:
     if study.history is not None:
         return []
     try:
-        there = holds(path, identity("run", study))
+        there = holds(path, "run", study)
     except StoreError as error:
         return [f"a run would stop here: {error}"]
     return [f"{path} holds these results already; a run ends at once, --force computes them again"] if there else []
-
-
-def _difference(found: dict[str, Any], wanted: Identity) -> str:
-    """What the file holds instead; empty if it holds what is wanted."""
-    if (kind := kind_from(found)) != wanted.kind:
-        return f"holds results of another command ({kind})"
-    if found.get("study_sha256") != wanted.study_sha256:
-        return "holds the results of another study, or of this one with other values"
-    if other := [name for name, value in wanted.asked if found.get(name) != value]:
-        return f"holds the results of another {'table of data' if 'data_sha256' in other else '--at or --runs'}"
-    if found.get("program") != wanted.program:
-        return "holds this study as another version of the program or its libraries computed it"
-    return ""

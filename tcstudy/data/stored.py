@@ -43,7 +43,8 @@ def digest(path: Path) -> str:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[netCDF4.Dataset]:
+def opened(path: Path) -> Iterator[netCDF4.Dataset]:
+    """A finished file, nothing of which is masked. Raises StoreError."""
     import netCDF4
 
     with reading(path), netCDF4.Dataset(path) as nc:
@@ -53,20 +54,20 @@ def _opened(path: Path) -> Iterator[netCDF4.Dataset]:
 
 def read_status(path: Path) -> NDArray[np.int8]:
     """(P, levels) PointStatus in the order of the file. Raises StoreError."""
-    with _opened(path) as nc:
+    with opened(path) as nc:
         status: NDArray[np.int8] = nc["status"][...]
     return status.reshape(-1, status.shape[-1])
 
 
 def read_geometries(path: Path) -> Places:
     """(P,) number of the group geometry_i that a point of a sweep over geometries belongs to, −1 for none."""
-    with _opened(path) as nc:
+    with opened(path) as nc:
         return np.asarray(nc["geometry"][...], dtype=np.intp).ravel()
 
 
 def read_levels(path: Path) -> dict[int, LevelRecord]:
     """The records of the levels that have a mesh, without what a page needs to solve by itself. Raises StoreError."""
-    with _opened(path) as nc:
+    with opened(path) as nc:
         return {int(group.level): _level(nc, group) for group in nc.groups.values()}
 
 
@@ -94,7 +95,7 @@ def read_blocks(path: Path, study: Study, places: Places, wanted: NDArray[np.boo
     places: (P,) where the points of the file, in its order, stand in the sweep of `study`
     wanted: (points of study, levels) which of them are given; those that were not run never are
     """
-    with _opened(path) as nc:
+    with opened(path) as nc:
         shape = nc["status"].shape[:-1]
         own = [v for v in root_variables(study) if is_number(v.name) and v.name in nc.variables]
         number = 0
@@ -156,7 +157,7 @@ def disagreement(first: Path, second: Path, rows: tuple[Places, Places]) -> tupl
     rows: places of the same points in either file, in its order
     Compared are energy, mean temperature, u_T and xi of points that both have solved.
     """
-    with _opened(first) as one, _opened(second) as two:
+    with opened(first) as one, opened(second) as two:
         for level in range(one["status"].shape[-1]):
             ok = [
                 _flat(nc["status"][..., level], 0)[at] == PointStatus.OK

@@ -9,22 +9,32 @@ place of its number in the variable `geometry`, by point.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tcstudy.data.files import write_dataset
 from tcstudy.data.provenance import Provenance, global_attributes
-from tcstudy.data.reading import GEOMETRIES, reading
+from tcstudy.data.reading import GEOMETRIES
 from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import POINT, SWEEP, FileVariable
 from tcstudy.data.store import KEPT, Filling, root_variables
-from tcstudy.data.stored import read_blocks
-from tcstudy.data.writer import define, file_places, geometry_dims, geometry_place, in_file_order, put
+from tcstudy.data.stored import opened, read_blocks
+from tcstudy.data.windows import missing
+from tcstudy.data.writer import (
+    COMPRESSED,
+    SMALL,
+    define,
+    file_places,
+    geometry_dims,
+    geometry_place,
+    in_file_order,
+    put,
+)
 from tcstudy.errors import UsageError
 from tcstudy.scene.study import Study, Variant
 
@@ -34,7 +44,6 @@ if TYPE_CHECKING:
 OWN_POINT = "own_point"
 _COMMENT = (("comment", "i of the group geometry_i; -1 where the geometry was refused or has no mesh"),)
 NUMBER = FileVariable("geometry", "i4", "1", "number of the geometry", (SWEEP,), extra=_COMMENT)
-Blocks = Callable[[], Iterable[BlockRecord]]
 
 
 def write_variants(
@@ -57,19 +66,21 @@ def write_variants(
     def make(nc: netCDF4.Dataset) -> None:
         counts.append(Filling(nc, study).finish((), records))
         _put_numbers(nc, study, files)
-        new = _level_variables(nc, study)
-        values = {name: np.full(one.shape, missing, dtype=kind) for name, (one, missing, kind) in new.items()}
+        dims = (*geometry_dims(study), "level")
+        by_level = [replace(v, dims=dims) for v in root_variables(study) if v.dims == ("level",)]
+        new = {v.name: define(nc, v, study) for v in by_level}
+        values = {v.name: missing(v, new[v.name].shape) for v in by_level}
         for number, (variant, file) in enumerate(zip(study.variants, files, strict=True)):
             if file is not None:
-                with _opened(file) as own:
+                with opened(file) as own:
                     for name, array in values.items():
                         array[geometry_place(study, variant)] = own[name][...]
-                    _define(own, nc.createGroup(f"geometry_{number}"))
+                    _define(own, nc.createGroup(f"geometry_{number}"), {POINT: OWN_POINT})
         for name, array in values.items():
-            new[name][0][...] = array
+            new[name][...] = array
         for number, file in enumerate(files):
             if file is not None:
-                with _opened(file) as own:
+                with opened(file) as own:
                     _fill(own, nc[f"geometry_{number}"])
 
     write_dataset(path, global_attributes(study, provenance) | {GEOMETRIES: len(files)}, make, KEPT)
@@ -78,7 +89,7 @@ def write_variants(
 
 def extract(path: Path, targets: Mapping[int, Path]) -> None:
     """Write the files of runs of one geometry each, by number. Raises StoreError; UsageError for one without a mesh."""
-    with _opened(path) as nc:
+    with opened(path) as nc:
         for number, target in targets.items():
             group = nc.groups.get(f"geometry_{number}")
             if group is None:
@@ -97,15 +108,6 @@ def _table(study: Study, variant: Variant, file: Path) -> Iterable[BlockRecord]:
         yield replace(block, u_T=None, xi=None, sticks=None, fields={})
 
 
-def _level_variables(nc: netCDF4.Dataset, study: Study) -> dict[str, Any]:
-    """What a level has once, of every geometry: (variable, missing value, type)."""
-    made, dims = {}, geometry_dims(study)
-    for variable in (v for v in root_variables(study) if v.dims == ("level",)):
-        kind = object if variable.dtype == "str" else variable.dtype
-        made[variable.name] = define(nc, replace(variable, dims=(*dims, "level")), study), variable.missing, kind
-    return made
-
-
 def _put_numbers(nc: netCDF4.Dataset, study: Study, files: Sequence[Path | None]) -> None:
     """Which group a point belongs to."""
     numbers = np.full(len(study.scenes), -1, dtype=np.int32)
@@ -114,44 +116,29 @@ def _put_numbers(nc: netCDF4.Dataset, study: Study, files: Sequence[Path | None]
     put(nc, NUMBER, study, in_file_order(study, numbers.reshape(study.shape)))
 
 
-def _opened(path: Path) -> Any:
-    import netCDF4
-
-    with reading(path):
-        nc = netCDF4.Dataset(path)
-    nc.set_auto_mask(False)
-    return nc
-
-
 def _copy(source: netCDF4.Dataset, target: netCDF4.Dataset) -> None:
-    """All that a group has."""
-    _define(source, target)
+    """All that a geometry has, as the root of a file."""
+    _define(source, target, {OWN_POINT: POINT})
     _fill(source, target)
 
 
-def _define(source: netCDF4.Dataset, target: netCDF4.Dataset) -> None:
-    """All dimensions, attributes, variables and groups of a group; the dimension `point` of a root changes its name.
+def _define(source: netCDF4.Dataset, target: netCDF4.Dataset, rename: dict[str, str]) -> None:
+    """All dimensions, attributes, variables and groups of a group; some dimensions change their names.
 
     Values come later: the first one written after a definition makes the library look through the whole file.
     """
-    _define_into(source, target, {POINT: OWN_POINT} if source.parent is None else {OWN_POINT: POINT})
-
-
-def _define_into(source: netCDF4.Dataset, target: netCDF4.Dataset, rename: dict[str, str]) -> None:
     target.setncatts({name: source.getncattr(name) for name in source.ncattrs()})
-    for name, size in ((name, dim.size) for name, dim in source.dimensions.items()):
-        target.createDimension(rename.get(name, name), size)
+    for name, dim in source.dimensions.items():
+        target.createDimension(rename.get(name, name), dim.size)
     for name, old in source.variables.items():
         given = {key: old.getncattr(key) for key in old.ncattrs()}
         none = given.pop("_FillValue", False)
-        large = old.dtype is not str and old.size * old.dtype.itemsize > 2**16
-        storage: dict[str, Any] = (
-            {"compression": "zlib", "complevel": 1, "shuffle": True, "fletcher32": True} if large else {}
-        )
+        large = old.dtype is not str and old.size * old.dtype.itemsize > SMALL
         dims = tuple(rename.get(dim, dim) for dim in old.dimensions)
-        target.createVariable(name, old.dtype, dims, fill_value=none, **storage).setncatts(given)
+        new = target.createVariable(name, old.dtype, dims, fill_value=none, **(COMPRESSED if large else {}))
+        new.setncatts(given)
     for name, group in source.groups.items():
-        _define_into(group, target.createGroup(name), rename)
+        _define(group, target.createGroup(name), rename)
 
 
 def _fill(source: netCDF4.Dataset, target: netCDF4.Dataset) -> None:

@@ -126,6 +126,7 @@ SMALL = 2**16
 """Bytes up to which a variable lies in one piece."""
 CHUNK = 2**20
 """Bytes of a chunk at most."""
+COMPRESSED: dict[str, Any] = {"compression": "zlib", "complevel": 1, "shuffle": True, "fletcher32": True}
 
 Shape = tuple[int, ...]
 
@@ -177,9 +178,7 @@ def storage(variable: FileVariable, shape: Shape, chunk: Shape = ()) -> dict[str
     if width * count <= SMALL:
         return {"contiguous": True} if variable.dtype != "str" and count else {}
     sizes: dict[str, Any] = {"chunksizes": chunk or tile_shape(shape, CHUNK // width)}
-    if variable.dtype == "str":
-        return sizes
-    return {"compression": "zlib", "complevel": 1, "shuffle": True, "fletcher32": True, **sizes}
+    return sizes if variable.dtype == "str" else COMPRESSED | sizes
 
 
 def put(where: netCDF4.Dataset, variable: FileVariable, study: Study, values: Any, **more: Any) -> None:

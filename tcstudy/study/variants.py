@@ -20,14 +20,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.files import PARTIAL, StoreError
 from tcstudy.data.measured import Convergence, PointConvergence
-from tcstudy.data.provenance import collect, holds, identity
+from tcstudy.data.provenance import collect, holds
+from tcstudy.data.reading import PARTIAL
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.store import write
 from tcstudy.data.variants import write_variants
 from tcstudy.data.writer import axis_problems, geometry_place, outer_axes
-from tcstudy.errors import GeometryFailed, UserFault
+from tcstudy.errors import GeometryFailed, StoreError, UserFault
 from tcstudy.executors import Errand, in_order, unpacked
 from tcstudy.scene.study import Study, Variant
 from tcstudy.study.convergence import converge
@@ -172,7 +172,7 @@ class _Geometry:
 def _finished(file: Path, study: Study) -> bool:
     """Whether the file of a geometry stands; one of another study or version is made again."""
     try:
-        return holds(file, identity("run", study))
+        return holds(file, "run", study)
     except StoreError:
         file.unlink()
         return False

@@ -12,9 +12,10 @@ import netCDF4
 import numpy as np
 import pytest
 
+from tcstudy.data import provenance as provenance_module
 from tcstudy.data import reading as probe_module
 from tcstudy.data.files import StoreError, check_writable
-from tcstudy.data.provenance import holds, identity
+from tcstudy.data.provenance import holds
 from tcstudy.data.reading import Seal, Unreadable, attributes, is_foreign, read_all, reading, seal_of
 from tcstudy.data.store import open_results, write
 from tcstudy.scene.study import Study
@@ -125,18 +126,22 @@ def test_a_symbolic_link_is_written_where_it_points(written: Path, tmp_path: Pat
     assert seal_of(link) == Seal.WHOLE
 
 
-def test_a_file_holds_one_study_of_one_program(written: Path, study: Study, tmp_path: Path) -> None:
-    wanted = identity("run", study)
-    assert holds(written, wanted)
-    assert not holds(tmp_path / "none.nc", wanted)
-    for other, what in (
-        (identity("run", replace(study, overrides=())), "another study, or of this one with other values"),
-        (identity("path", study), r"another command \(run\)"),
-        (replace(wanted, program="edited"), "another version of the program"),
-        (replace(wanted, asked=(("runs", 3),)), "another --at or --runs"),
+def test_a_file_holds_one_study_of_one_program(
+    written: Path, study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert holds(written, "run", study)
+    assert not holds(tmp_path / "none.nc", "run", study)
+    for kind, one, asked, what in (
+        ("run", replace(study, overrides=()), {}, "another study, or of this one with other values"),
+        ("path", study, {}, r"another command \(run\)"),
+        ("run", study, {"runs": 3}, "another --at or --runs"),
     ):
         with pytest.raises(StoreError, match=f"holds .*{what}.*; give another --output, or --force"):
-            holds(written, other)
+            holds(written, kind, one, **asked)  # type: ignore[arg-type]
+    with monkeypatch.context() as patch:
+        patch.setattr(provenance_module, "program", lambda: "edited")
+        with pytest.raises(StoreError, match=r"another version of the program"):
+            holds(written, "run", study)
     written.write_bytes(written.read_bytes().replace(b"sweep", b"swept", 1))
     with pytest.raises(StoreError, match=r"checksum is wrong.*--force"):
-        holds(written, wanted)
+        holds(written, "run", study)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from tcstudy.data.files import place_faults, replace_file
+from tcstudy.data.files import check_writable, replace_file
 from tcstudy.errors import DrawError, StoreError, UsageError
 from tcstudy.reports.text import label, number, pretty, scaled_unit
 from tcstudy.scene import key
@@ -167,7 +167,7 @@ def check_target(target: Path) -> None:
     """
     if target.suffix.lower() not in SUFFIXES:
         raise DrawError(f"{target}: a picture's name ends in {', '.join(SUFFIXES)}; choose one of them")
-    if faults := place_faults(target):
+    if faults := check_writable(target):
         raise DrawError("; ".join(faults))
     _matplotlib()
 
