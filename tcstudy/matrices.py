@@ -21,11 +21,11 @@ from tcstudy.errors import ProblemError
 from tcstudy.scene.friction import FrictionLaw, GrowthError
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.nodal_laws import Law, NodalLaws, nodal
-from tcstudy.scene.study import BRANCHES, SOLVERS, Branch
+from tcstudy.scene.study import BRANCHES, SOLVERS, Branch, Direction
 from tcstudy.solvers import certificates
 from tcstudy.solvers.certificates import Certificate
 from tcstudy.solvers.contact import Answer, solve_contact
-from tcstudy.solvers.path.follow import Direction, Follower, ParametricProblem, Path
+from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path
 from tcstudy.solvers.path.start import NoSolutionError
 from tcstudy.solvers.problem import ContactProblem as PlainProblem
 

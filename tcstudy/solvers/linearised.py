@@ -2,10 +2,9 @@
 
 With F the nodes that slide, H = A_FF + diag(c b′) on their pieces and the others resting on kinks of b,
 
-    dv_F = H⁻¹ (r_F − A_FR dv_R),   dv_R = ∂(kink)/∂p,   r = ∂l̃/∂p − (∂Ã/∂p) v − c ∂b/∂p,
+    dv_F = H⁻¹ (r_F − A_FR dv_R),   dv_R = ∂(kink)/∂p,   r = ∂l̃/∂p − (∂Ã/∂p) v − c ∂b/∂p.
 
-and for a number y(v) with λ = H⁻¹ ∂y/∂v_F: dy = λᵀ r_F + (∂y/∂v_R − A_RF λ)ᵀ dv_R. H is factorised once; a parameter
-then costs two triangular solves and a product, O(m²).
+H is factorised once; a parameter then costs two triangular solves and a product, O(m²).
 
 v is continuous and piecewise smooth in the data. Where a node begins to slide, comes to rest or passes a kink, the
 derivatives of the two sides differ: such nodes are counted as events, and what is said is true of the pieces found.
@@ -68,11 +67,6 @@ class Linearised:
         """How many nodes are near an event."""
         return int(np.count_nonzero(self.near))
 
-    def right_side(self, l_tilde: Array, b: Array, stiffness: float = 0.0) -> Array:
-        """(m,) r of ∂l̃/∂p (m,), ∂b/∂p (m,) at v and ∂Ã/∂p = stiffness·Ã."""
-        moved = l_tilde - self.problem.c * b
-        return moved - stiffness * (self.problem.A_tilde @ self.v) if stiffness else moved
-
     def step(self, r: Array, kinks: Array | None = None) -> Array:
         """(m,) dv/dp of a right side r (m,); kinks: (m,) ∂(kink)/∂p of the nodes that rest, 0 by default."""
         dv = np.zeros(len(self.v))
@@ -80,20 +74,9 @@ class Linearised:
         if kinks is not None and np.any(kinks[self.rest]):
             dv[self.rest] = kinks[self.rest]
             rhs = rhs - self.problem.A_tilde[np.ix_(self.free, self.rest)] @ dv[self.rest]
-        dv[self.free] = self._solve(rhs)
+        if len(rhs):
+            dv[self.free] = scipy.linalg.lapack.dgetrs(*self._factor, rhs)[0]
         return dv
-
-    def adjoint(self, y: Array) -> tuple[Array, Array]:
-        """(λ, μ), (m,), with yᵀ dv = λᵀ r + μᵀ kinks for every right side; λ is 0 where nodes rest, μ elsewhere."""
-        found, at_rest = np.zeros(len(y)), np.zeros(len(y))
-        found[self.free] = self._solve(y[self.free])
-        at_rest[self.rest] = y[self.rest] - self.problem.A_tilde[np.ix_(self.rest, self.free)] @ found[self.free]
-        return found, at_rest
-
-    def _solve(self, rhs: Array) -> Array:
-        if not len(rhs):
-            return rhs
-        return np.asarray(scipy.linalg.lapack.dgetrs(*self._factor, rhs)[0])
 
 
 def _factorised(H: Array) -> tuple[Array, Index]:

@@ -12,6 +12,7 @@ along the curve is held fixed (`study.fit_path`). Measured may also be where the
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -21,20 +22,20 @@ from numpy.typing import NDArray
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.errors import FitError, PathError
 from tcstudy.offline.level import Level
-from tcstudy.offline.slopes import law_slope, load_slope
 from tcstudy.offline.whole_slopes import WholeBody
 from tcstudy.scene.fits import FitPlan
 from tcstudy.scene.histories import HistoryPlan, UnfitLaw
 from tcstudy.scene.parameters import path_scene, with_number
 from tcstudy.scene.records import Scene
+from tcstudy.scene.study import Direction
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.linearised import Linearised
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.path.follow import Follower, Path, PathStatus
-from tcstudy.solvers.path.start import NoSolutionError
-from tcstudy.study.fit_path import MovingPath, reversed_path
-from tcstudy.study.history_slopes import STIFFNESS, MovingStep, moving_steps, with_stiffness
-from tcstudy.study.path_affine import affine_load, straightened
+from tcstudy.study.fit_path import MovingPath
+from tcstudy.study.history_slopes import STIFFNESS, moving_steps, with_stiffness
+from tcstudy.study.path_affine import affine_load, followed, straightened
+from tcstudy.study.sensitivities import Rates, rates_of
 
 Array = NDArray[np.float64]
 WHOLE = (PathStatus.RANGE_END, PathStatus.UNBOUNDED, PathStatus.CLOSED_LOOP)
@@ -123,23 +124,20 @@ class FitModel:
                 if reason:
                     raise FitError(f"step {n} cannot be compared with the numbers tried: {reason}")
                 if n in wanted:
-                    found[n] = self._at_step(at)
+                    rates = [(m.v, m.xi, mean) for m, mean in zip(at.by, at.theta_mean, strict=True)]
+                    found[n] = self._results(at.scene, at.step.state.v, at.step.xi, rates)
                 if n >= max(wanted):
                     break
         except (NotPositiveDefinite, UnfitLaw) as error:
             raise FitError(str(error)) from error
         return found
 
-    def _at_step(self, at: MovingStep) -> tuple[Array, Array]:
-        """(3 + m,) the SCALARS of a step and u_T, and (3 + m, k) their derivatives."""
-        v, rows = at.step.state.v, []
+    def _results(self, scene: Scene, v: Array, xi: Array, moved: Iterable[Rates]) -> tuple[Array, Array]:
+        """(3 + m,) the SCALARS of a solution and u_T, and (3 + m, k) their derivatives."""
         largest = int(np.argmax(np.abs(v)))
-        for one, theta_mean in zip(at.by, at.theta_mean, strict=True):
-            rows.append([one.xi.sum(), np.sign(v[largest]) * one.v[largest], theta_mean, *one.v])
-        return np.array([at.step.xi.sum(), np.max(np.abs(v)), self._mean(at.scene), *v]), np.array(rows).T
-
-    def _mean(self, scene: Scene) -> float:
-        return self.level.temperature(scene).mean if scene.material.beta != 0.0 else 0.0
+        rows = [[dxi.sum(), np.sign(v[largest]) * dv[largest], mean, *dv] for dv, dxi, mean in moved]
+        mean = self.level.temperature(scene).mean if scene.material.beta != 0.0 else 0.0
+        return np.array([xi.sum(), np.max(np.abs(v)), mean, *v]), np.array(rows).T
 
     def _vertical(self, scene: Scene, steps: dict[int, tuple[Array, Array]] | None = None) -> Compared:
         """steps: of a history, in the place of solutions"""
@@ -154,7 +152,10 @@ class FitModel:
                 for column, value in zip(plan.loads, loads, strict=True):
                     scene = path_scene(scene, column.path, value)
                 v, known = self._solved(scene, v, i), loads
-                values, rates = self._results(scene, v)
+                problem, whole = self.level.condensed(scene).problem, WholeBody(self.level, scene, v)
+                here = Linearised.at(problem, v)
+                moved = [rates_of(self.level, scene, one.number, here, whole) for one in plan.parameters]
+                values, rates = self._results(scene, v, problem.xi(v), moved)
             for j, column in enumerate(plan.measured):
                 if column.name == "u_T":
                     predicted[j, i], slopes[j, i] = self._weights[i] @ values[3:], self._weights[i] @ rates[3:]
@@ -175,19 +176,6 @@ class FitModel:
         if answer.status != Status.CONVERGED:
             raise FitError(f"datum {i + 1} has no solution with the numbers tried: {answer.reason}")
         return answer.v
-
-    def _results(self, scene: Scene, v: Array) -> tuple[Array, Array]:
-        """(3 + m,) the SCALARS of a solution and u_T, and (3 + m, k) their derivatives."""
-        level, problem = self.level, self.level.condensed(scene).problem
-        at, whole, rows = Linearised.at(problem, v), WholeBody(level, scene, v), []
-        largest = int(np.argmax(np.abs(v)))
-        for parameter in self.plan.parameters:
-            slope = load_slope(level, scene, parameter.number, v, whole)
-            b, kinks = law_slope(level, scene, parameter.number, at)
-            dv = at.step(at.right_side(slope.right, b), kinks)
-            dxi = slope.right - problem.A_tilde @ dv
-            rows.append([dxi.sum(), np.sign(v[largest]) * dv[largest], slope.theta_mean, *dv])
-        return np.array([problem.xi(v).sum(), np.max(np.abs(v)), self._mean(scene), *v]), np.array(rows).T
 
     @cached_property
     def _weights(self) -> Array:
@@ -252,22 +240,15 @@ class FitModel:
         values = (*column.values, *(mark.value for mark in self.plan.marks if mark.name == "fold"))
         low, high = min(0.0, *values), max(0.0, *values)
         reach = high - low
+        follower = Follower(low - reach, high + reach, tolerance=self.tolerance)
+        self.solves += 1
         try:
             load = affine_load(self.level, lambda t: path_scene(scene, column.path, t), low, high, column.name)
+            problem = straightened(self.level, scene, load.problem, self.law_error, (low - reach, high + reach))
+            way: Direction = "forward" if max(values) > -min(values) else "backward"
+            return followed(problem, follower, "from-zero", 0.0, way, column.name)[0]
         except PathError as error:
             raise FitError(str(error)) from error
-        problem = straightened(self.level, scene, load.problem, self.law_error, (low - reach, high + reach))
-        start = solve_contact(problem.at(0.0), tolerance=self.tolerance, branch="from-zero")
-        self.solves += 1
-        if start.status != Status.CONVERGED:
-            raise FitError(f"there is no solution without load to start from: {start.reason}")
-        way = "forward" if max(values) > -min(values) else "backward"
-        follower = Follower(low - reach, high + reach, tolerance=self.tolerance)
-        try:
-            path = follower.follow(problem, start.v, 0.0, way)  # type: ignore[arg-type]
-        except NoSolutionError as error:
-            raise FitError(str(error)) from error
-        return path if way == "forward" else reversed_path(path)
 
     def _moving(self, scene: Scene, path: Path) -> MovingPath:
         numbers = [one.number for one in self.plan.parameters]

@@ -234,29 +234,3 @@ def _on_curve(foot: Feet, points: Sequence[CurvePoint], data: Array, sigma: Arra
     normal /= np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)[:, None]
     normal *= np.where(np.sum(normal * foot.normal, axis=1) >= 0.0, 1.0, -1.0)[:, None]
     return replace(foot, point=at, normal=normal, distance=np.sum(across * normal, axis=1))
-
-
-def reversed_path(path: Path) -> Path:
-    """A path followed backward begins at its far end: told from its start on."""
-    events = path.events
-    last = path.pieces
-    turned = replace(
-        events,
-        vertex=(last - events.vertex)[::-1],
-        node=events.node[::-1],
-        before=events.after[::-1],
-        after=events.before[::-1],
-    )
-    return replace(
-        path,
-        t=path.t[::-1],
-        u=path.u[::-1],
-        traction=path.traction[::-1],
-        residual=path.residual[::-1],
-        stable=path.stable[::-1],
-        first_codes=path.codes[-1],
-        events=turned,
-        start=last - path.start,
-        begin=path.end,
-        end=path.begin,
-    )

@@ -12,9 +12,13 @@ from numpy.typing import NDArray
 from tcstudy.errors import PathError
 from tcstudy.offline.level import Condensed, Level
 from tcstudy.scene.records import Scene
+from tcstudy.scene.study import Branch, Direction
 from tcstudy.solvers.bounds import solution_box
+from tcstudy.solvers.contact import solve_contact
+from tcstudy.solvers.loop import Status
 from tcstudy.solvers.path.chords import piecewise_linear
-from tcstudy.solvers.path.follow import ParametricProblem
+from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path
+from tcstudy.solvers.path.start import NoSolutionError
 
 Array = NDArray[np.float64]
 
@@ -91,6 +95,28 @@ def straightened(
     boxes = [solution_box(problem.at(t), level.lambda_1(scene)) for t in within]
     reach = max(float(np.max(np.abs(side))) for box in boxes for side in box)
     return problem.with_law(level.law(scene.with_laws(lambda law: piecewise_linear(law, law_error, reach))))
+
+
+def followed(
+    problem: ParametricProblem,
+    follower: Follower,
+    branch: Branch,
+    begin: float,
+    direction: Direction,
+    name: str,
+    progress: Callable[[int, float], None] | None = None,
+) -> tuple[Path, Array]:
+    """The path from a solution at t = begin, and that (m,); branch: of `solve_contact`;  name: of t, for messages.
+
+    Raises PathError without a solution to start from.
+    """
+    answer = solve_contact(problem.at(begin), tolerance=follower.tolerance, branch=branch)
+    if answer.status != Status.CONVERGED:
+        raise PathError(f"there is no solution to start from at {name} = {begin:g}: {answer.reason}")
+    try:
+        return follower.follow(problem, answer.v, begin, direction, progress), answer.v
+    except NoSolutionError as error:
+        raise PathError(str(error)) from error
 
 
 def _quadratic(values: list[float]) -> tuple[float, float, float]:

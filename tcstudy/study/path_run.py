@@ -19,17 +19,15 @@ from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level
 from tcstudy.scene.contact_states import ContactState, contact_states
 from tcstudy.scene.parameters import path_scene
-from tcstudy.scene.study import Acceptance, PathPlan, Study
+from tcstudy.scene.study import Acceptance, Branch, PathPlan, Study
 from tcstudy.solvers.certificates import certify
-from tcstudy.solvers.contact import TIE, solve_contact
-from tcstudy.solvers.loop import Status
+from tcstudy.solvers.contact import TIE
 from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path
 from tcstudy.solvers.path.hysteresis import Hysteresis, hysteresis
 from tcstudy.solvers.path.problem import by_code
 from tcstudy.solvers.path.proofs import proved_minima
 from tcstudy.solvers.path.query import PathSolution, folds, lowest, solutions_at, solutions_of
-from tcstudy.solvers.path.start import NoSolutionError
-from tcstudy.study.path_affine import AffineLoad, PathError, affine_load, straightened
+from tcstudy.study.path_affine import AffineLoad, PathError, affine_load, followed, straightened
 from tcstudy.study.run import stages
 
 Array = NDArray[np.float64]
@@ -98,19 +96,12 @@ def _setting(study: Study, plan: PathPlan, level: Level) -> _Setting:
 
 def _follow(setting: _Setting, progress: Progress | None) -> tuple[Path, Array]:
     """The path and the solution at t = begin that it starts from."""
-    plan, problem = setting.plan, setting.straight
-    branch = "from-zero" if plan.start == "zero" else "lowest"
-    answer = solve_contact(problem.at(plan.begin), tolerance=setting.tolerance, branch=branch)  # type: ignore[arg-type]
-    if answer.status != Status.CONVERGED:
-        raise PathError(f"there is no solution to start from at {plan.name} = {plan.begin:g}: {answer.reason}")
-    direction = plan.direction
+    plan, direction = setting.plan, setting.plan.direction
     if direction != "both" and plan.begin > plan.end:  # the follower's forward is growing t
         direction = "backward" if direction == "forward" else "forward"
     follower = Follower(plan.within[0], plan.within[1], plan.max_pieces, setting.tolerance)
-    try:
-        return follower.follow(problem, answer.v, plan.begin, direction, progress), answer.v
-    except NoSolutionError as error:
-        raise PathError(str(error)) from error
+    branch: Branch = "from-zero" if plan.start == "zero" else "lowest"
+    return followed(setting.straight, follower, branch, plan.begin, direction, plan.name, progress)
 
 
 def _curve(setting: _Setting, path: Path) -> Values:
@@ -199,7 +190,7 @@ def _loop_record(setting: _Setting, loop: Hysteresis, sign: float) -> Values:
         "loop_u_T": np.concatenate([b.u for b in branches]),
         "loop_xi": np.concatenate([b.traction for b in branches]),
         "jump_parameter": sign * np.array([jump.t for jump in jumps]),
-        "jump_vertex": _jump_vertices(loop, ends),
+        "jump_vertex": np.array([ends[jump.branch] for jump in jumps], dtype=np.int32),
         "jump_rising": [jump.rising == (sign > 0.0) for jump in jumps],
         "jump_drop": [jump.drop for jump in jumps],
         "energy_lost": loop.lost,
@@ -208,17 +199,6 @@ def _loop_record(setting: _Setting, loop: Hysteresis, sign: float) -> Values:
         "loop_complete": int(loop.complete),
         "loop_reason": loop.reason,
     }
-
-
-def _jump_vertices(loop: Hysteresis, ends: NDArray[np.intp]) -> NDArray[np.int32]:
-    """Last vertex of the branch before each fall: the branch that ends in v_from."""
-    found, branch = [], 0
-    for jump in loop.jumps:
-        while branch < len(ends) - 1 and not np.array_equal(loop.branches[branch].u[-1], jump.v_from):
-            branch += 1
-        found.append(ends[branch])
-        branch += 1
-    return np.array(found, dtype=np.int32)
 
 
 GOOD_ENDS = ("range_end", "unbounded", "closed_loop", "start")

@@ -19,6 +19,18 @@ from tcstudy.solvers.linearised import EVENT, Linearised
 Array = NDArray[np.float64]
 
 
+Rates = tuple[Array, Array, float]
+"""(m,) derivatives of v and ξ by a number, and that of the mean θ."""
+
+
+def rates_of(level: Level, scene: Scene, number: Sensitivity, at: Linearised, whole: WholeBody) -> Rates:
+    """Derivatives by a number at a solution. Raises KeyError for one that the scene does not have."""
+    slope = load_slope(level, scene, number, at.v, whole)
+    b, kinks = law_slope(level, scene, number, at)
+    dv = at.step(slope.right - at.problem.c * b, kinks)
+    return dv, slope.right - at.problem.A_tilde @ dv, slope.theta_mean
+
+
 def of_point(level: Level, scene: Scene, v: Array, numbers: tuple[Sensitivity, ...]) -> dict[str, float]:
     """Derivatives at the solution v (m,) of a scene by variable name, with the verdict on them; NaN at an event."""
     at = Linearised.at(level.condensed(scene).problem, v)
@@ -30,16 +42,13 @@ def of_point(level: Level, scene: Scene, v: Array, numbers: tuple[Sensitivity, .
     for number in numbers:
         try:
             change = change_of(level, scene, number)
-            slope = load_slope(level, scene, number, v, whole)
-            b, kinks = law_slope(level, scene, number, at)
+            dv, dxi, theta_mean = rates_of(level, scene, number, at, whole)
         except KeyError:  # a law of the sweep that has no such parameter
             continue
-        dv = at.step(at.right_side(slope.right, b), kinks)
-        dxi = slope.right - at.problem.A_tilde @ dv
         values = {
             "u_T_max": of_largest(v, dv),
             "friction_resultant": float(dxi.sum()),
-            "theta_mean": slope.theta_mean,
+            "theta_mean": theta_mean,
             "lambda_1": whole.lambda_1(change),
             "omega": omega_slope(level, scene, number),
             "energy": whole.energy(change) + friction_energy(level, scene, number, at),

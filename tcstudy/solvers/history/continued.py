@@ -21,12 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.scene.nodal_laws import Law
-from tcstudy.scene.study import Acceptance
+from tcstudy.scene.study import Acceptance, Direction
 from tcstudy.solvers.contact import Answer, as_it_is, solve_contact
 from tcstudy.solvers.history.memory import LAW_ERROR, NodeState
 from tcstudy.solvers.history.steps import Energies, HistoryProblem, HistoryStep, booked, proved
 from tcstudy.solvers.loop import Status, iterate
-from tcstudy.solvers.path.follow import Direction, Follower, ParametricProblem, Path, PathStatus
+from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path, PathStatus
 from tcstudy.solvers.path.start import locate
 from tcstudy.solvers.path.tableau import Tableau
 from tcstudy.solvers.path.walk import Walk, units_of

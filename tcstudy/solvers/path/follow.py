@@ -20,12 +20,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.study import Acceptance
+from tcstudy.scene.study import Acceptance, Direction
 from tcstudy.solvers.path.dense import SingularCellError
 from tcstudy.solvers.path.problem import ParametricProblem
 from tcstudy.solvers.path.record import Path, PathEnd, PathStatus, Recorder, joined
@@ -36,7 +36,6 @@ from tcstudy.solvers.path.walk import Codes, Walk, units_of
 __all__ = ["Follower", "ParametricProblem", "Path", "PathEnd", "PathStatus", "follow"]
 
 Array = NDArray[np.float64]
-Direction = Literal["both", "forward", "backward"]
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ class Jump:
 
     t:      parameter;  rising: t was growing
     v_from, v_to: (m,) displacements before and after [m]
-    drop:   energy lost, L̃(v_from) − L̃(v_to) [J/m]
+    drop:   energy lost, L̃(v_from) − L̃(v_to) [J/m];  branch: at whose end it begins
     """
 
     t: float
@@ -35,6 +35,7 @@ class Jump:
     v_from: Array
     v_to: Array
     drop: float
+    branch: int
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,9 @@ class _Cycle:
             landed = self._fall(branch, rising)
             if landed is None:
                 return False
-            self.jumps.append(Jump(t, rising, v, landed, self._drop(v, landed, t)))
+            problem = self.problem.at(t)
+            drop = problem.energy(v) - problem.energy(landed)
+            self.jumps.append(Jump(t, rising, v, landed, drop, len(self.branches) - 1))
             v = landed
         self.reason = "more jumps than max_pieces"
         return False
@@ -167,7 +170,3 @@ class _Cycle:
         v, t = 0.5 * (branch.u[-1] + branch.u[-2]), 0.5 * (branch.t[-1] + branch.t[-2])
         full = Follower(max_pieces=2, tolerance=self.follower.tolerance)
         return np.asarray(full.follow(self.problem, v, float(t), "forward" if rising else "backward").u[-1])
-
-    def _drop(self, high: Array, low: Array, t: float) -> float:
-        problem = self.problem.at(t)
-        return problem.energy(high) - problem.energy(low)
