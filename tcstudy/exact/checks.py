@@ -25,6 +25,7 @@ from tcstudy.scene.points import law_along
 from tcstudy.scene.records import Body, Clamped, Contact, Convection, Free, Scalar, Scene, Traction
 from tcstudy.scene.study import Exact
 from tcstudy.shapes.edges import INWARD, body_size, inside
+from tcstudy.shapes.faults import spot
 
 Array = NDArray[np.float64]
 
@@ -70,10 +71,6 @@ class Samples:
         """(n, 2) t = (−n₂, n₁)."""
         return np.column_stack([-self.normals[:, 1], self.normals[:, 0]])
 
-    def at(self, place: int) -> str:
-        """A point in words."""
-        return f"({self.points[place, 0]:.6g}, {self.points[place, 1]:.6g})"
-
 
 class Checks:
     """The checks of one exact solution on one body."""
@@ -107,8 +104,8 @@ class Checks:
                 before, after = sides(bend, self._body)
                 jump = np.abs(value_and_gradient(scalar, *before.T)[1] - value_and_gradient(scalar, *after.T)[1])
                 if np.max(jump, initial=0.0) > JUMP * largest:
-                    x, y = before[int(np.argmax(jump.max(axis=0)))]
-                    what = f"bends at ({x:.6g}, {y:.6g}), where its gradient jumps by {np.max(jump):.3g}"
+                    at = spot(before[int(np.argmax(jump.max(axis=0)))])
+                    what = f"bends at {at}, where its gradient jumps by {np.max(jump):.3g}"
                     remedy = "no load of a scene balances that; use a smooth expression, like max(0, s)^2 for max(0, s)"
                     yield SolutionFault(keys, what, remedy)
                     break
@@ -122,7 +119,8 @@ class Checks:
         if key in self._checked:
             return
         self._checked.add(key)
-        stress = self._largest(self._all.stress(scene), self._stress_scale(scene))
+        thermal = float(scene.material.beta) * self._largest(self._all.theta, 0.0)
+        stress = self._largest(self._all.stress(scene), thermal)
         for name, _ in scene.boundary:
             every = (
                 self._contact(name, scene, stress),
@@ -131,10 +129,6 @@ class Checks:
             )
             if (fault := next(itertools.chain(*every), None)) is not None:  # others on the edge may follow from it
                 yield fault
-
-    def _stress_scale(self, scene: Scene) -> float:
-        material = scene.material
-        return float(material.beta) * self._largest(self._all.theta, 0.0)
 
     @staticmethod
     def _largest(values: Array, least: float) -> float:
@@ -148,7 +142,7 @@ class Checks:
         size = np.nan_to_num(np.abs(values))
         worst = int(np.argmax(size))
         if size[worst] > TOLERANCE * scale:
-            yield SolutionFault(keys, f"{what.format(f'{values[worst]:.3g}')}, at {at.at(worst)}", remedy)
+            yield SolutionFault(keys, f"{what.format(f'{values[worst]:.3g}')}, at {spot(at.points[worst])}", remedy)
 
     def _contact(self, name: str, scene: Scene, stress: float) -> Iterator[SolutionFault]:
         """u_N = 0 and the friction law."""
@@ -164,9 +158,8 @@ class Checks:
         if self._exact.xi is not None:
             given = value_and_gradient(self._exact.xi, *at.points.T)[0]
             remedy = "correct xi, or leave it out: it follows from u"
-            yield from self._zero(
-                ("xi",), given - xi, stress, at, f"xi differs from -S_T of u by {{}} on {name}", remedy
-            )
+            what = f"xi differs from -S_T of u by {{}} on {name}"
+            yield from self._zero(("xi",), given - xi, stress, at, what, remedy)
             xi = given
         b = law_along(scene.friction, (name,), np.zeros(len(u_T), dtype=np.intp), at.points)
         low, high = b.interval(u_T, 1e-9 * largest)
@@ -177,12 +170,11 @@ class Checks:
         if off[worst] > slack:
             law = f"[{low[worst]:.6g}, {high[worst]:.6g}]" if low[worst] < high[worst] else f"{low[worst]:.6g}"
             what = (
-                f"the friction law does not hold on {name}: at {at.at(worst)}, where u_T = {u_T[worst]:.6g}, "
+                f"the friction law does not hold on {name}: at {spot(at.points[worst])}, where u_T = {u_T[worst]:.6g}, "
                 f"-S_T is {xi[worst]:.6g}, but b(u_T) is {law}"
             )
-            yield SolutionFault(
-                ("u",), what, f"change u or friction, so that -S_T of u lies in b(u_T) everywhere on {name}"
-            )
+            remedy = f"change u or friction, so that -S_T of u lies in b(u_T) everywhere on {name}"
+            yield SolutionFault(("u",), what, remedy)
 
     def _insulated(self, name: str, scene: Scene) -> Iterator[SolutionFault]:
         """∂θ/∂n on edges without convection, where heat is solved for."""
@@ -223,11 +215,9 @@ class Checks:
                 self._finite.add((field, symbol))
                 bad = np.flatnonzero(~np.isfinite(field.evaluate(*points.T)))
                 if len(bad):
-                    x, y = points[bad[0]]
-                    what = f"{symbol}, derived from it, has no finite value at ({x:.6g}, {y:.6g})"
-                    yield SolutionFault(
-                        (key,), what, "give an expression that has its derivatives there, or give the loads"
-                    )
+                    what = f"{symbol}, derived from it, has no finite value at {spot(points[bad[0]])}"
+                    remedy = "give an expression that has its derivatives there, or give the loads"
+                    yield SolutionFault((key,), what, remedy)
                     return
 
     def _fields(self, scene: Scene) -> Iterator[tuple[str, str, tuple[Scalar | None, ...], Array]]:

@@ -11,15 +11,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.expressions.derivative import Algebra, Scalar
+from tcstudy.expressions.derivative import Calculus, Scalar
 from tcstudy.expressions.expression import Expression, of_tree
-from tcstudy.expressions.tree import Call, Number, TreeNode
+from tcstudy.expressions.tree import TreeNode
 from tcstudy.scene.records import Body, Edge
-from tcstudy.shapes.edges import INWARD, Arc, body_size, edge_arc, edge_at, edge_length, edge_normal, grid
+from tcstudy.shapes.edges import INWARD, body_size, edge_arc, edge_at, edge_length, edge_normal, grid
 
 Array = NDArray[np.float64]
 Vector = tuple[TreeNode, TreeNode]
@@ -40,16 +41,21 @@ def body_edges(body: Body, names: Iterable[str] | None = None) -> list[tuple[Edg
 def edge_samples(edge: Edge, hole: bool, count: int = SAMPLES) -> tuple[Array, Array]:
     """Points (n, 2) inside an edge, its ends and middle avoided, and outward unit normals there (n, 2)."""
     points = edge_at(edge, (np.arange(count) + 0.38) / count)
-    normals = edge_normal(edge, points)
-    return points, -normals if hole else normals
+    return points, outward(edge, hole, points)
 
 
-def normal_field(algebra: Algebra, body: Body, edges: list[tuple[Edge, bool]]) -> Vector:
+def outward(edge: Edge, hole: bool, points: Array) -> Array:
+    """(n, 2) outward unit normals of the body at points of an edge; a hole's edges have the body on their right."""
+    n = edge_normal(edge, points)
+    return -n if hole else n
+
+
+def normal_field(c: Calculus, body: Body, edges: list[tuple[Edge, bool]]) -> Vector:
     """N = n on all the edges."""
     size = body_size(body)
     kinds: list[tuple[tuple[float, ...], Vector, list[Edge]]] = []
     for edge, hole in edges:
-        key, vector = _normal(algebra, edge, hole, size)
+        key, vector = _normal(c, edge, hole, size)
         for other, _, members in kinds:
             if len(other) == len(key) and max(abs(a - b) for a, b in zip(other, key, strict=True)) <= SAME:
                 members.append(edge)
@@ -58,114 +64,93 @@ def normal_field(algebra: Algebra, body: Body, edges: list[tuple[Edge, bool]]) -
             kinds.append((key, vector, [edge]))
     if len(kinds) == 1:
         return kinds[0][1]
-    return _blended(algebra, [(vector, _off(algebra, members, size)) for _, vector, members in kinds])
+    return _blended(c, [(vector, _off(c, members, size)) for _, vector, members in kinds])
 
 
-def _normal(algebra: Algebra, edge: Edge, hole: bool, size: float) -> tuple[tuple[float, ...], Vector]:
+def _normal(c: Calculus, edge: Edge, hole: bool, size: float) -> tuple[tuple[float, ...], Vector]:
     """What tells normals apart, relative to the body, and the normal."""
     arc = edge_arc(edge)
     if arc is None:
-        n = edge_samples(edge, hole, 1)[1][0]
-        return (float(n[0]), float(n[1])), (algebra.number(n[0]), algebra.number(n[1]))
+        x, y = edge_samples(edge, hole, 1)[1][0]
+        return (float(x), float(y)), (c.number(x), c.number(y))
     sign = math.copysign(1.0, arc.sweep) * (-1.0 if hole else 1.0)
-    radial = _radial(algebra, arc)
-    scale = algebra.number(sign / arc.radius)
+    scale, (x, y) = c.number(sign / arc.radius), _from(c, *arc.center)
     key = (arc.center[0] / size, arc.center[1] / size, arc.radius / size, sign)
-    return key, (algebra.times(scale, radial[0]), algebra.times(scale, radial[1]))
+    return key, (c.times(scale, x), c.times(scale, y))
 
 
-def _from(algebra: Algebra, x: float, y: float) -> Vector:
+def _from(c: Calculus, x: float, y: float) -> Vector:
     """(x, y) less a point."""
-    return tuple(algebra.less(algebra.variable(name), algebra.number(at)) for name, at in (("x", x), ("y", y)))  # type: ignore[return-value]
+    return c.less(c.variable("x"), c.number(x)), c.less(c.variable("y"), c.number(y))
 
 
-def _radial(algebra: Algebra, arc: Arc) -> Vector:
-    return _from(algebra, *arc.center)
-
-
-def _along(algebra: Algebra, at: Vector, direction: Array) -> TreeNode:
-    parts = (algebra.times(algebra.number(d), a) for d, a in zip(direction, at, strict=True))
-    return algebra.sum(*parts)
-
-
-def _square(algebra: Algebra, a: TreeNode) -> TreeNode:
-    return algebra.power(a, algebra.number(2.0))
-
-
-def _positive_square(algebra: Algebra, a: TreeNode) -> TreeNode:
-    return _square(algebra, algebra.call("max", algebra.zero, a))
-
-
-def _off(algebra: Algebra, edges: list[Edge], size: float) -> TreeNode:
+def _off(c: Calculus, edges: list[Edge], size: float) -> TreeNode:
     """Vanishes on the edges only, without a unit."""
-    product = algebra.one
+    product = c.one
     for edge in edges:
-        product = algebra.times(product, algebra.times(algebra.number(size**-2), _off_one(algebra, edge)))
+        product = c.times(product, c.times(c.number(size**-2), _off_one(c, edge)))
     return product
 
 
-def _off_one(algebra: Algebra, edge: Edge) -> TreeNode:
+def _off_one(c: Calculus, edge: Edge) -> TreeNode:
     start, end = np.array(edge.start), np.array(edge.end)
-    at, arc, length = _from(algebra, *edge.start), edge_arc(edge), edge_length(edge)
-    if arc is not None:
-        radial = _radial(algebra, arc)
-        radius = algebra.call("sqrt", algebra.sum(*(_square(algebra, part) for part in radial)))
-        assert edge.through is not None
-        chord = (end - start) / np.linalg.norm(end - start)
-        inward = np.array([-chord[1], chord[0]])
-        inward *= math.copysign(1.0, float(inward @ (np.array(edge.through) - start)))
-        beyond = algebra.minus(_along(algebra, at, inward))  # the arc is what the circle has on this side of the chord
-        off = algebra.less(radius, algebra.number(arc.radius))
-        return algebra.plus(_square(algebra, off), _positive_square(algebra, beyond))
-    t = (end - start) / length
-    along = _along(algebra, at, t)
-    return algebra.sum(
-        _square(algebra, _along(algebra, at, np.array([t[1], -t[0]]))),
-        _positive_square(algebra, algebra.minus(along)),
-        _positive_square(algebra, algebra.less(along, algebra.number(length))),
-    )
+    at, arc, length = _from(c, *edge.start), edge_arc(edge), edge_length(edge)
+
+    def along(direction: Array) -> TreeNode:
+        return c.sum(*(c.times(c.number(d), part) for d, part in zip(direction, at, strict=True)))
+
+    def beyond(a: TreeNode) -> TreeNode:
+        """a² where a is positive."""
+        return c.square(c.call("max", c.zero, a))
+
+    if arc is None:
+        t = (end - start) / length
+        across, ahead = along(np.array([t[1], -t[0]])), along(t)
+        return c.sum(c.square(across), beyond(c.minus(ahead)), beyond(c.less(ahead, c.number(length))))
+    assert edge.through is not None
+    chord = (end - start) / np.linalg.norm(end - start)
+    inward = np.array([-chord[1], chord[0]])
+    inward *= math.copysign(1.0, float(inward @ (np.array(edge.through) - start)))
+    radius = c.call("sqrt", c.sum(*(c.square(part) for part in _from(c, *arc.center))))
+    off = c.less(radius, c.number(arc.radius))
+    return c.plus(c.square(off), beyond(c.minus(along(inward))))  # the arc is the circle on this side of the chord
 
 
-def _blended(algebra: Algebra, parts: list[tuple[Vector, TreeNode]]) -> Vector:
+def _blended(c: Calculus, parts: list[tuple[Vector, TreeNode]]) -> Vector:
     weights = []
     for i in range(len(parts)):
-        weight = algebra.one
+        weight = c.one
         for j, (_, off) in enumerate(parts):
-            weight = weight if i == j else algebra.times(weight, off)
+            weight = weight if i == j else c.times(weight, off)
         weights.append(weight)
-    total = algebra.sum(*weights)
-    sums = [algebra.sum(*(algebra.times(w, n[c]) for w, (n, _) in zip(weights, parts, strict=True))) for c in (0, 1)]
-    return algebra.over(sums[0], total), algebra.over(sums[1], total)
+    total = c.sum(*weights)
+    sums = [c.sum(*(c.times(w, n[i]) for w, (n, _) in zip(weights, parts, strict=True))) for i in (0, 1)]
+    return c.over(sums[0], total), c.over(sums[1], total)
 
 
 def kinks(scalar: Scalar) -> tuple[Expression, ...]:
     """Expressions that change their sign where the scalar may have a kink: at abs, min and max."""
     if not isinstance(scalar, Expression):
         return ()
-    algebra, found, done = Algebra(), dict[TreeNode, None](), dict[TreeNode, TreeNode]()
+    c, found, done = Calculus(), dict[TreeNode, None](), dict[TreeNode, TreeNode]()
     for node in scalar.order:
-        done[node] = algebra.again(node, done)
-        if isinstance(node, Call) and node.function == "abs":
-            found[done[node.arguments[0]]] = None
-        elif isinstance(node, Call) and node.function in ("min", "max"):
-            parts = [done[a] for a in node.arguments]
-            found |= {algebra.less(a, b): None for i, a in enumerate(parts) for b in parts[i + 1 :]}
-    return tuple(of_tree(node) for node in found if not isinstance(node, Number))
+        done[node] = c.again(node, done)
+        parts = [done[part] for part in node.parts]
+        if node.kind == "Call" and node.name == "abs":
+            found[parts[0]] = None
+        elif node.kind == "Call" and node.name in ("min", "max"):
+            found |= {c.less(a, b): None for a, b in combinations(parts, 2)}
+    return tuple(of_tree(node) for node in found if node.kind != "Number")
 
 
 def sides(bend: Expression, body: Body) -> tuple[Array, Array]:
     """Points on both sides of where `bend` changes its sign along the lines of a grid."""
     x, y, within = grid(body)
-    firsts, seconds = [], []
-    for axis in (0, 1):
-        here, there = (np.take(within, r, axis) for r in (range(len(x) - 1), range(1, len(x))))
-        both = here & there
-        ends = [
-            np.column_stack([np.take(c, r, axis)[both] for c in (x, y)]) for r in (range(len(x) - 1), range(1, len(x)))
-        ]
-        firsts.append(ends[0])
-        seconds.append(ends[1])
-    a, b = np.concatenate(firsts), np.concatenate(seconds)
+    points, pairs = np.stack([x, y], axis=-1), []
+    for first, second in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
+        both = within[first] & within[second]
+        pairs.append((points[first][both], points[second][both]))
+    a, b = (np.concatenate(ends) for ends in zip(*pairs, strict=True))
     sign = np.sign(bend.evaluate(*a.T))
     change = sign * np.sign(bend.evaluate(*b.T)) < 0
     a, b, sign = a[change], b[change], sign[change]

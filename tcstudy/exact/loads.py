@@ -8,7 +8,7 @@ that nothing is assembled for it; of expressions with abs, min or max only what 
 samples may miss where they do not.
 Without a convection edge no heat problem is solved: θ is then the known temperature.
 Left out: heat flux through other edges and tractions on contact and free edges, which a scene cannot have
-(`derived_checks` finds them); a body from a file, whose normals are no expressions.
+(`exact.checks` finds them); a body from a file, whose normals are no expressions.
 """
 
 from __future__ import annotations
@@ -40,10 +40,9 @@ class Derivation:
     def __init__(self, exact: Exact, body: Body) -> None:
         self.body, self._exact = body, exact
         self.algebra = Calculus()
-        self.u = tuple(self.algebra.tree(component) for component in exact.u)
-        self.theta = self.algebra.tree(exact.theta if exact.theta is not None else 0.0)
-        given = (*exact.u, exact.theta if exact.theta is not None else 0.0)
-        self._smooth = not any(kinks(scalar) for scalar in given)
+        theta = exact.theta if exact.theta is not None else 0.0
+        self.u, self.theta = tuple(self.algebra.tree(component) for component in exact.u), self.algebra.tree(theta)
+        self._smooth = not any(kinks(scalar) for scalar in (*exact.u, theta))
         self._inside = inside(body)
         self._normals: dict[tuple[str, ...], Vector] = {}
         self._scalars: dict[tuple[TreeNode, tuple[str, ...]], Scalar] = {}
@@ -66,34 +65,22 @@ class Derivation:
         normal = (a.plus(even, a.times(double, u_xx)), a.plus(even, a.times(double, u_yy)))
         return *normal, a.times(shear, a.plus(u_xy, u_yx))
 
-    def _body_force(self, material: Material) -> tuple[Scalar, Scalar]:
-        a = self.algebra
-        s_xx, s_yy, s_xy = self.stress(material)
-        rows = ((s_xx, s_xy), (s_xy, s_yy))
-        f = [a.minus(a.plus(a.derivative(row[0], "x"), a.derivative(row[1], "y"))) for row in rows]
-        second = [a.gradient(d) for component in self.u for d in a.gradient(component)]
-        parts = [a.times(a.number(material.lam + 2.0 * material.mu), d) for pair in second for d in pair]
-        parts += [a.times(a.number(material.beta), d) for d in a.gradient(self.theta)]
-        return self._scalar(f[0], parts, ()), self._scalar(f[1], parts, ())
-
     def load(self, names: tuple[str, ...], material: Material) -> tuple[Scalar, Scalar]:
         """g = σn on the edges of the given names; for no names f = −div σ in the body."""
-        if (names, material) not in self._made:
-            self._made[names, material] = self._traction(names, material) if names else self._body_force(material)
-        return self._made[names, material]
-
-    def _traction(self, names: tuple[str, ...], material: Material) -> tuple[Scalar, Scalar]:
-        a, n = self.algebra, self.normal(names)
-        s_xx, s_yy, s_xy = self.stress(material)
-        g = [a.plus(a.times(row[0], n[0]), a.times(row[1], n[1])) for row in ((s_xx, s_xy), (s_xy, s_yy))]
-        parts = self._stress_parts(material)
-        return self._scalar(g[0], parts, names), self._scalar(g[1], parts, names)
-
-    def _stress_parts(self, material: Material) -> list[TreeNode]:
-        a = self.algebra
-        parts = [d for component in self.u for d in a.gradient(component)]
+        if (names, material) in self._made:
+            return self._made[names, material]
+        a, (s_xx, s_yy, s_xy) = self.algebra, self.stress(material)
+        rows, parts, heat = ((s_xx, s_xy), (s_xy, s_yy)), [d for u in self.u for d in a.gradient(u)], [self.theta]
+        if names:
+            n = self.normal(names)
+            made = [a.plus(a.times(row[0], n[0]), a.times(row[1], n[1])) for row in rows]
+        else:
+            made = [a.minus(a.plus(a.derivative(row[0], "x"), a.derivative(row[1], "y"))) for row in rows]
+            parts, heat = [second for d in parts for second in a.gradient(d)], list(a.gradient(self.theta))
         parts = [a.times(a.number(material.lam + 2.0 * material.mu), d) for d in parts]
-        return [*parts, a.times(a.number(material.beta), self.theta)]
+        parts += [a.times(a.number(material.beta), d) for d in heat]
+        self._made[names, material] = self._scalar(made[0], parts, names), self._scalar(made[1], parts, names)
+        return self._made[names, material]
 
     def normal(self, names: tuple[str, ...]) -> Vector:
         """N = n on the edges of the given names."""

@@ -1,29 +1,28 @@
-"""Numbers of an exact solution, by quadrature that uses no discrete field.
+"""Numbers of an exact solution, by quadrature that uses no discrete field; u_T and ξ as functions of place and normal.
 
 L_θ(u) = ½a(u,u) − ∫f·u − β∫θ div u − ∫g·u + ∫_{Γ_C} j(u_T), over the exact body: the triangles of a mesh and the
-slivers between its boundary and the arcs; ∫ξ over Γ_C; the length of Γ_C that slips.
-
-u_T and ξ of an exact solution on Γ_C, as functions of place and normal.
-
-The value of a goal in the exact solution that a study gives, so that estimates can be compared with true errors.
+slivers between its boundary and the arcs; ∫ξ over Γ_C; the length of Γ_C that slips; with these the value of a goal, so
+that estimates can be compared with true errors.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.norms import LineFunction, Triangles
+from tcstudy.exact.fields import body_edges, outward
 from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.scene.nodal_laws import Law, each
 from tcstudy.scene.points import law_along
 from tcstudy.scene.records import Body, Contact, Convection, Edge, Point, Scalar, Scene, Traction
 from tcstudy.scene.study import Exact, Goal
-from tcstudy.shapes.edges import Arc, body_size, edge_arc, edge_at, edge_distance, edge_length, edge_normal
+from tcstudy.shapes.edges import Arc, body_size, edge_arc, edge_at, edge_distance, edge_length
 
 Array = NDArray[np.float64]
 
@@ -53,7 +52,7 @@ def exact_energy(exact: Exact, scene: Scene, mesh: Triangles) -> float:
         return value - beta * _at(theta if theta is not None else 0.0, x, y) * divergence
 
     inside = mesh.integral(density) + sliver_integral(scene.body, mesh, density)
-    return inside + sum(_on_edge(exact, scene, edge) for edge in scene.body.edges)
+    return inside + sum(_on_edge(exact, scene, *edge) for edge in body_edges(scene.body))
 
 
 def exact_friction_resultant(scene: Scene, xi: LineFunction) -> float:
@@ -61,10 +60,9 @@ def exact_friction_resultant(scene: Scene, xi: LineFunction) -> float:
     if scene.body.outline is None:
         return float("nan")
     total = 0.0
-    for edge in scene.body.edges:
-        if edge.name in scene.edges(Contact):
-            points, weights = _samples(edge)
-            total += float(weights @ xi(points[:, 0], points[:, 1], _outward(scene.body, edge, points)))
+    for edge, hole in body_edges(scene.body, scene.edges(Contact)):
+        points, weights = _samples(edge)
+        total += float(weights @ xi(points[:, 0], points[:, 1], outward(edge, hole, points)))
     return total
 
 
@@ -77,28 +75,24 @@ def exact_slip_length(exact: Exact, scene: Scene) -> float:
     """
     if scene.body.outline is None:
         return float("nan")
-    edges = [edge for edge in scene.body.edges if edge.name in scene.edges(Contact)]
-    at = [edge_at(edge, _places()) for edge in edges]
+    edges = body_edges(scene.body, scene.edges(Contact))
+    at = [edge_at(edge, _places()) for edge, _ in edges]
     size = max((float(np.max(np.abs(_at(u, *points.T)))) for points in at for u in exact.u), default=0.0)
 
-    def slips(edge: Edge, places: Array) -> NDArray[np.bool_]:
-        points = edge_at(edge, places)
-        n = _outward(scene.body, edge, points)
-        u_T = _at(exact.u[1], *points.T) * n[:, 0] - _at(exact.u[0], *points.T) * n[:, 1]
-        return ~np.asarray(each(_law(scene, edge, points), lambda law, s: _at_up_jump(law, s, STICKS * size), u_T))
+    def rests(law: FrictionLaw, u_T: Array) -> NDArray[np.bool_]:
+        return np.any(np.abs(u_T[:, None] - law.kinks[law.kinds == UP]) <= STICKS * size, axis=1)
 
-    return sum(edge_length(edge) * _share(lambda places, edge=edge: slips(edge, places)) for edge in edges)  # type: ignore[misc]
+    def slips(edge: Edge, hole: bool, places: Array) -> NDArray[np.bool_]:
+        points = edge_at(edge, places)
+        u_T = exact_u_T(exact)(points[:, 0], points[:, 1], outward(edge, hole, points))
+        return ~np.asarray(each(_law(scene, edge, points), rests, u_T))
+
+    return sum(edge_length(edge) * _share(partial(slips, edge, hole)) for edge, hole in edges)
 
 
 def _law(scene: Scene, edge: Edge, points: Array) -> Law:
     """The law at points of a contact edge."""
     return law_along(scene.friction, (edge.name,), np.zeros(len(points), dtype=np.intp), points)
-
-
-def _at_up_jump(law: FrictionLaw, u_T: Array, rounding: float) -> NDArray[np.bool_]:
-    """Which slips are at an up-jump, where the body sticks."""
-    jumps = law.kinks[law.kinds == UP]
-    return np.any(np.abs(u_T[:, None] - jumps) <= rounding, axis=1)
 
 
 def _share(slips: Callable[[Array], NDArray[np.bool_]]) -> float:
@@ -113,8 +107,7 @@ def _share(slips: Callable[[Array], NDArray[np.bool_]]) -> float:
         same = slips(middle) == holds[change]
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     borders = np.concatenate([[0.0], high, [1.0]])
-    first = bool(holds[0])
-    return float(np.diff(borders)[0 if first else 1 :: 2].sum())
+    return float(np.diff(borders)[0 if holds[0] else 1 :: 2].sum())
 
 
 def sliver_integral(body: Body, mesh: Triangles, density: Callable[[Array, Array], Array]) -> float:
@@ -129,14 +122,11 @@ def sliver_integral(body: Body, mesh: Triangles, density: Callable[[Array, Array
         return 0.0
     ends = mesh.points[_boundary(mesh)]
     middles = ends.mean(axis=1)
-    off = np.array([np.where(_on(edge, ends, size), edge_distance(edge, middles), np.inf) for edge in edges])
+    on = [np.all(edge_distance(edge, ends.reshape(-1, 2)).reshape(-1, 2) <= ON_ARC * size, axis=1) for edge in edges]
+    off = [np.where(both, edge_distance(edge, middles), np.inf) for edge, both in zip(edges, on, strict=True)]
     own = np.argmin(off, axis=0)
-    total = 0.0
-    for i, edge in enumerate(edges):
-        arc = edge_arc(edge)
-        if arc is not None:
-            total += _slivers(arc, ends[own == i], density)
-    return total
+    arcs = [(i, arc) for i, edge in enumerate(edges) if (arc := edge_arc(edge)) is not None]
+    return sum(_slivers(arc, ends[own == i], density) for i, arc in arcs)
 
 
 def _boundary(mesh: Triangles) -> NDArray[np.intp]:
@@ -145,11 +135,6 @@ def _boundary(mesh: Triangles) -> NDArray[np.intp]:
     n = len(mesh.points)
     key, reverse = sides[:, 0] * n + sides[:, 1], sides[:, 1] * n + sides[:, 0]
     return sides[~np.isin(key, reverse)]
-
-
-def _on(edge: Edge, ends: Array, size: float) -> NDArray[np.bool_]:
-    """Which sides have both ends on the edge."""
-    return np.asarray((edge_distance(edge, ends.reshape(-1, 2)).reshape(-1, 2) <= ON_ARC * size).all(axis=1))
 
 
 def _slivers(arc: Arc, ends: Array, density: Callable[[Array, Array], Array]) -> float:
@@ -173,27 +158,20 @@ def _slivers(arc: Arc, ends: Array, density: Callable[[Array, Array], Array]) ->
     return total
 
 
-def _outward(body: Body, edge: Edge, points: Array) -> Array:
-    """Outward unit normals; a hole's edges have the body on their right."""
-    n = edge_normal(edge, points)
-    return -n if any(edge is e for hole in body.holes for e in hole.edges) else n
-
-
 def _at(scalar: Scalar, x: Array, y: Array) -> Array:
     return value_and_gradient(scalar, x, y)[0]
 
 
-def _on_edge(exact: Exact, scene: Scene, edge: Edge) -> float:
+def _on_edge(exact: Exact, scene: Scene, edge: Edge, hole: bool) -> float:
     """What an edge adds: −∫g·u + ∫p u_N, or ∫j(u_T) on Γ_C."""
     role = dict(scene.boundary)[edge.name]
     if not isinstance(role, Contact | Traction | Convection):
         return 0.0
     points, weights = _samples(edge)
-    x, y = points.T
-    n = _outward(scene.body, edge, points)
-    ux, uy = (_at(component, x, y) for component in exact.u)
+    (x, y), n = points.T, outward(edge, hole, points)
     if isinstance(role, Contact):
-        return float(weights @ _law(scene, edge, points).j(uy * n[:, 0] - ux * n[:, 1]))
+        return float(weights @ _law(scene, edge, points).j(exact_u_T(exact)(x, y, n)))
+    ux, uy = (_at(component, x, y) for component in exact.u)
     work = _at(role.g[0], x, y) * ux + _at(role.g[1], x, y) * uy
     work -= _at(role.pressure, x, y) * (ux * n[:, 0] + uy * n[:, 1])
     return -float(weights @ work)
@@ -214,7 +192,7 @@ def exact_u_T(exact: Exact) -> LineFunction:
     """u·t with t = (−n₂, n₁) [m]."""
 
     def slip(x: Array, y: Array, n: Array) -> Array:
-        ux, uy = (value_and_gradient(component, x, y)[0] for component in exact.u)
+        ux, uy = (_at(component, x, y) for component in exact.u)
         return np.asarray(uy * n[..., 0] - ux * n[..., 1])
 
     return slip
@@ -224,7 +202,7 @@ def exact_xi(exact: Exact, scene: Scene) -> LineFunction:
     """−S_T [Pa]: as given, or −t·2με(u)n; λ and the temperature only act normally."""
     given, mu = exact.xi, scene.material.mu
     if given is not None:
-        return lambda x, y, n: value_and_gradient(given, x, y)[0]
+        return lambda x, y, n: _at(given, x, y)
 
     def traction(x: Array, y: Array, n: Array) -> Array:
         gx, gy = (value_and_gradient(component, x, y)[1] for component in exact.u)
@@ -252,11 +230,7 @@ def known_goal(goal: Goal, exact: Exact, scene: Scene) -> float | None:
 
 def _exact_slip(exact: Exact, scene: Scene, at: Point) -> float:
     """u·t at a point of Γ_C, t = (−n₂, n₁) of the nearest contact edge."""
-    assert scene.body.outline is not None
     point = np.array([at])
-    names = scene.edges(Contact)
-    loops = [(scene.body.outline, 1.0), *((hole, -1.0) for hole in scene.body.holes)]  # a hole has the body outside
-    edges = [(edge, side) for loop, side in loops for edge in loop.edges if edge.name in names]
-    edge, side = min(edges, key=lambda item: float(edge_distance(item[0], point)[0]))
-    n = side * edge_normal(edge, point)[0]
-    return float(exact_u_T(exact)(point[:, 0], point[:, 1], n[None])[0])
+    edges = body_edges(scene.body, scene.edges(Contact))
+    edge, hole = min(edges, key=lambda one: float(edge_distance(one[0], point)[0]))
+    return float(exact_u_T(exact)(point[:, 0], point[:, 1], outward(edge, hole, point))[0])

@@ -1,12 +1,8 @@
-"""Makes trees of expressions, simplified a little; equal parts are one node.
+"""Derivatives of expressions as expressions, by the rules of calculus, simplified a little.
 
 Constants are computed; a + 0, 1·a, 0·a, a/1, a^0, a^1 and −(−a) vanish, numbers in a product are merged and come first.
-0·a = 0 also where a has no value.
-
-Derivatives of expressions as expressions, by the rules of calculus.
-
-Equal parts are one node, also across all derivatives that one `Calculus` makes, so that a derivative has a few times as
-many different nodes as the expression, however long it is when written out.
+0·a = 0 also where a has no value. Equal parts are one node, also across all derivatives that one `Calculus` makes, so
+that a derivative has a few times as many different nodes as the expression, however long it is when written out.
 abs, min, max: differentiated almost everywhere. The jump of their slope is a step that is written with atan2,
              step(s) = 1 − atan2(0, s + 0)/π, which is 1 for s ≥ 0 and 0 for s < 0 and never 0/0; at a kink the
              derivative is that of the side s > 0.
@@ -21,19 +17,20 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tcstudy.expressions.expression import FUNCTIONS, Expression, of_tree
-from tcstudy.expressions.tree import Binary, Call, Coordinate, Negative, Number, TreeNode, children, constant, ordered
+from tcstudy.expressions.expression import Expression, of_tree
+from tcstudy.expressions.tree import TreeNode, ordered
 
 Array = NDArray[np.float64]
 Scalar = float | Expression
 
 
-class Algebra:
-    """Makes trees; equal trees are one object."""
+class Calculus:
+    """Makes trees and their derivatives; equal trees are one object."""
 
     def __init__(self) -> None:
         self._made: dict[object, TreeNode] = {}
-        self.zero, self.one = self.number(0.0), self.number(1.0)
+        self._slopes: dict[tuple[str, TreeNode], TreeNode] = {}
+        self.zero, self.one, self.two = self.number(0.0), self.number(1.0), self.number(2.0)
 
     def tree(self, scalar: Scalar) -> TreeNode:
         """The tree of a number or an expression, simplified."""
@@ -46,47 +43,51 @@ class Algebra:
 
     def scalar(self, node: TreeNode) -> Scalar:
         """A number if the tree is one, else an expression."""
-        return node.value if isinstance(node, Number) else of_tree(node)
+        return node.value if node.kind == "Number" else of_tree(node)
 
     def again(self, node: TreeNode, done: dict[TreeNode, TreeNode]) -> TreeNode:
-        """A node of another tree, made of its children that are already here."""
-        if isinstance(node, Number):
-            return self.number(node.value)
-        if isinstance(node, Coordinate):
-            return self.variable(node.name)
-        if isinstance(node, Negative):
-            return self.minus(done[node.operand])
-        if isinstance(node, Call):
-            return self.call(node.function, *(done[a] for a in node.arguments))
-        left, right = done[node.left], done[node.right]
+        """A node of another tree, made of its parts that are already here."""
+        parts = [done[part] for part in node.parts]
+        match node.kind:
+            case "Number":
+                return self.number(node.value)
+            case "Coordinate":
+                return self.variable(node.name)
+            case "Negative":
+                return self.minus(*parts)
+            case "Call":
+                return self.call(node.name, *parts)
         makers = {"+": self.plus, "-": self.less, "*": self.times, "/": self.over, "**": self.power}
-        return makers[node.operator](left, right)
+        return makers[node.name](*parts)
 
-    def _only(self, key: object, make: Callable[[], TreeNode]) -> TreeNode:
-        if key not in self._made:
-            self._made[key] = make()
-        return self._made[key]
+    def _only(self, node: TreeNode) -> TreeNode:
+        """The one node like this."""
+        return self._made.setdefault((node.kind, node.name, node.parts, node.value), node)
 
     # -- operations --------------------------------------------------------------------------------
 
     def number(self, value: float) -> TreeNode:
         """A constant."""
-        value = float(value) + 0.0  # −0 and 0 are one constant
-        return self._only(("number", value), lambda: Number(value))
+        return self._only(TreeNode("Number", value=float(value) + 0.0))  # −0 and 0 are one constant
 
     def variable(self, name: str) -> TreeNode:
         """x or y."""
-        return self._only(("variable", name), lambda: Coordinate(name))
+        return self._only(TreeNode("Coordinate", name))
 
     def minus(self, a: TreeNode) -> TreeNode:
         """−a."""
-        if isinstance(a, Number):
+        if a.kind == "Number":
             return self.number(-a.value)
-        if isinstance(a, Negative):
-            return a.operand
-        if isinstance(a, Binary) and a.operator == "*" and isinstance(a.left, Number):
-            return self.times(self.number(-a.left.value), a.right)
-        return self._only(("-", a), lambda: Negative(a))
+        if a.kind == "Negative":
+            return a.parts[0]
+        if self._scaled(a):
+            return self.times(self.number(-a.parts[0].value), a.parts[1])
+        return self._only(TreeNode("Negative", parts=(a,)))
+
+    @staticmethod
+    def _scaled(a: TreeNode) -> bool:
+        """Whether a tree is a number times another."""
+        return a.kind == "Binary" and a.name == "*" and a.parts[0].kind == "Number"
 
     def plus(self, a: TreeNode, b: TreeNode) -> TreeNode:
         """a + b."""
@@ -94,9 +95,7 @@ class Algebra:
             return b
         if b is self.zero:
             return a
-        if isinstance(b, Negative):
-            return self.less(a, b.operand)
-        return self._binary("+", a, b)
+        return self.less(a, b.parts[0]) if b.kind == "Negative" else self._binary("+", a, b)
 
     def less(self, a: TreeNode, b: TreeNode) -> TreeNode:
         """a − b."""
@@ -106,35 +105,36 @@ class Algebra:
             return self.minus(b)
         if a is b:
             return self.zero
-        return self.plus(a, b.operand) if isinstance(b, Negative) else self._binary("-", a, b)
+        return self.plus(a, b.parts[0]) if b.kind == "Negative" else self._binary("-", a, b)
 
     def times(self, a: TreeNode, b: TreeNode) -> TreeNode:
         """a·b, a number first."""
-        if isinstance(b, Number):
+        if b.kind == "Number":
             a, b = b, a
         if a is self.zero or b is self.zero:
             return self.zero
         if a is self.one:
             return b
-        if isinstance(a, Number) and a.value == -1.0:
+        if a.kind == "Number" and a.value == -1.0:
             return self.minus(b)
-        if isinstance(a, Negative):
-            return self.minus(self.times(a.operand, b))
-        if isinstance(b, Negative):
-            return self.minus(self.times(a, b.operand))
-        if isinstance(b, Binary) and b.operator == "*" and isinstance(b.left, Number):
-            if isinstance(a, Number):
-                return self.times(self.number(a.value * b.left.value), b.right)
-            return self.times(b.left, self.times(a, b.right))
-        if isinstance(a, Binary) and a.operator == "*" and isinstance(a.left, Number):
-            return self.times(a.left, self.times(a.right, b))
+        if a.kind == "Negative":
+            return self.minus(self.times(a.parts[0], b))
+        if b.kind == "Negative":
+            return self.minus(self.times(a, b.parts[0]))
+        if self._scaled(b):
+            factor, rest = b.parts
+            if a.kind == "Number":
+                return self.times(self.number(a.value * factor.value), rest)
+            return self.times(factor, self.times(a, rest))
+        if self._scaled(a):
+            return self.times(a.parts[0], self.times(a.parts[1], b))
         return self._binary("*", a, b)
 
     def over(self, a: TreeNode, b: TreeNode) -> TreeNode:
         """a/b."""
         if b is self.one or a is self.zero:
             return a
-        return self.minus(self.over(a.operand, b)) if isinstance(a, Negative) else self._binary("/", a, b)
+        return self.minus(self.over(a.parts[0], b)) if a.kind == "Negative" else self._binary("/", a, b)
 
     def power(self, a: TreeNode, b: TreeNode) -> TreeNode:
         """a to the b."""
@@ -142,19 +142,23 @@ class Algebra:
             return self.one
         return a if b is self.one else self._binary("**", a, b)
 
+    def square(self, a: TreeNode) -> TreeNode:
+        """a²."""
+        return self.power(a, self.two)
+
     def call(self, function: str, *arguments: TreeNode) -> TreeNode:
         """function(arguments)."""
-        return self._computed(self._only((function, arguments), lambda: Call(function, arguments)))
+        return self._computed(TreeNode("Call", function, arguments))
 
     def _binary(self, operator: str, a: TreeNode, b: TreeNode) -> TreeNode:
-        return self._computed(self._only((operator, a, b), lambda: Binary(operator, a, b)))
+        return self._computed(TreeNode("Binary", operator, (a, b)))
 
     def _computed(self, node: TreeNode) -> TreeNode:
-        """The node, or its value if it has one whatever x and y."""
-        if not all(isinstance(part, Number) for part in children(node)):
-            return node
-        value = constant(ordered((node,)), FUNCTIONS)
-        return self.number(value) if math.isfinite(value) else node
+        """The one node like this, or its value if it has one whatever x and y."""
+        if not all(part.kind == "Number" for part in node.parts):
+            return self._only(node)
+        value = float(Expression("", node).fold({}, {}))
+        return self.number(value) if math.isfinite(value) else self._only(node)
 
     def sum(self, *terms: TreeNode) -> TreeNode:
         """The sum of all terms."""
@@ -165,16 +169,10 @@ class Algebra:
 
     def step(self, s: TreeNode) -> TreeNode:
         """1 where s ≥ 0, 0 elsewhere."""
-        raised = self._only(("+", s, self.zero), lambda: Binary("+", s, self.zero))  # atan2(0, −0) would be π
+        raised = self._only(TreeNode("Binary", "+", (s, self.zero)))  # atan2(0, −0) would be π
         return self.less(self.one, self.over(self.call("atan2", self.zero, raised), self.number(math.pi)))
 
-
-class Calculus(Algebra):
-    """An algebra whose trees can be differentiated."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._slopes: dict[tuple[str, TreeNode], TreeNode] = {}
+    # -- derivatives -------------------------------------------------------------------------------
 
     def derivative(self, root: TreeNode, variable: str) -> TreeNode:
         """∂/∂x or ∂/∂y of a tree that this algebra made."""
@@ -188,20 +186,18 @@ class Calculus(Algebra):
         return self.derivative(root, "x"), self.derivative(root, "y")
 
     def _slope(self, node: TreeNode, variable: str) -> TreeNode:
-        def d(part: TreeNode) -> TreeNode:
-            return self._slopes[variable, part]
-
-        if isinstance(node, Number):
-            return self.zero
-        if isinstance(node, Coordinate):
-            return self.one if node.name == variable else self.zero
-        if isinstance(node, Negative):
-            return self.minus(d(node.operand))
-        if isinstance(node, Call):
-            return self._call_slope(node, [d(a) for a in node.arguments])
-        a, b = node.left, node.right
-        da, db = d(a), d(b)
-        match node.operator:
+        slopes = [self._slopes[variable, part] for part in node.parts]
+        match node.kind, node.name:
+            case "Number", _:
+                return self.zero
+            case "Coordinate", name:
+                return self.one if name == variable else self.zero
+            case "Negative", _:
+                return self.minus(*slopes)
+            case "Call", _:
+                return self._call_slope(node, slopes)
+        (a, b), (da, db) = node.parts, slopes
+        match node.name:
             case "+":
                 return self.plus(da, db)
             case "-":
@@ -210,10 +206,6 @@ class Calculus(Algebra):
                 return self.plus(self.times(da, b), self.times(a, db))
             case "/":
                 return self.over(self.less(da, self.times(node, db)), b)
-        return self._power_slope(node, da, db)
-
-    def _power_slope(self, node: Binary, da: TreeNode, db: TreeNode) -> TreeNode:
-        a, b = node.left, node.right
         base = exponent = self.zero
         if da is not self.zero:
             base = self.times(self.times(b, self.power(a, self.less(b, self.one))), da)
@@ -221,60 +213,45 @@ class Calculus(Algebra):
             exponent = self.times(self.times(node, self.call("log", a)), db)
         return self.plus(base, exponent)
 
-    def _call_slope(self, node: Call, slopes: list[TreeNode]) -> TreeNode:
-        a, da = node.arguments[0], slopes[0]
+    def _call_slope(self, node: TreeNode, slopes: list[TreeNode]) -> TreeNode:
+        a, da = node.parts[0], slopes[0]
         if all(slope is self.zero for slope in slopes):
             return self.zero
-        if node.function in ("min", "max"):
+        if node.name in ("min", "max"):
             return self._choice_slope(node, slopes)
-        if node.function == "atan2":
-            b, db = node.arguments[1], slopes[1]
-            square = self.plus(self.power(a, self.number(2.0)), self.power(b, self.number(2.0)))
+        if node.name == "atan2":
+            b, db = node.parts[1], slopes[1]
+            square = self.plus(self.square(a), self.square(b))
             return self.over(self.less(self.times(da, b), self.times(a, db)), square)
-        return self.times(self._outer(node, a), da)
+        return self.times(OUTER[node.name](self, a, node), da)
 
-    def _outer(self, node: Call, a: TreeNode) -> TreeNode:
-        """f′(a) of a function of one argument."""
-        two = self.number(2.0)
-        square = self.power(a, two)
-        match node.function:
-            case "sin":
-                return self.call("cos", a)
-            case "cos":
-                return self.minus(self.call("sin", a))
-            case "tan":
-                return self.plus(self.one, self.power(node, two))
-            case "asin":
-                return self.over(self.one, self.call("sqrt", self.less(self.one, square)))
-            case "acos":
-                return self.minus(self.over(self.one, self.call("sqrt", self.less(self.one, square))))
-            case "atan":
-                return self.over(self.one, self.plus(self.one, square))
-            case "exp":
-                return node
-            case "log":
-                return self.over(self.one, a)
-            case "sqrt":
-                return self.over(self.number(0.5), node)
-            case "abs":
-                return self.less(self.times(two, self.step(a)), self.one)
-            case "sinh":
-                return self.call("cosh", a)
-            case "cosh":
-                return self.call("sinh", a)
-            case "tanh":
-                return self.less(self.one, self.power(node, two))
-        raise AssertionError(node.function)
-
-    def _choice_slope(self, node: Call, slopes: list[TreeNode]) -> TreeNode:
+    def _choice_slope(self, node: TreeNode, slopes: list[TreeNode]) -> TreeNode:
         """min and max of two or more: the slope of the argument that is chosen."""
-        sign = self.one if node.function == "max" else self.number(-1.0)
-        best, slope = node.arguments[0], slopes[0]
-        for other, other_slope in zip(node.arguments[1:], slopes[1:], strict=True):
+        sign = self.one if node.name == "max" else self.number(-1.0)
+        best, slope = node.parts[0], slopes[0]
+        for other, other_slope in zip(node.parts[1:], slopes[1:], strict=True):
             first = self.step(self.times(sign, self.less(best, other)))
             slope = self.plus(other_slope, self.times(first, self.less(slope, other_slope)))
-            best = self.call(node.function, best, other)
+            best = self.call(node.name, best, other)
         return slope
+
+
+OUTER: dict[str, Callable[[Calculus, TreeNode, TreeNode], TreeNode]] = {
+    "sin": lambda c, a, _: c.call("cos", a),
+    "cos": lambda c, a, _: c.minus(c.call("sin", a)),
+    "tan": lambda c, _, f: c.plus(c.one, c.square(f)),
+    "asin": lambda c, a, _: c.over(c.one, c.call("sqrt", c.less(c.one, c.square(a)))),
+    "acos": lambda c, a, _: c.minus(c.over(c.one, c.call("sqrt", c.less(c.one, c.square(a))))),
+    "atan": lambda c, a, _: c.over(c.one, c.plus(c.one, c.square(a))),
+    "exp": lambda _, __, f: f,
+    "log": lambda c, a, _: c.over(c.one, a),
+    "sqrt": lambda c, _, f: c.over(c.number(0.5), f),
+    "abs": lambda c, a, _: c.less(c.times(c.two, c.step(a)), c.one),
+    "sinh": lambda c, a, _: c.call("cosh", a),
+    "cosh": lambda c, a, _: c.call("sinh", a),
+    "tanh": lambda c, _, f: c.less(c.one, c.square(f)),
+}
+"""f′(a) of the functions of one argument: by the argument a and f(a)."""
 
 
 def value_and_gradient(scalar: Scalar, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
@@ -288,6 +265,6 @@ def value_and_gradient(scalar: Scalar, x: ArrayLike, y: ArrayLike) -> tuple[Arra
 
 @lru_cache(maxsize=64)
 def _gradient(expression: Expression) -> tuple[Scalar, Scalar]:
-    algebra = Calculus()
-    by_x, by_y = algebra.gradient(algebra.tree(expression))
-    return algebra.scalar(by_x), algebra.scalar(by_y)
+    calculus = Calculus()
+    by_x, by_y = calculus.gradient(calculus.tree(expression))
+    return calculus.scalar(by_x), calculus.scalar(by_y)

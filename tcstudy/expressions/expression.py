@@ -13,7 +13,7 @@ import difflib
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.expressions import tree
-from tcstudy.expressions.tree import Binary, Call, Coordinate, Negative, Number, Order, TreeNode
+from tcstudy.expressions.tree import Order, TreeNode
 
 T = TypeVar("T")
 
@@ -100,7 +100,7 @@ class Expression:
 
     @cached_property
     def order(self) -> Order:
-        """The nodes, each once, every node after its children."""
+        """The nodes, each once, every node after its parts."""
         return tree.ordered((self.root,))
 
     @cached_property
@@ -115,7 +115,7 @@ class Expression:
     @cached_property
     def constant(self) -> float | None:
         """The value if no variable occurs (possibly not finite), else None."""
-        return None if self.variables else tree.constant(self.order, FUNCTIONS)
+        return None if self.variables else float(self.fold({}, {}))
 
     def evaluate(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
         """Values at the points (x, y), broadcast against each other; not finite where the expression is not."""
@@ -128,9 +128,9 @@ class Expression:
         """The expression with numbers in place of names."""
         made: dict[TreeNode, TreeNode] = {}
         for node in self.order:
-            named = isinstance(node, Coordinate) and node.name in values
-            parts = tuple(made[part] for part in tree.children(node))
-            made[node] = Number(values[node.name]) if named else tree.made_of(node, parts)  # type: ignore[union-attr]
+            named = node.kind == "Coordinate" and node.name in values
+            other = replace(node, parts=tuple(made[part] for part in node.parts))
+            made[node] = TreeNode("Number", value=values[node.name]) if named else other
         return of_tree(made[self.root])
 
     def fold(self, variables: Mapping[str, T], functions: Mapping[str, Callable[..., T]]) -> T | float:
@@ -181,7 +181,8 @@ def _canonical(text: str, names: tuple[str, ...]) -> tuple[str, list[int]]:
     while at < len(text):
         match = TOKEN.match(text, at)
         if match is None:
-            raise _bad_character(text[at], at)
+            hint = f"write {LOOKALIKES[text[at]]} instead; " if text[at] in LOOKALIKES else ""
+            raise ExpressionError(f"the character {text[at]!r} has no place in an expression; {hint}{ALLOWED}", at)
         kind, token = str(match.lastgroup), match.group()
         if kind != "space":
             operand = kind in ("number", "name")
@@ -236,11 +237,6 @@ def _check_neighbours(previous: str, token: str, at: int) -> None:
         )
 
 
-def _bad_character(character: str, at: int) -> ExpressionError:
-    hint = f"write {LOOKALIKES[character]} instead; " if character in LOOKALIKES else ""
-    return ExpressionError(f"the character {character!r} has no place in an expression; {hint}{ALLOWED}", at)
-
-
 def _too_deep(at: int) -> ExpressionError:
     return ExpressionError(f"the expression is nested too deeply (limit {MAX_DEPTH} levels); split or shorten it", at)
 
@@ -251,30 +247,31 @@ def _convert(node: ast.expr, offset: Callable[[int], int], depth: int) -> TreeNo
     if depth > MAX_DEPTH:
         raise _too_deep(at)
     if isinstance(node, ast.Constant) and type(node.value) is float:
-        return Number(node.value)
+        return TreeNode("Number", value=node.value)
     if isinstance(node, ast.Name):
         if node.id in FUNCTIONS:
             raise ExpressionError(f"{node.id} is a function: write {node.id}(...)", at)
-        return Number(CONSTANTS[node.id]) if node.id in CONSTANTS else Coordinate(node.id)
+        if node.id in CONSTANTS:
+            return TreeNode("Number", value=CONSTANTS[node.id])
+        return TreeNode("Coordinate", node.id)
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
         operand = _convert(node.operand, offset, depth + 1)
-        return Negative(operand) if isinstance(node.op, ast.USub) else operand
+        return TreeNode("Negative", parts=(operand,)) if isinstance(node.op, ast.USub) else operand
     if isinstance(node, ast.BinOp) and type(node.op) in BINARY:
-        left, right = (_convert(side, offset, depth + 1) for side in (node.left, node.right))
-        return Binary(BINARY[type(node.op)], left, right)
+        sides = tuple(_convert(side, offset, depth + 1) for side in (node.left, node.right))
+        return TreeNode("Binary", BINARY[type(node.op)], sides)
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-        return _call(node.func.id, [_convert(argument, offset, depth + 1) for argument in node.args], at)
+        arguments = tuple(_convert(one, offset, depth + 1) for one in node.args)
+        _check_count(node.func.id, len(arguments), at)
+        return TreeNode("Call", node.func.id, arguments)
     raise ExpressionError(f"this is not an expression in x and y; {ALLOWED}", at)
 
 
-def _call(name: str, arguments: list[TreeNode], at: int) -> TreeNode:
-    """A function call with the right number of arguments."""
+def _check_count(name: str, given: int, at: int) -> None:
+    """The number of arguments of a function."""
     if name in ("min", "max"):
-        if len(arguments) < 2:
-            raise ExpressionError(f"{name} takes two or more arguments, not {len(arguments)}", at)
-        return Call(name, tuple(arguments))
-    count = 2 if name == "atan2" else 1
-    if len(arguments) != count:
-        words = "two arguments, atan2(y, x)" if count == 2 else "one argument"
-        raise ExpressionError(f"{name} takes {words}, not {len(arguments)}", at)
-    return Call(name, tuple(arguments))
+        count, words = max(2, given), "two or more arguments"
+    else:
+        count, words = (2, "two arguments, atan2(y, x)") if name == "atan2" else (1, "one argument")
+    if given != count:
+        raise ExpressionError(f"{name} takes {words}, not {given}", at)

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -18,68 +18,31 @@ MAX_INTEGER_POWER = 64
 
 
 @dataclass(frozen=True, eq=False)
-class Number:
-    """A constant."""
+class TreeNode:
+    """A part of an expression.
 
-    value: float
+    kind:  "Number", "Coordinate", "Negative" (−part), "Binary" (left operator right) or "Call" (function(parts))
+    name:  of the coordinate, the operator (one of + - * / **) or the function
+    parts: the nodes that it is made of;  value: of a number
+    """
 
+    kind: Literal["Number", "Coordinate", "Negative", "Binary", "Call"]
+    name: str = ""
+    parts: tuple[TreeNode, ...] = ()
+    value: float = 0.0
 
-@dataclass(frozen=True, eq=False)
-class Coordinate:
-    """x or y."""
-
-    name: str
-
-
-@dataclass(frozen=True, eq=False)
-class Negative:
-    """−operand."""
-
-    operand: TreeNode
-
-
-@dataclass(frozen=True, eq=False)
-class Binary:
-    """left operator right, the operator one of + - * / **."""
-
-    operator: str
-    left: TreeNode
-    right: TreeNode
+    @property
+    def label(self) -> str:
+        """The name, or the number as text."""
+        return repr(float(self.value)) if self.kind == "Number" else self.name
 
 
-@dataclass(frozen=True, eq=False)
-class Call:
-    """function(arguments)."""
-
-    function: str
-    arguments: tuple[TreeNode, ...]
-
-
-TreeNode = Number | Coordinate | Negative | Binary | Call
 Order = tuple[TreeNode, ...]
-"""The nodes of a tree, each once, every node after its children; the root is the last."""
-
-
-def children(node: TreeNode) -> tuple[TreeNode, ...]:
-    """The nodes that a node is made of."""
-    if isinstance(node, Negative):
-        return (node.operand,)
-    if isinstance(node, Binary):
-        return (node.left, node.right)
-    return node.arguments if isinstance(node, Call) else ()
-
-
-def made_of(node: TreeNode, parts: tuple[TreeNode, ...]) -> TreeNode:
-    """A node like this one, of other children; one without any is itself."""
-    if isinstance(node, Negative):
-        return Negative(parts[0])
-    if isinstance(node, Binary):
-        return Binary(node.operator, *parts)
-    return Call(node.function, parts) if isinstance(node, Call) else node
+"""The nodes of a tree, each once, every node after its parts; the root is the last."""
 
 
 def ordered(roots: Iterable[TreeNode]) -> Order:
-    """The nodes of one or more trees, each once, every node after its children."""
+    """The nodes of one or more trees, each once, every node after its parts."""
     done: dict[TreeNode, None] = {}
     stack = [(root, False) for root in reversed(list(roots))]
     while stack:
@@ -90,7 +53,7 @@ def ordered(roots: Iterable[TreeNode]) -> Order:
             done[node] = None
         else:
             stack.append((node, True))
-            stack.extend((child, False) for child in reversed(children(node)))
+            stack.extend((child, False) for child in reversed(node.parts))
     return tuple(done)
 
 
@@ -98,18 +61,9 @@ def variables(order: Order) -> dict[TreeNode, frozenset[str]]:
     """The variables that occur below each node."""
     found: dict[TreeNode, frozenset[str]] = {}
     for node in order:
-        own = frozenset((node.name,)) if isinstance(node, Coordinate) else frozenset[str]()
-        found[node] = own.union(*(found[child] for child in children(node)))
+        own = frozenset((node.name,)) if node.kind == "Coordinate" else frozenset[str]()
+        found[node] = own.union(*(found[part] for part in node.parts))
     return found
-
-
-def constant(order: Order, functions: Mapping[str, Callable[..., Any]]) -> float:
-    """Value of a tree without variables, in floats: no power of integers that would never end."""
-    values: dict[TreeNode, Any] = {}
-    with np.errstate(all="ignore"):
-        for node in order:
-            values[node] = np.float64(apply(node, [values[child] for child in children(node)], functions))
-    return float(values[order[-1]])
 
 
 def fold(
@@ -122,34 +76,33 @@ def fold(
     """The tree in another arithmetic: operators on the `given` variables, functions by name.
 
     known:     the variables below each node
-    constants: the functions for parts without variables, which arrive as floats
+    constants: the functions for parts without variables, which are floats: no power of integers would ever end
     """
     values: dict[TreeNode, Any] = {}
     for node in order:
-        if isinstance(node, Coordinate):
+        if node.kind == "Coordinate":
             values[node] = given[node.name]
         elif known[node]:
-            values[node] = apply(node, [values[child] for child in children(node)], functions)
+            values[node] = _apply(node, [values[part] for part in node.parts], functions)
         else:
             with np.errstate(all="ignore"):
-                parts = [np.float64(values[child]) for child in children(node)]
-                values[node] = float(apply(node, parts, constants))
+                values[node] = float(_apply(node, [np.float64(values[part]) for part in node.parts], constants))
     return values[order[-1]]
 
 
-def apply(node: TreeNode, values: list[Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
-    """One node applied to the values of its children."""
-    if isinstance(node, Number):
-        return np.float64(node.value)
-    if isinstance(node, Negative):
-        return -values[0]
-    if isinstance(node, Call):
-        if node.function in ("min", "max"):
-            return reduce(functions[node.function], sorted(values, key=lambda value: type(value) is float))
-        return functions[node.function](*values)
-    assert isinstance(node, Binary)
+def _apply(node: TreeNode, values: list[Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
+    """One node applied to the values of its parts."""
+    match node.kind, node.name:
+        case "Number", _:
+            return np.float64(node.value)
+        case "Negative", _:
+            return -values[0]
+        case "Call", "min" | "max":
+            return reduce(functions[node.name], sorted(values, key=lambda value: type(value) is float))
+        case "Call", _:
+            return functions[node.name](*values)
     left, right = values
-    match node.operator:
+    match node.name:
         case "+":
             return left + right
         case "-":
@@ -175,8 +128,8 @@ def to_text(order: Order, longest: int) -> str:
     """
     size: dict[TreeNode, int] = {}
     for node in order:  # an upper bound, parentheses and blanks included
-        own = len(_leaf(node)) + 5 if not children(node) else 4 + len(getattr(node, "function", "")) + 3
-        size[node] = own + sum(size[child] + 4 for child in children(node))
+        own = len(node.label) + 5 if not node.parts else 7 + (len(node.name) if node.kind == "Call" else 0)
+        size[node] = own + sum(size[part] + 4 for part in node.parts)
     if size[order[-1]] <= 2 * longest:
         text = _written(order)
         if len(text) <= longest:
@@ -184,12 +137,6 @@ def to_text(order: Order, longest: int) -> str:
     short = order if size[order[-1]] <= 100 * longest else ()
     begin = _written(short)[:60] + " … " if short else ""
     return f"{begin}[{len(order)} operations, {_digest(order)}]"
-
-
-def _leaf(node: TreeNode) -> str:
-    if isinstance(node, Number):
-        return repr(float(node.value))
-    return node.name if isinstance(node, Coordinate) else ""
 
 
 def _written(order: Order) -> str:
@@ -201,46 +148,41 @@ def _written(order: Order) -> str:
         return text if priority >= least else f"({text})"
 
     for node in order:
-        if isinstance(node, Number):
-            done[node] = _leaf(node), _ATOM if node.value >= 0 and not _leaf(node).startswith("-") else 0
-        elif isinstance(node, Coordinate):
+        if node.kind == "Number":
+            done[node] = node.label, _ATOM if node.value >= 0 and not node.label.startswith("-") else 0
+        elif node.kind == "Coordinate":
             done[node] = node.name, _ATOM
-        elif isinstance(node, Negative):
-            done[node] = f"-{inner(node.operand, _SIGN + 1)}", 1
-        elif isinstance(node, Call):
-            done[node] = f"{node.function}({', '.join(done[a][0] for a in node.arguments)})", _ATOM
+        elif node.kind == "Negative":
+            done[node] = f"-{inner(node.parts[0], _SIGN + 1)}", 1
+        elif node.kind == "Call":
+            done[node] = f"{node.name}({', '.join(done[part][0] for part in node.parts)})", _ATOM
         else:
-            rank = _PRIORITY[node.operator]
-            left = inner(node.left, rank + (node.operator == "**"))
-            right = inner(node.right, rank + 1)
-            sign = f" {node.operator} " if rank == 1 else "^" if rank == _PRIORITY["**"] else node.operator
+            rank = _PRIORITY[node.name]
+            left = inner(node.parts[0], rank + (node.name == "**"))
+            right = inner(node.parts[1], rank + 1)
+            sign = f" {node.name} " if rank == 1 else "^" if rank == _PRIORITY["**"] else node.name
             done[node] = f"{left}{sign}{right}", rank
     return done[order[-1]][0]
 
 
 def _digest(order: Order) -> str:
     place = {node: i for i, node in enumerate(order)}
-    text = "\n".join(
-        f"{getattr(node, 'operator', getattr(node, 'function', _leaf(node)))}{type(node).__name__}"
-        f"{[place[child] for child in children(node)]}"
-        for node in order
-    )
+    text = "\n".join(f"{node.label}{node.kind}{[place[part] for part in node.parts]}" for node in order)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def pack(order: Order) -> tuple[tuple[TreeNode, tuple[int, ...]], ...]:
-    """A tree as (node without its children, places of the children), for pickling without recursion."""
-    place, bare = {node: i for i, node in enumerate(order)}, Number(0.0)
-    packed = []
-    for node in order:
-        parts = children(node)
-        packed.append((made_of(node, (bare,) * len(parts)), tuple(place[part] for part in parts)))
-    return tuple(packed)
+Packed = tuple[tuple[TreeNode, tuple[int, ...]], ...]
 
 
-def unpack(packed: tuple[tuple[TreeNode, tuple[int, ...]], ...]) -> TreeNode:
+def pack(order: Order) -> Packed:
+    """A tree as (node without its parts, places of the parts), for pickling without recursion."""
+    place = {node: i for i, node in enumerate(order)}
+    return tuple((replace(node, parts=()), tuple(place[part] for part in node.parts)) for node in order)
+
+
+def unpack(packed: Packed) -> TreeNode:
     """The root of a packed tree."""
     nodes: list[TreeNode] = []
     for node, places in packed:
-        nodes.append(made_of(node, tuple(nodes[place] for place in places)))
+        nodes.append(replace(node, parts=tuple(nodes[place] for place in places)))
     return nodes[-1]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tcstudy.exact.fields import body_edges, edge_samples, normal_field
-from tcstudy.expressions.derivative import Algebra
+from tcstudy.expressions.derivative import Calculus
 from tcstudy.expressions.tree import TreeNode
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.records import Body
@@ -31,7 +31,7 @@ def body() -> Body:
     return read_study_text(TEXT).scenes[0].body
 
 
-def at(algebra: Algebra, node: TreeNode, points: np.ndarray) -> np.ndarray:
+def at(algebra: Calculus, node: TreeNode, points: np.ndarray) -> np.ndarray:
     value = algebra.scalar(node)
     return np.full(len(points), value) if isinstance(value, float) else value.evaluate(*points.T)
 
@@ -40,7 +40,7 @@ def at(algebra: Algebra, node: TreeNode, points: np.ndarray) -> np.ndarray:
     "names", [("base",), ("dome",), ("bore",), ("right", "left"), ("base", "right", "dome", "left", "bore")]
 )
 def test_the_field_is_the_normal_on_every_curve(names: tuple[str, ...]) -> None:
-    algebra, edges = Algebra(), body_edges(body(), names)
+    algebra, edges = Calculus(), body_edges(body(), names)
     field = normal_field(algebra, body(), edges)
     for edge, hole in edges:
         points, normals = edge_samples(edge, hole)
@@ -49,7 +49,7 @@ def test_the_field_is_the_normal_on_every_curve(names: tuple[str, ...]) -> None:
 
 
 def test_normals_point_out_of_the_body() -> None:
-    algebra = Algebra()
+    algebra = Calculus()
     for name, point, normal in (("base", (1, 0), (0, -1)), ("bore", (1.8, 0.9), (-1, 0)), ("dome", (1.5, 2), (0, 1))):
         field = normal_field(algebra, body(), body_edges(body(), (name,)))
         found = [float(at(algebra, component, np.array([point]))[0]) for component in field]
@@ -57,7 +57,7 @@ def test_normals_point_out_of_the_body() -> None:
 
 
 def test_one_normal_costs_nothing() -> None:
-    algebra = Algebra()
+    algebra = Calculus()
     assert len(algebra.scalar(normal_field(algebra, body(), body_edges(body(), ("bore",)))[0]).order) <= 6
 
 
@@ -81,7 +81,7 @@ boundary: {base: contact, rest: free, wall: clamped}
 @pytest.mark.parametrize(("point", "normal"), [((1.0, 0.0), (0.0, -1.0)), ((0.0, 1.0), (-1.0, 0.0))])
 def test_an_edge_ends_where_its_line_goes_on(point: tuple[float, float], normal: tuple[float, float]) -> None:
     """The lines of the re-entrant corner's edges meet base and wall, one before its start, one behind its end."""
-    algebra, own = Algebra(), read_study_text(L_SHAPE).scenes[0].body
+    algebra, own = Calculus(), read_study_text(L_SHAPE).scenes[0].body
     field = normal_field(algebra, own, body_edges(own))
     found = [float(at(algebra, component, np.array([point]))[0]) for component in field]
     np.testing.assert_allclose(found, normal, atol=1e-13)
