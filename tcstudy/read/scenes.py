@@ -118,7 +118,8 @@ class SceneReader:
         if self.body is None or any(record is None for known in records.values() for record in known):
             return (self.base,) if self.base else ()
         named = {_FIELD.get(s, s): s for s in SECTIONS}
-        return Scenes(self.body, {n: records[s] for n, s in named.items()}, {n: keys[s].of for n, s in named.items()})
+        which = {"body": np.zeros_like(keys["heat"].of)} | {n: keys[s].of for n, s in named.items()}
+        return Scenes({"body": [self.body]} | {n: records[s] for n, s in named.items()}, which)
 
     def _keys(self, section: str) -> _Keys:
         """The values of the axes that touch a section: all combinations, and which one each point has."""

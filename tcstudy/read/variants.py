@@ -11,6 +11,7 @@ import itertools
 import json
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -28,7 +29,7 @@ from tcstudy.read.sweep import Sweep, SweptAxis
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import Keys, Parameter
-from tcstudy.scene.points import GEOMETRIC, VariantScenes
+from tcstudy.scene.points import GEOMETRIC, Scenes
 from tcstudy.scene.study import Study, Variant
 from tcstudy.scene.units import LENGTH
 from tcstudy.shapes.edges import body_area, body_size
@@ -89,7 +90,8 @@ def read_variants(
         words = ", ".join(_said_of(sweep.axes[i], value) for i, value in zip(outer, values, strict=True))
         own = root
         for i, value in zip(outer, values, strict=True):
-            own = put(own, split_path(".".join(sweep.axes[i].parameter.path)) or (), value)
+            with suppress(KeyError):  # something else stands there, which the section's reader records
+                own = put(own, split_path(".".join(sweep.axes[i].parameter.path)) or (), value)
         inner = Context(Collector(), ctx.units, ctx.folder, ctx.named)
         inner.errors.point = words
         if own.child("parameters"):
@@ -111,8 +113,12 @@ def read_variants(
 
 
 def whole(study: Study, variants: tuple[Variant, ...], **own: object) -> Study:
-    """The study of all geometries. study: that of one;  own: text, axes and mode of the sweep, overrides, design."""
-    return replace(study, scenes=VariantScenes(variants), variants=variants, **own)  # type: ignore[arg-type]
+    """The study of all geometries; a refused one has the scenes of the first that is not.
+
+    study: that of the first;  own: axes and mode of the sweep, overrides, design
+    """
+    scenes = Scenes.joined([((one.study or study).scenes, one.places) for one in variants])
+    return replace(study, scenes=scenes, variants=variants, **own)  # type: ignore[arg-type]
 
 
 def _geometries(sweep: Sweep, outer: list[int]) -> list[tuple[tuple[int, ...], np.ndarray, Sweep]]:

@@ -8,50 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Literal
 
 from tcstudy.scene import units
 from tcstudy.scene.units import NONE, Dimension
 
-Kind = Literal[
-    "number",
-    "integer",
-    "flag",
-    "text",
-    "name",
-    "choice",
-    "quantity",
-    "quantities",
-    "span",
-    "field",
-    "component",
-    "vector",
-    "displacement",
-    "point",
-    "points",
-    "named points",
-    "named places",
-    "section",
-    "sections",
-    "named sections",
-    "names",
-    "one or more",
-    "words",
-    "sweep points",
-    "any values",
-    "named numbers",
-    "named quantities",
-    "named texts",
-    "fitted numbers",
-    "sizes",
-    "sizes or tolerance",
-    "goal",
-    "law",
-    "material",
-    "law points",
-    "numbers",
-]
-"""number: one for the whole body; quantity, quantities, span: one, some, two of a dimension that another key decides;
+Kind = str
+"""What a value may be; `read.schema.FRAGMENTS` has all kinds.
+
+number: one for the whole body; quantity, quantities, span: one, some, two of a dimension that another key decides;
 field: a number or an expression in x and y; component: that or `free`; vector: two fields; displacement: two
 components; named places: a point a name;
 section: a mapping of its own; sections, points: a list of them, or by name; names: of regions, or a shape;
@@ -127,11 +91,6 @@ class Key:
     short: str = ""
 
     @property
-    def sign(self) -> Literal["any", "positive", "not negative"]:
-        """What the bounds say about the sign."""
-        return "positive" if self.above == 0.0 else "not negative" if self.least == 0.0 else "any"
-
-    @property
     def numbers(self) -> tuple[str, ...]:
         """Names of its single numbers, along which a path may run: f_x and f_y of f."""
         return (f"{self.name}_x", f"{self.name}_y") if self.kind == "vector" else (self.name,)
@@ -199,18 +158,23 @@ _MECHANICAL = (
     ),
     Key("spring", "section", "stiffness of a support (Winkler)", roles=LOADED, of=("spring",)),
 )
-_SPRING = (_stiffness("normal", "along the normal"), _stiffness("tangential", "along the edge"))
 _EXCHANGE = (
     Key("alpha", "number", "its own heat transfer coefficient", units.HEAT_TRANSFER, above=0.0, swept=True),
     Key("theta_bar", "field", "its own surroundings", units.TEMPERATURE, swept=True, affine=True),
     Key("flux", "field", "heat into the body", units.HEAT_FLUX, swept=True, affine=True),
 )
-_HEAT = Key("heat", "section", "what the edge does to heat (default: nothing)", roles=WITH_HEAT, of=("edge_heat",))
-_THETA = Key("theta", "field", "temperature held on the edge", units.TEMPERATURE, swept=True, affine=True)
 
 EDGE_ROWS: tuple[Key, ...] = (
-    *in_section("boundary", *_MECHANICAL, *(replace(row, roles=("convection",)) for row in _EXCHANGE), _HEAT),
-    *in_section("edge_heat", _THETA, *_EXCHANGE),
-    *in_section("spring", *_SPRING),
+    *in_section("boundary", *_MECHANICAL, *(replace(row, roles=("convection",)) for row in _EXCHANGE)),
+    *in_section(
+        "boundary",
+        Key("heat", "section", "what the edge does to heat (default: nothing)", roles=WITH_HEAT, of=("edge_heat",)),
+    ),
+    *in_section(
+        "edge_heat",
+        Key("theta", "field", "temperature held on the edge", units.TEMPERATURE, swept=True, affine=True),
+        *_EXCHANGE,
+    ),
+    *in_section("spring", _stiffness("normal", "along the normal"), _stiffness("tangential", "along the edge")),
 )
 """Rows of `boundary.EDGE`, of `boundary.EDGE.heat` and of `boundary.EDGE.spring`."""

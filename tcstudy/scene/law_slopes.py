@@ -94,67 +94,46 @@ class LawSlopes:
 
 @dataclass(frozen=True, eq=False)
 class PointSlopes:
-    """Derivatives of a law through points (s_j, b_j) by one b_i: the hat function of the point, times a factor.
+    """Derivatives of a law through points (s_j, b_j) by one b_i: the law through (s_j, δ_ij), a hat, times a factor.
 
     It is not taken from the pieces of the law, which has none for a point on the straight line of its neighbours.
 
-    kinks: (K,) 0, since only b moves;  s: (n,) of the points;  at: i;  odd: whether b is given for s ≥ 0 and mirrored
+    kinks: (K,) 0, since only b moves;  s: (n,) of the points;  factor: of b
     """
 
     law: FrictionLaw
     kinks: Array
     s: Array
-    at: int
-    odd: bool
+    hat: FrictionLaw
     factor: float
 
     def value(self, s: ArrayLike, piece: ArrayLike) -> Array:
-        """∂b/∂b_i at s (shape of s)."""
+        """∂b/∂b_i at s (shape of s), at a jump on its outer side where the law is odd."""
         s = np.asarray(s, dtype=float)
-        x = np.abs(s) if self.odd else s
-        i, own = self.at, self.s[self.at]
-        left = self.s[i - 1] if i else -np.inf
-        right = self.s[i + 1] if i + 1 < len(self.s) else np.inf
-        rise = np.where(np.isinf(left), 1.0, (x - left) / (own - left if own > left > -np.inf else 1.0))
-        fall = np.where(np.isinf(right), 1.0, (right - x) / (right - own if np.inf > right > own else 1.0))
-        below, above = (x < own) & (left < own), (x >= own) & (right > own)
-        hat = np.where(below, np.maximum(rise, 0.0), np.where(above, np.maximum(fall, 0.0), 0.0))
-        return self.factor * np.asarray(np.where(s < 0.0, -hat, hat) if self.odd else hat)
+        mirrored = (s < 0.0) & self._odd
+        return self.factor * np.where(mirrored, self.hat.b(s, -1), self.hat.b(s, +1))
 
     def potential(self, s: ArrayLike) -> Array:
         """∂j/∂b_i at s: the integral of the hat from 0 (shape of s)."""
-        x, at = np.abs(s) if self.odd else np.asarray(s, dtype=float), self.s
-        return self.factor * (self._from_left(x, at) - self._from_left(np.zeros_like(x), at))
+        return self.factor * self.hat.j(s)
 
-    def _from_left(self, x: Array, at: Array) -> Array:
-        """The primitive of the hat that is 0 on its left, or at its point where it has no left."""
-        i, own, last = self.at, at[self.at], len(at) - 1
-        left, right = at[max(i - 1, 0)], at[min(i + 1, last)]
-        rise = np.minimum(x - own, 0.0)
-        if i > 0:
-            rise = np.clip(x - left, 0.0, own - left) ** 2 / (2.0 * (own - left)) if own > left else 0.0 * x
-        fall = np.maximum(x - own, 0.0)
-        if i < last:
-            y = np.clip(x - own, 0.0, right - own)
-            fall = y - y**2 / (2.0 * (right - own)) if right > own else 0.0 * x
-        return np.asarray(rise + fall)
+    @property
+    def _odd(self) -> bool:
+        assert self.law.made is not None
+        return bool(self.law.made.values["odd"])
 
     def omega(self) -> float:
         """∂ω/∂b_i: NaN where the fall is not between two neighbouring points."""
-        law, at = self.law, self.s
+        law = self.law
         if not np.isfinite(law.omega) or law.omega == 0.0:
             return 0.0 if law.omega == 0.0 else float("nan")
-        left, right = law.kinks[:-1], law.kinks[1:]
-        change = []
-        for k in np.flatnonzero(law.q[1:-1] <= -law.omega * (1.0 - 1e-9)):
-            x, y = sorted(np.abs([left[k], right[k]])) if self.odd else (left[k], right[k])
-            between = bool(np.any((at > x) & (at < y)))
-            change.append(np.nan if between else (self._on(x, at) - self._on(y, at)) / (y - x))
-        return agreed(self.factor * np.array(change))
-
-    def _on(self, x: float, at: Array) -> float:
-        """1 at the point, 0 at the others."""
-        return float(x == at[self.at])
+        steepest = np.flatnonzero(law.q[1:-1] <= -law.omega * (1.0 - 1e-9))
+        left, right = law.kinks[:-1][steepest], law.kinks[1:][steepest]
+        ends = np.sort(np.abs([left, right]), axis=0) if self._odd else np.array([left, right])
+        between = np.any((self.s[:, None] > ends[0]) & (self.s[:, None] < ends[1]), axis=0)
+        middle = 0.5 * (left + right)
+        slope = self.hat.slope(middle, self.hat.piece(middle))
+        return agreed(self.factor * np.where(between, np.nan, -slope))
 
 
 def agreed(changes: Array) -> float:
@@ -193,9 +172,11 @@ def law_slopes(law: FrictionLaw, parameter: str) -> LawSlopes | PointSlopes:
         zero, share = np.zeros(len(law.q)), 1.0 / made.strength
         return LawSlopes(law, np.zeros(len(law.kinks)), zero, law.b_0 * share, law.q * share, law.a * share, zero)
     if parameter.startswith(f"{POINTS}."):
-        at, points = point_of(law, parameter), made.values[POINTS]
-        slips = np.array([s for s, _ in points], dtype=float)
-        return PointSlopes(law, np.zeros(len(law.kinks)), slips, at, made.values["odd"], made.strength)
+        at, slips, odd = point_of(law, parameter), [s for s, _ in made.values[POINTS]], made.values["odd"]
+        alone = not (odd and at == 0 and slips[1:2] == [0.0])  # of two points at 0 an odd law has the second only
+        points = [(s, float(alone and j == at)) for j, s in enumerate(slips)]
+        hat = SHAPES[made.shape].builder(points=points, odd=odd, slope=None, slopes=None)
+        return PointSlopes(law, np.zeros(len(law.kinks)), np.array(slips), hat, made.strength)
     value = made.values[parameter]
     if not isinstance(value, float):
         raise KeyError(parameter)

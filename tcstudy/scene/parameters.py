@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeVar
 
 from tcstudy.expressions.expression import Expression, parse
 from tcstudy.scene.fits import Sensitivity
@@ -20,20 +20,10 @@ from tcstudy.scene.keys import ROWS, law_rows, rows
 from tcstudy.scene.law_slopes import POINTS, number_of, point_of
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.nodal_laws import times
-from tcstudy.scene.records import (
-    Clamped,
-    Convection,
-    EdgeLaws,
-    Material,
-    Rigid,
-    Role,
-    Scalar,
-    Scene,
-    Traction,
-    resultant,
-)
+from tcstudy.scene.records import Clamped, EdgeLaws, Loaded, Material, Rigid, Role, Scalar, Scene, resultant
 
 Keys = tuple[str, ...]
+R = TypeVar("R")
 
 
 NUMBERS = ("number", "integer", "field", "component")
@@ -114,13 +104,13 @@ def sweepable(
     return found
 
 
-def _short_names() -> dict[str, str]:
-    names = {path[-1]: ".".join(path) for path in PLAIN if len(path) == 2}
-    laws = (path for path, one in sweepable({}, None).items() if path[0] == "friction" and one.row.kind in NUMBERS)
-    return {path[-1]: ".".join(path) for path in laws} | names
-
-
-SHORT = _short_names()
+SHORT = {
+    path[-1]: ".".join(path)
+    for path in (
+        *(path for path, one in sweepable({}, None).items() if path[0] == "friction" and one.row.kind in NUMBERS),
+        *(path for path in PLAIN if len(path) == 2),
+    )
+}
 """Short names: alpha for heat.alpha, k for material.k (a law's k is friction.k)."""
 
 
@@ -137,11 +127,10 @@ def path_scene(scene: Scene, parameter: tuple[str, ...], t: float) -> Scene:
     if section == "heat":
         return replace(scene, heat=_put(scene.heat, section, key, t))
     if section == "loads":
-        return replace(scene, f=_put(scene, section, key, t).f)
+        return _put(scene, section, key, t)
     if section == "boundary" and len(parameter) > 2:
-        edge = parameter[1]
-        boundary = tuple((name, _role(role, key, t) if name == edge else role) for name, role in scene.boundary)
-        return replace(scene, boundary=boundary)
+        roles = ((name, _role(role, key, t) if name == parameter[1] else role) for name, role in scene.boundary)
+        return replace(scene, boundary=tuple(roles))
     raise KeyError(".".join(parameter))
 
 
@@ -162,8 +151,6 @@ def with_number(scene: Scene, by: Sensitivity, value: float) -> Scene:
         edges = ("", *by.path)
         laws = ((edge, _law(law, name, value) if edge in edges else law, at) for edge, law, at in friction.laws)
         return replace(scene, friction=EdgeLaws(tuple(laws)))
-    if by.path == ("heat", "alpha"):
-        return replace(scene, heat=replace(scene.heat, alpha=value))
     material = scene.material
     if section == "material":
         return replace(scene, material=with_modulus(material, name, value, by.heat_grows))
@@ -172,20 +159,7 @@ def with_number(scene: Scene, by: Sensitivity, value: float) -> Scene:
             (at, with_modulus(m, name, value, by.heat_grows) if at == by.path[1] else m) for at, m in material.regions
         )
         return replace(scene, material=replace(material, regions=tuple(own)))
-    if section == "boundary" and (by.path[-2] == "spring" or name == "alpha"):
-        boundary = tuple(
-            (edge, _with_edge(role, name, value) if edge == by.path[1] else role) for edge, role in scene.boundary
-        )
-        return replace(scene, boundary=boundary)
     return path_scene(scene, by.path, value)
-
-
-def _with_edge(role: Any, name: str, value: float) -> Role:
-    """The role with another stiffness of its springs, or another α of its own."""
-    if name == "alpha":
-        return replace(role, heat=replace(role.heat, alpha=value))
-    normal, tangential = role.spring
-    return replace(role, spring=(value, tangential) if name == "normal" else (normal, value))
 
 
 def _law(law: FrictionLaw, name: str, value: float) -> FrictionLaw:
@@ -206,24 +180,21 @@ def affine_numbers(record: object, section: str) -> Iterator[tuple[Key, str, Sca
     """(key, name, value) of every number of a record in which the load is affine; u of a clamped edge is not among
     them, as its names depend on the frame, and nothing that is not given."""
     for row in rows(section).values():
-        if row.affine and hasattr(record, row.name):
-            value = getattr(record, row.name)
-            if value is None:
-                continue
+        value = getattr(record, row.name, None)
+        if row.affine and value is not None:
             for name, part in zip(row.numbers, value if row.kind == "vector" else (value,), strict=True):
                 yield row, name, part
 
 
-def _put(record: Any, section: str, key: str, t: float) -> Any:
-    """The record with one number put in."""
-    found = {row.name: (row, name) for row, name, _ in affine_numbers(record, section) if name == key}
-    if not found:
-        raise KeyError(key)
-    [(row, name)] = found.values()
-    if row.kind != "vector":
-        return replace(record, **{row.name: t})
-    parts = zip(row.numbers, getattr(record, row.name), strict=True)
-    return replace(record, **{row.name: tuple(t if part == name else value for part, value in parts)})
+def _put(record: R, section: str, key: str, t: float) -> R:
+    """The record with one number put in. Raises KeyError where it has none of this name."""
+    for row in rows(section).values():
+        value = getattr(record, row.name, None)
+        if key in row.numbers and value is not None:
+            parts = zip(row.numbers, value if row.kind == "vector" else (value,), strict=True)
+            new = tuple(t if name == key else part for name, part in parts)
+            return replace(record, **{row.name: new if row.kind == "vector" else t})  # type: ignore[type-var]
+    raise KeyError(key)
 
 
 def _role(role: Role, key: str, t: float) -> Role:
@@ -234,8 +205,9 @@ def _role(role: Role, key: str, t: float) -> Role:
         return replace(role, u=(role.u[0], t))
     if key in rows("edge_heat"):
         return replace(role, heat=_put(role.heat, "edge_heat", key, t))
-    found: Role = _put(role, "boundary", key, t)
-    return found
+    if isinstance(role, Loaded) and key in rows("spring"):
+        return replace(role, spring=(t, role.spring[1]) if key == "normal" else (role.spring[0], t))
+    return _put(role, "boundary", key, t)
 
 
 def _scaled_role(role: Role, factor: float) -> Role:
@@ -243,7 +215,7 @@ def _scaled_role(role: Role, factor: float) -> Role:
     if isinstance(role, Rigid):
         moment = None if role.moment is None else factor * role.moment
         return replace(role, force=(factor * x, factor * y), moment=moment)
-    if not isinstance(role, Traction | Convection):
+    if not isinstance(role, Loaded):
         return role
     g = (_scaled(role.g[0], factor), _scaled(role.g[1], factor))
     return replace(role, g=g, pressure=_scaled(role.pressure, factor), force=(factor * x, factor * y))

@@ -6,7 +6,6 @@ Swept parameters that change nothing, which the user should know before he reads
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cached_property
 from typing import Any, overload
 
 import numpy as np
@@ -16,12 +15,12 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.nodal_laws import Law, nodal
 from tcstudy.scene.records import Body, Clamped, EdgeLaws, Scene
-from tcstudy.scene.study import Study, Variant
+from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
 
-SECTIONS = ("boundary", "material", "f", "heat", "friction")
-"""Fields of a scene that a sweep may vary; the body belongs to all points."""
+SECTIONS = ("body", "boundary", "material", "f", "heat", "friction")
+"""Fields of a scene."""
 GEOMETRIC = ("body", "mesh")
 """Sections that make a geometry: what is swept of them is the outer loop of a run."""
 Which = NDArray[np.int32]
@@ -33,32 +32,40 @@ class Scenes(Sequence[Scene]):
     A sweep of 10⁶ points has a few records in each section: what is asked of all scenes is asked of `distinct` ones.
     """
 
-    def __init__(self, body: Body, records: Mapping[str, Sequence[Any]], which: Mapping[str, Which]) -> None:
-        """records: of each section;  which: (P,) index of the record that each point has, by section."""
-        self._body = body
-        self._records = {section: tuple(records[section]) for section in SECTIONS}
-        self._which = {section: np.asarray(which[section], dtype=np.int32) for section in SECTIONS}
+    def __init__(self, records: Mapping[str, Sequence[Any]], which: Mapping[str, Which]) -> None:
+        """records: that points have, of each section;  which: (P,) index of that of each point, by section."""
+        self.records = {section: tuple(records[section]) for section in SECTIONS}
+        self.which = {section: np.asarray(which[section], dtype=np.int32) for section in SECTIONS}
+        self._combinations: dict[tuple[str, ...], tuple[NDArray[np.intp], NDArray[np.intp]]] = {}
 
     @classmethod
-    def of(cls, scenes: Sequence[Scene]) -> Scenes | tuple[()]:
-        """Scenes that are there already, of one body; equal records are kept once."""
+    def of(cls, scenes: Sequence[Scene]) -> Scenes:
+        """Scenes that are there already; equal records are kept once."""
         if isinstance(scenes, Scenes):
             return scenes
-        if not scenes:
-            return ()
-        records: dict[str, dict[Any, int]] = {section: {} for section in SECTIONS}
-        which = {section: np.empty(len(scenes), dtype=np.int32) for section in SECTIONS}
-        for section, known in records.items():
-            for i, scene in enumerate(scenes):
-                which[section][i] = known.setdefault(getattr(scene, section), len(known))
-        return cls(scenes[0].body, {section: list(known) for section, known in records.items()}, which)
+        every = np.arange(len(scenes), dtype=np.int32)
+        one_each = cls({s: [getattr(x, s) for x in scenes] for s in SECTIONS}, dict.fromkeys(SECTIONS, every))
+        return cls.joined([(one_each, every)])
+
+    @classmethod
+    def joined(cls, parts: Sequence[tuple[Sequence[Scene], NDArray[np.integer]]]) -> Scenes:
+        """Scenes of several sweeps, each again and again at its places in one; equal records are kept once."""
+        known: dict[str, dict[Any, int]] = {section: {} for section in SECTIONS}
+        total = sum(len(places) for _, places in parts)
+        which = {section: np.empty(total, dtype=np.int32) for section in SECTIONS}
+        for scenes, places in parts:
+            own = cls.of(scenes)
+            for section, records in known.items():
+                at = [records.setdefault(record, len(records)) for record in own.records[section]]
+                which[section][places] = np.resize(np.array(at, dtype=np.int32)[own.which[section]], len(places))
+        return cls({section: tuple(records) for section, records in known.items()}, which)
 
     def on(self, body: Body) -> Scenes:
         """The same on another body."""
-        return Scenes(body, self._records, self._which)
+        return Scenes(self.records | {"body": (body,)}, self.which)
 
     def __len__(self) -> int:
-        return len(self._which["friction"])
+        return len(self.which["friction"])
 
     @overload
     def __getitem__(self, index: int) -> Scene: ...
@@ -67,11 +74,7 @@ class Scenes(Sequence[Scene]):
     def __getitem__(self, index: int | slice) -> Scene | tuple[Scene, ...]:
         if isinstance(index, slice):
             return tuple(self[i] for i in range(*index.indices(len(self))))
-        record = {section: self._records[section][self._which[section][index]] for section in SECTIONS}
-        return Scene(self._body, **record)
-
-    def __iter__(self) -> Iterator[Scene]:
-        return (self[i] for i in range(len(self)))
+        return Scene(**{section: self.records[section][self.which[section][index]] for section in SECTIONS})
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Sequence) or len(other) != len(self):
@@ -79,64 +82,23 @@ class Scenes(Sequence[Scene]):
         return all(a == b for a, b in zip(self, other, strict=True))
 
     def __hash__(self) -> int:
-        return hash((self._body, len(self), self._records["heat"], self._records["material"]))
+        return hash((len(self), self.records["body"], self.records["heat"], self.records["material"]))
 
     def __repr__(self) -> str:
         return f"<{len(self)} scenes>"
 
-    def records(self, section: str) -> tuple[Any, ...]:
-        """The records of a section that points have."""
-        return self._records[section]
-
-    def which(self, *sections: str) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def combined(self, *sections: str) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """(first, of): a point with each distinct combination of the sections, and (P,) the combination of a point."""
-        return self._combinations[sections] if sections in self._combinations else self._combine(sections)
-
-    @cached_property
-    def _combinations(self) -> dict[tuple[str, ...], tuple[NDArray[np.intp], NDArray[np.intp]]]:
-        return {}
-
-    def _combine(self, sections: tuple[str, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        code = np.zeros(len(self), dtype=np.int64)
-        for section in sections:
-            code = code * len(self._records[section]) + self._which[section]
-        _, first, of = np.unique(code, return_index=True, return_inverse=True)
-        order = np.argsort(first)
-        rank = np.empty_like(order)
-        rank[order] = np.arange(len(order))
-        self._combinations[sections] = first[order], rank[of]
+        if sections not in self._combinations:
+            code = np.zeros(len(self), dtype=np.int64)
+            for section in sections:
+                code = code * len(self.records[section]) + self.which[section]
+            _, first, of = np.unique(code, return_index=True, return_inverse=True)
+            order = np.argsort(first)
+            rank = np.empty_like(order)
+            rank[order] = np.arange(len(order))
+            self._combinations[sections] = first[order], rank[of]
         return self._combinations[sections]
-
-
-class VariantScenes(Sequence[Scene]):
-    """The scenes of all variants in the order of the whole sweep; a refused one has those of the first that is not."""
-
-    def __init__(self, variants: Sequence[Variant]) -> None:
-        self._known = next(one.study for one in variants if one.study is not None)
-        self._variants = tuple(variants)
-        total = sum(len(one.places) for one in variants)
-        self._of, self._at = np.empty(total, dtype=np.intp), np.empty(total, dtype=np.intp)
-        for number, one in enumerate(variants):
-            self._of[one.places], self._at[one.places] = number, np.arange(len(one.places))
-
-    def __len__(self) -> int:
-        return len(self._of)
-
-    @overload
-    def __getitem__(self, index: int) -> Scene: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[Scene, ...]: ...
-    def __getitem__(self, index: int | slice) -> Scene | tuple[Scene, ...]:
-        if isinstance(index, slice):
-            return tuple(self[i] for i in range(*index.indices(len(self))))
-        study = self._variants[self._of[index]].study or self._known
-        return study.scenes[int(self._at[index])]
-
-    def __iter__(self) -> Iterator[Scene]:
-        return (self[i] for i in range(len(self)))
-
-    def __repr__(self) -> str:
-        return f"<{len(self)} scenes of {len(self._variants)} geometries>"
 
 
 def distinct(scenes: Sequence[Scene], *sections: str) -> tuple[Scene, ...]:
@@ -146,11 +108,8 @@ def distinct(scenes: Sequence[Scene], *sections: str) -> tuple[Scene, ...]:
 
 def combinations(scenes: Sequence[Scene], *sections: str) -> tuple[tuple[Scene, ...], NDArray[np.intp]]:
     """`distinct` scenes, and (P,) which of them each point is like."""
-    if not isinstance(scenes, Scenes):
-        scenes = Scenes.of(scenes)
-    if not isinstance(scenes, Scenes):
-        return (), np.zeros(0, dtype=np.intp)
-    first, of = scenes.which(*sections)
+    scenes = Scenes.of(scenes)
+    first, of = scenes.combined(*sections)
     return tuple(scenes[int(i)] for i in first), of
 
 

@@ -132,8 +132,8 @@ class Rigid(Clamped):
 
 
 @dataclass(frozen=True)
-class Traction:
-    """Γ_N: σn = g − p n + force/|Γ| − k_N u_N n − k_T u_T t.
+class Loaded:
+    """What an edge of Γ_N carries: σn = g − p n + force/|Γ| − k_N u_N n − k_T u_T t.
 
     g:        in x and y [Pa];  pressure: positive when it pushes [Pa]
     force:    a resultant spread evenly over the edge, per unit thickness [N/m]
@@ -148,6 +148,11 @@ class Traction:
 
 
 @dataclass(frozen=True)
+class Traction(Loaded):
+    """Γ_N."""
+
+
+@dataclass(frozen=True)
 class Contact:
     """Γ_C: u_N = 0 and −S_T ∈ b̂(u_T), eq. (4)."""
 
@@ -155,14 +160,8 @@ class Contact:
 
 
 @dataclass(frozen=True)
-class Convection:
+class Convection(Loaded):
     """Γ_θ: −k∂θ/∂n = α(θ − θ̄), eq. (5); loaded and supported as `Traction` is, or not at all."""
-
-    g: tuple[Scalar, Scalar] = (0.0, 0.0)
-    pressure: Scalar = 0.0
-    heat: EdgeHeat | None = None
-    force: tuple[float, float] = (0.0, 0.0)
-    spring: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -172,12 +171,12 @@ class Free:
     heat: EdgeHeat | None = None
 
 
-Role = Clamped | Traction | Contact | Convection | Free
+Role = Clamped | Loaded | Contact | Free
 
 
 def resultant(role: Role) -> tuple[float, float]:
     """The force that is spread over an edge, or moves it as a whole, in x and y [N/m]."""
-    return role.force if isinstance(role, Traction | Convection | Rigid) else (0.0, 0.0)
+    return role.force if isinstance(role, Loaded | Rigid) else (0.0, 0.0)
 
 
 def exchanges(role: Role) -> bool:
@@ -319,7 +318,7 @@ class Scene:
     @property
     def springs(self) -> tuple[tuple[str, float, float], ...]:
         """(edge, k_N, k_T) of the edges that rest on springs [Pa/m]."""
-        loaded = ((name, role) for name, role in self.boundary if isinstance(role, Traction | Convection))
+        loaded = ((name, role) for name, role in self.boundary if isinstance(role, Loaded))
         return tuple((name, *role.spring) for name, role in loaded if any(role.spring))
 
     @property

@@ -42,10 +42,8 @@ def _with_file(content: bytes | None, function: Callable[..., T], study: Study, 
         assert body.brep is not None
         path = Path(folder, body.brep.path.name)
         path.write_bytes(content)
-        scenes = Scenes.of(study.scenes)
-        assert isinstance(scenes, Scenes)
         own = replace(body, brep=replace(body.brep, path=path))
-        return function(replace(study, scenes=scenes.on(own)), *given)
+        return function(replace(study, scenes=Scenes.of(study.scenes).on(own)), *given)
 
 
 def solve_geometry(study: Study) -> list[LevelRecord | BlockRecord]:

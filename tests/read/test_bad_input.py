@@ -122,6 +122,13 @@ def test_a_swept_key_may_not_contradict_a_given_one() -> None:
     assert line.startswith("study.yaml:20:10: sweep.beta[0]: both alpha_T and beta are given")
 
 
+def test_a_swept_key_of_a_section_that_is_no_mapping() -> None:
+    text = changed("mesh: {maxh: 0.2, levels: 2}", "mesh: 5").replace("alpha: [25, 100]", "mesh.maxh: [0.2, 0.1]")
+    lines = problems(text)
+    assert len(lines) == 1
+    assert lines[0].startswith("study.yaml:17:7: mesh: must be a mapping, but is the number 5; ")
+
+
 def test_a_text_with_a_unit_is_refused_in_a_dimensionless_study() -> None:
     lines = problems("units: none\n" + BASE)
     assert len(lines) == 11

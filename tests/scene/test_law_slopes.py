@@ -92,6 +92,8 @@ def test_the_steepest_fall_between_points() -> None:
     assert [law_slopes(law, f"points.{i}").omega() for i in range(3)] == pytest.approx([2.0, -2.0, 0.0])
     law = SHAPES["piecewise-linear"].build(points=[(0.0, 1.0), (0.5, 0.5), (1.0, 0.0)])
     assert np.isnan(law_slopes(law, "points.1").omega())
+    law = SHAPES["piecewise-linear"].build(points=[(0.0, 1.0), (1.0, 0.5), (1.0, 2.0), (2.0, 1.0)])
+    assert [law_slopes(law, f"points.{i}").omega() for i in range(4)] == pytest.approx([0.0, 0.0, 1.0, -1.0])
 
 
 def test_strength_is_a_factor_and_others_are_refused() -> None:

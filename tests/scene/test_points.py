@@ -58,7 +58,7 @@ def test_a_million_points_are_their_axes():
     study = tcstudy.load(QUICKSTART, [f"sweep={{alpha: {values}, theta_bar: {values}, friction.tau_s: {values}}}"])
     assert len(study.scenes) == 10**6
     assert isinstance(study.scenes, Scenes)
-    assert len(study.scenes.records("heat")) == 10**4
+    assert len(study.scenes.records["heat"]) == 10**4
     last = study.scenes[10**6 - 2]
     assert (last.heat.alpha, last.heat.theta_bar) == (100, 100)
     assert last.friction.b(0.0, +1) == pytest.approx(99.0)

@@ -114,6 +114,13 @@ def test_a_geometry_that_cannot_be_is_a_status_with_its_reason(tmp_path: Path) -
     assert any(note.startswith("refused, parameters.height = 10 mm: body.holes[0]: ") for note in notes)
 
 
+def test_a_refused_geometry_of_more_points_than_the_first_other() -> None:
+    points = ", ".join(f"{{body.rectangle.width: {width}, E: {E}}}" for width, E in ((1e-9, 1), (1e-9, 2), (3, 4)))
+    study = read_study_text(BAR[: BAR.index("sweep:")] + f"sweep: {{mode: list, points: [{points}]}}")
+    assert [one.reason != "" for one in study.variants] == [True, False]
+    assert [scene.material.E for scene in study.scenes] == [4, 4, 4]
+
+
 def test_lists_and_draws_share_what_has_one_geometry(tmp_path: Path) -> None:
     """Points of a list with equal geometries are one run; the text and options in a group are that study."""
     points = ", ".join(f"{{mesh.maxh: {h} mm, E: {E} GPa}}" for h, E in ((20, 1), (10, 1), (20, 2)))
