@@ -35,12 +35,14 @@ class Node:
     value: a scalar, a mapping of nodes or a sequence of nodes
     path:  key path where the user wrote the value, e.g. "sweep.alpha[1]"
     mark:  where the value stands;  key_mark: where its key stands (its own place in a list)
+    shown_in: of a number that stands nowhere, as in a linspace: the unit for messages and its size
     """
 
     value: Scalar | Mapping[str, Node] | tuple[Node, ...]
     path: str
     mark: Mark
     key_mark: Mark
+    shown_in: tuple[str, float] | None = None
 
     def plain(self) -> object:
         """The value without marks: scalars, dicts and lists."""
@@ -77,21 +79,23 @@ class Node:
         return f"the text {self.brief()!r}" if isinstance(self.value, str) else f"the number {self.brief()}"
 
     def brief(self) -> str:
-        """The text, shortened so that a message stays one readable line."""
+        """The text, shortened so that a message stays one readable line; numbers that stand nowhere in six digits."""
         text = self.text()
+        if self.shown_in is not None and isinstance(self.value, float):
+            text = f"{self.value / self.shown_in[1]:.6g} {self.shown_in[0]}".rstrip()
         return text if len(text) <= 60 else text[:57] + "..."
 
 
 class Collector:
     """The problems found so far. Faults are collected, never raised one by one.
 
-    point: text that names the sweep point being read; empty while the base study is read
+    geometry, point: words for the geometry and the sweep point being read; empty while the base study is read
     drawn: whether the values of sweep points stand nowhere in the file, so that every fault must name the point
     """
 
     def __init__(self) -> None:
         self.problems: list[Problem] = []
-        self.point = ""
+        self.geometry = self.point = ""
         self.drawn = False
         self._count = 0
         self._places: set[tuple[Mark, str]] = set()
@@ -124,11 +128,11 @@ class Collector:
         self._count += 1
         if mark in self._unreadable:
             return
-        if self.point:
-            if (mark, key) in self._places:
-                return
-            if self.drawn or not key.startswith("sweep"):
-                what = f"{what} (at the sweep point {self.point})"
+        if self.point and (mark, key) in self._places:
+            return
+        words = ", ".join(filter(None, (self.geometry, self.point)))
+        if words and (self.drawn or not key.startswith("sweep")):
+            what = f"{what} ({'' if self.drawn and self.point else 'with '}{words})"
         problem = Problem(mark.file, mark.line, mark.column, key, what, remedy)
         self._places.add((mark, key))
         if problem not in self._seen:

@@ -25,7 +25,7 @@ from tcstudy.read.node import Mark, Node
 from tcstudy.scene import keys as table
 from tcstudy.scene.designs import ENDS, PARAMETERS, SALTELLI, Cube, Design, Distribution, count, cube
 from tcstudy.scene.parameters import NUMBERS, WHOLE, Parameter
-from tcstudy.scene.units import NONE, NUMBER, UnitError, split_quantity, to_si
+from tcstudy.scene.units import NONE, NUMBER, UnitError, common_unit, split_quantity, to_si
 
 CELL = re.compile(r'\s*("(?:[^"]|"")*"|[^,"]*)\s*(?:,|$)')
 HEAD = re.compile(r"([^\s\[\]]+)\s*(?:\[(.+)\])?")
@@ -166,7 +166,15 @@ def draw(ctx: Context, design: Design, items: Mapping[str, tuple[Node, Parameter
     if not items or any(found is None for found in read.values()):
         return {}
     u = cube(design, len(items))
-    return {key: _at(items[key][0], found, u[:, j]) for j, (key, found) in enumerate(read.items()) if found}
+    units = {key: _unit(node, p) if ctx.units == "SI" else ("", 1.0) for key, (node, p) in items.items()}
+    return {key: _at(items[key][0], found, u[:, j], units[key]) for j, (key, found) in enumerate(read.items()) if found}
+
+
+def _unit(node: Node, parameter: Parameter) -> tuple[str, float]:
+    """The unit in which the numbers of a distribution are written, and its size in SI."""
+    inner = next(iter(node.value.values())).value if isinstance(node.value, Mapping) else ()
+    entries = inner.values() if isinstance(inner, Mapping) else inner if isinstance(inner, tuple) else ()
+    return common_unit([entry.value for entry in entries if isinstance(entry.value, str)], parameter.row.dimension)
 
 
 Choice = dict[str, Node] | tuple[Node, ...]
@@ -226,10 +234,10 @@ def _named(ctx: Context, node: Node, parameter: Parameter) -> Distribution | Cho
     return found
 
 
-def _at(node: Node, found: Distribution | Choice | None, u: Cube) -> DrawnAxis:
-    """The values at points in (0, 1)."""
+def _at(node: Node, found: Distribution | Choice | None, u: Cube, unit: tuple[str, float]) -> DrawnAxis:
+    """The values at points in (0, 1). unit: in which they are shown, and its size."""
     if isinstance(found, Distribution):
-        values = tuple(Node(value, node.path, node.mark, node.key_mark) for value in found.at(u).tolist())
+        values = tuple(Node(value, node.path, node.mark, node.key_mark, unit) for value in found.at(u).tolist())
         return DrawnAxis(values, (), str(found))
     assert found is not None
     entries = tuple(found.values()) if isinstance(found, dict) else found

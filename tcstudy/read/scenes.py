@@ -168,7 +168,7 @@ class SceneReader:
         drawn = self.sweep.design is not None and bool(key)
         named = ((i, key[0]) for i in self.order) if drawn else zip(axes, key, strict=True)
         words = ", ".join(f"{self.sweep.axes[i].key} = {_shown(self.sweep.axes[i], at)}" for i, at in named)
-        return f"{key[0]}: {words}" if drawn else words
+        return f"drawn point {key[0]}: {words}" if drawn else words
 
     def _put(self, section: str, key: Indices) -> Node | None:
         """The study with nothing but the section, swept values put in."""
@@ -234,5 +234,5 @@ class SceneReader:
 
 
 def _shown(axis: SweptAxis, index: int) -> str:
-    """A value of an axis: its text, or its label where that is a name."""
+    """A value of an axis in words: its text, or its label where that is a name."""
     return str(axis.labels[index]) if axis.parameter.is_whole else axis.values[index].brief()

@@ -1,8 +1,6 @@
 """Reads the section `sweep`: which parameters take which values, and how they are combined.
 
 The values stay nodes of the study: a sweep point is the study with these nodes put at their paths.
-
-The values of one swept parameter, and the labels that stand for them in the data.
 """
 
 from __future__ import annotations
@@ -20,7 +18,7 @@ from tcstudy.scene.designs import DESIGNS, Design
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.parameters import FIXED, NUMBERS, SHORT, Keys, Parameter
 from tcstudy.scene.study import Axis
-from tcstudy.scene.units import Dimension
+from tcstudy.scene.units import Dimension, common_unit
 
 MODES = table.row("sweep", "mode").words
 
@@ -271,7 +269,9 @@ def records(sweep: Sweep, units: str) -> tuple[Axis, ...]:
         numbers = all(isinstance(label, float) for label in axis.labels)
         cf = axis.parameter.row.dimension.cf if numbers and units == "SI" else "1"
         values = tuple(value.plain() for value in axis.values)
-        axes.append(Axis(name, path, values, axis.labels, cf, axis.distribution))
+        unit = axis.values[0].shown_in or common_unit(values, axis.parameter.row.dimension)
+        written = unit if numbers and units == "SI" and unit[1] != 1.0 else ("", 1.0)
+        axes.append(Axis(name, path, values, axis.labels, cf, axis.distribution, written))
     return tuple(axes)
 
 
@@ -325,7 +325,8 @@ def _spaced(ctx: Context, node: Node, dimension: Dimension) -> tuple[Node, ...]:
     if len(ctx.errors) > before:
         return ()
     numbers = [_between(kind, a, b, i / (n - 1)) for i in range(n)]
-    return tuple(Node(value, item.path, item.mark, item.key_mark) for value in numbers)
+    unit = common_unit([end.value for end in item.value[:2]], dimension) if ctx.units == "SI" else ("", 1.0)
+    return tuple(Node(value, item.path, item.mark, item.key_mark, unit) for value in numbers)
 
 
 def _between(kind: str, a: float, b: float, t: float) -> float:

@@ -10,13 +10,13 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tcstudy.errors import StudyError
+from tcstudy.errors import Problem, StudyError
 from tcstudy.read.body import oversized, read_body
 from tcstudy.read.checks import mesh_faults
 from tcstudy.read.document import with_sweep
@@ -85,20 +85,14 @@ def read_variants(
     """
     outer = geometric(root, sweep)
     variants: list[Variant] = []
-    for index, places, rest in _geometries(sweep, outer):
-        values = [sweep.axes[i].values[k] for i, k in zip(outer, index, strict=True)]
-        words = ", ".join(_said_of(sweep.axes[i], value) for i, value in zip(outer, values, strict=True))
-        own = root
-        for i, value in zip(outer, values, strict=True):
-            with suppress(KeyError):  # something else stands there, which the section's reader records
-                own = put(own, split_path(".".join(sweep.axes[i].parameter.path)) or (), value)
-        inner = Context(Collector(), ctx.units, ctx.folder, ctx.named)
-        inner.errors.point = words
-        if own.child("parameters"):
-            inner.named = read_parameters(inner, own.child("parameters"))
-        reason = _refusal(inner, own, rest)
-        study = None if reason else read(inner, own, rest, _said(overrides, sweep, outer, values, rest))
-        variants.append(Variant(words, index, places, study, reason))
+    geometries = list(_geometries(root, sweep, outer, overrides))
+    for one in geometries:
+        try:
+            found = _read_one(ctx, one, read, one.words)
+        except StudyError:
+            raise StudyError(_said_where(ctx, one, geometries, read)) from None
+        study, reason = (None, found) if isinstance(found, str) else (found, "")
+        variants.append(Variant(one.words, one.index, one.places, study, reason))
     first = next((one.study for one in variants if one.study is not None), None)
     if first is None:
         what = f"no geometry of the sweep can be made ({variants[0].words}: {variants[0].reason})"
@@ -121,7 +115,64 @@ def whole(study: Study, variants: tuple[Variant, ...], **own: object) -> Study:
     return replace(study, scenes=scenes, variants=variants, **own)  # type: ignore[arg-type]
 
 
-def _geometries(sweep: Sweep, outer: list[int]) -> list[tuple[tuple[int, ...], np.ndarray, Sweep]]:
+@dataclass(frozen=True, eq=False)
+class _Geometry:
+    """The study with the swept numbers of one geometry put in.
+
+    index: places of the values of the outer axes;  places: of the points;  rest: what of the sweep is left
+    said:  options with which the text of the whole study is that of this geometry
+    """
+
+    words: str
+    index: tuple[int, ...]
+    places: np.ndarray
+    root: Node
+    rest: Sweep
+    said: tuple[str, ...]
+
+
+def _geometries(root: Node, sweep: Sweep, outer: list[int], overrides: tuple[str, ...]) -> Iterator[_Geometry]:
+    """The geometries of a sweep in order."""
+    for index, places, rest in _combinations(sweep, outer):
+        axes = [sweep.axes[i] for i in outer]
+        values = [axis.values[k] for axis, k in zip(axes, index, strict=True)]
+        words = ", ".join(f"{axis.key} = {value.brief()}" for axis, value in zip(axes, values, strict=True))
+        own = root
+        for axis, value in zip(axes, values, strict=True):
+            with suppress(KeyError):  # something else stands there, which the section's reader records
+                own = put(own, split_path(".".join(axis.parameter.path)) or (), value)
+        yield _Geometry(words, index, places, own, rest, _said(overrides, sweep, outer, values, rest))
+
+
+def _read_one(ctx: Context, one: _Geometry, read: Callable[..., Study], words: str) -> Study | str:
+    """The study of a geometry, or why it is refused. words: for the geometry in faults. Raises StudyError."""
+    inner = Context(Collector(), ctx.units, ctx.folder, ctx.named)
+    inner.errors.geometry = words
+    if names := one.root.child("parameters"):
+        inner.named = read_parameters(inner, names)
+    return _refusal(inner, one.root, one.rest) or read(inner, one.root, one.rest, one.said)
+
+
+def _said_where(
+    ctx: Context, one: _Geometry, geometries: Sequence[_Geometry], read: Callable[..., Study]
+) -> Sequence[Problem]:
+    """The faults of a geometry, in its words unless another geometry has the same."""
+
+    def faults(of: _Geometry, words: str) -> Sequence[Problem]:
+        try:
+            _read_one(ctx, of, read, words)
+        except StudyError as error:
+            return error.problems
+        return ()
+
+    elsewhere = [fault for other in (geometries[0], geometries[-1]) if other is not one for fault in faults(other, "")]
+    return [
+        plain if plain in elsewhere else fault
+        for plain, fault in zip(faults(one, ""), faults(one, one.words), strict=True)
+    ]
+
+
+def _combinations(sweep: Sweep, outer: list[int]) -> list[tuple[tuple[int, ...], np.ndarray, Sweep]]:
     """(places of the values of the outer axes, places of the points, what of the sweep is left) of every geometry."""
     inner = [i for i in range(len(sweep.axes)) if i not in outer]
     if sweep.mode == "grid":
@@ -190,10 +241,3 @@ def _values(axis: SweptAxis) -> object:
     """The values of an axis of a grid as a sweep has them."""
     plain = [value.plain() for value in axis.values]
     return dict(zip(map(str, axis.labels), plain, strict=True)) if axis.parameter.is_whole else plain
-
-
-def _said_of(axis: SweptAxis, value: Node) -> str:
-    """A swept value as people write it; one of a linspace, which stands nowhere, in six digits and its SI unit."""
-    if not isinstance(value.value, float):
-        return f"{axis.key} = {value.brief()}"
-    return f"{axis.key} = {value.value:.6g} {axis.parameter.row.dimension.si}".rstrip()

@@ -134,7 +134,7 @@ def fitting(
         axis = data[name]
         place = int(np.argmax(_fits(name, axis, wanted[name], "file"))) if name in wanted else 0
         keep &= labels[name] == axis.values[place]
-        shown, unit = scaled_labels(axis.values.tolist(), str(axis.attrs.get("units", "1")), 6)
+        shown, unit = scaled_labels(axis.values.tolist(), axis.attrs, 6)
         fixed.append(Fixed(name, shown[place], unit, name not in wanted and len(shown) > 1))
     if not keep.any():
         raise DrawError(f"no point of the file has {' and '.join(one.words for one in fixed)} together")
@@ -178,7 +178,7 @@ def describe(data: Any, where: Mapping[str, int]) -> str:
     parts = []
     for name in axis_names(data):
         axis = data[name]
-        shown, unit = scaled_labels(axis.values.tolist(), str(axis.attrs.get("units", "1")), 6)  # one for a whole axis
+        shown, unit = scaled_labels(axis.values.tolist(), axis.attrs, 6)  # one for a whole axis
         parts.append(f"{name} = {shown[where[str(axis.dims[0])]]}" + (f" {unit}" if unit != "1" else ""))
     return ", ".join(parts)
 

@@ -26,7 +26,7 @@ from tcstudy.reports.select_point import (
     parameter,
     quantity,
 )
-from tcstudy.reports.text import axis_unit, counted, labels, named
+from tcstudy.reports.text import axis_unit, counted, labels, named, study_unit
 
 Array = NDArray[np.float64]
 SAME = 1e-9
@@ -141,7 +141,7 @@ def _parameter(axis: Any, name: str, held: NDArray[Any]) -> DrawnParameter:
         place = np.array([texts.index(str(one)) for one in held], dtype=np.intp)
         return DrawnParameter(name, tuple(texts), None, "1", place)
     different, place = np.unique(held, return_inverse=True)
-    divisor, unit = axis_unit(different, str(axis.attrs["units"]))
+    divisor, unit = study_unit(axis.attrs) or axis_unit(different, str(axis.attrs["units"]))
     numbers = different / divisor
     drawn = "distribution" in axis.attrs
     return DrawnParameter(name, tuple(labels(numbers.tolist())), numbers, unit, place.ravel(), drawn)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -115,10 +115,20 @@ POWER_FIRST = re.compile(r"[A-Za-z]+-?\d")
 """Units that begin with a power (K-1) take no prefix: it would be raised to the power as well."""
 
 
-def scaled_labels(values: Sequence[float | str], units: str, digits: int = 4) -> tuple[list[str], str]:
-    """(`labels`, units), with an SI prefix where that spares powers of ten: 2e+06 Pa is 2 MPa."""
-    shown = labels(values, digits)
+def study_unit(attrs: Mapping[str, Any]) -> tuple[float, str] | None:
+    """(divisor, unit) in which a study writes the values of a swept parameter; None if it has SI units, or several."""
+    return (float(attrs["study_unit_size"]), str(attrs["study_unit"])) if "study_unit" in attrs else None
+
+
+def scaled_labels(values: Sequence[float | str], attrs: Mapping[str, Any], digits: int = 4) -> tuple[list[str], str]:
+    """(`labels`, unit) of a swept parameter: in the study's own unit, else with an SI prefix where that spares powers.
+
+    attrs: of its coordinate; 2e+06 Pa is 2 MPa
+    """
     numbers = [value for value in values if not isinstance(value, str)]
+    if own := study_unit(attrs):
+        return labels([value / own[0] for value in numbers], digits), own[1]
+    shown, units = labels(values, digits), str(attrs.get("units", "1"))
     texts = len(numbers) < len(values)  # expressions are in the unit without a prefix
     if texts or POWER_FIRST.match(units) or not any("e" in one for one in shown):
         return shown, units

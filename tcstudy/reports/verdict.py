@@ -6,7 +6,7 @@ and pictures: the sentence of a file of a million points takes no longer than it
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,14 +37,14 @@ class RunSeen:
     """A run as the sentence sees it.
 
     dims:   sweep dimensions;  levels: how many;  mode: "grid" or "list"
-    labels: values and unit along a dimension, by name
+    labels: values and attributes along a dimension, by name
     take:   values of a variable on one level, counted from the end, (*dims, …); None if the file has none
     """
 
     dims: tuple[str, ...]
     levels: int
     mode: str
-    labels: Callable[[str], tuple[NDArray[Any], str]]
+    labels: Callable[[str], tuple[NDArray[Any], Mapping[str, Any]]]
     take: Callable[[str, int], NDArray[Any] | None]
 
     @classmethod
@@ -55,8 +55,8 @@ class RunSeen:
         def take(name: str, level: int) -> NDArray[Any] | None:
             return np.asarray(data[name].isel(level=level).transpose(*dims, ...).values) if name in data else None
 
-        def labels(dim: str) -> tuple[NDArray[Any], str]:
-            return data[dim].values, str(data[dim].attrs.get("units", "1"))
+        def labels(dim: str) -> tuple[NDArray[Any], Mapping[str, Any]]:
+            return data[dim].values, data[dim].attrs
 
         return cls(dims, int(data.sizes["level"]), str(data.attrs["sweep_mode"]), labels, take)
 
@@ -80,8 +80,8 @@ def of_file(path: Path) -> str:
                 return None
             return np.asarray(nc[name][(slice(None),) * len(dims) + (nc.dimensions["level"].size + level,)])
 
-        def labels(dim: str) -> tuple[NDArray[Any], str]:
-            return np.asarray(nc[dim][...]), str(getattr(nc[dim], "units", "1"))
+        def labels(dim: str) -> tuple[NDArray[Any], Mapping[str, Any]]:
+            return np.asarray(nc[dim][...]), nc[dim].__dict__
 
         run = RunSeen(dims, int(nc.dimensions["level"].size), str(nc.sweep_mode), labels, take)
         return str(verdict(run)["text"])
@@ -196,6 +196,6 @@ def _between(run: RunSeen, name: str, at: int, where: dict[str, int]) -> str:
 
 def _shown(run: RunSeen, name: str) -> tuple[list[str], str]:
     """The labels of an axis and their unit as it is read."""
-    values, units = run.labels(name)
-    shown, unit = scaled_labels(values.tolist(), units)
+    values, attrs = run.labels(name)
+    shown, unit = scaled_labels(values.tolist(), attrs)
     return shown, pretty(unit) if unit != "1" else ""

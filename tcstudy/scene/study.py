@@ -222,12 +222,11 @@ class SolverPlan:
 class Axis:
     """One swept parameter.
 
-    name:   dimension and coordinate name in the data, e.g. "alpha", "friction"
-    path:   key path in the study, e.g. ("heat", "alpha")
+    name:   dimension and coordinate name in the data, "alpha";  path: key path in the study, ("heat", "alpha")
     values: what is put at the path, point by point (plain YAML values)
     labels: numbers (SI) or texts that stand in the data's coordinate
-    units:  units of the labels, "1" for texts
-    distribution: that the values were drawn from, in words; empty if they were not drawn
+    units:  units of the labels, "1" for texts;  distribution: that they were drawn from, in words; empty if not drawn
+    written: unit that the study writes the numbers in, and its size in SI; ("", 1) if that is SI, or not one
     """
 
     name: str
@@ -236,6 +235,7 @@ class Axis:
     labels: tuple[float | str, ...]
     units: str
     distribution: str = ""
+    written: tuple[str, float] = ("", 1.0)
 
 
 @dataclass(frozen=True)

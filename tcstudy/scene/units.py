@@ -7,6 +7,7 @@ units with an offset (degC), because temperatures are counted from the stress-fr
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from decimal import Decimal, DecimalException
 from functools import lru_cache
@@ -117,6 +118,19 @@ def _in_si(value: object, dimension: Dimension) -> float:
         return to_si(*parts, dimension) if parts is not None else float("nan")
     except UnitError:
         return float("nan")
+
+
+def common_unit(values: Iterable[object], dimension: Dimension) -> tuple[str, float]:
+    """The unit that all numbers of a study are written in, and its size in SI; the SI unit if they have none in common.
+
+    A zero needs no unit.
+    """
+    units = {str(value).lstrip("+-.0123456789eE ").rstrip() for value in values if value != 0}
+    unit = units.pop() if len(units) == 1 else ""
+    try:
+        return "µm" if unit == "um" else unit or dimension.si, to_si("1", unit, dimension) if unit else 1.0
+    except UnitError:  # a text that its reader refuses
+        return dimension.si, 1.0
 
 
 @lru_cache(maxsize=64)

@@ -180,7 +180,7 @@ def test_a_law_that_fails_at_one_point_names_the_point() -> None:
     with pytest.raises(StudyError) as caught:
         read_study_text(TEXT + "sweep: {tau_k: [0.4, 0.5]}\n")
     assert len(caught.value.problems) == 1
-    assert "at the sweep point tau_k = 0.5" in str(caught.value)
+    assert "(with tau_k = 0.5)" in str(caught.value)
 
 
 def test_smooth_kinks_are_allowed() -> None:

@@ -114,7 +114,7 @@ def test_a_swept_value_that_spoils_another_key_names_the_point() -> None:
     assert len(read_study_text(text.replace("delta: [20 um, 40 um]", "mu: [1 GPa, 2 GPa]")).scenes) == 4
     [line] = problems(text.replace("delta: [20 um, 40 um]", "mu: [1 GPa, 0.5 GPa]"))
     assert line.startswith("study.yaml:14:20: material.lambda: ")
-    assert "(at the sweep point mu = 0.5 GPa); 3 lambda + 2 mu must be positive" in line
+    assert "(with mu = 0.5 GPa); 3 lambda + 2 mu must be positive" in line
 
 
 def test_a_swept_key_may_not_contradict_a_given_one() -> None:

@@ -72,7 +72,7 @@ def test_laws_are_chosen_by_name() -> None:
         ("{mode: random, points: 4, E: {lognormal: {median: 1 GPa, sigma: 1 Pa}}}", "a plain number"),
         ("{mode: random, points: 4, E: {linspace: [1, 2, 3]}}", "sweep.E.linspace: unknown key"),
         ("{mode: random, points: 4, seed: -1, E: {uniform: [1, 2]}}", "sweep.seed: must be 0 or more"),
-        ("{mode: random, points: 4, nu: {normal: {mean: 0.4, sigma: 5}}}", "(at the sweep point 0: nu ="),
+        ("{mode: random, points: 4, nu: {normal: {mean: 0.4, sigma: 5}}}", "(drawn point 0: nu ="),
         ("{mode: random, points: 9, nu: {choice: [0.1, 0.2]}}", "is repeated"),
         ("{mode: saltelli, points: 4, nu: {choice: [0.1, 0.2]}}", "a choice has no indices"),
         ("{mode: saltelli, points: 400000, E: {uniform: [1, 2]}}", "400000 × (1 + 2) points"),
@@ -89,7 +89,7 @@ def test_what_is_refused(sweep: str, what: str) -> None:
 def test_a_law_that_a_draw_makes_inadmissible_is_refused_with_its_point() -> None:
     with pytest.raises(StudyError) as caught:
         swept("{mode: random, points: 50, seed: 1, tau_k: {normal: {mean: 0 MPa, sigma: 1 MPa}}}")
-    assert "at the sweep point" in str(caught.value)
+    assert "(drawn point " in str(caught.value)
     assert len(caught.value.problems) == 1
 
 

@@ -48,7 +48,12 @@ def test_labels_of_one_axis_are_told_apart() -> None:
     ],
 )
 def test_powers_of_ten_become_a_prefix_where_one_suits_all(values, units, shown) -> None:  # type: ignore[no-untyped-def]
-    assert scaled_labels(values, units) == shown
+    assert scaled_labels(values, {"units": units}) == shown
+
+
+def test_values_of_a_sweep_are_shown_in_the_unit_that_the_study_writes_them_in() -> None:
+    width = {"units": "m", "study_unit": "mm", "study_unit_size": 1e-3}
+    assert scaled_labels([0.03, 0.0521739130434783], width) == (["30", "52.17"], "mm")
 
 
 BAD, ERROR = PointStatus.INCLUSION_VIOLATED, PointStatus.ERROR

@@ -23,10 +23,10 @@ def test_a_file_says_what_its_dataset_says(grid: Path) -> None:
 def _run(slip: Any) -> RunSeen:
     """A grid of slips over θ̄, and over a number or a text before it."""
     values = np.asarray(slip, dtype=float)
-    known: dict[str, Any] = {"theta_bar": (np.arange(values.shape[-1], dtype=float), "K")}
+    known: dict[str, Any] = {"theta_bar": (np.arange(values.shape[-1], dtype=float), {"units": "K"})}
     dims = ("theta_bar",)
     if values.ndim > 1:
-        known["friction"] = np.array([f"law {i}" for i in range(len(values))], dtype=object), "1"
+        known["friction"] = np.array([f"law {i}" for i in range(len(values))], dtype=object), {}
         dims = ("friction", *dims)
     return RunSeen(dims, 1, "grid", known.__getitem__, lambda name, level: values if name == "u_T_max" else None)
 
@@ -61,7 +61,7 @@ def test_the_mesh_error_is_that_of_the_goal_or_of_a_number_that_does_not_cancel(
     """Two levels of one point."""
     held = {name: np.array(values) for name, values in numbers.items()} | {"status": np.ones(2)}
     run = RunSeen(
-        (), 2, "grid", lambda name: (np.zeros(0), "1"), lambda name, level: held[name][level] if name in held else None
+        (), 2, "grid", lambda name: (np.zeros(0), {}), lambda name, level: held[name][level] if name in held else None
     )
     found, how = mesh_error(run, run.ok())
     assert found == (pytest.approx(error) if error is not None else None)

@@ -16,6 +16,8 @@ from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.errors import GeometryFailed, StudyError
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.read.study import read_study_text
+from tcstudy.reports.page.run_part import axes
+from tcstudy.reports.select_point import describe
 from tcstudy.reports.terminal.summary import summary
 from tcstudy.study.grow import appended
 from tcstudy.study.plan import plan
@@ -119,6 +121,50 @@ def test_a_refused_geometry_of_more_points_than_the_first_other() -> None:
     study = read_study_text(BAR[: BAR.index("sweep:")] + f"sweep: {{mode: list, points: [{points}]}}")
     assert [one.reason != "" for one in study.variants] == [True, False]
     assert [scene.material.E for scene in study.scenes] == [4, 4, 4]
+
+
+def test_sizes_are_named_in_the_unit_that_the_sweep_writes_them_in(tmp_path: Path) -> None:
+    """In progress, tables, pages and points; the data stay in SI."""
+    sizes = "sweep={body.rectangle.width: {linspace: [300 mm, 600 mm, 24]}, E: [70 GPa]}"
+    study = read_study_text(BAR, "study", (sizes, "mesh={maxh: 200 mm}"))
+    assert study.variants[17].words == "body.rectangle.width = 521.739 mm"
+    assert [axis.written for axis in study.axes] == [("mm", 1e-3), ("GPa", 1e9)]
+    path = tmp_path / "out.nc"
+    width = tcstudy.run(study, path)["width"]
+    assert (width.attrs["units"], float(width[17])) == ("m", 0.521739130434783)
+    table = summary(path)
+    assert "width [mm]" in table
+    assert "521.7" in table
+    with xr.open_dataset(path) as data:
+        assert describe(data, {"width": 17, "E": 0}) == "width = 521.739 mm, E = 70 GPa"
+        assert axes(data)[0]["written"] == (1e-3, "mm")
+
+
+@pytest.mark.parametrize(
+    ("values", "words", "written"),
+    [
+        ("[30 cm, 0.2 m]", "0.2 m", ("", 1.0)),  # no unit in common
+        ("[30 cm, 20 cm]", "20 cm", ("cm", 0.01)),
+        ("[0.3, 0.2]", "0.2", ("", 1.0)),
+        ("{geomspace: [0.3, 20 cm, 3]}", "0.2 m", ("", 1.0)),
+    ],
+)
+def test_sizes_without_a_common_unit_are_in_si(values: str, words: str, written: tuple[str, float]) -> None:
+    study = read_study_text(BAR, "study", (f"sweep={{body.rectangle.width: {values}}}",))
+    assert study.variants[-1].words == f"body.rectangle.width = {words}"
+    assert study.axes[0].written == written
+
+
+def test_a_fault_names_the_geometry_only_if_it_is_of_that_geometry() -> None:
+    sizes = "sweep={body.rectangle.width: {linspace: [300 mm, 600 mm, 24]}, boundary.right.g: [[1 MPa, 0]]}"
+    for change, what in (
+        ("material.E=-5", "material.E: must be greater than 0, but is -5; write"),
+        ("output={probes: {tip: [450 mm, 0 m]}}", "outside the body (with body.rectangle.width = 300 mm); give"),
+        ("loads.f=['1e3*sqrt(0.5-x)', 0]", "(with body.rectangle.width = 508.696 mm); change"),
+    ):
+        with pytest.raises(StudyError) as fault:
+            read_study_text(BAR, "study", [sizes, change])
+        assert what in str(fault.value)
 
 
 def test_lists_and_draws_share_what_has_one_geometry(tmp_path: Path) -> None:

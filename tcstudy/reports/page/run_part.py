@@ -10,7 +10,7 @@ from tcstudy.data.reading import axis_names, by_point, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.stored import Stored
-from tcstudy.reports.text import named
+from tcstudy.reports.text import named, study_unit
 from tcstudy.reports.verdict import RunSeen, verdict
 
 ROOM_FOR_DOUBLES = 300_000
@@ -91,6 +91,7 @@ def axes(data: Any) -> list[Json]:
                 "path": str(data[name].attrs.get("long_name", "")).removeprefix("swept parameter "),
                 "units": str(data[name].attrs.get("units", "1")),
                 "numeric": number,
+                "written": study_unit(data[name].attrs),
                 "drawn": "distribution" in data[name].attrs,
                 "values": [float(v) if number else str(v) for v in values],
                 "dim": str(data[name].dims[0]),

@@ -117,10 +117,7 @@ def _overview(data: Any, points: list[dict[str, int]]) -> Iterator[Part]:
 
 def _swept(data: Any) -> list[tuple[str, list[str], str]]:
     """(name, labels, unit) of the swept parameters."""
-    return [
-        (name, *scaled_labels(data[name].values.tolist(), str(data[name].attrs.get("units", "1"))))
-        for name in axis_names(data)
-    ]
+    return [(name, *scaled_labels(data[name].values.tolist(), data[name].attrs)) for name in axis_names(data)]
 
 
 def _order(at: Any, name: str) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from tcstudy.data.writer import axis_attributes
 from tcstudy.reports.terminal.tables import plain_table, wrapped
 from tcstudy.reports.text import counted, headed, number, prefix, scaled_labels, span
 from tcstudy.scene.study import Study
@@ -21,7 +22,7 @@ def forecast_text(study: Study, plan: Any, more: Sequence[str], output: Path, wo
     most, up_to = ("at most ", "up to ") if study.mesh.open_ended else ("", "")
     lines = [study.title, ""]
     for axis in study.axes:
-        words, units = scaled_labels([v if isinstance(v, str) else float(v) for v in axis.labels], axis.units)
+        words, units = scaled_labels(axis.labels, axis_attributes(axis))
         shown = ", ".join(words[:6])
         rest = f", … ({len(words)} values)" if len(words) > 6 else ""
         lines.append(f"  {axis.name}: {shown}{rest}" + (f" [{units}]" if units != "1" else ""))

@@ -121,7 +121,7 @@ def _points(data: Any, most: int | None) -> str:
     columns = [one for one in _COLUMNS if np.isfinite(fine[one[0]].values).any()]
     axes = axis_names(data)
     scales = {name: prefix(fine[name].values, fine[name].attrs["units"]) for name, _, _ in columns}
-    labelled = {axis: scaled_labels(data[axis].values.tolist(), data[axis].attrs.get("units", "1")) for axis in axes}
+    labelled = {axis: scaled_labels(data[axis].values.tolist(), data[axis].attrs) for axis in axes}
     header = [headed(axis, labelled[axis][1]) for axis in axes]
     header += [headed(title, scales[name][1]) for name, title, _ in columns]
     refined = data.sizes["level"] > 1

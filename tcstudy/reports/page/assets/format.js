@@ -92,6 +92,8 @@ TC.quantity = function (value, units, digits = 4) {
   const s = TC.scale([value], units);
   return `${TC.number(value / s.by, digits)}${s.unit ? " " + s.unit : ""}`;
 };
+// {by, unit} of a swept parameter: the unit that the study writes it in, else one prefix for the whole axis.
+TC.axisScale = (axis) => (!axis.numeric ? { by: 1, unit: "" } : axis.written ? { by: axis.written[0], unit: axis.written[1] } : TC.scale(axis.values, axis.units));
 // One value of a swept parameter, in one unit for the whole axis.
 TC.axisLabel = function (axis, i) {
   if (!axis.numeric) return axis.values[i];
@@ -99,13 +101,13 @@ TC.axisLabel = function (axis, i) {
   return axis.labels[i];
 };
 TC.oneLabel = function (axis, i) {
-  const s = TC.scale(axis.values, axis.units);
+  const s = TC.axisScale(axis);
   let digits = 4;
   while (digits < 12 && new Set(axis.values.map((v) => TC.number(v / s.by, digits))).size < new Set(axis.values).size) digits++;
   return TC.number(axis.values[i] / s.by, digits);
 };
 TC.axisTitle = function (axis) {
-  const s = axis.numeric ? TC.scale(axis.values, axis.units) : { unit: "" };
+  const s = TC.axisScale(axis);
   return TC.symbol(axis.name) + (s.unit ? ` [${s.unit}]` : "");
 };
 TC.percent = (x) => (x >= 1e-5 ? `${Number((100 * x).toPrecision(2))} %` : TC.number(x, 2));

@@ -61,7 +61,7 @@ TC.run = {
   words(at) {
     const r = TC.data.run;
     if (!r.axes.length) return "the one point of the study";
-    return r.axes.map((a) => `${TC.symbol(a.name)} = ${TC.axisLabel(a, at[TC.run.dim(a.name)])}${a.numeric && TC.scale(a.values, a.units).unit ? " " + TC.scale(a.values, a.units).unit : ""}`.replace(a.numeric ? /$^/ : " = ", ": ")).join(", ");
+    return r.axes.map((a) => `${TC.symbol(a.name)} = ${TC.axisLabel(a, at[TC.run.dim(a.name)])}${TC.axisScale(a).unit ? " " + TC.axisScale(a).unit : ""}`.replace(a.numeric ? /$^/ : " = ", ": ")).join(", ");
   },
   // What is known of a point: failed, unique, global, local, nothing.
   proof(p, level) {
@@ -109,7 +109,7 @@ TC.run = {
     }
     if (r.nlevels > 1) out.push(TC.slider("level", TC.run.levels(TC.run.flat(s.at)).h_max.map((h, i) => `${i} (h = ${TC.quantity(h, r.units.h_max, 3)})`), s.level, (level) => TC.set({ level })));
     if (r.grid) for (const a of r.varied) {
-      const d = TC.run.dim(a.name), unit = a.numeric ? TC.scale(a.values, a.units).unit : "", texts = a.values.map((_, i) => TC.axisLabel(a, i) + (unit ? " " + unit : ""));
+      const d = TC.run.dim(a.name), unit = TC.axisScale(a).unit, texts = a.values.map((_, i) => TC.axisLabel(a, i) + (unit ? " " + unit : ""));
       const move = (i) => { const at = s.at.slice(); at[d] = i; TC.set({ at }); };
       out.push(a.numeric ? TC.slider(TC.symbol(a.name), texts, s.at[d], move) : TC.choice(TC.symbol(a.name), texts.map((t, i) => [i, t]), s.at[d], (v) => move(Number(v))));
     } else out.push(TC.slider("point", [...Array(r.points)].map((_, p) => `${p + 1} of ${r.points}`), s.at[0], (i) => TC.set({ at: [i] })));
@@ -129,7 +129,7 @@ TC.run = {
     const width = TC.width(host), title = TC.el("h3", {}, `${TC.symbol(s.q)}${unit}${r.nlevels > 1 ? `, level ${s.level}` : ""}`);
     const svg = r.grid ? TC.run.cells(width, ax, ay, shade, scale) : TC.run.scatter(width, ax, ay, shade, scale);
     const fixed = r.grid ? r.varied.filter((a) => a.name !== s.x && a.name !== s.y) : [];
-    const note = fixed.length ? "at " + fixed.map((a) => { const i = s.at[TC.run.dim(a.name)], u = a.numeric ? TC.scale(a.values, a.units).unit : ""; return `${TC.symbol(a.name)} = ${TC.axisLabel(a, i)}${u ? " " + u : ""}`; }).join(", ") : "";
+    const note = fixed.length ? "at " + fixed.map((a) => { const i = s.at[TC.run.dim(a.name)], u = TC.axisScale(a).unit; return `${TC.symbol(a.name)} = ${TC.axisLabel(a, i)}${u ? " " + u : ""}`; }).join(", ") : "";
     TC.fill(host, title, note ? TC.el("p", { class: "note" }, note) : null, svg, TC.run.bar(Math.min(width, 420), shade, scale), TC.run.key(width));
   },
   patterns(svg) {
@@ -191,7 +191,7 @@ TC.run = {
   },
   scatter(width, ax, ay, shade, scale) {
     const r = TC.data.run, s = TC.state, place = (a, p) => (a.numeric ? a.values[p] : a.values.indexOf(a.values[p]));
-    const fx = TC.scale(ax.numeric ? ax.values : [1], ax.units).by, fy = TC.scale(ay.numeric ? ay.values : [1], ay.units).by;
+    const fx = TC.axisScale(ax).by, fy = TC.axisScale(ay).by;
     const xs = [...Array(r.points)].map((_, p) => place(ax, p) / fx), ys = [...Array(r.points)].map((_, p) => place(ay, p) / fy);
     const plot = new TC.Plot({ width, height: 320, x: TC.pad(TC.range(xs)), y: TC.pad(TC.range(ys)), xlabel: TC.axisTitle(ax), ylabel: TC.axisTitle(ay) });
     TC.run.patterns(plot.svg);
@@ -234,7 +234,7 @@ TC.run = {
     const r = TC.data.run, s = TC.state, q = r.numbers[s.q], width = TC.width(host);
     if (!s.x) return;
     const ax = TC.run.axis(s.x), by = s.by && s.by !== s.x ? TC.run.axis(s.by) : null, dx = TC.run.dim(s.x), db = by ? TC.run.dim(by.name) : -1, series = [];
-    const place = (i) => (ax.numeric ? ax.values[i] / TC.scale(ax.values, ax.units).by : i);
+    const place = (i) => (ax.numeric ? ax.values[i] / TC.axisScale(ax).by : i);
     if (r.grid) for (let b = 0; b < (by ? by.values.length : 1); b++) {
       const pts = [];
       for (let i = 0; i < ax.values.length; i++) { const at = s.at.slice(); at[dx] = i; if (by) at[db] = b; pts.push({ p: TC.run.flat(at), x: place(i) }); }
