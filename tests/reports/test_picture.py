@@ -26,6 +26,7 @@ from tests.data.by_points import write
 from tests.reports.figures.draw_cases import (
     HEIGHT,
     WIDTH,
+    contact_panels,
     crowded,
     figure_of,
     level_record,
@@ -42,7 +43,7 @@ def test_the_sticking_half_is_shaded_in_both_panels(grid: Path) -> None:
     np.testing.assert_array_equal(picture.line.sticks, [True, True, False, False])
     assert stick_ranges(picture.line) == [pytest.approx((0.0, 0.125))]
     assert "the shaded part sticks (62.5 %)" in stick_text(picture.line)
-    for axes in figure_of(picture).axes[-2:]:
+    for axes in contact_panels(figure_of(picture)):
         (shade,) = [patch for patch in axes.patches if not hasattr(patch, "get_data")]
         left, right = shade.get_x(), shade.get_x() + shade.get_width()
         assert (left, right) == pytest.approx((0.0, 125.0))
@@ -52,7 +53,7 @@ def test_no_slip_at_all_has_no_scale(grid: Path) -> None:
     """A range of ±0.05 m around zero would look like a measured one."""
     picture = read_picture(grid, level=0)
     still = replace(picture, line=replace(picture.line, u_T=0.0 * picture.line.u_T))
-    upper, lower = sorted(figure_of(still).axes[-2:], key=lambda axes: -axes.get_position().y0)
+    upper, lower = contact_panels(figure_of(still))
     assert upper.get_yticks().tolist() == [0.0]
     assert len(lower.get_yticks()) > 1
 
@@ -125,7 +126,7 @@ def test_a_ring_closes_on_itself() -> None:
 def test_the_panels_show_every_part_and_name_every_edge(grid: Path) -> None:
     two = line([1, 2, 4, 4], [0, 0, 1, 2], [1, 2, 4, 5], [1.5, 1.5, 1.5, 0.5], [0, 0, 1, 1])
     figure = figure_of(replace(read_picture(grid), line=two, body=None))
-    lower = figure.axes[0]
+    _, lower = contact_panels(figure)
     steps = [patch.get_data().values.tolist() for patch in lower.patches if hasattr(patch, "get_data")]
     assert steps == [[10.0, 20.0], [30.0, 40.0]]
     assert [text.get_text() for text in lower.texts] == ["pad", "rim"]
@@ -191,7 +192,7 @@ def test_the_arclength_stands_below_x(grid: Path) -> None:
     assert other is not None
     np.testing.assert_allclose(other, (WIDTH - shape.left * unit, WIDTH - shape.right * unit))
     assert window_below(replace(picture.line, y=picture.line.x), picture.body, shape) is None
-    upper, lower = sorted(figure_of(picture).axes[-2:], key=lambda axes: -axes.get_position().y0)
+    upper, lower = contact_panels(figure_of(picture))
     (body,) = [axes for axes in upper.figure.axes if axes.get_xlabel().startswith("x")]
     at = [axes.transData.transform((0.0, 0.0))[0] for axes in (body, upper, lower)]
     np.testing.assert_allclose(at, at[0], atol=1e-6)
@@ -201,7 +202,7 @@ def test_a_held_end_is_drawn_where_it_rests(grid: Path) -> None:
     picture = read_picture(grid, level=0)
     assert picture.line.held(slice(0, 4)) == (True, False)
     assert not picture.held  # the file does not say it
-    upper = max(figure_of(replace(picture, held=((0.0, None),))).axes[-2:], key=lambda axes: axes.get_position().y0)
+    upper, _ = contact_panels(figure_of(replace(picture, held=((0.0, None),))))
     s, u_T = shown_line(upper)
     assert (s[0], u_T[0]) == (0.0, 0.0)
     assert len(s) == len(picture.line.u_T) + 1
@@ -224,7 +225,7 @@ sweep: {boundary.left.u_x: [0.2, 0.1, 0.3]}
     for u_x in (0.1, 0.3):
         picture = read_picture(tmp_path / "out.nc", {"boundary_left_u_x": u_x})
         assert np.allclose(np.array(picture.held, dtype=float), [[u_x, 0.25]], rtol=1e-12)
-    upper = max(figure_of(picture).axes[-2:], key=lambda axes: axes.get_position().y0)
+    upper, _ = contact_panels(figure_of(picture))
     assert len(shown_line(upper)[0]) == len(picture.line.u_T) + 2
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,8 @@ from tcstudy.reports.text import axis_unit, number, pretty
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+
+    from tcstudy.reports.figures.sheet import Sheet
 
 Array = NDArray[np.float64]
 
@@ -91,12 +92,11 @@ def drawn(body: BodyFields, length_units: str, widest: float = 5.9, highest: flo
     )
 
 
-def draw_body(axes: Axes, body: BodyFields, line: LineFields, shape: Drawn) -> None:
+def draw_body(sheet: Sheet, axes: Axes, body: BodyFields, line: LineFields, shape: Drawn) -> None:
     """Fill the panel and put the colour bar to its right."""
-    axes.set(xlim=(shape.left, shape.right), ylim=(shape.bottom, shape.top))
-    axes.set_xlabel(style.labelled("x", shape.unit))
-    axes.set_ylabel(style.labelled("y", shape.unit))
-    uniform = _fill(axes, shape, body)
+    axes.set(xlabel=style.labelled("x", shape.unit), ylabel=style.labelled("y", shape.unit))
+    axes.set_aspect("equal", adjustable="datalim")
+    uniform = _fill(sheet, axes, shape, body)
     if len(body.triangles) <= FINE:
         axes.triplot(shape.x, shape.y, body.triangles, color=style.INK, linewidth=0.4, alpha=0.25)
     for loop in loops(boundary_edges(body)):
@@ -106,7 +106,7 @@ def draw_body(axes: Axes, body: BodyFields, line: LineFields, shape: Drawn) -> N
     axes.set_title(f"Deformed body (deformation × {shape.factor:g}; dashed: undeformed){uniform}", loc="left")
 
 
-def _fill(axes: Axes, shape: Drawn, body: BodyFields) -> str:
+def _fill(sheet: Sheet, axes: Axes, shape: Drawn, body: BodyFields) -> str:
     """Colour the body in bands between round temperatures, with a bar; or evenly, and return what there is to say."""
     from matplotlib.ticker import MaxNLocator
     from matplotlib.tri import Triangulation
@@ -122,12 +122,7 @@ def _fill(axes: Axes, shape: Drawn, body: BodyFields) -> str:
     filled = axes.tricontourf(
         Triangulation(shape.x, shape.y, body.triangles), body.theta, levels=bands, cmap=style.HEAT
     )
-    box, figure = axes.get_position(), cast("Figure", axes.figure)
-    across, up = figure.get_size_inches()
-    height = min(box.height * up, 3.2)
-    bar = style.inches(figure, box.x1 * across + 0.12, (box.y0 + box.height / 2) * up - height / 2, 0.14, height)
-    label = style.labelled(r"temperature $\theta$", body.theta_units)
-    figure.colorbar(filled, cax=bar, label=label).outline.set_visible(False)
+    sheet.bar(axes, filled, style.labelled(r"temperature $\theta$", body.theta_units))
     return ""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,7 @@ from tcstudy.data.measured import ERRORS, VERDICTS
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import load_root
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.paper import NARROW, Paper
+from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.select_point import Value, describe, locate
 from tcstudy.reports.terminal.convergence import GROUPS, shown
 from tcstudy.reports.text import axis_unit
@@ -29,10 +30,8 @@ LOOKS = ((style.BLUE, "o"), (style.VERMILLION, "s"), (style.INK, "^"))
 HIDDEN = 0.1
 """Relative difference up to which one curve hides another, as that in H¹ does the one in energy; it is then broad."""
 
-LEFT, RIGHT, GAP, PANEL = 0.8, 0.2, 0.95, 2.55
-HEAD, FOOT = 0.44, 0.6
-LEGEND_LINE = 0.18
-"""Height of a line of a legend [inch]."""
+PANEL, LEGEND_LINE = 2.55, 0.18
+"""Height of a panel and of a line of its legend [inch]."""
 
 BESIDE = 0.2
 """Room for the number of a triangle left of the finest mesh, as a part of the range of h."""
@@ -90,25 +89,17 @@ def _figure(data: Any, at: Any, point: str, groups: list[tuple[str, str, list[st
     named = [style.point_words(point)] if point else []
     reference = f"reference: {str(data.attrs['reference']).split(' (')[0]}"
     marks = _marks(at, [n for g in groups for n in g[2]])
-    paper = Paper(look, LEFT, data.attrs["title"], [";  ".join([*named, reference, marks])])
-    columns = 1 if paper.width < NARROW else 2
-    rows = -(-len(groups) // columns)
-    head, gap = paper.head + HEAD + paper.extra, GAP + paper.extra
-    panel = paper.room(rows * PANEL, HEAD + paper.extra + (rows - 1) * gap + FOOT) / rows
-    figure = paper.figure(head + rows * panel + (rows - 1) * gap + FOOT)
-    width = (paper.width - LEFT - RIGHT - (columns - 1) * GAP) / columns
+    symbols = [symbol for symbol, _, _ in groups]
+    rows = list(zip_longest(symbols[::2], symbols[1::2], fillvalue="."))
+    sheet = Sheet(look, data.attrs["title"], [";  ".join([*named, reference, marks])], rows, [PANEL] * len(rows))
     h = at["h_max"].values
     divisor, unit = axis_unit(h, data["h_max"].attrs["units"])
-    for i, (symbol, words, names) in enumerate(groups):
-        row, column = divmod(i, columns)
-        bottom = FOOT + (rows - 1 - row) * (panel + gap)
-        axes = paper.axes(LEFT + column * (width + GAP), bottom, width, panel)
-        _panel(axes, at, h / divisor, names, panel)
+    for symbol, words, names in groups:
+        axes = sheet.panels[symbol]
+        _panel(axes, at, h / divisor, names, PANEL)
         axes.set_title(f"{math_symbol(symbol)}: {words.replace('Γ_C', math_symbol('Γ_C'))}", loc="left")
-        if columns == 1:
-            paper.wrap_title(axes)
         axes.set_xlabel(style.labelled("longest element edge h", unit))
-    return figure
+    return sheet.finish()
 
 
 def _panel(axes: Axes, at: Any, h: Array, names: list[str], height: float) -> None:

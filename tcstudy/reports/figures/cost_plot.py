@@ -11,7 +11,7 @@ from tcstudy.data.measured import OWN
 from tcstudy.data.store import load_root
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.convergence_plot import math_symbol
-from tcstudy.reports.figures.paper import KEY_LINE, NARROW, Paper
+from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.terminal.cost import EXACT, SYMBOLS, Setting, advice, best, curves_on_front, measure_of, settings
 from tcstudy.scene.families import FAMILIES
 
@@ -26,10 +26,8 @@ MARKS = dict(zip((*FAMILIES, OWN), "sDo^", strict=True))
 LINES: tuple[Any, ...] = ("-", (0, (1.2, 1.6)), (0, (4, 2)), (0, (4, 2, 1, 2)))
 """Line styles of the first, second … solver."""
 
-HEAD, PANEL, FOOT = 0.14, 3.3, 0.62
-LEFT, GAP, RIGHT = 0.75, 0.55, 0.2
-LINE = 0.19
-"""Height of a line of text below the panels [inch]."""
+PANEL = 3.6
+"""Height of the panels with the key above them [inch]."""
 PALE = 0.32
 """Opacity of curves that others beat everywhere, and of the fill of marks that others beat."""
 
@@ -44,42 +42,25 @@ def plot_cost(path: Path, measure: str | None, look: style.Look) -> tuple[Figure
 def _figure(data: Any, measure: str, look: style.Look | None = None) -> Figure:
     found = settings(data, measure)
     words = [style.point_words(data.attrs["point"]), f"reference: {data.attrs['reference']}"]
-    paper = Paper(look or style.Look(), LEFT, data.attrs["title"], filter(None, words), 8.5)
-    told = [line for sentence in advice(found) for line in paper.wrapped(sentence, LEFT)]
-    columns = 1 if paper.width < NARROW else 2
-    handles = _handles(data, found)
-    rows = paper.key_rows([str(handle.get_label()) for handle in handles])
-    key = HEAD + KEY_LINE * rows
-    foot = FOOT + LINE * (len(told) + (paper.width < style.WIDTH)) + 0.12
-    apart = 0.0 if columns == 2 else FOOT + LINE
-    panels = 3 - columns
-    panel = paper.room(panels * PANEL, key + foot + apart) / panels
-    figure = paper.figure(paper.head + key + panels * panel + apart + foot)
-    width = (paper.width - LEFT - RIGHT - (columns - 1) * GAP) / columns
-    left = paper.axes(LEFT, foot + (panel + apart) * (panels - 1), width, panel)
-    right = paper.axes(LEFT + (width + GAP) * (columns - 1), foot, width, panel)
-    _over_time(left, data, found, "\n" if paper.width < style.WIDTH else " ")
+    sheet = Sheet(look or style.Look(), data.attrs["title"], words, [("time", "unknowns")], [PANEL], advice(found))
+    left, right = sheet.panels.values()
+    _over_time(left, data, found)
     _over_unknowns(right, data, found)
-    for axes in (left, right):
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-        axes.grid(True, which="major", color=style.SHADE, linewidth=0.6)
-        axes.set_axisbelow(True)
     errors = [s.error for s in found if s.error > 0]
     for axes in (left, right):
-        axes.set_ylim(min(errors) / 1.6, max(errors) * 1.6)
+        axes.set(xscale="log", yscale="log", ylim=(min(errors) / 1.6, max(errors) * 1.6))
+        axes.grid(True, which="major", color=style.SHADE, linewidth=0.6)
+        axes.set_axisbelow(True)
         for axis in (axes.xaxis, axes.yaxis):
             style.few_ticks(axis)
     left.set_ylabel(f"relative error of {math_symbol(SYMBOLS[measure])}")
-    if columns == 2:
+    if len(sheet.heights) == 1:
         right.tick_params(which="both", labelleft=False)
-    paper.key(left, handles, rows)
-    for i, line in enumerate(told):
-        paper.text(paper.height - 0.12 - LINE * (len(told) - i), line, 8.5, va="top", parse_math=False)
-    return figure
+    sheet.key(_handles(data, found), "upper left")
+    return sheet.finish()
 
 
-def _over_time(axes: Axes, data: Any, found: list[Setting], gap: str) -> None:
+def _over_time(axes: Axes, data: Any, found: list[Setting]) -> None:
     """Curves over wall time with bands to the upper quartile; those that are beaten everywhere are pale."""
     worthy, champion = curves_on_front(found), best(found)
     solvers = data["solver"].values.tolist()
@@ -99,7 +80,7 @@ def _over_time(axes: Axes, data: Any, found: list[Setting], gap: str) -> None:
             _points(axes, own, color, opacity)
     _name(axes, champion)
     _star(axes, found, lambda s: s.time)
-    axes.set_xlabel(f"wall time [s]: least of all runs,{gap}band to the upper quartile")
+    axes.set_xlabel("wall time [s]: least of all runs, band to the upper quartile")
 
 
 def _points(axes: Axes, own: list[Setting], color: str, opacity: float) -> None:

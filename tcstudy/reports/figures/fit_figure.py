@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.store import load_root
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.paper import NARROW, Paper
+from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.terminal.fit import BAND, columns, prediction_error
 from tcstudy.reports.text import axis_unit, number, prefix, pretty
 
@@ -20,10 +20,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-LEFT, RIGHT, CURVE, REST = 0.85, 0.35, 2.75, 1.4
-"""Margins, heights of the curve and of the panels below it [inch]."""
-FOOT, UNDER, BESIDE = 0.6, 0.75, 0.45
-"""Room below the lowest panel and below the others [inch]; part of the width that each of two panels has."""
+CURVE, REST = 2.75, 1.4
+"""Heights of the curve and of the panels below it [inch]."""
 DATA: dict[str, Any] = {"color": style.INK, "marker": "o", "markersize": 3, "linestyle": "none", "linewidth": 0.7}
 NAMES = {
     "friction_resultant": "friction resultant",
@@ -41,20 +39,12 @@ def draw_fit(path: Path, look: style.Look) -> tuple[Figure, str]:
 
 def fit_figure(data: Any, look: style.Look | None = None) -> Figure:
     """The figure of a fit; call it within `style.styled()` for its letters."""
-    paper = Paper(look or style.Look(), LEFT, data.attrs["title"], [_caption(data)], 8.5)
-    width, law = paper.width - LEFT - RIGHT, "law_slip" in data
-    rows = 2 if law and paper.width < NARROW else 1  # the law beside the residuals, or below them
-    usual, fixed = CURVE + rows * REST, FOOT + rows * UNDER + 0.1
-    share = paper.room(usual, fixed) / usual
-    figure, beside = paper.figure(paper.head + fixed + share * usual), width if rows == 2 else BESIDE * width
-    low, high = share * REST, share * CURVE
-    bottom = FOOT + (rows - 1) * (low + UNDER)
-    _curve(paper.axes(LEFT, bottom + low + UNDER, width, high), data)
-    _residuals(paper.axes(LEFT, bottom, beside if law else width, low), data)
-    if law:
-        _law(paper.axes(LEFT + width - beside, FOOT, beside, low), data)
-    paper.fit_labels()
-    return figure
+    panels = {"curve": _curve, "residuals": _residuals} | ({"law": _law} if "law_slip" in data else {})
+    rows = (("curve", "curve"), ("residuals", "law" if "law" in panels else "residuals"))
+    sheet = Sheet(look or style.Look(), data.attrs["title"], [_caption(data)], rows, (CURVE, REST))
+    for name, draw in panels.items():
+        draw(sheet.panels[name], data)
+    return sheet.finish()
 
 
 def _caption(data: Any) -> str:

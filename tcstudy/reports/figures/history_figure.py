@@ -13,7 +13,7 @@ from tcstudy.data.records import PointStatus
 from tcstudy.data.store import load_root
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.paper import KEY_LINE, LETTER, LINE, NARROW, Paper
+from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.select_point import Value, describe, locate
 from tcstudy.reports.terminal.history_summary import MOVES, last_change, motion
 from tcstudy.reports.text import axis_unit, counted
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-LEFT, RIGHT, LOOP, MAP, CYCLES = 0.85, 0.3, 3.1, 1.35, 1.0
-"""Margins, height of the loop, of the map of motion and of the chart of cycles [inch]."""
-FOOT, UNDER = 0.55, 0.8
-"""Room below the lowest panel and below the others [inch]."""
+HEIGHTS = (3.1, 1.35, 1.0)
+"""Heights of the loop, of the map of motion and of the chart of cycles [inch]."""
+LETTER = 0.53
+"""Mean width of a letter, of its height."""
 NAMED = 60
 """Steps whose names may stand beside the loop."""
 MOTION = (style.SHADE, "#7fb8de", "#e69f00", style.VERMILLION)
@@ -73,26 +73,15 @@ def _check(data: Any, name: str) -> None:
 def history_figure(data: Any, x: str, y: str, point: str, look: style.Look) -> Figure:
     """The figure of one history, its solved steps; call it within `style.styled()` for its letters."""
     spent, ends = _cycles(data)
-    several = len(spent) > 1
     told = [f"memory: {data.attrs['memory']}", counted(data.sizes["step"] - 1, "step"), last_change(data).words]
-    paper = Paper(
-        look, LEFT, data.attrs["title"], [*filter(None, [style.point_words(point)]), ";  ".join(filter(None, told))]
-    )
-    usual = LOOP + MAP + (CYCLES if several else 0.0)
-    panels, key = 2 + several, KEY_LINE * (1 if paper.width >= NARROW else 2) + 0.1
-    fixed = FOOT + (panels - 1) * UNDER + 0.25 + key + LINE
-    share = paper.room(usual, fixed) / usual
-    figure = paper.figure(paper.head + fixed + share * usual)
-    width, bottom = paper.width - LEFT - (LEFT if several else RIGHT), FOOT
-    if several:
-        _draw_cycles(paper.axes(LEFT, bottom, width, share * CYCLES), data, spent, ends)
-        bottom += share * CYCLES + UNDER
-    lower = paper.axes(LEFT, bottom, width, share * MAP)
-    handles = _draw_motion(lower, data)
-    paper.key(lower, handles, paper.key_rows([str(handle.get_label()) for handle in handles]))
-    _draw_loop(paper.axes(LEFT, bottom + share * MAP + key + UNDER, width, share * LOOP), data, x, y)
-    paper.fit_labels()
-    return figure
+    rows = [["loop"], ["motion"], ["cycles"]][: 3 if len(spent) > 1 else 2]
+    facts = [style.point_words(point), ";  ".join(filter(None, told))]
+    sheet = Sheet(look, data.attrs["title"], facts, rows, HEIGHTS[: len(rows)])
+    _draw_loop(sheet.panels["loop"], data, x, y)
+    sheet.key(_draw_motion(sheet.panels["motion"], data))
+    if "cycles" in sheet.panels:
+        _draw_cycles(sheet.panels["cycles"], data, spent, ends)
+    return sheet.finish()
 
 
 def _draw_loop(axes: Axes, data: Any, x: str, y: str) -> None:

@@ -75,6 +75,7 @@ def law_figure(picture: LawPicture, look: style.Look) -> Figure:
     """The figure of one point."""
     point, line = picture.point, picture.point.line
     sheet, bonded = Sheet(look, point.title, _facts(picture)), picture.strength > 0.0
+    (axes,) = sheet.panels.values()
     xi = np.divide(line.xi, picture.strength, out=np.zeros_like(line.xi), where=bonded)
     windows = [slip_window(law, line.u_T[picture.index == k]) for k, (_, law) in enumerate(picture.laws)]
     low, high = min(one[0] for one in windows), max(one[1] for one in windows)
@@ -86,17 +87,16 @@ def law_figure(picture: LawPicture, look: style.Look) -> Figure:
     one = len(picture.laws) == 1
     for k, (_, law) in enumerate(picture.laws):
         colour = {} if one else {"color": style.SERIES[k % len(style.SERIES)]}
-        draw_law(sheet.axes, law, (low, high), slip, stress, colour)
+        draw_law(axes, law, (low, high), slip, stress, colour)
         for which, how in ((sticks, STICKING), (~sticks, SLIPPING)):
             here = which & bonded & (picture.index == k)
             if here.any():
-                sheet.axes.plot(line.u_T[here] / slip, xi[here] / stress, linestyle="none", markersize=4,
-                                markeredgewidth=0.4, markeredgecolor="white", clip_on=False, zorder=4,
-                                **how | colour)  # fmt: skip
-    sheet.axes.set_xlabel(style.labelled("slip $u_T$", slip_unit))
+                axes.plot(line.u_T[here] / slip, xi[here] / stress, linestyle="none", markersize=4, markeredgewidth=0.4,
+                          markeredgecolor="white", clip_on=False, zorder=4, **how | colour)  # fmt: skip
+    axes.set_xlabel(style.labelled("slip $u_T$", slip_unit))
     scaled = "" if np.all(picture.strength[bonded] == 1.0) else " / strength"
-    sheet.label(style.labelled(r"friction $\xi = -S_T$" + scaled, stress_unit))
-    sheet.key(_handles(picture, sticks & bonded, ~sticks & bonded, line.sticks is not None), below=True)
+    axes.set_ylabel(style.labelled(r"friction $\xi = -S_T$" + scaled, stress_unit))
+    sheet.key(_handles(picture, sticks & bonded, ~sticks & bonded, line.sticks is not None))
     return sheet.finish()
 
 

@@ -79,20 +79,19 @@ def mesh_figure(picture: MeshPicture, look: style.Look) -> Figure:
         "" if picture.runs else "the roles of the edges are not known: the body comes from a file of its own",
     ]
     sheet = Sheet(look, picture.title, facts)
-    axes, (divisor, unit) = sheet.axes, axis_unit([np.ptp(body.x), np.ptp(body.y)], picture.units)
+    (axes,), (divisor, unit) = sheet.panels.values(), axis_unit([np.ptp(body.x), np.ptp(body.y)], picture.units)
     x, y = body.x / divisor, body.y / divisor
-    across = float(np.ptp(x)) / (0.75 * sheet.size[0] * 72.0)
+    across = float(np.ptp(x)) / (0.75 * sheet.width * 72.0)
     side = float(np.sqrt(np.ptp(x) * np.ptp(y) / len(body.triangles))) / across  # of an element [pt]
     axes.triplot(x, y, body.triangles, color=style.PALE, linewidth=min(SIDE, 0.06 * side), zorder=1)
     for line in picture.sources:
         axes.plot(*np.append(line, line[:1], axis=0).T / divisor, zorder=2, **SOURCE)
     axes.set_aspect("equal")
     draw_roles(axes, x, y, picture.runs, 72.0 * across)
-    axes.set(xlabel=style.labelled("x", unit))
-    sheet.label(style.labelled("y", unit))
+    axes.set(xlabel=style.labelled("x", unit), ylabel=style.labelled("y", unit))
     handles = _handles(picture)
     if handles:
-        sheet.key(handles, below=True)
+        sheet.key(handles)
     return sheet.finish()
 
 

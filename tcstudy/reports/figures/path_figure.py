@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.paper import KEY_LINE, LINE, NARROW, Paper
 from tcstudy.reports.figures.path_states import RESPONSES, PathPicture, draw_states, read_path_picture
+from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.terminal.path_summary import seen_folds
 from tcstudy.reports.text import axis_unit, counted, number
 
@@ -22,13 +22,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-LEFT, RIGHT, CURVE, MAP, KEY = 0.85, 0.85, 3.1, 1.25, 0.2
-"""Margins, height of the response curve, of a map of states and around the key above the curve [inch]."""
-FOOT, UNDER_MAP, UNDER_CURVE = 0.9, 0.75, 0.5
-"""Room below the lower map, the upper map and the curve [inch]."""
-
-GREEN = "#009e73"
-"""Of the same palette as the other colours, for the loop."""
+CURVE, MAP = 3.4, 1.25
+"""Heights of the response curve and of a map of states [inch]."""
 
 LOW, LOWER = "#c3dff2", "#5aa9dc"
 """The least energy on the path, and proved to be the least of all."""
@@ -53,33 +48,19 @@ def draw_path(path: Path, response: str, look: style.Look) -> tuple[Figure, str]
 def path_figure(picture: PathPicture, look: style.Look | None = None) -> Figure:
     """The figure of a path; call it within `style.styled()` for its letters."""
     data = picture.data
-    paper = Paper(look or style.Look(), LEFT, data.attrs["title"], [_caption(picture)], 8.5)
-    width, columns = paper.width - LEFT - RIGHT, 4 if paper.width >= NARROW else 2
-    handles = _handles(picture)
-    rows = paper.key_rows([str(handle.get_label()) for handle in handles])
-    key, foot = KEY + KEY_LINE * rows, FOOT if columns == 4 else FOOT + 2 * LINE
-    under_map, under_curve = UNDER_MAP + paper.extra, UNDER_CURVE + paper.extra
-    fixed = foot + under_map + under_curve + key
-    share = paper.room(CURVE + 2 * MAP, fixed) / (CURVE + 2 * MAP)
-    high, low = share * CURVE, share * MAP
-    figure = paper.figure(paper.head + fixed + high + 2 * low)
+    rows = (["curve"], ["over"], ["along"])
+    sheet = Sheet(look or style.Look(), data.attrs["title"], [_caption(picture)], rows, (CURVE, MAP, MAP))
+    curve, over, along = sheet.panels.values()
     divisor, unit = axis_unit(picture.span, picture.units)
-    along = paper.axes(LEFT, foot, width, low)
-    over = paper.axes(LEFT, foot + low + under_map, width, low)
-    curve = paper.axes(LEFT, foot + 2 * low + under_map + under_curve, width, high)
     label = style.labelled(symbol(picture.name), unit)
     _draw_curve(curve, picture, divisor)
-    paper.key(curve, handles, rows)
     _limits(curve, picture, divisor)
-    draw_states(over, along, picture, divisor, label, columns)
-    for axes in (over, along):
-        paper.wrap_title(axes)
+    sheet.key(_handles(picture), "upper left")
+    sheet.key(draw_states(over, along, picture, divisor, label), "lower left")
     over.set_xlim(curve.get_xlim())
     over.set_xlabel(label)
     curve.tick_params(labelbottom=False)
-    paper.fit_labels()
-    figure.align_ylabels([curve, over, along])
-    return figure
+    return sheet.finish()
 
 
 def symbol(name: str) -> str:
@@ -188,15 +169,8 @@ def _loop(axes: Axes, picture: PathPicture, divisor: float, size: float) -> None
 
 
 def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], head: float, shaft: float) -> None:
-    shape = {
-        "arrowstyle": "-|>",
-        "mutation_scale": head,
-        "color": GREEN,
-        "linewidth": shaft,
-        "shrinkA": 0,
-        "shrinkB": 0,
-    }
-    axes.annotate("", end, start, arrowprops=shape, zorder=6)
+    shape = {"arrowstyle": "-|>", "mutation_scale": head, "color": style.GREEN, "linewidth": shaft}
+    axes.annotate("", end, start, arrowprops=shape | {"shrinkA": 0, "shrinkB": 0}, zorder=6)
 
 
 def _asked(axes: Axes, picture: PathPicture, divisor: float, size: float) -> None:
@@ -225,6 +199,10 @@ def _handles(picture: PathPicture) -> list[Line2D]:
         (not proved.all(), {"color": LOW, "linewidth": 6.0}, "least energy on the path"),
         (bool(len(seen_folds(data)[0])), FOLD, "fold"),
         (bool(data.sizes.get("solution", 0)), ASKED | {"markersize": 5}, "requested (open: unstable)"),
-        (picture.loop is not None, {"color": GREEN, "marker": ">", "markersize": 6}, "slow loading and unloading"),
+        (
+            picture.loop is not None,
+            {"color": style.GREEN, "marker": ">", "markersize": 6},
+            "slow loading and unloading",
+        ),
     ]
     return [Line2D([], [], label=label, **look) for there, look, label in entries if there]

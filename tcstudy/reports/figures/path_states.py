@@ -103,14 +103,15 @@ COLOURS = {
 }
 
 
-def draw_states(over: Axes, along: Axes, picture: PathPicture, divisor: float, label: str, columns: int) -> None:
-    """Both maps.
+def draw_states(over: Axes, along: Axes, picture: PathPicture, divisor: float, label: str) -> list[Any]:
+    """Both maps; returns what their colours mean.
 
     over:    over the parameter, the solution of least energy on the path
     along:   along the path, whose length is counted in the plane of the response curve
     divisor: of the parameter;  label: of the parameter with its unit
-    columns: of the keys
     """
+    from matplotlib.patches import Patch
+
     data = picture.data
     node = np.argsort(data["arclength"].values, kind="stable")
     ends = np.concatenate([[0.0], np.cumsum(data["c"].values[node])])
@@ -126,7 +127,8 @@ def draw_states(over: Axes, along: Axes, picture: PathPicture, divisor: float, l
     for axes in (over, along):
         axes.set_ylim(0.0, ends[-1] / metre)
         axes.set_ylabel(style.labelled("arclength", unit))
-    _key(along, states, columns)
+    present = [state for state in ContactState if np.any(states == state)]
+    return [Patch(color=COLOURS[state], label=STATES[state]) for state in present]
 
 
 def _map(axes: Axes, x: Array, y: Array, states: Array, pieces: NDArray[np.intp]) -> None:
@@ -187,26 +189,3 @@ def _parameter(
         if len(at) and position[at[0]] - last > 0.01 * length:
             last = position[at[0]]
             axes.axvline(last, color=style.VERMILLION, linewidth=0.8, linestyle=(0, (4, 2)))
-
-
-KEY_BELOW = 0.45
-"""How far below a map its key begins [inch]."""
-
-
-def _key(axes: Axes, states: Array, columns: int) -> None:
-    """What the colours mean, below the lower map."""
-    from matplotlib.patches import Patch
-
-    begin = 0.0 if columns == 4 else -axes.get_position().x0 / axes.get_position().width + 0.05
-    present = [state for state in ContactState if np.any(states == state)]
-    patches = [Patch(color=COLOURS[state], label=STATES[state]) for state in present]
-    axes.legend(
-        handles=patches,
-        loc="upper left",
-        bbox_to_anchor=(begin, -style.part_of(axes, KEY_BELOW, vertical=True)),
-        ncols=len(patches) if columns == 4 else columns,
-        fontsize=style.pt(8),
-        frameon=False,
-        borderaxespad=0.0,
-        handlelength=1.2,
-    )

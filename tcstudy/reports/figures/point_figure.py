@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.body_panel import Drawn, draw_body, drawn
 from tcstudy.reports.figures.boundary_roles import draw_roles, name_parts, runs
-from tcstudy.reports.figures.paper import Paper
+from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.picture import NEAR, BodyFields, Held, LineFields, Picture, read_picture
 from tcstudy.reports.select_point import Value
 from tcstudy.reports.text import axis_unit, number
@@ -24,15 +25,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-LEFT, RIGHT, PANEL = 0.85, 0.3, 1.3
-"""Margins of the picture and height of a contact panel [inch]."""
-
-FEET, BODY_FEET = 0.55 + 0.28 + 0.3, 0.95
-"""Room below and between the contact panels, and around the body [inch]."""
-BODY = 4.4
-"""Largest height of the body [inch]."""
-BAR = 1.25
-"""Room for the bar of the temperature to the right of the body [inch]."""
+PANEL, BODY = 1.3, 4.4
+"""Height of a contact panel and largest height of the body [inch]."""
+BESIDE = 2.1
+"""Room left and right of the body, with the bar of the temperature [inch]."""
 
 
 def draw_point(path: Path, point: Mapping[str, Value] | None, level: int, look: style.Look) -> tuple[Figure, str]:
@@ -44,36 +40,40 @@ def draw_point(path: Path, point: Mapping[str, Value] | None, level: int, look: 
 
 def point_figure(picture: Picture, look: style.Look | None = None) -> Figure:
     """The figure of one point; call it within `style.styled()` for its letters."""
-    paper = Paper(look or style.Look(), LEFT, picture.title, _caption(picture))
-    body, units = picture.body, picture.line.length_units
-    feet, body_feet = FEET + paper.extra, BODY_FEET + paper.extra
-    room = paper.room(2 * PANEL + (BODY if body else 0.0), feet + (body_feet if body else 0.0))
-    shape = drawn(body, units, paper.width - LEFT - BAR, BODY / (BODY + 2 * PANEL) * room) if body else None
-    body_height = shape.size[1] if shape else 0.0
-    panel = PANEL if paper.look.size is None else (room - body_height) / 2
-    figure = paper.figure(paper.head + feet + 2 * panel + (body_height + body_feet if shape else 0.0))
+    look, line, body = look or style.Look(), picture.line, picture.body
+    scale = look.letters / style.USUAL
+    width = look.size[0] / scale - BESIDE if look.size else style.WIDTH - BESIDE
+    shape = drawn(body, line.length_units, width, BODY) if body else None
+    rows, heights = [["upper"], ["lower"]], [PANEL, PANEL]
     if shape:
-        above = paper.axes(LEFT, feet + 2 * panel + 0.55, *shape.size)
-        _put_body(above, picture, shape)
-        paper.wrap_title(above)
-    window = window_below(picture.line, body, shape) if shape and body else None
-    width = shape.size[0] if shape and window else paper.width - LEFT - RIGHT
-    lower = paper.axes(LEFT, 0.55, width, panel)
-    upper = paper.axes(LEFT, 0.55 + panel + 0.28, width, panel)
-    draw_line(upper, lower, picture.line, width, picture.held, window)
-    paper.wrap_title(upper)
-    figure.align_ylabels([upper, lower])
+        rows, heights = [["body"], *rows], [shape.size[1], *heights]
+    sheet = Sheet(look, picture.title, _caption(picture), rows, heights)
+    upper, lower = sheet.panels["upper"], sheet.panels["lower"]
+    window = window_below(line, body, shape) if shape and body else None
+    metre = draw_line(upper, lower, line, width, picture.held, window is not None)
+    if shape:
+        _put_body(sheet, picture, shape)
+    figure = sheet.finish()
+    if window and shape and body:  # the body has the width of its panel now
+        left, right = sheet.panels["body"].get_xlim()
+        window = window_below(line, body, replace(shape, left=left, right=right))
+        assert window is not None
+        for axes in (upper, lower):
+            axes.set_xlim(window[0] / metre, window[1] / metre)
     return figure
 
 
-def _put_body(axes: Axes, picture: Picture, shape: Drawn) -> None:
+def _put_body(sheet: Sheet, picture: Picture, shape: Drawn) -> None:
     assert picture.body
-    draw_body(axes, picture.body, picture.line, shape)
+    axes = sheet.panels["body"]
+    draw_body(sheet, axes, picture.body, picture.line, shape)
     parts = [run for run in runs(picture.body, picture.edges) if run.edge.role not in ("contact", "free")]
     draw_roles(axes, shape.x, shape.y, parts, shape.per_inch)
     name_parts(axes, shape.x, shape.y, parts, shape.per_inch, style.LETTER)
     for source in picture.sources:
         _put_source(axes, picture.body, shape, source)
+    axes.set_xlim(shape.left, shape.right, auto=True)  # at least: they grow to the shape of the panel
+    axes.set_ylim(shape.bottom, shape.top, auto=True)
 
 
 def _put_source(axes: Axes, body: BodyFields, shape: Drawn, source: Array) -> None:
@@ -122,20 +122,15 @@ FEW = 60
 """Contact nodes up to which each one gets a dot."""
 
 
-def draw_line(
-    upper: Axes,
-    lower: Axes,
-    line: LineFields,
-    width: float,
-    held: Sequence[Held] = (),
-    window: tuple[float, float] | None = None,
-) -> None:
-    """Both panels; they share the arclength, and `width` is their width [inch].
+def draw_line(upper: Axes, lower: Axes, line: LineFields, width: float, held: Sequence[Held], wider: bool) -> float:
+    """Both panels; they share the arclength, of which what is returned is drawn as 1; `width` is their width [inch].
 
-    held: u_T at the held ends of every part, drawn where it is known
-    window: arclengths at the ends of the panels, by default those of the line
+    held:  u_T at the held ends of every part, drawn where it is known
+    wider: whether the panels reach beyond the line; then ticks and frame end with it
     ξ is drawn as it is computed: constant on the segment S_i around every contact node.
     """
+    from matplotlib.ticker import MaxNLocator
+
     length = float(line.c.sum())
     metre, unit = axis_unit([length], line.length_units)
     slip, slip_unit = axis_unit(line.u_T, line.length_units)
@@ -143,7 +138,11 @@ def draw_line(
     for axes in (upper, lower):
         _shade(axes, line, metre)
         axes.axhline(0.0, color=style.PALE, linewidth=0.8, zorder=1)
-        _across(axes, length / metre, (window[0] / metre, window[1] / metre) if window else None)
+        axes.set_xlim(0.0, length / metre)
+        if wider:
+            ticks = MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, length / metre)
+            axes.set_xticks([tick for tick in ticks if -1e-9 * length <= tick * metre <= (1.0 + 1e-9) * length])
+            axes.spines["bottom"].set_bounds(0.0, length / metre)
     for axes, values in ((upper, line.u_T), (lower, line.xi)):
         if not np.any(values):  # a scale around nothing but zero would mean nothing
             axes.set_ylim(-1.0, 1.0)
@@ -175,17 +174,7 @@ def draw_line(
     upper.set_title(f"Contact line: {stick_text(line)}", loc="left")
     if len(np.unique(line.edge)) > 1:
         _name_runs(upper, lower, line, metre, width)
-
-
-def _across(axes: Axes, length: float, window: tuple[float, float] | None) -> None:
-    """The arclength from 0 to `length`, as it is drawn; within a wider window ticks and frame end with the line."""
-    axes.set_xlim(*(window or (0.0, length)))
-    if window:
-        from matplotlib.ticker import MaxNLocator
-
-        ticks = MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, length)
-        axes.set_xticks([tick for tick in ticks if -1e-9 * length <= tick <= (1.0 + 1e-9) * length])
-        axes.spines["bottom"].set_bounds(0.0, length)
+    return metre
 
 
 def stick_text(line: LineFields) -> str:

@@ -1,154 +1,151 @@
-"""A sheet of any size with any letters: heading, facts, one panel, its key and colour bar, laid out by measuring.
+"""The sheet of every picture, of any size with any letters: heading, facts, panels, keys and colour bars.
 
-matplotlib's own layouts let long labels push a small panel away; here the labels are wrapped to the panel instead.
+matplotlib's constrained layout finds the places. Heading, facts, titles and labels are wrapped to the room that they
+have: it does not look how long they are.
 """
 
 from __future__ import annotations
 
 import textwrap
+import warnings
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-SIZE = (8.0, 5.0)
-"""Usual size [inch]."""
-SMALL, LARGE = 0.88, 1.2
-"""Size of the facts and of the heading, relative to the other letters."""
-WIDE = 60
-"""Letters that fit side by side on a sheet from which on a key stands beside the panel, not below it."""
-PASSES = 5
-"""Labels are wrapped to a panel whose size follows from its labels."""
+SMALL, LARGE = 0.9, 1.25
+"""Size of facts and keys and of the heading, relative to the other letters."""
+LINE, EDGE = 1.5, 0.6
+"""Height of a line, relative to its letters; margin of the sheet, relative to the usual ones."""
+NARROW, BESIDE = 80, 60
+"""Letters that fit side by side on a sheet below which panels stand below each other; from which on a key that may do
+so stands beside the panel."""
+ROOM = 0.7
+"""Room below a row of panels for its labels [inch of usual letters]."""
+SMALLEST = 0.3
+"""Panels can shrink to this part of their usual height."""
 LINES = 2
-"""Most lines of a label beside the panel, if there is a shorter one."""
+"""Most lines of a label beside a panel, if there is a shorter one."""
 
 
 class Sheet:
-    """Draw into `axes`, add a key and a bar, then call `finish`."""
+    """Draw into the `panels`, add keys and bars, then call `finish`.
 
-    def __init__(self, look: style.Look, heading: str, facts: Sequence[str]) -> None:
+    facts, feet: what stands below the heading and at the foot of the sheet
+    rows:        names of the panels in rows of these usual heights [inch], as of Figure.subplot_mosaic; on a narrow
+                 sheet all stand below each other
+    All lengths grow with the letters, unless a size is asked for.
+    """
+
+    def __init__(
+        self,
+        look: style.Look,
+        heading: str,
+        facts: Sequence[str],
+        rows: Sequence[Sequence[str]] = (("",),),
+        heights: Sequence[float] = (3.6,),
+        feet: Sequence[str] = (),
+    ) -> None:
         from matplotlib.figure import Figure
 
-        self.look, self.size = look, look.size or SIZE
-        self.figure = Figure(figsize=self.size)
-        self.axes = self.figure.add_axes((0.1, 0.1, 0.8, 0.8))
-        self.em = look.letters / 72.0
-        self.wide = look.columns(self.size[0] - self.em)
-        self._key: Any = None
-        self._bar: Any = None
-        self._label: tuple[str, ...] = ()
-        self._bar_label: tuple[str, ...] = ()
-        self._head: list[Any] = []
+        self.look, self.em, scale = look, look.letters / 72.0, look.letters / style.USUAL
+        self.width = look.size[0] if look.size else style.WIDTH * scale
+        self.wide = look.columns(self.width - 2 * EDGE * self.em)
+        if self.wide < NARROW:
+            own = {name: high for row, high in zip(rows, heights, strict=True) for name in row if name != "."}
+            rows, heights = [[name] for name in own], list(own.values())
+        self._labels: dict[Axes, tuple[str, ...]] = {}
+        head: list[tuple[str, float, dict[str, Any]]] = []
         if look.title != "":
-            self._write(heading if look.title is None else look.title, LARGE, fontweight="bold")
-            for fact in filter(None, facts):
-                self._write(fact, SMALL)
+            head += self._lines(heading if look.title is None else look.title, LARGE, fontweight="bold")
+            head += [line for fact in facts for line in self._lines(fact, SMALL)]
+        foot = [line for text in feet for line in self._lines(text, SMALL)]
+        above, below = (LINE * self.em * sum(size for _, size, _ in lines) for lines in (head, foot))
+        least = above + below + scale * (SMALLEST * sum(heights) + ROOM * len(heights))
+        self.height = look.size[1] if look.size else least + (1.0 - SMALLEST) * scale * sum(heights)
+        if self.height < least:
+            least *= 2.54
+            raise DrawError(f"size: {least:.1f} cm is the least height of this picture with such width and letters")
+        self.heights = heights
+        self.figure = Figure((self.width, self.height), layout="constrained")
+        self._write(head, EDGE * self.em)
+        self._write(foot, self.height - below - EDGE * self.em)
+        margins = [EDGE * self.em * (1.0 + bool(lines)) for lines in (head, foot)]
+        top, bottom = 1.0 - (above + margins[0]) / self.height, (below + margins[1]) / self.height
+        edge = EDGE * self.em / self.width
+        engine: Any = self.figure.get_layout_engine()
+        self._rect = (edge, bottom, 1.0 - 2.0 * edge, top - bottom)
+        engine.set(rect=self._rect, w_pad=0.0, h_pad=0.0, hspace=0.05, wspace=0.03)
+        self.panels: dict[str, Axes] = self.figure.subplot_mosaic([list(row) for row in rows], height_ratios=heights)
 
-    def _write(self, text: str, size: float, **more: Any) -> None:
-        lines = textwrap.wrap(text, int(self.wide / size * (0.92 if more else 1.0)), break_long_words=False)
-        self._head.append(self.figure.text(0, 0, "\n".join(lines), fontsize=size * self.look.letters, va="top", **more))
+    def _lines(self, text: str, size: float, **more: Any) -> list[tuple[str, float, dict[str, Any]]]:
+        columns = int(self.wide / size * (0.92 if more else 1.0))
+        return [(line, size, more) for line in textwrap.wrap(text, columns, break_long_words=False)]
 
-    @property
-    def beside(self) -> bool:
-        """Whether the key stands beside the panel."""
-        return self.wide >= WIDE
+    def _write(self, lines: Sequence[tuple[str, float, dict[str, Any]]], top: float) -> None:
+        """Lines below each other from so many inches below the upper edge on."""
+        for text, size, more in lines:
+            place = EDGE * self.em / self.width, 1.0 - top / self.height
+            self.figure.text(*place, text, fontsize=size * self.look.letters, va="top", parse_math=not more,
+                             in_layout=False, **more)  # fmt: skip
+            top += LINE * size * self.em
 
-    def key(self, handles: Sequence[Any], title: str | None = None, below: bool = False) -> None:
-        """What lines, marks and hatches mean; the labels of the handles."""
+    def key(self, handles: Sequence[Any], place: str = "lower center", title: str | None = None) -> None:
+        """What lines, marks and hatches mean, the labels of the handles, outside the panels; as in Figure.legend."""
         longest = max(len(handle.get_label()) for handle in handles)
-        one = self.beside and not below
-        columns = 1 if one else max(1, min(len(handles), int(self.wide / SMALL) // (longest + 6)))
-        where: dict[str, Any] = {
-            "loc": "upper right" if one else "lower center",
-            "bbox_transform": self.figure.dpi_scale_trans,
-        }
-        self._key = self.figure.legend(
-            handles=list(handles), title=title, ncols=columns, frameon=False, fontsize=SMALL * self.look.letters,
-            borderaxespad=0.0, borderpad=0.1, handlelength=1.6, columnspacing=1.2, **where,
+        columns = 1 if "right" in place else max(1, min(len(handles), int(self.wide / SMALL) // (longest + 6)))
+        where: dict[str, Any] = {"loc": f"outside {place}"}
+        self.figure.legend(
+            handles=list(handles), **where, title=title, ncols=columns, frameon=False,
+            fontsize=SMALL * self.look.letters, borderaxespad=0.0, borderpad=0.1, handlelength=1.6, columnspacing=1.2,
         )  # fmt: skip
-        self._below = not one
 
-    def bar(self, drawn: Any, *label: str) -> None:
-        """A colour bar beside the panel; labels as for `label`."""
-        place = self.figure.add_axes((0.9, 0.1, 0.05, 0.8))
-        self._bar, self._bar_label = place, label
-        self.figure.colorbar(drawn, cax=place).outline.set_visible(False)
+    def bar(self, axes: Axes, drawn: Any, *label: str) -> None:
+        """A colour bar beside a panel; labels as for `label`."""
+        bar = self.figure.colorbar(drawn, ax=axes, aspect=25.0, pad=0.02, fraction=0.04)
+        bar.outline.set_visible(False)
+        self.label(bar.ax, *label)
 
-    def label(self, *texts: str) -> None:
-        """What stands beside the panel, wrapped to its height: the first text that does in two lines, or the last."""
-        self._label = texts
+    def label(self, axes: Axes, *texts: str) -> None:
+        """What stands beside a panel, wrapped to its height: the first text that does in two lines, or the last."""
+        axes.set_ylabel(texts[0])
+        self._labels[axes] = texts
 
-    def finish(self) -> Any:
+    def finish(self) -> Figure:
         """Lay everything out; returns the figure."""
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        figure, engine = self.figure, self.figure.get_layout_engine()
+        assert engine is not None
+        figure.align_ylabels()
+        with warnings.catch_warnings(action="error"):
+            try:
+                engine.execute(figure)
+                for axes in figure.axes:
+                    self._wrap(axes)
+                engine.execute(figure)
+            except UserWarning as error:
+                raise DrawError("size: panels find no room; ask for a larger picture or smaller letters") from error
+        figure.set_layout_engine("none")
+        for legend in figure.legends:
+            legend.set_bbox_to_anchor(self._rect, figure.transFigure)
+        for axes in figure.axes:
+            axes.apply_aspect()
+        return figure
 
-        renderer = FigureCanvasAgg(self.figure).get_renderer()
-        for number in range(PASSES):
-            left, bottom, right, top = self._region(renderer)
-            if self._bar is not None:
-                beyond = self._overhang(self._bar, renderer)
-                right -= beyond[2] + 1.2 * self.em
-                bar_left = right
-                right -= 1.0 * self.em
-            low, under, over, above = self._overhang(self.axes, renderer)
-            box = (left + low, bottom + under, right - over - left - low, top - above - bottom - under)
-            box = (*box[:2], max(box[2], 0.5 * self.em), max(box[3], 0.5 * self.em))
-            self._put(self.axes, box)
-            if self._bar is not None:
-                self._put(self._bar, (bar_left, box[1], 1.2 * self.em, box[3]))
-            if number < PASSES - 1:
-                self._wrap(box[3])
-        return self.figure
+    def _wrap(self, axes: Axes) -> None:
+        """Wrap title and labels to the panel, which its title may leave to the right."""
+        box = axes.get_position()
+        across, up = self.look.columns(box.width * self.width), self.look.columns(box.height * self.height)
+        texts = [_wrapped(text, up) for text in self._labels.get(axes, (axes.get_ylabel(),))]
+        axes.set_ylabel(next((text for text in texts if text.count("\n") < LINES), texts[-1]), linespacing=1.0)
+        axes.set_xlabel(_wrapped(axes.get_xlabel(), across))
+        title = self.look.columns((1.0 - box.x0) * self.width - EDGE * self.em) if len(self.panels) < 2 else across
+        axes.set_title(_wrapped(axes.get_title(loc="left"), title), loc="left")
 
-    def _put(self, axes: Axes, box: tuple[float, float, float, float]) -> None:
-        width, height = self.size
-        axes.set_position((box[0] / width, box[1] / height, box[2] / width, box[3] / height))
 
-    def _wrap(self, length: float) -> None:
-        """Put the labels along a panel of this height [inch]."""
-        columns = self.look.columns(length)
-        for axes, texts in ((self.axes, self._label), (self._bar, self._bar_label)):
-            wrapped = [textwrap.wrap(text, columns, break_long_words=False) for text in texts]
-            if wrapped:
-                axes.set_ylabel("\n".join(next((lines for lines in wrapped if len(lines) <= LINES), wrapped[-1])))
-
-    def _region(self, renderer: Any) -> tuple[float, float, float, float]:
-        """Place heading and key; returns left, bottom, right and top of what is left of the sheet [inch]."""
-        em, dpi = self.em, self.figure.dpi
-        left, bottom, right, top = 0.6 * em, 0.5 * em, self.size[0] - 0.6 * em, self.size[1] - 0.6 * em
-        for text in self._head:
-            text.set_position((left / self.size[0], top / self.size[1]))
-            top -= text.get_window_extent(renderer).height / dpi + 0.4 * em
-        top -= 0.5 * em if self._head else 0.0
-        if self._key is not None:
-            at = (self.size[0] / 2, bottom) if self._below else (right, top)
-            self._key.set_bbox_to_anchor(at, self.figure.dpi_scale_trans)
-            box = self._key.get_window_extent(renderer)
-            if self._below:
-                bottom += box.height / dpi + 0.7 * em
-            else:
-                right -= box.width / dpi + em
-        return left, bottom, right, top
-
-    def _overhang(self, axes: Axes, renderer: Any) -> tuple[float, float, float, float]:
-        """How far labels reach beyond a panel: left, below, right, above [inch].
-
-        The label beside it counts with its width alone: it is wrapped to the height of the panel afterwards.
-        """
-        axes.apply_aspect()
-        dpi, label = self.figure.dpi, axes.yaxis.label
-        width = (
-            (label.get_window_extent(renderer).width + axes.yaxis.labelpad * dpi / 72.0) if label.get_text() else 0.0
-        )
-        label.set_visible(False)
-        inner, outer = axes.get_window_extent(renderer), axes.get_tightbbox(renderer)
-        label.set_visible(True)
-        assert outer is not None
-        left, right = inner.x0 - outer.x0, outer.x1 - inner.x1
-        left, right = (left, right + width) if axes is self._bar else (left + width, right)
-        below, above = inner.y0 - outer.y0, outer.y1 - inner.y1
-        return max(0.0, left / dpi), max(0.0, below / dpi), max(0.0, right / dpi), max(0.0, above / dpi)
+def _wrapped(text: str, columns: int) -> str:
+    return "\n".join(textwrap.wrap(text, columns, break_long_words=False))

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from tcstudy.data.files import check_writable, replace_file
 from tcstudy.errors import DrawError, StoreError, UsageError
@@ -195,12 +195,6 @@ def inches(figure: Figure, left: float, bottom: float, width: float, height: flo
     """New axes at a place counted in inches from the lower left corner."""
     across, up = figure.get_size_inches()
     return figure.add_axes((left / across, bottom / up, width / across, height / up))
-
-
-def part_of(axes: Axes, length: float, vertical: bool = False) -> float:
-    """A length [inch at usual letters] as a part of the width or height of a panel, for what stands beside it."""
-    panel, size = axes.get_position(), cast("Figure", axes.figure).get_size_inches()
-    return pt(length) / float(panel.height * size[1] if vertical else panel.width * size[0])
 
 
 NARROW = 100.0

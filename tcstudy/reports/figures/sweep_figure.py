@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.sheet import Sheet
+from tcstudy.reports.figures.sheet import BESIDE, Sheet
 from tcstudy.reports.sweep import DrawnParameter, SweepPicture
 from tcstudy.reports.text import axis_unit, pretty
 
@@ -59,7 +59,7 @@ def curves_figure(picture: SweepPicture, look: style.Look) -> Figure:
     missing = " (×)" if picture.left_out else ""
     told = [fact + missing if fact == picture.left_out else fact for fact in facts(picture)]
     sheet = Sheet(look, picture.title, told)
-    axes = sheet.axes
+    (axes,) = sheet.panels.values()
     divisor, unit = axis_unit(picture.values[np.isfinite(picture.values)], picture.units)
     across = x.numbers if x.numbers is not None else np.arange(len(x.labels), dtype=float)
     colours = _colours(by)
@@ -75,14 +75,14 @@ def curves_figure(picture: SweepPicture, look: style.Look) -> Figure:
         if len(gone := at[np.isnan(y)]):
             axes.plot(gone, 0.0 * gone, color=colours[k], transform=axes.get_xaxis_transform(), **MISSING)
     axes.set_xlabel(axis_title(x))
-    sheet.label(*number_labels(picture, unit))
+    sheet.label(axes, *number_labels(picture, unit))
     _scale(axes, x, across)
     if np.isfinite(picture.values).any() and np.ptp(picture.values[np.isfinite(picture.values)]) == 0.0:
         axes.margins(y=0.5)
     axes.grid(color=style.SHADE, linewidth=0.6)
     axes.set_axisbelow(True)
     if by:
-        _families(sheet, by)
+        _families(sheet, axes, by)
     return sheet.finish()
 
 
@@ -112,7 +112,7 @@ def _scale(axes: Axes, x: DrawnParameter, across: Array) -> None:
             axes.set_xticks(across[few], [x.labels[i] for i in few])
 
 
-def _families(sheet: Sheet, by: DrawnParameter) -> None:
+def _families(sheet: Sheet, axes: Axes, by: DrawnParameter) -> None:
     """What tells the curves apart: a key, or a colour bar for many numbers."""
     if _many(by) and len(by.labels) > MOST_NAMED:
         from matplotlib.cm import ScalarMappable
@@ -120,9 +120,10 @@ def _families(sheet: Sheet, by: DrawnParameter) -> None:
 
         assert by.numbers is not None
         scale = Normalize(float(by.numbers.min()), float(by.numbers.max()))
-        sheet.bar(ScalarMappable(scale, COLOURS), axis_title(by))
+        sheet.bar(axes, ScalarMappable(scale, COLOURS), axis_title(by))
         return
-    sheet.key([line for line in sheet.axes.lines if not str(line.get_label()).startswith("_")], axis_title(by))
+    handles = [line for line in axes.lines if not str(line.get_label()).startswith("_")]
+    sheet.key(handles, "right upper" if sheet.wide >= BESIDE else "lower center", axis_title(by))
 
 
 def map_figure(picture: SweepPicture, look: style.Look) -> Figure:
@@ -139,7 +140,7 @@ def map_figure(picture: SweepPicture, look: style.Look) -> Figure:
             raise style.DrawError(f"several points of the list have {where}; choose one value of another parameter")
         grid[row, column] = i
     sheet = Sheet(look, picture.title, facts(picture))
-    axes = sheet.axes
+    (axes,) = sheet.panels.values()
     known = picture.values[np.isfinite(picture.values)]
     divisor, unit = axis_unit(known, picture.units)
     values = np.where(grid >= 0, picture.values[grid] / divisor, np.nan)
@@ -150,8 +151,8 @@ def map_figure(picture: SweepPicture, look: style.Look) -> Figure:
     _cells(axes, gone, {"hatch": "xxx", "edgecolor": style.PALE, "linewidth": 0.0})
     _cells(axes, open_, {"hatch": "//", "edgecolor": "white", "linewidth": 0.0})
     _cells(axes, several, {"edgecolor": style.VERMILLION, "linewidth": 1.8, "zorder": 4})
-    sheet.bar(cells, *number_labels(picture, unit))
-    _cell_ticks(sheet, x, y)
+    sheet.bar(axes, cells, *number_labels(picture, unit))
+    _cell_ticks(sheet, axes, x, y)
     _cell_key(sheet, bool(gone.any()), bool(open_.any()), bool(several.any()))
     return sheet.finish()
 
@@ -163,11 +164,10 @@ def _cells(axes: Axes, which: NDArray[np.bool_], how: dict[str, Any]) -> None:
         axes.add_patch(Rectangle((column, row), 1.0, 1.0, facecolor="none", **how))
 
 
-def _cell_ticks(sheet: Sheet, x: DrawnParameter, y: DrawnParameter) -> None:
+def _cell_ticks(sheet: Sheet, axes: Axes, x: DrawnParameter, y: DrawnParameter) -> None:
     """The labels at the middles of the cells, as many as find room."""
-    (width, height), axes, look = sheet.size, sheet.axes, sheet.look
-    most_across = max(2, look.columns(0.6 * width) // (max(map(len, x.labels)) + 2))
-    most_up = max(2, int(0.6 * height * 72.0 / (1.6 * look.letters)))
+    most_across = max(2, sheet.look.columns(0.6 * sheet.width) // (max(map(len, x.labels)) + 2))
+    most_up = max(2, int(0.6 * sheet.height / (1.6 * sheet.em)))
     for axis, one, most in ((axes.xaxis, x, most_across), (axes.yaxis, y, most_up)):
         few = range(0, len(one.labels), -(-len(one.labels) // most))
         axis.set_ticks([i + 0.5 for i in few], [_escaped(one.labels[i]) for i in few])
@@ -189,4 +189,4 @@ def _cell_key(sheet: Sheet, gone: bool, unproved: bool, several: bool) -> None:
     if gone:
         handles.append(Patch(facecolor="none", edgecolor=style.PALE, hatch="xxx", linewidth=0.0, label="no solution"))
     if handles:
-        sheet.key(handles, below=True)
+        sheet.key(handles)

@@ -121,6 +121,12 @@ def figure_of(picture: Picture) -> Figure:
         return point_figure(picture)
 
 
+def contact_panels(figure: Figure) -> tuple[Any, Any]:
+    """The panels of u_T and of ξ."""
+    upper, lower = ([a for a in figure.axes if a.get_ylabel().startswith(name)] for name in ("$u_T$", r"$\xi"))
+    return upper[0], lower[0]
+
+
 def shown_line(axes: Any) -> np.ndarray[Any, Any]:
     """(2, m) data of the curve among the lines of a panel (the others are reference lines of two points)."""
     (curve,) = [line for line in axes.lines if len(line.get_xdata()) > 2]

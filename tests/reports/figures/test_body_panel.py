@@ -18,6 +18,7 @@ from tests.reports.figures.draw_cases import (
     HEIGHT,
     WIDTH,
     cells,
+    contact_panels,
     crowded,
     figure_of,
     level_record,
@@ -33,7 +34,7 @@ from tests.reports.figures.draw_cases import (
 @pytest.mark.parametrize("level", [0, 1])
 def test_the_curves_are_the_stored_numbers_in_readable_units(grid: Path, level: int) -> None:
     figure = figure_of(read_picture(grid, {"alpha": 25, "friction": "softening"}, level))
-    upper, lower = figure.axes[-1], figure.axes[-2]
+    upper, lower = contact_panels(figure)
     record = point_record((0, 1), level_record(level, False))
     s = 1e3 * level_record(level, False).arclength
     np.testing.assert_allclose(shown_line(upper), [s, 1e6 * record.u_T], rtol=1e-12)

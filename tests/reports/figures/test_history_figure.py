@@ -32,7 +32,7 @@ def test_the_loop_is_the_slip_of_the_end_over_the_load(file: Path, monkeypatch: 
     said = picture(file, file.with_suffix(".png"))
     assert "slip over theta, 16 steps" in said
     loop, motion, cycles = (
-        next(a for a in drawn[0].axes if word in a.get_xlabel()) for word in ("theta", "step", "cyc")
+        next(a for a in drawn[0].axes if a.get_xlabel().startswith(word)) for word in (r"$\theta$", "step", "cycle")
     )
     data = load_root(file, "history")
     end = data["u_T"].values[:, np.abs(data["u_T"].values).max(axis=0).argmax()]

@@ -221,8 +221,7 @@ def test_a_family_has_one_colour_and_what_is_beaten_is_pale(file: Path) -> None:
     left, right = ({to_hex(line.get_color()) for line in axes.lines if line.get_marker() == "s"}
                    for axes in figure.axes[:2])  # fmt: skip
     assert left == right == {style.INK}
-    legend = figure.axes[0].get_legend()
-    assert legend is not None
+    (legend,) = figure.legends
     named = [text.get_text() for text in legend.get_texts()]
     assert {"the study's own (beaten)", "best at its error", "pale: another is faster and closer"} <= set(named)
 
