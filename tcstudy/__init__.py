@@ -34,20 +34,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tcstudy.api import (
-        Study,
-        converge,
-        cost,
-        fit,
-        history,
-        init,
-        load,
-        merge,
-        path,
-        plan,
-        run,
-        schema,
-    )
+    from tcstudy.api import Study, converge, cost, fit, history, init, load, merge, path, plan, run, schema
     from tcstudy.errors import (
         ConvergenceError,
         CostError,
@@ -69,43 +56,11 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "ContactProblem",
-    "ConvergenceError",
-    "CostError",
-    "DrawError",
-    "FitError",
-    "GeometryFailed",
-    "HistoryError",
-    "PageError",
-    "PathError",
-    "ProblemError",
-    "StoreError",
-    "Study",
-    "StudyError",
-    "UsageError",
-    "UserFault",
-    "__version__",
-    "certify",
-    "compare",
-    "converge",
-    "cost",
-    "draw",
-    "export",
-    "fit",
-    "follow",
-    "history",
-    "init",
-    "law",
-    "load",
-    "merge",
-    "open_results",
-    "path",
-    "plan",
-    "report",
-    "run",
-    "schema",
-    "solve",
-]
+    "ContactProblem", "ConvergenceError", "CostError", "DrawError", "FitError", "GeometryFailed", "HistoryError",
+    "PageError", "PathError", "ProblemError", "StoreError", "Study", "StudyError", "UsageError", "UserFault",
+    "__version__", "certify", "compare", "converge", "cost", "draw", "export", "fit", "follow", "history", "init",
+    "law", "load", "merge", "open_results", "path", "plan", "report", "run", "schema", "solve",
+]  # fmt: skip
 
 _FILES = {
     **dict.fromkeys(("ContactProblem", "certify", "follow", "law", "solve"), "matrices"),

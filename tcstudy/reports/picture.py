@@ -13,17 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.reading import refuse_geometries, sweep_dims
-from tcstudy.data.schema import STICKS, UNKNOWN
+from tcstudy.data.schema import STICKS
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import Value, check_solved, describe, labels, level_number, locate
 from tcstudy.reports.stored_study import NamedEdge, outline, scene_at, sources, stored_study
 from tcstudy.scene.records import Scene
 
 Array = NDArray[np.float64]
-
-ROUNDING = 1e-9
-"""Relative difference of two sums of the same lengths in another order."""
-
 
 NEAR = 1e-6
 """Relative difference of two lengths that are one."""
@@ -36,7 +32,7 @@ class LineFields:
     arclength, x, y, c: position, coordinates and segment lengths c_i [length_units]
     edge:   (m,) index into edge_names
     u_T:    (m,) tangential displacement [length_units];  xi: (m,) traction ξ = −S_T [traction_units]
-    sticks: (m,) nodes that rest on an up-jump of the law; None if the file does not tell
+    sticks: (m,) nodes that rest on an up-jump of the law
     """
 
     arclength: Array
@@ -47,7 +43,7 @@ class LineFields:
     edge_names: tuple[str, ...]
     u_T: Array
     xi: Array
-    sticks: NDArray[np.bool_] | None
+    sticks: NDArray[np.bool_]
     length_units: str
     traction_units: str
 
@@ -167,7 +163,7 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
         study = stored_study(root)
         at = root.isel(where).isel(level=number)
         group = tree[f"level_{number}"].to_dataset().isel(where, missing_dims="ignore")
-        line = _line(group, float(at["slip_length"]))
+        line = _line(group)
         return Picture(
             title=str(root.attrs["title"]),
             parameters=tuple(labels(root, where)),
@@ -188,10 +184,7 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
 
 
 def ends_held(line: LineFields, group: Any) -> list[tuple[int, int]]:
-    """Which stored held end (data.schema.HELD) both ends of every part of the line are; −1 for none of them.
-
-    Files of versions that did not store them have none.
-    """
+    """Which stored held end (data.schema.HELD) both ends of every part of the line are; −1 for none of them."""
     if "held_arclength" not in group:
         return [(-1, -1)] * len(line.parts)
     stored, found = group["held_arclength"].values, []
@@ -213,35 +206,13 @@ def _held_slip(line: LineFields, group: Any) -> tuple[Held, ...]:
     return tuple((slip(first), slip(last)) for first, last in ends_held(line, group))
 
 
-def sticking(u_T: Array, c: Array, slip_length: float) -> NDArray[np.bool_] | None:
-    """(m,) nodes that stick in a file that does not store them; None if it does not tell either.
-
-    A sticking node rests on a kink of the law exactly: at u_T = 0, or at a slip that it shares with other nodes.
-    The stored length of the part that does not stick decides which of these it is.
-    """
-    values, count = np.unique(u_T, return_counts=True)
-    shared = np.isin(u_T, values[count > 1])
-    zero = u_T == 0.0
-    for guess in (np.zeros(len(u_T), dtype=bool), zero, zero | shared, shared):
-        if abs(c[~guess].sum() - slip_length) <= ROUNDING * c.sum():
-            return guess
-    return None
-
-
-def _sticks(group: Any, slip_length: float) -> NDArray[np.bool_] | None:
-    """As stored; files of earlier versions have no such variable."""
-    if "sticks" in group and not (group["sticks"].values == UNKNOWN).any():
-        return np.asarray(group["sticks"].values == STICKS)
-    return sticking(group["u_T"].values, group["c"].values, slip_length)
-
-
-def _line(group: Any, slip_length: float) -> LineFields:
+def _line(group: Any) -> LineFields:
     values = {name: group[name].values for name in ("arclength", "x", "y", "c", "u_T", "xi")}
     return LineFields(
         **values,
         edge=group["edge"].values.astype(np.intp),
         edge_names=tuple(str(group["edge"].attrs.get("flag_meanings", "")).split()),
-        sticks=_sticks(group, slip_length),
+        sticks=group["sticks"].values == STICKS,
         length_units=str(group["u_T"].attrs["units"]),
         traction_units=str(group["xi"].attrs["units"]),
     )

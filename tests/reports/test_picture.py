@@ -12,29 +12,20 @@ pytest.importorskip("matplotlib")
 
 
 import tcstudy
-from tcstudy.data import schema
-from tcstudy.data.provenance import Provenance
-from tcstudy.data.store import open_results
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.body_panel import boundary_edges, contact_chains, drawn, loops
 from tcstudy.reports.figures.point_figure import stick_ranges, stick_text, window_below
-from tcstudy.reports.picture import read_picture, sticking
+from tcstudy.reports.picture import read_picture
 from tcstudy.reports.stored_study import NamedEdge
-from tcstudy.reports.terminal.summary import summary
-from tests.data.by_points import write
 from tests.reports.figures.draw_cases import (
     HEIGHT,
     WIDTH,
     contact_panels,
     crowded,
     figure_of,
-    level_record,
     line,
-    point_record,
-    result,
     shown_line,
-    study,
 )
 
 
@@ -56,50 +47,6 @@ def test_no_slip_at_all_has_no_scale(grid: Path) -> None:
     upper, lower = contact_panels(figure_of(still))
     assert upper.get_yticks().tolist() == [0.0]
     assert len(lower.get_yticks()) > 1
-
-
-STORED = np.array([0, 1, 0, 1], dtype=np.int8)
-
-
-def test_what_the_file_stores_counts_more_than_a_guess(tmp_path: Path) -> None:
-    """The slip length alone would say that the two nodes at u_T = 0 stick."""
-    level = level_record(0, False)
-    record = replace(point_record((), level), sticks=STORED)
-    write(tmp_path / "plate.nc", study("grid", ()), [level], [record], Provenance("now", (("python", "3"),), "abc"))
-    np.testing.assert_array_equal(read_picture(tmp_path / "plate.nc", level=0).line.sticks, STORED == 1)
-
-
-def test_a_file_of_before_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without the variables sticks and heat_status: the picture guesses, the summary is silent."""
-    monkeypatch.setattr(schema, "CONTACT", tuple(v for v in schema.CONTACT if v.name != "sticks"))
-    monkeypatch.setattr(schema, "ROOT", tuple(v for v in schema.ROOT if v.name != "heat_status"))
-    path = result(tmp_path / "plate.nc")
-    with open_results(path) as tree:
-        assert "sticks" not in tree["level_1"]
-        assert "heat_status" not in tree
-    line = read_picture(path, level=0).line
-    assert line.sticks is not None
-    assert line.sticks.tolist() == [True, True, False, False]
-    assert "heat balance" not in summary(path)
-
-
-@pytest.mark.parametrize(
-    ("u_T", "slip_length", "expected"),
-    [
-        ([0.0, 0.0, 1.0, 2.0], 2.0, [True, True, False, False]),
-        ([0.0, 0.0, 0.0, 0.0], 4.0, [False] * 4),  # no up-jump at 0: a spring under no load
-        ([0.0, 0.0, 0.0, 0.0], 0.0, [True] * 4),
-        ([1.0, 2.0, 3.0, 4.0], 4.0, [False] * 4),
-        ([0.0, 0.5, 0.5, 2.0], 1.0, [True, True, True, False]),  # sticks at an up-jump away from 0, too
-        ([0.0, 0.5, 0.5, 2.0], 2.0, [False, True, True, False]),
-        ([0.0, 0.5, 0.6, 2.0], 2.0, None),
-    ],
-)
-def test_sticking_agrees_with_the_stored_slip_length(
-    u_T: list[float], slip_length: float, expected: list[bool] | None
-) -> None:
-    found = sticking(np.array(u_T), np.ones(4), slip_length)
-    assert expected == (None if found is None else found.tolist())
 
 
 def test_parts_end_at_gaps_and_held_corners() -> None:

@@ -83,12 +83,11 @@ def law_figure(picture: LawPicture, look: style.Look) -> Figure:
     within = [b for s, values in drawn for b in values[(s >= low) & (s <= high)]]
     slip, slip_unit = axis_unit([low, high], line.length_units)
     stress, stress_unit = axis_unit([*within, *xi[bonded]], line.traction_units)
-    sticks = line.sticks if line.sticks is not None else np.zeros(len(line.u_T), dtype=bool)
     one = len(picture.laws) == 1
     for k, (_, law) in enumerate(picture.laws):
         colour = {} if one else {"color": style.SERIES[k % len(style.SERIES)]}
         draw_law(axes, law, (low, high), slip, stress, colour)
-        for which, how in ((sticks, STICKING), (~sticks, SLIPPING)):
+        for which, how in ((line.sticks, STICKING), (~line.sticks, SLIPPING)):
             here = which & bonded & (picture.index == k)
             if here.any():
                 axes.plot(line.u_T[here] / slip, xi[here] / stress, linestyle="none", markersize=4, markeredgewidth=0.4,
@@ -96,7 +95,7 @@ def law_figure(picture: LawPicture, look: style.Look) -> Figure:
     axes.set_xlabel(style.labelled("slip $u_T$", slip_unit))
     scaled = "" if np.all(picture.strength[bonded] == 1.0) else " / strength"
     axes.set_ylabel(style.labelled(r"friction $\xi = -S_T$" + scaled, stress_unit))
-    sheet.key(_handles(picture, sticks & bonded, ~sticks & bonded, line.sticks is not None))
+    sheet.key(_handles(picture, line.sticks & bonded, ~line.sticks & bonded))
     return sheet.finish()
 
 
@@ -155,7 +154,7 @@ def curves(law: FrictionLaw, reach: float, samples: int = SAMPLES) -> list[tuple
     return found
 
 
-def _handles(picture: LawPicture, sticking: Flags, slipping: Flags, known: bool) -> list[Any]:
+def _handles(picture: LawPicture, sticking: Flags, slipping: Flags) -> list[Any]:
     """The key; of several laws, each in its colour, with the kinds of nodes in ink."""
     from matplotlib.lines import Line2D
 
@@ -171,6 +170,6 @@ def _handles(picture: LawPicture, sticking: Flags, slipping: Flags, known: bool)
         (not several and bool(np.any(law.kinds == UP)), UP_STYLE, "up-jump"),
         (not several and bool(np.any(law.kinds == DOWN)), DOWN_STYLE, "down-jump: sudden loss"),
     ]
-    for nodes, how, text in ((sticking, STICKING, "sticks"), (slipping, SLIPPING, "slips" if known else "contact")):
+    for nodes, how, text in ((sticking, STICKING, "sticks"), (slipping, SLIPPING, "slips")):
         entries.append((bool(nodes.any()), how | point | ink, f"{text} ({counted(int(nodes.sum()), 'node')})"))
     return [Line2D([], [], **how, label=text) for there, how, text in entries if there]

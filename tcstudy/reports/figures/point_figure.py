@@ -179,8 +179,6 @@ def draw_line(upper: Axes, lower: Axes, line: LineFields, width: float, held: Se
 
 def stick_text(line: LineFields) -> str:
     """How much of the contact line sticks, in words."""
-    if line.sticks is None:
-        return "the file does not tell which part sticks"
     if not line.sticks.any():
         return "all of it slips"
     if line.sticks.all():
@@ -192,8 +190,6 @@ def stick_text(line: LineFields) -> str:
 def stick_ranges(line: LineFields) -> list[tuple[float, float]]:
     """Arclengths between which the line sticks: joined segments S_i of sticking nodes."""
     ranges: list[tuple[float, float]] = []
-    if line.sticks is None:
-        return ranges
     for part in line.parts:
         ends, nodes = line.steps(part)
         change = np.diff(np.concatenate([[0], line.sticks[nodes].astype(int), [0]]))

@@ -124,7 +124,7 @@ def contact_line(group: Any) -> LineFields:
     zero = np.zeros(group.sizes["node"])
     values = {name: group[name].values for name in ("arclength", "x", "y", "c")}
     edges = tuple(str(group["edge"].attrs.get("flag_meanings", "")).split())
-    return LineFields(**values, edge=group["edge"].values, edge_names=edges, u_T=zero, xi=zero, sticks=None,
+    return LineFields(**values, edge=group["edge"].values, edge_names=edges, u_T=zero, xi=zero, sticks=zero > 0.0,
                 length_units="m", traction_units="Pa")  # fmt: skip
 
 

@@ -88,7 +88,7 @@ def point_record(index: tuple[int, ...], level: LevelRecord, theta: bool = True)
         fields = {"u_x": 1e-4 * scale * x / WIDTH, "u_y": 5e-5 * y / HEIGHT}
         if theta:
             fields["theta"] = 20.0 * scale + 100.0 * x
-    return PointRecord(index, level.level, PointStatus.OK, "", numbers, u_T, xi, fields)
+    return PointRecord(index, level.level, PointStatus.OK, "", numbers, u_T, xi, fields, (~slips).astype(np.int8))
 
 
 def failed_record(index: tuple[int, ...], level: int) -> PointRecord:
