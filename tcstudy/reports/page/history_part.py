@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.reading import by_point, each_point, sweep_dims
+from tcstudy.data.reading import by_point, each_point
 from tcstudy.data.records import PointStatus
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.point_part import geometry
-from tcstudy.reports.page.run_part import FLAGS, ROOM_FOR_DOUBLES, axes, level_numbers
+from tcstudy.reports.page.run_part import FLAGS, ROOM_FOR_DOUBLES, level_numbers, reasons, sweep_of
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.stored_study import at_rest, outline, sources
 from tcstudy.reports.terminal.history_summary import MOVES, last_change, motion
-from tcstudy.reports.text import counted, named, number
+from tcstudy.reports.text import counted, number
 from tcstudy.scene.key import symbol
 
 NUMBERS = (
@@ -66,9 +66,8 @@ def history_content(stored: Stored, without: tuple[str, ...], box: Container) ->
 
 def _column(data: Any, name: str, values: Any) -> Json:
     """A number by step, with its units and what it is."""
-    attrs = data[name].attrs
-    told = str(attrs.get("long_name", name))
-    return {"name": name, "symbol": symbol(name), "units": str(attrs.get("units", "1")), "long_name": told, "v": values}
+    about = {key: data[name].attrs[key] for key in ("units", "long_name")}
+    return {"name": name, "symbol": symbol(name), **about, "v": values}
 
 
 def _about(data: Any) -> Json:
@@ -107,40 +106,27 @@ def _line(stored: Stored, without: tuple[str, ...], flat: Any, solved: NDArray[n
 
 def _sweep(stored: Stored, flat: Any, solved: NDArray[np.bool_], box: Container) -> Json:
     """Totals of every point in the form of a run of one level."""
-    data, dims = stored.data, sweep_dims(stored.data)
-    done, whole = solved.any(axis=1), solved.all(axis=1)
-    totals: dict[str, Any] = {
-        name: (np.where(done, np.where(solved, flat(name), 0).sum(axis=1), np.nan), data[name].attrs) for name in SUMS
-    }
-    largest = np.where(solved, flat("u_T_max"), 0.0).max(axis=1)
-    totals["u_T_max"] = np.where(done, largest, np.nan), data["u_T_max"].attrs
-    totals["steps"] = np.count_nonzero(solved, axis=1) - 1.0, {"long_name": "steps solved"}
-    reasons = [str(one) for one in flat("reason")]
-    texts = sorted(set(reasons) - {""})
+    data, done, whole = stored.data, solved.any(axis=1), solved.all(axis=1)
+    totals = {name: np.where(done, np.where(solved, flat(name), 0).sum(axis=1), np.nan) for name in SUMS}
+    totals["u_T_max"] = np.where(done, np.where(solved, flat("u_T_max"), 0.0).max(axis=1), np.nan)
+    about = {name: data[name].attrs for name in totals} | {"steps": {"long_name": "steps solved", "units": "1"}}
+    totals["steps"] = np.count_nonzero(solved, axis=1) - 1.0
     judged = solved[:, 1:]  # nothing is proved of step 0, from which the others go on
     flags = {name: np.where(judged, flat(name)[:, 1:], 1).min(axis=1) for name in FLAGS[1:] if name in data}
     flags["status"] = np.where(whole, int(PointStatus.OK), int(PointStatus.NOT_CONVERGED))
-    one = {name: [values] for name, values in level_numbers(data).items()}
     return {
-        "mode": str(data.attrs["sweep_mode"]),
-        "dims": dims,
-        "shape": [int(data.sizes[d]) for d in dims],
-        "axes": axes(data.isel(step=0)),
-        "levels": one,
+        **sweep_of(data),
+        "levels": {name: [values] for name, values in level_numbers(data).items()},
         "stop": [],
-        "units": {name: str(data[name].attrs.get("units", "1")) for name in one},
         "numbers": {
-            name: {"long_name": str(about.get("long_name", "")), "units": str(about.get("units", "1")),
-                   "v": box.array(values)}
-            for name, (values, about) in totals.items()
+            name: {"long_name": about[name]["long_name"], "units": about[name]["units"], "v": box.array(values)}
+            for name, values in totals.items()
         },
         "flags": {name: box.array(values, "i1") for name, values in flags.items()},
-        "statuses": [named(status) for status in PointStatus],
-        "reasons": ["", *texts],
-        "reason": box.array([[texts.index(one) + 1 if one else 0] for one in reasons], "u2"),
+        **reasons(flat("reason")[:, None], box),
         "starts": [],
         "start_energy": None,
-    }  # fmt: skip
+    }
 
 
 def _verdict(data: Any, solved: NDArray[np.bool_], changes: list[Any], reasons: Any) -> Json:

@@ -12,7 +12,7 @@ from tcstudy.data.records import PointStatus
 from tcstudy.errors import DrawError
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.point_part import geometry
-from tcstudy.reports.page.run_part import axes
+from tcstudy.reports.page.run_part import sweep_of
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.terminal.cost import advice, measure_of, settings, stages
 from tcstudy.reports.terminal.fit import BAND, columns, correlation, fit_doubts, prediction_error
@@ -27,14 +27,13 @@ PATH_BYTES = 4_000_000
 def convergence_part(stored: Stored, box: Container) -> Json:
     """Errors, rates, expected orders and extrapolated numbers of every sweep point."""
     data = stored.data
-    dims = sweep_dims(data)
 
     def flat(name: str) -> Any:
         return by_point(data[name], data)
 
     sizes = data[["h_max", "n_dof", "n_contact"]]
     if sizes["h_max"].ndim > 1:  # of several geometries: of every point
-        sizes = sizes.broadcast_like(data["status"]).stack(at=dims).transpose("at", "level")
+        sizes = sizes.broadcast_like(data["status"]).stack(at=sweep_dims(data)).transpose("at", "level")
     errors: list[Json] = [
         {
             "name": m.name,
@@ -60,14 +59,11 @@ def convergence_part(stored: Stored, box: Container) -> Json:
         if f"value_{m.name}" in data
     ]
     return {
-        "axes": axes(data),
-        "dims": dims,
-        "shape": [int(data.sizes[d]) for d in dims],
-        "mode": str(data.attrs["sweep_mode"]),
+        **sweep_of(data),
         "levels": {name: sizes[name].values.tolist() for name in ("h_max", "n_dof", "n_contact")},
         "h_units": str(data["h_max"].attrs["units"]),
         "reference": str(data.attrs["reference"]),
-        "notes": [note for note in str(data.attrs["notes"]).split("\n") if note],
+        "notes": _notes(data),
         "status": box.array(flat("status"), "i1"),
         "errors": errors,
         "numbers": numbers,
@@ -91,6 +87,10 @@ def _convergence_verdict(errors: list[Json], status: Any) -> Json:
     return {"text": "; ".join(parts) + ".", "how": "", "ok": solved and not slow}
 
 
+def _notes(data: Any) -> list[str]:
+    return str(data.attrs["notes"]).splitlines()
+
+
 def cost_part(stored: Stored) -> Json:
     """Every measured setting by error measure, and what the file advises."""
     data = stored.data
@@ -106,9 +106,9 @@ def cost_part(stored: Stored) -> Json:
     first = next((c for c in charts if c["name"] == "u_energy"), charts[0] if charts else None)
     return {
         "reference": str(data.attrs["reference"]),
-        "point": str(data.attrs.get("point", "")),
-        "notes": [note for note in str(data.attrs.get("notes", "")).split("\n") if note],
-        "h_units": str(data["h_max"].attrs.get("units", "1")),
+        "point": str(data.attrs["point"]),
+        "notes": _notes(data),
+        "h_units": str(data["h_max"].attrs["units"]),
         "charts": charts,
         "verdict": {"text": " ".join(first["advice"]) if first else "Nothing was measured.", "how": "", "ok": True},
     }
@@ -175,7 +175,7 @@ def path_part(stored: Stored, box: Container) -> Json:
             for name in ("level", "h_max", "n_dof", "n_contact", "lambda_1", "omega", "law_error", "energy_lost")
             if name in data
         },
-        "ends": [str(data.attrs.get("begin_reason", "")), str(data.attrs.get("end_reason", ""))],
+        "ends": [str(data.attrs["begin_reason"]), str(data.attrs["end_reason"])],
         "verdict": _path_verdict(data, low, high, folds, turns),
     }
 
@@ -199,7 +199,6 @@ def _path_verdict(data: Any, low: float, high: float, folds: Any, turns: int) ->
 def fit_part(data: Any, box: Container) -> Json:
     """Everything that a fit's file says, numbers in SI units."""
     given, measured = columns(data)
-    error = prediction_error(data)
     named = {"given": "datum_given", "value": "datum", "at": "predicted_given", "predicted": "predicted",
              "residual": "residual", "noise": "noise"}  # fmt: skip
     found = {name: float(data.attrs[name]) for name in
@@ -209,7 +208,7 @@ def fit_part(data: Any, box: Container) -> Json:
         "given": [{"name": name, "units": units} for name, units in given],
         "measured": [{"name": name, "units": units} for name, units in measured],
         "data": {name: box.array(data[variable].values) for name, variable in named.items()}
-        | {"error": box.array(error), "column": data["measured_column"].values.tolist()},
+        | {"error": box.array(prediction_error(data)), "column": data["measured_column"].values.tolist()},
         "parameters": _found_numbers(data),
         "correlation": correlation(data).tolist(),
         "directions": [

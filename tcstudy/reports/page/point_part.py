@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.data.reading import by_point
-from tcstudy.data.schema import STICKS, UNKNOWN
+from tcstudy.data.schema import STICKS
 from tcstudy.reports.figures.body_panel import boundary_edges
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.law_part import node_part
@@ -37,20 +37,19 @@ def body_part(stored: Stored, level: int, box: Container) -> Json:
     """Mesh, boundary with roles, and fields of all points as few modes (drawn to 0.1 % of their range)."""
     group = stored.groups[level]
     x, y, triangles = (group[name].values for name in ("node_x", "node_y", "triangle"))
-    n = len(x)
 
     def field(name: str) -> Json:
         values = by_point(group[name], stored.data)
         return box.fields(np.where(np.isfinite(values), values, 0.0))
 
-    zero = np.zeros(n)
+    zero = np.zeros(len(x))
     edges = boundary_edges(BodyFields(x, y, triangles, zero, zero, None, "1"))
     named = outline(stored.study)
     return {
         "level": level,
         "x": box.array(x, "f4"),
         "y": box.array(y, "f4"),
-        "triangle": box.array(triangles, "u2" if n < 65536 else "i4"),
+        "triangle": box.array(triangles, "u2" if len(x) < 65536 else "i4"),
         "boundary": box.array(edges, "i4"),
         "edge": box.array(nearest(np.column_stack([x, y])[edges].mean(axis=1), named), "i1"),
         "u_x": field("u_x"),
@@ -64,7 +63,6 @@ def line_part(stored: Stored, level: int, box: Container) -> Json:
     """One level's contact line with u_T, ξ and states of all points, flattened in C order of the sweep."""
     group = stored.groups[level]
     u_T, xi = (by_point(group[name], stored.data) for name in ("u_T", "xi"))
-    sticks = by_point(group["sticks"], stored.data) if "sticks" in group else None
     held = {"held_u_T": box.rows(by_point(group["held_u_T"], stored.data))} if "held_u_T" in group else {}
     return {
         **geometry(group, box),
@@ -72,21 +70,16 @@ def line_part(stored: Stored, level: int, box: Container) -> Json:
         "u_T": box.rows(u_T),
         "xi": box.rows(xi),
         **held,
-        "state": box.array(_states(stored, group, u_T, sticks), "i1"),
+        "state": box.array(_states(stored, group, u_T), "i1"),
         "u_T_units": str(group["u_T"].attrs["units"]),
         "xi_units": str(group["xi"].attrs["units"]),
         "rest": at_rest(stored.study),
     }
 
 
-def _states(stored: Stored, group: Any, u_T: Any, stored_sticks: Any) -> Any:
-    """(P, m) ContactState of every node, −1 where there is no solution; only stick and slip where no law is known.
-
-    stored_sticks: as the file has them; older ones do not, or not of all points
-    """
-    sticks = u_T == 0.0
-    if stored_sticks is not None:
-        sticks = np.where(stored_sticks == UNKNOWN, sticks, stored_sticks == STICKS)
+def _states(stored: Stored, group: Any, u_T: Any) -> Any:
+    """(P, m) ContactState of every node, −1 where there is no solution; only stick and slip where no law is known."""
+    sticks = by_point(group["sticks"], stored.data) == STICKS
     states = np.where(sticks, np.int8(ContactState.STICK), np.int8(ContactState.SLIP))
     solved = np.isfinite(u_T).all(axis=1)
     laws: dict[FrictionLaw | EdgeLaws, Any] = {}

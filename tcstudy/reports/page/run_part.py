@@ -30,41 +30,54 @@ LEVEL_NUMBERS = ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")
 def run_part(stored: Stored, box: Container) -> Json:
     """Axes, numbers and flags, with points flattened in C order of the sweep."""
     data = stored.data
-    dims = sweep_dims(data)
 
     def flat(name: str) -> Any:
         return by_point(data[name], data)
 
     names = [name for name in QUANTITIES if name in data and np.isfinite(flat(name)).any()]
     kind = "f8" if data["status"].size * len(names) * 8 <= ROOM_FOR_DOUBLES else "f4"
-    numbers = {
-        name: {
-            "long_name": ": ".join(data[name].attrs.get(key, "") for key in ("long_name", "comment")).rstrip(": "),
-            "units": str(data[name].attrs.get("units", "1")),
-            "v": box.array(flat(name), "f8" if name == "energy" else kind),
-        }
-        for name in names
-    }
-    reasons, told = flat("reason"), verdict(RunSeen.of_data(data))
+    told = verdict(RunSeen.of_data(data))
     geometries = f"{len(stored.homes)} geometries: " if stored.homes else ""
-    texts = sorted({str(one) for one in reasons.ravel()} - {""})
-    place = {text: i + 1 for i, text in enumerate(texts)}
+    return {
+        **sweep_of(data),
+        "levels": level_numbers(data),
+        "stop": [str(one) for one in data["stop"].values] if "stop" in data else [],
+        "numbers": {
+            name: {
+                "long_name": ": ".join(data[name].attrs.get(key, "") for key in ("long_name", "comment")).rstrip(": "),
+                "units": str(data[name].attrs["units"]),
+                "v": box.array(flat(name), "f8" if name == "energy" else kind),
+            }
+            for name in names
+        },
+        "flags": {name: box.array(flat(name), "i1") for name in FLAGS if name in data},
+        **reasons(flat("reason"), box),
+        "starts": [str(one) for one in data["start"].values],
+        "start_energy": box.array(flat("start_energy"), "f8"),
+        "verdict": told | {"text": geometries + told["text"]},
+    }
+
+
+def sweep_of(data: Any) -> Json:
+    """The sweep, and the units of what a level has."""
+    dims = sweep_dims(data)
     return {
         "mode": str(data.attrs["sweep_mode"]),
         "dims": dims,
         "shape": [int(data.sizes[d]) for d in dims],
         "axes": axes(data),
-        "levels": level_numbers(data),
-        "stop": [str(one) for one in data["stop"].values] if "stop" in data else [],
-        "units": {name: str(data[name].attrs.get("units", "1")) for name in LEVEL_NUMBERS if name in data},
-        "numbers": numbers,
-        "flags": {name: box.array(flat(name), "i1") for name in FLAGS if name in data},
+        "units": {name: str(data[name].attrs["units"]) for name in LEVEL_NUMBERS if name in data},
+    }
+
+
+def reasons(told: Any, box: Container) -> Json:
+    """Words of the statuses, the different reasons, and which of them (P, levels) points have."""
+    texts = ["", *sorted({str(one) for one in told.ravel()} - {""})]
+    place = {text: i for i, text in enumerate(texts)}
+    return {
         "statuses": [named(status) for status in PointStatus],
-        "reasons": ["", *texts],
-        "reason": box.array([[place.get(str(one), 0) for one in row] for row in reasons], "u2"),
-        "starts": [str(one) for one in data["start"].values] if "start" in data else [],
-        "start_energy": box.array(flat("start_energy"), "f8") if "start_energy" in data else None,
-        "verdict": told | {"text": geometries + told["text"]},
+        "reasons": texts,
+        "reason": box.array([[place[str(one)] for one in row] for row in told], "u2"),
     }
 
 
