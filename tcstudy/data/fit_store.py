@@ -17,8 +17,8 @@ from tcstudy.data.schema import FileVariable, flags
 from tcstudy.data.writer import put_all
 from tcstudy.scene.study import Study
 
-P, PP, D, S = ("parameter",), ("parameter", "other_parameter"), ("row",), ("start",)
-_OWN = (("comment", "in the units of parameter_units"),)
+P, D, S = ("parameter",), ("row",), ("start",)
+_OWN = "in the units of parameter_units"
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class FitRecord:
 
 
 def _own(name: str, what: str, dims: tuple[str, ...] = P) -> FileVariable:
-    return FileVariable(name, "f8", "1", what, dims, extra=_OWN)
+    return FileVariable(name, "f8", "1", what, dims, comment=_OWN)
 
 
 VARIABLES = (
@@ -44,11 +44,11 @@ VARIABLES = (
     _own("parameter_within", "where it could go", (*P, "end")),
     FileVariable("logarithmic", "i1", "1", "found by its logarithm", P, extra=flags("no", "yes")),
     FileVariable("at_bound", "i1", "1", "on a bound", P, extra=flags("no", "yes")),
-    FileVariable("covariance", "f8", "1", "covariance, of ln where logarithmic", PP, extra=_OWN),
+    FileVariable("covariance", "f8", "1", "covariance, of ln where logarithmic", (*P, "other_parameter"), comment=_OWN),
     FileVariable("singular_value", "f8", "1", "singular values of the Jacobian by ln p", ("direction",)),
     FileVariable("singular_vector", "f8", "1", "their directions in ln p", ("direction", "parameter")),
     FileVariable("measured_column", "i4", "1", "column of the datum", D),
-    FileVariable("datum", "f8", "1", "measured value", D, extra=(("comment", "in SI units of its column"),)),
+    FileVariable("datum", "f8", "1", "measured value", D, comment="in SI units of its column"),
     FileVariable("datum_given", "f8", "1", "parameter of the load at it", D),
     FileVariable("predicted", "f8", "1", "value of the study", D),
     FileVariable("predicted_given", "f8", "1", "parameter of the load there", D),
@@ -57,7 +57,7 @@ VARIABLES = (
     FileVariable("noise", "f8", "1", "standard deviation of the noise", D),
     FileVariable("cost", "f8", "1", "half the sum of squares by evaluation", ("improvement",)),
     FileVariable("start_cost", "f8", "1", "half the sum of squares reached, by start", S),
-    FileVariable("start_estimate", "f8", "1", "estimate reached, by start", (*S, *P), extra=_OWN),
+    FileVariable("start_estimate", "f8", "1", "estimate reached, by start", (*S, *P), comment=_OWN),
     FileVariable("start_evaluations", "i4", "1", "evaluations, by start", S),
     FileVariable("curve_given", "f8", "1", "parameter of the load along the curve", ("vertex",)),
     FileVariable("curve_measured", "f8", "1", "value of the study along the curve", ("vertex",)),

@@ -22,8 +22,20 @@ from tcstudy.data.path_store import LINE
 from tcstudy.data.provenance import CONTENT, Provenance, global_attributes, program, without_paths
 from tcstudy.data.reading import is_foreign
 from tcstudy.data.records import LevelRecord, PointStatus, Row, decode, row_of
-from tcstudy.data.schema import BESIDE, CERTIFIED, DIFFERENCE, MISSING_COUNT, STATUS, SWEEP, FileVariable, edge_flags
+from tcstudy.data.schema import (
+    BESIDE,
+    DIFFERENCE,
+    JUDGED,
+    STATUS,
+    SWEEP,
+    FileVariable,
+    count,
+    edge_flags,
+    flag,
+    result,
+)
 from tcstudy.data.store import load_root
+from tcstudy.data.windows import missing
 from tcstudy.data.writer import axis_name, in_file_order, put, put_all, put_axes
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.histories import START
@@ -49,7 +61,7 @@ class HistoryRecord:
         """Nothing is known yet; numbers: by which results are differentiated."""
         shapes: dict[str, tuple[int, ...]] = {"step": (points, steps), "node": (points, steps, m)}
         every = (*EVERY, *step_derivatives(numbers))
-        own = {v.name: np.full(shapes.get(v.dims[-1], (points,)), v.missing, dtype=_kind(v)) for v in every}
+        own = {v.name: missing(v, shapes.get(v.dims[-1], (points,))) for v in every}
         own["reason"][:] = ""
         return cls(own)
 
@@ -86,27 +98,8 @@ class HistoryRecord:
             raise AttributeError(name) from error
 
 
-def _kind(variable: FileVariable) -> Any:
-    return object if variable.dtype == "str" else variable.dtype
-
-
 _STEP, _NODE = (SWEEP, "step"), (SWEEP, "step", "node")
-_AT = (("coordinates", "cycle arclength x y"), ("ancillary_variables", "status"))
-_JUDGED = (("ancillary_variables", "status"),)
-_COUNT = (("valid_min", np.int32(0)), ("comment", f"{MISSING_COUNT} where there is no value"))
-
-
-def _number(name: str, units: str, long_name: str, comment: str = "", dims: tuple[str, ...] = _STEP) -> FileVariable:
-    told = (("comment", comment),) if comment else ()
-    return FileVariable(name, "f8", units, long_name, dims, extra=told + (_JUDGED if dims == _STEP else ()))
-
-
-def _count(name: str, long_name: str) -> FileVariable:
-    return FileVariable(name, "i4", "1", long_name, _STEP, extra=_COUNT + _JUDGED)
-
-
-def _flag(name: str, long_name: str) -> FileVariable:
-    return FileVariable(name, "i1", "1", long_name, _STEP, extra=(*CERTIFIED, *_JUDGED))
+_AT = (("coordinates", "cycle arclength x y"), *JUDGED)
 
 
 def _node(name: str, units: str, long_name: str) -> FileVariable:
@@ -114,33 +107,30 @@ def _node(name: str, units: str, long_name: str) -> FileVariable:
 
 
 _PER = "per unit thickness"
+_INTEGRAL = f"integral of -S_T over the contact line, {_PER}"
+_LOOSE = "0 where only friction holds the body"
+_WORK = f"-1/2 (v + v before) dl, summed over parts of the step, {_PER}"
+_CLOSURE = f"work - d(energy + stored) - dissipated - released, {_PER}"
 STEPS: tuple[FileVariable, ...] = (
     FileVariable("status", "i1", "1", "status of the step", _STEP, extra=STATUS),
-    _number("energy", "J m-1", "energy of body and loads", f"1/2 v A v - l v at the contact nodes, {_PER}"),
-    _number("stored", "J m-1", "energy stored in the bond", _PER),
-    _number("dissipated", "J m-1", "energy dissipated in the step", f"by friction, yielding or damage, {_PER}"),
-    _number(
-        "work", "J m-1", "work of the loads' change", f"-1/2 (v + v before) dl, summed over parts of the step, {_PER}"
-    ),
-    _number(
-        "closure",
-        "J m-1",
-        "energy missed by finite steps",
-        f"work - d(energy + stored) - dissipated - released, {_PER}",
-    ),
-    _number("released", "J m-1", "energy released by jumps", _PER),
-    _number("identity", "1", "defect of energy identity", "relative to its terms; rounding"),
-    _number("inclusion_residual", "1", "inclusion residual", "largest distance of -S_T from the law of the step"),
-    _number("inclusion_rounding", "1", "inclusion residual of rounding", "what the rounding of doubles allows"),
-    _number("friction_resultant", "N m-1", "friction resultant", f"integral of -S_T over the contact line, {_PER}"),
-    _number("u_T_max", "m", "largest |u_T|", "tangential displacement on the contact line"),
-    _number("slip_length", "m", "length that slipped in the step"),
-    _flag("unique", "only solution of the step"),
-    _flag("strict_minimum", "strict local energy minimum"),
-    _flag("global_minimum", "least energy of the step"),
-    _count("parts", "problems solved, or pieces of the path"),
-    _count("iterations", "steps of the solver"),
-    _count("jumps", "jumps in the step"),
+    result("energy", "J m-1", "energy of body and loads", f"1/2 v A v - l v at the contact nodes, {_PER}", _STEP),
+    result("stored", "J m-1", "energy stored in the bond", _PER, _STEP),
+    result("dissipated", "J m-1", "energy dissipated in the step", f"by friction, yielding or damage, {_PER}", _STEP),
+    result("work", "J m-1", "work of the loads' change", _WORK, _STEP),
+    result("closure", "J m-1", "energy missed by finite steps", _CLOSURE, _STEP),
+    result("released", "J m-1", "energy released by jumps", _PER, _STEP),
+    result("identity", "1", "defect of energy identity", "relative to its terms; rounding", _STEP),
+    result("inclusion_residual", "1", "inclusion residual", "largest distance of -S_T from the law of the step", _STEP),
+    result("inclusion_rounding", "1", "inclusion residual of rounding", "what the rounding of doubles allows", _STEP),
+    result("friction_resultant", "N m-1", "friction resultant", _INTEGRAL, _STEP),
+    result("u_T_max", "m", "largest |u_T|", "tangential displacement on the contact line", _STEP),
+    result("slip_length", "m", "length that slipped in the step", dims=_STEP),
+    flag("unique", "only solution of the step", dims=_STEP),
+    flag("strict_minimum", "strict local energy minimum", dims=_STEP),
+    flag("global_minimum", "least energy of the step", dims=_STEP),
+    count("parts", "problems solved, or pieces of the path", _STEP),
+    count("iterations", "steps of the solver", _STEP),
+    count("jumps", "jumps in the step", _STEP),
 )
 """Variables of HistoryRecord with a number a step."""
 NODES: tuple[FileVariable, ...] = (
@@ -153,8 +143,8 @@ NODES: tuple[FileVariable, ...] = (
 """Variables of HistoryRecord with a number a step and node."""
 POINTS: tuple[FileVariable, ...] = (
     FileVariable("reason", "str", "", "why the history ended early", (SWEEP,)),
-    _number("lambda_1", "Pa m-1", "tangential stiffness lambda_1", "0 where only friction holds the body", (SWEEP,)),
-    _number("margin", "Pa m-1", "uniqueness margin", "all steps are unique if positive", (SWEEP,)),
+    FileVariable("lambda_1", "f8", "Pa m-1", "tangential stiffness lambda_1", (SWEEP,), comment=_LOOSE),
+    FileVariable("margin", "f8", "Pa m-1", "uniqueness margin", (SWEEP,), comment="all steps are unique if positive"),
 )
 """Variables of HistoryRecord with a value a point."""
 EVERY = (*STEPS, *NODES, *POINTS)

@@ -11,15 +11,12 @@ found while its nodes keep their pieces of b: at an event, where derivatives of 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-
-import numpy as np
+from dataclasses import replace
 
 from tcstudy.data.records import SENSITIVITY
-from tcstudy.data.schema import DIFFERENCE, POINT_LEVEL, SWEEP, FileVariable, flags
+from tcstudy.data.schema import POINT_LEVEL, SWEEP, FileVariable, count, flags, result
 from tcstudy.scene.records import Clamped, Contact
 from tcstudy.scene.study import Sensitivity, Study
-
-PER_TRIANGLE = "of the triangle that holds the point, which has one stress"
 
 
 def variables(study: Study) -> tuple[FileVariable, ...]:
@@ -29,32 +26,32 @@ def variables(study: Study) -> tuple[FileVariable, ...]:
     if "von_mises" in output.quantities:
         where = "of the middle of the triangle with the largest stress"
         found += [
-            _one("von_mises_max", "Pa", "largest von Mises stress", "of a triangle; it grows with h at corners"),
-            _one("von_mises_x", "m", "x of the largest von Mises stress", where),
-            _one("von_mises_y", "m", "y of the largest von Mises stress", where),
+            result("von_mises_max", "Pa", "largest von Mises stress", "of a triangle; it grows with h at corners"),
+            result("von_mises_x", "m", "x of the largest von Mises stress", where),
+            result("von_mises_y", "m", "y of the largest von Mises stress", where),
         ]
     if output.sensitivity:
         found += derivatives(output.sensitivity)
     return tuple(found)
 
 
-def _one(name: str, units: str, long_name: str, comment: str) -> FileVariable:
-    kelvin = DIFFERENCE if units == "K" else ()
-    extra = (("comment", comment), ("ancillary_variables", "status"), *kelvin)
-    return FileVariable(name, "f8", units, long_name, extra=extra)
-
-
 def _probes(study: Study) -> Iterator[FileVariable]:
     for probe in study.output.probes:
         x, y = probe.at
+        in_triangle = f"at ({x:g}, {y:g}), of the triangle that holds the point, which has one stress"
         at, start = f"at ({x:g}, {y:g})", f"probe_{probe.name}"
         for axis in "xy":
-            yield _one(f"{start}_u_{axis}", "m", f"displacement in {axis} at {probe.name}", at)
-        yield _one(f"{start}_theta", "K", f"temperature at {probe.name}", f"{at}, above the stress-free state")
+            yield result(f"{start}_u_{axis}", "m", f"displacement in {axis} at {probe.name}", at)
+        yield result(f"{start}_theta", "K", f"temperature at {probe.name}", f"{at}, above the stress-free state")
         for c in ("xx", "yy", "xy"):
-            yield _one(f"{start}_sigma_{c}", "Pa", f"stress {c} at {probe.name}", f"{at}, {PER_TRIANGLE}")
+            yield result(
+                f"{start}_sigma_{c}",
+                "Pa",
+                f"stress {c} at {probe.name}",
+                in_triangle,
+            )
         if probe.on_contact:
-            yield _one(f"{start}_u_T", "m", f"tangential displacement at {probe.name}", f"{at} of the contact line")
+            yield result(f"{start}_u_T", "m", f"tangential displacement at {probe.name}", f"{at} of the contact line")
 
 
 def _of_edges(study: Study) -> Iterator[FileVariable]:
@@ -63,12 +60,13 @@ def _of_edges(study: Study) -> Iterator[FileVariable]:
         if "reactions" in wanted and isinstance(role, Clamped | Contact):
             for axis in "xy":
                 what = "of the support on the body, per unit thickness; a corner counts to the first clamped edge"
-                yield _one(f"reaction_{name}_{axis}", "N m-1", f"reaction of {name} in {axis}", what)
+                yield result(f"reaction_{name}_{axis}", "N m-1", f"reaction of {name} in {axis}", what)
         if "theta_edges" in wanted:
             what = "above the stress-free state, over the edge"
-            yield _one(f"theta_mean_{name}", "K", f"mean temperature of {name}", what)
+            yield result(f"theta_mean_{name}", "K", f"mean temperature of {name}", what)
 
 
+_VERDICTS = ("not_judged", "differentiable", "at_event", "at_fold", "turned_back")
 NOT_JUDGED, DIFFERENTIABLE, AT_EVENT, AT_FOLD, TURNED_BACK = range(5)
 STATUS, EVENTS = f"{SENSITIVITY}status", f"{SENSITIVITY}events"
 
@@ -93,34 +91,24 @@ def name_of(quantity: str, number: str) -> str:
 
 def derivatives(numbers: Sequence[Sensitivity]) -> tuple[FileVariable, ...]:
     """The variables of a study that asks for these."""
-    status = flags("not_judged", "differentiable", "at_event", "at_fold")
-    found = [
-        FileVariable(STATUS, "i1", "1", "verdict on derivatives", extra=status),
-        FileVariable(EVENTS, "i4", "1", "contact nodes at an event", extra=_EVENTS),
-    ]
-    return (*found, *(_by(number, quantity, POINT_LEVEL) for number in numbers for quantity in QUANTITIES))
+    what = "where a node begins to slide, comes to rest or passes a kink, to 1e-9"
+    verdict = FileVariable(STATUS, "i1", "1", "verdict on derivatives", extra=flags(*_VERDICTS[:-1]))
+    at_event = replace(count(EVENTS, "contact nodes at an event", extra=()), comment=what)
+    return (verdict, at_event, *(_by(number, one, POINT_LEVEL) for number in numbers for one in QUANTITIES))
 
 
 def step_derivatives(numbers: Sequence[Sensitivity]) -> tuple[FileVariable, ...]:
-    """The same at every step of a history."""
-    if not numbers:
-        return ()
-    status = flags("not_judged", "differentiable", "at_event", "at_fold", "turned_back")
-    verdict = FileVariable(STATUS, "i1", "1", "verdict on derivatives", (SWEEP, "step"), extra=status)
-    return (verdict, *(_by(number, one, (SWEEP, "step")) for number in numbers for one in STEP_QUANTITIES))
+    """The same at every step of a history; none without numbers."""
+    dims = (SWEEP, "step")
+    verdict = FileVariable(STATUS, "i1", "1", "verdict on derivatives", dims, extra=flags(*_VERDICTS))
+    return (verdict, *(_by(number, one, dims) for number in numbers for one in STEP_QUANTITIES)) if numbers else ()
 
 
 def _by(number: Sensitivity, quantity: str, dims: tuple[str, ...]) -> FileVariable:
     units, what = QUANTITIES[quantity]
     name, over = name_of(quantity, number.name), quotient(units, number.units)
-    extra = (("comment", "at the solution, while its nodes keep their pieces of b"), ("ancillary_variables", STATUS))
-    return FileVariable(name, "f8", over, f"{what} by {number.name}", dims, extra=extra)
-
-
-_EVENTS = (
-    ("valid_min", np.int32(0)),
-    ("comment", "where a node begins to slide, comes to rest or passes a kink, to 1e-9"),
-)
+    told, extra = "at the solution, while its nodes keep their pieces of b", (("ancillary_variables", STATUS),)
+    return FileVariable(name, "f8", over, f"{what} by {number.name}", dims, extra=extra, comment=told)
 
 
 def quotient(units: str, by: str) -> str:

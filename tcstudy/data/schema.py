@@ -11,7 +11,7 @@ One variable of a result file: what every table of variables is made of, and the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any, Literal
 
@@ -34,6 +34,7 @@ class PointStatus(IntEnum):
 
 Dtype = Literal["f8", "i4", "i1", "str"]
 
+Dims = tuple[str, ...]
 SWEEP = "*"
 """Stands for the dimensions of the sweep in a `FileVariable.dims`."""
 
@@ -50,7 +51,7 @@ class FileVariable:
     """One netCDF variable.
 
     units:      SI; a dimensionless study ("none") writes "1" in place of everything but seconds; texts have none
-    long_name:  short enough for the axis of a plot; what more there is to say is an extra `comment`
+    long_name:  short enough for the axis of a plot;  comment: what more there is to say
     dims:       dimension names; SWEEP stands for those of the sweep
     coordinate: True if it locates data: no missing values, no _FillValue
     extra:      further attributes
@@ -61,10 +62,11 @@ class FileVariable:
     dtype: Dtype
     units: str
     long_name: str
-    dims: tuple[str, ...] = POINT_LEVEL
+    dims: Dims = POINT_LEVEL
     coordinate: bool = False
     extra: tuple[tuple[str, Any], ...] = ()
     no_value: int = 0
+    comment: str = ""
 
     @property
     def missing(self) -> float | int | str:
@@ -88,7 +90,7 @@ def flags(*meanings: str, first: int = 0) -> Extra:
 
 
 STATUS: Extra = (("standard_name", "status_flag"), *flags(*(s.name.lower() for s in PointStatus)))
-CERTIFIED: Extra = flags("not_certified", "certified")
+CERTIFIED = ("not_certified", "certified")
 
 
 def edge_flags(edge_names: Sequence[str]) -> dict[str, Any]:
@@ -99,92 +101,95 @@ def edge_flags(edge_names: Sequence[str]) -> dict[str, Any]:
 POINT = "point"
 """The one sweep dimension of a study in list mode."""
 
-_COUNT = (("valid_min", np.int32(0)), ("comment", f"{MISSING_COUNT} where there is no value"))
-_JUDGED = (("ancillary_variables", "status"),)
+JUDGED: Extra = (("ancillary_variables", "status"),)
 DIFFERENCE = (("units_metadata", "temperature: difference"),)
 _LEVEL = ("level",)
 _INTEGRAL = "integral of -S_T over the contact line, per unit thickness"
 _SLIPPING = "length of the contact line that does not stick"
-_CERTIFIED = (*CERTIFIED, *_JUDGED)
-_STARTS = (*flags(*START_NAMES), *_JUDGED)
 HEAT_BOUND = 1e-10
 """Largest heat balance that passes: heat is asked to be as exact as friction is by default (solver.tolerance).
 
 The defect is rounding × condition of the heat matrix, about 1e-12 on 1e6 good triangles and 1e-9 to 1e-4 of slivers.
 """
 NOT_JUDGED, BALANCED, UNBALANCED = 0, 1, 2
-_BALANCE = (
-    *flags("not_judged", "balanced", "unbalanced"),
-    ("comment", f"unbalanced where heat_balance exceeds {HEAT_BOUND:g}: thin triangles cost digits of theta"),
-    *_JUDGED,
-)
 MET, LIMITED = 1, 2
-_INCLUSION = (
-    *flags("not_judged", "met", "limited_by_rounding"),
-    ("comment", "limited_by_rounding: above the tolerance by default, but no larger than inclusion_rounding"),
-    *_JUDGED,
-)
-UNKNOWN, SLIPS, STICKS = -1, 0, 1
-_STICKS = (*flags("unknown", "slips", "sticks", first=UNKNOWN), *_JUDGED)
+UNKNOWN, STICKS = -1, 1
 
 
-def _count(name: str, long_name: str, dims: tuple[str, ...] = POINT_LEVEL, extra: Any = ()) -> FileVariable:
-    return FileVariable(name, "i4", "1", long_name, dims, extra=_COUNT + extra)
+def count(name: str, long_name: str, dims: Dims = POINT_LEVEL, extra: Extra = JUDGED) -> FileVariable:
+    """A count, −1 where there is none; extra: further attributes."""
+    told = f"{MISSING_COUNT} where there is no value"
+    return FileVariable(name, "i4", "1", long_name, dims, extra=(("valid_min", np.int32(0)), *extra), comment=told)
 
 
-def _result(name: str, units: str, long_name: str, comment: str, extra: Any = ()) -> FileVariable:
-    return FileVariable(name, "f8", units, long_name, extra=(("comment", comment), *_JUDGED, *extra))
+def flag(name: str, long_name: str, meanings: Sequence[str] = CERTIFIED, dims: Dims = POINT_LEVEL) -> FileVariable:
+    """Bytes that count meanings from 0; `status` judges them."""
+    return FileVariable(name, "i1", "1", long_name, dims, extra=(*flags(*meanings), *JUDGED))
 
 
-def _time(name: str, what: str, dims: tuple[str, ...] = POINT_LEVEL) -> FileVariable:
-    return FileVariable(name, "f8", "s", f"time to {what}", dims, extra=(("comment", "wall time"),))
+def result(name: str, units: str, long_name: str, comment: str = "", dims: Dims = POINT_LEVEL) -> FileVariable:
+    """A number that `status` judges."""
+    extra = (*JUDGED, *DIFFERENCE) if units == "K" else JUDGED
+    return FileVariable(name, "f8", units, long_name, dims, extra=extra, comment=comment)
+
+
+def _time(what: str, dims: Dims = POINT_LEVEL) -> FileVariable:
+    return FileVariable(f"time_{what}", "f8", "s", f"time to {what}", dims, comment="wall time")
 
 
 ROOT: tuple[FileVariable, ...] = (
     FileVariable("h_max", "f8", "m", "longest element edge", _LEVEL),
-    _count("n_dof", "displacement unknowns", _LEVEL),
-    _count("n_contact", "contact unknowns m", _LEVEL),
+    count("n_dof", "displacement unknowns", _LEVEL, ()),
+    count("n_contact", "contact unknowns m", _LEVEL, ()),
     FileVariable("status", "i1", "1", "status of the point", extra=STATUS),
-    FileVariable("reason", "str", "", "reason of the status", extra=(("comment", "why the point is not ok"),)),
-    _result("energy", "J m-1", "energy", "of the discrete problem at the solution, per unit thickness"),
-    _result("inclusion_residual", "1", "inclusion residual", "largest distance of -S_T from b, filled, over its scale"),
-    _result("inclusion_rounding", "1", "inclusion residual of rounding", "what the rounding of doubles allows"),
-    FileVariable("inclusion_status", "i1", "1", "verdict on inclusion residual", extra=_INCLUSION),
-    _count("iterations", "steps of the solver", extra=_JUDGED),
-    _count("evaluations", "evaluations of the energy", extra=_JUDGED),
-    _result("u_T_max", "m", "largest |u_T|", "tangential displacement on the contact line"),
-    _result("friction_resultant", "N m-1", "friction resultant", _INTEGRAL),
-    _result("slip_length", "m", "slip length", _SLIPPING),
-    _result("lambda_1", "Pa m-1", "tangential stiffness lambda_1", "smallest of the body, per contact length"),
-    _result("omega", "Pa m-1", "steepest fall omega of b", "infinite if the friction law jumps down"),
-    _result("uniqueness_margin", "Pa m-1", "lambda_1 - omega", "with the omega of each node; unique if positive"),
-    FileVariable("unique", "i1", "1", "only solution", extra=_CERTIFIED),
-    FileVariable("strict_minimum", "i1", "1", "strict local energy minimum", extra=_CERTIFIED),
-    FileVariable("global_minimum", "i1", "1", "least energy of all states", extra=_CERTIFIED),
-    FileVariable("start_used", "i1", "1", "start of the stored solution", extra=_STARTS),
+    FileVariable("reason", "str", "", "reason of the status", comment="why the point is not ok"),
+    result("energy", "J m-1", "energy", "of the discrete problem at the solution, per unit thickness"),
+    result("inclusion_residual", "1", "inclusion residual", "largest distance of -S_T from b, filled, over its scale"),
+    result("inclusion_rounding", "1", "inclusion residual of rounding", "what the rounding of doubles allows"),
+    replace(
+        flag("inclusion_status", "verdict on inclusion residual", ("not_judged", "met", "limited_by_rounding")),
+        comment="limited_by_rounding: above the tolerance by default, but no larger than inclusion_rounding",
+    ),
+    count("iterations", "steps of the solver"),
+    count("evaluations", "evaluations of the energy"),
+    result("u_T_max", "m", "largest |u_T|", "tangential displacement on the contact line"),
+    result("friction_resultant", "N m-1", "friction resultant", _INTEGRAL),
+    result("slip_length", "m", "slip length", _SLIPPING),
+    result("lambda_1", "Pa m-1", "tangential stiffness lambda_1", "smallest of the body, per contact length"),
+    result("omega", "Pa m-1", "steepest fall omega of b", "infinite if the friction law jumps down"),
+    result("uniqueness_margin", "Pa m-1", "lambda_1 - omega", "with the omega of each node; unique if positive"),
+    flag("unique", "only solution"),
+    flag("strict_minimum", "strict local energy minimum"),
+    flag("global_minimum", "least energy of all states"),
+    flag("start_used", "start of the stored solution", START_NAMES),
     FileVariable("start_energy", "f8", "J m-1", "energy by start", (*POINT_LEVEL, "start")),
-    _result("theta_mean", "K", "mean temperature", "of the body above its stress-free state", DIFFERENCE),
-    _result("heat_balance", "1", "defect of heat balance", "heat through edges against heat put in, relative"),
-    FileVariable("heat_status", "i1", "1", "verdict on heat balance", extra=_BALANCE),
-    _time("time_mesh", "mesh", _LEVEL),
-    _time("time_assemble", "assemble", _LEVEL),
-    _time("time_condense", "condense"),
-    _time("time_solve", "solve"),
+    result("theta_mean", "K", "mean temperature", "of the body above its stress-free state"),
+    result("heat_balance", "1", "defect of heat balance", "heat through edges against heat put in, relative"),
+    replace(
+        flag("heat_status", "verdict on heat balance", ("not_judged", "balanced", "unbalanced")),
+        comment=f"unbalanced where heat_balance exceeds {HEAT_BOUND:g}: thin triangles cost digits of theta",
+    ),
+    _time("mesh", _LEVEL),
+    _time("assemble", _LEVEL),
+    _time("condense"),
+    _time("solve"),
 )
 
 _BY_SOLVER = (*POINT_LEVEL, "solver")
-_DIFFERENCE = (("comment", "max |u_T - u_T of the first solver| over max |u_T| of the first"),)
 SOLVERS: tuple[FileVariable, ...] = (
     FileVariable("solver_residual", "f8", "1", "inclusion residual by solver", _BY_SOLVER),
     FileVariable("solver_energy", "f8", "J m-1", "energy by solver", _BY_SOLVER),
-    FileVariable("solver_iterations", "i4", "1", "steps by solver", _BY_SOLVER, extra=_COUNT),
+    count("solver_iterations", "steps by solver", _BY_SOLVER, ()),
     FileVariable("solver_time", "f8", "s", "wall time by solver", _BY_SOLVER),
-    FileVariable("solver_difference", "f8", "1", "difference to the first solver", _BY_SOLVER, extra=_DIFFERENCE),
+    FileVariable(
+        *("solver_difference", "f8", "1", "difference to the first solver", _BY_SOLVER),
+        comment="max |u_T - u_T of the first solver| over max |u_T| of the first",
+    ),
 )
 """What is kept of every solver where a study names several; the first one's solution is the stored one."""
 
 ESTIMATES: tuple[FileVariable, ...] = (
-    _result("error_estimate", "1", "estimated error", "of the displacement in the energy norm, over its own norm"),
+    result("error_estimate", "1", "estimated error", "of the displacement in the energy norm, over its own norm"),
     FileVariable("stop", "str", "", "why refinement ended", _LEVEL),
 )
 """What is kept where errors are estimated."""
@@ -201,14 +206,14 @@ def goal_variables(goal: Goal, exact: bool) -> tuple[FileVariable, ...]:
     if goal.quantity == "energy":
         return ()
     units, what = _GOALS[goal.quantity]
-    estimate = _result("goal_estimate", units, "estimated error of the goal", "absolute")
-    kept = (_result("goal", units, "goal of the study", what), estimate)
-    if goal.known is None and not exact:
-        return kept
     known = "against the exact solution" if goal.known is None else f"against {goal.known!r}, which is known"
-    error = _result("goal_error", units, "error of the goal", f"absolute, {known}")
-    effectivity = _result("goal_effectivity", "1", "effectivity of the estimate", "goal_estimate over goal_error")
-    return (*kept, error, effectivity)
+    own = (
+        result("goal", units, "goal of the study", what),
+        result("goal_estimate", units, "estimated error of the goal", "absolute"),
+        result("goal_error", units, "error of the goal", f"absolute, {known}"),
+        result("goal_effectivity", "1", "effectivity of the estimate", "goal_estimate over goal_error"),
+    )
+    return own[:2] if goal.known is None and not exact else own
 
 
 _GOAL_NAMES = ("goal", "goal_estimate", "goal_error", "goal_effectivity")
@@ -224,10 +229,12 @@ CONTACT: tuple[FileVariable, ...] = (
     FileVariable("y", "f8", "m", "y of the contact node", _NODE, coordinate=True),
     FileVariable("c", "f8", "m", "contact length of the node", _NODE, extra=_AT_NODE),
     FileVariable("edge", "i1", "1", "contact edge", _NODE, extra=_AT_NODE),
-    FileVariable("u_T", "f8", "m", "tangential displacement", (SWEEP, "node"), extra=_JUDGED + _AT_NODE),
-    FileVariable("xi", "f8", "Pa", "tangential traction -S_T", (SWEEP, "node"), extra=_JUDGED + _AT_NODE),
+    FileVariable("u_T", "f8", "m", "tangential displacement", (SWEEP, "node"), extra=JUDGED + _AT_NODE),
+    FileVariable("xi", "f8", "Pa", "tangential traction -S_T", (SWEEP, "node"), extra=JUDGED + _AT_NODE),
     FileVariable(
-        "sticks", "i1", "1", "rests on an up-jump of b", (SWEEP, "node"), extra=_STICKS + _AT_NODE, no_value=UNKNOWN
+        *("sticks", "i1", "1", "rests on an up-jump of b", (SWEEP, "node")),
+        extra=(*flags("unknown", "slips", "sticks", first=UNKNOWN), *JUDGED, *_AT_NODE),
+        no_value=UNKNOWN,
     ),
 )
 
@@ -244,7 +251,7 @@ HELD: tuple[FileVariable, ...] = (
 """Ends of the contact line that carry no unknown, as a clamped edge prescribes their u_T; a level without has none."""
 
 _MESH_NODE = ("mesh_node",)
-_AT_MESH = (("coordinates", "node_x node_y"), ("mesh", "mesh"), ("location", "node"), *_JUDGED)
+_AT_MESH = (("coordinates", "node_x node_y"), ("mesh", "mesh"), ("location", "node"), *JUDGED)
 _CONNECTIVITY = (("cf_role", "face_node_connectivity"), ("start_index", np.int32(0)))
 MESH_TOPOLOGY: dict[str, Any] = {
     "cf_role": "mesh_topology",
@@ -266,36 +273,36 @@ REGION = FileVariable("region", "i1", "1", "region with a material of its own", 
 FIELDS: tuple[FileVariable, ...] = (
     FileVariable(
         *("theta", "f8", "K", "temperature", (SWEEP, "mesh_node")),
-        extra=(*_AT_MESH, *DIFFERENCE, ("comment", "above the stress-free state")),
+        extra=(*_AT_MESH, *DIFFERENCE),
+        comment="above the stress-free state",
     ),
     FileVariable("u_x", "f8", "m", "displacement in x", (SWEEP, "mesh_node"), extra=_AT_MESH),
     FileVariable("u_y", "f8", "m", "displacement in y", (SWEEP, "mesh_node"), extra=_AT_MESH),
 )
 
 
-def _live(name: str, units: str, long_name: str, dims: tuple[str, ...] = (SWEEP,)) -> FileVariable:
-    return FileVariable(name, "f8", units, long_name, dims)
-
-
-LIVE: tuple[FileVariable, ...] = (
-    _live("A_tilde", "Pa", "condensed stiffness of the first point", ("node", "node_column")),
-    _live("mechanical_load", "N m-1", "condensed loads f, g and pressure", ("mechanical_number", "node")),
-    _live("held_load", "N m-1", "condensed loads of given displacements", ("held_number", "node")),
-    _live("source_node", "m-1", "alpha/k of the nodes of the source's function", ("source_node_number",)),
-    _live("source_weight", "1", "barycentric weights of the source's function", ("source_node_number",)),
-    _live("source_load", "m2", "alpha times the load of a unit source for beta = 1", ("source_node_number", "node")),
-    _live("surroundings_node", "m-1", "alpha/k of the nodes of the surroundings' function", ("surroundings_number",)),
-    _live("surroundings_weight", "1", "barycentric weights of the surroundings' function", ("surroundings_number",)),
-    _live("surroundings_load", "m", "load of unit surroundings for beta = 1", ("surroundings_number", "node")),
-    _live("stiffness", "1", "mu over that of the first point"),
-    _live("mechanical", "1", "number of the mechanical load; -1 for none"),
-    _live("held", "1", "number of the load of given displacements; -1 for none"),
-    _live("beta", "Pa K-1", "stress-temperature modulus"),
-    _live("alpha", "W m-2 K-1", "heat transfer coefficient; missing where the temperature is given"),
-    _live("k", "W m-1 K-1", "conductivity"),
-    _live("q", "W m-3", "factor of the source"),
-    _live("theta_bar", "K", "factor of the temperature of the surroundings, or of the given temperature"),
-    _live("valid", "1", "1 where these arrays give the point's problem, to 1e-11"),
+LIVE = tuple(
+    FileVariable(name, "f8", units, long_name, tuple(dims) or (SWEEP,))
+    for name, units, long_name, *dims in (
+        ("A_tilde", "Pa", "condensed stiffness of the first point", "node", "node_column"),
+        ("mechanical_load", "N m-1", "condensed loads f, g and pressure", "mechanical_number", "node"),
+        ("held_load", "N m-1", "condensed loads of given displacements", "held_number", "node"),
+        ("source_node", "m-1", "alpha/k of the nodes of the source's function", "source_node_number"),
+        ("source_weight", "1", "barycentric weights of the source's function", "source_node_number"),
+        ("source_load", "m2", "alpha times the load of a unit source for beta = 1", "source_node_number", "node"),
+        ("surroundings_node", "m-1", "alpha/k of the nodes of the surroundings' function", "surroundings_number"),
+        ("surroundings_weight", "1", "barycentric weights of the surroundings' function", "surroundings_number"),
+        ("surroundings_load", "m", "load of unit surroundings for beta = 1", "surroundings_number", "node"),
+        ("stiffness", "1", "mu over that of the first point"),
+        ("mechanical", "1", "number of the mechanical load; -1 for none"),
+        ("held", "1", "number of the load of given displacements; -1 for none"),
+        ("beta", "Pa K-1", "stress-temperature modulus"),
+        ("alpha", "W m-2 K-1", "heat transfer coefficient; missing where the temperature is given"),
+        ("k", "W m-1 K-1", "conductivity"),
+        ("q", "W m-3", "factor of the source"),
+        ("theta_bar", "K", "factor of the temperature of the surroundings, or of the given temperature"),
+        ("valid", "1", "1 where these arrays give the point's problem, to 1e-11"),
+    )
 )
 """The group `live` of a level, what a browser needs to solve its contact problems (output.live): `tcstudy.offline.live`
 says what the arrays mean. A record hands them over as fields, LIVE_PREFIX before their names."""

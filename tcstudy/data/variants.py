@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     import netCDF4
 
 OWN_POINT = "own_point"
-_COMMENT = (("comment", "i of the group geometry_i; -1 where the geometry was refused or has no mesh"),)
-NUMBER = FileVariable("geometry", "i4", "1", "number of the geometry", (SWEEP,), extra=_COMMENT)
+_WHAT = "i of the group geometry_i; -1 where the geometry was refused or has no mesh"
+NUMBER = FileVariable("geometry", "i4", "1", "number of the geometry", (SWEEP,), comment=_WHAT)
 
 
 def write_variants(

@@ -241,6 +241,7 @@ def in_file_order(study: Study, values: NDArray[Any]) -> NDArray[Any]:
 def attributes(variable: FileVariable, study: Study) -> dict[str, Any]:
     """Attributes of a variable in the file of this study (without _FillValue)."""
     extra, units, long_name = dict(variable.extra), variable.units, variable.long_name
+    extra |= {"comment": variable.comment} if variable.comment else {}
     if units in (T, RATE):
         assert study.path is not None
         t = study.path.units
