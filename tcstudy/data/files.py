@@ -33,7 +33,7 @@ ROOM = 3
 PROTECTED = "the file is write-protected"
 
 
-def replace_file(path: Path, make: Callable[[Path], None], kept: str = "", sealed: bool = True) -> None:
+def replace_file(path: Path, make: Callable[[Path], object], kept: str = "", sealed: bool = True) -> None:
     """Put the file that `make` writes aside in the place of `path`, in one step and on the disk.
 
     kept:   what of the work is not lost if that fails, for the message

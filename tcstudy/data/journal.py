@@ -66,8 +66,7 @@ class Journal:
 
         Raises StoreError if another run is writing to the same output or the directory cannot be written.
         """
-        problems = axis_problems(study)
-        if problems:
+        if problems := axis_problems(study):
             raise StoreError("; ".join(problems))
         path = Path(os.path.realpath(output))
         path = Path(os.path.realpath(path.with_name(path.name + PARTIAL)))

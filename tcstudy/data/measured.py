@@ -270,18 +270,17 @@ def write_cost(path: Path, study: Study, cost: Cost, provenance: Provenance) -> 
         "runs": np.int32(cost.time.shape[-1]),
         "notes": "\n".join(cost.notes),
     }
-    write_dataset(path, global_attributes(study, provenance) | own, lambda nc: _fill_cost(nc, study, cost))
-
-
-def _fill_cost(nc: netCDF4.Dataset, study: Study, cost: Cost) -> None:
-    put_names(nc, "family", cost.families, "mesh family", study)
-    put_names(nc, "solver", cost.solvers, "solver of the contact problem", study)
     values = {**vars(cost), "level": np.arange(cost.n_dof.shape[1]), "run": np.arange(cost.time.shape[-1])}
     values["reason"] = np.vectorize(without_paths, otypes=[object])(cost.reason)
-    values |= {f"time_{stage}": cost.stages[stage] for stage in STAGES}
-    values |= {f"error_{name}": errors for name, errors in cost.errors.items()}
-    values |= {f"dominated_{name}": worse for name, worse in cost.dominated.items()}
-    put_all(nc, COST_TABLE, values, study)
+    for part, by_name in (("time", cost.stages), ("error", cost.errors), ("dominated", cost.dominated)):
+        values |= {f"{part}_{name}": array for name, array in by_name.items()}
+
+    def fill(nc: netCDF4.Dataset) -> None:
+        put_names(nc, "family", cost.families, "mesh family", study)
+        put_names(nc, "solver", cost.solvers, "solver of the contact problem", study)
+        put_all(nc, COST_TABLE, values, study)
+
+    write_dataset(path, global_attributes(study, provenance) | own, fill)
 
 
 _MESHES, _SOLVED = ("family", "level"), ("family", "solver", "level")
@@ -293,12 +292,11 @@ def _time(name: str, long_name: str, *more: str) -> FileVariable:
 
 def _charted_error(measure: Measure) -> tuple[FileVariable, FileVariable]:
     """An error and whether it is dominated."""
-    name, what = measure.name, measure.long_name
-    error = what if measure in ERRORS else f"error of the {what}"
-    on_front = f"whether another is as fast and as accurate: {error}"
+    error = measure.long_name if measure in ERRORS else f"error of the {measure.long_name}"
+    of, on_front = f"whether another is as fast and as accurate: {error}", flags("on_the_front", "dominated")
     return (
-        FileVariable(f"error_{name}", "f8", "1", f"relative {error}", _SOLVED),
-        FileVariable(f"dominated_{name}", "i1", "1", on_front, _SOLVED, extra=flags("on_the_front", "dominated")),
+        FileVariable(f"error_{measure.name}", "f8", "1", f"relative {error}", _SOLVED),
+        FileVariable(f"dominated_{measure.name}", "i1", "1", of, _SOLVED, extra=on_front),
     )
 
 

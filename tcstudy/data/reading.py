@@ -1,17 +1,12 @@
-"""What an existing file is, found out before the netCDF library opens it here.
+"""What an existing file is, found out before the netCDF library opens it here; the sweep of one that is open.
 
-A file whose seal is whole is read at once. Any other one (changed since, of an earlier version, a stranger's) is read
-by a child process first, and what fails on it later is the file's fault, told in one line.
+A result file ends in a seal, a SHA-256 of all bytes before it, which tells without the library that tcstudy wrote the
+file and that no byte has changed since: on a damaged file the library may crash or never come back. It ignores what
+follows the end that a file states; a program that changes the file cuts the seal off. A file whose seal is whole is
+read at once. Any other one is read to its end by a child process first, where a crash or a hang is told, and what fails
+on it later is the file's fault, told in one line.
 
-The seal at the end of a result file: a SHA-256 of all bytes before it.
-
-It tells, without the netCDF library, that tcstudy wrote a file and that no byte of it has changed since: on a damaged
-file the library may crash or never come back. The library ignores what follows the end that a file states; a program
-that changes the file cuts the seal off.
-
-Read all of a file that has no whole seal in a process of its own, where a crash or a hang of the library is told.
-
-`python -m tcstudy.data.reading FILE` prints the global attributes as JSON.
+`python -m tcstudy.data.reading FILE` is that child: it prints the global attributes as JSON.
 """
 
 from __future__ import annotations
@@ -82,14 +77,15 @@ def read_all(file: str) -> dict[str, Any]:
     with netCDF4.Dataset(file) as nc:
         nc.set_auto_maskandscale(False)
         groups = list(_groups(nc))
-        stated = sum(int(v.size) * _bytes_of(v) for group in groups for v in group.variables.values())
-        if stated > _SLACK + _FACTOR * os.path.getsize(file):
-            raise Unreadable(f"it states {stated:.2g} bytes of values, which it cannot hold")
-        for group in groups:
-            plain_attributes(group)
-            for variable in group.variables.values():
-                plain_attributes(variable)
-                _read(variable)
+        variables = [variable for group in groups for variable in group.variables.values()]
+        sizes = [int(v.size) * (8 if v.dtype is str else int(v.dtype.itemsize)) for v in variables]
+        if sum(sizes) > _SLACK + _FACTOR * os.path.getsize(file):
+            raise Unreadable(f"it states {sum(sizes):.2g} bytes of values, which it cannot hold")
+        for holder in (*groups, *variables):
+            plain_attributes(holder)
+        for variable, size in zip(variables, sizes, strict=True):
+            for part in range(variable.shape[0]) if size > _SLAB and variable.ndim else (...,):
+                variable[part]
         return plain_attributes(nc)
 
 
@@ -103,18 +99,6 @@ def _groups(group: Any) -> Iterator[Any]:
     yield group
     for inner in group.groups.values():
         yield from _groups(inner)
-
-
-def _bytes_of(variable: Any) -> int:
-    return 8 if variable.dtype is str else int(variable.dtype.itemsize)
-
-
-def _read(variable: Any) -> None:
-    if int(variable.size) * _bytes_of(variable) <= _SLAB or not variable.ndim:
-        variable[...]
-        return
-    for i in range(variable.shape[0]):
-        variable[i]
 
 
 def _main(file: str) -> int:
@@ -137,7 +121,7 @@ _BLOCK = 1 << 20
 
 
 class Seal(Enum):
-    """WHOLE: the file is as it was written; BROKEN: it has changed; NONE: changed, cut, older, or a stranger's."""
+    """WHOLE: the file is as it was written; BROKEN: it has changed; NONE: changed, cut, or a stranger's."""
 
     WHOLE = "whole"
     BROKEN = "broken"
@@ -257,8 +241,7 @@ def reading(path: Path) -> Iterator[None]:
         try:
             yield
         except _FAULTS as error:
-            text = (str(error).splitlines() or [""])[0]
-            cause = f"{type(error).__name__}: {text}"
+            cause = f"{type(error).__name__}: {(str(error).splitlines() or [''])[0]}"
             raise StoreError(
                 f"{path} was changed after tcstudy wrote it and does not hold what it should ({cause}). "
                 "Run the study again with --force to make it anew"

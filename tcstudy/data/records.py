@@ -151,10 +151,7 @@ def is_number(name: str) -> bool:
 
 def _check_names(numbers: AbstractSet[str], fields: AbstractSet[str]) -> None:
     """Raise ValueError unless the table of variables has all names; they are compared as sets, once a record."""
-    if not (numbers <= NUMBERS and fields <= FIELD_NAMES):
-        unknown = sorted(n for n in numbers if not is_number(n)) + sorted(fields - FIELD_NAMES)
-        if not unknown:
-            return
+    if unknown := sorted(n for n in numbers - NUMBERS if not is_number(n)) + sorted(fields - FIELD_NAMES):
         raise ValueError(f"no variable {', '.join(unknown)} in the table of the result file")
 
 
@@ -266,13 +263,9 @@ def row_of(
     """A row: scalars as JSON (exact for floats), arrays as their bytes one after the other."""
     layout = json.dumps([(name, array.dtype.str, array.shape) for name, array in arrays.items()])
     blob = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays.values())
-    row = (kind, place, int(level), json.dumps(scalars, default=_plain), layout, blob)
+    text = json.dumps(scalars, default=lambda numpy_scalar: numpy_scalar.item())
+    row = (kind, place, int(level), text, layout, blob)
     return (*row, checksum((*row, 0)))
-
-
-def _plain(value: Any) -> Any:
-    """A NumPy scalar as a plain one, for JSON."""
-    return value.item()
 
 
 def decode_level(row: Row) -> LevelRecord:

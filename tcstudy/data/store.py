@@ -32,7 +32,7 @@ from tcstudy.data.writer import (
     put_names,
 )
 from tcstudy.scene.points import combinations, prescribed
-from tcstudy.scene.records import BODY, Scene
+from tcstudy.scene.records import BODY
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
@@ -65,8 +65,7 @@ def write(
     Raises StoreError if the file cannot be written (the old one is then untouched), ValueError if a record does
     not fit the study.
     """
-    problems = axis_problems(study)
-    if problems:
+    if problems := axis_problems(study):
         raise StoreError("; ".join(problems))
     counts: list[tuple[int, int]] = []
     own = begun.filling if begun is not None else None
@@ -111,15 +110,16 @@ class Begun:
 
 def root_variables(study: Study) -> tuple[FileVariable, ...]:
     """The variables of the root group of this study's file."""
-    solvers = schema.SOLVERS if len(study.solver.names) > 1 else ()
-    goal = schema.goal_variables(study.mesh.goal, study.exact is not None) if study.mesh.estimates else ()
-    estimates = schema.ESTIMATES + goal if study.mesh.estimates else ()
-    asked: tuple[FileVariable, ...] = ()
+    found = schema.ROOT
+    if len(study.solver.names) > 1:
+        found += schema.SOLVERS
+    if study.mesh.estimates:
+        found += schema.ESTIMATES + schema.goal_variables(study.mesh.goal, study.exact is not None)
     if study.output.asks:
         from tcstudy.data.on_request import variables  # only for a study that asks for more
 
-        asked = variables(study)
-    return (*schema.ROOT, *solvers, *estimates, *asked)
+        found += variables(study)
+    return found
 
 
 def open_results(path: Path) -> xarray.DataTree:
@@ -269,18 +269,13 @@ def _put_held(group: netCDF4.Group, study: Study, fields: Mapping[str, np.ndarra
     if "held_edge" not in fields:
         return
     some, of = combinations(study.scenes, "boundary")
-    values = np.array([_held_slip(scene, fields) for scene in some])[of].reshape(*study.shape, -1)
+    ends = list(zip(*(fields[f"held_{name}"] for name in ("x", "y", "edge", "along")), strict=True))
+    # u_T [m] is made of what the edges prescribe
+    slips = [[float(along @ prescribed(scene, edge, x, y)) for x, y, edge, along in ends] for scene in some]
+    values = np.array(slips)[of].reshape(*study.shape, -1)
     put_all(group, schema.HELD, {**fields, "held_u_T": in_file_order(study, values)}, study)
     names = (name for name, _ in study.scenes[0].boundary)
     group["held_edge"].setncatts(dict(schema.flags("contact_corner", *names, first=-1)))
-
-
-def _held_slip(scene: Scene, fields: Mapping[str, np.ndarray[Any, Any]]) -> list[float]:
-    """u_T of a scene at the held ends [m]: shares of what their edges prescribe."""
-    found = []
-    for x, y, edge, along in zip(*(fields[f"held_{name}"] for name in ("x", "y", "edge", "along")), strict=True):
-        found.append(float(along @ prescribed(scene, edge, x, y)))
-    return found
 
 
 def _put_live(level_group: netCDF4.Group, study: Study, fields: Mapping[str, np.ndarray[Any, Any]]) -> None:

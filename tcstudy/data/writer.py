@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.schema import DIFFERENCE, POINT, RATE, RESERVED, SWEEP, FileVariable, T
+from tcstudy.data.schema import DIFFERENCE, POINT, RATE, RESERVED, SWEEP, Dtype, FileVariable, T
 from tcstudy.scene.study import Axis, Study, Variant
 
 if TYPE_CHECKING:
@@ -29,9 +29,11 @@ Places = NDArray[np.intp]
 
 def sweep_dims(study: Study) -> tuple[str, ...]:
     """Names of the sweep dimensions, in the order of `study.shape`."""
-    if not study.axes:
-        return ()
-    return tuple(axis_name(axis) for axis in study.axes) if study.mode == "grid" else (POINT,)
+    return _dims_of(study, study.axes)
+
+
+def _dims_of(study: Study, axes: Sequence[Axis]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(axis_name(axis) if study.mode == "grid" else POINT for axis in axes))
 
 
 def outer_axes(study: Study) -> list[Axis]:
@@ -42,9 +44,7 @@ def outer_axes(study: Study) -> list[Axis]:
 
 def geometry_dims(study: Study) -> tuple[str, ...]:
     """Dimensions of what every geometry has once; none if there is one geometry."""
-    if not study.variants:
-        return ()
-    return tuple(axis_name(axis) for axis in outer_axes(study)) if study.mode == "grid" else (POINT,)
+    return _dims_of(study, outer_axes(study)) if study.variants else ()
 
 
 def geometry_place(study: Study, variant: Variant) -> Any:
@@ -216,11 +216,9 @@ def put_axes(nc: netCDF4.Dataset, study: Study) -> None:
         nc.createDimension(name, size)
     for axis in study.axes:
         labels = axis_labels(axis)
-        name = axis_name(axis)
-        dim = name if study.mode == "grid" else POINT
-        units = axis.units
-        kept = FileVariable(name, "str" if labels.dtype == object else "f8", units, "", (dim,), coordinate=True)
-        new = define(nc, kept, study)
+        kind: Dtype = "str" if labels.dtype == object else "f8"
+        dims = _dims_of(study, (axis,))
+        new = define(nc, FileVariable(axis_name(axis), kind, axis.units, "", dims, coordinate=True), study)
         new.setncatts(axis_attributes(axis))
         new[...] = labels[axis_order(axis)] if study.mode == "grid" else labels
 
@@ -265,8 +263,7 @@ def sweep_points(study: Study) -> xarray.Dataset:
 
     data = xarray.Dataset(attrs={"sweep_mode": study.mode})
     for axis in study.axes:
-        name = axis_name(axis)
-        dim = name if study.mode == "grid" else POINT
-        data = data.assign_coords({name: (dim, axis_labels(axis), axis_attributes(axis))})
+        coordinate = (_dims_of(study, (axis,)), axis_labels(axis), axis_attributes(axis))
+        data = data.assign_coords({axis_name(axis): coordinate})
     data["status"] = (sweep_dims(study), np.zeros(study.shape, dtype=np.int8))
     return data

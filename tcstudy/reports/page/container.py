@@ -81,8 +81,3 @@ def plain(value: Json) -> Json:
     if isinstance(value, float) and not math.isfinite(value):
         return None if math.isnan(value) else ("inf" if value > 0 else "-inf")
     return value
-
-
-def size_of(text: str) -> int:
-    """Bytes of a text in a file."""
-    return len(text.encode())

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from tcstudy.data.reading import by_point, each_point
 from tcstudy.data.records import PointStatus
 from tcstudy.reports.page.container import Container, Json
-from tcstudy.reports.page.point_part import geometry
+from tcstudy.reports.page.point_part import geometry, shape
 from tcstudy.reports.page.run_part import FLAGS, ROOM_FOR_DOUBLES, level_numbers, reasons, sweep_of
 from tcstudy.reports.page.stored import Stored
-from tcstudy.reports.stored_study import at_rest, outline, sources
+from tcstudy.reports.stored_study import at_rest
 from tcstudy.reports.terminal.history_summary import MOVES, last_change, motion
 from tcstudy.reports.text import counted, number
 from tcstudy.scene.key import symbol
@@ -59,8 +59,7 @@ def history_content(stored: Stored, without: tuple[str, ...], box: Container) ->
     return {
         "history": history,
         "run": _sweep(stored, flat, solved, box),
-        "outline": [{**vars(edge), "line": edge.line.tolist()} for edge in outline(stored.study)],
-        "sources": [line.tolist() for line in sources(stored.study)],
+        **shape(stored.study),
     }
 
 

@@ -26,16 +26,15 @@ def law_part(study: Study | None) -> Json | None:
     if study is None:
         return None
     numbers: dict[FrictionLaw, int] = {}
-    frictions = [study.scenes[i].friction for i in file_order(study)]
     index: list[Json] = []
-    for friction in frictions:
-        own = [law for _, law, _ in friction.laws] if isinstance(friction, EdgeLaws) else [friction]
-        found = [numbers.setdefault(law, len(numbers)) for law in own]
-        index.append(found if isinstance(friction, EdgeLaws) else found[0])
-    told: Json = {"laws": [drawn(law) for law in numbers], "index": index}
-    return (
-        told | {"edges": [edge for edge, _, _ in first.laws]} if isinstance(first := frictions[0], EdgeLaws) else told
-    )
+    edges: Json = {}
+    for friction in (study.scenes[i].friction for i in file_order(study)):
+        if isinstance(friction, EdgeLaws):
+            index.append([numbers.setdefault(law, len(numbers)) for _, law, _ in friction.laws])
+            edges = {"edges": [edge for edge, _, _ in friction.laws]}
+        else:
+            index.append(numbers.setdefault(friction, len(numbers)))
+    return {"laws": [drawn(law) for law in numbers], "index": index, **edges}
 
 
 def node_part(study: Study | None, line: LineFields, box: Container) -> Json:

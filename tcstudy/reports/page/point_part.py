@@ -16,11 +16,12 @@ from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.law_part import node_part
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.picture import BodyFields, LineFields, ends_held
-from tcstudy.reports.stored_study import at_rest, file_order, law_of_nodes, nearest, outline
+from tcstudy.reports.stored_study import at_rest, file_order, law_of_nodes, nearest, outline, sources
 from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.nodal_laws import each
 from tcstudy.scene.records import EdgeLaws
+from tcstudy.scene.study import Study
 
 MOST_NODES = 8_000
 """Mesh nodes up to which a level is drawn; finer ones would cost room that no screen shows."""
@@ -91,6 +92,14 @@ def _states(stored: Stored, group: Any, u_T: Any) -> Any:
             states[p] = each(laws[friction], node_states, u_T[p], sticks[p])
     states[~solved] = -1
     return states
+
+
+def shape(study: Study | None) -> Json:
+    """Edges of the body with their roles, and its heated regions."""
+    return {
+        "outline": [{**vars(edge), "line": edge.line.tolist()} for edge in outline(study)],
+        "sources": [line.tolist() for line in sources(study)],
+    }
 
 
 def geometry(group: Any, box: Container) -> Json:

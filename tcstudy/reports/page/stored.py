@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -69,12 +70,7 @@ def _beside(run: Stored) -> list[Stored]:
     """Convergence and cost files of the same study text beside a run's file."""
     found = []
     for path in (measured_path(run.path, "convergence"), measured_path(run.path, "cost")):
-        if not path.is_file():
-            continue
-        try:
-            other = read(path)
-        except StoreError:
-            continue
-        if other.data.attrs.get("study_yaml") == run.data.attrs.get("study_yaml"):
-            found.append(other)
+        with suppress(StoreError):
+            if path.is_file() and (other := read(path)).data.attrs["study_yaml"] == run.data.attrs["study_yaml"]:
+                found.append(other)
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -11,14 +12,13 @@ from pathlib import Path
 from tcstudy.data.files import replace_file
 from tcstudy.data.reading import reading
 from tcstudy.errors import PageError
-from tcstudy.reports.page.container import Container, Json, size_of
+from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.history_part import history_content
 from tcstudy.reports.page.law_part import law_part
 from tcstudy.reports.page.other_part import convergence_part, cost_part, fit_part, path_part
-from tcstudy.reports.page.point_part import body_part, drawn_level, line_part, live_part
+from tcstudy.reports.page.point_part import body_part, drawn_level, line_part, live_part, shape
 from tcstudy.reports.page.run_part import level_numbers, run_part, time_of_levels
 from tcstudy.reports.page.stored import Stored, read
-from tcstudy.reports.stored_study import outline, sources
 from tcstudy.reports.terminal.path_summary import STATES
 from tcstudy.scene.key import GREEK, symbol
 from tcstudy.scene.keys import ROWS
@@ -46,10 +46,9 @@ class Written:
     @property
     def words(self) -> str:
         """One line that says what was written."""
-        what = (
-            f"{self.path}: {self.size / 1e6:.1f} MB" if self.size >= 1e5 else f"{self.path}: {self.size / 1e3:.0f} kB"
-        )
-        return what + (f"; left out because of the size: {', '.join(self.left_out)}" if self.left_out else "")
+        size = f"{self.size / 1e6:.1f} MB" if self.size >= 1e5 else f"{self.size / 1e3:.0f} kB"
+        left_out = f"; left out because of the size: {', '.join(self.left_out)}" if self.left_out else ""
+        return f"{self.path}: {size}{left_out}"
 
 
 def write_page(path: Path, target: Path, left_out: tuple[str, ...] = ()) -> Written:
@@ -67,26 +66,22 @@ def write_page(path: Path, target: Path, left_out: tuple[str, ...] = ()) -> Writ
     without = list(left_out)
     with reading(path):
         text = _fitting(read(path), without)
-    if size_of(text) > MOST:
+    if len(text) > MOST:
         raise PageError(
-            f"the page would have {size_of(text) / 1e6:.0f} MB, more than {MOST / 1e6:.0f} MB, even without "
+            f"the page would have {len(text) / 1e6:.0f} MB, more than {MOST / 1e6:.0f} MB, even without "
             f"{', '.join(without) or 'its optional parts'}; split the sweep into several studies"
         )
-
-    def put(aside: Path) -> None:
-        aside.write_text(text, encoding="utf-8")
-
-    replace_file(target, put, sealed=False)
-    dropped = tuple(part for part in without if part not in left_out)
-    return Written(target, size_of(text), dropped)
+    replace_file(target, lambda aside: aside.write_bytes(text), sealed=False)
+    return Written(target, len(text), tuple(part for part in without if part not in left_out))
 
 
-def _fitting(stored: Stored, without: list[str]) -> str:
+def _fitting(stored: Stored, without: list[str]) -> bytes:
     """The page, with parts added to those left out until it is no larger than AIM."""
+    having = [part for part in LEAVE_OUT if _has(stored, part)]
     while True:
-        text = page(stored, tuple(without))
-        more = [part for part in LEAVE_OUT if part not in without and _has(stored, part)]
-        if size_of(text) <= AIM or not more:
+        text = page(stored, tuple(without)).encode()
+        more = [part for part in having if part not in without]
+        if len(text) <= AIM or not more:
             return text
         without.append(more[0])
 
@@ -96,7 +91,7 @@ def _has(stored: Stored, part: str) -> bool:
     if stored.kind == "history":
         return part in ("memory", "lines")
     homes = [home for home in stored.homes or (stored,) if home is not None and stored.kind == "run"]
-    having: dict[str, bool] = {
+    having = {
         "levels": any(len(home.groups) > 1 for home in homes),
         "live": bool(stored.live),
         "body": any(drawn_level(home) is not None for home in homes),
@@ -126,39 +121,33 @@ def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
 
 def _about(stored: Stored) -> Json:
     attrs, names = stored.data.attrs, [*(row.name for row in ROWS), *map(str, stored.data.coords)]
+    told = ("history", "source", "git_commit", "study_sha256", "references", "institution", "Conventions")
     return {
-        "format": 1,
         "kind": stored.kind,
-        "title": str(attrs.get("title", stored.path.name)),
+        "title": str(attrs["title"]),
         "file": stored.path.name,
-        "unit_system": str(attrs.get("unit_system", "SI")),
-        "solver": str(attrs.get("solver", "")),
+        "unit_system": str(attrs["unit_system"]),
+        "solver": str(attrs["solver"]),
         "states": STATES,
         "symbols": {name: symbol(name) for name in names if name.partition("_")[0] in GREEK},
-        "tolerance": float(attrs.get("solver_tolerance", float("nan"))),
-        "provenance": {
-            name: str(attrs[name])
-            for name in ("history", "source", "git_commit", "study_sha256", "references", "institution", "Conventions")
-            if name in attrs
-        },
-        "versions": json.loads(str(attrs.get("versions", "{}"))),
-        "overrides": [one for one in str(attrs.get("overrides", "")).split("\n") if one],
-        "yaml": str(attrs.get("study_yaml", "")),
+        "tolerance": float(attrs["solver_tolerance"]),
+        "provenance": {name: str(attrs[name]) for name in told},
+        "versions": json.loads(attrs["versions"]),
+        "overrides": str(attrs["overrides"]).splitlines(),
+        "yaml": str(attrs["study_yaml"]),
     }
 
 
 def _content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
-    if stored.kind == "convergence":
-        return {"convergence": convergence_part(stored, box)}
-    if stored.kind == "cost":
-        return {"cost": cost_part(stored)}
-    if stored.kind == "path":
-        return {"path": path_part(stored, box), "laws": law_part(stored.study)}
-    if stored.kind == "history":
-        return history_content(stored, without, box)
-    if stored.kind == "fit":
-        return {"fit": fit_part(stored.data, box)}
-    return _run_content(stored, without, box)
+    parts: dict[str, Callable[[], Json]] = {
+        "convergence": lambda: {"convergence": convergence_part(stored, box)},
+        "cost": lambda: {"cost": cost_part(stored)},
+        "path": lambda: {"path": path_part(stored, box), "laws": law_part(stored.study)},
+        "history": lambda: history_content(stored, without, box),
+        "fit": lambda: {"fit": fit_part(stored.data, box)},
+        "run": lambda: _run_content(stored, without, box),
+    }
+    return parts[stored.kind]()
 
 
 def _run_content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
@@ -187,7 +176,6 @@ def _home(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
     return {
         "levels": level_numbers(stored.data),
         "lines": {str(n): line_part(stored, n, box) for n in (levels[-1:] if "levels" in without else levels)},
-        "outline": [{**vars(edge), "line": edge.line.tolist()} for edge in outline(stored.study)],
-        "sources": [line.tolist() for line in sources(stored.study)],
+        **shape(stored.study),
         "body": None if body is None else body_part(stored, body, box),
     }
