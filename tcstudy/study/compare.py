@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,16 +26,15 @@ from tcstudy.data.stored import VALUES
 from tcstudy.errors import StudyError, UsageError, shortened
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
-from tcstudy.study.shared_points import FileSweep, Places, shared_points
+from tcstudy.study.shared_points import LabelledPoints, Places, shared_points
 from tcstudy.study.union import differences
-
-if TYPE_CHECKING:
-    import netCDF4
 
 Pair = tuple[Any, Any]
 
 EFFORT = ("time", "solver_time", "iterations", "evaluations", "solver_iterations", "dominated")
 """How names of variables begin that say how numbers were come by, or follow from wall times."""
+APART = ("mesh", "live", "geometry")
+"""How names begin of what is not compared by name: geometries are found by their points."""
 RELATIVE = ("inclusion_", "heat_balance", "value_heat_balance", "residual", "solver_residual", "solver_difference",
             "solution_residual", "solution_rounding", "error_", "affine_defect", "law_error")  # fmt: skip
 """How names of variables begin that are relative themselves; there rounding is as large as the value."""
@@ -127,25 +126,20 @@ def compare_files(first: Path, second: Path, rtol: float = 1e-9) -> Comparison:
         one, two = (stack.enter_context(netCDF4.Dataset(path)) for path in (first, second))
         for nc in (one, two):
             nc.set_auto_mask(False)
-        sweeps = FileSweep.of(one), FileSweep.of(two)
+        sweeps = LabelledPoints.of_file(one), LabelledPoints.of_file(two)
         study = tuple(_study(found))
         layout = [f"{name}: {a} | {b}" for name in ASKED if (a := found[0].get(name)) != (b := found[1].get(name))]
         points: tuple[str, ...] = ()
-        numbers: list[NumberDifference] = []
-        compared = 0
-        if sweeps[0].names == sweeps[1].names:
+        results: list[NumberDifference | str | None] = []
+        if [*sweeps[0].labels] == [*sweeps[1].labels]:
             shared, points = shared_points(sweeps, (first, second))
-            for result in _variables((one, two), shared, sweeps[0], rtol):
-                compared += not isinstance(result, str)
-                if isinstance(result, str):
-                    layout.append(result)
-                elif isinstance(result, NumberDifference):
-                    numbers.append(result)
+            results = list(_Shared(shared, sweeps[0], rtol).group((one, two)))
         elif not study:
-            study = (f"swept parameters: {', '.join(sweeps[0].names)} | {', '.join(sweeps[1].names)}",)
-    return Comparison(
-        (first, second), rtol, study, tuple(_versions(found)), points, tuple(layout), tuple(numbers), compared
-    )
+            study = (f"swept parameters: {', '.join(sweeps[0].labels)} | {', '.join(sweeps[1].labels)}",)
+    layout += [result for result in results if isinstance(result, str)]
+    numbers = tuple(result for result in results if isinstance(result, NumberDifference))
+    compared = sum(not isinstance(result, str) for result in results)
+    return Comparison((first, second), rtol, study, tuple(_versions(found)), points, tuple(layout), numbers, compared)
 
 
 def _study(found: tuple[Mapping[str, Any], Mapping[str, Any]]) -> list[str]:
@@ -176,95 +170,91 @@ def _versions(found: tuple[Mapping[str, Any], Mapping[str, Any]]) -> Iterator[st
             yield f"{name}: {pair[0]} | {pair[1]}"
 
 
-def _variables(
-    pair: tuple[netCDF4.Dataset, netCDF4.Dataset], shared: tuple[Places, Places], sweep: FileSweep, rtol: float
-) -> Iterator[NumberDifference | str | None]:
-    """Of every variable of the root and of the levels how it differs, None if not, or why it is not compared."""
-    yield from _group(pair, "", shared, sweep, rtol)
-    names = dict.fromkeys((*pair[0].groups, *pair[1].groups))
-    for name in names:
-        if any(name not in nc.groups for nc in pair):
-            yield _alone(name, name in pair[0].groups)
-        else:
-            yield from _group((pair[0][name], pair[1][name]), f"{name}/", shared, sweep, rtol)
+@dataclass(frozen=True)
+class _Shared:
+    """The points that two files, or a geometry in both, share: where they stand in either; the first one's sweep."""
+
+    places: tuple[Places, Places]
+    sweep: LabelledPoints
+    rtol: float
+
+    def group(self, pair: tuple[Any, Any], prefix: str = "") -> Iterator[NumberDifference | str | None]:
+        """Of every variable of a group and of those in it how it differs, None if not, or why it is not compared."""
+        several = all("geometry" in group.variables for group in pair)  # whose groups have what a level has, too
+        for kind in ("variables", "groups"):
+            one, two = (getattr(group, kind) for group in pair)
+            for name in dict.fromkeys((*one, *two)):
+                if name in self.sweep.labels or name.startswith((*EFFORT, *APART)):
+                    continue
+                if name not in one or name not in two:
+                    yield f"{prefix}{name}: only in the {'first' if name in one else 'second'}"
+                elif kind == "groups":
+                    yield from self.group((one[name], two[name]), f"{prefix}{name}/")
+                elif not several or self._swept(one[name]):
+                    yield self._variable((one[name], two[name]), prefix + name)
+        if several:
+            numbers = (group["geometry"][...].ravel()[at].tolist() for group, at in zip(pair, self.places, strict=True))
+            for i, j in dict.fromkeys(zip(*numbers, strict=True)):
+                if min(i, j) >= 0:
+                    yield from _geometries((pair[0][f"geometry_{i}"], pair[1][f"geometry_{j}"]), i, self.rtol)
+
+    def _swept(self, variable: Any) -> bool:
+        """Whether a variable has a value for every point."""
+        n = len(self.sweep.dims)
+        return n > 0 and variable.dimensions[:n] == self.sweep.dims
+
+    def _variable(self, pair: tuple[Any, Any], name: str) -> NumberDifference | str | None:
+        """The worst difference of a variable, of all levels, if it is beyond the tolerance."""
+        one, two = pair
+        after = len(self.sweep.dims) if self._swept(one) else 0
+        shapes = one.shape[after:], two.shape[two.ndim - one.ndim + after :]
+        if shapes[0] != shapes[1]:
+            return f"{name}: " + " | ".join(f"{' × '.join(map(str, shape))}" for shape in shapes) + " values"
+        rest = one.dimensions[after:]
+        levels = range(one.shape[one.dimensions.index("level")]) if "level" in rest else (None,)
+        found = [self._on_level(pair, name, self._swept(one), rest, level) for level in levels]
+        return max((worst for worst in found if worst is not None), key=lambda worst: worst.relative, default=None)
+
+    def _on_level(
+        self, pair: tuple[Any, Any], name: str, swept: bool, rest: tuple[str, ...], level: int | None
+    ) -> NumberDifference | None:
+        """The worst difference of a variable on one level; all points of some values at a time."""
+        inner = [d for d in rest if d != "level"]
+        wide = bool(inner) and inner[-1] == rest[-1]
+        width = pair[0].shape[-1] if wide else 1
+        rows = len(self.places[0]) if swept else 1
+        step = max(1, VALUES // max(1, pair[0].size // max(1, width)))
+        gaps, scale = np.zeros(rows), 0.0
+        best: tuple[float, str, Pair] = (0.0, "", (None, None))
+        for j in range(0, width if rows else 0, step):
+            cut = tuple(level if d == "level" else slice(None) for d in rest)
+            cut = (*cut[:-1], slice(j, j + step)) if wide else cut
+            one, two = (_taken(v, cut, at if swept else None) for v, at in zip(pair, self.places, strict=True))
+            gap, size = _gap(one, two)
+            scale = max(scale, size)
+            gaps = np.maximum(gaps, gap.max(axis=1, initial=0.0))
+            if gap.size and gap.max() > best[0]:
+                row, place = (int(i) for i in np.unravel_index(int(np.argmax(gap)), gap.shape))
+                where = [self.sweep.describe(int(self.places[0][row]))] if swept else []
+                where += [] if level is None else [f"level {level}"]
+                where += [f"{inner[-1]} {j + place}"] if inner else []
+                best = (float(gap[row, place]), ", ".join(filter(None, where)), (one[row, place], two[row, place]))
+        exact = pair[0].dtype is str or np.dtype(pair[0].dtype).kind != "f"
+        scale = 1.0 if exact or name.rpartition("/")[2].startswith(RELATIVE) else scale
+        beyond = gaps > (0.0 if exact else self.rtol * scale)
+        if not beyond.any():
+            return None
+        first, second = (v.item() if hasattr(v, "item") else v for v in best[2])
+        relative = math.nan if exact else best[0] / scale if scale else math.inf
+        units = str(getattr(pair[0], "units", ""))
+        return NumberDifference(name, units, int(np.count_nonzero(beyond)), rows, best[1], (first, second), relative)
 
 
-def _alone(name: str, in_first: bool) -> str:
-    return f"{name}: only in the {'first' if in_first else 'second'}"
-
-
-def _group(
-    pair: tuple[Any, Any], prefix: str, shared: tuple[Places, Places], sweep: FileSweep, rtol: float
-) -> Iterator[NumberDifference | str | None]:
-    for name in dict.fromkeys((*pair[0].variables, *pair[1].variables)):
-        if name in sweep.labels or name.startswith(EFFORT) or name == "mesh":
-            continue
-        if any(name not in group.variables for group in pair):
-            yield _alone(prefix + name, name in pair[0].variables)
-            continue
-        one, two = pair[0][name], pair[1][name]
-        after = len(sweep.dims) if one.dimensions[: len(sweep.dims)] == sweep.dims else 0
-        rest = one.shape[after:], two.shape[len(two.dimensions) - len(one.dimensions) + after :]
-        if rest[0] != rest[1]:
-            yield f"{prefix}{name}: {' × '.join(map(str, rest[0]))} | {' × '.join(map(str, rest[1]))} values"
-            continue
-        yield _difference((one, two), prefix + name, shared if after else None, sweep, rtol)
-
-
-def _difference(
-    pair: tuple[Any, Any], name: str, shared: tuple[Places, Places] | None, sweep: FileSweep, rtol: float
-) -> NumberDifference | None:
-    """The worst difference of a variable, of all levels, if it is beyond the tolerance."""
-    one = pair[0]
-    rest = one.dimensions[len(sweep.dims) if shared is not None and sweep.dims else 0 :]
-    worst: NumberDifference | None = None
-    levels = range(one.shape[one.dimensions.index("level")]) if "level" in rest else (None,)
-    for level in levels:
-        found = _on_level(pair, name, shared, sweep, rest, level, rtol)
-        if found is not None and (worst is None or found.relative > worst.relative):
-            worst = found
-    return worst
-
-
-def _on_level(
-    pair: tuple[Any, Any],
-    name: str,
-    shared: tuple[Places, Places] | None,
-    sweep: FileSweep,
-    rest: tuple[str, ...],
-    level: int | None,
-    rtol: float,
-) -> NumberDifference | None:
-    """The worst difference of a variable on one level; all points of some values at a time."""
-    inner = [d for d in rest if d != "level"]
-    width = pair[0].shape[-1] if inner and inner[-1] == rest[-1] else 1
-    rows = 1 if shared is None else len(shared[0])
-    step = max(1, VALUES // max(1, pair[0].size // max(1, width)))
-    gaps, scale = np.zeros(rows), 0.0
-    best: tuple[float, int, str, Pair] = (0.0, 0, "", (None, None))
-    for j in range(0, width if rows else 0, step):
-        cut = tuple(level if d == "level" else slice(None) for d in rest)
-        if inner and inner[-1] == rest[-1]:
-            cut = (*cut[:-1], slice(j, j + step))
-        one, two = (_taken(v, cut, None if shared is None else shared[k]) for k, v in enumerate(pair))
-        gap, size = _gap(one, two)
-        scale = max(scale, size)
-        gaps = np.maximum(gaps, gap.max(axis=1, initial=0.0))
-        if gap.size and gap.max() > best[0]:
-            row, place = (int(i) for i in np.unravel_index(int(np.argmax(gap)), gap.shape))
-            where = [] if shared is None else [sweep.describe(int(shared[0][row]))]
-            where += [] if level is None else [f"level {level}"]
-            where += [f"{inner[-1]} {j + place}"] if inner else []
-            best = (float(gap[row, place]), row, ", ".join(filter(None, where)), (one[row, place], two[row, place]))
-    exact = pair[0].dtype is str or np.dtype(pair[0].dtype).kind != "f"
-    scale = 1.0 if exact or name.rpartition("/")[2].startswith(RELATIVE) else scale
-    beyond = gaps > (0.0 if exact else rtol * scale)
-    if not beyond.any():
-        return None
-    values = tuple(v.item() if hasattr(v, "item") else v for v in best[3])
-    relative = math.nan if exact else best[0] / scale if scale else math.inf
-    units = str(getattr(pair[0], "units", ""))
-    return NumberDifference(name, units, int(np.count_nonzero(beyond)), rows, best[2], (values[0], values[1]), relative)
+def _geometries(pair: tuple[Any, Any], number: int, rtol: float) -> Iterator[NumberDifference | str | None]:
+    """The same of one geometry in two files, by its number in the first."""
+    sweeps = LabelledPoints.of_file(pair[0]), LabelledPoints.of_file(pair[1])
+    places, _ = shared_points(sweeps, (Path(), Path()))
+    return _Shared(places, sweeps[0], rtol).group(pair, f"geometry_{number}/")
 
 
 def _taken(variable: Any, cut: tuple[Any, ...], places: Places | None) -> NDArray[Any]:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
-from itertools import chain, combinations, islice
+from itertools import chain, combinations
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -29,7 +29,8 @@ from tcstudy.data.writer import file_places
 from tcstudy.errors import StoreError, StudyError, shortened
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
-from tcstudy.study.union import differences, places_in, points_of, union
+from tcstudy.study.shared_points import LabelledPoints, places_in
+from tcstudy.study.union import differences, union
 
 Places = NDArray[np.intp]
 Label = float | str
@@ -290,14 +291,10 @@ def _owners(study: Study, runs: Sequence[StoredRun], places: Sequence[Places]) -
 def _refuse_disagreement(study: Study, one: tuple[StoredRun, Places], two: tuple[StoredRun, Places]) -> None:
     """Raise StoreError if two files have other numbers for a point that both have."""
     (run, places), (other, others) = one, two
-    where = np.full(len(study.scenes), -1, dtype=np.intp)
-    where[places] = np.arange(len(places))
-    shared = np.flatnonzero(where[others] >= 0)
-    if not len(shared):
-        return
-    if (found := disagreement(run.path, other.path, (where[others[shared]], shared))) is not None:
+    shared, *rows = np.intersect1d(places, others, return_indices=True)
+    if len(shared) and (found := disagreement(run.path, other.path, (rows[0], rows[1]))) is not None:
         row, what = found
-        point = next(islice(points_of(study, study.axes), int(others[shared[row]]), None))[0]
-        names = (f"{axis.name} = {label}" for axis, label in zip(study.axes, point, strict=True))
+        labels = LabelledPoints.of_study(study).at(int(shared[row]))
+        names = (f"{axis.name} = {labels['.'.join(axis.path)]}" for axis in study.axes)
         name = ", ".join(names) or "the point"
         raise StoreError(f"{run.name} and {other.name} have other numbers for {name} {what}; run one of them anew")

@@ -1,13 +1,12 @@
-"""Which points two result files share, found by the labels of their swept parameters as they stand in the files.
+"""Which points two sweeps share, found by the labels of their swept parameters, of files or of studies.
 
-A list and a grid, axes in another order and sweeps that overlap have their points in common. Not here: the union of two
-studies and the places of points in it (`tcstudy.study.union`), which need studies that can be read.
+A list and a grid, axes in another order and sweeps that overlap have their points in common.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.provenance import kind_from
-from tcstudy.data.schema import POINT
+from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
     import netCDF4
@@ -24,66 +23,79 @@ Places = NDArray[np.intp]
 
 SHOWN = 3
 """Points that are named of those that one file has alone."""
+FEW = 2**62
+"""Numbers that fit an integer."""
 
 
 @dataclass(frozen=True, eq=False)
-class FileSweep:
-    """The sweep of a file: its dimensions, and by swept parameter labels, units and which dimension it lies along."""
+class LabelledPoints:
+    """A sweep: its dimensions, and by swept parameter labels, units and which dimension it lies along."""
 
-    dims: tuple[str, ...]
     shape: tuple[int, ...]
-    labels: dict[str, NDArray[Any]]
-    units: dict[str, str]
+    labels: Mapping[str, Sequence[Any]]
     along: dict[str, int]
+    units: dict[str, str] = field(default_factory=dict)
+    dims: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, nc: netCDF4.Dataset) -> FileSweep:
+    def of_file(cls, nc: netCDF4.Dataset) -> LabelledPoints:
+        """Those of a result file, or of a geometry in it."""
         dims = tuple(d for d in nc["status"].dimensions if d != "level") if "level" in nc.dimensions else ()
         dims = dims if kind_from(nc.__dict__) in ("run", "convergence") else ()
-        names = getattr(nc["status"], "coordinates", "").split() if dims == (POINT,) else dims  # a list names them
-        own = {name: nc[name] for name in names}
+        listed = len(dims) == 1 and dims[0] not in nc.variables  # a list names its parameters
+        names = getattr(nc["status"], "coordinates", "").split() if listed else dims
+        own = {name: nc[name] for name in sorted(names)}
         return cls(
-            dims,
             tuple(int(nc.dimensions[d].size) for d in dims),
-            {name: np.asarray(own[name][...]) for name in sorted(own)},
-            {name: str(getattr(variable, "units", "1")) for name, variable in own.items()},
+            {name: variable[...].tolist() for name, variable in own.items()},
             {name: dims.index(variable.dimensions[0]) for name, variable in own.items()},
+            {name: str(getattr(variable, "units", "1")) for name, variable in own.items()},
+            dims,
         )
 
-    @property
-    def names(self) -> list[str]:
-        return list(self.labels)
+    @classmethod
+    def of_study(cls, study: Study) -> LabelledPoints:
+        """Those of a study, by key path."""
+        axes = {".".join(axis.path): axis.labels for axis in study.axes}
+        return cls(study.shape, axes, {name: i if study.mode == "grid" else 0 for i, name in enumerate(axes)})
 
-    def keys(self, ids: Mapping[str, Mapping[Any, int]]) -> NDArray[np.int64]:
-        """(P,) one number a point, the same for the same labels."""
-        total = np.zeros(self.shape, dtype=np.int64)
-        for name, labels in self.labels.items():
-            own = np.array([ids[name][label] for label in labels.tolist()], dtype=np.int64)
-            total = total * len(ids[name]) + own.reshape(
-                [-1 if k == self.along[name] else 1 for k in range(total.ndim)]
-            )
-        return total.ravel()
+    def at(self, place: int) -> dict[str, Any]:
+        """The labels of a point by parameter."""
+        index = np.unravel_index(place, self.shape) if self.shape else ()
+        return {name: labels[int(index[self.along[name]])] for name, labels in self.labels.items()}
 
     def describe(self, place: int) -> str:
         """The labels of a point in words."""
-        index = np.unravel_index(place, self.shape) if self.shape else ()
         parts = []
-        for name, labels in self.labels.items():
-            label = labels[index[self.along[name]]]
+        for name, label in self.at(place).items():
             unit = "" if self.units[name] in ("", "1") else f" {self.units[name]}"
             parts.append(f"{name} = {label}" if isinstance(label, str) else f"{name} = {label:.12g}{unit}")
         return ", ".join(parts)
 
 
+def numbered(*sweeps: LabelledPoints) -> list[NDArray[np.int64]]:
+    """(P,) of every sweep one number a point, the same for the same labels; all have the same parameters."""
+    totals, most = [np.zeros(sweep.shape, dtype=np.int64) for sweep in sweeps], 1
+    for name in sweeps[0].labels:
+        ids = {label: i for i, label in enumerate(dict.fromkeys(v for one in sweeps for v in one.labels[name]))}
+        if most * len(ids) > FEW:  # else numbers of points of a long list with many parameters would not fit
+            ends = np.cumsum([total.size for total in totals])[:-1]
+            found = np.unique(np.concatenate([total.ravel() for total in totals]), return_inverse=True)[1]
+            totals = [part.reshape(one.shape) for part, one in zip(np.split(found, ends), sweeps, strict=True)]
+            most = int(found.max()) + 1
+        most *= len(ids)
+        for k, sweep in enumerate(sweeps):
+            along = [-1 if d == sweep.along[name] else 1 for d in range(len(sweep.shape))]
+            own = np.array([ids[label] for label in sweep.labels[name]], dtype=np.int64)
+            totals[k] = totals[k] * len(ids) + own.reshape(along)
+    return [total.ravel() for total in totals]
+
+
 def shared_points(
-    sweeps: tuple[FileSweep, FileSweep], files: tuple[Path, Path]
+    sweeps: tuple[LabelledPoints, LabelledPoints], files: tuple[Path, Path]
 ) -> tuple[tuple[Places, Places], tuple[str, ...]]:
     """Places of the points that both files have, in either; and what only one has, in words."""
-    ids = {
-        name: {label: i for i, label in enumerate(dict.fromkeys(v for s in sweeps for v in s.labels[name].tolist()))}
-        for name in sweeps[0].names
-    }
-    keys = [sweep.keys(ids) for sweep in sweeps]
+    keys = numbered(*sweeps)
     _, one, two = np.intersect1d(keys[0], keys[1], return_indices=True)
     lines = []
     for k, (sweep, path) in enumerate(zip(sweeps, files, strict=True)):
@@ -93,3 +105,14 @@ def shared_points(
             lines.append(f"{len(alone)} only in {path}: {named}{'; …' if len(alone) > SHOWN else ''}")
     order = np.argsort(one)
     return (one[order], two[order]), tuple(lines)
+
+
+def places_in(study: Study, other: Study, absent: int | None = None) -> Places:
+    """(P,) where the points of another study with the same axes stand in this one, in C order of both.
+
+    absent: what stands for a point that is not there; None where all must be
+    """
+    own, wanted = numbered(LabelledPoints.of_study(study), LabelledPoints.of_study(other))
+    order = np.argsort(own, kind="stable")
+    found = order[np.minimum(np.searchsorted(own, wanted, sorter=order), len(own) - 1)]
+    return found if absent is None else np.where(own[found] == wanted, found, absent)

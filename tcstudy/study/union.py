@@ -8,11 +8,9 @@ lists, or of a list and a grid, is a list. Either is a study of its own: the tex
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tcstudy.errors import StoreError, shortened
 from tcstudy.read.document import tree_of, with_sweep
@@ -21,8 +19,8 @@ from tcstudy.read.study import read_study_text
 from tcstudy.read.sweep import MAX_POINTS
 from tcstudy.scene.study import Axis, Study
 from tcstudy.scene.units import same_quantity
+from tcstudy.study.shared_points import places_in
 
-Places = NDArray[np.intp]
 Label = float | str
 
 FREE = ("sweep", "title", "institution", "path", "output.path", "output.live")
@@ -146,32 +144,3 @@ def points_of(study: Study, axes: Sequence[Axis]) -> Iterator[tuple[tuple[Label,
             for axis, i in zip(own, rows, strict=True)
         }
         yield tuple(axis.labels[i] for axis, i in zip(own, rows, strict=True)), values
-
-
-def places_in(study: Study, other: Study, absent: int | None = None) -> Places:
-    """(P,) where the points of another study with the same axes stand in this one, in C order of both.
-
-    absent: what stands for a point that is not there; None where all must be
-    """
-    if not study.axes:
-        return np.zeros(1, dtype=np.intp)
-    if study.mode == other.mode == "grid":
-        return _grid_places(study, other, absent)
-    own = {labels: place for place, (labels, _) in enumerate(points_of(study, study.axes))}
-    found = [own.get(labels, absent) for labels, _ in points_of(other, study.axes)]
-    return np.array(found, dtype=np.intp)
-
-
-def _grid_places(study: Study, other: Study, absent: int | None) -> Places:
-    total = np.zeros(other.shape, dtype=np.intp)
-    missing = np.zeros(other.shape, dtype=bool)
-    for d, axis in enumerate(other.axes):
-        own = next(k for k, a in enumerate(study.axes) if a.path == axis.path)
-        at = {label: i for i, label in enumerate(study.axes[own].labels)}
-        index = np.array([at.get(label, -1) for label in axis.labels], dtype=np.intp)
-        along = [-1 if k == d else 1 for k in range(len(other.axes))]
-        missing |= (index < 0).reshape(along)
-        total += index.reshape(along) * math.prod(study.shape[own + 1 :])
-    if absent is not None:
-        total[missing] = absent
-    return total.ravel()

@@ -10,7 +10,8 @@ from tcstudy.data.writer import sweep_points
 from tcstudy.errors import StoreError, StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
-from tcstudy.study.union import places_in, union
+from tcstudy.study.shared_points import places_in
+from tcstudy.study.union import union
 
 BASE = """
 body: {rectangle: {width: 2 m, height: 1 m}}

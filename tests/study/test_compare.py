@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import netCDF4
 import numpy as np
 import pytest
 
@@ -99,3 +100,22 @@ def test_exit_codes_and_studies(tmp_path: Path, capsys: pytest.CaptureFixture[st
         tcstudy.compare(names[0], names[2])
     with pytest.raises(StoreError, match="there is no file"):
         tcstudy.compare(names[0], tmp_path / "none.nc")
+
+
+def test_geometries_are_found_by_their_points(tmp_path: Path) -> None:
+    """Their numbers follow the order of the sweep; what a mesh has as long as itself is compared, too."""
+    sections = SECTIONS | {"parameters": {"w": 2.0}, "body": {"rectangle": {"width": "w", "height": 1.0}}}
+    names = [tmp_path / f"{i}.nc" for i in range(3)]
+    for name, widths in zip(names, ([2.0, 2.5], [2.5, 2.0], [2.5]), strict=True):
+        swept = sections | {"sweep": {"parameters.w": widths, "tau": [0.1, 0.2]}}
+        tcstudy.run(tcstudy.Study.from_dict(swept), name, jobs=1)
+    found = tcstudy.compare(names[0], names[1])
+    assert found.equal, found.text
+    with netCDF4.Dataset(names[0], "a") as nc:
+        before = found.compared
+        nc["geometry_1/level_0/u_T"][0, 0] += 1e-6
+    found = tcstudy.compare(names[0], names[2])
+    assert not found.layout
+    assert found.points == (f"2 only in {names[0]}: tau = 0.1, w = 2; tau = 0.2, w = 2",)
+    assert [number.name for number in found.numbers] == ["geometry_1/level_0/u_T"]
+    assert found.compared < before

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tcstudy.errors import StoreError
-from tcstudy.study.union import differences, places_in, union
+from tcstudy.study.shared_points import places_in
+from tcstudy.study.union import differences, union
 from tests.test_cli import CONFIGS
 from tests.verification.scenes import RECTANGLE, study_of
 
