@@ -58,28 +58,25 @@ class Triangles:
     def _samples(self) -> tuple[Array, Array, Array]:
         """x, y and weights (t, 7) of the quadrature points."""
         at = np.einsum("qk,tkd->tqd", _RULE, self.points[self.triangles])
-        return at[..., 0], at[..., 1], self._geometry[0][:, None] * _WEIGHTS
+        return at[..., 0], at[..., 1], self.areas[:, None] * _WEIGHTS
 
     # -- norms of P1 functions ---------------------------------------------------------------------
 
     def l2(self, *components: Array) -> float:
         """‖v‖ of one or more components (n,), exact."""
-        area = self._geometry[0]
         total = 0.0
         for v in components:
             nodal = v[self.triangles]
-            total += float(area @ ((nodal**2).sum(axis=1) + nodal.sum(axis=1) ** 2)) / 12
+            total += float(self.areas @ ((nodal**2).sum(axis=1) + nodal.sum(axis=1) ** 2)) / 12
         return float(np.sqrt(total))
 
     def h1(self, *components: Array) -> float:
         """|v|₁ of one or more components (n,), exact."""
-        area = self._geometry[0]
-        return float(np.sqrt(sum(float(area @ (self.gradient(v) ** 2).sum(axis=1)) for v in components)))
+        return self.h1_linear([self.gradient(v) for v in components])
 
     def energy(self, u_x: Array, u_y: Array, lam: Modulus, mu: Modulus) -> float:
         """‖u‖_a of a displacement (n,), (n,), exact."""
-        density = _strain_energy(self.gradient(u_x).T, self.gradient(u_y).T, lam, mu)
-        return float(np.sqrt(self._geometry[0] @ density))
+        return self.energy_linear([self.gradient(u_x), self.gradient(u_y)], lam, mu)
 
     # -- norms of functions that are linear on every triangle, jumping between them ----------------
 

@@ -1,14 +1,13 @@
-"""Errors of the levels' solutions against an exact solution or against the finest of nested levels.
+"""Errors of solutions against an exact one, against the finest of nested levels, or against a much finer mesh.
 
 Errors are relative to the norm of the reference. A measure whose reference vanishes is left out.
 
-Errors of solutions against one on a much finer mesh that is no refinement of theirs.
-
-On every fine triangle a solution counts as the linear function that it is at its centre. Where the fine mesh is a
-refinement that is exact; elsewhere it is wrong beyond the coarse edge that cuts a triangle, by as much as the gradient
-jumps there, to either side alike. (Interpolation at the fine nodes would smooth these jumps, which are the error: with
-h_fine = h/4 it lost 27 % of it in the energy norm.) The displacement of the line is that at its fine nodes, the
-traction the step function of the coarse line, looked up in the middle of every half of the fine segments.
+Where the fine mesh is no refinement of theirs, solutions count on every fine triangle as the linear function that they
+are at its centre. Where it is one that is exact; elsewhere it is wrong beyond the coarse edge that cuts a triangle, by
+as much as the gradient jumps there, to either side alike. (Interpolation at the fine nodes would smooth these jumps,
+which are the error: with h_fine = h/4 it lost 27 % of it in the energy norm.) The displacement of the line is that at
+its fine nodes, the traction the step function of the coarse line, looked up in the middle of every half of the fine
+segments.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tcstudy.accuracy.norms import Function, LineFunction, Triangles
+from tcstudy.accuracy.norms import Function, Line, LineFunction
 from tcstudy.accuracy.transfer import (
     Prolongation,
     check_halved,
@@ -126,20 +125,15 @@ class NestedReference:
         return max(step.off_midpoint for step in self._steps)
 
     def errors(self, level: int, index: tuple[int, ...], scene: Scene) -> Errors:
-        best, own = self._levels[-1].solutions[index], self._levels[level].solutions[index]
+        finest = self._levels[-1]
+        best, own = finest.solutions[index], self._levels[level].solutions[index]
         if best.u is None or own.u is None or not best.ok:
             return {}
-        mesh, (lam, mu) = self._levels[-1].mesh, self._levels[-1].moduli(scene)
-        e = self._prolonged(own.u, level) - best.u
-        found: Errors = {
-            "u_energy": (mesh.energy(e[0], e[1], lam, mu), mesh.energy(best.u[0], best.u[1], lam, mu)),
-            "u_H1": (mesh.h1(*e), mesh.h1(*best.u)),
-            "u_L2": (mesh.l2(*e), mesh.l2(*best.u)),
-        }
+        theta = None
         if own.theta is not None and best.theta is not None:
-            e = self._prolonged(own.theta, level) - best.theta
-            found |= {"theta_L2": (mesh.l2(e), mesh.l2(best.theta)), "theta_H1": (mesh.h1(e), mesh.h1(best.theta))}
-        return found | self._on_line(own, best, level)
+            theta = self._prolonged(own.theta, level) - best.theta
+        found = _norms(finest, self._prolonged(own.u, level) - best.u, theta, scene)
+        return _over(found, _norms(finest, best.u, best.theta, scene)) | self._on_line(own, best, level)
 
     def _prolonged(self, values: Array, level: int) -> Array:
         for step in self._steps[level:]:
@@ -157,13 +151,30 @@ class NestedReference:
         at = np.zeros((2, len(fine.points)))
         at[:, fine.nodes] = best.v, best.xi
         v, xi = at[:, coarse.nodes]
-        return {
-            "u_T_L2": (fine.linear_norm(ends - best_ends), fine.linear_norm(best_ends)),
+        return _of_line(fine, (ends, halves), (best_ends, best_halves)) | {
             "u_T_max": (_largest(own.v - v), _largest(best.v)),
-            "xi_L2": (fine.step_norm(halves - best_halves), fine.step_norm(best_halves)),
             "xi_nodes": (coarse.nodal_norm(own.xi - xi), coarse.nodal_norm(xi)),
             "xi_max": (_largest(own.xi - xi), _largest(best.xi)),
         }
+
+
+def _norms(level: SolvedLevel, u: Array, theta: Array | None, scene: Scene) -> dict[str, float]:
+    """Norms of a displacement (2, n) and of a temperature (n,), if there is one, on the mesh of a level."""
+    mesh = level.mesh
+    found = {"u_energy": mesh.energy(u[0], u[1], *level.moduli(scene)), "u_H1": mesh.h1(*u), "u_L2": mesh.l2(*u)}
+    return found if theta is None else found | {"theta_L2": mesh.l2(theta), "theta_H1": mesh.h1(theta)}
+
+
+def _over(errors: dict[str, float], sizes: dict[str, float]) -> Errors:
+    return {name: (error, sizes[name]) for name, error in errors.items()}
+
+
+def _of_line(line: Line, own: tuple[Array, Array], best: tuple[Array, Array]) -> Errors:
+    """Errors of u_T by its ends and of ξ by its halves, (s, 2) each."""
+    return {
+        "u_T_L2": (line.linear_norm(own[0] - best[0]), line.linear_norm(best[0])),
+        "xi_L2": (line.step_norm(own[1] - best[1]), line.step_norm(best[1])),
+    }
 
 
 def _function(scalar: Scalar) -> Function:
@@ -174,19 +185,12 @@ def _largest(values: Array) -> float:
     return float(np.max(np.abs(values), initial=0.0))
 
 
-Indices = NDArray[np.intp]
-
-
-Linear = tuple[Array, Array]
-"""A function that is linear on every triangle: values at the centres (t,) and gradients (t, 2)."""
-
-
 class FineReference:
     """Solutions on a fine mesh that all others are compared with."""
 
     def __init__(self, fine: SolvedLevel, levels: list[SolvedLevel]) -> None:
         self._fine, self._levels = fine, levels
-        self._known: dict[tuple[int, ...], tuple[list[Linear], dict[str, float]]] = {}
+        self._sizes: dict[tuple[int, ...], dict[str, float]] = {}
 
     def errors(self, level: int, index: tuple[int, ...], scene: Scene) -> Errors:
         """Absolute errors of a level's solution and norms of the reference; empty if there is none to compare."""
@@ -197,42 +201,29 @@ class FineReference:
         own, best = one.solutions[index], self._fine.solutions[index]
         if own.u is None or best.u is None or not best.ok:
             return {}
-        mesh, (lam, mu) = self._fine.mesh, self._fine.moduli(scene)
-        parts, sizes = self._reference(index, scene)
-        where = located(one.mesh, mesh.centres)
-        components = [*own.u, own.theta] if own.theta is not None and len(parts) == 3 else list(own.u)
-        e = [_minus(_linear(one.mesh, v, where), part) for v, part in zip(components, parts, strict=False)]
-        slopes = [gradient for _, gradient in e]
+        mesh = self._fine.mesh
+        if index not in self._sizes:
+            self._sizes[index] = _norms(self._fine, best.u, best.theta, scene)
+        pairs = list(zip(own.u, best.u, strict=True))
+        if own.theta is not None and best.theta is not None:
+            pairs.append((own.theta, best.theta))
+        at, weights = located(one.mesh, mesh.centres)
+        value = [np.einsum("qk,qk->q", weights, v[one.mesh.triangles[at]]) for v, _ in pairs]
+        value = [own - best[mesh.triangles].mean(axis=1) for own, (_, best) in zip(value, pairs, strict=True)]
+        slope = [one.mesh.gradient(v)[at] - mesh.gradient(w) for v, w in pairs]
+        e = list(zip(value, slope, strict=True))
         found = {
-            "u_energy": mesh.energy_linear(slopes[:2], lam, mu),
-            "u_H1": mesh.h1_linear(slopes[:2]),
+            "u_energy": mesh.energy_linear(slope[:2], *self._fine.moduli(scene)),
+            "u_H1": mesh.h1_linear(slope[:2]),
             "u_L2": mesh.l2_linear(e[:2]),
         }
         if len(e) == 3:
-            found |= {"theta_L2": mesh.l2_linear(e[2:]), "theta_H1": mesh.h1_linear(slopes[2:])}
-        return {name: (error, sizes[name]) for name, error in found.items()} | self._on_line(one, own, best)
+            found |= {"theta_L2": mesh.l2_linear(e[2:]), "theta_H1": mesh.h1_linear(slope[2:])}
+        return _over(found, self._sizes[index]) | self._on_line(one, own, best)
 
     def number(self, name: str, index: tuple[int, ...] = ()) -> float:
         """A number of the reference, as in the result file."""
         return self._fine.solutions[index].numbers[name]
-
-    def _reference(self, index: tuple[int, ...], scene: Scene) -> tuple[list[Linear], dict[str, float]]:
-        """u and θ of the reference, and their norms; worked out once."""
-        if index not in self._known:
-            best, mesh = self._fine.solutions[index], self._fine.mesh
-            assert best.u is not None
-            sizes = {
-                "u_energy": mesh.energy(best.u[0], best.u[1], *self._fine.moduli(scene)),
-                "u_H1": mesh.h1(*best.u),
-                "u_L2": mesh.l2(*best.u),
-            }
-            components = list(best.u)
-            if best.theta is not None:
-                sizes |= {"theta_L2": mesh.l2(best.theta), "theta_H1": mesh.h1(best.theta)}
-                components.append(best.theta)
-            parts = [(v[mesh.triangles].mean(axis=1), mesh.gradient(v)) for v in components]
-            self._known[index] = parts, sizes
-        return self._known[index]
 
     def _on_line(self, one: SolvedLevel, own: Solution, best: Solution) -> Errors:
         assert own.u is not None
@@ -241,13 +232,9 @@ class FineReference:
         nodes = np.unique(line.segments)
         carry, u = interpolation(one.mesh, line.points[nodes]), np.zeros((2, len(line.points)))
         u[:, nodes] = [carry @ component for component in own.u]
-        best_ends, best_halves = line.tangential(*best.u), line.halves(best.xi)
-        ends, halves = line.tangential(*u), self._steps(one, own)
-        return {
-            "u_T_L2": (line.linear_norm(ends - best_ends), line.linear_norm(best_ends)),
-            "u_T_max": (_largest(ends - best_ends), _largest(best_ends)),
-            "xi_L2": (line.step_norm(halves - best_halves), line.step_norm(best_halves)),
-        }
+        ends, best_ends = line.tangential(*u), line.tangential(*best.u)
+        found = _of_line(line, (ends, self._steps(one, own)), (best_ends, line.halves(best.xi)))
+        return found | {"u_T_max": (_largest(ends - best_ends), _largest(best_ends))}
 
     def _steps(self, one: SolvedLevel, own: Solution) -> Array:
         """ξ of a level on both halves of the fine segments (s, 2): that of the nearest node of the same curve.
@@ -265,13 +252,3 @@ class FineReference:
             nearest = cKDTree(at[nodes]).query(middles[rows])[1]
             halves[rows] = own.xi[nodes[nearest]]
         return halves
-
-
-def _linear(mesh: Triangles, v: Array, where: tuple[Indices, Array]) -> Linear:
-    """Values and gradients of a P1 function in located points."""
-    triangle, weights = where
-    return np.einsum("qk,qk->q", weights, v[mesh.triangles[triangle]]), mesh.gradient(v)[triangle]
-
-
-def _minus(one: Linear, other: Linear) -> Linear:
-    return one[0] - other[0], one[1] - other[1]
