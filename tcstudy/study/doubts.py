@@ -41,10 +41,17 @@ PARALLEL = 1e-6
 
 
 def doubts(study: Study) -> list[str]:
-    """One sentence for each of them."""
-    scenes = study.scenes
-    corners = pinned_corners(scenes[0].body, scenes[0].edges(Contact))
-    notes = list(pinned_note(corners, "draw it as arcs with through: [x, y]"))
+    """One sentence for each of them. Raises GeometryFailed if a file has no such face."""
+    scenes, notes = study.scenes, []
+    body, contact = scenes[0].body, scenes[0].edges(Contact)
+    count = _pinned(body, contact) if body.brep is None else _pinned_in_file(build(body), contact)
+    if count:  # which both their edges hold: u_N = 0 from two sides is u = 0
+        corners = "corner of the contact line is" if count == 1 else "corners of the contact line are"
+        remedy = "draw it as arcs with through: [x, y]" if body.brep is None else "make it arcs or splines in the file"
+        notes.append(
+            f"{count} {corners} pinned: u_N = 0 on both sides leaves no slip there; if short straight edges stand for "
+            f"a curve, {remedy}"
+        )
     idle = int(np.count_nonzero(~loaded(scenes)))
     if idle and study.history is None and study.fit is None:  # whose steps and data are its loads
         where = "nothing loads this scene" if len(scenes) == 1 else f"nothing loads {idle} of {len(scenes)} points"
@@ -147,26 +154,23 @@ def _unused(study: Study) -> list[str]:
     return [str(problem) for problem in located(study, [(("parameters", name), what, remedy) for name in idle])]
 
 
-def pinned_note(count: int, remedy: str) -> Iterator[str]:
-    """Corners of Γ_C, which both their edges hold: u_N = 0 from two sides is u = 0."""
-    if count:
-        corners = "corner of the contact line is" if count == 1 else "corners of the contact line are"
-        yield (
-            f"{count} {corners} pinned: u_N = 0 on both sides leaves no slip there; if short straight edges stand for "
-            f"a curve, {remedy}"
-        )
-
-
-def pinned_corners(body: Body, contact: tuple[str, ...]) -> int:
-    """Corners between two contact edges of different directions; 0 for a body from a file (see `built_body`)."""
-    if body.outline is None:
-        return 0
+def _pinned(body: Body, contact: tuple[str, ...]) -> int:
+    """Corners of an outline between two contact edges of different directions."""
     count = 0
     for edge, following in (pair for loop in body.loops for pair in loop.corners):
         if edge.name in contact and following.name in contact:
             a, b = edge_normal(edge, [edge.end])[0], edge_normal(following, [following.start])[0]
             count += bool(abs(a[0] * b[1] - a[1] * b[0]) > PARALLEL)
     return count
+
+
+def _pinned_in_file(geometry: Geometry, contact: tuple[str, ...]) -> int:
+    """The same of a face from a file."""
+    ends = [(points[i], normals[i]) for name, points, normals in geometry.samples() if name in contact for i in (0, -1)]
+    return sum(
+        float(np.linalg.norm(p - q)) <= ACCURACY * geometry.size and abs(a[0] * b[1] - a[1] * b[0]) > PARALLEL
+        for (p, a), (q, b) in itertools.combinations(ends, 2)
+    )
 
 
 NEARLY_INCOMPRESSIBLE = 0.45
@@ -209,34 +213,13 @@ def built_faults(study: Study) -> list[Found]:
     except GeometryFailed as error:
         what, _, remedy = str(error).partition("; ")
         return [(("body", "file"), what, remedy or "check the file and the number of the face")]
+    sizes = mesh_faults(study.mesh, geometry.area, geometry.size)
     return [
         *_nameless(body, geometry),
         *_region_faults(body, geometry),
         *_support_faults(study, geometry),
-        *_mesh_faults(study, geometry),
+        *((("mesh", "maxh", *([i] if study.mesh.listed else ())), what, remedy) for i, what, remedy in sizes),
     ]
-
-
-def built_doubts(study: Study) -> list[str]:
-    """What such a study says and its author may not have meant; empty for every other body.
-
-    Raises GeometryFailed if there is no such face.
-    """
-    scene = study.scenes[0]
-    if scene.body.brep is None:
-        return []
-    geometry = build(scene.body)
-    corners = built_corners(geometry, scene.edges(Contact))
-    return list(pinned_note(corners, "make it arcs or splines in the file"))
-
-
-def built_corners(geometry: Geometry, contact: tuple[str, ...]) -> int:
-    """Corners of the face between two contact curves of different directions."""
-    ends = [(points[i], normals[i]) for name, points, normals in geometry.samples() if name in contact for i in (0, -1)]
-    return sum(
-        float(np.linalg.norm(p - q)) <= ACCURACY * geometry.size and abs(a[0] * b[1] - a[1] * b[0]) > PARALLEL
-        for (p, a), (q, b) in itertools.combinations(ends, 2)
-    )
 
 
 def _nameless(body: Body, geometry: Geometry) -> Iterator[Found]:
@@ -281,10 +264,3 @@ def _support_faults(study: Study, geometry: Geometry) -> Iterator[Found]:
             fault = support_fault(pieces, scene.boundary, centre, geometry.size, ACCURACY)
             if fault is not None:
                 yield ("boundary",), *fault
-
-
-def _mesh_faults(study: Study, geometry: Geometry) -> Iterator[Found]:
-    """Element sizes that do not fit the face."""
-    several = study.mesh.listed
-    for i, what, remedy in mesh_faults(study.mesh, geometry.area, geometry.size):
-        yield ("mesh", "maxh", *([i] if several else [])), what, remedy

@@ -1,4 +1,9 @@
-"""Time and memory that a run or a chart of costs may take, scaled to this machine by a probe of a fifth of a second.
+"""What a run or a chart of costs may take: sizes of its meshes, time and memory, scaled to this machine by a probe.
+
+Sizes are counted on the coarsest mesh, which takes milliseconds. Uniform refinement of a mesh with V nodes, T triangles
+and the Euler characteristic χ makes T' = 4T and V' = V + E with E = V + T − χ edges; what the boundary carries
+(constraints, contact unknowns) grows affinely in 2^level. Two meshes therefore tell the sizes of all. Other meshes are
+made as long as they are small, and predicted from the last one made.
 
 The stages' times are those of results/speed.md: t = c Nᵖ for N displacement unknowns, one thread of an idle machine.
 Left out: estimates of errors, the bundle method's many steps, and what other work on the machine costs.
@@ -12,11 +17,25 @@ from functools import lru_cache
 
 import numpy as np
 
-from tcstudy.scene.study import Study
-from tcstudy.study.forecasts import LevelForecast, forecast, refined
-from tcstudy.study.jobs import WORTH, Resources, crew, workers
+from tcstudy.errors import GeometryFailed
+from tcstudy.fem.boundary import constrain, contact_line
+from tcstudy.fem.geometry import Geometry, build
+from tcstudy.fem.meshes import SAMPLE, PlaneMesh, triangles_a_second
+from tcstudy.fem.study_meshes import Meshes
+from tcstudy.scene.records import Clamped, Contact, Scene
+from tcstudy.scene.study import MeshPlan, Study
+from tcstudy.study.jobs import (
+    WORTH,
+    LevelForecast,
+    Resources,
+    crew,
+    forecast,
+    known_levels,
+    predicted,
+    refined,
+    workers,
+)
 from tcstudy.study.jobs import seconds as contact_seconds
-from tcstudy.study.sizes import meshing_seconds
 
 PROBES = (6.0e-3, 1.2e-2)
 """Seconds of the two probes on the machine of results/speed.md: arithmetic, and scattered memory."""
@@ -37,7 +56,7 @@ def of_run(
     study: Study, levels: Sequence[LevelForecast], factorisations: int, heat_solves: int, start: float = START
 ) -> Resources:
     """What a run is expected to take; the most, where an estimate decides about meshes."""
-    all_levels = refined(tuple(levels), study.mesh)
+    all_levels = refined(levels, study.mesh)
     spent = start + sum(_level(v.n_dof, factorisations, bool(heat_solves)) for v in all_levels)
     spent = spent * slowness() + meshing_seconds(study.mesh, all_levels)
     if (history := study.history) is not None:
@@ -83,7 +102,7 @@ def work_words(study: Study, levels: Sequence[LevelForecast], jobs: int | None) 
 
 def of_cost(study: Study, levels: Sequence[LevelForecast], heat: bool, runs: int, solvers: int) -> Resources:
     """What a chart of costs is expected to take: every family to one refinement beyond the study, and the reference."""
-    sizes = [v.n_dof for v in refined(tuple(levels), study.mesh)]
+    sizes = [v.n_dof for v in refined(levels, study.mesh)]
     sizes = [*sizes, 4 * max(sizes, default=0)]
     reference = round(REFERENCE * max(sizes))
     each, meshed = sum(_level(n, 1, heat) for n in sizes), meshing_seconds(study.mesh, levels)
@@ -116,3 +135,95 @@ def _best(work: Callable[[], object]) -> float:
         work()
         least = min(least, time.process_time() - begin)
     return float(least)
+
+
+MOST_NODES = 5_000
+"""Nodes up to which a mesh is made only to be counted; with its first refinement half a second."""
+
+
+def sizes(study: Study) -> tuple[LevelForecast, ...]:
+    """Sizes of the levels whose number is known beforehand.
+
+    Raises GeometryFailed where a run would before it solves anything.
+    """
+    scene, plan = study.scenes[0], study.mesh
+    meshes = Meshes(study)
+    rough = rough_sizes(study, meshes.geometry)
+    if rough[0].nodes > MOST_NODES and not plan.listed:
+        return tuple(rough)
+    return tuple(_nested(meshes, scene, rough) if plan.nested else _one_by_one(meshes, plan, scene, rough))
+
+
+def meshing_seconds(mesh: MeshPlan, levels: Sequence[LevelForecast]) -> float:
+    """Seconds of this processor for the meshes that Netgen makes itself; fewer triangles than SAMPLE take none."""
+    triangles = sum(2 * level.nodes for level in (levels[:1] if mesh.nested else levels)) / 4**mesh.refine
+    return triangles / triangles_a_second() if triangles > SAMPLE else 0.0
+
+
+def rough_sizes(study: Study, geometry: Geometry | None = None) -> list[LevelForecast]:
+    """Predicted sizes without a mesh, of a body from a file as well. Raises GeometryFailed if there is no such face."""
+    geometry = geometry or build(study.scenes[0].body)
+    lengths: dict[str, float] = {}
+    for curve in geometry.curves:
+        lengths[curve.name] = lengths.get(curve.name, 0.0) + curve.length
+    return [predicted(study.scenes[0], geometry.area, lengths, h) for h in known_levels(study.mesh)]
+
+
+def _nested(meshes: Meshes, scene: Scene, rough: list[LevelForecast]) -> list[LevelForecast]:
+    """Uniform refinements of one mesh, exactly."""
+    coarse = meshes.next(0)
+    first = _counted(coarse, scene, rough[0].h)
+    if len(rough) == 1:
+        return [first]
+    second = _counted(meshes.next(1), scene, rough[1].h)
+    nodes, triangles = first.nodes, len(coarse.triangles)
+    euler = first.nodes - (second.nodes - first.nodes) + triangles  # a new node for every edge
+    fixed = [2 * one.nodes - one.n_dof for one in (first, second)]
+    found = []
+    for level, one in enumerate(rough):
+        n_dof = 2 * nodes - fixed[0] - (fixed[1] - fixed[0]) * (2**level - 1)
+        n_contact = first.n_contact + (second.n_contact - first.n_contact) * (2**level - 1)
+        found.append(LevelForecast(one.h, nodes, n_dof, n_contact, exact=True))
+        nodes, triangles = 2 * nodes + triangles - euler, 4 * triangles
+    return found
+
+
+def _one_by_one(meshes: Meshes, plan: MeshPlan, scene: Scene, rough: list[LevelForecast]) -> list[LevelForecast]:
+    """Counted as long as the meshes are small; a mesh of a list that cannot be made is a status of its points."""
+    found: list[LevelForecast] = []
+    for level, guess in enumerate(rough):
+        size = guess
+        if found:
+            size = _other(found[-1], rough[level - 1], guess) if plan.listed else _finer(found[-1], guess.h)
+        if size.nodes <= MOST_NODES:
+            try:
+                size = _counted(meshes.next(level), scene, guess.h)
+            except GeometryFailed:
+                if level == 0 or not plan.listed:
+                    raise
+        found.append(size)
+    return found
+
+
+def _counted(mesh: PlaneMesh, scene: Scene, h: float) -> LevelForecast:
+    held = tuple(item for item in scene.boundary if isinstance(item[1], Clamped | Contact))
+    frames = constrain(mesh, held)
+    line = contact_line(mesh, frames, scene.edges(Contact))
+    return LevelForecast(h, mesh.n_points, frames.n_dof, line.m, exact=True)
+
+
+def _finer(known: LevelForecast, h: float) -> LevelForecast:
+    """The next graded mesh: graded alike."""
+    r = known.h / h
+    nodes, n_dof, n_contact = round(known.nodes * r**2), round(known.n_dof * r**2), round(known.n_contact * r)
+    return LevelForecast(h, nodes, n_dof, n_contact)
+
+
+def _other(known: LevelForecast, rough: LevelForecast, guess: LevelForecast) -> LevelForecast:
+    """The next mesh of a list: as predicted, and what arcs and small features added to another mesh.
+
+    known, rough: the sizes of that mesh as they are known, and as they were predicted
+    """
+    nodes = guess.nodes + max(0, known.nodes - rough.nodes)
+    n_dof = guess.n_dof + max(0, known.n_dof - rough.n_dof)
+    return LevelForecast(guess.h, nodes, n_dof, round(known.n_contact * rough.h / guess.h))

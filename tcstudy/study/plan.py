@@ -6,6 +6,7 @@ The checks beyond the study's text that run and plan make before any work: the o
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,10 +19,10 @@ from tcstudy.offline.level import Level
 from tcstudy.offline.loads import exchange_level
 from tcstudy.read.document import located
 from tcstudy.scene.points import FELT, count_points, distinct, idle_notes, needs_heat_solve, of_stiffness, why_no_heat
-from tcstudy.scene.study import MeshPlan, Study
-from tcstudy.study.doubts import built_doubts, built_faults, doubts, locking_notes
-from tcstudy.study.forecasts import LevelForecast, forecast, refined
-from tcstudy.study.sizes import measured, meshing_seconds, sizes
+from tcstudy.scene.study import Study
+from tcstudy.study.doubts import built_faults, doubts, locking_notes
+from tcstudy.study.expected import meshing_seconds, rough_sizes, sizes
+from tcstudy.study.jobs import LevelForecast, forecast, refined
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ def check_kind(study: Study, kind: str, name: str) -> None:
     A history is no set of static points; a path is of one mesh, and adaptive ones follow from the points of a run.
     """
     if study.history is not None and kind not in ("history", "fit"):
-        command = COMMAND_OF.get(kind, kind)
+        command = "converge" if kind == "convergence" else kind
         raise UsageError(
             f"{name}: history: the study is a load history, and tcstudy {command} has no memory; use tcstudy "
             "history, or --set history=null for its points without memory"
@@ -114,119 +115,83 @@ def _left_out(study: Study, heat_solved: bool) -> list[str]:
     if not study.mesh.estimates and study.history is None:
         out.append("error estimates: not asked for (mesh.estimate: true, a tolerance or family: adaptive adds them)")
     if study.mesh.tolerance is not None:
-        out.append(_levels_not_needed(study.mesh, "" if study.units == "none" else " m"))
+        mesh, unit = study.mesh, "" if study.units == "none" else " m"
+        out.append(
+            f"meshes finer than needed: {mesh.strategy.how} from maxh = {mesh.maxh[0]:g}{unit} until the estimated "
+            f"relative error of {mesh.goal.quantity} is at most {mesh.tolerance:g} at every point, {mesh.max_dofs} "
+            f"dofs are passed or there are {mesh.levels} levels"
+        )
     if not study.output.fields and study.history is None:
         out.append("whole-body fields u₂ and θ in the data: not asked for (output.fields: true keeps them)")
     return out
 
 
-def _levels_not_needed(mesh: MeshPlan, unit: str) -> str:
-    return (
-        f"meshes finer than needed: {mesh.strategy.how} from maxh = {mesh.maxh[0]:g}{unit} until the estimated "
-        f"relative error of {mesh.goal.quantity} is at most {mesh.tolerance:g} at every point, {mesh.max_dofs} dofs "
-        f"are passed or there are {mesh.levels} levels"
-    )
-
-
-COMMAND_OF = {"convergence": "converge"}
-"""Commands whose files have another name."""
 WORTH_SAYING = 2.0
 """Seconds of meshing from which on a forecast says so."""
 
 
-def _meshing_note(study: Study, levels: tuple[LevelForecast, ...]) -> list[str]:
-    """What meshing will cost, where it costs much, and how it would cost little."""
-    if (seconds := meshing_seconds(study.mesh, levels)) < WORTH_SAYING:
-        return []
-    more = math.ceil(math.log(seconds / WORTH_SAYING, 4)) + 1
-    what = f"meshing takes about {seconds:.0f} s"
-    return [f"{what}; mesh.refine: {study.mesh.refine + more} makes meshes of this size from coarser ones, much faster"]
-
-
-def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> list[str]:
-    notes = [*idle_notes(study), *_doubts(study), *_mesh_notes(study.mesh), *_other_commands(study)]
-    if study.design is not None:
-        notes.insert(0, study.design.note)
+def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
+    scenes, mesh = study.scenes, study.mesh
     if (derived := description(study)) is not None:
-        notes.insert(0, derived)
-    notes += [*_shared_parts(study), *_heat_by_edge(study), *locking_notes(study.scenes), *_meshing_note(study, levels)]
-    down = count_points(study.scenes, ("friction",), lambda s: any(math.isinf(law.omega) for law in s.laws))
+        yield derived
+    if study.design is not None:
+        yield study.design.note
+    yield from (*idle_notes(study), *doubts(study))
+    if mesh.strategy.note:  # what the table of levels does not say
+        yield mesh.strategy.note.format(goal=mesh.goal.quantity, power=1 - mesh.grading)
+    yield from _other_commands(study)
+    if scenes[0].material.regions and (swept := swept_parts(scenes)):
+        count = len({Level.ratio(scene) for scene in distinct(scenes, *of_stiffness(scenes))})
+        names = ", ".join(name for where in swept for name in where)
+        yield f"only what meets {names} is computed again after the first of the {count} stiffness factorisations"
+    if any(scene.heat_by_edge and needs_heat_solve(scene) for scene in distinct(scenes, *FELT)):
+        sets = len({exchange_level(scene)[1] for scene in distinct(scenes, *FELT)})
+        modes = "one set of modes" if sets == 1 else f"{sets} sets of modes, one for each ratio of alpha between edges,"
+        yield f"heat by edge: one factorisation and {modes} on a level serve all alpha, theta_bar, theta, flux and q"
+    yield from locking_notes(scenes)
+    if (seconds := meshing_seconds(mesh, levels)) >= WORTH_SAYING:
+        more = mesh.refine + math.ceil(math.log(seconds / WORTH_SAYING, 4)) + 1
+        remedy = f"mesh.refine: {more} makes meshes of this size from coarser ones, much faster"
+        yield f"meshing takes about {seconds:.0f} s; {remedy}"
+    down = count_points(scenes, ("friction",), lambda s: any(math.isinf(law.omega) for law in s.laws))
     if down:
-        notes.append(f"{down} of {len(study.scenes)} points have a law with down-jumps: solutions may not be unique")
-    return notes
-
-
-def _shared_parts(study: Study) -> list[str]:
-    """What factorisations share where only a part of the body has moduli that are swept."""
-    scenes = study.scenes
-    if not scenes[0].material.regions or not (swept := swept_parts(scenes)):
-        return []
-    count = len({Level.ratio(scene) for scene in distinct(scenes, *of_stiffness(scenes))})
-    names = ", ".join(name for where in swept for name in where)
-    return [f"only what meets {names} is computed again after the first of the {count} stiffness factorisations"]
-
-
-def _heat_by_edge(study: Study) -> list[str]:
-    """What edges that have heat of their own share."""
-    scenes = distinct(study.scenes, *FELT)
-    if not any(scene.heat_by_edge and needs_heat_solve(scene) for scene in scenes):
-        return []
-    sets = len({exchange_level(scene)[1] for scene in scenes})
-    modes = "one set of modes" if sets == 1 else f"{sets} sets of modes, one for each ratio of alpha between edges,"
-    return [f"heat by edge: one factorisation and {modes} on a level serve all alpha, theta_bar, theta, flux and q"]
+        yield f"{down} of {len(scenes)} points have a law with down-jumps: solutions may not be unique"
 
 
 def warnings(study: Study) -> list[str]:
     """Notes that a run says as well, since its numbers would mislead without them."""
-    return [*idle_notes(study), *_doubts(study), *locking_notes(study.scenes)]
+    return [*idle_notes(study), *doubts(study), *locking_notes(study.scenes)]
 
 
-def _doubts(study: Study) -> list[str]:
-    """What the author may not have meant. Raises GeometryFailed if a file has no such face."""
-    return [*built_doubts(study), *doubts(study)]
-
-
-def _other_commands(study: Study) -> list[str]:
+def _other_commands(study: Study) -> Iterator[str]:
     """Sections that a run leaves alone, and the command that reads them."""
-    notes = []
     if study.path is not None:
         path, units = study.path, f" {study.path.units}" if study.path.units != "1" else ""
         span = f"from {path.begin:.6g}{units} to {path.end:.6g}{units}"
-        notes.append(f"path along {path.name} {span}: follow it with tcstudy path")
+        yield f"path along {path.name} {span}: follow it with tcstudy path"
     if study.history is not None:
-        steps, points = study.history.steps, len(study.scenes)
-        how = f"{steps} steps of {', '.join(study.history.names)}" + (
-            f" at each of {points} points" if points > 1 else ""
-        )
+        points = f" at each of {len(study.scenes)} points" if len(study.scenes) > 1 else ""
+        how = f"{study.history.steps} steps of {', '.join(study.history.names)}{points}"
         alone = "" if study.fit is not None else ", and nothing else is computed of this study"
-        notes.append(f"load history, {how}: tcstudy history follows it{alone}")
+        yield f"load history, {how}: tcstudy history follows it{alone}"
     if study.fit is not None:
         names = ", ".join(one.number.name for one in study.fit.parameters)
-        notes.append(f"fit of {names} to {study.fit.file}: find them with tcstudy fit")
+        yield f"fit of {names} to {study.fit.file}: find them with tcstudy fit"
     if study.exact is not None:
-        notes.append("exact solution given: measure the errors against it with tcstudy converge")
-    return notes
-
-
-def _mesh_notes(mesh: MeshPlan) -> list[str]:
-    """What the table of levels does not say."""
-    note = mesh.strategy.note.format(goal=mesh.goal.quantity, power=1 - mesh.grading)
-    return [note] if note else []
+        yield "exact solution given: measure the errors against it with tcstudy converge"
 
 
 def expected_bytes(study: Study) -> int:
     """Rough size of the result file, for the check of free space."""
     if study.variants:
         return sum(expected_bytes(one.study) for one in study.variants if one.study is not None)
-    if study.scenes[0].body.brep is None:
-        return _bytes(study, forecast(study))
     try:
-        return _bytes(study, measured(study))
+        return _bytes(study, forecast(study) or rough_sizes(study))
     except GeometryFailed:  # which is said elsewhere
         return _bytes(study, ())
 
 
-def _bytes(study: Study, levels: tuple[LevelForecast, ...]) -> int:
+def _bytes(study: Study, levels: Sequence[LevelForecast]) -> int:
     if study.history is not None:
         from tcstudy.data.history_store import history_bytes
 
@@ -237,7 +202,11 @@ def _bytes(study: Study, levels: tuple[LevelForecast, ...]) -> int:
 def faults(study: Study, output: Path) -> list[str]:
     """What would stop a run of this study into `output`, one line each, as the user sees it; empty if nothing would."""
     file = str(study.source) if study.source is not None else "<text>"
-    return [*_body_faults(study), *(f"{file}: {text}" for text in _output_faults(study, output))]
+    try:
+        found = check_writable(output, expected_bytes(study))
+    except StoreError as error:
+        found = [str(error)]
+    return [*map(str, located(study, built_faults(study))), *(f"{file}: {text}" for text in found)]
 
 
 def fault_in(study: Study, fault: UserFault, name: str) -> str:
@@ -248,14 +217,3 @@ def fault_in(study: Study, fault: UserFault, name: str) -> str:
         return f"{name}: {fault}"
     what, _, remedy = str(fault).partition("; ")
     return "\n".join(map(str, located(study, [(fault.keys, what, remedy or "check the body, or try another maxh")])))
-
-
-def _body_faults(study: Study) -> list[str]:
-    return [str(problem) for problem in located(study, built_faults(study))]
-
-
-def _output_faults(study: Study, output: Path) -> list[str]:
-    try:
-        return check_writable(output, expected_bytes(study))
-    except StoreError as error:
-        return [str(error)]

@@ -33,9 +33,8 @@ from tcstudy.scene.study import Study, Variant
 from tcstudy.study.convergence import converge
 from tcstudy.study.errands import errand, solve_geometry
 from tcstudy.study.expected import of_geometry, of_run
-from tcstudy.study.forecasts import forecast
 from tcstudy.study.grow import Kept
-from tcstudy.study.jobs import Resources, Staff
+from tcstudy.study.jobs import Resources, Staff, forecast
 from tcstudy.study.jobs import seconds as contact_seconds
 from tcstudy.study.plan import Plan, expected_bytes, warnings
 from tcstudy.study.plan import plan as plan_of

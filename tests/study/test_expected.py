@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from tcstudy.read.study import read_study
-from tcstudy.study import expected, sizes
-from tcstudy.study.forecasts import LevelForecast
+from tcstudy.study import expected
+from tcstudy.study.jobs import LevelForecast
 
 CONFIG = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
 
@@ -18,7 +18,7 @@ CONFIG = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
 @pytest.fixture(autouse=True)
 def usual_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(expected, "slowness", lambda: 1.0)
-    monkeypatch.setattr(sizes, "triangles_a_second", lambda: 10_000.0)
+    monkeypatch.setattr(expected, "triangles_a_second", lambda: 10_000.0)
 
 
 def test_the_stages_of_the_speed_benchmark() -> None:

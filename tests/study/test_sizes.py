@@ -19,8 +19,8 @@ from tcstudy.read.study import read_study
 from tcstudy.refine.family import Family
 from tcstudy.scene.study import Study
 from tcstudy.study import sizes as sizes_module
-from tcstudy.study.forecasts import forecast, refined
-from tcstudy.study.sizes import sizes
+from tcstudy.study.expected import sizes
+from tcstudy.study.jobs import forecast, refined
 from tests.commands import CONFIGS
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
