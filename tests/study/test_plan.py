@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import tcstudy
-from tcstudy.study import sizes as sizes_module
+from tcstudy.study import expected as sizes_module
 from tcstudy.study.plan import plan
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 

@@ -18,7 +18,7 @@ from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study
 from tcstudy.refine.family import Family
 from tcstudy.scene.study import Study
-from tcstudy.study import sizes as sizes_module
+from tcstudy.study import expected as sizes_module
 from tcstudy.study.expected import sizes
 from tcstudy.study.jobs import forecast, refined
 from tests.commands import CONFIGS
