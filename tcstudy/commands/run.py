@@ -98,16 +98,10 @@ def plan(options: argparse.Namespace) -> int:
     study, output = checked(options, planned=True)
     from tcstudy.data.provenance import already_there
     from tcstudy.reports.terminal.forecast import expected_words, forecast_text
-    from tcstudy.study.expected import of_run, work_words
-    from tcstudy.study.plan import plan as forecast_of
+    from tcstudy.study.expected import work_words
+    from tcstudy.study.plan import plan_and_resources
 
-    if study.variants:
-        from tcstudy.study.variants import plan_variants
-
-        forecast, expected = plan_variants(study)
-    else:
-        forecast = forecast_of(study)
-        expected = of_run(study, forecast.levels, forecast.factorisations, forecast.heat_solves)
+    forecast, expected = plan_and_resources(study)
     steps = study.history.steps if study.history is not None else 0
     time = expected_words(expected.seconds, expected.memory, study.mesh.open_ended)
     if options.json:

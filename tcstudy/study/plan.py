@@ -6,8 +6,9 @@ The checks beyond the study's text that run and plan make before any work: the o
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tcstudy.data import schema
@@ -21,8 +22,8 @@ from tcstudy.read.document import located
 from tcstudy.scene.points import FELT, count_points, distinct, idle_notes, needs_heat_solve, of_stiffness, why_no_heat
 from tcstudy.scene.study import Study
 from tcstudy.study.doubts import built_faults, doubts, locking_notes
-from tcstudy.study.expected import meshing_seconds, rough_sizes, sizes
-from tcstudy.study.jobs import LevelForecast, forecast, refined
+from tcstudy.study.expected import meshing_seconds, of_run, rough_sizes, sizes
+from tcstudy.study.jobs import LevelForecast, Resources, forecast, refined
 
 
 @dataclass(frozen=True)
@@ -53,9 +54,7 @@ def plan(study: Study) -> Plan:
     Raises GeometryFailed where a run would before it solves anything.
     """
     if study.variants:
-        from tcstudy.study.variants import plan_variants
-
-        return plan_variants(study)[0]
+        return _of_geometries(study, [(one.study, plan(one.study)) for one in study.variants if one.study is not None])
     ratios = {Level.ratio(s) for s in distinct(study.scenes, *of_stiffness(study.scenes))}
     heats = {
         (s.heat, tuple(one.k for one in s.material.all)) for s in distinct(study.scenes, *FELT) if needs_heat_solve(s)
@@ -70,6 +69,61 @@ def plan(study: Study) -> Plan:
         notes=tuple(_notes(study, levels)),
         bytes=_bytes(study, levels),
     )
+
+
+def plan_and_resources(study: Study) -> tuple[Plan, Resources]:
+    """The same, and what a run takes."""
+    geometries = [one.study for one in study.variants if one.study is not None] or [study]
+    found = [(own, plan(own)) for own in geometries]
+    spent = [of_run(own, plan.levels, plan.factorisations, plan.heat_solves) for own, plan in found]
+    whole = _of_geometries(study, found) if study.variants else found[0][1]
+    return whole, Resources(sum(one.seconds for one in spent), max(one.memory for one in spent))
+
+
+def _of_geometries(study: Study, found: Sequence[tuple[Study, Plan]]) -> Plan:
+    """The forecast of all geometries from those of each that has a mesh, with the meshes of the largest."""
+    words = [one.words for one in study.variants if one.study is not None]
+    factors, meshes = sum(plan.factorisations for _, plan in found), sum(own.mesh.levels for own, _ in found)
+    note = (
+        f"{len(found)} {'geometry' if len(found) == 1 else 'geometries'}: {meshes} meshes, "
+        f"{factors * study.mesh.levels} stiffness factorisations; the points of a geometry share both. "
+        "Sizes are those of the largest"
+    )
+    refused = [f"refused, {one.words}: {one.reason}" for one in study.variants if one.study is None]
+    return replace(
+        max((plan for _, plan in found), key=lambda plan: plan.levels[-1].n_dof),
+        points=len(study.scenes),
+        factorisations=factors,
+        heat_solves=sum(plan.heat_solves for _, plan in found),
+        notes=(note, *refused, *once([(own, plan.notes) for own, (_, plan) in zip(words, found, strict=True)])),
+        bytes=sum(plan.bytes for _, plan in found),
+    )
+
+
+NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+
+
+def once(notes: Sequence[tuple[str, Iterable[str]]]) -> list[str]:
+    """Every note once, with the geometries that it is of unless it is of all.
+
+    notes: (words of a geometry, its notes). Those that differ in numbers only are one, with the range of each number.
+    """
+    alike: dict[str, dict[str, list[str]]] = {}
+    for words, own in notes:
+        for note in own:
+            text = NUMBER.sub("{}", note.replace("{", "{{").replace("}", "}}"))
+            alike.setdefault(text, {})[words] = NUMBER.findall(note)
+    found = []
+    for text, numbers in alike.items():
+        said = text.format(*map(_span, zip(*numbers.values(), strict=True)))
+        few = "; ".join(numbers) if len(numbers) == 1 else f"{len(numbers)} of {len(notes)} geometries"
+        found.append(said if len(numbers) == len(notes) else f"{few}: {said}")
+    return found
+
+
+def _span(texts: Sequence[str]) -> str:
+    least, greatest = min(texts, key=float), max(texts, key=float)
+    return least if least == greatest else f"{least} to {greatest}"
 
 
 def output_of(study: Study) -> Path:

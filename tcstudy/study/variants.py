@@ -8,9 +8,8 @@ stays, so that a stopped sweep goes on where it was. The folder goes when the fi
 
 from __future__ import annotations
 
-import re
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -32,12 +31,11 @@ from tcstudy.executors import Errand, in_order, unpacked
 from tcstudy.scene.study import Study, Variant
 from tcstudy.study.convergence import converge
 from tcstudy.study.errands import errand, solve_geometry
-from tcstudy.study.expected import of_geometry, of_run
+from tcstudy.study.expected import of_geometry
 from tcstudy.study.grow import Kept
-from tcstudy.study.jobs import Resources, Staff, forecast
+from tcstudy.study.jobs import Staff, forecast
 from tcstudy.study.jobs import seconds as contact_seconds
-from tcstudy.study.plan import Plan, expected_bytes, warnings
-from tcstudy.study.plan import plan as plan_of
+from tcstudy.study.plan import expected_bytes, once, warnings
 from tcstudy.study.run import LevelWork, Summary, Watcher, into_file, work_of
 from tcstudy.study.solved_levels import Length, Say
 from tcstudy.study.workshop import all_failed
@@ -255,7 +253,7 @@ def converge_variants(study: Study, say: Say, length: Length) -> Convergence:
             by_level[name][geometry_place(study, variant)] = getattr(one, name)
     words = list(dict.fromkeys(one.reference for _, one in found))
     notes = [f"refused, {variant.words}: {reason}" for variant, reason in lost]
-    notes += _once([(variant.words, one.notes) for variant, one in found])
+    notes += once([(variant.words, one.notes) for variant, one in found])
     return Convergence(reference="; or ".join(words), points=tuple(points), notes=tuple(notes), **by_level)
 
 
@@ -278,54 +276,3 @@ def geometry_at(study: Study, index: tuple[int, ...]) -> tuple[Study, tuple[int,
         raise GeometryFailed(f"{variant.words}: {variant.reason}; {remedy}", ("sweep",))
     row = int(np.flatnonzero(variant.places == place)[0])
     return variant.study, tuple(int(i) for i in np.unravel_index(row, variant.study.shape))
-
-
-def plan_variants(study: Study) -> tuple[Plan, Resources]:
-    """The forecast of all geometries, with the meshes of the largest, and what a run takes."""
-    found = [(one.study, plan_of(one.study)) for one in study.variants if one.study is not None]
-    words = [one.words for one in study.variants if one.study is not None]
-    notes = [(own, plan.notes) for own, (_, plan) in zip(words, found, strict=True)]
-    spent = [of_run(own, plan.levels, plan.factorisations, plan.heat_solves) for own, plan in found]
-    largest = max((plan for _, plan in found), key=lambda plan: plan.levels[-1].n_dof)
-    factors, meshes = sum(plan.factorisations for _, plan in found), sum(own.mesh.levels for own, _ in found)
-    note = (
-        f"{len(found)} {'geometry' if len(found) == 1 else 'geometries'}: {meshes} meshes, "
-        f"{factors * study.mesh.levels} stiffness factorisations; the points of a geometry share both. "
-        "Sizes are those of the largest"
-    )
-    refused = [f"refused, {one.words}: {one.reason}" for one in study.variants if one.study is None]
-    plan = replace(
-        largest,
-        points=len(study.scenes),
-        factorisations=factors,
-        heat_solves=sum(plan.heat_solves for _, plan in found),
-        notes=(note, *refused, *_once(notes)),
-        bytes=sum(plan.bytes for _, plan in found),
-    )
-    return plan, Resources(sum(one.seconds for one in spent), max(one.memory for one in spent))
-
-
-NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
-
-
-def _once(notes: Sequence[tuple[str, Iterable[str]]]) -> list[str]:
-    """Every note once, with the geometries that it is of unless it is of all.
-
-    notes: (words of a geometry, its notes). Those that differ in numbers only are one, with the range of each number.
-    """
-    alike: dict[str, dict[str, list[str]]] = {}
-    for words, own in notes:
-        for note in own:
-            text = NUMBER.sub("{}", note.replace("{", "{{").replace("}", "}}"))
-            alike.setdefault(text, {})[words] = NUMBER.findall(note)
-    found = []
-    for text, numbers in alike.items():
-        said = text.format(*map(_span, zip(*numbers.values(), strict=True)))
-        few = "; ".join(numbers) if len(numbers) == 1 else f"{len(numbers)} of {len(notes)} geometries"
-        found.append(said if len(numbers) == len(notes) else f"{few}: {said}")
-    return found
-
-
-def _span(texts: Sequence[str]) -> str:
-    least, greatest = min(texts, key=float), max(texts, key=float)
-    return least if least == greatest else f"{least} to {greatest}"
