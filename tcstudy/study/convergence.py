@@ -8,7 +8,7 @@ not part of any fit; else none, and only numbers are extrapolated.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -53,9 +53,9 @@ NOTABLE = 0.1
 
 def orders_to_expect(study: Study, finest: SolvedLevel, solution: Solution, scene: Scene) -> dict[str, Expected]:
     """Expected orders from the corners and from stick and slip on the finest level, or as the study gives them."""
+    mixed = solution.ok and bool(solution.sticks.any()) and not bool(solution.sticks.all())
     if study.exact is not None:
-        front = solution.ok and bool(solution.sticks.any()) and not bool(solution.sticks.all())
-        return expected_orders(smooth_up_to(study.exact.exponent, _held_ends(finest, solution), front))
+        return expected_orders(smooth_up_to(study.exact.exponent, _held_ends(finest, solution), mixed))
 
     def sticks(edge: str, at: Point) -> bool:
         own = np.array([name == edge for name in finest.edges])
@@ -66,15 +66,10 @@ def orders_to_expect(study: Study, finest: SolvedLevel, solution: Solution, scen
 
     several = bool(scene.material.regions)  # whose corners are not analysed, as a note says
     corners = [] if several else vertices(scene.body, scene.boundary, scene.material, sticks)
-    mixed = solution.ok and bool(solution.sticks.any()) and not bool(solution.sticks.all())
     graded = graded_points(study)
-    return expected_orders(smoothness(corners, mixed, [_grading(corner.at, graded) for corner in corners]))
-
-
-def _grading(at: Point, graded: list[tuple[Point, float]]) -> float:
-    """μ of the meshes at a corner: that of the graded point which is this corner, 1 if there is none."""
-    size = max((math.hypot(*point) for point, _ in graded), default=0.0)
-    return next((mu for point, mu in graded if math.dist(point, at) <= 1e-6 * size), 1.0)
+    near = 1e-6 * max((math.hypot(*point) for point, _ in graded), default=0.0)
+    mus = [next((mu for point, mu in graded if math.dist(point, one.at) <= near), 1.0) for one in corners]
+    return expected_orders(smoothness(corners, mixed, mus))
 
 
 def _held_ends(finest: SolvedLevel, solution: Solution) -> HeldEnds:
@@ -167,7 +162,7 @@ def converge(study: Study, say: Say = lambda text: None, length: Length = BARE) 
             _point(study, levels, reference, compared, index, scene)
             for index, scene in zip(np.ndindex(study.shape), study.scenes, strict=True)
         )
-    notes += _notes(study, levels, reference) + _stuck(study, points)
+    notes += _notes(study, levels, reference, points)
     return Convergence(
         h_max=np.array([level.h_max for level in levels]),
         n_dof=np.array([level.n_dof for level in levels], dtype=np.int32),
@@ -230,7 +225,7 @@ def _point(
     ok = np.array([s.ok for s in solutions])
     expected = orders_to_expect(study, levels[-1], solutions[-1], scene)
     found: list[Errors] = [{} for _ in levels]
-    for i in np.flatnonzero(compared) if reference else ():
+    for i in np.flatnonzero(compared):  # of none without a reference
         assert reference is not None
         found[i] = with_meaning(reference.errors(int(i), index, scene), scene)
     size = float(np.linalg.norm(np.ptp(levels[-1].mesh.points, axis=0)))
@@ -249,12 +244,7 @@ def _point(
             "energy": exact_energy(study.exact, scene, levels[-1].mesh),
             "slip_length": exact_slip_length(study.exact, scene),
         }
-    return PointConvergence(
-        index,
-        tuple(s.status for s in solutions),
-        errors,
-        _numbers(h, solutions, ok, exact),
-    )
+    return PointConvergence(index, tuple(s.status for s in solutions), errors, _numbers(h, solutions, ok, exact))
 
 
 def _error_series(
@@ -296,55 +286,44 @@ def _numbers(h: Array, solutions: list[Solution], ok: Mask, exact: dict[str, flo
     return series
 
 
-def _notes(study: Study, levels: list[SolvedLevel], reference: Reference | None) -> list[str]:
-    notes = locking_notes(study.scenes)
+def _notes(
+    study: Study, levels: list[SolvedLevel], reference: Reference | None, points: tuple[PointConvergence, ...]
+) -> Iterator[str]:
+    yield from locking_notes(study.scenes)
     if isinstance(reference, ExactReference):
         worst = max(reference.inclusion(scene) for scene in study.scenes)
         if worst > 1e-8:
-            notes.append(
+            yield (
                 f"The exact solution misses the friction law by {worst:.2g} of its scale: it does not solve this "
                 "problem, so errors will level off; check exact, friction and the loads."
             )
     if study.exact is None and study.scenes[0].body.brep is not None:
-        notes.append("Corners of a body from a file are not analysed: expected orders are those of a smooth solution.")
+        yield "Corners of a body from a file are not analysed: expected orders are those of a smooth solution."
     if study.scenes[0].material.regions:
-        notes.append("Where materials meet is not analysed: expected orders are those of smoothness in every region.")
+        yield "Where materials meet is not analysed: expected orders are those of smoothness in every region."
     if isinstance(reference, NestedReference | FineReference):
         seen = ", ".join(f"{p:g} as {p + own_error(p):.2f}" for p in (0.5, 1.0, 2.0))
-        notes.append(f"The reference has an error of its own, so rates look larger: an order of {seen} at most.")
-    notes += _lower(study, levels)
-    several = sum(s.numbers.get("unique") == 0 for s in levels[-1].solutions.values())
-    if several:
-        notes.append(
+        yield f"The reference has an error of its own, so rates look larger: an order of {seen} at most."
+    solutions = levels[-1].solutions.values()
+    # the exact solution may be an equilibrium, but not the one of least energy
+    if pairs := [(s.numbers["energy"], s.lower) for s in solutions if np.isfinite(s.lower)]:
+        energy, lower = max(pairs, key=lambda pair: pair[0] - pair[1])
+        unit = "" if study.units == "none" else " J/m"
+        yield (
+            f"At {len(pairs)} of {len(study.scenes)} points a state of lower energy than the exact solution's was "
+            f"found: by {energy - lower:.3g}{unit} at most ({lower:.6g} against {energy:.6g} on the finest level). "
+            "Errors are those of the branch that starts at the exact solution; tcstudy run stores the lower state."
+        )
+    if several := sum(s.numbers.get("unique") == 0 for s in solutions):
+        yield (
             f"{several} of {len(study.scenes)} points are not certified to have one solution only: levels may follow "
             "different ones; rates that jump are a sign of it."
         )
-    return notes
-
-
-def _lower(study: Study, levels: list[SolvedLevel]) -> list[str]:
-    """A remark where the exact solution is an equilibrium, but not the one of least energy."""
-    pairs = [(s.numbers["energy"], s.lower) for s in levels[-1].solutions.values() if np.isfinite(s.lower)]
-    if not pairs:
-        return []
-    energy, lower = max(pairs, key=lambda pair: pair[0] - pair[1])
-    unit = "" if study.units == "none" else " J/m"
-    return [
-        f"At {len(pairs)} of {len(study.scenes)} points a state of lower energy than the exact solution's was found: "
-        f"by {energy - lower:.3g}{unit} at most ({lower:.6g} against {energy:.6g} on the finest level). Errors are "
-        "those of the branch that starts at the exact solution; tcstudy run stores the lower state."
-    ]
-
-
-def _stuck(study: Study, points: tuple[PointConvergence, ...]) -> list[str]:
-    """A remark where u does not come closer to the exact solution at all, so that it solves another problem."""
-    if study.exact is None or study.exact.derived:
-        return []
-    series = [point.errors["u_energy"].error for point in points if "u_energy" in point.errors]
-    stuck = sum(bool(len(e) > 1 and e[-1] > max(STUCK * e[0], ROUNDING)) for e in series)
-    if not stuck:
-        return []
-    return [
-        f"The error of u does not fall at {stuck} of {len(points)} points: the exact solution does not belong to the "
-        "loads, supports and material of the study. Check them, or let the loads follow from it with loads: derived."
-    ]
+    if study.exact is not None and not study.exact.derived:
+        series = [point.errors["u_energy"].error for point in points if "u_energy" in point.errors]
+        if stuck := sum(bool(len(e) > 1 and e[-1] > max(STUCK * e[0], ROUNDING)) for e in series):
+            yield (
+                f"The error of u does not fall at {stuck} of {len(points)} points: the exact solution does not belong "
+                "to the loads, supports and material of the study. Check them, or let the loads follow from it with "
+                "loads: derived."
+            )

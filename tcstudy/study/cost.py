@@ -1,10 +1,8 @@
 """Accuracy against cost for one scene of a study: mesh families × solvers × levels, timed several times.
 
 Errors are measured against the exact solution if the study gives one, else against an adaptive mesh with at least
-FINER times the unknowns of the finest mesh measured. Every run starts from nothing (see `cost_runs`); families take
+FINER times the unknowns of the finest mesh measured. Every run starts from nothing (`cost_curves`); families take
 turns, so that a slow spell of the machine does not fall on one of them alone.
-
-Errors of the solutions that a chart of accuracy against cost compares.
 """
 
 from __future__ import annotations
@@ -33,10 +31,8 @@ from tcstudy.scene.study import SOLVERS, Goal, Study
 from tcstudy.study.cost_curves import CostCurve, Progress, family_plan, first_run, time_again, walk
 from tcstudy.study.doubts import locking_notes
 from tcstudy.study.reference import Errors, ExactReference, FineReference, with_meaning
-from tcstudy.study.solved_levels import SolvedLevel, empty_level, solution_of
+from tcstudy.study.solved_levels import SolvedLevel
 from tcstudy.study.variants import geometry_at
-
-__all__ = ["CostError", "cost_to_file", "measure"]
 
 Array = NDArray[np.float64]
 
@@ -48,8 +44,7 @@ def cost_to_file(
 
     Raises CostError, StoreError if the file cannot be written, GeometryFailed if the body cannot be meshed.
     """
-    problems = check_writable(path, 1_000_000)
-    if problems:
+    if problems := check_writable(path, 1_000_000):
         raise StoreError("; ".join(problems))
     with threadpool_limits(1, user_api="blas"):
         cost = measure(study, index, runs, progress)
@@ -115,6 +110,12 @@ def _cost(
                 for measure_name, error in errors[curve.family, level, name].items():
                     if measure_name in measured:
                         measured[measure_name][at] = error
+    remarks = locking_notes((scene,))
+    if any(curve.solved[-1][solvers[0]].solutions[()].numbers.get("unique") == 0 for curve in curves):
+        remarks.append(
+            "The solution is not certified to be the only one: meshes and solvers may have found different ones, "
+            "which shows as an error that does not fall."
+        )
     solved = status == PointStatus.OK
     fastest = np.where(solved, np.min(times, axis=-1), np.nan)
     return Cost(
@@ -132,19 +133,8 @@ def _cost(
         own=next((f, 0, curve.own) for f, curve in enumerate(curves) if curve.own is not None),
         reference=words,
         reference_error=own_error,
-        notes=tuple(notes + _remarks(study, scene, curves)),
+        notes=(*notes, *remarks),
     )
-
-
-def _remarks(study: Study, scene: Scene, curves: list[CostCurve]) -> list[str]:
-    notes = locking_notes((scene,))
-    finest = [curve.solved[-1][study.solver.names[0]].solutions[()] for curve in curves]
-    if any(solution.numbers.get("unique") == 0 for solution in finest):
-        notes.append(
-            "The solution is not certified to be the only one: meshes and solvers may have found different ones, "
-            "which shows as an error that does not fall."
-        )
-    return notes
 
 
 FINER = 10
@@ -176,7 +166,7 @@ def errors_of(
     fine: FineReference | None = None
     words, own_error = "the exact solution", 0.0
     if study.exact is None:
-        finest_dofs = max(c.finest for c in curves)
+        finest_dofs = max(c.steps[-1][1] for c in curves)
         least = max(LEAST * finest_dofs, min(FINER * finest_dofs, LARGEST))
         best, own_error = _reference(study, scene, least, progress)
         fine = FineReference(best, [])
@@ -244,9 +234,8 @@ def _reference(study: Study, scene: Scene, least: float, progress: Progress) -> 
         if step is None or step.n_dof < least * LEAST / FINER:
             raise
     assert step is not None
-    record = next(iter(step.records.values()))
+    name, record = next(iter(step.records.items()))
     if record.status != PointStatus.OK:
         why = record.reason or record.status.name.lower()
         raise CostError(f"the reference, an adaptive mesh of {step.n_dof} dofs, was not solved: {why}")
-    level = empty_level(study, step.level)
-    return replace(level, solutions={(): solution_of(study, step.level, scene, record)}), step.estimate
+    return step.solved(study, scene)[name], step.estimate

@@ -45,18 +45,14 @@ class CostCurve:
     solved: list[dict[str, SolvedLevel]] = field(default_factory=list)
     stages: list[list[dict[str, Stages]]] = field(default_factory=list)
 
-    @property
-    def finest(self) -> int:
-        """Unknowns of the finest mesh."""
-        return self.steps[-1][1]
-
 
 def first_run(study: Study, scene: Scene, progress: Progress) -> tuple[list[CostCurve], list[str]]:
     """Solve everything once; the study's own meshes come first, since they say how far the others go."""
     notes: list[str] = []
-    listed = on_a_curve(study.mesh)
-    name = study.mesh.family if listed else OWN
-    own = CostCurve(name, family_plan(study.mesh, study.mesh.family) if listed else study.mesh)
+    mesh = study.mesh
+    own = CostCurve(OWN, mesh)
+    if mesh.tolerance is None and not mesh.listed and not mesh.estimate:  # their finest is a point of a family's curve
+        own = CostCurve(mesh.family, family_plan(mesh, mesh.family))
     for step in _steps(study, scene, own, progress, notes):
         full = study.mesh.strategy.adapts and step.n_dof > study.mesh.max_dofs
         if own.own is None and (len(own.steps) == study.mesh.levels or full):
@@ -92,11 +88,6 @@ def _limit(own: int) -> float:
     return max(float(own), min(BEYOND * own, MOST))
 
 
-def on_a_curve(plan: MeshPlan) -> bool:
-    """Whether the study's own meshes are those of a family, so that their finest is a point of its curve."""
-    return plan.tolerance is None and not plan.listed and not plan.estimate
-
-
 def family_plan(plan: MeshPlan, family: FamilyName) -> MeshPlan:
     """A family from the study's coarsest mesh, with its own grading, marking and goal."""
     own = replace(plan, maxh=plan.maxh[:1], levels=LEVELS, family=family)
@@ -108,17 +99,15 @@ def _steps(
 ) -> Iterator[MeasuredLevel]:
     """Solve the levels of a curve for the first time and keep them, as far as the caller goes on."""
     dropped: set[str] = set()
-
-    def wanted(name: str, _: int) -> bool:
-        return name not in dropped
-
     curve.stages.append([])
     try:
-        for step in walk(study, curve.plan, scene, wanted):
+        for step in walk(study, curve.plan, scene, lambda name, _: name not in dropped):
             progress(f"{curve.family}, level {len(curve.steps)}: {step.n_dof} dofs", None)
             curve.stages[-1].append(step.stages)
-            _keep(study, scene, curve, step)
-            dropped |= _too_slow(step, curve, notes)
+            curve.steps.append((step.level.mesh.h_max, step.n_dof, step.level.line.m))
+            curve.records.append(step.records)
+            curve.solved.append(step.solved(study, scene))
+            dropped.update(_too_slow(step, curve, notes))
             yield step
     except GeometryFailed as error:
         if not curve.steps:
@@ -130,17 +119,6 @@ def _next(curve: CostCurve) -> float:
     """Unknowns to expect of the next level: a uniform one has four times as many, an adaptive step may add few."""
     sizes = [n_dof for _, n_dof, _ in curve.steps]
     return sizes[-1] * (sizes[-1] / sizes[-2] if len(sizes) > 1 else curve.plan.strategy.least_growth)
-
-
-def _keep(study: Study, scene: Scene, curve: CostCurve, step: MeasuredLevel) -> None:
-    curve.steps.append((step.level.mesh.h_max, step.n_dof, step.level.line.m))
-    curve.records.append(step.records)
-    empty = empty_level(study, step.level)
-    solved = {
-        name: replace(empty, solutions={(): solution_of(study, step.level, scene, record)})
-        for name, record in step.records.items()
-    }
-    curve.solved.append(solved)
 
 
 def _too_slow(step: MeasuredLevel, curve: CostCurve, notes: list[str]) -> set[str]:
@@ -159,13 +137,11 @@ def _too_slow(step: MeasuredLevel, curve: CostCurve, notes: list[str]) -> set[st
 
 def time_again(study: Study, scene: Scene, curve: CostCurve) -> None:
     """Time the levels of a curve once more, from nothing."""
-    run: list[dict[str, Stages]] = []
-    last = len(curve.steps)
+    curve.stages.append([])
     for step in walk(study, curve.plan, scene, lambda name, level: name in curve.records[level]):
-        run.append(step.stages)
-        if len(run) == last:
+        curve.stages[-1].append(step.stages)
+        if len(curve.stages[-1]) == len(curve.steps):
             break
-    curve.stages.append(run)
 
 
 Progress = Callable[[str, float | None], None]
@@ -214,6 +190,12 @@ class MeasuredLevel:
     def n_dof(self) -> int:
         """Displacement unknowns."""
         return self.level.frames.n_dof
+
+    def solved(self, study: Study, scene: Scene) -> dict[str, SolvedLevel]:
+        """What the solvers found, for comparison, by name."""
+        empty = empty_level(study, self.level)
+        found = {name: solution_of(study, self.level, scene, record) for name, record in self.records.items()}
+        return {name: replace(empty, solutions={(): solution}) for name, solution in found.items()}
 
 
 def walk(study: Study, plan: MeshPlan, scene: Scene, wanted: Wanted) -> Iterator[MeasuredLevel]:

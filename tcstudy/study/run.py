@@ -279,11 +279,13 @@ def into_file(
     """The same with those who work; last: whether they may go when all points are solved."""
     if problems := faults(study, output):
         raise StoreError("\n".join(problems))
+    # all that the file will have comes in this run, and how many levels it has is known
+    fresh = kept is None and not study.output.fields and not study.mesh.estimates
     # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
     with (
         threadpool_limits(1, user_api="blas"),
         Journal.open(output, study, kept.digest if kept is not None else "") as journal,
-        closing(Begun(output, study, _grows(study, journal, kept))) as begun,
+        closing(Begun(output, study, fresh and not journal.finished)) as begun,
     ):
         # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
         known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
@@ -306,21 +308,11 @@ def into_file(
         if kept is not None:
             levels, provenance = kept.with_levels(levels), kept.before(provenance)
             records = lambda: chain(kept.blocks(study), journal.blocks())  # noqa: E731
-        points, failed = write(output, _with_levels(study, levels), levels, records, provenance, begun)
+        if study.mesh.estimates and not study.mesh.listed and levels:  # without those that its tolerance did not need
+            study = replace(study, mesh=replace(study.mesh, levels=levels[-1].level + 1))
+        points, failed = write(output, study, levels, records, provenance, begun)
         journal.discard()
     return Summary(output, points, failed, sum(len(block) for block in finished.values()))
-
-
-def _grows(study: Study, journal: Journal, kept: Kept | None) -> bool:
-    """Whether all that the file will have comes in this run, and how many levels it has is known."""
-    return kept is None and not journal.finished and not study.output.fields and not study.mesh.estimates
-
-
-def _with_levels(study: Study, levels: Sequence[LevelRecord]) -> Study:
-    """The study without the levels that its tolerance did not need."""
-    if not study.mesh.estimates or study.mesh.listed or not levels:
-        return study
-    return replace(study, mesh=replace(study.mesh, levels=levels[-1].level + 1))
 
 
 def as_start(study: Study, block: BlockRecord) -> BlockRecord:
@@ -328,13 +320,13 @@ def as_start(study: Study, block: BlockRecord) -> BlockRecord:
 
     Copies, since a journal's arrays are views of all that the block has; the rest stays on the disk.
     """
-    needed = block.u_T is not None and (study.mesh.estimates or keeps_solutions(study))
+    needed = study.mesh.estimates or keeps_solutions(study)
     return replace(
         block,
         points=block.points.copy(),
         status=block.status.copy(),
         numbers={},
-        u_T=block.u_T.copy() if needed and block.u_T is not None else None,
+        u_T=None if block.u_T is None or not needed else block.u_T.copy(),
         xi=None,
         sticks=None,
         fields={},
