@@ -36,7 +36,8 @@ from tcstudy.scene.parameters import loaded_scene
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.solvers.history.memory import NodeState
-from tcstudy.solvers.history.steps import HistoryProblem, HistoryStep, history
+from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
+from tcstudy.solvers.history.steps import history
 from tcstudy.study.errands import errand
 from tcstudy.study.expected import of_history
 from tcstudy.study.jobs import Staff

@@ -31,7 +31,8 @@ from tcstudy.scene.parameters import loaded_scene
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.solvers.history.moving import EVENT, FOLD, TURNED, Moved, StepSlope, moved
-from tcstudy.solvers.history.steps import HistoryStep, next_step
+from tcstudy.solvers.history.problem import HistoryStep
+from tcstudy.solvers.history.steps import next_step
 from tcstudy.study.history_run import problem_of
 from tcstudy.study.sensitivities import of_largest
 

@@ -16,7 +16,8 @@ import numpy as np
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory
 from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.history.steps import HistoryProblem, HistoryStep, next_step
+from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
+from tcstudy.solvers.history.steps import next_step
 from tcstudy.solvers.problem import ContactProblem
 from tests.solvers.history.cases import coupled_line, softening
 

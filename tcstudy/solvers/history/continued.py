@@ -16,6 +16,7 @@ solution is found beside it, and what friction takes on the way there has a clos
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +24,13 @@ from numpy.typing import NDArray
 from tcstudy.scene.nodal_laws import Law
 from tcstudy.scene.study import Acceptance, Direction
 from tcstudy.solvers.contact import Answer, as_it_is, solve_contact
-from tcstudy.solvers.history.memory import LAW_ERROR, NodeState
-from tcstudy.solvers.history.steps import Energies, HistoryProblem, HistoryStep, booked, proved
+from tcstudy.solvers.history.memory import LAW_ERROR
+from tcstudy.solvers.history.problem import Energies, HistoryProblem, HistoryStep, booked, proved
 from tcstudy.solvers.loop import Status, iterate
 from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path, PathStatus
 from tcstudy.solvers.path.start import locate
 from tcstudy.solvers.path.tableau import Tableau
-from tcstudy.solvers.path.walk import Walk, units_of
+from tcstudy.solvers.path.walk import units_of
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.descent import escape, first_rest, new_state
 from tcstudy.solvers.separable.newton import Downhill
@@ -60,27 +61,75 @@ def continued(body: HistoryProblem, last: HistoryStep, load: Array) -> HistorySt
             reason = step.reason or f"more than {MOST_PARTS} times a node turns back or jumps"
             failed = ENDED.format(share=step.t, reason=reason)
             return replace(step.now, energies=step.energies, status=Status.STALLED, reason=failed)
-    return step.finished()
+    assert step.judged is not None
+    whole = replace(step.now, energies=step.energies, parts=step.pieces, iterations=step.iterations,
+                    jumps=step.jumps, jumped=step.jumped)  # fmt: skip
+    return proved(body, *step.judged, whole)
+
+
+class _Part:
+    """What a part of a step is, from the state `now` on; all in w = v − a."""
+
+    def __init__(self, body: HistoryProblem, now: HistoryStep, begin: Array, change: Array) -> None:
+        """begin, change: the loads of the step are begin + t change (m,)"""
+        self.body, self.now, self.state, self.begin, self.change = body, now, now.state, begin, change
+        self.origin = body.model.origin(now.state)
+        self.w, self.pushed = now.state.v - self.origin, body.A_tilde @ self.origin
+
+    @cached_property
+    def law(self) -> Law:
+        """That of the part."""
+        return self.body.model.next_law(self.state)
+
+    @cached_property
+    def defect(self) -> Array:
+        """(m,) what rounding of the state's slips takes its forces off the graph, as the part begins with it [N/m].
+
+        A stiff body makes much of a slip's last digit; without this no path would begin at the state.
+        """
+        now, body = self.now, self.body
+        xi = now.load - body.A_tilde @ self.state.v
+        size = np.abs(now.load) + np.abs(body.A_tilde) @ np.abs(self.state.v)
+        apart = body.c * np.clip(xi / body.c, *self.law.interval(self.w)) - xi
+        rounding = 8.0 * np.sqrt(body.m) * np.finfo(float).eps * size
+        return np.where(np.abs(apart) <= rounding, apart, 0.0)
+
+    def problem(self, load: Array) -> ContactProblem:
+        """That of a load."""
+        return ContactProblem(self.body.A_tilde, load - self.pushed + self.defect, self.body.c, self.law)
+
+    @cached_property
+    def parametric(self) -> ParametricProblem:
+        """The problem with a law of straight pieces, over the shares of the step."""
+        body, linear = self.body, self.body.law.piecewise_linear
+        law = self.law if linear else body.model.next_law(self.state, straight=True)
+        problem = ParametricProblem(body.A_tilde, self.begin - self.pushed + self.defect, self.change, body.c, law)
+        vars(problem)["body"] = body.scaled  # the same in all parts and steps
+        return problem
 
 
 class _Step:
     """The parts of one step so far.
 
-    now: where the last part has ended, at the share t;  energies: of all parts;  pieces: of all paths
+    now: where the last part has ended, at the share t;  part: that from there on;  energies: of all parts
+    pieces: of all paths
     """
 
     def __init__(self, body: HistoryProblem, last: HistoryStep, load: Array) -> None:
         self.body, self.last, self.load, self.change = body, last, load, load - last.load
-        self.now, self.t, self.energies = last, 0.0, Energies()
+        self.energies = Energies()
+        self._to(last, 0.0)
         self.jumped = np.zeros(body.m, dtype=bool)
         self.parts = self.pieces = self.jumps = self.iterations = 0
         self.judged: tuple[ContactProblem, Answer] | None = None
         self.reason, self.beyond, self.fold = "", last.state.v, 0.0
         self.tableau: Tableau | None = None
-        self.laws: dict[bool, tuple[NodeState, Law]] = {}
-        self.defect: tuple[HistoryStep, Array] | None = None
         on = 1.0 if float(np.sign(last.xi) @ self.change) >= 0.0 else -1.0
         self.ways = np.where(last.xi == 0.0, np.sign(self.change), on * np.sign(last.xi))
+
+    def _to(self, step: HistoryStep, t: float) -> None:
+        """The next part begins at the state of a step, at the share t."""
+        self.now, self.t, self.part = step, t, _Part(self.body, step, self.last.load, self.change)
 
     def load_at(self, t: float) -> Array:
         return self.load if t == 1.0 else self.last.load + t * self.change
@@ -93,35 +142,31 @@ class _Step:
 
     def _onward(self) -> Path | None:
         """The path from the state, as far as it is stable and nobody turns back; None without one."""
-        problem, state = self._parametric(), self.now.state
+        problem = self.part.parametric
         try:
-            units = units_of(problem)
-            walk = locate(problem, units, self._w(state), self.t, self.ways, self.tableau)
+            walk = locate(problem, units_of(problem), self.part.w, self.t, self.ways, self.tableau)
         except ValueError as error:
             self.reason = str(error).partition("; ")[0]
             return None
         self.tableau = walk.tableau
-        path = self._follower(one_way=True).onward(walk)
+        path = replace(self._follower, one_way=True).onward(walk)
         self.ways = walk.graph.sense[walk.codes] * np.sign(walk.dx)
         if path is not None:
-            self.beyond = self.body.model.origin(state) + self._over(path, walk)
+            over = path.u[-1]
+            if path.end.status == PathStatus.UNSTABLE:  # half a piece beyond the fold, where the energy falls
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    step, _ = walk.reach()
+                step = step if np.isfinite(step) else float(np.max(np.abs(walk.u)) / np.max(np.abs(walk.dx)))
+                over = np.where(walk.free, walk.x + 0.5 * step * walk.dx, walk.u)
+            self.beyond = self.part.origin + over
         return path
-
-    def _over(self, path: Path, walk: Walk) -> Array:
-        """Half a piece beyond the end of a path that ends at a fold, where the energy falls; else the end itself."""
-        if path.end.status != PathStatus.UNSTABLE:
-            return path.u[-1]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step, _ = walk.reach()
-        step = step if np.isfinite(step) else float(np.max(np.abs(walk.u)) / np.max(np.abs(walk.dx)))
-        return np.asarray(np.where(walk.free, walk.x + 0.5 * step * walk.dx, walk.u))
 
     def _elsewhere(self) -> bool:
         """By a descent to the load a little further on, where the path does not lead on by itself."""
-        w, ahead = self._w(self.now.state), self._ahead()
-        ahead, self.fold = min(1.0, ahead + max(0.0, self.fold - self.t)), 0.0
-        problem = self._parametric().at(ahead)
-        found = self._descended(problem, self.beyond - self.body.model.origin(self.now.state))
+        size = float(np.max(np.abs(self.load))) + float(np.max(np.abs(self.last.load)))
+        share = max(AHEAD * (1.0 - self.t), DIGITS * size / float(np.max(np.abs(self.change))))
+        ahead, self.fold, part = min(1.0, self.t + share + max(0.0, self.fold - self.t)), 0.0, self.part
+        found, w = self._descended(part.parametric.at(ahead), self.beyond - part.origin), part.w
         way = found - w
         back = self._path(found, ahead, "backward")
         if back is None:
@@ -138,9 +183,6 @@ class _Step:
         if self.reason == HIDDEN:
             return self._jump(back)
         return self.fold > ahead and self._elsewhere()  # straight pieces may fold later still
-
-    def _w(self, state: NodeState) -> Array:
-        return np.asarray(state.v - self.body.model.origin(state))
 
     def _descended(self, problem: ContactProblem, w: Array) -> Array:
         """Where descent from w ends, to rounding.
@@ -166,49 +208,14 @@ class _Step:
                 w = w if rest is None else rest
         return outcome.x
 
-    def _ahead(self) -> float:
-        """The share to look at: a little further, but not so little that rounding of the loads decides."""
-        size = float(np.max(np.abs(self.load))) + float(np.max(np.abs(self.last.load)))
-        share = max(AHEAD * (1.0 - self.t), DIGITS * size / float(np.max(np.abs(self.change))))
-        return min(1.0, self.t + share)
-
-    def _parametric(self) -> ParametricProblem:
-        """The problem of the present part, over the shares of the step."""
-        body, state = self.body, self.now.state
-        law = self._law(straight=True)
-        begin = self.last.load - body.A_tilde @ body.model.origin(state) + self._defect()
-        problem = ParametricProblem(body.A_tilde, begin, self.change, body.c, law)
-        vars(problem)["body"] = body.scaled  # the same in all parts and steps
-        return problem
-
-    def _law(self, straight: bool = False) -> Law:
-        """That of the present part, made once."""
-        state, straight = self.now.state, straight and not self.body.law.piecewise_linear
-        if self.laws.get(straight, (None,))[0] is not state:
-            self.laws[straight] = state, self.body.model.next_law(state, straight)
-        return self.laws[straight][1]
-
-    def _defect(self) -> Array:
-        """(m,) what rounding of the state's slips takes its forces off the graph, as the part begins with it [N/m].
-
-        A stiff body makes much of a slip's last digit; without this no path would begin at the state.
-        """
-        now, body = self.now, self.body
-        if self.defect is None or self.defect[0] is not now:
-            xi, w = now.load - body.A_tilde @ now.state.v, self._w(now.state)
-            size = np.abs(now.load) + np.abs(body.A_tilde) @ np.abs(now.state.v)
-            apart = body.c * np.clip(xi / body.c, *self._law().interval(w)) - xi
-            rounding = 8.0 * np.sqrt(body.m) * np.finfo(float).eps * size
-            self.defect = now, np.where(np.abs(apart) <= rounding, apart, 0.0)
-        return self.defect[1]
-
-    def _follower(self, one_way: bool = False) -> Follower:
-        return Follower(self.t, 1.0, tolerance=self.body.tolerance, stable_only=True, one_way=one_way)
+    @property
+    def _follower(self) -> Follower:
+        return Follower(self.t, 1.0, tolerance=self.body.tolerance, stable_only=True)
 
     def _path(self, w: Array, t: float, direction: Direction) -> Path | None:
         """The path through w at t, backward to the present share or forward; None, with the reason, without one."""
         try:
-            return self._follower().follow(self._parametric(), w, t, direction)
+            return self._follower.follow(self.part.parametric, w, t, direction)
         except ValueError as error:
             self.reason = str(error).partition("; ")[0]
             return None
@@ -226,9 +233,8 @@ class _Step:
                 self.reason = landed.reason
                 return False
             change = self.load_at(t) - self.now.load  # at rest until then: at the fold, but for straight pieces
-            after = body.model.after(state, landed.v)
-            drop = 0.5 * float((landed.xi + self.now.xi + change) @ (after.state.v - state.v))
-            step = booked(body, self.now, self.load_at(t), landed, after, (-float(state.v @ change), drop))
+            drop = 0.5 * float((landed.xi + self.now.xi + change) @ (self.part.origin + landed.v - state.v))
+            step = booked(body, self.now, self.load_at(t), landed, (-float(state.v @ change), drop))
             if step.energies.closure > 0.0:
                 break
         moved, forces = np.abs(step.state.v - state.v), np.abs(step.load) + np.abs(body.A_tilde) @ np.abs(step.state.v)
@@ -240,13 +246,12 @@ class _Step:
             self.jumped |= moved > ROUNDING * np.max(moved)
             self.jumps += 1
         self.beyond = step.state.v
-        self.now, self.t = step, t
+        self._to(step, t)
         return True
 
     def _held(self) -> bool:
         """Whether the state is a solution of the part and the only one: just behind a down-jump it is none."""
-        problem = self.body.problem(self.now.state, self.now.load, self._law())
-        problem, w = replace(problem, l_tilde=problem.l_tilde + self._defect()), self._w(self.now.state)
+        problem, w = self.part.problem(self.now.load), self.part.w
         own = Acceptance(self.body.tolerance).accepts(problem.inclusion_residual(w), problem.xi_rounding(w))
         return own and self.body.one_solution(problem.law)
 
@@ -255,7 +260,6 @@ class _Step:
 
         lead: the path back from its beginning to the state
         """
-        body, state = self.body, self.now.state
         last = self._first_return(path)
         if not ((last or lead) and path.t[last] > self.t):
             self.reason = path.end.reason
@@ -270,9 +274,9 @@ class _Step:
         if way is None:
             self.reason = HIDDEN
             return False
-        step = booked(body, self.now, self.load_at(t), answer, body.model.after(state, answer.v), way)
+        step = booked(self.body, self.now, self.load_at(t), answer, way)
         self.energies += step.energies
-        self.now, self.t = step, t
+        self._to(step, t)
         return True
 
     def _way(self, path: Path, last: int, answer: Answer, lead: Path | None) -> tuple[float, float] | None:
@@ -281,18 +285,18 @@ class _Step:
         Along the graph of b ∫ξᵀdv = Σ c (j(w₁) − j(w₀)) whatever the curve, and what straight pieces miss of that they
         miss of the work as well: between the same ends each balances ΔE.
         """
-        body, state, p = self.body, self.now.state, path.problem
+        body, p = self.body, path.problem
         t = np.array([self.t, *(lead.t[::-1] if lead else ()), *path.t[1:last], float(path.t[last])])
-        ws = np.array([self._w(state), *(lead.u[::-1] if lead else ()), *path.u[1:last], answer.v])
+        ws = np.array([self.part.w, *(lead.u[::-1] if lead else ()), *path.u[1:last], answer.v])
         balance = p.l_0 + t[1:-1, None] * p.l_1 - ws[1:-1] @ p.A_tilde
         xi = np.array([self.now.xi, *balance, answer.xi])
         slips = np.diff(ws, axis=0)
-        middle = 0.5 * (ws[1:] + ws[:-1]) + body.model.origin(state)
+        middle = 0.5 * (ws[1:] + ws[:-1]) + self.part.origin
         work = -float(np.diff(t) @ (middle @ self.change))
         friction = 0.5 * float(np.sum((xi[1:] + xi[:-1]) * slips))
         if body.law.piecewise_linear:
             return work, friction
-        missed = float(body.c @ integral(self._law(), ws[0], answer.v)) - friction
+        missed = float(body.c @ integral(self.part.law, ws[0], answer.v)) - friction
         allowed = 4.0 * LAW_ERROR * body.law.b_scale * float(np.sum(np.abs(slips) @ body.c))
         return (work + missed, friction + missed) if abs(missed) <= allowed else None
 
@@ -321,8 +325,7 @@ class _Step:
     def _answer(self, w: Array, t: float) -> Answer:
         """w, judged as a solution at the share t."""
         body = self.body
-        problem = body.problem(self.now.state, self.load_at(t), self._law())
-        problem = replace(problem, l_tilde=problem.l_tilde + self._defect())
+        problem = self.part.problem(self.load_at(t))
         answer = as_it_is(problem, w, body.tolerance) if body.law.piecewise_linear else None
         answer = answer or solve_contact(problem, tolerance=body.tolerance, branch="continued", neighbour=w)
         self.judged = problem, answer
@@ -339,10 +342,3 @@ class _Step:
                 return vertex - 1
             done = np.maximum(done, following)
         return path.pieces
-
-    def finished(self) -> HistoryStep:
-        """The whole step, with the certificates of its last part."""
-        assert self.judged is not None
-        whole = replace(self.now, energies=self.energies, parts=self.pieces, iterations=self.iterations,
-                        jumps=self.jumps, jumped=self.jumped)  # fmt: skip
-        return proved(self.body, *self.judged, whole)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.histories import Memory
 from tcstudy.scene.law_tables import PARTS
-from tcstudy.scene.nodal_laws import Law
+from tcstudy.scene.nodal_laws import Law, each
 from tcstudy.solvers.history.rows import HalfRows, laws_of
 from tcstudy.solvers.path.chords import piecewise_linear
 from tcstudy.solvers.problem import integral
@@ -151,25 +151,25 @@ class MemoryModel:
         self.memory.check(self.law)
 
     @cached_property
+    def laws(self) -> list[tuple[FrictionLaw, Index]]:
+        """Every law with its nodes."""
+        law = self.law
+        return [(law, np.arange(self.m, dtype=np.intp))] if isinstance(law, FrictionLaw) else law.groups
+
+    @cached_property
     def groups(self) -> list[tuple[Index, Virgin]]:
         """The nodes of every law with its virgin curve."""
-        if isinstance(self.law, FrictionLaw):
-            return [(np.arange(self.m, dtype=np.intp), Virgin.of(self.law))]
-        return [(nodes, Virgin.of(own)) for own, nodes in self.law.groups]
+        return [(nodes, Virgin.of(own)) for own, nodes in self.laws]
 
     @cached_property
     def straight(self) -> list[tuple[Index, Virgin]]:
         """The same in straight pieces."""
-        if isinstance(self.law, FrictionLaw):
-            return [(np.arange(self.m, dtype=np.intp), Virgin.straight(self.law))]
-        return [(nodes, Virgin.straight(own)) for own, nodes in self.law.groups]
+        return [(nodes, Virgin.straight(own)) for own, nodes in self.laws]
 
     @cached_property
     def omega(self) -> Array:
         """(m,) steepest fall of any step's law [Pa/m]."""
-        if isinstance(self.law, FrictionLaw):
-            return np.full(self.m, self.memory.omega(self.law.omega))
-        return np.array([self.memory.omega(float(omega)) for omega in self.law.omega_by_node])
+        return each(self.law, lambda law, nodes: np.full(len(nodes), self.memory.omega(law.omega)), np.arange(self.m))
 
     @cached_property
     def unchanged(self) -> bool:
@@ -188,11 +188,15 @@ class MemoryModel:
         straight = straight and not self.law.piecewise_linear
         if self.unchanged and not straight:
             return self.law
+        return laws_of(self.halves(state, straight), self.m, self.omega, self.law.b_scale)
+
+    def halves(self, state: NodeState, straight: bool = False) -> list[HalfRows]:
+        """That law for w > 0."""
         rows = {"friction": _sliding, "elastic-plastic": self._yielding, "damage": _damaged}[self.memory.name]
         halves = []
         for nodes, virgin in self.straight if straight else self.groups:
             halves += rows(virgin, nodes, state.kappa[nodes])
-        return laws_of(halves, self.m, self.omega, self.law.b_scale)
+        return halves
 
     def _yielding(self, virgin: Virgin, nodes: Index, kappa: Array) -> list[HalfRows]:
         """Elastic to τ(κ)/k, then on along the virgin curve, whose slopes q become k q/(k + q)."""
@@ -222,17 +226,15 @@ class MemoryModel:
 
     def after(self, state: NodeState, w: Array) -> Bonds:
         """What the step to v = a + w leaves behind."""
-        v = self.origin(state) + w
-        if self.memory.name == "friction":
-            slipped = np.abs(w)
-            kappa = np.zeros(self.m) if self.memory.healing else state.kappa + slipped
-            begin = np.zeros(self.m) if self.memory.healing else state.kappa
-            return Bonds(
-                NodeState(v, kappa, state.plastic), np.zeros(self.m), integral(self.law, begin, begin + slipped)
-            )
+        v, stored, plastic = self.origin(state) + w, np.zeros(self.m), state.plastic
+        if self.memory.name == "damage":
+            return self._broken(state, v)
+        flow, begin = np.abs(w), np.zeros(self.m) if self.memory.healing else state.kappa
         if self.memory.name == "elastic-plastic":
-            return self._yielded(state, v, w)
-        return self._broken(state, v)
+            flow, force = self._flow(state, w)
+            stored, plastic = 0.5 * force**2 / self._stiffness, plastic + np.sign(w) * flow
+        kappa = begin if self.memory.healing else begin + flow
+        return Bonds(NodeState(v, kappa, plastic), stored, integral(self.law, begin, begin + flow))
 
     def _flow(self, state: NodeState, w: Array) -> tuple[Array, Array]:
         """(Δp, force), (m,) each, of the return map: from the piece on which |w| lies."""
@@ -249,13 +251,6 @@ class MemoryModel:
             flow[nodes] = np.where(passed > 0, begin + beyond * k / (k + q), 0.0)
             force[nodes] = np.where(passed > 0, t + beyond * k * q / (k + q), k * size)
         return flow, force
-
-    def _yielded(self, state: NodeState, v: Array, w: Array) -> Bonds:
-        """Plastic slip, and what is stored in the springs."""
-        flow, force = self._flow(state, w)
-        dissipated = integral(self.law, state.kappa, state.kappa + flow)
-        plastic = state.plastic + np.sign(w) * flow
-        return Bonds(NodeState(v, state.kappa + flow, plastic), 0.5 * force**2 / self._stiffness, dissipated)
 
     def _broken(self, state: NodeState, v: Array) -> Bonds:
         """Secants grow softer where |v| has passed κ; R(κ) = T(κ) − ½ τ(κ) κ."""

@@ -26,9 +26,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.scene.friction import UP
 from tcstudy.solvers.history.memory import NodeState
-from tcstudy.solvers.history.steps import HistoryProblem, HistoryStep
+from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
 from tcstudy.solvers.linearised import Linearised
 from tcstudy.solvers.problem import ContactProblem
 
@@ -133,23 +133,15 @@ class _Places:
     @cached_property
     def rows(self) -> tuple[Index, Index, Index]:
         """(first piece of τ, pieces of τ left, pieces of the law of the step)."""
-        body, model = self.body, self.body.model
-        first, left, count = np.zeros((3, body.m), dtype=np.intp)
-        law = body.law
-        laws = [law] if isinstance(law, FrictionLaw) else [own for own, _ in law.groups]
-        for own, (nodes, virgin) in zip(laws, model.groups, strict=True):
-            if model.unchanged:
+        model = self.body.model
+        first, left, count = np.zeros((3, self.body.m), dtype=np.intp)
+        if model.unchanged:
+            for (own, nodes), (_, virgin) in zip(model.laws, model.groups, strict=True):
                 left[nodes], count[nodes] = len(virgin.starts), len(own.kinks) + 1
-                continue
-            begin = self.state.kappa[nodes]
-            first[nodes] = virgin.piece(begin)
-            left[nodes] = len(virgin.starts) - first[nodes]
-            count[nodes] = 2 * left[nodes]
-            if body.memory.name == "damage":
-                count[nodes] += begin > 0.0
-            elif body.memory.name == "elastic-plastic":
-                _, starts, pieces = virgin.slid(begin)
-                count[nodes] += pieces[1, :, 0] + pieces[2, :, 0] * (starts[:, 0] - pieces[0, :, 0]) > 0.0
+            return first, left, count
+        for half in model.halves(self.state):
+            left[half.nodes], first[half.nodes] = half.count, half.starts.shape[1] - half.count
+            count[half.nodes] = 2 * half.count + (half.centre is not None)
         return first, left, count
 
     def on(self, column: Index) -> _Piece:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from tcstudy.matrices import law
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.histories import Memory
-from tcstudy.solvers.history.steps import HistoryProblem, HistoryStep, history
+from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
+from tcstudy.solvers.history.steps import history
 from tests.solvers.history.cases import coupled_line, softening, strip
 from tests.solvers.history.test_steps import FALLING, check_energies
 

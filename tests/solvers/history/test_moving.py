@@ -15,7 +15,8 @@ from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.histories import Memory
 from tcstudy.scene.law_slopes import law_slopes
 from tcstudy.solvers.history.moving import EVENT, TURNED, Moved, StepSlope, moved
-from tcstudy.solvers.history.steps import HistoryProblem, HistoryStep, next_step
+from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
+from tcstudy.solvers.history.steps import next_step
 from tests.solvers.history.cases import coupled_line
 
 Array = NDArray[np.float64]

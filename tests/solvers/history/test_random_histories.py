@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory
-from tcstudy.solvers.history.steps import HistoryProblem, HistoryStep, next_step
+from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
+from tcstudy.solvers.history.steps import next_step
 
 Array = NDArray[np.float64]
 

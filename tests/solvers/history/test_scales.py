@@ -10,7 +10,8 @@ from tcstudy.matrices import law
 from tcstudy.reports.terminal.history_summary import cycle_change
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.histories import Memory
-from tcstudy.solvers.history.steps import HistoryProblem, HistoryStep, history
+from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
+from tcstudy.solvers.history.steps import history
 from tests.solvers.history.cases import coupled_line, strip
 from tests.solvers.history.test_continued import followed
 from tests.solvers.history.test_steps import FALLING

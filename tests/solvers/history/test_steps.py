@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory
-from tcstudy.solvers.history.steps import HistoryProblem, HistoryStep, history
+from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
+from tcstudy.solvers.history.steps import history
 from tcstudy.solvers.loop import Status
 from tests.solvers.history.cases import coupled_line, softening, strip
 
