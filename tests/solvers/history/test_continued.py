@@ -89,6 +89,41 @@ def test_a_step_in_which_nodes_turn_back_is_the_limit_of_many_small_ones(memory:
     assert sum(step.energies.dissipated for step in fine) == pytest.approx(total, rel=5e-3)
 
 
+def small_steps(A: Array, g: float, loads: list[Array], count: int) -> Array:
+    """Slips after `count` equal parts of every step with Tresca friction, each relaxed node by node to rounding."""
+    v, last = np.zeros(len(A)), np.zeros(len(A))
+    for load in loads:
+        for part in range(1, count + 1):
+            rest, now = v.copy(), last + (part / count) * (load - last)
+            for _ in range(20_000):
+                before = v.copy()
+                for i in range(len(v)):
+                    pull = now[i] - A[i] @ v + A[i, i] * (v[i] - rest[i])
+                    v[i] = rest[i] + np.sign(pull) * max(abs(pull) - g, 0.0) / A[i, i]
+                if np.max(np.abs(v - before)) <= 1e-13 * np.max(np.abs(v)):
+                    break
+        last = load
+    return v
+
+
+def test_nodes_that_are_pushed_back_before_a_front_are_not_seen_by_one_descent() -> None:
+    """Ã of elements longer than the strip is high has positive entries beside its diagonal; the path is the limit."""
+    m = 10
+    B = np.eye(m) - np.eye(m, k=-1)
+    A = B.T @ (np.eye(m) - 0.2 * (np.eye(m, k=1) + np.eye(m, k=-1))) @ B
+    loads = [np.append(np.zeros(m - 1), pull) for pull in (7.0, 0.0)]
+    tresca = law("tresca", tau=1.0)
+    exact = followed(HistoryProblem(A, np.ones(m), tresca, Memory("friction"), substeps=None), loads)[-1].state.v
+    one, some = (
+        list(history(HistoryProblem(A, np.ones(m), tresca, Memory("friction"), substeps=k), loads))[-1].state.v
+        for k in (1, 16)
+    )
+    assert np.max(np.abs(some - small_steps(A, 1.0, loads, 16))) <= 1e-7 * np.max(exact)
+    apart = [np.max(np.abs(v - exact)) / np.max(exact) for v in (one, some, small_steps(A, 1.0, loads, 128))]
+    assert apart[0] > 0.02
+    assert apart[2] < 0.2 * apart[1] < 0.1 * apart[0]
+
+
 def test_a_branch_that_falls_jumps_by_itself_and_before_that_the_lowest_does() -> None:
     """A steep film on a coupled line: both branches end in the same state, one jumps on the way."""
     A, c, load = coupled_line(24)
