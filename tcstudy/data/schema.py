@@ -250,6 +250,14 @@ HELD: tuple[FileVariable, ...] = (
 )
 """Ends of the contact line that carry no unknown, as a clamped edge prescribes their u_T; a level without has none."""
 
+_JOINT = ("joint",)
+JOINTS: tuple[FileVariable, ...] = (
+    FileVariable("joint_node", "i4", "1", "contact node where two contact edges meet", _JOINT),
+    FileVariable("joint_edge", "i1", "1", "the edge before the node", _JOINT),
+    FileVariable("joint_share", "f8", "1", "part of its contact length on the edge before", _JOINT),
+)
+"""Nodes with the friction of two edges (`tcstudy.scene.edge_laws`); a level of one contact edge has none."""
+
 _MESH_NODE = ("mesh_node",)
 _AT_MESH = (("coordinates", "node_x node_y"), ("mesh", "mesh"), ("location", "node"), *JUDGED)
 _CONNECTIVITY = (("cf_role", "face_node_connectivity"), ("start_index", np.int32(0)))
@@ -316,10 +324,12 @@ NUMBERS = (_POINTWISE | {*_GOAL_NAMES}) - {"status", "reason"}
 FIELD_NAMES = frozenset(v.name for v in FIELDS)
 """Names that `PointRecord.fields` may hold."""
 
-RESERVED = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES, *CONTACT, *HELD, *MESH, REGION, *FIELDS)) | {
+RESERVED = frozenset(
+    v.name for v in (*ROOT, *SOLVERS, *ESTIMATES, *CONTACT, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
+) | {
     *_GOAL_NAMES,
     *("level", "start", "solver", "geometry", "node", "mesh_node", "mesh_face", "corner", "mesh", POINT),
-    *("held_end", "component"),
+    *("held_end", "component", "joint"),
 }
 """Names of the file that no swept parameter may take; see `tcstudy.data.writer`."""
 

@@ -261,6 +261,9 @@ def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF
     put_all(group, schema.CONTACT, line, study)
     group["edge"].setncatts(edge_flags(level.edge_names))
     _put_held(group, study, level.fields)
+    if "joint_node" in level.fields:
+        put_all(group, schema.JOINTS, level.fields, study)
+        group["joint_edge"].setncatts(edge_flags(level.edge_names))
     return group
 
 

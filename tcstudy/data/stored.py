@@ -82,7 +82,7 @@ def _level(nc: netCDF4.Dataset, group: netCDF4.Group) -> LevelRecord:
         edge_names=tuple(meanings.split()),
         fields={
             v.name: group[v.name][...]
-            for v in (*schema.MESH, schema.REGION, *schema.HELD[:-1])
+            for v in (*schema.MESH, schema.REGION, *schema.HELD[:-1], *schema.JOINTS)
             if v.name in group.variables
         },
         stop=str(nc["stop"][i]) if "stop" in nc.variables else "",

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.norms import LineFunction, Triangles
 from tcstudy.exact.fields import body_edges, outward
 from tcstudy.expressions.derivative import value_and_gradient
+from tcstudy.scene.edge_laws import law_along
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.scene.nodal_laws import Law, each
-from tcstudy.scene.points import law_along
 from tcstudy.scene.records import Body, Contact, Convection, Edge, Point, Scalar, Scene, Traction
 from tcstudy.scene.study import Exact, Goal
 from tcstudy.shapes.edges import Arc, body_size, edge_arc, edge_at, edge_distance, edge_length

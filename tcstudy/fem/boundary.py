@@ -22,6 +22,7 @@ from tcstudy.errors import GeometryFailed
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.meshes import EDGES, SMOOTH, Frames, PlaneMesh
 from tcstudy.fem.rigid import with_ties
+from tcstudy.scene.edge_laws import NO_JOINTS, Joints
 from tcstudy.scene.records import Clamped, Contact, Rigid, Role, Scalar, Symmetry
 
 Array = NDArray[np.float64]
@@ -191,6 +192,7 @@ class ContactLine:
     xy:        (m, 2) coordinates [m];  c: (m,) segment lengths [m]
     edge:      (m,) index into edge_names of the edge the node lies on
     segments:  (s, 2) all segments of Γ_C, clamped nodes included, in order;  ends: (s, 2, 2) their ends [m]
+    joints:    the nodes where one edge ends and another begins, `edge` being that which begins
     """
 
     nodes: Indices
@@ -201,6 +203,7 @@ class ContactLine:
     edge_names: tuple[str, ...]
     segments: Indices
     ends: Array
+    joints: Joints = NO_JOINTS
 
     @property
     def m(self) -> int:
@@ -229,12 +232,14 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
     segments, edge = segments[order], edge[order]
     lengths = np.linalg.norm(mesh.points[segments[:, 1]] - mesh.points[segments[:, 0]], axis=1)
     free = ~frames.fixed[segments]
-    c = _cells(mesh, segments, lengths, free)
+    halves = _halves(mesh, segments, lengths, free)
+    c = np.zeros(mesh.n_points)
+    np.add.at(c, segments.T, halves.T)
     before = np.cumsum(lengths) - lengths
     # Each node once: as the start of its outgoing segment, or as the end of the last one of an open part.
     last = np.ones(len(segments), dtype=bool)
     last[:-1] = start[1:]
-    closes = segments[:, 1] == _part_start(segments, start)
+    closes = segments[:, 1] == segments[start, 0][np.cumsum(start) - 1]
     final = np.flatnonzero(last & ~closes)
     nodes = np.concatenate([segments[:, 0], segments[final, 1]])
     at = np.concatenate([before, before[final] + lengths[final]])
@@ -244,11 +249,16 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
     sort = sort[~frames.fixed[nodes[sort]]]
     nodes, ends = nodes[sort], mesh.points[segments]
     on = edges[sort].astype(np.int8)
-    return ContactLine(nodes, at[sort], mesh.points[nodes], c[nodes], on, names, segments, ends)
+    own = np.full(mesh.n_points, -1)
+    own[nodes] = np.arange(len(nodes))
+    into = own[segments[:, 1]]
+    meets = np.flatnonzero((into >= 0) & (on[into] != edge))
+    joints = Joints(into[meets], edge[meets], halves[meets, 1] / c[segments[meets, 1]])
+    return ContactLine(nodes, at[sort], mesh.points[nodes], c[nodes], on, names, segments, ends, joints)
 
 
-def _cells(mesh: PlaneMesh, segments: Indices, lengths: Array, free: NDArray[np.bool_]) -> Array:
-    """(n,) c_i on all mesh nodes: half of each adjacent segment, a fixed end's half goes to the other end."""
+def _halves(mesh: PlaneMesh, segments: Indices, lengths: Array, free: NDArray[np.bool_]) -> Array:
+    """(s, 2) what a segment adds to c_i of its ends: half of it, a fixed end's half goes to the other end."""
     lost = np.flatnonzero(~free[:, 0] & ~free[:, 1])
     if len(lost):
         x, y = mesh.points[segments[lost[0], 0]]
@@ -256,11 +266,7 @@ def _cells(mesh: PlaneMesh, segments: Indices, lengths: Array, free: NDArray[np.
             f"the contact line has no free node at ({x:g}, {y:g}), all its nodes there are held; refine the mesh, "
             "or draw short edges that stand for a curve as arcs with through"
         )
-    share = np.where((free[:, 0] & free[:, 1])[:, None], 0.5, free)
-    c = np.zeros(mesh.n_points)
-    np.add.at(c, segments[:, 0], share[:, 0] * lengths)
-    np.add.at(c, segments[:, 1], share[:, 1] * lengths)
-    return c
+    return np.where((free[:, 0] & free[:, 1])[:, None], 0.5, free) * lengths[:, None]
 
 
 def _chain(segments: Indices, rank: Indices) -> tuple[Indices, NDArray[np.bool_]]:
@@ -285,12 +291,6 @@ def _chain(segments: Indices, rank: Indices) -> tuple[Indices, NDArray[np.bool_]
             first = False
             i = outgoing.get(int(segments[i, 1]))
     return np.array(order, dtype=np.intp), np.array(starts, dtype=bool)
-
-
-def _part_start(segments: Indices, start: NDArray[np.bool_]) -> Indices:
-    """First node of the part that each segment belongs to."""
-    heads = segments[start, 0]
-    return heads[np.cumsum(start) - 1]
 
 
 def held_ends(mesh: PlaneMesh, line: ContactLine, boundary: tuple[tuple[str, Role], ...]) -> dict[str, NDArray[Any]]:

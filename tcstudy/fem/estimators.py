@@ -26,19 +26,10 @@ from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import ContactLine, values_at
 from tcstudy.fem.recovery import ElementGeometry
+from tcstudy.scene.edge_laws import EdgeLaws
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.nodal_laws import Law, nodal
-from tcstudy.scene.records import (
-    Clamped,
-    Contact,
-    Convection,
-    EdgeLaws,
-    Rigid,
-    Role,
-    Scene,
-    Traction,
-    resultant,
-)
+from tcstudy.scene.records import Clamped, Contact, Convection, Rigid, Role, Scene, Traction, resultant
 
 Array = NDArray[np.float64]
 

@@ -35,10 +35,11 @@ from tcstudy.offline.loads import (
     mechanical_terms,
 )
 from tcstudy.offline.thermal import Temperature, Temperatures
+from tcstudy.scene.edge_laws import EdgeLaws, law_along
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.nodal_laws import Law, nodal
+from tcstudy.scene.nodal_laws import Law
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Clamped, Contact, EdgeLaws, Rigid, Scene
+from tcstudy.scene.records import Clamped, Contact, Rigid, Scene
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -172,18 +173,13 @@ class Level:
     def law(self, scene: Scene) -> Law:
         """The friction law of Γ_C, or of every contact node where it differs along Γ_C.
 
-        A node where two edges meet has the law of the one that follows. Raises ValueError for a strength below 0.
+        Raises ValueError for a strength below 0.
         """
         friction, line = scene.friction, self.line
         if isinstance(friction, FrictionLaw):
             return friction
         if friction not in self._laws:
-            index, strength = friction.along(line.edge_names, line.edge, line.xy)
-            if np.any(wrong := ~((strength >= 0.0) & np.isfinite(strength))):
-                k = int(np.argmax(wrong))
-                x, y = line.xy[k]
-                raise ValueError(f"the strength of friction is {strength[k]:g} at ({x:g}, {y:g}); it must be 0 or more")
-            self._laws[friction] = nodal([law for _, law, _ in friction.laws], index, strength)
+            self._laws[friction] = law_along(friction, line.edge_names, line.edge, line.xy, line.joints)
         return self._laws[friction]
 
     def load_of(self, scene: Scene, terms: Sequence[LoadTerm]) -> Array:

@@ -23,6 +23,7 @@ from tcstudy.offline.whole_slopes import WholeBody, affine_scene, change_of
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.law_slopes import agreed, law_slopes, number_of
+from tcstudy.scene.nodal_laws import Law, each
 from tcstudy.scene.records import Clamped, Role, Scene
 from tcstudy.solvers.linearised import Linearised
 
@@ -94,9 +95,9 @@ def law_slope(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> tu
         return b, kinks
     for law, nodes, factor in _laws(level, scene, by.path):
         slopes, s = law_slopes(law, number_of(by.path)), at.v[nodes]
-        b[nodes] = factor * slopes.value(s, law.piece(s))
+        b[nodes] += factor * slopes.value(s, law.piece(s))
         if len(law.kinks):
-            kinks[nodes] = slopes.kinks[law.nearest_kink(s)]
+            kinks[nodes] += np.where(law.on_kink(s), slopes.kinks[law.nearest_kink(s)], 0.0)
     return b, kinks
 
 
@@ -106,17 +107,30 @@ def virgin_slope(level: Level, scene: Scene, by: Sensitivity) -> Callable[[Array
     if by.path[0] != "friction":
         return None
     own = [(one, law_slopes(one[0], number_of(by.path))) for one in _laws(level, scene, by.path)]
+    begins = _starts(level.law(scene))
 
     def slopes(kappa: Array, piece: Index) -> tuple[Array, Array]:
         tau, starts = np.zeros((2, len(kappa)))
+        begin = begins(piece)
         for (law, nodes, factor), slope in own:
-            k = np.minimum(int(law.piece(0.0, +1)) + piece[nodes], len(law.q) - 1)
-            tau[nodes] = factor * slope.value(kappa[nodes], k)
+            s = begin[nodes]
+            tau[nodes] += factor * slope.value(kappa[nodes], law.piece(s))
             if len(law.kinks):
-                starts[nodes] = np.where(piece[nodes] > 0, slope.kinks[k - 1], 0.0)
+                moved = (s > 0.0) & law.on_kink(s)
+                starts[nodes] += np.where(moved, slope.kinks[law.nearest_kink(s)], 0.0)
         return tau, starts
 
     return slopes
+
+
+def _starts(law: Law) -> Callable[[Index], Array]:
+    """piece → (m,) the slip at which pieces of every node's law for s > 0 begin, counted from 0."""
+
+    def of(own: FrictionLaw, piece: Index) -> Array:
+        starts = np.concatenate([[0.0], own.kinks[own.kinks > 0.0]])
+        return np.asarray(starts[np.minimum(piece, len(starts) - 1)])
+
+    return lambda piece: np.asarray(each(law, of, piece))
 
 
 def friction_energy(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> float:
@@ -126,27 +140,28 @@ def friction_energy(level: Level, scene: Scene, by: Sensitivity, at: Linearised)
     """
     if by.path[0] != "friction":
         return 0.0
-    found, c, rests = 0.0, at.problem.c, np.isin(np.arange(len(at.v)), at.rest)
-    xi = at.problem.xi(at.v)
-    for law, nodes, factor in _laws(level, scene, by.path):
-        slopes, s = law_slopes(law, number_of(by.path)), at.v[nodes]
-        found += float(np.sum(c[nodes] * factor * slopes.potential(s)))
-        if np.any(slopes.kinks):
-            near, own = law.nearest_kink(s), rests[nodes]
-            inner = np.where(s > 0.0, law.b_left[near], law.b_right[near])
-            found += float(np.sum((c[nodes] * factor * inner - xi[nodes])[own] * slopes.kinks[near][own]))
+    found, c, law = 0.0, at.problem.c, at.problem.law
+    for own, nodes, factor in _laws(level, scene, by.path):
+        slopes = law_slopes(own, number_of(by.path))
+        found += float(np.sum(c[nodes] * factor * slopes.potential(at.v[nodes])))
+    kinks = law_slope(level, scene, by, at)[1]
+    if np.any(kinks[at.rest]):
+        left, right = law.limits(law.nearest_kink(at.v))
+        inner = np.where(at.v > 0.0, left, right)
+        found += float(((c * inner - at.problem.xi(at.v)) * kinks)[at.rest].sum())
     return found
 
 
 def omega_slope(level: Level, scene: Scene, by: Sensitivity) -> float:
-    """∂ω/∂p of the law that falls most; NaN at a down-jump, and where several fall as much and do not agree."""
+    """∂ω/∂p of the law that falls most; NaN at a down-jump, where several fall as much and do not agree, and where that
+    is the law of a joint alone."""
     if by.path[0] != "friction":
         return 0.0
     every = _laws(level, scene, ())
     falls = [float(np.max(factor, initial=0.0)) * law.omega if law.omega else 0.0 for law, _, factor in every]
     named = [law for law, _, _ in _laws(level, scene, by.path)]
     largest, found = max(falls), []
-    if not np.isfinite(largest):
+    if not np.isfinite(largest) or largest < level.law(scene).omega * (1.0 - 1e-9):
         return float("nan")
     for (law, _, factor), fall in zip(every, falls, strict=True):
         if fall >= largest * (1.0 - 1e-9):
@@ -158,15 +173,15 @@ def omega_slope(level: Level, scene: Scene, by: Sensitivity) -> float:
 
 
 def _laws(level: Level, scene: Scene, path: tuple[str, ...]) -> list[tuple[FrictionLaw, Index, Array]]:
-    """(law, its nodes, strength there) of the laws that a parameter belongs to."""
+    """(law, its nodes, its factor in their laws) of the laws that a parameter belongs to."""
     friction = scene.friction
     if isinstance(friction, FrictionLaw):
         nodes = np.arange(level.line.m, dtype=np.intp)
         return [(friction, nodes, np.ones(len(nodes)))]
-    index, strength = friction.along(level.line.edge_names, level.line.edge, level.line.xy)
-    named = [
-        (law, np.flatnonzero(index == k))
-        for k, (edge, law, _) in enumerate(friction.laws)
+    line = level.line
+    factors = friction.factors(line.edge_names, line.edge, line.xy, line.joints)
+    return [
+        (law, np.flatnonzero(~np.isnan(factor)), factor[~np.isnan(factor)])
+        for (edge, law, _), factor in zip(friction.laws, factors, strict=True)
         if edge in ("", *path) or not path
     ]
-    return [(law, nodes, strength[nodes]) for law, nodes in named]

@@ -21,13 +21,14 @@ from tcstudy.read.checks import check_corners
 from tcstudy.read.fields import Context
 from tcstudy.read.node import Collector, Node, nearest
 from tcstudy.read.plans import affine_parameters, path_of
+from tcstudy.scene.edge_laws import EdgeLaws
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.keys import row
 from tcstudy.scene.law_slopes import POINTS
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.parameters import SHORT, path_scene, sweepable
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Body, Contact, Convection, EdgeLaws, Rigid, Scene, Traction, exchanges
+from tcstudy.scene.records import Body, Contact, Convection, Rigid, Scene, Traction, exchanges
 from tcstudy.scene.study import Exact, MeshPlan, OutputPlan, Probe
 from tcstudy.scene.units import NONE, STIFFNESS, TRACTION, Dimension
 from tcstudy.shapes.edges import body_size, edge_distance, loop_polygon, loop_size

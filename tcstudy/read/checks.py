@@ -19,19 +19,8 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.read.fields import Context
 from tcstudy.read.heat import Boundary, value_at
 from tcstudy.read.node import Node, deepest
-from tcstudy.scene.records import (
-    Body,
-    Clamped,
-    Contact,
-    Convection,
-    Edge,
-    EdgeLaws,
-    Point,
-    Rigid,
-    Role,
-    Symmetry,
-    Traction,
-)
+from tcstudy.scene.edge_laws import EdgeLaws
+from tcstudy.scene.records import Body, Clamped, Contact, Convection, Edge, Point, Rigid, Role, Symmetry, Traction
 from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_normal, edge_points, loop_size
 from tcstudy.shapes.faults import loop_polygon

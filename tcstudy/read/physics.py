@@ -15,24 +15,13 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.heat import HEAT_KEYS, Boundary, read_edge_heat
 from tcstudy.read.node import COMPONENTS, Node, choose, nearest
+from tcstudy.scene.edge_laws import EdgeLaws
 from tcstudy.scene.friction import FrictionLaw, GrowthError
 from tcstudy.scene.key import LOADED
 from tcstudy.scene.keys import of_role, row, rows
 from tcstudy.scene.laws import SHAPES, LawError
 from tcstudy.scene.nodal_laws import times
-from tcstudy.scene.records import (
-    Clamped,
-    Contact,
-    Convection,
-    EdgeLaws,
-    Free,
-    Material,
-    Rigid,
-    Role,
-    Scalar,
-    Symmetry,
-    Traction,
-)
+from tcstudy.scene.records import Clamped, Contact, Convection, Free, Material, Rigid, Role, Scalar, Symmetry, Traction
 
 ROLES = row("boundary", "role").words
 RECORDS: dict[str, type[Role]] = {

@@ -22,8 +22,9 @@ from tcstudy.read.node import Node, put
 from tcstudy.read.parameters import read_parameters, users, words_in
 from tcstudy.read.physics import read_boundary, read_friction, read_loads, read_materials
 from tcstudy.read.sweep import Sweep, SweptAxis
+from tcstudy.scene.edge_laws import EdgeLaws
 from tcstudy.scene.points import Scenes
-from tcstudy.scene.records import Body, EdgeLaws, Scene
+from tcstudy.scene.records import Body, Scene
 
 SECTIONS = ("boundary", "material", "loads", "heat", "friction")
 """What makes up a scene beside the body, which cannot be swept."""

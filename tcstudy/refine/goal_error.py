@@ -17,9 +17,9 @@ Held ends:  ξ_i of a sticking node beside a held one is what its hat function s
             The finer mesh lacks half of it; what it lacks less or more, as where a node there changes sides, is added
 Tears:      where b jumps or turns at a slip, neighbours may lie on either side of it, and the front rests on a node: ∫ξ
             is known to a cell times the jump (goals.torn). Half of that of the finer mesh is added to the error
-Steps:      where the law itself steps along Γ_C, from edge to edge or by its strength, cells straddle the step, and the
-            parts on the finer cells there (goals.steps) have p = 1. A step that is no end of an edge lies somewhere in
-            its cell: half a cell of the finer mesh times the step, as friction that changes J, is added to the error
+Steps:      where strength steps along an edge, a cell straddles the step, and the parts on the finer cells there
+            (goals.steps) have p = 1. The step lies somewhere in its cell: half a cell of the finer mesh times the step,
+            as friction that changes J, is added to the error. Where edges meet the cell has its parts of both laws
 Slip length: the sum of slipping cells, quantised to a cell, against the positions of the fronts within their cells
             (fronts.py), L_h and L_{h/2}: limit L as above, error |J(u_h) − L| + the doubt of fronts that could not be
             located
@@ -117,8 +117,8 @@ def goal_error(
     z_T = _dual(goal, finer.problem, fine.line, answer.v)
     shares, parts = _parts(goal, halved, triangles, scene, (condensed, finer), *solutions, z_T)
     hidden = _hidden(goal, halved, finer.problem, answer.v, solutions[1][1], z_T)
-    stepped, straddled = _stepped(goal, halved, finer.problem, answer.v, z_T)
-    hides = float(hidden.sum()) + straddled
+    stepped = _stepped(goal, halved, finer.problem, answer.v, z_T)
+    hides = float(hidden.sum() + stepped.sum())
     shares += _at_segments(halved.coarse, stepped)
     places = _places(goal, halved.coarse, condensed, v)
     parted = regions(halved, scene, sticking(condensed.problem.law, v), places, stepped > 0.0)
@@ -183,14 +183,12 @@ def _hidden(goal: Goal, halved: Halved, problem: ContactProblem, v: Array, u: Ar
     return halved.on_segments(hidden)
 
 
-def _stepped(goal: Goal, halved: Halved, problem: ContactProblem, v: Array, z_T: Array) -> tuple[Array, float]:
-    """(s,) what steps of the law change of J if they move half a cell of the finer level, by segments of the level,
-    and the sum of those that are no end of an edge."""
+def _stepped(goal: Goal, halved: Halved, problem: ContactProblem, v: Array, z_T: Array) -> Array:
+    """(s,) what steps of the law change of J if they move half a cell of the finer level, by segments of the level."""
     line, a = halved.level.line, 1.0 if goal.quantity == "friction_resultant" else 0.0
     own, half = line.unknowns, 0.5 * np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1)
     effect = half * steps(line, problem, v) * np.max(np.abs(a - z_T[own]), axis=1)
-    within = line.edge[own[:, 0]] == line.edge[own[:, 1]]
-    return halved.on_segments(effect), float(effect[within].sum())
+    return halved.on_segments(effect)
 
 
 def _parts(

@@ -107,14 +107,16 @@ def steps(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
     """(s,) how far apart the laws of two neighbours are at the slip there, where the law steps along Γ_C [Pa].
 
     A step is more than twice what it is on both sides of it: strength that varies smoothly changes from cell to cell by
-    about the same. Nodes that stick carry what the body asks for, not b.
+    about the same. Nodes that stick carry what the body asks for, not b. Where edges meet the cell of the node has its
+    parts of both laws, and nothing steps.
     """
     law, own = problem.law, line.unknowns
     if isinstance(law, FrictionLaw):
         return np.zeros(len(own))
     (p, q), slips = own.T, ~sticking(law, v)
     slip = np.where(slips[p], v[p], v[q])
-    apart = np.where((own.min(axis=1) >= 0) & (slips[p] | slips[q]), np.abs(law.of(p).b(slip) - law.of(q).b(slip)), 0.0)
+    known = (own.min(axis=1) >= 0) & (slips[p] | slips[q]) & ~np.isin(own, line.joints.node).any(axis=1)
+    apart = np.where(known, np.abs(law.of(p).b(slip) - law.of(q).b(slip)), 0.0)
     beside = np.maximum(np.append(0.0, apart[:-1]), np.append(apart[1:], 0.0))
     return np.where(apart > 2.0 * beside, apart, 0.0)
 

@@ -16,7 +16,8 @@ from tcstudy.data.reading import refuse_geometries, sweep_dims
 from tcstudy.data.schema import STICKS
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import Value, check_solved, describe, labels, level_number, locate
-from tcstudy.reports.stored_study import NamedEdge, outline, scene_at, sources, stored_study
+from tcstudy.reports.stored_study import NamedEdge, joints_of, outline, scene_at, sources, stored_study
+from tcstudy.scene.edge_laws import NO_JOINTS, Joints
 from tcstudy.scene.records import Scene
 
 Array = NDArray[np.float64]
@@ -30,7 +31,7 @@ class LineFields:
     """The contact line at one point of the sweep, m nodes in order.
 
     arclength, x, y, c: position, coordinates and segment lengths c_i [length_units]
-    edge:   (m,) index into edge_names
+    edge:   (m,) index into edge_names;  joints: the nodes where one of them ends and another begins
     u_T:    (m,) tangential displacement [length_units];  xi: (m,) traction ξ = −S_T [traction_units]
     sticks: (m,) nodes that rest on an up-jump of the law
     """
@@ -46,6 +47,7 @@ class LineFields:
     sticks: NDArray[np.bool_]
     length_units: str
     traction_units: str
+    joints: Joints = NO_JOINTS
 
     @property
     def parts(self) -> list[slice]:
@@ -215,6 +217,7 @@ def _line(group: Any) -> LineFields:
         sticks=group["sticks"].values == STICKS,
         length_units=str(group["u_T"].attrs["units"]),
         traction_units=str(group["xi"].attrs["units"]),
+        joints=joints_of(group),
     )
 
 

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.schema import JOINTS
 from tcstudy.data.writer import axis_places
 from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
+from tcstudy.scene.edge_laws import NO_JOINTS, EdgeLaws, Joints, law_along
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.nodal_laws import Law
-from tcstudy.scene.points import law_along
-from tcstudy.scene.records import Clamped, Convection, EdgeLaws, Role, Scene, Traction, resultant
+from tcstudy.scene.records import Clamped, Convection, Role, Scene, Traction, resultant
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -68,7 +69,12 @@ def law_of_nodes(friction: FrictionLaw | EdgeLaws, group: Any) -> Law:
     """The law of the contact line of a stored level, or of its nodes."""
     names = str(group["edge"].attrs.get("flag_meanings", "")).split()
     xy = np.stack([group["x"].values, group["y"].values], axis=1)
-    return law_along(friction, names, group["edge"].values, xy)
+    return law_along(friction, names, group["edge"].values, xy, joints_of(group))
+
+
+def joints_of(group: Any) -> Joints:
+    """The nodes of a stored level where contact edges meet."""
+    return Joints(*(group[v.name].values for v in JOINTS)) if "joint_node" in group else NO_JOINTS
 
 
 def at_rest(study: Study | None) -> bool:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
 from tcstudy.expressions.expression import Expression, parse
+from tcstudy.scene.edge_laws import EdgeLaws
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.key import Key
@@ -20,7 +21,7 @@ from tcstudy.scene.keys import ROWS, law_rows, rows
 from tcstudy.scene.law_slopes import POINTS, number_of, point_of
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.nodal_laws import times
-from tcstudy.scene.records import Clamped, EdgeLaws, Loaded, Material, Rigid, Role, Scalar, Scene, resultant
+from tcstudy.scene.records import Clamped, Loaded, Material, Rigid, Role, Scalar, Scene, resultant
 
 Keys = tuple[str, ...]
 R = TypeVar("R")

@@ -12,9 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.nodal_laws import Law, nodal
-from tcstudy.scene.records import Body, Clamped, EdgeLaws, Scene
+from tcstudy.scene.records import Body, Clamped, Scene
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -195,14 +193,3 @@ def prescribed(scene: Scene, edge: int, x: float, y: float) -> tuple[float, floa
     given = role.u if isinstance(role, Clamped) else (0.0, 0.0)
     first, second = (float(one.evaluate(x, y)) if isinstance(one, Expression) else one or 0.0 for one in given)
     return first, second
-
-
-def law_along(friction: FrictionLaw | EdgeLaws, names: Sequence[str], edge: NDArray[np.integer], xy: Array) -> Law:
-    """The law of the contact line, or of points xy (m, 2) on it, which lie on the edges `names` by number (m,).
-
-    Raises ValueError for a strength below 0.
-    """
-    if isinstance(friction, FrictionLaw):
-        return friction
-    index, strength = friction.along(names, edge, xy)
-    return nodal([law for _, law, _ in friction.laws], index, strength)

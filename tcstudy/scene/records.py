@@ -5,7 +5,7 @@ Symbols follow Šestak & Jovanović (2010): alpha, theta_bar, q, omega (the sour
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
+from tcstudy.scene.edge_laws import EdgeLaws
 from tcstudy.scene.friction import FrictionLaw
 
 Array = NDArray[np.float64]
@@ -243,31 +244,6 @@ class Heat:
     theta_bar: Scalar = 0.0
     q: Scalar = 0.0
     omega: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class EdgeLaws:
-    """Friction that differs along Γ_C: b(s) of an edge's law times its strength in x and y, 0 where the bond has a gap.
-
-    laws: (edge, law, strength); the edge "" is all of Γ_C
-    """
-
-    laws: tuple[tuple[str, FrictionLaw, Scalar], ...]
-
-    def along(self, names: Sequence[str], edge: NDArray[np.integer], xy: Array) -> tuple[NDArray[np.intp], Array]:
-        """(m,) which of the laws a node has, and its strength there; of nodes at xy (m, 2) on edges by number."""
-        own = [name for name, _, _ in self.laws]
-        index = np.array([own.index(name) if name in own else 0 for name in names], dtype=np.intp)[edge]
-        strength = np.empty(len(index))
-        for k, (_, _, factor) in enumerate(self.laws):
-            x, y = xy[index == k].T
-            strength[index == k] = factor.evaluate(x, y) if isinstance(factor, Expression) else factor
-        return index, strength
-
-    @property
-    def vanishes(self) -> bool:
-        """True if b ≡ 0 everywhere."""
-        return all(law.vanishes for _, law, _ in self.laws)
 
 
 @dataclass(frozen=True)

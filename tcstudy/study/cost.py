@@ -24,9 +24,10 @@ from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import CostError, GeometryFailed, StoreError
 from tcstudy.exact.numbers import exact_friction_resultant
+from tcstudy.scene.edge_laws import EdgeLaws
 from tcstudy.scene.families import TO_TOLERANCE
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import EdgeLaws, Scene
+from tcstudy.scene.records import Scene
 from tcstudy.scene.study import SOLVERS, Goal, Study
 from tcstudy.study.cost_curves import CostCurve, Progress, family_plan, first_run, time_again, walk
 from tcstudy.study.doubts import locking_notes

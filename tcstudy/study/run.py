@@ -186,6 +186,7 @@ def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
     """What the data keep of a level: sizes, the contact line, and the mesh if fields are kept."""
     line = level.line
     fields: dict[str, NDArray[np.generic]] = held_ends(mesh, line, study.scenes[0].boundary)
+    fields |= {f"joint_{name}": values for name, values in line.joints._asdict().items() if len(values)}
     if study.output.fields:
         fields |= {
             "node_x": mesh.points[:, 0],
@@ -255,8 +256,7 @@ def execute(
     where it stopped. Raises StoreError if the results cannot be kept, GeometryFailed if the body has no mesh,
     WorkersFailed if there are no workers; KeyboardInterrupt passes through after the finished points are on the disk.
     """
-    output = output if output is not None else output_of(study)
-    watcher = watcher if watcher is not None else Quiet()
+    output, watcher = output or output_of(study), watcher or Quiet()
     with closing((staff or Staff(jobs, dask)).ready(study)) as staff:
         if study.variants:
             if problems := faults(study, output):

@@ -15,8 +15,8 @@ from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.picture import Picture, read_picture
 from tcstudy.reports.select_point import Value
 from tcstudy.reports.text import axis_unit, counted, number, pretty
+from tcstudy.scene.edge_laws import EdgeLaws, laws_along
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw
-from tcstudy.scene.records import EdgeLaws
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +41,7 @@ ROOM, BEYOND = 1.15, 4.0
 class LawPicture:
     """One point of a sweep and its laws; lambda_1 and omega as stored.
 
-    laws:     (edge, law), one of "" where friction is the same along the contact line
+    laws:     (edge, law), one of "" where friction is the same along the contact line; after them those of joints
     index:    (m,) which of them a node has;  strength: (m,) that of the law there
     """
 
@@ -66,9 +66,9 @@ def read_law(path: Path, point: Mapping[str, Value] | None, level: int) -> LawPi
     friction, line = picture.scene.friction, picture.line
     if isinstance(friction, FrictionLaw):
         friction = EdgeLaws((("", friction, 1.0),))
-    along = friction.along(line.edge_names, line.edge, np.stack([line.x, line.y], axis=1))
-    laws = tuple((edge, law) for edge, law, _ in friction.laws)
-    return LawPicture(picture, laws, *along, picture.lambda_1, picture.omega, picture.stiffness_units)
+    xy = np.stack([line.x, line.y], axis=1)
+    laws, *along = laws_along(friction, line.edge_names, line.edge, xy, line.joints)
+    return LawPicture(picture, tuple(laws), *along, picture.lambda_1, picture.omega, picture.stiffness_units)
 
 
 def law_figure(picture: LawPicture, look: style.Look) -> Figure:

@@ -8,9 +8,9 @@ from tcstudy.reports.figures.law_figure import curves, slip_range
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.picture import LineFields
 from tcstudy.reports.stored_study import file_order
+from tcstudy.scene.edge_laws import EdgeLaws, laws_along
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw
 from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.records import EdgeLaws
 from tcstudy.scene.study import Study
 from tcstudy.scene.units import STIFFNESS, TRACTION
 
@@ -38,17 +38,19 @@ def law_part(study: Study | None) -> Json | None:
 
 
 def node_part(study: Study | None, line: LineFields, box: Container) -> Json:
-    """By edge: which of the edges' laws a node has, the different strengths along the line and which a point has."""
+    """By edge: which of the edges' laws a node has, the different strengths along the line and which a point has.
+
+    A joint has none of them (-1), but a mixture, which is not drawn.
+    """
     frictions = [] if study is None else [study.scenes[i].friction for i in file_order(study)]
-    found = [
-        friction.along(line.edge_names, line.edge, np.stack([line.x, line.y], axis=1))
-        for friction in frictions
-        if isinstance(friction, EdgeLaws)
-    ]
+    laws, xy = [one for one in frictions if isinstance(one, EdgeLaws)], np.stack([line.x, line.y], axis=1)
+    found = [laws_along(friction, line.edge_names, line.edge, xy, line.joints) for friction in laws]
     if not found:
         return {}
-    rows, which = np.unique([strength for _, strength in found], axis=0, return_inverse=True)
-    return {"of_law": box.array(found[0][0], "i1"), "strengths": box.rows(rows), "strength_of": which.ravel().tolist()}
+    rows, which = np.unique([strength for *_, strength in found], axis=0, return_inverse=True)
+    mixed = np.any([index >= len(friction.laws) for (_, index, _), friction in zip(found, laws, strict=True)], axis=0)
+    of_law = np.where(mixed, -1, found[0][1])
+    return {"of_law": box.array(of_law, "i1"), "strengths": box.rows(rows), "strength_of": which.ravel().tolist()}
 
 
 def drawn(law: FrictionLaw) -> Json:

@@ -16,11 +16,11 @@ from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.law_part import node_part
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.picture import BodyFields, LineFields, ends_held
-from tcstudy.reports.stored_study import at_rest, file_order, law_of_nodes, nearest, outline, sources
+from tcstudy.reports.stored_study import at_rest, file_order, joints_of, law_of_nodes, nearest, outline, sources
 from tcstudy.scene.contact_states import ContactState, node_states
+from tcstudy.scene.edge_laws import EdgeLaws
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.nodal_laws import each
-from tcstudy.scene.records import EdgeLaws
 from tcstudy.scene.study import Study
 
 MOST_NODES = 8_000
@@ -127,7 +127,7 @@ def contact_line(group: Any) -> LineFields:
     values = {name: group[name].values for name in ("arclength", "x", "y", "c")}
     edges = tuple(str(group["edge"].attrs.get("flag_meanings", "")).split())
     return LineFields(**values, edge=group["edge"].values, edge_names=edges, u_T=zero, xi=zero, sticks=zero > 0.0,
-                length_units="m", traction_units="Pa")  # fmt: skip
+                length_units="m", traction_units="Pa", joints=joints_of(group))  # fmt: skip
 
 
 FUNCTIONS = ("mechanical_load", "held_load", *(f"{name}_{part}" for name in ("source", "surroundings")
