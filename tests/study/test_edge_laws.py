@@ -174,6 +174,6 @@ def test_a_chosen_solution_of_two_laws_is_met_at_the_orders_of_theory(tmp_path: 
     assert float(data["exact_slip_length"]) == pytest.approx(1.0)
     assert float(data["limit_friction_resultant"]) == pytest.approx(1.0 - 0.6 * mean, rel=1e-4)
     before, last = abs(data["value_energy"].values - float(data["exact_energy"]))[-2:]
-    assert 1.8 < before / last < 2.1  # the nodes' quadrature of a strength that varies
+    assert 3.8 < before / last < 4.2  # the nodes' quadrature, of second order also where the films meet
     with pytest.raises(StudyError, match=r"the friction law does not hold on shoe: .* but b\(u_T\) is 1;"):
         read_study_text(CHOSEN.replace("0.41 - 0.06*sin(pi*x)", "0.5"))

@@ -67,8 +67,9 @@ def read_law(path: Path, point: Mapping[str, Value] | None, level: int) -> LawPi
     if isinstance(friction, FrictionLaw):
         friction = EdgeLaws((("", friction, 1.0),))
     xy = np.stack([line.x, line.y], axis=1)
-    laws, *along = laws_along(friction, line.edge_names, line.edge, xy, line.joints)
-    return LawPicture(picture, tuple(laws), *along, picture.lambda_1, picture.omega, picture.stiffness_units)
+    laws, index, strength = laws_along(friction, line.edge_names, line.edge, xy, line.joints)
+    uniqueness = picture.lambda_1, picture.omega, picture.stiffness_units
+    return LawPicture(picture, tuple(laws), index, strength, *uniqueness)
 
 
 def law_figure(picture: LawPicture, look: style.Look) -> Figure:

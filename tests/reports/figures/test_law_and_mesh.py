@@ -58,7 +58,8 @@ def films(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_where_friction_differs_every_node_stands_on_the_law_of_its_edge(films: Path) -> None:
     shown = read_law(films, None, -1)
     line, bonded = shown.point.line, shown.strength > 0
-    assert [edge for edge, _ in shown.laws] == ["film", "shoe"]
+    assert [edge for edge, _ in shown.laws] == ["film", "shoe", "film and shoe"]
+    assert list(np.flatnonzero(shown.index == 2)) == list(np.flatnonzero(np.isclose(line.x, 1.0)))
     assert shown.strength == pytest.approx(np.where(line.x < 1, np.clip(2 * line.x - 0.5, 0, 1), 1.0))
     for k, (_, law) in enumerate(shown.laws):
         here = bonded & (shown.index == k)
