@@ -250,11 +250,10 @@ HELD: tuple[FileVariable, ...] = (
 )
 """Ends of the contact line that carry no unknown, as a clamped edge prescribes their u_T; a level without has none."""
 
-_JOINT = ("joint",)
 JOINTS: tuple[FileVariable, ...] = (
-    FileVariable("joint_node", "i4", "1", "contact node where two contact edges meet", _JOINT),
-    FileVariable("joint_edge", "i1", "1", "the edge before the node", _JOINT),
-    FileVariable("joint_share", "f8", "1", "part of its contact length on the edge before", _JOINT),
+    FileVariable("joint_node", "i4", "1", "contact node where two contact edges meet", ("joint",)),
+    FileVariable("joint_edge", "i1", "1", "the edge before the node", ("joint",)),
+    FileVariable("joint_share", "f8", "1", "part of its contact length on the edge before", ("joint",)),
 )
 """Nodes with the friction of two edges (`tcstudy.scene.edge_laws`); a level of one contact edge has none."""
 
@@ -320,16 +319,13 @@ _POINTWISE = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES) if v.dims[:
 NUMBERS = (_POINTWISE | {*_GOAL_NAMES}) - {"status", "reason"}
 """Names that `PointRecord.numbers` may hold, derivatives apart."""
 
-
 FIELD_NAMES = frozenset(v.name for v in FIELDS)
 """Names that `PointRecord.fields` may hold."""
 
-RESERVED = frozenset(
-    v.name for v in (*ROOT, *SOLVERS, *ESTIMATES, *CONTACT, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
-) | {
-    *_GOAL_NAMES,
+_OF_LEVEL = (*CONTACT, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
+RESERVED = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES, *_OF_LEVEL)) | {
+    *(*_GOAL_NAMES, "held_end", "component", "joint"),
     *("level", "start", "solver", "geometry", "node", "mesh_node", "mesh_face", "corner", "mesh", POINT),
-    *("held_end", "component", "joint"),
 }
 """Names of the file that no swept parameter may take; see `tcstudy.data.writer`."""
 
