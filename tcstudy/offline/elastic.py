@@ -17,7 +17,6 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, ForwardLoad, condense
-from tcstudy.condense.layout import pattern_of
 from tcstudy.condense.multifrontal import Known
 from tcstudy.condense.symbolic import EliminationPlan
 from tcstudy.fem.boundary import ContactLine
@@ -109,7 +108,6 @@ class Elastic:
         if springs or frames.ties is not None:
             added = forms.springs(springs, frames) if springs else 0.0 * stiffness
             stiffness = frames.tied(sp.csr_array(stiffness + added))
-            plan = plan if plan is not None and plan.layout.pattern == pattern_of(stiffness) else None
         eliminate = ~frames.fixed
         eliminate[line.nodes] = False
         points = forms.mesh.points

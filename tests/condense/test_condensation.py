@@ -230,12 +230,6 @@ def test_no_columns():
     assert c.expand(np.zeros((c.m, 0)), F).shape == F.shape
 
 
-def test_eliminate_as_rows_is_eliminate_as_mask():
-    A, points, keep, free, components = rolled_plate(MESHES["structured"])
-    by_rows = condense(A, points, keep, np.flatnonzero(free)[::-1], components)
-    assert np.array_equal(by_rows.A_tilde, condense(A, points, keep, free, components).A_tilde)
-
-
 @pytest.mark.parametrize("components", [1, 2, 3])
 def test_random_positive_definite_matrices_on_a_mesh_graph(components):
     mesh = plate(9, seed=components)

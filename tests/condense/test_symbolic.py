@@ -1,4 +1,4 @@
-"""The order of elimination: stable sorting, and separators that are minimum vertex covers (König)."""
+"""The order of elimination: separators that are minimum vertex covers (König)."""
 
 from __future__ import annotations
 
@@ -7,14 +7,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from tcstudy.condense.symbolic import _separators, along, nested_dissection, node_graph
+from tcstudy.condense.symbolic import _separators, nested_dissection, node_graph
 from tests.condense.meshes import heat, plate
-
-
-def test_along_is_the_stable_order():
-    values = np.random.default_rng(0).integers(0, 7, 200) * 0.1
-    assert np.array_equal(along(values), np.argsort(values, kind="stable"))
-    assert len(along(np.empty(0))) == 0
 
 
 def covers(chosen: set[int], edges: list[tuple[int, int]]) -> bool:
@@ -41,7 +35,7 @@ def test_no_edge_joins_two_parts_of_a_dissection():
     mesh = plate(20, hole=True, seed=3)
     active = mesh.points[:, 0] > 0
     i, j = node_graph(heat(mesh), len(mesh.points), active)
-    orders = [along(mesh.points[:, axis]) for axis in (0, 1)]
+    orders = list(np.argsort(mesh.points, axis=0).T)
     label = nested_dissection(mesh.points, orders, i, j, active, leaf=8)
     assert np.array_equal(label > 0, active)
     low, high = np.minimum(label[i], label[j]), np.maximum(label[i], label[j])
