@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.online.certify import (
+    definite,
     energy_gap,
     global_minimum,
     margins,
     resting_slack,
     solution_boxes,
     strict_minimum,
-    unique,
 )
 from tcstudy.online.descent import TOLERANCE, Descended, descend, descend_nested, hull_starts, move_starts
 from tcstudy.online.problems import BlockAnswers, Certificates, CondensedBody, Judged, Rows, judge
@@ -112,8 +112,8 @@ class _Block:
         """Boxes of all solutions, and what is convex on them."""
         open_ = np.flatnonzero(~self.convex)
         rows = self.rows.take(open_)
-        self.low[open_], self.high[open_] = solution_boxes(rows)
-        self.unique[open_] = unique(rows, self.low[open_], self.high[open_])
+        self.low[open_], self.high[open_] = low, high = solution_boxes(rows)
+        self.unique[open_] = definite(rows.body, rows.laws.least_slope(low, high))
 
     def descend(self) -> None:
         """The first descent: from the neighbour where the branch is continued, else from zero."""
@@ -148,10 +148,15 @@ class _Block:
     def certify(self, points: Index) -> None:
         """Prove a global minimum where that is possible."""
         points = points[self.solved[points]]
-        if not len(points):
-            return
-        rows = self.rows.take(points)
-        self.lowest[points] = global_minimum(rows, self.v[points], self.low[points], self.high[points])
+        if len(points):
+            rows = self.rows.take(points)
+            self.lowest[points] = global_minimum(rows, self.v[points], self.low[points], self.high[points])
+
+    def prove_strict(self, points: Index) -> None:
+        """Prove a strict minimum where that is possible; one that is unique or lowest is one."""
+        self.strict[points] = self.solved[points] & (self.unique[points] | self.lowest[points])
+        open_ = points[self.solved[points] & ~self.strict[points]]
+        self.strict[open_] = strict_minimum(self.rows.take(open_), self.v[open_])
 
     def search(self, points: Index) -> None:
         """Look for less energy at points of which nothing is proved, as solvers/search.py does."""
@@ -191,31 +196,24 @@ class _Block:
 
     def solve_singly(self) -> None:
         """Prove strict minima; points without one get the single solve's answer if that is lower."""
-        proved = self.solved & (self.unique | self.lowest)
-        open_ = np.flatnonzero(self.solved & ~proved)
-        self.strict = proved
-        self.strict[open_] = strict_minimum(self.rows.take(open_), self.v[open_])
+        self.prove_strict(np.arange(len(self.v)))
         asked = np.flatnonzero(~self.strict)
-        changed = asked[[self._ask_single(int(p)) for p in asked]] if len(asked) else asked
         self.singly[asked] = True
+        changed = np.array([p for p in asked if self._ask_single(int(p))], dtype=np.intp)
         self.certify(changed[~self.unique[changed]])
-        self.strict[changed] = self.unique[changed] | self.lowest[changed]
-        open_ = changed[~self.strict[changed]]
-        self.strict[open_] = strict_minimum(self.rows.take(open_), self.v[open_])
+        self.prove_strict(changed)
 
     def begin_at(self, exact: Array) -> None:
         """Newton's method on the pieces that the exact solution is on, as in solve_contact; unique ones are known."""
         only = self.unique & self.solved
         self.energies[only, EXACT] = self.energy[only]
         for p in np.flatnonzero(~only):
-            rows = self.rows
-            v, residual = finish(rows.single(int(p)), exact)
+            v, residual = finish(self.rows.single(int(p)), exact)
             ended = Descended(v[None], np.array([residual]), np.zeros(1, dtype=np.intp))
             if self.offer(np.array([p]), ended, EXACT)[0]:
                 self.single.pop(int(p), None)
-                self.lowest[p] = self.strict[p] = False
                 self.certify(np.array([p]))
-                self.strict[p] = self.lowest[p] or strict_minimum(rows.take(np.array([p])), self.v[[p]])[0]
+                self.prove_strict(np.array([p]))
 
     def _ask_single(self, p: int) -> bool:
         """Solve one point by tcstudy.solvers.contact; whether its answer is taken."""

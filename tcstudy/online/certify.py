@@ -135,11 +135,6 @@ def margins(rows: Rows) -> Array:
     return np.array([least_lowered(body.A_tilde, body.c, omega) for omega in different])[row.reshape(-1)]
 
 
-def unique(rows: Rows, low: Array, high: Array) -> Flags:
-    """(R,) whether the energy is proved to be convex on the boxes of all solutions."""
-    return definite(rows.body, rows.laws.least_slope(low, high))
-
-
 def nearest_traction(rows: Rows, v: Array) -> tuple[Array, Array]:
     """(ξ/c, the element ζ of b̂(v) nearest to it), (R, m) each [Pa]."""
     traction = rows.xi(v) / rows.body.c
