@@ -24,7 +24,7 @@ from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.friction import UP
 from tcstudy.solvers.bounds import FEW, PARTS, bends
 from tcstudy.solvers.problem import least_lowered
-from tcstudy.solvers.separable.pieces import cholesky, factor_free, negative_direction
+from tcstudy.solvers.separable.pieces import factor_free, negative_curvature
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -36,25 +36,23 @@ def definite(body: CondensedBody, slope: Array) -> Flags:
     proved = np.zeros(len(slope), dtype=bool)
     if body.m == 0:
         return ~proved
-    diagonal = np.diagonal(body.A_tilde)
-    lowered = diagonal + body.c * (slope - body.shift)
-    open_ = np.flatnonzero(np.all(lowered > 0.0, axis=1))
-    sure, open_ = _by_products(body, lowered[open_] - diagonal, open_)
+    A_tilde, added = body.A_tilde, body.c * (slope - body.shift)
+    open_ = np.flatnonzero(np.all(np.diagonal(A_tilde) + added > 0.0, axis=1))
+    sure, open_ = _by_products(body, added[open_], open_)
     proved[sure] = True
-    groups = [open_[np.argsort(lowered[open_].sum(axis=1), kind="stable")]]
+    groups = [open_[np.argsort(added[open_].sum(axis=1), kind="stable")]]
     while groups:
         group = groups.pop()
         if not len(group):
             continue
-        direction = _refutation(body.A_tilde, lowered[group].min(axis=0))
+        direction = negative_curvature(A_tilde, np.arange(body.m), added[group].min(axis=0))
         if direction is None:
             proved[group] = True
             continue
-        squares = direction**2
-        fixed = float(direction @ (body.A_tilde @ direction) - diagonal @ squares)
-        groups = [own[fixed + lowered[own] @ squares > 0.0] for own in groups]
+        squares, stiffness = direction**2, float(direction @ (A_tilde @ direction))
+        groups = [own[stiffness + added[own] @ squares > 0.0] for own in groups]
         if len(group) > 1:
-            group = group[fixed + lowered[group] @ squares > 0.0]
+            group = group[stiffness + added[group] @ squares > 0.0]
             half = (len(group) + 1) // 2
             groups += [group[:half], group[half:]]
     return proved
@@ -83,14 +81,6 @@ def _by_products(body: CondensedBody, added: Array, rows: Index) -> tuple[Index,
 
 _LEAST = 1e-9
 """Least part of its largest entry that an entry of such a direction has, since all must be positive."""
-
-
-def _refutation(A: Array, diagonal: Array) -> Array | None:
-    """None if A with that diagonal has a Cholesky factor, else the direction of its failing pivot (m,)."""
-    matrix = A.copy()
-    matrix.reshape(-1)[:: len(A) + 1] = diagonal
-    factor, info = cholesky(matrix)
-    return None if info == 0 else negative_direction(factor, info, A[info - 1])
 
 
 _ROUNDS, _SHRINKS = 30, 0.01

@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 from tcstudy.online.problems import CondensedBody, Rows
 from tcstudy.scene.friction import BEND
 from tcstudy.scene.law_tables import Place
-from tcstudy.solvers.separable.pieces import factor_free, negative_direction, with_diagonal
+from tcstudy.solvers.separable.descent import ROUNDINGS, off_saddle
+from tcstudy.solvers.separable.pieces import negative_curvature, with_diagonal
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -177,12 +178,6 @@ def _on_held(body: CondensedBody, held: Index, k: Array, y: Array, trusted: bool
     return z
 
 
-_LENGTHS = 1.0, 0.25, 0.05
-"""Parts of the way to the next kink that are tried; exponential pieces may need the shorter ones."""
-_ROUNDINGS = 64.0
-"""Decreases of energy below this many roundings of the work of ξ are none."""
-
-
 def leave_saddles(rows: Rows, v: Array, xi: Array, s: BlockSlopes) -> tuple[Array, Flags]:
     """(points of less energy where there are such, whether), for stationary points v (R, m)."""
     body, free = rows.body, s.free
@@ -190,7 +185,7 @@ def leave_saddles(rows: Rows, v: Array, xi: Array, s: BlockSlopes) -> tuple[Arra
     new, left = v.copy(), np.zeros(len(v), dtype=bool)
     for i in np.flatnonzero(np.any(added < 0.0, axis=1)):
         nodes = np.flatnonzero(free[i])
-        curvature = _negative_curvature(rows, nodes, added[i, nodes])
+        curvature = negative_curvature(body.A_tilde, nodes, added[i, nodes])
         if curvature is not None:
             direction = np.zeros(body.m)
             direction[nodes] = curvature
@@ -198,29 +193,11 @@ def leave_saddles(rows: Rows, v: Array, xi: Array, s: BlockSlopes) -> tuple[Arra
     return new, left
 
 
-def _negative_curvature(rows: Rows, free: Index, added: Array) -> Array | None:
-    """(n,) d with dᵀ(A_FF + diag `added`)d ≤ 0, None if that matrix is positive definite."""
-    A = rows.body.A_tilde
-    diagonal = np.diagonal(A)[free]
-    if np.any(diagonal + added <= 0.0):
-        return np.where(np.arange(len(free)) == np.argmin((diagonal + added) / diagonal), 1.0, 0.0)
-    factor, info = factor_free(A, free, added)
-    return None if info == 0 else negative_direction(factor, info, A[free[info - 1], free])
-
-
 def _lower_along(row: Rows, v: Array, xi: Array, s: BlockSlopes, direction: Array) -> tuple[Array, bool]:
     """(the point towards the first kink along ±direction, True) if it is lower, else (v, False)."""
-    first_order = np.where(direction > 0.0, s.right[0], s.left[0])
-    direction = -direction if float(first_order @ direction) > 0.0 else direction
-    low, high = row.laws.ends(s.piece)
-    end = np.where(direction > 0.0, high[0], low[0])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reach = np.where(direction != 0.0, (end - v) / direction, np.inf)
-    length = float(np.min(reach[reach > 0.0], initial=np.inf))
-    if np.isfinite(length):
-        for part in _LENGTHS:
-            target = v + part * length * direction
-            change, work = row.energy_change(v[None], xi[None], target[None], s.at)
-            if change[0] < -_ROUNDINGS * np.finfo(float).eps * work[0]:
-                return target, True
+    ends = row.laws.ends(s.piece)
+    for step in off_saddle(v, direction, (s.left[0], s.right[0]), (ends[0][0], ends[1][0])):
+        change, work = row.energy_change(v[None], xi[None], (v + step)[None], s.at)
+        if change[0] < -ROUNDINGS * np.finfo(float).eps * work[0]:
+            return v + step, True
     return v, False

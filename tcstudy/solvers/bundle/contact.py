@@ -16,7 +16,7 @@ energy the remaining iterations, which would only add digits, are left out.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,10 @@ from tcstudy.solvers.separable.finish import finish
 from tcstudy.solvers.separable.pieces import energy_change
 
 Array = NDArray[np.float64]
+
+IDENTIFY, EVERY = 1e-4, 10
+"""Decrease predicted within the radius, relative to |f|, below which the active pieces are tried, and the most that
+they may lower the energy by; evaluations between two trials."""
 
 
 def contact_oracle(problem: ContactProblem) -> Oracle:
@@ -47,36 +51,30 @@ def contact_oracle(problem: ContactProblem) -> Oracle:
 class IdentifyingBundle(BundleNewton):
     """Bundle-Newton that ends on the exact active pieces of the contact problem as soon as they are found.
 
-    contact:   the problem, None for plain bundle-Newton
-    identify:  decrease predicted within the radius, relative to |f|, below which the active pieces are tried, and
-               the most that they may lower the energy by
-    every:     evaluations between two trials
     inclusion: inclusion residual that the pieces must reach, as far as rounding allows it
     """
 
-    contact: ContactProblem | None = None
-    identify: float = 1e-4
-    every: int = 10
-    inclusion: float = 1e-12
+    contact: ContactProblem = field(kw_only=True)
+    inclusion: float = field(kw_only=True)
 
     def identified(self, state: State) -> tuple[Array, float] | None:
         """The point on the active pieces and its residual, if it satisfies the inclusion and only adds digits.
 
-        Its energy must not be higher, nor lower by more than `identify`: the descent is the bundle's.
+        Its energy must not be higher, nor lower by more than IDENTIFY: the descent is the bundle's.
         """
-        if self.contact is None or state.step.decrease > self.identify * state.scale:
+        left = IDENTIFY * state.scale
+        if state.step.decrease > left:
             return None
         v, residual = finish(self.contact, state.x)
         step = v - state.x
         change = energy_change(self.contact, state.x, self.contact.xi(state.x), step, self.contact.A_tilde @ step)
-        left = self.identify * state.scale
         found = residual <= max(self.inclusion, self.contact.xi_rounding(v)) and -left <= change <= 0.0
         return (v, residual) if found else None
 
     def verdict(self, problem: Oracle, state: State) -> tuple[Status, str] | None:
         """As bundle-Newton's, or converged on the active pieces."""
         own = super().verdict(problem, state)
-        if own is None and state.evaluations % self.every == 0:
+        if own is None and state.evaluations % EVERY == 0:
             found = self.identified(state)
             if found is not None:
                 return Status.CONVERGED, f"the active pieces satisfy the inclusion to {found[1]:.1e}"
@@ -86,9 +84,7 @@ class IdentifyingBundle(BundleNewton):
         """The final state, on its active pieces where these were found."""
         found = self.identified(state) if status == Status.CONVERGED else None
         plain = super().outcome(problem, state, status, reason, iterations)
-        if found is None or self.contact is None:
-            return plain
-        return replace(plain, x=found[0], f=self.contact.energy(found[0]))
+        return plain if found is None else replace(plain, x=found[0], f=self.contact.energy(found[0]))
 
 
 def contact_method(problem: ContactProblem, tolerance: float = 1e-13, max_iterations: int = 2000) -> BundleNewton:

@@ -110,6 +110,12 @@ class Stack:
 
 FAR = 4.0
 """Multiple of the radius beyond which a step is not worth completing."""
+DAMPING = 5.0
+"""Decrease of ρ_j per relative overestimate of f(x) by the piece's curvature."""
+INNER, INNER_TOLERANCE = 40, 1e-3
+"""Quadratic programmes per minimisation of the model at most; the relative change at which that counts as minimised."""
+PIVOT, LEAST_CURVATURE = 1e-8, 1e-2
+"""Smallest eigenvalue of W relative to its largest and, where no piece is curved, to (largest slope)/(first length)."""
 
 
 @dataclass(frozen=True)
@@ -140,27 +146,6 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class Rules:
-    """Numbers of the model, all without units.
-
-    gamma:      weight of the distance in the locality measure
-    damping:    decrease of ρ_j per relative overestimate of f(x) by the piece's curvature
-    inner:      most quadratic programmes per minimisation of the model
-    inner_tolerance: relative change of the model at which it counts as minimised
-    pivot:      smallest eigenvalue of W relative to its largest
-    least_curvature: smallest eigenvalue of W relative to (largest slope)/(length of the start),
-        for where no piece is curved
-    """
-
-    gamma: float = 1e-3
-    damping: float = 5.0
-    inner: int = 40
-    inner_tolerance: float = 1e-3
-    pivot: float = 1e-8
-    least_curvature: float = 1e-2
-
-
-@dataclass(frozen=True)
 class Model:
     """Arrays of the model about a centre.
 
@@ -182,10 +167,6 @@ class Model:
     def bend(self, d: Array) -> Array:
         """(N, n) ρ_jG_jd."""
         return self.rho[:, None] * self.stack.times(d)
-
-    def hessian(self, lam: Array) -> Array:
-        """(n, n) Σλ_jρ_jG_j."""
-        return self.stack.combine(lam * self.rho)
 
     def values(self, d: Array) -> Array:
         """(N,) −α_j + g_jᵀd + ½ρ_j dᵀG_jd."""
@@ -222,14 +203,14 @@ class Step:
         return float(np.linalg.norm(self.d))
 
 
-def assemble(pieces: Sequence[Piece], lam: Array, x: Array, f: float, rules: Rules) -> Model:
-    """The model of all pieces about (x, f); lam (N,) are the latest multipliers."""
+def assemble(pieces: Sequence[Piece], lam: Array, x: Array, f: float, gamma: float) -> Model:
+    """The model of all pieces about (x, f); lam (N,) are the latest multipliers, γ the weight of distances."""
     stack = Stack.of([p.G for p in pieces])
     curvature = float(np.max(np.abs(np.linalg.eigvalsh(stack.combine(lam)))))
-    return carry(pieces, stack, x, f, rules, curvature)
+    return carry(pieces, stack, x, f, gamma, curvature)
 
 
-def carry(pieces: Sequence[Piece], stack: Stack, x: Array, f: float, rules: Rules, curvature: float) -> Model:
+def carry(pieces: Sequence[Piece], stack: Stack, x: Array, f: float, gamma: float, curvature: float) -> Model:
     """Every piece at the centre x with value f: f_j, g_j, the largest ρ_j that keeps it at or below f, and −α_j."""
     g, values = np.array([p.g for p in pieces]), np.array([p.f for p in pieces])
     delta = x - np.array([p.y for p in pieces])
@@ -239,9 +220,9 @@ def carry(pieces: Sequence[Piece], stack: Stack, x: Array, f: float, rules: Rule
     over = linear + bend - f
     damped = (over > 0.0) & (bend > 0.0)
     rho = np.ones(len(pieces))
-    rho[damped] = np.maximum(0.0, 1.0 - rules.damping * over[damped] / bend[damped])
+    rho[damped] = np.maximum(0.0, 1.0 - DAMPING * over[damped] / bend[damped])
     s = np.array([p.travel for p in pieces]) + np.linalg.norm(delta, axis=1)
-    alpha = np.maximum(np.abs(linear + rho * bend - f), rules.gamma * curvature * s * s)
+    alpha = np.maximum(np.abs(linear + rho * bend - f), gamma * curvature * s * s)
     return Model(-alpha, g + rho[:, None] * turn, rho, stack, s, curvature)
 
 
@@ -271,7 +252,7 @@ def _rowwise(a: Array, b: Array) -> Array:
     return np.einsum("ji,ji->j", a, b)
 
 
-def minimise(model: Model, lam: Array, shift: float, rules: Rules, unit: float, limit: float = np.inf) -> Step:
+def minimise(model: Model, lam: Array, shift: float, unit: float, limit: float) -> Step:
     """A local minimiser of model + ½·shift·‖d‖² by repeated quadratic programmes with halving, from d = 0.
 
     limit: ends as soon as ‖d‖ exceeds this, because such a step will be rejected
@@ -282,11 +263,11 @@ def minimise(model: Model, lam: Array, shift: float, rules: Rules, unit: float, 
 
     d = np.zeros(model.A.shape[1])
     best, used = merit(d), 0
-    least = rules.least_curvature * float(np.max(np.abs(model.A))) / unit
+    least = LEAST_CURVATURE * float(np.max(np.abs(model.A))) / unit
     promise = 0.0
-    for used in range(1, rules.inner + 1):
+    for used in range(1, INNER + 1):
         Gd = model.bend(d)
-        metric = positive_definite(model.hessian(lam), shift, rules.pivot, least)
+        metric = positive_definite(model.stack.combine(lam * model.rho), shift, PIVOT, least)
         lam, q = direction(model.c + model.A @ d + 0.5 * (Gd @ d), model.A + Gd, shift * d, metric, lam)
         if used == 1:
             promise = dual_decrease(model.c, model.A, lam, metric)
@@ -298,22 +279,22 @@ def minimise(model: Model, lam: Array, shift: float, rules: Rules, unit: float, 
                 break
             continue
         d = d + t * q
-        small = t * np.linalg.norm(q) <= rules.inner_tolerance * np.linalg.norm(d)
-        flat = best - trial <= rules.inner_tolerance * abs(trial)
+        small = t * np.linalg.norm(q) <= INNER_TOLERANCE * np.linalg.norm(d)
+        flat = best - trial <= INNER_TOLERANCE * abs(trial)
         best = trial
         if (used > 1 and (small or flat)) or np.linalg.norm(d) > limit:
             break
     return Step(d, lam, -model.value(d), promise, shift, used)
 
 
-def bounded_step(model: Model, lam: Array, rules: Rules, radius: float, unit: float, likely_shift: float = 0.0) -> Step:
+def bounded_step(model: Model, lam: Array, radius: float, unit: float, likely_shift: float = 0.0) -> Step:
     """The model's minimiser, shifted by the smallest μI found that keeps ‖d‖ ≤ 1.2·radius (μ by bisection).
 
     likely_shift: μ of the step before, tried second
     A nonconvex model may jump past the radius as μ falls; then the longest step found below it counts.
     """
     far = FAR * radius
-    step = minimise(model, lam, 0.0, rules, unit, far)
+    step = minimise(model, lam, 0.0, unit, far)
     used, promise, inside = step.factorisations, step.promise, None
     shift, low, high = 0.0, 0.0, np.inf
     for _ in range(25):
@@ -333,7 +314,7 @@ def bounded_step(model: Model, lam: Array, rules: Rules, radius: float, unit: fl
         else:
             slope = float(np.max(np.abs(model.A)) if failed else np.linalg.norm(step.lam @ model.A))
             shift = max(slope / radius, 10.0 * shift)
-        step = minimise(model, lam, shift, rules, unit, far)
+        step = minimise(model, lam, shift, unit, far)
         used += step.factorisations
     found = inside or cut_back(model, step, radius)
     return replace(found, promise=promise, factorisations=used)

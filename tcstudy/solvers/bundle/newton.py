@@ -22,7 +22,7 @@ tests here are relative, so that f → af and x → ax give the same iterates to
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -33,7 +33,6 @@ from tcstudy.solvers.bundle.model import (
     Hessian,
     Model,
     Piece,
-    Rules,
     Stack,
     Step,
     assemble,
@@ -47,6 +46,9 @@ from tcstudy.solvers.loop import Outcome, Status
 
 Array = NDArray[np.float64]
 
+M_L, M_R = 0.01, 0.5
+"""Shares of the predicted decrease for a serious step and for a useful null step."""
+
 
 @dataclass(frozen=True)
 class BundleNewton:
@@ -54,19 +56,16 @@ class BundleNewton:
 
     tolerance:      predicted decrease relative to |f| (+ 10⁻³ of the decrease so far) at which to stop
     max_iterations: limit of steps, each with at most one evaluation
-    m_L, m_R:       shares of the predicted decrease for a serious step and for a useful null step
     bundle_size:    most pieces kept (None: 2n + 5); below n + 2 active pieces are aggregated
     x_unit:         length by which to bound the first step (None: ‖x0‖; from f, g and G if x0 = 0)
-    rules:          numbers of the model
+    gamma:          weight γ of the distance in the locality measure
     """
 
     tolerance: float = 1e-11
     max_iterations: int = 500
-    m_L: float = 0.01
-    m_R: float = 0.5
     bundle_size: int | None = None
     x_unit: float | None = None
-    rules: Rules = field(default_factory=Rules)
+    gamma: float = 1e-3
 
     def start(self, problem: Oracle, x0: Array) -> State:
         """Evaluate at x0 and take the first direction."""
@@ -78,8 +77,8 @@ class BundleNewton:
             model = Model(one, np.zeros((1, n)), one, Stack.of([np.zeros((n, n))]), one, 0.0)
             step = Step(np.zeros(n), lam, 0.0, 0.0, 0.0, 0)
         else:
-            model = assemble([piece], lam, x0, piece.f, self.rules)
-            step = bounded_step(model, lam, self.rules, unit, unit)
+            model = assemble([piece], lam, x0, piece.f, self.gamma)
+            step = bounded_step(model, lam, unit, unit)
         used = step.factorisations
         promised = max(step.promise, step.decrease)
         return State(x0, piece.f, piece.f, (piece,), lam, unit, unit, promised, model, step, "start", 0, 1, used)
@@ -94,7 +93,7 @@ class BundleNewton:
         if not new.finite:
             return self.redirect(state, state.pieces, state.lam, 0.25 * length, "short")
         ratio = (state.f - new.f) / state.step.decrease
-        serious = ratio >= self.m_L
+        serious = ratio >= M_L
         if not serious and smoothly_joined([centre(state)], new)[0]:
             return self.redirect(state, state.pieces, state.lam, interpolate(state, new) * length, "short")
         pieces, lam = self.select(state, new, serious)
@@ -107,8 +106,8 @@ class BundleNewton:
 
     def redirect(self, state: State, pieces: tuple[Piece, ...], lam: Array, radius: float, kind: Kind) -> State:
         """The state with a new bundle and radius, and the direction that follows from them."""
-        model = assemble(pieces, lam, state.x, state.f, self.rules)
-        step = bounded_step(model, lam, self.rules, radius, max(radius, state.unit), state.step.shift)
+        model = assemble(pieces, lam, state.x, state.f, self.gamma)
+        step = bounded_step(model, lam, radius, max(radius, state.unit), state.step.shift)
         used = state.factorisations + step.factorisations
         # `step.lam` belongs to `pieces`, in their order
         return replace(
@@ -148,8 +147,8 @@ class BundleNewton:
     def radius_after_null(self, state: State, new: Piece) -> float:
         """Shorter if the new piece hardly changes the model at d, or if null steps repeat at the bound."""
         d, length = state.step.d, state.step.length
-        alone = carry((new,), Stack.of([new.G]), state.x, state.f, self.rules, state.model.curvature)
-        if alone.value(d) < -self.m_R * state.step.decrease:
+        alone = carry((new,), Stack.of([new.G]), state.x, state.f, self.gamma, state.model.curvature)
+        if alone.value(d) < -M_R * state.step.decrease:
             return 0.5 * min(state.radius, length)
         if state.step.shift > 0.0 and state.nulls > 0:
             active = int(np.sum(state.lam > ACTIVE))

@@ -96,16 +96,10 @@ def direction(c: Array, A: Array, h: Array, metric: Metric, likely: Array) -> tu
 
 
 def on_pieces(c: Array, A: Array, h: Array, metric: Metric) -> tuple[Array, Array]:
-    """`direction` with all of the given pieces at once."""
+    """`direction` with all given pieces; from the optimality system of the active ones where that is lower."""
     T, h_white = metric.whiten(A), metric.whiten(h)
     lam = simplex_qp(T @ T.T, c - T @ h_white)
-    q = -metric.unwhiten(T.T @ lam + h_white)
-    return polish(lam, q, c, A, h, metric)
-
-
-def polish(lam: Array, q: Array, c: Array, A: Array, h: Array, metric: Metric) -> tuple[Array, Array]:
-    """λ and q from the optimality system of the active pieces, if that lowers the primal objective."""
-    W = metric.matrix
+    q, W = -metric.unwhiten(T.T @ lam + h_white), metric.matrix
     polished = solve_active_set(c, A, h, W, np.flatnonzero(lam > ACTIVE))
     if polished is not None and primal(polished[1], c, A, h, W) < primal(q, c, A, h, W):
         return polished

@@ -30,8 +30,9 @@ ROUNDING = (
 )
 _REFINEMENTS, _MAJORANT_STEPS = 8, 8
 """Of a solution at rounding level; and with a curvature majorant inside an exponential piece, where each descends."""
-_ROUNDING = 64.0
-"""Residuals below this many roundings of the largest terms of ξ count as rounding."""
+ROUNDINGS = 64.0
+"""Residuals below this many roundings of the largest terms of ξ count as rounding, as decreases of energy do below so
+many of the work of ξ."""
 _WHOLE = ("newton/1", "escape", "model")
 """Steps after which progress is not called slow."""
 ARMIJO, HALVINGS = 1e-4, 4
@@ -75,7 +76,7 @@ class SeparableState:
     @property
     def at_rounding(self) -> bool:
         """True if the residual is no more than rounding."""
-        return self.residual <= _ROUNDING * self.rounding
+        return self.residual <= ROUNDINGS * self.rounding
 
 
 def new_state(problem: ContactProblem, v: Array) -> SeparableState:
@@ -200,31 +201,34 @@ def refine(problem: ContactProblem, state: SeparableState, system: FreeSystem, t
 
 
 def escape(problem: ContactProblem, state: SeparableState, system: FreeSystem) -> SeparableState:
-    """Second-order test at a stationary point; if it fails, a step along the negative curvature.
-
-    Until a node reaches its next kink the energy of a piecewise-linear law is an exact parabola that opens
-    downwards, so the first trial ends there; exponential pieces may need shorter ones.
-    """
+    """Second-order test at a stationary point; if it fails, a step along the negative curvature."""
     if system.curvature is None:
         return replace(state, second_order="a local minimum")
-    direction = np.zeros(problem.m)
+    direction, s = np.zeros(problem.m), state.slopes
     direction[system.free] = system.curvature
-    first_order = np.where(direction > 0.0, state.slopes.right, state.slopes.left)
-    direction *= -1.0 if float(first_order @ direction) > 0.0 else 1.0
-    left, right = problem.law.ends(state.piece)
-    end = np.where(direction > 0.0, right, left)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reach = np.where(direction != 0.0, (end - state.v) / direction, np.inf)
-    reach = reach[reach > 0.0]
-    length = float(np.min(reach, initial=np.inf))
-    if np.isfinite(length):
-        for shorter in (1.0, 0.25, 0.05):
-            step = shorter * length * direction
-            change = energy_change(problem, state.v, state.xi, step, problem.A_tilde @ step)
-            state = replace(state, evaluations=state.evaluations + 1)
-            if change < -64.0 * np.finfo(float).eps * float(np.abs(state.xi) @ np.abs(step)):
-                return moved(problem, state, state.v + step, "escape")
+    for step in off_saddle(state.v, direction, (s.left, s.right), problem.law.ends(state.piece)):
+        change = energy_change(problem, state.v, state.xi, step, problem.A_tilde @ step)
+        state = replace(state, evaluations=state.evaluations + 1)
+        if change < -ROUNDINGS * np.finfo(float).eps * float(np.abs(state.xi) @ np.abs(step)):
+            return moved(problem, state, state.v + step, "escape")
     return replace(state, second_order="the second-order test is undecided (singular matrix)")
+
+
+def off_saddle(v: Array, direction: Array, slopes: tuple[Array, Array], ends: tuple[Array, Array]) -> list[Array]:
+    """Steps (m,) to be tried from a stationary point v along ±direction of negative curvature; none without a kink.
+
+    slopes: left and right ones of L̃;  ends: left and right ones of the nodes' pieces
+
+    Until a node reaches its next kink the energy of a piecewise-linear law is an exact parabola that opens downwards:
+    the first step ends there. Exponential pieces may need shorter ones.
+    """
+    first_order = np.where(direction > 0.0, slopes[1], slopes[0])
+    direction = -direction if float(first_order @ direction) > 0.0 else direction
+    end = np.where(direction > 0.0, ends[1], ends[0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(direction != 0.0, (end - v) / direction, np.inf)
+    length = float(np.min(reach[reach > 0.0], initial=np.inf))
+    return [part * length * direction for part in (1.0, 0.25, 0.05)] if np.isfinite(length) else []
 
 
 def moved(problem: ContactProblem, state: SeparableState, v: Array, how: str) -> SeparableState:

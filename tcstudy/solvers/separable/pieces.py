@@ -147,3 +147,12 @@ def negative_direction(factor: Array, info: int, row: Array) -> Array:
     if k:
         direction[:k] = -scipy.linalg.lapack.dpotrs(np.asfortranarray(factor[:k, :k]), row[:k], lower=1)[0]
     return direction
+
+
+def negative_curvature(A_tilde: Array, free: Index, added: Array) -> Array | None:
+    """(n,) d with dᵀ(A_FF + diag `added`)d ≤ 0, None if that matrix is positive definite."""
+    diagonal = np.diagonal(A_tilde)[free]
+    if np.any(diagonal + added <= 0.0):
+        return np.where(np.arange(len(free)) == np.argmin((diagonal + added) / diagonal), 1.0, 0.0)
+    factor, info = factor_free(A_tilde, free, added)
+    return None if info == 0 else negative_direction(factor, info, A_tilde[free[info - 1], free])

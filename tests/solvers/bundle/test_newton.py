@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tcstudy.solvers.bundle.model import Piece, Rules, smoothly_joined
+from tcstudy.solvers.bundle.model import Piece, smoothly_joined
 from tcstudy.solvers.bundle.newton import BundleNewton, Oracle, State
 from tcstudy.solvers.bundle.simplex_qp import direction, positive_definite, simplex_qp
 from tcstudy.solvers.loop import Outcome, Status, iterate
@@ -120,7 +120,7 @@ def test_only_the_named_problems_need_clearly_more_than_the_tuned_reference() ->
 def test_reset_repairs_stationarity_that_remote_pieces_pretend(name: str) -> None:
     """Without a locality measure (γ = 0) the model is stationary far from a solution; resets alone repair it."""
     problem, kinds = PROBLEMS[NAMES.index(name)], list[str]()
-    outcome = iterate(BundleNewton(rules=Rules(gamma=0.0)), problem.oracle, problem.x0, kinds.append)
+    outcome = iterate(BundleNewton(gamma=0.0), problem.oracle, problem.x0, kinds.append)
     assert any(" reset " in line for line in kinds)
     assert outcome.converged, outcome.reason
     assert error(outcome, problem) <= ACCURACY
@@ -128,7 +128,7 @@ def test_reset_repairs_stationarity_that_remote_pieces_pretend(name: str) -> Non
 
 def test_searches_nearby_without_success_are_reported() -> None:
     """A state that is stationary by remote pieces only, as if it had been searched many times already."""
-    problem, method = PROBLEMS[NAMES.index("HS78")], BundleNewton(rules=Rules(gamma=0.0))
+    problem, method = PROBLEMS[NAMES.index("HS78")], BundleNewton(gamma=0.0)
     state = method.start(problem.oracle, problem.x0)
     while not (method.stationary(state) and np.any(method.remote(state))):
         state = method.step(problem.oracle, state)
