@@ -81,7 +81,7 @@ def solve_block(
     if block.options.branch == "lowest":
         block.search(np.flatnonzero(~block.unique & ~block.lowest))
     block.solve_singly()
-    if exact is not None and block.options.branch == "lowest" and laws.in_place:
+    if exact is not None and block.options.branch == "lowest":
         block.begin_at(exact)
     return block.answers()
 
@@ -217,26 +217,21 @@ class _Block:
 
     def _ask_single(self, p: int) -> bool:
         """Solve one point by tcstudy.solvers.contact; whether its answer is taken."""
-        row, options = self.rows.take(np.array([p])), self.options
+        options = self.options
         near = self.neighbours[p] if np.all(np.isfinite(self.neighbours[p])) else None
         if options.branch == "lowest":
             near = self.v[p] if self.solved[p] else None
-        if near is not None and row.counted_from_law:
-            near = row.laws.own_slip(near[None])[0]
-        answer = solve_contact(row.single(0), tolerance=options.tolerance, branch=options.branch, neighbour=near)
-        converged, v, energy = answer.status == Status.CONVERGED, answer.v, answer.energy
-        if row.counted_from_law:
-            v = row.laws.slip(v[None])[0]
-            energy = float(row.energy(v[None])[0])
+        problem = self.rows.single(p)
+        answer = solve_contact(problem, tolerance=options.tolerance, branch=options.branch, neighbour=near)
+        converged = answer.status == Status.CONVERGED
         if self.solved[p]:
-            slack = TIE * max(abs(energy), abs(self.energy[p])) if options.branch == "lowest" else -np.inf
-            if not converged or energy >= self.energy[p] - slack:
+            slack = TIE * max(abs(answer.energy), abs(self.energy[p])) if options.branch == "lowest" else -np.inf
+            if not converged or answer.energy >= self.energy[p] - slack:
                 return False
-        if row.laws.in_place:
-            self.single[p] = answer
-        self.v[p], self.energy[p], self.solved[p] = v, energy, converged
+        self.single[p] = answer
+        self.v[p], self.energy[p], self.solved[p] = answer.v, answer.energy, converged
         self.start[p], self.steps[p] = answer.start, answer.iterations
-        self.energies[p] = np.fmin(self.energies[p], np.array(answer.energies) + (energy - answer.energy))
+        self.energies[p] = np.fmin(self.energies[p], answer.energies)
         return converged
 
     def answers(self) -> BlockAnswers:
@@ -270,7 +265,7 @@ class _Block:
     def _refine(self, judged: Judged) -> Array:
         """(P, m) low parts of v: refined, as in solve_contact, where a point in one double misses the aim."""
         v_low, rows, aim = np.zeros(self.v.shape), self.rows, self.options.acceptance.aim
-        for p in np.flatnonzero(judged.residual > aim) if rows.laws.in_place else ():
+        for p in np.flatnonzero(judged.residual > aim):
             if int(p) in self.single:
                 continue
             point = refined(rows.single(int(p)), self.v[p], aim)

@@ -120,8 +120,7 @@ def solution_boxes(rows: Rows) -> tuple[Array, Array]:
 def margins(rows: Rows) -> Array:
     """(R,) λ_min(C^{−½}ÃC^{−½} − diag ω_i) of rows with laws by node, once for rows of the same falls [Pa/m]."""
     body = rows.body
-    falls = np.broadcast_to(rows.laws.omega_by_node(), rows.loads.shape)
-    different, row = np.unique(falls, axis=0, return_inverse=True)
+    different, row = np.unique(rows.laws.tables.omega[rows.laws.law], axis=0, return_inverse=True)
     return np.array([least_lowered(body.A_tilde, body.c, omega) for omega in different])[row.reshape(-1)]
 
 
@@ -164,7 +163,7 @@ def strict_minimum(rows: Rows, v: Array) -> Flags:
     noise = 1e3 * np.finfo(float).eps * (np.diagonal(body.A_tilde) * np.abs(v) + np.abs(xi))
     on_up = rows.laws.kind(s.at) == UP
     held = on_up & (s.left < -noise) & (s.right > noise)
-    least = np.minimum(rows.laws.slope(v, s.at.piece), rows.laws.slope(v, s.at.piece + s.at.on))
+    least = np.minimum(rows.laws.tables.slope(v, s.at.piece), rows.laws.tables.slope(v, s.at.piece + s.at.on))
     added = body.c * (least - body.shift)
     proved = ~np.any(s.jump & ~on_up, axis=1)
     for i in np.flatnonzero(proved):
@@ -195,7 +194,6 @@ def bends_below_tangent(
     zeta: elements of b̂(v), exactly b(v) off the kinks [Pa]
     """
     law = np.broadcast_to(laws.law, v.shape).ravel()
-    v_own, low, high = (laws.own_slip(x).ravel() for x in (v, low, high))
-    sides = bends(laws.tables, law, v_own, laws.own_traction(zeta).ravel(), low, high, parts)
-    upper, lower = (laws.traction(np.maximum(*bound).reshape(v.shape), -1) for bound in zip(*sides, strict=True))
-    return upper, lower
+    sides = bends(laws.tables, law, v.ravel(), zeta.ravel(), low.ravel(), high.ravel(), parts)
+    upper, lower = zip(*sides, strict=True)
+    return np.maximum(*upper).reshape(v.shape), np.maximum(*lower).reshape(v.shape)

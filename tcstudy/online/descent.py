@@ -23,7 +23,6 @@ from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.law_tables import Place
 from tcstudy.solvers.hulls import proximal_hulls
 from tcstudy.solvers.moves import best_places, follow, relaxed_stiffness
-from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.search import GROWTH, LOOSE, PROMISES
 from tcstudy.solvers.separable.descent import descend_nodes
 from tcstudy.solvers.separable.pieces import factor_free
@@ -125,7 +124,7 @@ def _step(rows: Rows, v: Array, xi: Array, s: BlockSlopes, careful: bool) -> tup
     """(next v, whether the change of energy was within rounding, whether it went node by node) of every row."""
     d = _newton(rows, v, s, careful)
     first_order = np.where(d > 0.0, s.right, s.left)
-    stop = rows.laws.next_up_jump(s.at, d)
+    stop = rows.laws.tables.next_up_jump(s.at, d)
     new, level, node_by_node = v.copy(), np.zeros(len(v), dtype=bool), np.zeros(len(v), dtype=bool)
     todo = np.arange(len(v))
     for halving in range(_HALVINGS + 1):
@@ -144,9 +143,7 @@ def _step(rows: Rows, v: Array, xi: Array, s: BlockSlopes, careful: bool) -> tup
         if not len(todo):
             break
     for i in todo:
-        law = rows.laws.of_row(int(i), rows.body.m)
-        problem = ContactProblem(rows.body.A_tilde, rows.loads[i], rows.body.c, law)
-        new[i] = descend_nodes(problem, v[i], xi[i], s.descent[i])
+        new[i] = descend_nodes(rows.single(int(i)), v[i], xi[i], s.descent[i])
     node_by_node[todo] = True
     return new, level, node_by_node
 
@@ -154,7 +151,7 @@ def _step(rows: Rows, v: Array, xi: Array, s: BlockSlopes, careful: bool) -> tup
 def _newton(rows: Rows, v: Array, s: BlockSlopes, careful: bool) -> Array:
     """(R, m) Newton directions; nodes on a jump that would go uphill stay."""
     free = s.free
-    stiffness = np.where(free, rows.body.c * rows.laws.slope(v, s.piece), 0.0)
+    stiffness = np.where(free, rows.body.c * rows.laws.tables.slope(v, s.piece), 0.0)
     d = directions(rows.body, free, stiffness, s.descent, careful)
     d[s.jump & (np.where(d > 0.0, s.right, -s.left) > 0.0)] = 0.0
     return d
@@ -173,11 +170,11 @@ def hull_starts(rows: Rows, v: Array) -> tuple[Array, Flags]:
     stiffest = float(np.max(np.diagonal(rows.body.A_tilde) / rows.body.c))
     ceiling = np.minimum(rows.laws.omega(), stiffest)
     while len(at):
-        laws = rows.laws.tabulated()
+        laws = rows.laws.in_use()
         hulls, bridges = proximal_hulls(laws.tables, kappa, passes=1)
-        smooth = Rows(rows.body, RowLaws(hulls, laws.law, laws.moved), rows.loads)
+        smooth = Rows(rows.body, RowLaws(hulls, laws.law), rows.loads)
         ended = descend_nested(smooth, v, LOOSE, coarse=LOOSE) if nested else descend(smooth, v, LOOSE, minima=True)
-        on_bridge = np.any(bridges.cover(laws.law, laws.own_slip(ended.v)), axis=1)
+        on_bridge = np.any(bridges.cover(laws.law, ended.v), axis=1)
         found[at] = ended.v
         if nested:
             lowest[at] = ~on_bridge & (ended.residual <= LOOSE)
@@ -194,7 +191,7 @@ def move_starts(rows: Rows, v: Array) -> tuple[Array, Index, Index]:
     """
     body, xi = rows.body, rows.xi(v)
     s = slopes(rows, v, xi)
-    free, added = s.free, body.c * rows.laws.slope(v, s.piece)
+    free, added = s.free, body.c * rows.laws.tables.slope(v, s.piece)
     stiffness, factors = np.full(v.shape, np.nan), {}
     for i in range(len(v)):
         nodes = np.flatnonzero(free[i])
@@ -204,7 +201,8 @@ def move_starts(rows: Rows, v: Array) -> tuple[Array, Index, Index]:
             factors[i] = nodes, factor
     known = np.array(sorted(factors), dtype=np.intp)
     c = body.c
-    gain, place = _best_places(rows.laws.take(known), v[known], xi[known] / c, stiffness[known] / c)
+    laws = rows.laws.take(known)
+    gain, place = best_places(laws.tables, laws.law, v[known], xi[known] / c, stiffness[known] / c)
     gain = gain * c
     starts, owners, promises = [], [], []
     for i, own_gain, own_place in zip(known, gain, place, strict=True):
@@ -216,11 +214,3 @@ def move_starts(rows: Rows, v: Array) -> tuple[Array, Index, Index]:
             promises.append(promise)
     shape = len(starts), v.shape[1]
     return np.array(starts).reshape(shape), np.array(owners, dtype=np.intp), np.array(promises, dtype=np.intp)
-
-
-def _best_places(laws: RowLaws, v: Array, force: Array, k: Array) -> tuple[Array, Array]:
-    """(gain per length, slip), (R, m): where single nodes would go; force = ξ/c [Pa], stiffness k [Pa/m]."""
-    sigma = 1.0 if laws.stretched is None else laws.stretched
-    own = laws.own_slip(v), laws.own_traction(force), laws.own_traction(k * sigma)
-    gain, place = best_places(laws.tables, laws.law, *own)
-    return laws.traction(gain, 1), np.where(gain < 0.0, laws.slip(place), v)

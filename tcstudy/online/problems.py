@@ -114,23 +114,9 @@ class Rows:
         copy = self.body.coarse
         return None if copy is None else Rows(copy, self.laws.every_second(), self.loads @ self.body.P)
 
-    @property
-    def counted_from_law(self) -> bool:
-        """True if the single solve counts slips as the tables do: one law, moved or stretched by node."""
-        return self.laws.law.shape[1] == 1 and not self.laws.in_place
-
     def single(self, row: int) -> ContactProblem:
-        """One row as the single solve takes it, for w in v = s_p + σw where one law is moved and stretched by node.
-
-        0 ∈ ΣÃΣw − Σ(l̃ − Ãs_p) + ∂Σ c_i β_i σ_i j(w_i), Σ = diag σ; w has more digits than v.
-        """
-        laws, body = self.laws, self.body
-        if not self.counted_from_law:
-            return ContactProblem(body.A_tilde, self.loads[row], body.c, laws.of_row(row, body.m))
-        law = laws.tables.law(int(laws.law[row, 0]))
-        beta, sigma, s_p = (np.broadcast_to(x[row], body.m) for x in laws.placing())
-        load = sigma * (self.loads[row] - body.A_tilde @ s_p)
-        return ContactProblem(sigma[:, None] * body.A_tilde * sigma, load, body.c * beta * sigma, law)
+        """One row as the single solve takes it."""
+        return ContactProblem(self.body.A_tilde, self.loads[row], self.body.c, self.laws.of_row(row))
 
     def xi(self, v: Array) -> Array:
         """ξ = l̃ − Ãv (R, m) [N/m]."""
@@ -139,7 +125,7 @@ class Rows:
     def energy(self, v: Array) -> Array:
         """(R,) L̃(v) [J/m]."""
         zero = np.zeros(v.shape)
-        friction = self.laws.integral(zero, v, self.laws.locate(zero), self.laws.locate(v))
+        friction = self.laws.tables.integral(zero, v, self.laws.locate(zero), self.laws.locate(v))
         return np.asarray(friction @ self.body.c - 0.5 * np.einsum("ri,ri->r", v, self.loads + self.xi(v)))
 
     def energy_change(self, x: Array, xi: Array, target: Array, at: Place) -> tuple[Array, Array]:
@@ -149,7 +135,7 @@ class Rows:
         """
         move = target - x
         work = xi * move
-        friction = self.body.c * self.laws.integral(x, target, at, self.laws.locate(target))
+        friction = self.body.c * self.laws.tables.integral(x, target, at, self.laws.locate(target))
         change = np.sum(friction - work + 0.5 * move * (move @ self.body.A_tilde), axis=1)
         return change, np.abs(work).sum(axis=1)
 
@@ -220,7 +206,7 @@ def judge(rows: Rows, v: Array, acceptance: Acceptance) -> Judged:
         return np.maximum(0.0, np.max(apart, axis=1, initial=0.0)) / scale[part]
 
     size = (np.abs(rows.loads) + np.abs(v) @ np.abs(body.A_tilde)) / body.c
-    size += np.where(at.on, 0.0, np.abs(laws.slope(v, at.piece) * v))
+    size += np.where(at.on, 0.0, np.abs(laws.tables.slope(v, at.piece) * v))
     rounding = np.sqrt(body.m) * np.finfo(float).eps * np.max(size, axis=1, initial=0.0) / scale
     residual = residual_of(xi, slice(None))
     lost = np.flatnonzero(~(residual + rounding <= acceptance.aim))

@@ -115,13 +115,6 @@ class LawTables:
         """The named laws."""
         return LawTables(*(np.ascontiguousarray(getattr(self, field.name)[laws]) for field in fields(self)))
 
-    def scaled(self, stretched: Array, stronger: Array) -> LawTables:
-        """The laws β b(s/σ), factors (L,)."""
-        sigma, beta = stretched[:, None], stronger[:, None]
-        pieces = self.s_0 * sigma, self.b_0 * beta, self.q * (beta / sigma), self.a * beta, self.r / sigma
-        scales = self.b_scale * stronger, self.omega * (stronger / stretched)
-        return LawTables(self.kinks * sigma, self.kinds, *pieces, *scales)
-
     @cached_property
     def mirrored(self) -> LawTables:
         """The laws −b(−s)."""

@@ -7,8 +7,8 @@ import pytest
 
 from tcstudy.online import BlockAnswers, CondensedBody, LawTables, Options, RowLaws, solve_block
 from tcstudy.online.certify import solution_boxes
-from tcstudy.online.descent import hull_starts
 from tcstudy.online.problems import Rows
+from tcstudy.online.row_laws import row_laws
 from tcstudy.scene.nodal_laws import NONE, nodal
 from tcstudy.scene.study import NEIGHBOUR
 from tcstudy.solvers.bounds import solution_box
@@ -44,58 +44,19 @@ def test_no_energy_is_higher_and_no_certificate_lost(m: int, points: int) -> Non
         assert np.isnan(answers.certificates.energy_gap[p]) == np.isnan(proved.energy_gap)
 
 
-@pytest.mark.parametrize("m", [2, 3])
-def test_the_least_energy_of_all_is_found(m: int) -> None:
+@pytest.mark.parametrize(("m", "by_node"), [(2, False), (3, False), (3, True)])
+def test_the_least_energy_of_all_is_found(m: int, by_node: bool) -> None:
     found = 0
     for seed in range(40):
         problem = small_problem(seed, m)
         body = CondensedBody.of(problem.A_tilde, problem.c)
-        answers = solve_points(body, problem.l_tilde[None], LawTables.of([problem.law]), np.zeros(1, dtype=np.intp))
+        law = np.arange(m)[None] % 2 if by_node else np.zeros((1, 1), dtype=np.intp)  # the same law twice
+        answers = solve_block(body, problem.l_tilde[None], RowLaws(LawTables.of([problem.law] * 2), law))
         least = least_energy(problem)
         slack = 1e-10 * (abs(least) + float(problem.c @ np.abs(problem.law.j(answers.v[0]))))
         found += answers.energy[0] <= least + slack
         assert not answers.certificates.global_minimum[0] or answers.energy[0] <= least + slack
     assert found >= 39
-
-
-@pytest.mark.parametrize("several", [False, True])
-def test_the_least_energy_is_found_for_laws_moved_stretched_and_stronger_by_node(several: bool) -> None:
-    """v = s_p + σw: a problem for w whose least energy is enumerated, with other units, origins and tables by node."""
-    found, m = 0, 3
-    for seed in range(40):
-        problem = small_problem(seed, m)
-        rng = np.random.default_rng(seed)
-        s_p, sigma, beta = rng.normal(size=m), rng.uniform(0.5, 2.0, m), rng.uniform(0.5, 2.0, m)
-        A_tilde = problem.A_tilde / np.outer(sigma, sigma)
-        body = CondensedBody.of(A_tilde, problem.c / (beta * sigma))
-        load = problem.l_tilde / sigma + A_tilde @ s_p
-        tables, law = LawTables.of([problem.law, problem.law.scaled(2.0, 3.0)]), np.array([[0]])
-        if several:  # at every second node the law in other units, which its factors undo
-            law = np.array([[0, 1, 0]])
-            sigma, beta = np.where(law[0] == 1, 2.0, 1.0) * sigma, np.where(law[0] == 1, 3.0, 1.0) * beta
-        laws = RowLaws(tables, law, s_p[None], sigma[None], beta[None])
-        answers = solve_block(body, load[None], laws)
-        assert answers.status[0] == Status.CONVERGED
-        w = (answers.v[0] - s_p) / np.where(law[0] == 1, sigma / 2.0, sigma)
-        least = least_energy(problem)
-        slack = 1e-10 * (abs(least) + float(problem.c @ np.abs(problem.law.j(w))))
-        found += problem.energy(w) <= least + slack
-        assert not answers.certificates.global_minimum[0] or problem.energy(w) <= least + slack
-    assert found >= 39
-
-
-def test_convexified_starts_do_not_depend_on_units_and_origins() -> None:
-    """v = s_p + σw: the starts for v are those for w."""
-    body, loads, tables, law = block(20, [cases.sawtooth()], 12)
-    sigma, beta = 1.7, 0.6
-    other = CondensedBody.of(body.A_tilde / sigma**2, body.c / (beta * sigma))
-    s_p = np.full((12, 20), 0.3)
-    moved = RowLaws(tables, law[:, None], s_p, np.full((12, 1), sigma), np.full((12, 20), beta))
-    w, lowest = hull_starts(Rows(body, RowLaws(tables, law[:, None]), loads), np.zeros(loads.shape))
-    v, proved = hull_starts(Rows(other, moved, loads / sigma + s_p @ other.A_tilde), s_p)
-    assert np.any(np.abs(w) > 0.1)
-    np.testing.assert_allclose((v - s_p) / sigma, w, atol=1e-6)
-    assert np.array_equal(proved, lowest)
 
 
 def same_bits(one: BlockAnswers, other: BlockAnswers) -> bool:
@@ -123,32 +84,6 @@ def test_laws_by_node_agree_with_laws_by_row() -> None:
     by_node = solve_block(body, loads, RowLaws(tables, np.repeat(law[:, None], body.m, axis=1)))
     np.testing.assert_allclose(by_node.energy, by_row.energy, rtol=1e-11, atol=1e-14)
     assert np.array_equal(by_node.certificates.global_minimum, by_row.certificates.global_minimum)
-
-
-def test_laws_in_other_units_by_node_give_the_same_slips() -> None:
-    laws = some_laws()[:2]
-    body, loads, tables, law = block(20, laws, 12)
-    expected = solve_block(body, loads, RowLaws(tables, law[:, None]))
-    rng = np.random.default_rng(0)
-    stretched, stronger = rng.uniform(0.5, 2.0, (len(law), 1)), rng.uniform(0.5, 2.0, (len(law), 1))
-    scaled = [laws[k].scaled(s, b) for k, s, b in zip(law, stretched[:, 0], stronger[:, 0], strict=True)]
-    rows = RowLaws(LawTables.of(scaled), np.arange(len(law))[:, None], None, stretched, stronger)
-    answers = solve_block(body, loads, rows)
-    lowest = expected.certificates.global_minimum
-    assert np.count_nonzero(lowest) > 5
-    assert np.array_equal(answers.certificates.unique, expected.certificates.unique)
-    np.testing.assert_allclose(answers.energy[lowest], expected.energy[lowest], rtol=1e-10, atol=1e-13)
-
-
-def test_a_moved_law_is_a_moved_problem() -> None:
-    """v = w + s_p with a law moved by s_p is w with the load l̃ − Ã s_p and the law as it is."""
-    body, loads, tables, law = block(20, [cases.slip_weakening(1.0, 0.6, 1.0)], 10)
-    passed = 0.1 * np.sin(np.arange(20))[None, :].repeat(10, axis=0)
-    moved = solve_block(body, loads, RowLaws(tables, law[:, None], passed))
-    plain = solve_block(body, loads - passed @ body.A_tilde, RowLaws(tables, law[:, None]))
-    assert np.all(plain.certificates.unique)
-    assert np.all(moved.certificates.unique)
-    np.testing.assert_allclose(moved.v - passed, plain.v, atol=1e-11)
 
 
 def test_branch_continued_begins_from_its_neighbours() -> None:
@@ -222,15 +157,14 @@ def test_many_wells_end_where_the_single_solve_ends() -> None:
 def test_strengths_and_gaps_by_node_agree_with_the_single_solve() -> None:
     """Two laws of the table, strengths from 0.5 to 2 and a gap: answers, flags and margins of the nodes' laws."""
     laws = [*some_laws(), NONE]
-    body, loads, _tables, law = block(20, laws[:-1], 12)
+    body, loads, _, law = block(20, laws[:-1], 12)
     index = np.repeat(law[:, None], body.m, axis=1)
     index[:, 8:14], index[:, 14:17] = (index[:, 8:14] + 1) % len(laws[:-1]), len(laws) - 1
-    strength = np.broadcast_to(np.linspace(0.5, 2.0, body.m), index.shape)
-    answers = solve_block(body, loads, RowLaws(LawTables.of(laws), index, stronger=strength))
+    own = [nodal(laws, row, np.linspace(0.5, 2.0, body.m)) for row in index]
+    answers = solve_block(body, loads, row_laws(own, np.ones(len(loads))))
     assert np.all(answers.status == Status.CONVERGED)
     for p in range(len(loads)):
-        own = nodal(laws, index[p], strength[p])
-        problem = ContactProblem(body.A_tilde, loads[p], body.c, own)
+        problem = ContactProblem(body.A_tilde, loads[p], body.c, own[p])
         expected = solve_contact(problem)
         proved = certify(problem, answers.v[p], body.lambda_1, inverse=body.inverse)
         assert answers.energy[p] <= expected.energy + TIE * abs(expected.energy)

@@ -101,23 +101,3 @@ def test_hulls_of_many_laws_are_those_of_each_alone(kappa: float) -> None:
         np.testing.assert_allclose(hulls.value(s, at.piece), expected.b(s, -1), rtol=1e-6, atol=1e-6)
         inside = np.any((ends[:, :1] < s) & (s < ends[:, 1:]), axis=0) if len(ends) else np.zeros(s.shape, dtype=bool)
         assert np.array_equal(bridges.cover(index[:, None], s[:, None])[:, 0], inside)
-
-
-def test_laws_by_node_are_moved_stretched_and_made_stronger() -> None:
-    rng = np.random.default_rng(4)
-    shape = (3, 7)
-    law, _ = slips(rng, shape)
-    moved, stretched, stronger = rng.normal(size=shape), rng.uniform(0.5, 2.0, shape), rng.uniform(0.5, 2.0, shape)
-    rows = RowLaws(TABLES, law, moved, stretched, stronger)
-    v = rng.normal(size=shape)
-    at = rows.locate(v)
-    t = (v - moved) / stretched
-    np.testing.assert_allclose(rows.value(v, at.piece), stronger * by_law(law, t, of=lambda b, x: b.b(x)), rtol=1e-12)
-    for row in range(shape[0]):
-        for node in range(shape[1]):
-            own, x = rows.of_row(row, shape[1]).single(node), v[row, node]
-            np.testing.assert_allclose(own.b(x), rows.value(v, at.piece)[row, node], rtol=1e-10)
-    zero, to = np.zeros(shape), rows.locate(v)
-    from_zero = rows.integral(zero, v, rows.locate(zero), to)
-    expected = [rows.of_row(r, shape[1]).j(v[r]) for r in range(shape[0])]
-    np.testing.assert_allclose(from_zero, expected, rtol=1e-9, atol=1e-12)
