@@ -48,16 +48,15 @@ class Cluster:
         self,
         address: str,
         jobs: int | None = None,
-        limit: float | None = None,
         worker: tuple[str, ...] = WORKER,
         connect: float = CONNECT,
     ) -> None:
         """address: LOCAL or tcp://host:port;  jobs: workers of a local one, None for one on each processor
 
-        limit: seconds that work may take, None for its `patience`;  worker: what Python runs beside a dask worker
+        worker: what Python runs beside a dask worker
         connect: seconds in which the scheduler must answer. Raises WorkersFailed.
         """
-        self.address, self.limit, self.worker, self.connect = address, limit, worker, connect
+        self.address, self.worker, self.connect = address, worker, connect
         self._own, self._client = _connected(address, jobs, connect)
         self._threads = ThreadPoolExecutor(THREADS)
         self._names, self._lock = (f"{uuid.uuid4().hex[:6]}-{i}" for i in itertools.count()), threading.Lock()
@@ -106,12 +105,11 @@ class Cluster:
 
     def _ask(self, work: Doable[T], tries: int) -> T:
         """The answer of a worker; TimeoutError if there is none."""
-        longest = tries * (work.patience if self.limit is None else self.limit)
         body, rest = parts(work)
         with self._lock:
             sent = self._body(body) if body is not None else None
             key = f"{work.name or 'block'} {next(self._names)}"
-        future = self._client.submit(solve_beside, sent, rest, tries, self.limit, self.worker, key=key, pure=False)
+        future = self._client.submit(solve_beside, sent, rest, tries, self.worker, key=key, pure=False)
         held = 0.0
         try:
             while True:
@@ -120,7 +118,7 @@ class Cluster:
                 except TimeoutError:
                     at_work = any(key in keys for keys in self._client.processing().values())
                     held = held + LOOK if at_work else 0.0  # one that waits for a worker may wait for long
-                    if held > longest + LOOK:
+                    if held > tries * work.patience + LOOK:
                         raise
                 else:
                     return answer
@@ -183,7 +181,7 @@ def _connected(address: str, jobs: int | None, timeout: float) -> tuple[Any, Any
 
 # -- on a dask worker ------------------------------------------------------------------------------
 
-_beside: dict[object, Processes] = {}
+_beside: dict[tuple[str, ...], Processes] = {}
 _beside_lock = threading.Lock()
 
 
@@ -191,14 +189,12 @@ def _kept(body: CondensedBody) -> CondensedBody:
     return body
 
 
-def solve_beside(
-    body: CondensedBody | None, rest: Any, tries: int, limit: float | None, worker: tuple[str, ...]
-) -> Any:
+def solve_beside(body: CondensedBody | None, rest: Any, tries: int, worker: tuple[str, ...]) -> Any:
     """Do work in a process beside this dask worker, one for each of its threads."""
     from distributed import get_worker
 
     with _beside_lock:
-        if (limit, worker) not in _beside:
-            _beside[limit, worker] = Processes(get_worker().state.nthreads, limit, worker=worker)
-        done = _beside[limit, worker].submit(whole(body, rest), tries)
+        if worker not in _beside:
+            _beside[worker] = Processes(get_worker().state.nthreads, worker=worker)
+        done = _beside[worker].submit(whole(body, rest), tries)
     return done.result()

@@ -68,15 +68,10 @@ class _Job:
 class Processes:
     """Worker processes; they start with the first work, as many as there is work for, unless they are warmed."""
 
-    def __init__(
-        self, jobs: int, limit: float | None = None, memory: int = 0, worker: tuple[str, ...] = WORKER
-    ) -> None:
-        """jobs: workers at most;  limit: seconds that work may take, None for its `patience`
-
-        memory: bytes that a worker may use, 0 for no limit;  worker: what Python runs
-        """
+    def __init__(self, jobs: int, limit: float | None = None, worker: tuple[str, ...] = WORKER) -> None:
+        """jobs: workers at most;  worker: what Python runs;  limit: seconds for work, None for its `patience`"""
         self.jobs, self.ahead = jobs, 2 * jobs
-        self.limit, self.memory, self.worker = limit, memory, worker
+        self.limit, self.worker = limit, worker
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
         self._threads: list[threading.Thread] = []
         self._workers: dict[threading.Thread, _Worker] = {}
@@ -190,7 +185,7 @@ class Processes:
         ours, theirs = socket.socketpair()
         with ours, theirs:
             path = os.pathsep.join(filter(None, [str(PACKAGE), os.environ.get("PYTHONPATH", "")]))
-            words = [sys.executable, "-P", *self.worker, str(theirs.fileno()), str(self.memory)]
+            words = [sys.executable, "-P", *self.worker, str(theirs.fileno())]
             environment = {**os.environ, **dict.fromkeys(ONE_THREAD, "1"), "PYTHONPATH": path}
             process = subprocess.Popen(
                 words, env=environment, pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL

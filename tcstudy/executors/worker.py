@@ -55,12 +55,8 @@ def follow(parent: int) -> None:
 
 
 def main() -> None:
-    """Serve the parent whose connection has the number that is the first argument; memory [bytes] is the second."""
+    """Serve the parent whose connection has the number that is the argument."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C is for the parent, which then ends its workers
-    if len(sys.argv) > 2 and int(sys.argv[2]):
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
     threading.Thread(target=follow, args=(os.getppid(),), daemon=True).start()
     serve(Connection(int(sys.argv[1])))
 

@@ -19,10 +19,8 @@ from numpy.typing import NDArray
 
 from tcstudy.online.certify import (
     definite,
-    energy_gap,
     global_minimum,
     margins,
-    resting_slack,
     solution_boxes,
     strict_minimum,
 )
@@ -105,7 +103,7 @@ class _Block:
             self.convex |= self.margin > rows.body.shift
         self.unique = self.convex.copy()
         self.low, self.high = np.zeros((count, m)), np.zeros((count, m))
-        self.lowest, self.strict, self.singly = (np.zeros(count, dtype=bool) for _ in range(3))
+        self.lowest, self.strict = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
         self.single: dict[int, Answer] = {}
 
     def prove_unique(self) -> None:
@@ -198,7 +196,6 @@ class _Block:
         """Prove strict minima; points without one get the single solve's answer if that is lower."""
         self.prove_strict(np.arange(len(self.v)))
         asked = np.flatnonzero(~self.strict)
-        self.singly[asked] = True
         changed = np.array([p for p in asked if self._ask_single(int(p))], dtype=np.intp)
         self.certify(changed[~self.unique[changed]])
         self.prove_strict(changed)
@@ -258,7 +255,6 @@ class _Block:
             self.start,
             self.energies,
             self.steps,
-            self.singly,
             self.certificates(judged.accepted),
         )
 
@@ -278,9 +274,7 @@ class _Block:
         """What is proved about the points, of solutions only beside `convex` and `unique`."""
         lowest = accepted & (self.unique | self.lowest)
         strict = accepted & (self.strict | lowest)
-        slack, resting = resting_slack(self.rows, self.v)
-        gap = np.where(lowest, energy_gap(self.rows, self.v), np.nan)
-        return Certificates(self.omega, self.convex, self.unique, strict, lowest, gap, slack, resting, self.margin)
+        return Certificates(self.omega, self.convex, self.unique, strict, lowest, self.margin)
 
 
 def _violated(judged: Judged, p: int) -> str:

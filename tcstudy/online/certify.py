@@ -124,19 +124,13 @@ def margins(rows: Rows) -> Array:
     return np.array([least_lowered(body.A_tilde, body.c, omega) for omega in different])[row.reshape(-1)]
 
 
-def nearest_traction(rows: Rows, v: Array) -> tuple[Array, Array]:
-    """(ξ/c, the element ζ of b̂(v) nearest to it), (R, m) each [Pa]."""
-    traction = rows.xi(v) / rows.body.c
-    return traction, np.clip(traction, *rows.laws.interval(v, rows.laws.locate(v)))
-
-
 def global_minimum(rows: Rows, v: Array, low: Array, high: Array) -> Flags:
     """(R,) whether v is proved to be a global minimum; low, high: the boxes of all solutions.
 
     A few parts of exponential pieces prove most rows, and lower bounds of D refute most others; nodes of what is left
     whose bounds lie apart are bounded again with more parts.
     """
-    _, zeta = nearest_traction(rows, v)
+    zeta = np.clip(rows.xi(v) / rows.body.c, *rows.laws.interval(v, rows.laws.locate(v)))
     low, high = np.minimum(low, v), np.maximum(high, v)
     few = PARTS if rows.laws.tables.linear else FEW
     upper, lower = bends_below_tangent(rows.laws, v, zeta, low, high, few)
@@ -170,20 +164,6 @@ def strict_minimum(rows: Rows, v: Array) -> Flags:
         free = np.flatnonzero(~held[i])
         proved[i] = factor_free(body.A_tilde, free, added[i, free])[1] == 0
     return proved
-
-
-def resting_slack(rows: Rows, v: Array) -> tuple[Array, NDArray[np.intp]]:
-    """(R,) least slack of the nodes on up-jumps relative to c·(scale of b), inf without any, and their number."""
-    s = slopes(rows, v, rows.xi(v))
-    on = rows.laws.kind(s.at) == UP
-    slack = np.where(on, np.minimum(-s.left, s.right) / rows.body.c, np.inf)
-    return np.min(slack, axis=1, initial=np.inf) / rows.scale, np.count_nonzero(on, axis=1)
-
-
-def energy_gap(rows: Rows, v: Array) -> Array:
-    """(R,) ‖ξ/c − ζ‖²/(2μ): what rounding in v leaves open of a proof [J/m]."""
-    traction, zeta = nearest_traction(rows, v)
-    return np.asarray((traction - zeta) ** 2 @ rows.body.c / (2.0 * rows.body.shift))
 
 
 def bends_below_tangent(

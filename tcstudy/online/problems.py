@@ -152,9 +152,6 @@ class Certificates:
     unique: Flags
     strict_minimum: Flags
     global_minimum: Flags
-    energy_gap: Array
-    least_slack: Array
-    resting: NDArray[np.intp]
     margin: Array
 
 
@@ -162,8 +159,8 @@ class Certificates:
 class BlockAnswers:
     """Judged solutions of P points: fields (P,), (P, m) or (P, 5) with the meaning of tcstudy.solvers.contact.Answer.
 
-    steps:           Newton steps on the body itself of the descent that led to v, or of the single solve
-    searched_singly: the single solve was asked, too;  certificates: what is proved
+    steps: Newton steps on the body itself of the descent that led to v, or of the single solve
+    certificates: what is proved
     """
 
     v: Array
@@ -178,7 +175,6 @@ class BlockAnswers:
     start: NDArray[np.int8]
     start_energies: Array
     steps: NDArray[np.intp]
-    searched_singly: Flags
     certificates: Certificates
 
 

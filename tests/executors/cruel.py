@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import resource
 import signal
 import sys
 import time
@@ -30,6 +31,7 @@ def happen(what: str) -> None:
     elif what == "hang":
         time.sleep(600)
     elif what == "exhaust":
+        resource.setrlimit(resource.RLIMIT_AS, (2**33, 2**33))
         np.ones(2**36)  # 512 GB
 
 

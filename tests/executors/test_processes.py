@@ -86,7 +86,7 @@ def test_a_block_whose_worker_dies_once_is_solved_all_the_same(tmp_path: Path, w
 )
 def test_a_point_that_kills_its_workers_is_recorded_and_the_rest_goes_on(tmp_path: Path, what: str, words: str) -> None:
     study = study_of(SWEPT, "mesh.levels=1")
-    workers = Processes(2, memory=2**33, worker=(CRUEL, what, str(TAU), str(tmp_path / "pids")))
+    workers = Processes(2, worker=(CRUEL, what, str(TAU), str(tmp_path / "pids")))
     try:
         first, second = solved(study, workers)
     finally:

@@ -39,9 +39,6 @@ def test_no_energy_is_higher_and_no_certificate_lost(m: int, points: int) -> Non
         proved = certify(problem, answers.v[p], body.lambda_1, inverse=body.inverse)
         for flag in FLAGS:
             assert getattr(answers.certificates, flag)[p] == getattr(proved, flag), flag
-        assert answers.certificates.resting[p] == proved.resting
-        np.testing.assert_allclose(answers.certificates.least_slack[p], proved.least_slack, rtol=1e-6)
-        assert np.isnan(answers.certificates.energy_gap[p]) == np.isnan(proved.energy_gap)
 
 
 @pytest.mark.parametrize(("m", "by_node"), [(2, False), (3, False), (3, True)])

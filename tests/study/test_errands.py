@@ -109,7 +109,7 @@ def test_a_geometry_that_kills_its_workers_is_told_and_the_rest_goes_on(
 ) -> None:
     """What was told is solved by a run that mends the file."""
     pids, path = tmp_path / "pids", tmp_path / "out.nc"
-    cruel = partial(Processes, limit=limit, memory=2**33, worker=(CRUEL, what, "0.015", str(pids)))
+    cruel = partial(Processes, limit=limit, worker=(CRUEL, what, "0.015", str(pids)))
     with monkeypatch.context() as patched:
         patched.setattr(jobs, "Processes", cruel)
         summary = execute(read_study_text(BARS), path, jobs=2)
