@@ -1,20 +1,14 @@
 // Small charts in SVG: scales, axes, marks. Colours come from the style sheet, so that dark mode and print follow.
-TC.svgNode = function (tag, attrs = {}, ...children) {
-  const node = document.createElementNS("http://www.w3.org/2000/svg", tag);
-  for (const key in attrs) if (attrs[key] !== undefined && attrs[key] !== null) node.setAttribute(key, attrs[key]);
-  for (const child of children) if (child !== null && child !== undefined) node.append(child);
-  return node;
-};
-TC.el = function (tag, attrs = {}, ...children) {
-  const node = document.createElement(tag);
+TC.made = function (node, attrs, children) {
   for (const key in attrs) {
     if (key.startsWith("on")) node.addEventListener(key.slice(2), attrs[key]);
-    else if (key === "class") node.className = attrs[key];
     else if (attrs[key] !== undefined && attrs[key] !== null && attrs[key] !== false) node.setAttribute(key, attrs[key] === true ? "" : attrs[key]);
   }
-  for (const child of children.flat()) if (child !== null && child !== undefined) node.append(child);
+  node.append(...children.flat().filter((child) => child !== null && child !== undefined));
   return node;
 };
+TC.svgNode = (tag, attrs = {}, ...children) => TC.made(document.createElementNS("http://www.w3.org/2000/svg", tag), attrs, children);
+TC.el = (tag, attrs = {}, ...children) => TC.made(document.createElement(tag), attrs, children);
 
 TC.ticks = function (lo, hi, count) {
   const span = hi - lo || Math.abs(hi) || 1, raw = span / Math.max(1, count), power = 10 ** Math.floor(Math.log10(raw));

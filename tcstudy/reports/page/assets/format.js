@@ -108,7 +108,7 @@ TC.oneLabel = function (axis, i) {
 };
 TC.axisTitle = function (axis) {
   const s = TC.axisScale(axis);
-  return TC.symbol(axis.name) + (s.unit ? ` [${s.unit}]` : "");
+  return TC.titled(TC.symbol(axis.name), s);
 };
 TC.percent = (x) => (x >= 1e-5 ? `${Number((100 * x).toPrecision(2))} %` : TC.number(x, 2));
 TC.range = (values) => {

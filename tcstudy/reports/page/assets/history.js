@@ -57,11 +57,11 @@ TC.history = {
     const controls = TC.el("div", { class: "controls noprint" }, TC.choice("loop of", options, s.ly, (ly) => TC.set({ ly })), TC.choice("over", options, s.lx, (lx) => TC.set({ lx })),
       TC.slider("step", [...Array(n)].map((_, i) => TC.history.stepWords(i)), s.step, (step) => TC.set({ step })),
       TC.el("button", { "aria-pressed": s.ref ? "true" : "false", "aria-label": "compare", title: "keep this step and see others beside it (c)", onclick: TC.history.compare }, s.ref ? "stop comparing" : "compare with …"));
-    const left = TC.el("div", { class: "panel" }), right = TC.el("div", { class: "panel" });
+    const left = TC.panel(), right = TC.panel();
     TC.fill(host, head, controls, TC.el("div", { class: "columns wide" }, left, right));
     TC.history.loop(left, p);
     TC.history.step(right, p);
-    if (!h.line) { left.append(TC.el("p", { class: "note" }, "The page was made without contact lines; the file has them.")); return; }
+    if (!h.line) { left.append(TC.note("The page was made without contact lines; the file has them.")); return; }
     h.line.moves = h.moves;
     TC.history.profiles(left, p);
     TC.history.motion(right, p);
@@ -69,7 +69,7 @@ TC.history = {
   loop(host, p) {
     const s = TC.state, h = TC.data.history, width = TC.width(host), other = TC.history.reference(p);
     const of = (q) => ({ q, x: TC.history.number(s.lx, q), y: TC.history.number(s.ly, q) }), own = of(p), more = other && other.p !== p ? [of(other.p)] : [];
-    const xs = TC.scale([own, ...more].flatMap((o) => o.x.v), own.x.units), ys = TC.scale([own, ...more].flatMap((o) => o.y.v), own.y.units), label = (o, scale) => o.title + (scale.unit ? ` [${scale.unit}]` : "");
+    const xs = TC.scale([own, ...more].flatMap((o) => o.x.v), own.x.units), ys = TC.scale([own, ...more].flatMap((o) => o.y.v), own.y.units), label = (o, scale) => TC.titled(o.title, scale);
     const plot = new TC.Plot({ width, height: Math.min(380, Math.max(260, 0.62 * width)), x: TC.pad(TC.range([own, ...more].flatMap((o) => o.x.v.map((v) => v / xs.by))), 0.05), y: TC.pad(TC.range([own, ...more].flatMap((o) => o.y.v.map((v) => v / ys.by))), 0.08), xlabel: label(own.x, xs), ylabel: label(own.y, ys), label: `${TC.history.words(s.ly)} over ${TC.history.words(s.lx)}` });
     for (const o of more) plot.line(o.x.v.map((v) => v / xs.by), o.y.v.map((v) => v / ys.by), { stroke: "var(--soft)", "stroke-width": 1.4, "stroke-dasharray": "6 4" });
     const x = own.x.v.map((v) => v / xs.by), y = own.y.v.map((v) => v / ys.by), n = x.length, last = h.cycle.slice(0, n).indexOf(h.cycle[n - 1]), from = Math.max(0, last - 1);
@@ -91,13 +91,13 @@ TC.history = {
     for (let i = 0; i < n; i++) if (h.names[i]) put(i);
     plot.dot(x[s.step], y[s.step], { r: 9, fill: "none", stroke: "var(--ink)", "stroke-width": 2.2 });
     const key = `${h.cycle[n - 1] > 1 ? "heavy: last cycle; " : ""}large ring: the step beside${h.numbers.some((o) => o.name === "jumps" && o.v.some((v) => v > 0)) ? "; orange rings: jumps" : ""}${more.length ? `; dashed: ${other.words}` : ""}`;
-    host.append(TC.el("h3", {}, `${TC.history.words(s.ly)} over ${TC.history.words(s.lx)}`), plot.svg, TC.el("p", { class: "legend" }, key));
+    host.append(TC.h3(`${TC.history.words(s.ly)} over ${TC.history.words(s.lx)}`), plot.svg, TC.legend(key));
   },
   step(host, p) {
     const s = TC.state, h = TC.data.history, i = s.step, one = (name) => { const own = TC.history.number(name, p), scale = TC.scale(own.v, own.units); return [own.title, `${TC.number(own.v[i] / scale.by)} ${scale.unit}`.trim()]; };
     const proof = TC.history.proof(p, i), words = { unique: "only solution", global: "least energy", local: "local minimum", nothing: "nothing" };
     const facts = [["cycle", h.cycle[i]], ...h.loads.map((o) => [o.symbol, TC.quantity(o.v[i], o.units)]), ...["u_T_max", "friction_resultant", "slip_length", "dissipated", "released", "stored", "work", "jumps", "inclusion_residual"].map(one), ["proved", words[proof]]];
-    host.append(TC.el("h3", {}, `Step ${TC.history.stepWords(i)}`), TC.facts(facts));
+    host.append(TC.h3(`Step ${TC.history.stepWords(i)}`), TC.facts(facts));
   },
   proof(p, i) {
     const h = TC.data.history, f = (name) => h.flags[name] && h.flags[name][p * h.steps + i] === 1;
@@ -111,16 +111,16 @@ TC.history = {
     for (const own of line.memory) {
       const rows = cases.map((c) => TC.row(own.v, c.k)), scale = TC.scale(rows.flatMap((r) => TC.range(r)), own.units), by = TC.scale(TC.range(line.arclength), line.u_T_units), ys = rows.map((r) => Array.from(r, (v) => v / scale.by));
       if (!rows.some((r) => r.some((v) => v !== 0))) continue;
-      const plot = new TC.Plot({ width: TC.width(host), height: 160, x: TC.pad(TC.range(line.arclength).map((v) => v / by.by), 0.02), y: TC.pad(TC.range([0, ...ys.flat()])), xlabel: `arc length${by.unit ? ` [${by.unit}]` : ""}`, ylabel: `${own.name === "kappa" ? "κ" : "u_p"}${scale.unit ? ` [${scale.unit}]` : ""}`, label: own.long_name });
+      const plot = new TC.Plot({ width: TC.width(host), height: 160, x: TC.pad(TC.range(line.arclength).map((v) => v / by.by), 0.02), y: TC.pad(TC.range([0, ...ys.flat()])), xlabel: TC.titled("arc length", by), ylabel: TC.titled(`${own.name === "kappa" ? "κ" : "u_p"}`, scale), label: own.long_name });
       ys.forEach((y, k) => { for (const part of line.parts) plot.line(Array.from(line.arclength.slice(part.a, part.b), (v) => v / by.by), y.slice(part.a, part.b), { stroke: "var(--c3)", ...(k ? { "stroke-dasharray": "6 4", opacity: 0.85 } : {}) }); });
-      host.append(TC.el("h3", {}, `What the nodes remember: ${own.long_name}`), plot.svg);
+      host.append(TC.h3(`What the nodes remember: ${own.long_name}`), plot.svg);
     }
   },
   // What every node does in every step: arc length over steps, a path for each state.
   motion(host, p) {
     const s = TC.state, h = TC.data.history, line = h.line, m = line.x.length, n = TC.history.done(p), ends = new Float64Array(m + 1), order = [...Array(m).keys()].sort((a, b) => line.arclength[a] - line.arclength[b]);
     order.forEach((i, k) => { ends[k + 1] = ends[k] + line.c[i]; });
-    const by = TC.scale([ends[m]], line.u_T_units), plot = new TC.Plot({ width: TC.width(host), height: 250, x: [-0.5, n - 0.5], y: [0, ends[m] / by.by], xlabel: "step", ylabel: `arc length${by.unit ? ` [${by.unit}]` : ""}`, label: "what every node does in every step; a click chooses a step" });
+    const by = TC.scale([ends[m]], line.u_T_units), plot = new TC.Plot({ width: TC.width(host), height: 250, x: [-0.5, n - 0.5], y: [0, ends[m] / by.by], xlabel: "step", ylabel: TC.titled("arc length", by), label: "what every node does in every step; a click chooses a step" });
     const paths = h.moves.map(() => "");
     for (let i = 0; i < n; i++) for (let k = 0; k < m; ) {
       const what = line.state[(p * h.steps + i) * m + order[k]];
@@ -135,12 +135,12 @@ TC.history = {
     plot.svg.addEventListener("click", (e) => { const i = Math.round(plot.ix(e.clientX - plot.svg.getBoundingClientRect().left)); if (i >= 0 && i < n) TC.set({ step: i }); });
     plot.svg.style.cursor = "pointer";
     const key = TC.el("div", { class: "legend" }, h.moves.map((word, k) => (paths[k] ? TC.swatch(`var(${TC.MOVES[k]})`, word) : null)).filter(Boolean), h.cycle[n - 1] > 1 ? "dashed: cycles; " : "", "frame: the step");
-    host.append(TC.el("h3", {}, "What every node does in every step"), plot.svg, key);
+    host.append(TC.h3("What every node does in every step"), plot.svg, key);
   },
   accuracy(host) {
     const h = TC.data.history, p = TC.run.flat(TC.state.at), n = TC.history.done(p);
     if (!n) { TC.fill(host); return; }
-    const left = TC.el("div", { class: "panel" }), right = TC.el("div", { class: "panel" });
+    const left = TC.panel(), right = TC.panel();
     TC.fill(host, TC.el("div", { class: "columns" }, left, right), TC.facts(Object.entries(h.about)));
     TC.history.energies(left, p, n);
     TC.history.cycles(right, p, n);
@@ -153,10 +153,10 @@ TC.history = {
     for (const [title, all] of panels) {
       const found = all.filter(([, v]) => v.some((x) => x !== 0 && Number.isFinite(x))), scale = TC.scale(found.flatMap(([, v]) => v), units);
       if (!found.length) continue;
-      const plot = new TC.Plot({ width: TC.width(host), height: 210, x: TC.pad([0, Math.max(1, n - 1)], 0.02), y: TC.pad(TC.range([0, ...found.flatMap(([, v]) => v.map((x) => x / scale.by))])), xlabel: "step", ylabel: `energy${scale.unit ? ` [${scale.unit}]` : ""}`, label: title });
+      const plot = new TC.Plot({ width: TC.width(host), height: 210, x: TC.pad([0, Math.max(1, n - 1)], 0.02), y: TC.pad(TC.range([0, ...found.flatMap(([, v]) => v.map((x) => x / scale.by))])), xlabel: "step", ylabel: TC.titled("energy", scale), label: title });
       found.forEach(([, v], k) => plot.line(xs, v.map((x) => x / scale.by), TC.series(k)));
       plot.vertical(TC.state.step, { stroke: "var(--ink)" });
-      host.append(TC.el("h3", {}, title), plot.svg, TC.el("div", { class: "legend" }, found.map(([words], k) => TC.stroke(k, words)), "vertical: the step"));
+      host.append(TC.h3(title), plot.svg, TC.el("div", { class: "legend" }, found.map(([words], k) => TC.stroke(k, words)), "vertical: the step"));
     }
   },
   cycles(host, p, n) {
@@ -166,21 +166,21 @@ TC.history = {
       const u = (i) => TC.row(h.line.u_T, p * h.steps + i), before = h.line ? u(own[0] - 1) : null, change = h.line ? u(end).reduce((most, v, k) => Math.max(most, Math.abs(v - before[k])), 0) : NaN;
       rows.push({ c, dissipated: sum("dissipated"), released: sum("released"), closure: sum("closure"), change, jumps: sum("jumps") });
     }
-    const units = h.numbers.find((o) => o.name === "dissipated").units, scaled = (name, u) => TC.scale(rows.map((r) => r[u === units ? "dissipated" : name]), u), column = (title, name, u) => { const s = scaled(name, u); return { title: title + (s.unit ? ` [${s.unit}]` : ""), get: (r) => r[name], text: (r) => TC.number(r[name] / s.by, name === "closure" ? 2 : 5) }; };
+    const units = h.numbers.find((o) => o.name === "dissipated").units, scaled = (name, u) => TC.scale(rows.map((r) => r[u === units ? "dissipated" : name]), u), column = (title, name, u) => { const s = scaled(name, u); return { title: TC.titled(title, s), get: (r) => r[name], text: (r) => TC.number(r[name] / s.by, name === "closure" ? 2 : 5) }; };
     const columns = [{ title: "cycle", get: (r) => r.c, text: (r) => String(r.c) }, column("dissipated", "dissipated", units), column("missed by steps", "closure", units), ...(h.line ? [column("change of u_T", "change", h.line.u_T_units)] : []), ...(rows.some((r) => r.jumps) ? [column("jumps", "jumps", "1"), column("released", "released", units)] : [])];
     const t = TC.table({ columns, rows, sort: -1, onsort: () => {} });
-    host.append(TC.el("h3", {}, "What each cycle does"), TC.el("p", {}, h.changes[p] || (last < 2 ? "One cycle: nothing to compare with." : "")), TC.el("div", { class: "scroll" }, t.node), TC.el("p", { class: "note" }, "change of u_T: the largest of what the cycle leaves behind; missed by steps: energy that finite steps do not account for"));
+    host.append(TC.h3("What each cycle does"), TC.el("p", {}, h.changes[p] || (last < 2 ? "One cycle: nothing to compare with." : "")), TC.el("div", { class: "scroll" }, t.node), TC.note("change of u_T: the largest of what the cycle leaves behind; missed by steps: energy that finite steps do not account for"));
   },
   rows(host) {
     const s = TC.state, h = TC.data.history, p = TC.run.flat(s.at), n = TC.history.done(p), steps = [...Array(n).keys()];
-    const columns = [{ title: "step", csv: "step", get: (i) => i, text: (i) => String(i) }, { title: "name", csv: "name", left: true, get: (i) => h.names[i], text: (i) => h.names[i] }, { title: "cycle", csv: "cycle", get: (i) => h.cycle[i], text: (i) => String(h.cycle[i]) }];
+    const columns = [{ title: "step", get: (i) => i, text: (i) => String(i) }, { title: "name", left: true, get: (i) => h.names[i], text: (i) => h.names[i] }, { title: "cycle", get: (i) => h.cycle[i], text: (i) => String(h.cycle[i]) }];
     const minor = ["work", "closure", "energy", "inclusion_residual", "identity", "parts", "iterations"];
-    const add = (title, name, units, get) => { const scale = TC.scale(steps.map(get), units); columns.push({ minor: minor.includes(name), title: title + (scale.unit ? ` [${scale.unit}]` : ""), csv: name + (units !== "1" ? ` [${units}]` : ""), get, text: (i) => TC.number(get(i) / scale.by, minor.includes(name) && name !== "energy" ? 3 : 5) }); };
+    const add = (title, name, units, get) => { const scale = TC.scale(steps.map(get), units); columns.push({ minor: minor.includes(name), title: TC.titled(title, scale), csv: name + (units !== "1" ? ` [${units}]` : ""), get, text: (i) => TC.number(get(i) / scale.by, minor.includes(name) && name !== "energy" ? 3 : 5) }); };
     for (const o of h.loads) add(o.symbol, o.name, o.units, (i) => o.v[i]);
     for (const o of h.numbers) add(TC.symbol(o.name), o.name, o.units, (i) => o.v[p * h.steps + i]);
-    columns.push({ title: "proved", csv: "proved", left: true, get: (i) => TC.history.proof(p, i), text: (i) => TC.history.proof(p, i) });
-    const sort = s.ssort === undefined ? -1 : Number(s.ssort), down = Number(s.sdown) === 1, t = TC.table({ columns, rows: steps, sort, down, chosen: (i) => i === s.step, pick: (step) => TC.set({ step }), onsort: (i) => TC.set({ ssort: i, sdown: i === sort && !down ? 1 : 0 }) });
-    const csv = () => TC.save(`${TC.data.file.replace(/\.nc$/, "")}-steps${TC.data.run.points > 1 ? `-${p}` : ""}.csv`, TC.CSV(columns.map((c) => c.csv), t.order.map((i) => columns.map((c) => c.get(i)))));
+    columns.push({ title: "proved", left: true, get: (i) => TC.history.proof(p, i), text: (i) => TC.history.proof(p, i) });
+    const t = TC.table({ columns, rows: steps, ...TC.sorting("ssort", "sdown"), chosen: (i) => i === s.step, pick: (step) => TC.set({ step }) });
+    const csv = () => TC.saveTable(`${TC.fileName()}-steps${TC.data.run.points > 1 ? `-${p}` : ""}.csv`, columns, t.order);
     const top = host.querySelector(".scroll")?.scrollTop || 0, box = TC.el("div", { class: "scroll" }, t.node);
     TC.fill(host, TC.el("div", { class: "controls noprint" }, TC.el("button", { onclick: csv, "aria-label": "steps csv" }, "Download as CSV"), TC.el("span", { class: "note" }, "all steps of this history; a click on a row shows the step")), box);
     box.scrollTop = top;

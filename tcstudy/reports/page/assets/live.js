@@ -29,7 +29,7 @@ TC.live = {
     TC.live.setup();
     const s = TC.state, main = document.getElementById("main");
     if (!TC.live.host) {
-      const head = TC.el("div", { class: "live" }), controls = TC.el("div"), left = TC.el("div", { class: "panel" }), right = TC.el("div", { class: "panel" });
+      const head = TC.el("div", { class: "live" }), controls = TC.el("div"), left = TC.panel(), right = TC.panel();
       main.replaceChildren(TC.el("h2", {}, "Explore live"), head, controls, TC.el("div", { class: "columns wide" }, left, right));
       head.append(TC.el("p", {}, TC.el("b", {}, "Solved now, in this browser"), `, not stored results: mesh level ${TC.data.live.level} with ${TC.data.live.m} contact nodes, the same separable Newton method, from several starts. A solution is accepted by its inclusion residual, which stands beside it; “only solution” is said where the law falls less steeply than the body is stiff (ω < λ₁), and nowhere else.`));
       TC.live.host = { controls, left, right };
@@ -111,8 +111,8 @@ TC.live = {
     const says = !solved ? TC.el("span", { class: "badge bad" }, "no solution found") : unique ? TC.el("span", { class: "badge good" }, "only solution (ω < λ₁)") : TC.el("span", { class: "badge" }, all.length > 1 ? `${all.length} local minima found; there may be more` : "one local minimum found; there may be others");
     const units = TC.data.unit_system === "none" ? "1" : "Pa m-1", law_ = TC.live.lawPanel(TC.width(right), drawn, cases, line);
     TC.fill(right, TC.el("p", {}, says, ` residual ${TC.number(TC.live.shown.residual, 2)}, ${TC.number(done.time, 2)} ms a solve, ${done.starts} starts`),
-      TC.el("p", { class: "note" }, `λ₁ = ${TC.quantity(lambda.value, units)}, ω = ${law.omega === Infinity ? "∞" : TC.quantity(law.omega, units)}; largest |u_T| = ${TC.quantity(Math.max(...TC.live.shown.v.map(Math.abs)), line.u_T_units)}`),
-      TC.el("h3", {}, all.length > 1 ? "Local minima found, by energy" : "Energy"), list, law_);
+      TC.note(`λ₁ = ${TC.quantity(lambda.value, units)}, ω = ${law.omega === Infinity ? "∞" : TC.quantity(law.omega, units)}; largest |u_T| = ${TC.quantity(Math.max(...TC.live.shown.v.map(Math.abs)), line.u_T_units)}`),
+      TC.h3(all.length > 1 ? "Local minima found, by energy" : "Energy"), list, law_);
   },
   // Whether the sliders stand where the stored point was solved.
   same: (p) => JSON.stringify(TC.live.base(p)) === JSON.stringify(TC.live.set),
@@ -122,9 +122,9 @@ TC.live = {
   },
   lawPanel(width, drawn, cases, line) {
     const set = TC.live.set, host = TC.el("div"), { plot, us, ys } = TC.point.lawPlot(width, drawn, cases.slice(0, 1), line, TC.live.frozen || {});
-    host.append(TC.el("h3", {}, "The law, and where every node stands"), plot.svg);
+    host.append(TC.h3("The law, and where every node stands"), plot.svg);
     if (set.law.points) {
-      host.append(TC.el("p", { class: "legend" }, "drag the squares to change the law"));
+      host.append(TC.legend("drag the squares to change the law"));
       set.law.points.forEach((point, k) => {
         const x = plot.px(point[0] / us.by), y = plot.py(point[1] / ys.by), handle = TC.svgNode("rect", { x: x - 7, y: y - 7, width: 14, height: 14, fill: "var(--bg)", stroke: "var(--accent)", "stroke-width": 2.5, style: "cursor:grab;touch-action:none", "data-handle": k });
         handle.addEventListener("pointerdown", (e) => { e.preventDefault(); TC.live.drag(k, plot, us, ys); });

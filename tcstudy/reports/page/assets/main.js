@@ -59,7 +59,7 @@ TC.keys = function () {
   if (d.run && d.run.varied.length) rows.push(["q", "next quantity"]);
   if (d.run) rows.push(["c", d.history ? "compare with this step" : "compare with this point"]);
   rows.push(["d", "light or dark"], ["Esc", "close this"]);
-  box.replaceChildren(TC.el("h3", {}, "Keys"), TC.el("table", { class: "facts" }, TC.el("tbody", {}, rows.map(([k, t]) => TC.el("tr", {}, TC.el("td", {}, TC.el("kbd", {}, k)), TC.el("td", {}, t))))), TC.el("p", { class: "note" }, "The address of the page holds what is shown: copy it to come back here."), TC.el("button", { onclick: () => box.close() }, "close"));
+  box.replaceChildren(TC.h3("Keys"), TC.el("table", { class: "facts" }, TC.el("tbody", {}, rows.map(([k, t]) => TC.el("tr", {}, TC.el("td", {}, TC.el("kbd", {}, k)), TC.el("td", {}, t))))), TC.note("The address of the page holds what is shown: copy it to come back here."), TC.el("button", { onclick: () => box.close() }, "close"));
   box.showModal();
 };
 TC.start().catch((error) => {

@@ -26,8 +26,18 @@ TC.slider = function (label, options, value, change) {
   const range = TC.el("input", { type: "range", min: 0, max: options.length - 1, step: 1, value, "aria-label": label, oninput: (e) => change(Number(e.target.value)) });
   return TC.el("label", {}, TC.el("span", {}, `${label}: `, TC.el("output", {}, options[value])), range);
 };
-TC.swatch = (fill, text) => TC.el("span", { style: "display:inline-block;margin-right:14px" }, TC.svgNode("svg", { width: 20, height: 10, style: "display:inline-block;margin-right:5px" }, TC.svgNode("rect", { width: 20, height: 10, fill })), text);
-TC.stroke = (k, text) => TC.el("span", { style: "display:inline-block;margin-right:14px" }, TC.svgNode("svg", { width: 28, height: 10, style: "display:inline-block;margin-right:5px" }, TC.svgNode("line", { x1: 0, x2: 28, y1: 5, y2: 5, "stroke-width": 2, ...TC.series(k) })), text);
+TC.panel = (...children) => TC.el("div", { class: "panel" }, ...children);
+TC.h3 = (text) => TC.el("h3", {}, text);
+TC.note = (...words) => TC.el("p", { class: "note" }, ...words);
+TC.legend = (...words) => TC.el("p", { class: "legend" }, ...words);
+TC.titled = (words, scale) => words + (scale.unit ? ` [${scale.unit}]` : "");
+// A part of a page under its heading.
+TC.section = function (title, id) { const body = TC.el("div", { id }); document.getElementById("main").append(TC.el("h2", {}, title), body); return body; };
+// A key's entry: a small picture of shapes, and what they stand for.
+TC.entry = (width, height, shapes, text, style = "margin-right:5px") => TC.el("span", { style: "display:inline-block;margin-right:14px" }, TC.svgNode("svg", { width, height, style: `display:inline-block;${style}` }, ...shapes), text);
+TC.dash = (width, y, look) => TC.svgNode("line", { x1: 0, x2: width, y1: y, y2: y, "stroke-width": 2, ...look });
+TC.swatch = (fill, text) => TC.entry(20, 10, [TC.svgNode("rect", { width: 20, height: 10, fill })], text);
+TC.stroke = (k, text) => TC.entry(28, 10, [TC.dash(28, 5, TC.series(k))], text);
 // Put children into a host without losing the focus of the control that was used.
 TC.fill = function (host, ...children) {
   const active = document.activeElement, inside = host.contains(active) ? active.getAttribute("aria-label") : null;
@@ -49,6 +59,19 @@ TC.table = function ({ columns, rows, sort, down, onsort, chosen, pick }) {
     columns.map((c) => TC.el("td", { class: cls(c) }, c.text ? c.text(row) : TC.number(c.get(row))))));
   return { node: TC.el("table", {}, TC.el("thead", {}, TC.el("tr", {}, head)), TC.el("tbody", {}, body)), order };
 };
+// A table as it is; look(column, text, row): class of a cell, without a row that of the head.
+TC.plain = function (head, rows, look = () => null) {
+  const line = (tag, row, i) => TC.el("tr", {}, row.map((t, k) => TC.el(tag, { class: look(k, t, i) || undefined }, typeof t === "number" ? String(t) : t)));
+  return TC.el("table", {}, TC.el("thead", {}, line("th", head)), TC.el("tbody", {}, rows.map((row, i) => line("td", row, i))));
+};
+TC.wide = (...table) => TC.el("div", { class: "wide-table" }, TC.plain(...table));
+// What TC.table needs to sort by the state's values of two names; a click on the sorted column turns it round.
+TC.sorting = function (by = "sort", down = "down", first = -1) {
+  const s = TC.state, sort = s[by] === undefined ? first : Number(s[by]), turned = Number(s[down]) === 1;
+  return { sort, down: turned, onsort: (i) => TC.set({ [by]: i, [down]: i === sort && !turned ? 1 : 0 }) };
+};
+TC.saveTable = (name, columns, rows) => TC.save(name, TC.CSV(columns.map((c) => c.csv || c.title), rows.map((row) => columns.map((c) => c.get(row)))));
+TC.fileName = () => TC.data.file.replace(/\.nc$/, "");
 TC.facts = (pairs) => TC.el("table", { class: "facts" }, TC.el("tbody", {}, pairs.filter((p) => p[1] !== undefined && p[1] !== "").map(([k, v]) => TC.el("tr", {}, TC.el("th", {}, k), TC.el("td", {}, v)))));
 
 TC.provenance = function (host) {
@@ -59,6 +82,6 @@ TC.provenance = function (host) {
   if (d.overrides.length) pairs.push(["set on the command line", d.overrides.join("  ")]);
   const left = { levels: "contact lines of the coarser levels", live: "the data of the live mode", body: "temperature and displacement of the body", memory: "what the nodes remember", lines: "all contact lines" };
   if (d.without.length) pairs.push(["left out of this page", d.without.map((k) => left[k]).join(", ") + "; the file has it"]);
-  host.append(TC.el("h3", {}, "Where it comes from"), TC.facts(pairs));
+  host.append(TC.h3("Where it comes from"), TC.facts(pairs));
   host.append(TC.el("details", { open: false }, TC.el("summary", {}, "The study (YAML)"), TC.el("button", { class: "noprint", onclick: () => TC.save("study.yaml", d.yaml, "text/yaml") }, "download"), TC.el("pre", {}, d.yaml)));
 };

@@ -28,7 +28,7 @@ TC.point = {
       s.vs ? TC.el("button", { "aria-label": "swap", onclick: () => TC.set({ vs: s.at, at: s.vs }) }, "swap") : null,
       s.vs ? TC.el("span", { class: "note" }, TC.run.flat(s.vs) === p ? "kept; now choose another point" : `dashed: ${TC.run.words(s.vs)}`) : null,
       d.body ? TC.el("label", {}, TC.el("span", {}, "deformation: ", TC.el("output", { id: "deform-text" })), TC.el("input", { type: "range", min: 0, max: 3, step: 0.05, value: s.deform, "aria-label": "deformation", oninput: (e) => { s.deform = Number(e.target.value); TC.writeState(); TC.point.body(p); } })) : null);
-    const left = TC.el("div", { class: "panel" }), right = TC.el("div", { class: "panel" });
+    const left = TC.panel(), right = TC.panel();
     TC.fill(host, head, buttons, TC.el("div", { class: "columns wide" }, left, right));
     const vs = s.vs && TC.run.flat(s.vs) !== p ? TC.run.flat(s.vs) : null;
     if (line && proof === "failed" && !Number.isFinite(TC.row(line.u_T, p)[0])) {
@@ -43,7 +43,7 @@ TC.point = {
       if (frame.shape) TC.point.bodyPanel(left, p, line, frame);
       TC.point.profiles(left, line, cases, frame, shownLevel !== level ? `level ${shownLevel} (the page holds no contact line of level ${level})` : "");
       TC.point.law(right, line, cases, p, vs);
-    } else if (proof !== "failed") left.append(TC.el("p", { class: "note" }, "The page was made without contact lines; the file has them."));
+    } else if (proof !== "failed") left.append(TC.note("The page was made without contact lines; the file has them."));
     TC.point.energies(right, p, level);
     TC.point.table(right, p, vs, level);
   },
@@ -79,9 +79,9 @@ TC.point = {
   bodyPanel(host, p, line, frame) {
     const extra = 26, width = frame.width, height = Math.ceil(frame.high + 2 * frame.top + extra), d = TC.point.here;
     const canvas = TC.el("canvas", { style: `width:${width}px;height:${height}px`, role: "img", "aria-label": "the body" }), svg = TC.svgNode("svg", { width, height, role: "img", "aria-label": "the body with the roles of its edges" });
-    const ratio = Math.min(3, window.devicePixelRatio || 1) * (width < 500 ? 1 : 1);
+    const ratio = Math.min(3, window.devicePixelRatio || 1);
     canvas.width = width * ratio; canvas.height = height * ratio;
-    const title = TC.el("h3", {}, d.body && d.body.theta ? `Temperature θ [${TC.unit(d.body.theta_units) || "1"}] and deformation` : d.body ? "Deformation" : "The body");
+    const title = TC.h3(d.body && d.body.theta ? `Temperature θ [${TC.unit(d.body.theta_units) || "1"}] and deformation` : d.body ? "Deformation" : "The body");
     host.append(title, TC.el("div", { class: "stack", style: `height:${height}px` }, canvas, svg), TC.point.roleKey());
     TC.point.panel = { canvas, svg, frame, line, ratio, height };
     TC.point.body(p);
@@ -152,7 +152,7 @@ TC.point = {
       over.push(TC.svgNode("path", { d: byRole[role].join(""), fill: "none", "stroke-linecap": "butt", ...look, ...(role === "convection" || role === "traction" ? { "stroke-dasharray": null } : {}) }));
       if (role === "convection" || role === "traction") over[over.length - 1].setAttribute("stroke-width", 3);
     }
-    for (const loop of TC.point.here.sources || []) over.push(TC.point.path([...loop, loop[0]].map(([x, y]) => TC.point.toPx(frame, x, y)), { fill: "none", stroke: "var(--bad)", "stroke-width": 1.5, "stroke-dasharray": "4 3" }));
+    TC.point.heated(over, frame);
   },
   // The part of a polygon [x, y, value] with sign·value ≥ sign·bound.
   clip(poly, bound, sign) {
@@ -174,9 +174,11 @@ TC.point = {
     const d = TC.point.here.outline.map((e) => e.line.map(([x, y]) => TC.point.toPx(frame, x, y)));
     over.push(TC.svgNode("path", { d: d.map((pts, k) => pts.map(([x, y], i) => `${i || (k && Math.hypot(x - d[k - 1][d[k - 1].length - 1][0], y - d[k - 1][d[k - 1].length - 1][1]) < 1e-6) ? "L" : "M"}${x.toFixed(1)},${y.toFixed(1)}`).join("")).join(""), fill: "var(--body)", "fill-rule": "evenodd", stroke: "none" }));
     TC.point.here.outline.forEach((e, k) => { const { words, ...look } = TC.ROLES[e.role]; over.push(TC.point.path(d[k], { fill: "none", ...look })); });
+    TC.point.heated(over, frame);
+  },
+  heated(over, frame) {
     for (const loop of TC.point.here.sources || []) over.push(TC.point.path([...loop, loop[0]].map(([x, y]) => TC.point.toPx(frame, x, y)), { fill: "none", stroke: "var(--bad)", "stroke-width": 1.5, "stroke-dasharray": "4 3" }));
   },
-  // Names of edges, each once, outside its longest piece.
   // Where the middle of a named edge goes with the deformation, in pixels.
   moved(p, factor) {
     const b = TC.point.here.body, ux = TC.field(b.u_x, TC.point.own(p)), uy = TC.field(b.u_y, TC.point.own(p)), frame = TC.point.panel.frame;
@@ -186,6 +188,7 @@ TC.point = {
       return TC.point.toPx(frame, x + factor * ux[best], y + factor * uy[best]);
     };
   },
+  // Names of edges, each once, outside its longest piece.
   names(over, frame, moved) {
     const seen = {}, size = (e) => e.line.slice(1).reduce((t, q, i) => t + Math.hypot(q[0] - e.line[i][0], q[1] - e.line[i][1]), 0);
     for (const e of TC.point.here.outline || []) if (!seen[e.name] || size(e) > size(seen[e.name])) seen[e.name] = e;
@@ -209,9 +212,9 @@ TC.point = {
     const ends = cases.flatMap(({ line: on }) => on.parts.flatMap((part) => [place(on, part, part.cells[0]), place(on, part, part.cells[part.cells.length - 1])]));
     const xr = frame.along && frame.shape ? TC.range([...frame.bx.map((v) => v / by), ...ends]) : TC.range(ends), margin = { left: frame.margin.left, right, top: 20, bottom: 10 };
     const slips = cases.flatMap((c) => [...TC.range(c.u), ...(c.held ? Array.from(c.held).filter(Number.isFinite) : [])]), us = TC.scale(slips, line.u_T_units), xs = TC.scale(cases.flatMap((c) => TC.range(c.xi)), line.xi_units);
-    const label = (frame.along ? "x" : "arc length along the contact line") + (frame.scale.unit ? ` [${frame.scale.unit}]` : "");
-    const upper = new TC.Plot({ width, height: 178, x: xr, y: TC.pad(TC.range([0, ...slips.map((v) => v / us.by)])), ylabel: `slip u_T${us.unit ? ` [${us.unit}]` : ""}`, margin: { ...margin, bottom: 8 }, xnone: true, label: "slip along the contact line" });
-    const lower = new TC.Plot({ width, height: 214, x: xr, y: TC.pad(TC.range([0, ...cases.flatMap((c) => TC.range(c.xi).map((v) => v / xs.by))])), xlabel: label, ylabel: `friction ξ = −S_T${xs.unit ? ` [${xs.unit}]` : ""}`, margin: { ...margin, top: 8, bottom: 46 }, label: "friction along the contact line" });
+    const label = TC.titled(frame.along ? "x" : "arc length along the contact line", frame.scale);
+    const upper = new TC.Plot({ width, height: 178, x: xr, y: TC.pad(TC.range([0, ...slips.map((v) => v / us.by)])), ylabel: TC.titled("slip u_T", us), margin: { ...margin, bottom: 8 }, xnone: true, label: "slip along the contact line" });
+    const lower = new TC.Plot({ width, height: 214, x: xr, y: TC.pad(TC.range([0, ...cases.flatMap((c) => TC.range(c.xi).map((v) => v / xs.by))])), xlabel: label, ylabel: TC.titled("friction ξ = −S_T", xs), margin: { ...margin, top: 8, bottom: 46 }, label: "friction along the contact line" });
     cases.forEach((c, k) => {
       const dash = k ? { "stroke-dasharray": "6 4", opacity: 0.85 } : {}, line = c.line, pos = frame.along ? line.x : line.arclength, edge = (part, s) => place(line, part, s);
       for (const part of line.parts) {
@@ -243,8 +246,8 @@ TC.point = {
     const key = TC.el("div", { class: "legend" }, shares.map((_, k) => TC.stateOf(line, k)).map((st, k) => (shares[k] > 0 ? TC.swatch(st.colour, `${st.name} (${Math.round(100 * shares[k])} %)`) : null)).filter(Boolean));
     if (held) key.append(TC.el("span", {}, "hatched bar: held end"));
     TC.point.hover(upper, lower, line, cases[0], us, xs);
-    host.append(TC.el("h3", {}, `Slip and friction along ${line.edges.join(", ") || "the contact line"}`), upper.svg, lower.svg, key);
-    if (note) host.append(TC.el("p", { class: "note" }, note));
+    host.append(TC.h3(`Slip and friction along ${line.edges.join(", ") || "the contact line"}`), upper.svg, lower.svg, key);
+    if (note) host.append(TC.note(note));
   },
   hover(upper, lower, line, c, us, xs) {
     const marks = [upper, lower].map((plot) => plot.over.appendChild(TC.svgNode("line", { y1: plot.top, y2: plot.bottom, stroke: "var(--ink)", "stroke-width": 1, visibility: "hidden", "pointer-events": "none" })));
@@ -272,7 +275,7 @@ TC.point = {
     for (const [s, l, r] of law.jumps) if (s >= lo && s <= hi) bs.push(l, r);
     for (const c of cases) bs.push(...TC.range(c.xi));
     const ys = TC.scale(bs, line.xi_units), range = extra.yrange || TC.pad(TC.range([...bs.map((v) => v / ys.by), 0]), 0.08);
-    const plot = new TC.Plot({ width, height: 270, x: extra.xrange || TC.pad([lo / us_.by, hi / us_.by], 0.02), y: range, xlabel: `slip u_T${us_.unit ? ` [${us_.unit}]` : ""}`, ylabel: `ξ${ys.unit ? ` [${ys.unit}]` : ""}`, margin: { left: 60, right: 12, top: 10, bottom: 46 }, label: "friction law with operating points" });
+    const plot = new TC.Plot({ width, height: 270, x: extra.xrange || TC.pad([lo / us_.by, hi / us_.by], 0.02), y: range, xlabel: TC.titled("slip u_T", us_), ylabel: TC.titled("ξ", ys), margin: { left: 60, right: 12, top: 10, bottom: 46 }, label: "friction law with operating points" });
     for (const [ss, b] of law.curves) {
       const s = ss.slice(), v = b.slice(), n = s.length; // outer pieces go on straight
       if (ss === law.curves[law.curves.length - 1][0] && hi > s[n - 1]) { s.push(hi * 1.2); v.push(v[n - 1] + ((v[n - 1] - v[n - 2]) / (s[n - 1] - s[n - 2])) * (hi * 1.2 - s[n - 1])); }
@@ -285,13 +288,13 @@ TC.point = {
   },
   law(host, line, cases, p, vs) {
     const laws = TC.point.lawsOf(p), strength = TC.point.strength(line, p), units = line.xi_units === "1" ? "1" : "Pa m-1";
-    if (!laws[0]) { host.append(TC.el("h3", {}, "Friction law"), TC.el("p", { class: "note" }, "The study's text can no longer be read here, so the law is not drawn.")); return; }
+    if (!laws[0]) { host.append(TC.h3("Friction law"), TC.note("The study's text can no longer be read here, so the law is not drawn.")); return; }
     laws.forEach((law, k) => {
       const other = vs !== null && TC.point.lawsOf(vs)[k] !== law ? " (the compared point has another law; its places are drawn all the same)" : "";
       const edge = strength && TC.data.laws.edges[k] ? ` of ${TC.data.laws.edges[k]}` : "", scaled = strength && [...strength].some((s) => s > 0 && Math.abs(s - 1) > 1e-4);
       const { plot } = TC.point.lawPlot(TC.width(host), law, strength ? cases.map((c) => TC.point.onEdge(c, strength, k)) : cases, line);
       const omega = law.omega === Infinity || law.omega === null ? "∞" : TC.quantity(law.omega, units);
-      host.append(TC.el("h3", {}, `Friction law${edge} (${law.name}) and where every node stands on it`), plot.svg, TC.el("p", { class: "legend" }, `steepest fall ω = ${omega}; thick: up-jump (sticking), dashed: down-jump${scaled ? "; ξ divided by the strength at its node" : ""}${other}`));
+      host.append(TC.h3(`Friction law${edge} (${law.name}) and where every node stands on it`), plot.svg, TC.legend(`steepest fall ω = ${omega}; thick: up-jump (sticking), dashed: down-jump${scaled ? "; ξ divided by the strength at its node" : ""}${other}`));
     });
   },
   // The nodes of one edge's law, without gaps in the bond, ξ as the law has it.
@@ -308,7 +311,7 @@ TC.point = {
       const gap = o.v - least, same = gap <= 1e-9 * size, w = same ? 0 : (gap / most) * (width - 330);
       svg.append(TC.svgNode("text", { x: 104, y: k * 24 + 16, "text-anchor": "end", "font-weight": o.used ? 700 : 400 }, o.name), TC.svgNode("rect", { x: 112, y: k * 24 + 4, width: Math.max(2, w), height: 15, fill: o.used ? "var(--c1)" : "var(--c6)" }), TC.svgNode("text", { x: 120 + w, y: k * 24 + 16 }, same ? `${TC.quantity(o.v, units, 5)}${o.used ? ", stored" : ""}` : `+ ${TC.quantity(gap, units, 3)}${o.used ? ", stored" : ""}`));
     });
-    host.append(TC.el("h3", {}, "Energy of the solution that each start leads to"), svg, TC.el("p", { class: "note" }, most <= 1e-9 * size ? "All starts lead to the same energy." : "Different energies: there is more than one solution."));
+    host.append(TC.h3("Energy of the solution that each start leads to"), svg, TC.note(most <= 1e-9 * size ? "All starts lead to the same energy." : "Different energies: there is more than one solution."));
   },
   table(host, p, vs, level) {
     const r = TC.data.run, cell = (name, k) => TC.quantity(TC.run.value(name, k, level), r.numbers[name].units, 5), names = Object.keys(r.numbers).filter((n) => Number.isFinite(TC.run.value(n, p, level)) || TC.run.value(n, p, level) === Infinity);

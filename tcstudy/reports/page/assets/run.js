@@ -85,14 +85,13 @@ TC.run = {
     if (host.rows) TC.run.rows(host.rows);
   },
   layout() {
-    const main = document.getElementById("main"), part = (title, id) => { const body = TC.el("div", { id }); main.append(TC.el("h2", {}, title), body); return body; };
-    main.replaceChildren();
-    const sweep = TC.data.run.varied.length ? part("1  The sweep", "sweep") : TC.el("div");
-    const controls = TC.el("div", { class: "controls noprint" }), map = TC.el("div", { class: "panel" }), curves = TC.el("div", { class: "panel" });
+    document.getElementById("main").replaceChildren();
+    const sweep = TC.data.run.varied.length ? TC.section("1  The sweep", "sweep") : TC.el("div");
+    const controls = TC.el("div", { class: "controls noprint" }), map = TC.panel(), curves = TC.panel();
     const two = TC.data.run.varied.length > 1;
     sweep.append(controls, two ? TC.el("div", { class: "columns" }, map, curves) : curves);
     const swept = TC.data.run.varied.length > 0, steps = Boolean(TC.data.history), n = (k) => `${swept ? k : k - 1}  `;
-    const point = part(steps ? n(2) + "Loop and steps" : swept ? "2  The point" : "The solution", "point"), accuracy = part(steps ? n(3) + "Energies and cycles" : "3  How accurate, at what cost", "accuracy"), data = part((steps ? n(4) : "4  ") + "The data", "table");
+    const point = TC.section(steps ? n(2) + "Loop and steps" : swept ? "2  The point" : "The solution", "point"), accuracy = TC.section(steps ? n(3) + "Energies and cycles" : "3  How accurate, at what cost", "accuracy"), data = TC.section((steps ? n(4) : "4  ") + "The data", "table");
     const rows = steps && !swept ? null : TC.el("div"), stepRows = steps ? TC.el("div", { id: "steps" }) : null;
     data.append(...[stepRows, rows].filter(Boolean));
     TC.provenance(data);
@@ -126,11 +125,11 @@ TC.run = {
     const ax = TC.run.axis(s.x), ay = TC.run.axis(s.y);
     for (let p = 0; p < r.points; p++) if (TC.run.flag("status", p, s.level) === 1) all.push(q.v[p * r.nlevels + s.level]);
     const shade = TC.run.shade(all), scale = TC.scale(all, q.units), unit = scale.unit ? ` [${scale.unit}]` : "";
-    const width = TC.width(host), title = TC.el("h3", {}, `${TC.symbol(s.q)}${unit}${r.nlevels > 1 ? `, level ${s.level}` : ""}`);
+    const width = TC.width(host), title = TC.h3(`${TC.symbol(s.q)}${unit}${r.nlevels > 1 ? `, level ${s.level}` : ""}`);
     const svg = r.grid ? TC.run.cells(width, ax, ay, shade, scale) : TC.run.scatter(width, ax, ay, shade, scale);
     const fixed = r.grid ? r.varied.filter((a) => a.name !== s.x && a.name !== s.y) : [];
     const note = fixed.length ? "at " + fixed.map((a) => { const i = s.at[TC.run.dim(a.name)], u = TC.axisScale(a).unit; return `${TC.symbol(a.name)} = ${TC.axisLabel(a, i)}${u ? " " + u : ""}`; }).join(", ") : "";
-    TC.fill(host, title, note ? TC.el("p", { class: "note" }, note) : null, svg, TC.run.bar(Math.min(width, 420), shade, scale), TC.run.key(width));
+    TC.fill(host, title, note ? TC.note(note) : null, svg, TC.run.bar(Math.min(width, 420), shade, scale), TC.run.key(width));
   },
   patterns(svg) {
     const defs = TC.svgNode("defs"), stroke = (light) => (light ? "rgba(255,255,255,.85)" : "rgba(0,0,0,.75)");
@@ -247,7 +246,7 @@ TC.run = {
     const every = series.flatMap((g) => g.pts), get = (o) => (TC.run.flag("status", o.p, s.level) === 1 ? TC.run.value(s.q, o.p, s.level) : NaN);
     const scale = TC.scale(every.map(get), q.units), ys = every.map(get).map((v) => v / scale.by);
     const names = series.map((g) => g.name), room = by && series.length <= 14 ? Math.min(130, 14 + 7 * Math.max(...names.map((n) => n.length))) : 14;
-    const plot = new TC.Plot({ width, height: 330, x: TC.pad(TC.range(every.map((o) => o.x)), 0.03), y: TC.pad(TC.range(ys)), xlabel: TC.axisTitle(ax), ylabel: TC.symbol(s.q) + (scale.unit ? ` [${scale.unit}]` : ""), margin: { left: 66, right: room, top: 10, bottom: 46 },
+    const plot = new TC.Plot({ width, height: 330, x: TC.pad(TC.range(every.map((o) => o.x)), 0.03), y: TC.pad(TC.range(ys)), xlabel: TC.axisTitle(ax), ylabel: TC.titled(TC.symbol(s.q), scale), margin: { left: 66, right: room, top: 10, bottom: 46 },
       xticks: ax.numeric ? undefined : [...new Set(ax.values)].map((_, i) => i), xtext: ax.numeric ? undefined : (i) => [...new Set(ax.values)][i] });
     const ends = [];
     series.forEach((g, k) => {
@@ -272,17 +271,17 @@ TC.run = {
       for (const e of ends) plot.text(plot.right + 10, e.y - over + 4, e.name, { style: `fill:${e.look.stroke}` });
     }
     const note = `${by ? `one curve for each ${TC.symbol(by.name)}; ` : ""}filled marks: proved unique; ring: the point below`;
-    TC.fill(host, TC.el("h3", {}, `${TC.symbol(s.q)} over ${TC.symbol(ax.name)}`), TC.el("p", { class: "note" }, note), plot.svg);
+    TC.fill(host, TC.h3(`${TC.symbol(s.q)} over ${TC.symbol(ax.name)}`), TC.note(note), plot.svg);
   },
   accuracy(host) {
     const r = TC.data.run, s = TC.state, p = TC.run.flat(s.at), out = [], width = Math.min(560, TC.width(host));
     const narrow = TC.width(host) < 760, half = narrow ? TC.width(host) : Math.floor(TC.width(host) / 2 - 14);
-    if (r.nlevels > 1) out.push(TC.el("div", { class: "columns" }, TC.el("div", { class: "panel" }, TC.run.changes(half, p)), TC.el("div", { class: "panel" }, TC.run.costs(half, p))));
-    else out.push(TC.el("p", { class: "note" }, "The study has one mesh; add levels to see how the numbers converge."));
-    out.push(TC.el("h3", {}, "What would be better"), TC.el("ul", {}, TC.run.advice(p).map((t) => TC.el("li", {}, t))));
+    if (r.nlevels > 1) out.push(TC.el("div", { class: "columns" }, TC.panel(TC.run.changes(half, p)), TC.panel(TC.run.costs(half, p))));
+    else out.push(TC.note("The study has one mesh; add levels to see how the numbers converge."));
+    out.push(TC.h3("What would be better"), TC.el("ul", {}, TC.run.advice(p).map((t) => TC.el("li", {}, t))));
     TC.fill(host, out);
-    if (TC.data.convergence) { const box = TC.el("div"); host.append(TC.el("h3", {}, "Measured convergence (tcstudy converge)"), box); TC.others.convergence(box, TC.data.convergence, true); }
-    if (TC.data.cost) { const box = TC.el("div"); host.append(TC.el("h3", {}, "Accuracy against cost (tcstudy cost)"), box); TC.others.cost(box, TC.data.cost); }
+    if (TC.data.convergence) { const box = TC.el("div"); host.append(TC.h3("Measured convergence (tcstudy converge)"), box); TC.others.convergence(box, TC.data.convergence, true); }
+    if (TC.data.cost) { const box = TC.el("div"); host.append(TC.h3("Accuracy against cost (tcstudy cost)"), box); TC.others.cost(box, TC.data.cost); }
   },
   ROUNDING: 1e-12, // relative changes below it are none
   CONVERGED: ["u_T_max", "slip_length", "friction_resultant", "energy", "error_estimate"],
@@ -296,8 +295,8 @@ TC.run = {
       series.push({ name, xs: h.map((x) => x / scale.by), ys: e.map((x) => (x > TC.run.ROUNDING ? x : NaN)), what: name === "error_estimate" ? "estimated error" : TC.symbol(name) });
     }
     const ys = series.flatMap((g) => g.ys).filter((v) => v > 0), xs = series[0].xs;
-    if (!ys.length) return [TC.el("h3", {}, "Convergence over the levels"), TC.el("p", { class: "note" }, "The numbers do not change from level to level.")];
-    const plot = new TC.Plot({ width, height: 300, x: TC.pad(TC.range(xs.slice(1)), 0.12, true), y: TC.pad(TC.range(ys), 0.12, true), xlog: true, ylog: true, xlabel: halved ? `longest edge h${scale.unit ? ` [${scale.unit}]` : ""}` : "1/√unknowns", ylabel: "relative change from the level before", margin: { left: 74, right: 14, top: 10, bottom: 46 } });
+    if (!ys.length) return [TC.h3("Convergence over the levels"), TC.note("The numbers do not change from level to level.")];
+    const plot = new TC.Plot({ width, height: 300, x: TC.pad(TC.range(xs.slice(1)), 0.12, true), y: TC.pad(TC.range(ys), 0.12, true), xlog: true, ylog: true, xlabel: halved ? TC.titled("longest edge h", scale) : "1/√unknowns", ylabel: "relative change from the level before", margin: { left: 74, right: 14, top: 10, bottom: 46 } });
     const hi = xs.length > 1 ? xs[1] : xs[0], lo = Math.min(...xs), top = Math.max(...ys);
     for (const order of [1, 2]) {
       plot.line([lo, hi], [top * (lo / hi) ** order, top], { stroke: "var(--soft)", "stroke-width": 1, "stroke-dasharray": "3 3" });
@@ -311,10 +310,10 @@ TC.run = {
       plot.line(g.xs, g.ys, look);
       g.xs.forEach((x, i) => { if (g.ys[i] > 0) plot.over.append(TC.marker(TC.SHAPES[k % 4], plot.px(x), plot.py(g.ys[i]), 4, { fill: look.stroke })); });
       const n = g.ys.length, rate = n > 2 && (halved || g.name === "error_estimate") ? Math.log(g.ys[n - 2] / g.ys[n - 1]) / Math.log(g.xs[n - 2] / g.xs[n - 1]) : NaN;
-      const key = TC.svgNode("svg", { width: 26, height: 12, style: "display:inline-block;vertical-align:-1px;margin-right:5px" }, TC.svgNode("line", { x1: 0, x2: 26, y1: 6, y2: 6, "stroke-width": 2, ...look }), TC.marker(TC.SHAPES[k % 4], 13, 6, 4, { fill: look.stroke }));
-      legend.append(TC.el("span", { style: "display:inline-block;margin-right:14px" }, key, `${g.what}${Number.isFinite(rate) ? `: last order ${rate.toFixed(1).replace("-", "−")}` : ""}`));
+      const shapes = [TC.dash(26, 6, look), TC.marker(TC.SHAPES[k % 4], 13, 6, 4, { fill: look.stroke })];
+      legend.append(TC.entry(26, 12, shapes, `${g.what}${Number.isFinite(rate) ? `: last order ${rate.toFixed(1).replace("-", "−")}` : ""}`, "vertical-align:-1px;margin-right:5px"));
     });
-    return [TC.el("h3", {}, "Convergence over the levels, of this point"), plot.svg, legend, TC.el("p", { class: "note" }, "Expected where slip meets stick or an end is held: order 1 for ∫ξ and slip length, up to 2 for energy and slip on smooth data. The orders to expect at every corner: tcstudy converge.")];
+    return [TC.h3("Convergence over the levels, of this point"), plot.svg, legend, TC.note("Expected where slip meets stick or an end is held: order 1 for ∫ξ and slip length, up to 2 for energy and slip on smooth data. The orders to expect at every corner: tcstudy converge.")];
   },
   STAGES: [["time_mesh", "mesh"], ["time_assemble", "matrices"], ["time_condense", "condensing, all points"], ["time_solve", "contact, all points"]],
   costs(width, p) {
@@ -330,10 +329,9 @@ TC.run = {
       });
       svg.append(TC.svgNode("text", { x: left - 8, y: l * high + 19, "text-anchor": "end" }, `level ${l}`), TC.svgNode("text", { x: x + 6, y: l * high + 19 }, TC.quantity(parts.reduce((a, b) => a + b, 0), "s", 2)));
     });
-    const key = TC.el("div", { class: "legend" }, TC.run.STAGES.map(([, t], k) => TC.el("span", { style: "display:inline-block;margin-right:14px" }, TC.svgNode("svg", { width: 12, height: 12, style: "display:inline-block;margin-right:4px" }, TC.svgNode("rect", { width: 12, height: 12, fill: `var(--c${[6, 5, 1, 2][k]})` })), t)));
-    const own = TC.run.levels(p), rowsOf = own.h_max.map((h, l) => TC.el("tr", {}, [l, TC.quantity(h, r.units.h_max, 3), own.n_dof[l], own.n_contact[l]].map((t) => TC.el("td", {}, String(t)))));
-    const sizes = TC.el("table", {}, TC.el("thead", {}, TC.el("tr", {}, ["level", "longest edge", "unknowns", "on the contact line"].map((t) => TC.el("th", {}, t)))), TC.el("tbody", {}, rowsOf));
-    return [TC.el("h3", {}, "Wall time by level, whole sweep"), svg, key, TC.el("div", { class: "wide-table" }, sizes)];
+    const key = TC.el("div", { class: "legend" }, TC.run.STAGES.map(([, t], k) => TC.entry(12, 12, [TC.svgNode("rect", { width: 12, height: 12, fill: `var(--c${[6, 5, 1, 2][k]})` })], t, "margin-right:4px")));
+    const own = TC.run.levels(p), rowsOf = own.h_max.map((h, l) => [l, TC.quantity(h, r.units.h_max, 3), own.n_dof[l], own.n_contact[l]]);
+    return [TC.h3("Wall time by level, whole sweep"), svg, key, TC.wide(["level", "longest edge", "unknowns", "on the contact line"], rowsOf)];
   },
   advice(p) {
     const r = TC.data.run, out = [], last = r.nlevels - 1, name = r.file || TC.data.file;
@@ -370,15 +368,14 @@ TC.run = {
     }
     for (const name of Object.keys(r.numbers).filter((n) => !["lambda_1", "omega", "evaluations", "time_condense", "heat_balance"].includes(n))) {
       const n = r.numbers[name], scale = TC.scale(points.map((p) => n.v[p * r.nlevels + level]), n.units);
-      columns.push({ title: TC.symbol(name) + (scale.unit ? ` [${scale.unit}]` : ""), csv: name + (n.units !== "1" ? ` [${n.units}]` : ""), get: (p) => n.v[p * r.nlevels + level], text: (p) => TC.number(n.v[p * r.nlevels + level] / scale.by) });
+      columns.push({ title: TC.titled(TC.symbol(name), scale), csv: name + (n.units !== "1" ? ` [${n.units}]` : ""), get: (p) => n.v[p * r.nlevels + level], text: (p) => TC.number(n.v[p * r.nlevels + level] / scale.by) });
     }
-    columns.push({ title: "certified", csv: "certified", left: true, get: (p) => TC.run.proof(p, level) });
-    columns[columns.length - 1].text = (p) => TC.run.proof(p, level);
-    columns.push({ title: "status", csv: "status", left: true, get: (p) => r.statuses[TC.run.flag("status", p, level)], text: (p) => r.statuses[TC.run.flag("status", p, level)] });
-    const reason = (p) => r.reasons[r.reason[p * r.nlevels + level]];
-    if (points.some(reason)) columns.push({ title: "reason", csv: "reason", left: true, get: reason, text: reason });
-    const t = TC.table({ columns, rows: points, sort: s.sort, down: s.down, chosen: (p) => p === TC.run.flat(s.at), pick: (p) => TC.set({ at: TC.run.index(p) }), onsort: (i) => TC.set({ sort: i, down: i === s.sort && !s.down ? 1 : 0 }) });
-    const csv = () => TC.save(`${TC.data.file.replace(/\.nc$/, "")}-level${level}.csv`, TC.CSV(columns.map((c) => c.csv), t.order.map((p) => columns.map((c) => c.get(p)))));
+    const words = (title, get) => columns.push({ title, left: true, get, text: get }), reason = (p) => r.reasons[r.reason[p * r.nlevels + level]];
+    words("certified", (p) => TC.run.proof(p, level));
+    words("status", (p) => r.statuses[TC.run.flag("status", p, level)]);
+    if (points.some(reason)) words("reason", reason);
+    const t = TC.table({ columns, rows: points, ...TC.sorting(), chosen: (p) => p === TC.run.flat(s.at), pick: (p) => TC.set({ at: TC.run.index(p) }) });
+    const csv = () => TC.saveTable(`${TC.fileName()}-level${level}.csv`, columns, t.order);
     const scroll = host.querySelector(".scroll")?.scrollTop || 0, box = TC.el("div", { class: "scroll" }, t.node);
     TC.fill(host, TC.el("div", { class: "controls noprint" }, TC.el("button", { onclick: csv, "aria-label": "csv" }, "Download as CSV"), TC.el("span", { class: "note" }, `${r.points} points${r.nlevels > 1 ? ` on level ${level}` : ""}; a click on a row shows the point`)), box);
     box.scrollTop = scroll;
