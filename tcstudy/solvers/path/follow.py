@@ -29,11 +29,11 @@ from tcstudy.scene.study import Acceptance, Direction
 from tcstudy.solvers.path.dense import SingularCellError
 from tcstudy.solvers.path.problem import ParametricProblem
 from tcstudy.solvers.path.record import Path, PathEnd, PathStatus, Recorder, joined
-from tcstudy.solvers.path.start import Ray, depart, locate, onward, rays
+from tcstudy.solvers.path.start import Ray, depart, here, locate, onward, rays
 from tcstudy.solvers.path.vertex import cross, move
 from tcstudy.solvers.path.walk import Codes, Walk, units_of
 
-__all__ = ["Follower", "ParametricProblem", "Path", "PathEnd", "PathStatus", "follow"]
+__all__ = ["Follower", "ParametricProblem", "Path", "PathEnd", "PathStatus"]
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,6 @@ class Follower:
     tolerance:    largest residual |l̃ − Ãu − ξ|/c relative to the scale of b accepted at any vertex, then strict; None
                   for the default of scene/study.py
     stable_only:  end where the branch stops being stable
-    check_every:  vertices whose residuals are checked together
     one_way:      end where a node turns back towards slip 0 on a piece that lies on one side of it
     """
 
@@ -56,7 +55,6 @@ class Follower:
     max_pieces: int = 20_000
     tolerance: float | None = None
     stable_only: bool = False
-    check_every: int = 64
     one_way: bool = False
 
     @property
@@ -93,7 +91,7 @@ class Follower:
         halves: list[tuple[Recorder, Codes, PathEnd]] = []
         seen: dict[int, int] = {}
         for ray in chosen:
-            run = Run(self, walk, ray, t, seen, progress)
+            run = Run(self, walk, ray, seen, progress)
             halves.append((run.record, ray.codes, run.follow()))
             if halves[-1][2].status == PathStatus.CLOSED_LOOP:
                 break
@@ -105,13 +103,8 @@ class Follower:
             ray = onward(walk)
         if ray is None:
             return None
-        run = Run(self, walk, ray, walk.t, {}, None)
+        run = Run(self, walk, ray, {}, None)
         return joined(walk.problem, [(run.record, ray.codes, run.follow())], walk.tableau.factorisations)
-
-
-def follow(problem: ParametricProblem, v: Array, t: float, t_min: float = -np.inf, t_max: float = np.inf) -> Path:
-    """The path through the solution v of parameter t in both directions, with the default options of Follower."""
-    return Follower(t_min=t_min, t_max=t_max).follow(problem, v, t)
 
 
 def _nowhere(problem: ParametricProblem, walk: Walk) -> Path:
@@ -120,9 +113,12 @@ def _nowhere(problem: ParametricProblem, walk: Walk) -> Path:
     record.add(walk.t, walk.x, walk.codes)
     record.on_graph(walk.graph, walk.units.weight)
     record.residual.append(walk.residual())
-    end = PathEnd.of(PathStatus.SINGULAR)
+    end = PathEnd(PathStatus.SINGULAR)
     return joined(problem, [(record, walk.codes.copy(), end)], walk.tableau.factorisations)
 
+
+TOGETHER = 64
+"""Vertices whose residuals are checked together."""
 
 BLURRED = 3e-14
 """Relative error of a direction above which the matrix is factored anew."""
@@ -138,10 +134,7 @@ class Checkpoint(NamedTuple):
     """A point of the path to which the run can return."""
 
     vertices: int
-    codes: Codes
-    x: Array
-    t: float
-    dx: Array
+    at: Ray
 
 
 class Run:
@@ -152,42 +145,38 @@ class Run:
         options: Follower,
         walk: Walk,
         ray: Ray,
-        t: float,
         seen: dict[int, int],
         progress: Callable[[int, float], None] | None,
     ) -> None:
         self.options, self.problem, self.units, self.progress = options, walk.problem, walk.units, progress
         self.walk = walk
-        depart(walk, ray, t)
+        depart(walk, ray)
         self.outward = walk.graph.outward if options.one_way else None
         self.record = Recorder()
         self.seen, self.own = seen, [_key(ray.codes)]
-        self.home, self.start_x, self.start_t = _key(ray.codes), ray.x.copy(), t
+        self.home, self.start_x, self.start_t = _key(ray.codes), ray.x.copy(), ray.t
         self.seen.setdefault(self.home, 0)
-        self.every, self.returned, self.reached = options.check_every, -1, 0.0
+        self.every, self.returned, self.reached = TOGETHER, -1, 0.0
         self._store()
-        self.trail = [self._here()]
+        self.trail = [Checkpoint(self.record.count, here(walk))]
 
     def _store(self) -> None:
         self.record.add(self.walk.t, self.walk.x, self.walk.codes)
 
+    @np.errstate(divide="ignore", invalid="ignore")
     def follow(self) -> PathEnd:
         """Piece after piece until something ends the path."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return self._follow()
-
-    def _follow(self) -> PathEnd:
         while True:
             status = self._piece()
             if status is not None or len(self.trail) > self.every:
                 try:
                     accurate = self._check()
                 except SingularCellError:
-                    return PathEnd.of(PathStatus.SINGULAR)
+                    return PathEnd(PathStatus.SINGULAR)
                 if accurate is None:
-                    return PathEnd.of(PathStatus.LOST_ACCURACY)
+                    return PathEnd(PathStatus.LOST_ACCURACY)
                 if accurate and status is not None:
-                    return PathEnd.of(status)
+                    return PathEnd(status)
                 if self.progress is not None:
                     self.progress(self.record.count - 1, self.walk.t)
 
@@ -208,7 +197,8 @@ class Run:
             step, status = last
             if np.isfinite(step):
                 walk.x += step * walk.dx
-                walk.t = self._end_t(status, walk.t + step * walk.dt)
+                end = self.options.t_max if walk.dt > 0.0 else self.options.t_min
+                walk.t = self.start_t if status == PathStatus.CLOSED_LOOP else end
                 if self.every == 1 and status == PathStatus.RANGE_END:
                     with suppress(SingularCellError):
                         walk.refine(None)
@@ -228,7 +218,7 @@ class Run:
             record.changed(node, code, walk.codes.item(node))
         if len(at) > 1 or self.every == 1:
             self._settle()
-        self.trail.append(self._here())
+        self.trail.append(Checkpoint(self.record.count, here(walk)))
         return self._entered()
 
     def _last_step(self, step: float) -> tuple[float, PathStatus] | None:
@@ -243,11 +233,6 @@ class Run:
             return to_range, PathStatus.RANGE_END
         return (np.inf, PathStatus.UNBOUNDED) if not np.isfinite(step) else None
 
-    def _end_t(self, status: PathStatus, t: float) -> float:
-        if status == PathStatus.CLOSED_LOOP:
-            return self.start_t
-        return self.options.t_max if self.walk.dt > 0.0 else self.options.t_min
-
     def _entered(self) -> PathStatus | None:
         """Book the cell just entered; one that was visited before ends the path, unless it is the start's."""
         key = _key(self.walk.codes)
@@ -261,10 +246,6 @@ class Run:
         gap = np.abs(self.walk.x - self.start_x)
         return bool(np.all(gap <= self.walk.tie * (np.abs(self.walk.u) + self.units.slip) * self.walk.own))
 
-    def _here(self) -> Checkpoint:
-        walk = self.walk
-        return Checkpoint(self.record.count, walk.codes.copy(), walk.x.copy(), walk.t, walk.dx)
-
     def _check(self) -> bool | None:
         """Residuals of the new vertices. True: all accurate; False: gone back to refine; None: hopeless."""
         p, record = self.problem, self.record
@@ -275,7 +256,8 @@ class Run:
         defect = p.l_0 + np.array(record.t[first:])[:, None] * p.l_1 - u @ p.A_tilde - p.c * traction
         residual = np.max(np.abs(defect) / p.c, axis=1) / self.units.traction
         record.residual += residual.tolist()
-        worst, noise = float(residual.max()), self._noise(first + int(residual.argmax()))
+        at = first + int(residual.argmax())
+        worst, noise = float(residual.max()), p.xi_rounding(record.t[at], record.u[at])
         limit = self.options.acceptance.limit(noise)
         good = min(limit, max(AIM * self.options.acceptance.aim, 0.5 * noise, self.reached))
         mark = self.trail[max(0, first + int(np.argmax(residual > good)) - self.trail[0].vertices)]
@@ -283,8 +265,8 @@ class Run:
             self.reached = 0.0 if worst <= good else 2.0 * worst
             if worst > 0.01 * good:
                 self._steady()
-            self.every, self.walk.tie = min(2 * self.every, self.options.check_every), self.units.tie
-            self.trail = [self._here()]
+            self.every, self.walk.tie = min(2 * self.every, TOGETHER), self.units.tie
+            self.trail = [Checkpoint(record.count, here(self.walk))]
             return True
         if self.returned == mark.vertices:
             record.cut(max(1, mark.vertices))
@@ -293,10 +275,6 @@ class Run:
         self.walk.tie = max(1e-2 * self.units.tie, 1e-14)  # it may have been no tie
         self.returned, self.every, self.trail = mark.vertices, 1, [mark]
         return False
-
-    def _noise(self, vertex: int) -> float:
-        """What rounding allows of the residual at a vertex."""
-        return self.problem.xi_rounding(self.record.t[vertex], self.record.u[vertex])
 
     def _settle(self) -> None:
         """Balance the point again and store it as the vertex: after tied nodes were put on their bounds, and where a
@@ -338,9 +316,9 @@ class Run:
                 self.seen.pop(key, None)
         del self.own[mark.vertices :]
         self.record.cut(mark.vertices)
-        self.walk.put(mark.codes, mark.x, mark.t)
+        self.walk.put(mark.at.codes, mark.at.x, mark.at.t)
         self.walk.tableau.refactor()
-        depart(self.walk, Ray(mark.codes, mark.x, mark.dx, 0.0), mark.t)
+        depart(self.walk, mark.at)
         self._steady()
 
 

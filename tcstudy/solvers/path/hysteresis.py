@@ -6,17 +6,19 @@ energy drops at the jumps, and for a closed loop also the area −∮W dt = ∮t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.solvers.loop import Outcome, iterate
+from tcstudy.solvers.loop import iterate
 from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path, PathStatus
 from tcstudy.solvers.separable.newton import SeparableNewton
 
 Array = NDArray[np.float64]
 
+MOST_CYCLES = 3
+"""How often the loop is driven for it to close; the last cycle is returned."""
 BEYOND = 1e-7
 """A fall starts this far beyond the fold, relative to the range of t; the landing is traced back to the fold."""
 
@@ -64,24 +66,19 @@ def hysteresis(
     v: Array,
     t_down: float,
     t_up: float,
-    cycles: int = 3,
     follower: Follower | None = None,
-    newton: SeparableNewton | None = None,
 ) -> Hysteresis:
-    """The loop between t_down and t_up > t_down, from the stable solution v of t_down.
+    """The loop between t_down and t_up > t_down, from the stable solution v of t_down: the first cycle that closes.
 
-    cycles: how often the loop is driven at most; it ends when it has closed, and the last cycle is returned
     Where it falls to is decided by energy descent from the fold (SeparableNewton without a coarser start), which is a
     rule, not mechanics: inertia might carry the body past a shallow minimum.
     Raises ValueError for an empty range, NoSolutionError if v is no solution.
     """
     if not t_down < t_up:
         raise ValueError(f"t_down = {t_down:g} must be below t_up = {t_up:g}")
-    follower = follower or Follower()
-    newton = newton or SeparableNewton(coarsest=0)
     begin = np.asarray(v, dtype=float)
-    for _ in range(max(1, cycles)):
-        run = _Cycle(problem, t_down, t_up, follower, newton)
+    for _ in range(MOST_CYCLES):
+        run = _Cycle(problem, t_down, t_up, follower or Follower())
         complete = run.sweep(begin, rising=True) and run.sweep(run.v, rising=False)
         first, last = run.branches[0].u[0], run.v
         size = max(float(np.max(np.abs(branch.u))) for branch in run.branches)
@@ -97,16 +94,8 @@ def hysteresis(
 class _Cycle:
     """The branches and jumps of one cycle while it is being driven."""
 
-    def __init__(
-        self,
-        problem: ParametricProblem,
-        t_down: float,
-        t_up: float,
-        follower: Follower,
-        newton: SeparableNewton,
-    ) -> None:
-        self.problem, self.t_down, self.t_up = problem, t_down, t_up
-        self.follower, self.newton = follower, newton
+    def __init__(self, problem: ParametricProblem, t_down: float, t_up: float, follower: Follower) -> None:
+        self.problem, self.t_down, self.t_up, self.follower = problem, t_down, t_up, follower
         self.branches: list[Path] = []
         self.jumps: list[Jump] = []
         self.v = np.zeros(problem.m)
@@ -136,8 +125,7 @@ class _Cycle:
         return False
 
     def _branch(self, v: Array, t: float, end: float, rising: bool) -> Path:
-        options = self.follower
-        run = Follower(min(t, end), max(t, end), options.max_pieces, options.tolerance, True, options.check_every)
+        run = replace(self.follower, t_min=min(t, end), t_max=max(t, end), stable_only=True)
         return run.follow(self.problem, v, t, "forward" if rising else "backward")
 
     def _fall(self, branch: Path, rising: bool) -> Array | None:
@@ -147,8 +135,11 @@ class _Cycle:
         """
         t = float(branch.t[-1])
         beyond = t + (1.0 if rising else -1.0) * BEYOND * (self.t_up - self.t_down)
-        outcome = iterate(self.newton, self.problem.at(beyond), self._over(branch, rising))
-        if not self._solved(beyond, outcome):
+        problem = self.problem.at(beyond)
+        outcome = iterate(SeparableNewton(coarsest=0), problem, self._over(branch, rising))
+        residual = problem.inclusion_residual(outcome.x, xi=problem.xi_extended(outcome.x))
+        accepted = self.follower.acceptance.accepts(residual, problem.xi_rounding(outcome.x))
+        if not (outcome.converged or accepted):
             self.reason = f"no solution was found beyond the fold at t = {t:g}: {outcome.reason}"
             return None
         back = self._branch(outcome.x, beyond, t, not rising)
@@ -156,12 +147,6 @@ class _Cycle:
             self.reason = f"the solution beyond the fold at t = {t:g} does not reach back to it: {back.end.reason}"
             return None
         return np.asarray(back.u[-1])
-
-    def _solved(self, t: float, outcome: Outcome) -> bool:
-        """Whether a descent has ended in a solution, as exact as rounding lets it be."""
-        problem = self.problem.at(t)
-        residual = problem.inclusion_residual(outcome.x, xi=problem.xi_extended(outcome.x))
-        return outcome.converged or self.follower.acceptance.accepts(residual, problem.xi_rounding(outcome.x))
 
     def _over(self, branch: Path, rising: bool) -> Array:
         """The next vertex of the full path behind the end of a stable branch."""

@@ -94,16 +94,13 @@ class Fold:
     """A turning point of t.
 
     vertex: index into the path;  t: the parameter there
-    v:      (m,) displacements;  energy: L̃ [J/m]
-    size:   how far t steps back there, see turns.turn_sizes
+    size:   how far t steps back there, see turn_sizes
     limit:  True where t has a local maximum along the path, False at a minimum
     stable: the branch is stable on one side (before, after: on which)
     """
 
     vertex: int
     t: float
-    v: Array
-    energy: float
     size: float
     limit: bool
     stable: tuple[bool, bool]
@@ -116,32 +113,15 @@ def solutions_at(path: Path, t: float) -> list[PathSolution]:
     """
     low, high = np.minimum(path.t[:-1], path.t[1:]), np.maximum(path.t[:-1], path.t[1:])
     found: list[PathSolution] = []
-    last = -1.0
-    for piece in np.flatnonzero((low <= t) & (t <= high)):
-        where = _places(path, int(piece), t)
-        for s in where:
-            at = piece + s
-            if at == last:  # the vertex between this piece and the one before
-                found[-1] = _solution(path, int(piece), s, t, found[-1].stable)
-                continue
-            last = at
-            found.append(_solution(path, int(piece), s, t, True))
+    problem, last = path.problem.at(t), -1.0
+    for piece in np.flatnonzero((low <= t) & (t <= high)).tolist():
+        (t_0, t_1), (begin, end) = path.t[piece : piece + 2], path.u[piece : piece + 2]
+        for s in (0.0, 1.0) if t_0 == t_1 else (float((t - t_0) / (t_1 - t_0)),):
+            before = found.pop().stable if piece + s == last else True  # the vertex between two pieces
+            v, last = end if s == 1.0 else begin + s * (end - begin), piece + s
+            stable = before and bool(path.stable[piece])
+            found.append(PathSolution(v, problem.energy(v), stable, piece, problem.inclusion_residual(v)))
     return found
-
-
-def _places(path: Path, piece: int, t: float) -> list[float]:
-    """Where on the piece, 0 … 1, its parameter is t."""
-    t_0, t_1 = path.t[piece], path.t[piece + 1]
-    if t_0 == t_1:
-        return [0.0, 1.0]
-    return [float((t - t_0) / (t_1 - t_0))]
-
-
-def _solution(path: Path, piece: int, s: float, t: float, stable: bool) -> PathSolution:
-    v = path.u[piece + 1] if s == 1.0 else path.u[piece] + s * (path.u[piece + 1] - path.u[piece])
-    problem = path.problem.at(t)
-    residual = problem.inclusion_residual(v)
-    return PathSolution(v, problem.energy(v), stable and bool(path.stable[piece]), piece, residual)
 
 
 def folds(path: Path) -> list[Fold]:
@@ -150,8 +130,6 @@ def folds(path: Path) -> list[Fold]:
         Fold(
             int(k),
             float(path.t[k]),
-            path.u[k],
-            float(path.energy[k]),
             float(size),
             bool(path.t[k] > path.t[k - 1] or path.t[k] > path.t[min(k + 1, path.pieces)]),
             (bool(path.stable[k - 1]), bool(path.stable[k])),

@@ -53,12 +53,11 @@ class PathEnd:
     """One end of a path: status and a sentence for the user."""
 
     status: PathStatus
-    reason: str
 
-    @staticmethod
-    def of(status: PathStatus) -> PathEnd:
-        """The end with its standard text."""
-        return PathEnd(status, REASONS[status])
+    @property
+    def reason(self) -> str:
+        """Why."""
+        return REASONS[self.status]
 
 
 @dataclass(frozen=True)
@@ -206,9 +205,7 @@ def joined(problem: ParametricProblem, halves: list[tuple[Recorder, Codes, PathE
     halves: (record, codes of the half's first piece, end); forward first
     """
     record, first, end = halves[0]
-    begin = PathEnd(PathStatus.START, REASONS[PathStatus.START])
-    if end.status == PathStatus.CLOSED_LOOP:
-        begin = end
+    begin = end if end.status == PathStatus.CLOSED_LOOP else PathEnd(PathStatus.START)
     back, back_first = Recorder(), first
     if len(halves) > 1:
         back, back_first, begin = halves[1]

@@ -8,7 +8,7 @@ every node goes: where most have gone on as before that is one solve.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +48,7 @@ def locate(
     tableau: of another walk on the same body, which this one takes over
     Raises NoSolutionError if no solution lies within NEAR of v, or as near as rounding lets v be one.
     """
-    codes = _codes(problem, units, v, t) if ways is None else _towards(problem, units, v, t, ways)
+    codes = _codes(problem, units, v, t, ways)
     graph = problem.graph
     xi = (problem.load(t) - problem.A_tilde @ v) / units.stiffness
     tie = units.tie if ways is None else max(units.tie, REMEMBERED)
@@ -81,52 +81,40 @@ def locate(
     return walk
 
 
-def _codes(problem: ParametricProblem, units: Units, v: Array, t: float) -> Codes:
-    """First guess of the pieces: on a jump where v_i is near one and ξ_i/c_i in it, else the segment of v_i."""
+def _codes(problem: ParametricProblem, units: Units, v: Array, t: float, ways: Array | None) -> Codes:
+    """First guess of the pieces: on a jump where v_i is near one and ξ_i/c_i in it, else the segment of v_i.
+
+    With `ways`, where two pieces meet, the one in that sense.
+    """
     law, graph = problem.law, problem.graph
     codes = (graph.first + 2 * law.piece(v)).astype(np.int32)
     if not law.kinks.size:
         return codes
-    traction = (problem.load(t) - problem.A_tilde @ v) / problem.c
     near = law.nearest_kink(v)
     kink = law.kink(near)
-    on = np.abs(v - kink) <= NEAR * (np.abs(v) + units.slip)
-    side = np.where(np.isfinite(kink), graph.first + 2 * near + 1, codes)
-    low, high = graph.low[side], graph.high[side]
-    margin = NEAR * units.traction
-    inside = (traction > low + margin) & (traction < high - margin) | (kink == v)
-    inside &= (traction >= low - margin) & (traction <= high + margin)
-    jumps = graph.after_high[side - 1] == side  # a side that only bends is passed over
-    return np.where(on & inside & jumps, side, codes).astype(np.int32)
-
-
-def _towards(problem: ParametricProblem, units: Units, v: Array, t: float, ways: Array) -> Codes:
-    """The pieces of v; where two meet, the one in the given sense."""
-    law, graph = problem.law, problem.graph
-    codes = (graph.first + 2 * law.piece(v)).astype(np.int32)
-    near = law.nearest_kink(v)
-    kink = law.kink(near)
-    side = (graph.first + 2 * near + 1).astype(np.int32)
     on = np.isfinite(kink) & (np.abs(v - kink) <= NEAR * (np.abs(v) + units.slip))
-    side = np.where(on, side, codes)
-    jumps = graph.after_high[side - 1] == side
-    traction = (problem.load(t) - problem.A_tilde @ v) / problem.c
-    left, right = (limit for limit in law.limits(near))
-    margin = NEAR * units.traction
-    place = np.sign(right - left) * (traction - left)  # along the side, from 0 to its height
-    height = np.abs(right - left)
-    to_left = (place < -margin) | ((place <= margin) & (ways < 0.0))
-    to_right = (place > height + margin) | ((place >= height - margin) & (ways >= 0.0))
+    side = np.where(on, graph.first + 2 * near + 1, codes).astype(np.int32)
+    jumps = graph.after_high[side - 1] == side  # a side that only bends is passed over
+    left, right = law.limits(near)
+    margin, height = NEAR * units.traction, np.abs(right - left)
+    along = np.sign(right - left) * ((problem.load(t) - problem.A_tilde @ v) / problem.c - left)  # from 0 to the height
+    if ways is None:
+        inside = ((along > margin) & (along < height - margin)) | (kink == v)
+        inside &= (along >= -margin) & (along <= height + margin)
+        return np.where(on & inside & jumps, side, codes)
+    to_left = (along < -margin) | ((along <= margin) & (ways < 0.0))
+    to_right = (along > height + margin) | ((along >= height - margin) & (ways >= 0.0))
     to_left, to_right = (np.where(jumps, to, way) for to, way in ((to_left, ways < 0.0), (to_right, ways >= 0.0)))
-    return np.where(on, np.where(to_left, side - 1, np.where(to_right, side + 1, side)), codes).astype(np.int32)
+    return np.where(on, np.where(to_left, side - 1, np.where(to_right, side + 1, side)), codes)
 
 
 @dataclass(frozen=True)
 class Ray:
-    """A way out of the start: codes, moving coordinates and direction."""
+    """A way out of a point: codes, moving coordinates, t, and direction."""
 
     codes: Codes
     x: Array
+    t: float
     dx: Array
     dt: float
 
@@ -139,8 +127,8 @@ def rays(walk: Walk) -> tuple[Ray, Ray]:
     at = np.flatnonzero((walk.x == walk.low) | (walk.x == walk.high))
     _any_direction(walk)
     if not len(at):
-        here = _ray(walk)
-        pair = here, Ray(here.codes, here.x, -here.dx, -here.dt)
+        way = here(walk)
+        pair = way, replace(way, dx=-way.dx, dt=-way.dt)
     else:
         c = corner(walk, at)
         pair = _uniform(walk, c) or _perturbed(walk, c)
@@ -163,8 +151,9 @@ def _any_direction(walk: Walk) -> None:
     raise SingularCellError
 
 
-def _ray(walk: Walk) -> Ray:
-    return Ray(walk.codes.copy(), walk.x.copy(), walk.dx.copy(), walk.dt)
+def here(walk: Walk) -> Ray:
+    """Where the walk stands, and its direction."""
+    return Ray(walk.codes.copy(), walk.x.copy(), walk.t, walk.dx.copy(), walk.dt)
 
 
 def _uniform(walk: Walk, c: Corner) -> tuple[Ray, Ray] | None:
@@ -178,10 +167,10 @@ def _uniform(walk: Walk, c: Corner) -> tuple[Ray, Ray] | None:
             continue
         speeds = sign * walk.dx[c.nodes] * leave
         if np.all(speeds >= 0.0):
-            found.append(_ray(walk))
+            found.append(here(walk))
         elif np.all(speeds <= 0.0):
             walk.turn(-walk.dx, -walk.dt, np.abs(walk.dx))
-            found.append(_ray(walk))
+            found.append(here(walk))
     walk.place(c.nodes.tolist(), c.near.tolist())
     return (found[0], found[1]) if len(found) == 2 else None
 
@@ -189,18 +178,18 @@ def _uniform(walk: Walk, c: Corner) -> tuple[Ray, Ray] | None:
 def _perturbed(walk: Walk, c: Corner) -> tuple[Ray, Ray]:
     """Both ends of the perturbed path through the cone at the start."""
     _any_direction(walk)
-    start = _ray(walk)
+    start = here(walk)
     along_perturbation(walk, c, resting=True)
-    one = _ray(walk)
+    one = here(walk)
     walk.place(c.nodes.tolist(), c.near.tolist())
     walk.turn(-start.dx, -start.dt, np.abs(start.dx))
     along_perturbation(walk, c, resting=True)
-    return one, _ray(walk)
+    return one, here(walk)
 
 
-def depart(walk: Walk, ray: Ray, t: float) -> None:
+def depart(walk: Walk, ray: Ray) -> None:
     """Put the walk on a ray from its start."""
-    walk.put(ray.codes, ray.x, t)
+    walk.put(ray.codes, ray.x, ray.t)
     lead = int(np.argmax(np.abs(ray.dx)))
     move(walk, lead, float(ray.dx[lead]))
 
@@ -235,4 +224,4 @@ def onward(walk: Walk) -> Ray | None:
     except SingularCellError:
         return None
     walk.negatives = walk.tableau.negatives()
-    return _ray(walk) if walk.stable else None
+    return here(walk) if walk.stable else None

@@ -9,11 +9,16 @@ from numpy.typing import NDArray
 
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solvers.loop import iterate
-from tcstudy.solvers.path.follow import ParametricProblem
+from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path
 from tcstudy.solvers.separable.newton import SeparableNewton
 from tests.solvers import contact_cases as cases
 
 Array = NDArray[np.float64]
+
+
+def follow(problem: ParametricProblem, v: Array, t: float, t_min: float = -np.inf, t_max: float = np.inf) -> Path:
+    """The path through the solution v of parameter t in both directions."""
+    return Follower(t_min=t_min, t_max=t_max).follow(problem, v, t)
 
 
 def pieces_of(law: FrictionLaw) -> list[tuple[int, str]]:

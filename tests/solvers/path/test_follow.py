@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from tcstudy.solvers.loop import iterate
-from tcstudy.solvers.path.follow import Follower, ParametricProblem, PathStatus, follow
+from tcstudy.solvers.path.follow import Follower, ParametricProblem, PathStatus
 from tcstudy.solvers.path.query import folds, solutions_at
 from tcstudy.solvers.path.start import NoSolutionError
 from tcstudy.solvers.path.tableau import Tableau
 from tcstudy.solvers.separable.newton import SeparableNewton
 from tests.solvers import contact_cases as cases
-from tests.solvers.path.cases import a_solution, all_solutions, one_node, random_path_problem, softening_line
+from tests.solvers.path.cases import a_solution, all_solutions, follow, one_node, random_path_problem, softening_line
 
 
 def test_one_softening_node_in_closed_form() -> None:

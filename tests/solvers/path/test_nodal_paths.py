@@ -14,13 +14,13 @@ from tcstudy.scene.nodal_laws import NONE, NodalLaws, nodal
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.path.chords import piecewise_linear
-from tcstudy.solvers.path.follow import Follower, ParametricProblem, PathStatus, follow
+from tcstudy.solvers.path.follow import Follower, ParametricProblem, PathStatus
 from tcstudy.solvers.path.hysteresis import hysteresis
 from tcstudy.solvers.path.problem import by_code
 from tcstudy.solvers.path.proofs import proved_minima
 from tcstudy.solvers.path.query import lowest, solutions_at, solutions_of
 from tests.solvers import contact_cases as cases
-from tests.solvers.path.cases import a_solution, all_solutions, random_path_problem, softening_line
+from tests.solvers.path.cases import a_solution, all_solutions, follow, random_path_problem, softening_line
 
 SHARED = (cases.slip_weakening(1.0, 0.3, 0.4), tresca(0.7), cases.sawtooth(1.0, 0.3, 1.0, 0.5), cases.spring(0.5), NONE)
 

@@ -7,10 +7,9 @@ import pytest
 
 from tcstudy.scene.laws import SHAPES
 from tcstudy.solvers.path.chords import piecewise_linear
-from tcstudy.solvers.path.follow import follow
 from tcstudy.solvers.path.query import solutions_at, solutions_of
 from tests.solvers import contact_cases as cases
-from tests.solvers.path.cases import a_solution, one_node, softening_line
+from tests.solvers.path.cases import a_solution, follow, one_node, softening_line
 
 
 @pytest.mark.parametrize("tolerance", [1e-1, 1e-2, 1e-4])

@@ -9,11 +9,11 @@ from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.path import proofs
 from tcstudy.solvers.path.chords import piecewise_linear
-from tcstudy.solvers.path.follow import Path, follow
+from tcstudy.solvers.path.follow import Path
 from tcstudy.solvers.path.proofs import proved_minima
 from tcstudy.solvers.path.query import Lowest, lowest
 from tests.solvers import contact_cases as cases
-from tests.solvers.path.cases import a_solution, random_path_problem, softening_line
+from tests.solvers.path.cases import a_solution, follow, random_path_problem, softening_line
 
 
 def one_by_one(path: Path, low: Lowest) -> list[bool]:

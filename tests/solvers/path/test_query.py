@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tcstudy.solvers.path.follow import Path, follow
+from tcstudy.solvers.path.follow import Path
 from tcstudy.solvers.path.query import folds, lowest, solutions_at, turn_sizes
 from tcstudy.solvers.path.record import Events
 from tests.solvers import contact_cases as cases
-from tests.solvers.path.cases import a_solution, one_node, random_path_problem, softening_line
+from tests.solvers.path.cases import a_solution, follow, one_node, random_path_problem, softening_line
 
 
 def test_sizes_by_hand() -> None:

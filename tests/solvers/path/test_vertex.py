@@ -8,10 +8,10 @@ import pytest
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.solvers.path.follow import Follower, ParametricProblem, PathStatus, follow
+from tcstudy.solvers.path.follow import Follower, ParametricProblem, PathStatus
 from tcstudy.solvers.path.query import solutions_at
 from tests.solvers import contact_cases as cases
-from tests.solvers.path.cases import a_solution, one_node
+from tests.solvers.path.cases import a_solution, follow, one_node
 from tests.verification.patch import DROPPING, SOFTENING, Case, exact_energy, patch_study
 from tests.verification.scenes import mesh_family
 
