@@ -31,15 +31,14 @@ from tcstudy.scene.study import Direction
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.linearised import Linearised
 from tcstudy.solvers.loop import Status
-from tcstudy.solvers.path.follow import Follower, Path, PathStatus
+from tcstudy.solvers.path.follow import Follower, Path
+from tcstudy.solvers.path.record import WHOLE
 from tcstudy.study.fit_path import MovingPath
 from tcstudy.study.history_slopes import STIFFNESS, moving_steps, with_stiffness
 from tcstudy.study.path_affine import affine_load, followed, straightened
 from tcstudy.study.sensitivities import Rates, rates_of
 
 Array = NDArray[np.float64]
-WHOLE = (PathStatus.RANGE_END, PathStatus.UNBOUNDED, PathStatus.CLOSED_LOOP)
-"""Ends of a path at which there is nothing more to follow."""
 SCALARS = ("friction_resultant", "u_T_max", "theta_mean")
 
 

@@ -10,12 +10,11 @@ the other; this process takes their steps in the order of the sweep and alone wr
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,11 +49,8 @@ FREE = ("history.steps", "history.repeat")
 """Keys in which a study may differ from that of the file it goes on from; the steps themselves are compared."""
 
 
-class HistoryWatcher(Protocol):
-    """Who is told how far it is."""
-
-    def __call__(self, point: int, points: int, step: int, steps: int) -> None:
-        """Called after every step."""
+HistoryWatcher = Callable[[int, int, int, int], None]
+"""Told after every step (point, points, step, steps)."""
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from tcstudy.solvers.path.hysteresis import Hysteresis, hysteresis
 from tcstudy.solvers.path.problem import by_code
 from tcstudy.solvers.path.proofs import proved_minima
 from tcstudy.solvers.path.query import PathSolution, folds, lowest, solutions_at, solutions_of
+from tcstudy.solvers.path.record import WHOLE
 from tcstudy.study.path_affine import AffineLoad, PathError, affine_load, followed, straightened
 from tcstudy.study.run import stages
 
@@ -201,10 +202,6 @@ def _loop_record(setting: _Setting, loop: Hysteresis, sign: float) -> Values:
     }
 
 
-GOOD_ENDS = ("range_end", "unbounded", "closed_loop", "start")
-"""Ends at which there is nothing more to follow."""
-
-
 def execute_path(
     study: Study, output: pathlib.Path, progress: Progress | None = None, command: Sequence[str] = ("tcstudy",)
 ) -> list[str]:
@@ -222,8 +219,9 @@ def execute_path(
 def shortfalls(study: Study, record: PathRecord) -> list[str]:
     """What a user must know beside the results: an early end, missing or inexact solutions, an incomplete loop."""
     assert study.path is not None
+    whole = [status.name.lower() for status in WHOLE]
     ends = ((record.begin, record.curve["parameter"][0]), (record.end, record.curve["parameter"][-1]))
-    found = [f"the path ends early, at {t:g}: {reason}" for (name, reason), t in ends if name not in GOOD_ENDS]
+    found = [f"the path ends early, at {t:g}: {reason}" for (name, reason), t in ends if name not in whole]
     solutions = record.solutions
     for t, count in zip(solutions["at"], solutions["solution_count"], strict=True):
         if not count:

@@ -182,10 +182,6 @@ class LawGraph:
         u = moves * x + self.kink[codes]
         return u, self.on_segment(codes, u) + (1.0 - moves) * (x / weight)
 
-    def traction(self, codes: Codes, s: Array, side: Array) -> Array:
-        """ξ/c: the segment's b(s) where a node is free, the given value on a vertical side."""
-        return np.where(self.free[codes], self.on_segment(codes, s), side)
-
     def on_segment(self, codes: Codes, s: Array) -> Array:
         """b(s) of the named segments [Pa]."""
         return np.asarray(self.start[codes] + self.slope[codes] * (s - self.anchor[codes]))

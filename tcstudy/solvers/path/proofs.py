@@ -131,5 +131,5 @@ def _stays(states: States, group: slice) -> tuple[NDArray[np.intp], Array, Array
     starts = np.flatnonzero(enters)
     code: NDArray[np.int32] = codes.ravel()[starts].astype(np.int32)
     ends = [np.stack([f.reduceat(x.ravel(), starts) for f in (np.minimum, np.maximum)]) for x in (v, zeta)]
-    on_graph = np.stack([graph.traction(code, x, y) for x, y in zip(*ends, strict=True)])
+    on_graph = np.stack([np.where(graph.free[code], graph.on_segment(code, x), y) for x, y in zip(*ends, strict=True)])
     return starts // codes.shape[1], ends[0], on_graph

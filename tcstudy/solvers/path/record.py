@@ -31,6 +31,8 @@ class PathStatus(IntEnum):
     TURNS = 9
 
 
+WHOLE = (PathStatus.RANGE_END, PathStatus.UNBOUNDED, PathStatus.CLOSED_LOOP, PathStatus.START)
+"""Ends at which there is nothing more to follow."""
 REASONS = {
     PathStatus.RANGE_END: "the parameter reached the end of the range that the path may use",
     PathStatus.CLOSED_LOOP: "the path is a closed loop and came back to its start",

@@ -35,9 +35,6 @@ LARGEST_TIE = 1e-9
 DRIFTED = 1e3
 """How many times farther than a tie nodes are looked at again, with the point corrected first."""
 
-FEW = 8
-"""Nodes up to which it is quicker to put each on its new piece than to put all there."""
-
 SLOW = 1e-4
 """A node slower than this part of the fastest one hardly knows its place on the path: a corrected point is not held
 where that node has reached its bound, or rounding of its coordinate would move the point along the path."""
@@ -128,21 +125,11 @@ class Walk:
         self.downs = int(np.count_nonzero(self.graph.sense[codes] < 0))
 
     def place(self, nodes: Sequence[int], codes: Sequence[int]) -> None:
-        """Put nodes on other pieces, at the kink where they stand; many at once are at rest then."""
+        """Put nodes on other pieces, at the kink where they stand."""
         at, new = np.array(nodes, dtype=np.intp), np.array(codes, dtype=np.int32)
         moved = self.codes[at] != new
-        if np.count_nonzero(moved) <= FEW:
-            changes = [self._place(i, code) for i, code in zip(at[moved].tolist(), new[moved].tolist(), strict=True)]
-            return self.tableau.change_many(changes)
-        at, new = at[moved], new[moved]
-        graph, old, was_free, free = self.graph, self.codes[at], self.free[at], self.graph.free[new]
-        kink = np.where(was_free, np.where(free, self.x[at], graph.kink[new]), self.kink[at])
-        whole, x = self.codes.copy(), self.x.copy()
-        whole[at], x[at] = new, np.where(free, kink, self.units.weight[at] * graph.on_segment(old, kink))
-        self.put(whole, x, self.t)
-        low, high = self.low[at], self.high[at]
-        self.x[at] = np.where(high - x[at] < x[at] - low, high, low)
-        return None
+        pairs = zip(at[moved].tolist(), new[moved].tolist(), strict=True)
+        self.tableau.change_many([self._place(i, code) for i, code in pairs])
 
     def place_one(self, i: int, code: int) -> None:
         """Put one node on another piece, at the kink where it stands."""
@@ -177,11 +164,6 @@ class Walk:
     def u(self) -> Array:
         """(m,) displacements; held nodes sit on their kink bitwise."""
         return np.where(self.free, self.x, self.kink)
-
-    @property
-    def traction(self) -> Array:
-        """(m,) ξ/c on the graph [Pa]."""
-        return self.graph.traction(self.codes, self.x, self.x / self.units.weight)
 
     @property
     def stable(self) -> bool:
@@ -252,8 +234,8 @@ class Walk:
 
     def defect(self) -> Array:
         """l̃ − Ãu − ξ at the present point, working units (m,)."""
-        p, u = self.problem, self.u
-        return (p.load(self.t) - p.A_tilde @ u - p.c * self.traction) / self.units.stiffness
+        p, (u, traction) = self.problem, self.graph.points(self.codes, self.x, self.units.weight)
+        return (p.load(self.t) - p.A_tilde @ u - p.c * traction) / self.units.stiffness
 
     def residual(self) -> float:
         """Largest defect per length, relative to the scale of b."""
