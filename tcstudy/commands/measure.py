@@ -7,26 +7,12 @@ from contextlib import closing
 from pathlib import Path
 
 from tcstudy.commands import shared
-from tcstudy.commands.shared import (
-    MANNER,
-    OK,
-    SOME_FAILED,
-    STUDY,
-    Command,
-    Option,
-    at,
-    checked,
-    fail,
-    is_there,
-    note,
-    point_of,
-    say,
-)
+from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, Command, Option, at, checked, fail, note, say
 
 
 def converge(options: argparse.Namespace) -> int:
     """Errors, rates and limits over the levels."""
-    point = point_of(options)
+    point = shared.point_of(options)
     study, path = checked(options, "convergence")
     from tcstudy.data.writer import sweep_points
     from tcstudy.reports.select_point import locate
@@ -37,10 +23,11 @@ def converge(options: argparse.Namespace) -> int:
     locate(sweep_points(study), point, "study")
     if options.plot is not None and (lack := without_errors(study)):
         fail(f"--plot: there would be no errors to draw: {lack}")
-    there = is_there(options, "convergence", study, path)
-    tell = lambda text: note(options, text)  # noqa: E731
-    size = lambda h: with_unit(h, shared.length_unit(study), 3)  # noqa: E731
-    failed = shared.stored(path)[1] if there else converge_to_file(study, path, tell, options.words, size)
+    if shared.is_there(options, "convergence", study, path):
+        failed = shared.stored(path)[1]
+    else:
+        size = lambda h: with_unit(h, shared.length_unit(study), 3)  # noqa: E731
+        failed = converge_to_file(study, path, lambda text: note(options, text), options.words, size)
     drawn = shared.plotted(options, path, at=point)
     full = options.full or options.verbose
     say(options, path, lambda: convergence_report(path, options.format, point, full))
@@ -56,7 +43,7 @@ def cost(options: argparse.Namespace) -> int:
         fail(f"--error: there is no error {options.error!r}; choose one of {', '.join(names)}")
     if options.runs < 1:
         fail(f"--runs: {options.runs} runs measure nothing; give 1 or more")
-    point = point_of(options)
+    point = shared.point_of(options)
     study, path = checked(options, "cost")
     from tcstudy.data.writer import sweep_points
     from tcstudy.reports.select_point import describe, locate
@@ -69,7 +56,7 @@ def cost(options: argparse.Namespace) -> int:
     words = describe(points, where)
     if options.error is not None and (lack := unmeasured(study, options.error)):
         fail(f"--error: {options.error} {lack}")
-    if is_there(options, "cost", study, path, point=words, runs=options.runs):
+    if shared.is_there(options, "cost", study, path, point=words, runs=options.runs):
         failed = shared.stored(path)[1]
     else:
         from tcstudy.reports.terminal.forecast import expected_words

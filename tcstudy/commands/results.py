@@ -4,32 +4,18 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
 from tcstudy.commands import shared
-from tcstudy.commands.shared import (
-    FILE,
-    MANNER,
-    OK,
-    SOME_FAILED,
-    Command,
-    Option,
-    at,
-    check_manner,
-    fail,
-    point_of,
-    say,
-)
-from tcstudy.errors import UsageError
+from tcstudy.commands.shared import FILE, MANNER, OK, SOME_FAILED, Command, Option, at, check_manner, fail, point_of
+from tcstudy.errors import StoreError, UsageError
 
 
 def show(options: argparse.Namespace) -> int:
     """Print again what run, converge, cost or path said; of another file with data, what it is."""
     check_manner(options)
-    from tcstudy.errors import StoreError
-
     try:
         _show(options, options.file)
     except StoreError:
@@ -47,6 +33,7 @@ def _show(options: argparse.Namespace, file: Path) -> None:
     from tcstudy.data.provenance import kind_of
     from tcstudy.reports.terminal.convergence import convergence_report
     from tcstudy.reports.terminal.cost import cost_report
+    from tcstudy.reports.terminal.fit import fit_summary
     from tcstudy.reports.terminal.history_summary import history_summary
     from tcstudy.reports.terminal.path_summary import path_summary
     from tcstudy.reports.terminal.summary import MOST_ROWS, summary
@@ -61,12 +48,9 @@ def _show(options: argparse.Namespace, file: Path) -> None:
         "history": lambda: wrapped(history_summary(file, options.verbose)),
         "convergence": lambda: convergence_report(file, "text", point, full),
         "cost": lambda: cost_report(file),
+        "fit": lambda: wrapped(fit_summary(file)),
     }
-    if kind == "fit":
-        from tcstudy.reports.terminal.fit import fit_summary
-
-        texts["fit"] = lambda: wrapped(fit_summary(file))
-    say(options, file, texts[kind])
+    shared.say(options, file, texts[kind])
 
 
 def draw(options: argparse.Namespace) -> int:
@@ -74,7 +58,7 @@ def draw(options: argparse.Namespace) -> int:
     from tcstudy.reports.figures.draw import Wanted, picture
     from tcstudy.reports.figures.style import size_in_inches
 
-    given = {name: getattr(options, name) for name in PICTURE}
+    given = {one.name: getattr(options, one.name) for one in fields(Wanted) if one.name != "at"}
     if options.map is not None:
         names = tuple(name.strip() for name in options.map.split(","))
         if len(names) != 2 or not all(names):
@@ -206,7 +190,6 @@ DRAWN = (
     Option("--title", metavar="TEXT", help="its heading; '' for none"),
 )
 """Options of the pictures of a run, beside the point and the level."""
-PICTURE = ("level", "response", "error", "x", "y", "by", "map", "of", "law", "mesh", "size", "font", "title")
 COMMANDS = {
     "show": Command("print the summary of a result file", (FILE, *MANNER, at(_TABLES), shared.FULL), show),
     "sensitivity": Command(

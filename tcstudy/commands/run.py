@@ -10,20 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tcstudy.commands import shared
-from tcstudy.commands.shared import (
-    MANNER,
-    OK,
-    SOME_FAILED,
-    STUDY,
-    Command,
-    Option,
-    check_manner,
-    checked,
-    fail,
-    is_there,
-    note,
-    say,
-)
+from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, Command, Option, checked, fail, note, say
 
 if TYPE_CHECKING:
     from tcstudy.scene.study import Study
@@ -52,26 +39,21 @@ def _run(options: argparse.Namespace, study: Study, output: Path, staff: Staff) 
         from tcstudy.study.grow import appended, retried
 
         study, kept = (appended if options.append else retried)(output, study)
-    there = is_there(options, "run", study, output) if kept is None else not kept.todo.any()
+    there = shared.is_there(options, "run", study, output) if kept is None else not kept.todo.any()
     if there and kept is not None:
         note(options, f"{output} {'has all these points' if options.append else 'has no failed point'}")
     if there:
         points, failed = shared.stored(output)
         return _say(options, output, points, failed, "found before")
+    from tcstudy.data.writer import sweep_points
+    from tcstudy.reports.select_point import naming
     from tcstudy.reports.terminal.progress import progress
     from tcstudy.study.run import execute
 
-    with closing(progress(naming=lambda index: _named(study, index), length=shared.length_unit(study))) as watcher:
+    named = lambda index: naming(sweep_points(study))(index)  # noqa: E731
+    with closing(progress(naming=named, length=shared.length_unit(study))) as watcher:
         result = execute(study, output, None if options.quiet else watcher, options.words, kept=kept, staff=staff)
     return _say(options, result.output, result.points, result.failed, "found")
-
-
-def _named(study: Study, index: tuple[int, ...]) -> str:
-    """The labels of a point, for what is said of failures."""
-    from tcstudy.data.writer import sweep_points
-    from tcstudy.reports.select_point import naming
-
-    return naming(sweep_points(study))(index)
 
 
 def _say(options: argparse.Namespace, output: Path, points: int, failed: int, found: str) -> int:
@@ -126,7 +108,7 @@ def _plan_json(study: Study, output: Path, forecast: Plan, expected: Resources) 
 
 def merge(options: argparse.Namespace) -> int:
     """Join result files of one study that have different points of its sweep."""
-    check_manner(options)
+    shared.check_manner(options)
     output = options.output
     if len(options.files) < 2:
         fail("merge joins files; name two or more, for example tcstudy merge A.nc B.nc -o C.nc")

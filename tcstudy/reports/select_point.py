@@ -20,8 +20,6 @@ from tcstudy.scene import units as u
 
 Value = float | int | str
 
-SWEPT = "swept parameter "
-"""What stands before the key path in the long name of an axis in files of earlier versions."""
 CLOSE = 1e-3
 """Relative distance at which a number is taken for a label: what tables print has four digits."""
 
@@ -36,43 +34,36 @@ def locate(data: Any, point: Mapping[str, Value] | None, holder: str = "file") -
 
     Raises DrawError for an unknown name, or a value or combination that there is not.
     """
-    names = axis_names(data)
-    wanted = _by_name(data, point or {}, holder)
-    fits = {name: _fits(name, data[name], value, holder) for name, value in wanted.items()}
-    if data.attrs["sweep_mode"] == "grid":
-        return {name: int(np.argmax(fits[name])) if name in fits else 0 for name in names}
-    if not names:
-        return {}
-    together = np.ones(data.sizes["point"], dtype=bool)
-    for fit in fits.values():
-        together &= fit
-    if not together.any():
-        given = " and ".join(f"{name} = {value}" for name, value in wanted.items())
-        one = next(iter(fits))
-        near = "; ".join(describe(data, {"point": int(i)}) for i in np.flatnonzero(fits[one])[:3])
-        raise DrawError(f"no point of the {holder} has {given} together; with that {one} it has: {near}")
-    return {"point": int(np.argmax(together))}
-
-
-def matching(data: Any, point: Mapping[str, Value]) -> NDArray[np.bool_]:
-    """(points,) those that have all the given labels, in the order of the file. Raises DrawError as `locate`, and
-    where no point has them together."""
-    locate(data, point)
+    fits = matching(data, point or {}, holder)
     dims = sweep_dims(data)
+    first = np.unravel_index(int(np.argmax(fits)), [data.sizes[d] for d in dims]) if dims else ()
+    return {d: int(i) for d, i in zip(dims, first, strict=True)}
+
+
+def matching(data: Any, point: Mapping[str, Value], holder: str = "file") -> NDArray[np.bool_]:
+    """(points,) those that have all the given labels, in the order of the file. Raises DrawError as `locate`."""
+    wanted, dims = _by_name(data, point, holder), sweep_dims(data)
+    found = {name: _fits(name, data[name], value, holder) for name, value in wanted.items()}
     fits = np.ones([int(data.sizes[d]) for d in dims], dtype=bool)
-    for name, value in _by_name(data, point, "file").items():
-        own = str(data[name].dims[0])
-        fits &= _fits(name, data[name], value, "file").reshape([-1 if d == own else 1 for d in dims])
+    for name, fit in found.items():
+        fits &= fit.reshape([-1 if d == str(data[name].dims[0]) else 1 for d in dims])
+    if not fits.any():
+        given = " and ".join(f"{name} = {value}" for name, value in wanted.items())
+        one = next(iter(found))
+        near = "; ".join(describe(data, {dims[0]: int(i)}) for i in np.flatnonzero(found[one])[:3])
+        raise DrawError(f"no point of the {holder} has {given} together; with that {one} it has: {near}")
     return fits.ravel()
 
 
 def parameter(data: Any, given: str, holder: str = "file") -> str:
     """The name that a swept parameter has in the data, by that name or its key path; raises DrawError."""
     names = axis_names(data)
-    paths = {str(data[name].attrs.get("long_name", "")).removeprefix(SWEPT): name for name in names}
+    paths = {str(data[name].attrs.get("long_name", "")): name for name in names}
     name = given if given in names else paths.get(given)
+    if name is None and not names:
+        raise DrawError(f"the {holder} has one point and no swept parameter {given!r}; leave the point out")
     if name is None:
-        raise DrawError(_unknown_name(given, names, holder))
+        raise DrawError(f"the {holder} has no swept parameter {given!r}; {_has(given, names, len(names))}")
     return name
 
 
@@ -134,7 +125,7 @@ def fitting(
         axis = data[name]
         place = int(np.argmax(_fits(name, axis, wanted[name], "file"))) if name in wanted else 0
         keep &= labels[name] == axis.values[place]
-        shown, unit = scaled_labels(axis.values.tolist(), axis.attrs, 6)
+        shown, unit = axis_labels(data, name, 6)
         fixed.append(Fixed(name, shown[place], unit, name not in wanted and len(shown) > 1))
     if not keep.any():
         raise DrawError(f"no point of the file has {' and '.join(one.words for one in fixed)} together")
@@ -173,13 +164,17 @@ def check_solved(data: Any, where: Mapping[str, int], level: int) -> None:
     raise DrawError(f"{what} ({status.name.lower().replace('_', ' ')}: {reason}); {remedy}")
 
 
+def axis_labels(data: Any, name: str, digits: int = 4) -> tuple[list[str], str]:
+    """The labels of a swept parameter as they are read, and their unit: one for the whole axis."""
+    return scaled_labels(data[name].values.tolist(), data[name].attrs, digits)
+
+
 def describe(data: Any, where: Mapping[str, int]) -> str:
     """The labels of a point in words, "alpha = 100 W m-2 K-1, friction = tresca"."""
     parts = []
     for name in axis_names(data):
-        axis = data[name]
-        shown, unit = scaled_labels(axis.values.tolist(), axis.attrs, 6)  # one for a whole axis
-        parts.append(f"{name} = {shown[where[str(axis.dims[0])]]}" + (f" {unit}" if unit != "1" else ""))
+        shown, unit = axis_labels(data, name, 6)
+        parts.append(f"{name} = {shown[where[str(data[name].dims[0])]]}" + (f" {unit}" if unit != "1" else ""))
     return ", ".join(parts)
 
 
@@ -210,9 +205,7 @@ def _fits(name: str, axis: Any, value: Value, holder: str) -> NDArray[np.bool_]:
     nearest = held[np.argmin(distance)]
     if not abs(nearest - wanted) <= CLOSE * max(abs(wanted), abs(nearest)):
         order = np.unique(held)
-        nearby = _listed(
-            number(label) for label in np.sort(order[np.argsort(np.abs(order - wanted), kind="stable")[:3]])
-        )
+        nearby = ", ".join(map(number, np.sort(order[np.argsort(np.abs(order - wanted), kind="stable")[:3]])))
         unit = f" {units}" if (units := str(axis.attrs["units"])) != "1" else ""
         raise DrawError(f"no point of the {holder} has {name} = {value}; the nearest values are {nearby}{unit}")
     return np.asarray(held == nearest)
@@ -233,21 +226,11 @@ def _as_number(name: str, value: Value, units: str) -> float:
         raise DrawError(f"{name} = {value!r}: {error}; {error.remedy}") from error
 
 
-def _unknown_name(name: str, names: list[str], holder: str) -> str:
-    if not names:
-        return f"the {holder} has one point and no swept parameter {name!r}; leave the point out"
-    return f"the {holder} has no swept parameter {name!r}; {_has(name, names, len(names))}"
-
-
 def _has(given: str, names: list[str], most: int = 8) -> str:
     """What there is instead, and what may be meant."""
     near = difflib.get_close_matches(given, names, n=1)
-    return (f"did you mean {near[0]!r}? " if near else "") + f"it has {_listed(names, most)}"
-
-
-def _listed(texts: Any, most: int = 8) -> str:
-    shown = list(texts)
-    return ", ".join(shown[:most]) + (", …" if len(shown) > most else "")
+    shown = ", ".join(names[:most]) + (", …" if len(names) > most else "")
+    return (f"did you mean {near[0]!r}? " if near else "") + f"it has {shown}"
 
 
 def geometry_of(path: Path, point: Mapping[str, Value]) -> int:

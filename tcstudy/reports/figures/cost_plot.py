@@ -12,7 +12,7 @@ from tcstudy.data.store import load_root
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.convergence_plot import math_symbol
 from tcstudy.reports.figures.sheet import Sheet
-from tcstudy.reports.terminal.cost import EXACT, SYMBOLS, Setting, advice, best, curves_on_front, measure_of, settings
+from tcstudy.reports.terminal.cost import EXACT, SYMBOLS, Setting, advice, best, front, measure_of, settings
 from tcstudy.scene.families import FAMILIES
 
 if TYPE_CHECKING:
@@ -62,11 +62,11 @@ def _figure(data: Any, measure: str, look: style.Look | None = None) -> Figure:
 
 def _over_time(axes: Axes, data: Any, found: list[Setting]) -> None:
     """Curves over wall time with bands to the upper quartile; those that are beaten everywhere are pale."""
-    worthy, champion = curves_on_front(found), best(found)
+    worthy, champion = {s.curve for s in front(found)}, best(found)
     solvers = data["solver"].values.tolist()
     for family in data["family"].values.tolist():
         for k, solver in enumerate(solvers):
-            own = [s for s in found if (s.family, s.solver) == (family, solver) and s.error > 0 and s.time > 0]
+            own = [s for s in found if s.curve == (family, solver) and s.error > 0 and s.time > 0]
             if not own:
                 continue
             color, opacity = COLOURS[family], 1.0 if (family, solver) in worthy else PALE

@@ -39,7 +39,7 @@ ROOM, BEYOND = 1.15, 4.0
 
 @dataclass(frozen=True)
 class LawPicture:
-    """One point of a sweep and its laws; lambda_1 and omega as stored.
+    """One point of a sweep and its laws.
 
     laws:     (edge, law), one of "" where friction is the same along the contact line; after them those of joints
     index:    (m,) which of them a node has;  strength: (m,) that of the law there
@@ -49,9 +49,6 @@ class LawPicture:
     laws: tuple[tuple[str, FrictionLaw], ...]
     index: NDArray[np.intp]
     strength: Array
-    lambda_1: float
-    omega: float
-    stiffness_units: str
 
 
 def read_law(path: Path, point: Mapping[str, Value] | None, level: int) -> LawPicture:
@@ -68,8 +65,7 @@ def read_law(path: Path, point: Mapping[str, Value] | None, level: int) -> LawPi
         friction = EdgeLaws((("", friction, 1.0),))
     xy = np.stack([line.x, line.y], axis=1)
     laws, index, strength = laws_along(friction, line.edge_names, line.edge, xy, line.joints)
-    uniqueness = picture.lambda_1, picture.omega, picture.stiffness_units
-    return LawPicture(picture, tuple(laws), index, strength, *uniqueness)
+    return LawPicture(picture, tuple(laws), index, strength)
 
 
 def law_figure(picture: LawPicture, look: style.Look) -> Figure:
@@ -102,13 +98,12 @@ def law_figure(picture: LawPicture, look: style.Look) -> Figure:
 
 def _facts(picture: LawPicture) -> list[str]:
     """The point, and what the law says of uniqueness."""
-    words = style.parameter_words(picture.point.parameters)
-    words.append(f"level {picture.point.level}")
-    divisor, unit = axis_unit([picture.lambda_1], picture.stiffness_units)
-    omega, lambda_1 = number(picture.omega / divisor, 3), number(picture.lambda_1 / divisor, 3)
-    unit = pretty(unit)
-    steep = rf"steepest fall $\omega$ = {omega}, stiffness $\lambda_1$ = {lambda_1} {unit}".rstrip()
-    return [",  ".join(words), steep if np.isfinite(picture.lambda_1) else ""]
+    point = picture.point
+    words = [*style.parameter_words(point.parameters), f"level {point.level}"]
+    divisor, unit = axis_unit([point.lambda_1], point.stiffness_units)
+    omega, lambda_1 = number(point.omega / divisor, 3), number(point.lambda_1 / divisor, 3)
+    steep = rf"steepest fall $\omega$ = {omega}, stiffness $\lambda_1$ = {lambda_1} {pretty(unit)}".rstrip()
+    return [",  ".join(words), steep if np.isfinite(point.lambda_1) else ""]
 
 
 def slip_window(law: FrictionLaw, u_T: Array) -> tuple[float, float]:

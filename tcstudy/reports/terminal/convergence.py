@@ -13,9 +13,9 @@ from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS, Measure
 from tcstudy.data.reading import axis_names, each_point
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import load_root
-from tcstudy.reports.select_point import Value, describe, locate
+from tcstudy.reports.select_point import Value, axis_labels, describe, locate
 from tcstudy.reports.terminal.tables import Heading, Part, Table, render
-from tcstudy.reports.text import headed, number, prefix, scaled_labels
+from tcstudy.reports.text import headed, number, prefix
 
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("θ", "temperature", ("theta_L2", "theta_H1")),
@@ -117,7 +117,7 @@ def _overview(data: Any, points: list[dict[str, int]]) -> Iterator[Part]:
 
 def _swept(data: Any) -> list[tuple[str, list[str], str]]:
     """(name, labels, unit) of the swept parameters."""
-    return [(name, *scaled_labels(data[name].values.tolist(), data[name].attrs)) for name in axis_names(data)]
+    return [(name, *axis_labels(data, name)) for name in axis_names(data)]
 
 
 def _order(at: Any, name: str) -> str:
@@ -195,16 +195,9 @@ def _orders(at: Any, names: tuple[str, ...]) -> Table:
         finite = np.isfinite(slope)
         order = f"{slope:z.3f}" + (f" ± {error:.3f}" if np.isfinite(error) else "") if finite else "–"
         last = int(np.flatnonzero(np.isfinite(at[f"error_{name}"].values))[-1])
-        rows.append(
-            (
-                _BY_NAME[name].symbol,
-                order,
-                f"{first}–{last}" if finite else "–",
-                _fixed(float(at[f"expected_{name}"])),
-                VERDICT_WORDS[verdict],
-                str(at[f"reason_{name}"].item()),
-            )
-        )
+        fitted, expected = f"{first}–{last}" if finite else "–", _fixed(float(at[f"expected_{name}"]))
+        reason = str(at[f"reason_{name}"].item())
+        rows.append((_BY_NAME[name].symbol, order, fitted, expected, VERDICT_WORDS[verdict], reason))
     header = ("error", "order", "levels", "expected", "verdict", "reason of the expected order")
     return Table("Orders of convergence", header, tuple(rows), label="orders", ranks=(0, 0, 3, 2, 1, 4))
 

@@ -52,6 +52,11 @@ class Setting:
         family = "the study's meshes" if self.family == "study" else self.family
         return f"{family}, level {self.level}, {self.solver}"
 
+    @property
+    def curve(self) -> tuple[str, str]:
+        """Family and solver."""
+        return self.family, self.solver
+
 
 @dataclass(frozen=True)
 class Stretch:
@@ -63,8 +68,6 @@ class Stretch:
     end: float
 
 
-CurveKey = tuple[str, str]
-"""Family and solver."""
 STEPS = 400
 NOTABLE = 1.05
 """Ratio of times from which on another curve takes over: less is noise."""
@@ -89,30 +92,21 @@ def settings(data: Any, measure: str) -> list[Setting]:
     """All settings that were measured, family by family, coarse to fine."""
     own = (data.attrs["own_family"], data.attrs["own_solver"], int(data.attrs["own_level"]))
     found = []
-    for f, family in enumerate(data["family"].values.tolist()):
-        for s, solver in enumerate(data["solver"].values.tolist()):
-            for level in range(data.sizes["level"]):
-                at = (f, s, level)
-                status = int(data["status"].values[at])
-                if status == PointStatus.NOT_RUN:
-                    continue
-                times = data["time"].values[at]
-                found.append(
-                    Setting(
-                        family=family,
-                        solver=solver,
-                        level=level,
-                        h_max=float(data["h_max"].values[f, level]),
-                        n_dof=int(data["n_dof"].values[f, level]),
-                        n_contact=int(data["n_contact"].values[f, level]),
-                        error=float(data[f"error_{measure}"].values[at]),
-                        time=float(np.min(times)),
-                        upper=float(np.quantile(times, 0.75)) if np.all(np.isfinite(times)) else float("nan"),
-                        dominated=True,
-                        solved=status == PointStatus.OK,
-                        own=(family, solver, level) == own,
-                    )
-                )
+    for f, s, level in np.argwhere(data["status"].values != PointStatus.NOT_RUN).tolist():
+        one, mesh = data.isel(family=f, solver=s, level=level), data.isel(family=f, level=level)
+        name, times = (str(one["family"].item()), str(one["solver"].item()), level), one["time"].values
+        found.append(
+            Setting(
+                *name,
+                *(float(mesh["h_max"]), int(mesh["n_dof"]), int(mesh["n_contact"])),
+                error=float(one[f"error_{measure}"]),
+                time=float(np.min(times)),
+                upper=float(np.quantile(times, 0.75)) if np.all(np.isfinite(times)) else float("nan"),
+                dominated=True,
+                solved=int(one["status"]) == PointStatus.OK,
+                own=name == own,
+            )
+        )
     return _judged(found)
 
 
@@ -145,10 +139,10 @@ def stretches(found: Sequence[Setting]) -> list[Stretch]:
 
     Between levels, times are interpolated on logarithmic scales: a slightly different maxh has such an error.
     """
-    curves: dict[CurveKey, list[Setting]] = {}
+    curves: dict[tuple[str, str], list[Setting]] = {}
     for s in _shared(found):
         if s.solved and s.error > 0.0:
-            curves.setdefault((s.family, s.solver), []).append(s)
+            curves.setdefault(s.curve, []).append(s)
     finest = sorted(
         min((s.error for (f, _), curve in curves.items() if f == family for s in curve), default=np.inf)
         for family in {family for family, _ in curves}
@@ -198,15 +192,10 @@ def _time_to(curve: Sequence[Setting], error: float) -> float:
     return min(times, default=np.inf)
 
 
-def best(found: Sequence[Setting]) -> CurveKey | None:
+def best(found: Sequence[Setting]) -> tuple[str, str] | None:
     """The curve to take when accuracy is wanted: the fastest at the least error that two mesh families reach."""
     parts = stretches(found)
     return (parts[-1].family, parts[-1].solver) if parts else None
-
-
-def curves_on_front(found: Sequence[Setting]) -> set[CurveKey]:
-    """(family, solver) with a setting on the front; all others are dominated throughout."""
-    return {(s.family, s.solver) for s in front(found)}
 
 
 def advice(found: Sequence[Setting]) -> list[str]:
@@ -276,9 +265,9 @@ def parts(data: Any, measure: str) -> Iterator[Part]:
     found = settings(data, measure)
     yield Heading(f"Accuracy against cost: {data.attrs['title']}", 1)
     where = f"Scene: {data.attrs['point']}. " if data.attrs["point"] else ""
-    runs = data.sizes["run"]
+    runs, reference = data.sizes["run"], data.attrs["reference"].removeprefix("the ")
     yield (
-        f"{where}Errors of {SYMBOLS[measure]} against the {_plain(data.attrs['reference'])}. Wall time from the body "
+        f"{where}Errors of {SYMBOLS[measure]} against the {reference}. Wall time from the body "
         f"to the displacements, each run from nothing: least of {runs} run{'s' if runs > 1 else ''}, upper quartile."
     )
     for family in data["family"].values.tolist():
@@ -287,10 +276,6 @@ def parts(data: Any, measure: str) -> Iterator[Part]:
     yield from advice(found)
     for note in filter(None, str(data.attrs["notes"]).split("\n")):
         yield f"Note: {note}"
-
-
-def _plain(reference: str) -> str:
-    return reference.removeprefix("the ")
 
 
 def _family(data: Any, family: str, found: list[Setting], measure: str) -> Table:
@@ -329,6 +314,5 @@ def _front(data: Any, found: list[Setting]) -> Table:
     for s in front(found):
         spent = [f"{time:.2g}" for time in stages(data, s).values()]
         rows.append((s.family, str(s.level), s.solver, _error(s), f"{s.time:.3g}", *spent))
-    return Table(
-        "Worth their cost: nothing measured is both faster and more accurate", header, tuple(rows), label="front"
-    )
+    caption = "Worth their cost: nothing measured is both faster and more accurate"
+    return Table(caption, header, tuple(rows), label="front")

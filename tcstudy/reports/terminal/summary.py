@@ -17,9 +17,9 @@ from tcstudy.data.reading import Unreadable, axis_names, of_largest, probe, swee
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, UNBALANCED
 from tcstudy.data.store import open_results
-from tcstudy.reports.select_point import describe
+from tcstudy.reports.select_point import axis_labels, describe
 from tcstudy.reports.terminal.tables import plain_table, wrapped
-from tcstudy.reports.text import Failure, counted, failure_lines, headed, number, prefix, proved, scaled_labels
+from tcstudy.reports.text import Failure, counted, failure_lines, headed, number, prefix, proved
 
 NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "omega", "uniqueness_margin")
 """Variables of which a summary says nothing: of a long sweep they need not be in memory."""
@@ -39,7 +39,8 @@ def summary(path: Path, most: int | None = MOST_ROWS) -> str:
     with open_results(path) as tree:
         data = tree.to_dataset().drop_vars(NOT_SAID, errors="ignore").load()
     data = of_largest(data)
-    parts = [data.attrs["title"], _levels(data), _stop(data), _points(data, most), solver_table(data), _failures(data)]
+    stopped = f"  stopped: {data['stop'].values[-1]}" if "stop" in data and data["stop"].values[-1] else ""
+    parts = [data.attrs["title"], _levels(data), stopped, _points(data, most), solver_table(data), _failures(data)]
     parts += [_derivatives(data), _not_run(data), _rounding(data), _heat(data)]
     return wrapped("\n\n".join(part for part in parts if part))
 
@@ -53,34 +54,23 @@ def _levels(data: Any) -> str:
     lambda_1 = data["lambda_1"].min(dims)
     stiffness, stiffness_unit = prefix(lambda_1.values.tolist(), data["lambda_1"].attrs["units"])
     size, unit = prefix(data["h_max"].values.tolist(), data["h_max"].attrs["units"])
-    estimated = [(name, title, *_scale(data, name)) for name, title in _ESTIMATED if name in data]
+    estimated = [
+        (name, title, *prefix(data[name].values, data[name].attrs.get("units", "1")))
+        for name, title in _ESTIMATED
+        if name in data
+    ]
     for i in range(data.sizes["level"]):
         at = data.isel(level=i)
         estimates = [number(at[name].max() / divisor, 2) for name, _, divisor, _ in estimated]
-        rows.append(
-            [
-                str(int(at["level"])),
-                number(at["h_max"] / size),
-                str(int(at["n_dof"])),
-                str(int(at["n_contact"])),
-                f"{int(ok[i])}/{total}",
-                number(at["inclusion_residual"].max(), 2),
-                number(lambda_1[i] / stiffness),
-                number(at["time_mesh"] + at["time_assemble"], 2),
-                number(at["time_condense"].sum(), 2),
-                number(at["time_solve"].sum(), 2),
-                *estimates,
-            ]
-        )
+        row = [str(int(at["level"])), number(at["h_max"] / size), str(int(at["n_dof"])), str(int(at["n_contact"]))]
+        row += [f"{int(ok[i])}/{total}", number(at["inclusion_residual"].max(), 2), number(lambda_1[i] / stiffness)]
+        times = at["time_mesh"] + at["time_assemble"], at["time_condense"].sum(), at["time_solve"].sum()
+        rows.append([*row, *(number(time, 2) for time in times), *estimates])
     header = ["level", headed("h_max", unit), "dofs", "contact", "ok", "worst residual"]
     header += [headed("λ₁", stiffness_unit), "mesh+assembly [s]", "condense [s]", "solve [s]"]
     header += [headed(title, unit) for _, title, _, unit in estimated]
     shown = plain_table(header, rows, (*_LEVEL_RANKS, *range(1, len(estimated) + 1)))
     return f"{shown}\n\n  {SIZES}"
-
-
-def _scale(data: Any, name: str) -> tuple[float, str]:
-    return prefix(data[name].values, data[name].attrs.get("units", "1"))
 
 
 _LEVEL_RANKS = (0, 2, 1, 7, 0, 0, 6, 9, 10, 8)
@@ -93,14 +83,6 @@ _ESTIMATED = (
     ("goal_effectivity", "est./true"),
 )
 """Columns of the table of levels where errors are estimated: the largest of all points."""
-
-
-def _stop(data: Any) -> str:
-    """Why refinement ended; the goal's values on the way."""
-    if "stop" not in data:
-        return ""
-    reason = str(data["stop"].values[-1])
-    return f"  stopped: {reason}" if reason else ""
 
 
 _COLUMNS = (
@@ -121,7 +103,7 @@ def _points(data: Any, most: int | None) -> str:
     columns = [one for one in _COLUMNS if np.isfinite(fine[one[0]].values).any()]
     axes = axis_names(data)
     scales = {name: prefix(fine[name].values, fine[name].attrs["units"]) for name, _, _ in columns}
-    labelled = {axis: scaled_labels(data[axis].values.tolist(), data[axis].attrs) for axis in axes}
+    labelled = {axis: axis_labels(data, axis) for axis in axes}
     header = [headed(axis, labelled[axis][1]) for axis in axes]
     header += [headed(title, scales[name][1]) for name, title, _ in columns]
     refined = data.sizes["level"] > 1
@@ -196,14 +178,9 @@ def _failures(data: Any) -> str:
     return "\n".join(f"  {line}" for line in failure_lines(Failure(*one) for one in failed))
 
 
-def _where(data: Any, name: str, flag: int) -> Any:
-    """(n, dimensions) places of a flag; none in older files, which do not have it."""
-    return np.argwhere(data[name].values == flag) if name in data else np.empty((0, 1), dtype=np.intp)
-
-
 def _not_run(data: Any) -> str:
     """Points that the grid of a file has, but that no run was asked for."""
-    places = _where(data, "status", PointStatus.NOT_RUN)
+    places = np.argwhere(data["status"].values == PointStatus.NOT_RUN)
     if not len(places):
         return ""
     return (
@@ -213,13 +190,11 @@ def _not_run(data: Any) -> str:
 
 def _rounding(data: Any) -> str:
     """Where the inclusion holds only as far as rounding allows."""
-    places = _where(data, "inclusion_status", LIMITED)
+    places = np.argwhere(data["inclusion_status"].values == LIMITED)
     if not len(places):
         return ""
     worst = max(places, key=lambda place: float(data["inclusion_residual"].values[tuple(place)]))
-    residual, allowed = (
-        float(data[name].values[tuple(worst)]) for name in ("inclusion_residual", "inclusion_rounding")
-    )
+    residual, allowed = (data[f"inclusion_{name}"].values[tuple(worst)] for name in ("residual", "rounding"))
     return (
         f"  limited by rounding: {len(places)} of {data['status'].size} solutions hold to {number(residual, 2)} of the "
         f"scale of b or better, where rounding alone allows {number(allowed, 2)}; friction is small against the forces "
@@ -229,7 +204,7 @@ def _rounding(data: Any) -> str:
 
 def _heat(data: Any) -> str:
     """Where heat is lost in rounding although the inclusion holds."""
-    places = _where(data, "heat_status", UNBALANCED)
+    places = np.argwhere(data["heat_status"].values == UNBALANCED)
     if not len(places):
         return ""
     defects = [float(data["heat_balance"].values[tuple(place)]) for place in places]
@@ -309,17 +284,12 @@ def other_text(path: Path) -> str:
     lines = [told.pop("title", path.name), "", f"  {benchmark}; no results of a study, so there is no summary of it"]
     lines += [f"  made by {maker}"] * bool(maker)
     lines += [f"  {name}: {value[:SHOWN]}{'…' * (len(value) > SHOWN)}" for name, value in told.items()]
-    return wrapped(
-        "\n".join([*lines, "", plain_table(("variable", "dimensions", "unit", "meaning"), rows, (0, 1, 3, 2))])
-    )
+    table = plain_table(("variable", "dimensions", "unit", "meaning"), rows, (0, 1, 3, 2))
+    return wrapped("\n".join([*lines, "", table]))
 
 
 def _row(name: str, variable: object) -> tuple[str, str, str, str]:
     sizes = zip(variable.dimensions, variable.shape, strict=True)  # type: ignore[attr-defined]
-    told = [str(getattr(variable, key, "")) for key in ("units", "long_name")]
-    return (
-        name,
-        ", ".join(f"{dim} {size}" for dim, size in sizes),
-        told[0],
-        textwrap.shorten(told[1], WIDEST, placeholder=" …"),
-    )
+    units, meaning = (str(getattr(variable, key, "")) for key in ("units", "long_name"))
+    dims = ", ".join(f"{dim} {size}" for dim, size in sizes)
+    return name, dims, units, textwrap.shorten(meaning, WIDEST, placeholder=" …")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,8 @@ SMALL = style.Look(style.size_in_inches("9x7cm"), 7.0)
 def law_picture(grid: Path) -> LawPicture:
     picture = read_picture(grid)
     m = len(picture.line.u_T)
-    return LawPicture(picture, (("", BRITTLE),), np.zeros(m, dtype=np.intp), np.ones(m), 8e11, float("inf"), "Pa m-1")
+    picture = replace(picture, lambda_1=8e11, omega=float("inf"), stiffness_units="Pa m-1")
+    return LawPicture(picture, (("", BRITTLE),), np.zeros(m, dtype=np.intp), np.ones(m))
 
 
 FILMS = """

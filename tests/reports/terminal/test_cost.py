@@ -27,7 +27,6 @@ from tcstudy.reports.terminal.cost import (
     advice,
     best,
     cost_report,
-    curves_on_front,
     front,
     measure_of,
     settings,
@@ -95,7 +94,7 @@ def test_settings_and_front(file: Path) -> None:
     assert [(s.family, s.level) for s in front(found)] == [
         ("uniform", 0), ("uniform", 1), ("graded", 1), ("graded", 2), ("graded", 3)
     ]  # fmt: skip
-    assert curves_on_front(found) == {("uniform", SOLVERS[0]), ("graded", SOLVERS[0])}
+    assert {s.curve for s in front(found)} == {("uniform", SOLVERS[0]), ("graded", SOLVERS[0])}
 
 
 def test_the_fastest_curve_by_error(file: Path) -> None:
