@@ -115,7 +115,3 @@ def _version() -> str:
     from importlib import metadata
 
     return metadata.version("tcstudy")
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -106,7 +106,7 @@ def _write_point(
     )
     scene = None if scenes is None else scenes[0].scenes[scenes[1][i]]
     if (body := body_fields(group)) is not None:
-        units = _units(group)
+        units = {name: str(group[name].attrs.get("units", "1")) for name in ("u_x", "theta", "xi") if name in group}
         region = group["region"].values if "region" in group else None
         write_mesh(folder / f"{name}.vtu", _body(body, None if scene is None else scene.material, units, about, region))
         yield i, BODY, "body", f"{name}.vtu"
@@ -127,10 +127,6 @@ def _file_name(start: str, point: list[Label]) -> str:
             break
         start += part
     return start
-
-
-def _units(group: Any) -> dict[str, str]:
-    return {name: str(group[name].attrs.get("units", "1")) for name in ("u_x", "theta", "xi") if name in group}
 
 
 def _body(

@@ -85,13 +85,10 @@ def write_csv(path: Path, target: Path, point: Mapping[str, Value] | None = None
     point: labels of swept parameters; only the points that have them. Raises StoreError, DrawError, UsageError.
     """
 
-    def fill(stream: IO[str], columns: list[TableColumn], rows: Iterable[Row], _: Mapping[str, Any]) -> int:
+    def fill(stream: IO[str], columns: list[TableColumn], rows: Iterable[Row], _: Mapping[str, Any]) -> None:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow([column.header for column in columns])
-        count = 0
-        for count, row in enumerate(rows, 1):  # noqa: B007  # the last count is what is returned
-            writer.writerow(row)
-        return count
+        writer.writerows(rows)
 
     return _write(path, target, point, fill)
 
@@ -102,17 +99,14 @@ def write_json(path: Path, target: Path, point: Mapping[str, Value] | None = Non
     It has `title`, `kind`, `units` by column, and `rows`: a list of objects, one a line. Numbers are finite or null.
     """
 
-    def fill(stream: IO[str], columns: list[TableColumn], rows: Iterable[Row], about: Mapping[str, Any]) -> int:
+    def fill(stream: IO[str], columns: list[TableColumn], rows: Iterable[Row], about: Mapping[str, Any]) -> None:
         units = {column.name: column.units for column in columns}
         head = json.dumps({**about, "units": units}, ensure_ascii=False)
         stream.write(f'{head[:-1]}, "rows": [')
-        names, count = list(units), 0
-        for row in rows:
-            text = json.dumps(plain(dict(zip(names, row, strict=True))), ensure_ascii=False, allow_nan=False)
-            stream.write(("," if count else "") + "\n" + text)
-            count += 1
+        for i, row in enumerate(rows):
+            text = json.dumps(plain(dict(zip(units, row, strict=True))), ensure_ascii=False, allow_nan=False)
+            stream.write(f"{',' if i else ''}\n{text}")
         stream.write("\n]}\n")
-        return count
 
     return _write(path, target, point, fill)
 
@@ -121,7 +115,7 @@ def _write(path: Path, target: Path, point: Mapping[str, Value] | None, fill: An
     """Open the result file, put what `fill` makes of it into the target; returns the number of rows."""
     import netCDF4
 
-    written = [0]
+    written = 0
     with reading(path):
         kind = kind_of(path)
         wanted = _wanted(path, kind, point)
@@ -131,12 +125,18 @@ def _write(path: Path, target: Path, point: Mapping[str, Value] | None, fill: An
             dims = nc["status"].dimensions if "status" in nc.variables else (ROWS[kind],)
             columns = _columns(nc, dims)
 
+            def rows() -> Iterator[Row]:
+                nonlocal written
+                for row in _rows(nc, dims, columns, wanted):
+                    yield row
+                    written += 1
+
             def make(aside: Path) -> None:
                 with open(aside, "w", encoding="utf-8", newline="") as stream:
-                    written[0] = fill(stream, columns, _rows(nc, dims, columns, wanted), about)
+                    fill(stream, columns, rows(), about)
 
             replace_file(target, make, sealed=False)
-    return written[0]
+    return written
 
 
 def _wanted(path: Path, kind: str, point: Mapping[str, Value] | None) -> NDArray[np.bool_] | None:
@@ -161,13 +161,11 @@ def _columns(nc: netCDF4.Dataset, dims: tuple[str, ...]) -> list[TableColumn]:
         if variable.chunking() not in (None, "contiguous"):
             variable.set_var_chunk_cache(size=2 * CHUNK)  # the library's own may grow to 16 MB a variable
         units = str(getattr(variable, "units", "1"))
-        labels = nc[more][...].tolist() if more else [None]
-        for i, label in enumerate(labels):
-            found.append(
-                TableColumn(name, units, variable)
-                if label is None
-                else TableColumn(f"{name}.{label}", units, variable, i)
-            )
+        if more:
+            labels = nc[more][...].tolist()
+            found += [TableColumn(f"{name}.{label}", units, variable, i) for i, label in enumerate(labels)]
+        else:
+            found.append(TableColumn(name, units, variable))
     return found
 
 
@@ -181,7 +179,6 @@ def _rows(
         if kept is not None and not kept.any():
             continue
         lists = [column.values(dims, cut) for column in columns]
-        rows: Iterable[Any] = zip(*lists, strict=True)
-        for i, row in enumerate(rows):
+        for i, row in enumerate(zip(*lists, strict=True)):
             if kept is None or kept[i]:
                 yield list(row)

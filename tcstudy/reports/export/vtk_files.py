@@ -77,20 +77,14 @@ def write_collection(path: Path, files: Sequence[tuple[int, int, str, str]]) -> 
 
 
 def _cells(cells: Any) -> tuple[Values, Values]:
-    lengths = [len(cell) for cell in cells]
-    joined = np.concatenate([np.asarray(cell) for cell in cells]) if lengths else np.zeros(0)
-    ends = np.cumsum(lengths) if lengths else np.zeros(0)
+    joined, ends = np.concatenate([np.zeros(0), *cells]), np.cumsum([len(cell) for cell in cells])
     return Values("connectivity", joined.astype(np.int64)), Values("offsets", ends.astype(np.int64))
 
 
 def _write(path: Path, kind: str, counts: str, grid: Grid, cells: tuple[str, tuple[Values, ...]]) -> None:
     in_space = np.column_stack([grid.points, np.zeros(len(grid.points))])
-    sections = (
-        ("PointData", grid.at_points),
-        ("CellData", grid.at_cells),
-        ("Points", (Values("Points", in_space),)),
-        cells,
-    )
+    points = ("Points", (Values("Points", in_space),))
+    sections = (("PointData", grid.at_points), ("CellData", grid.at_cells), points, cells)
     body = "".join(_section(name, arrays) for name, arrays in sections)
     _put(
         path,
@@ -101,11 +95,8 @@ def _write(path: Path, kind: str, counts: str, grid: Grid, cells: tuple[str, tup
 
 
 def _put(path: Path, text: str) -> None:
-    replace_file(path, lambda aside: _fill(aside, text), sealed=False)
-
-
-def _fill(aside: Path, text: str) -> None:
-    aside.write_text('<?xml version="1.0"?>\n' + text, encoding="utf-8")
+    whole = '<?xml version="1.0"?>\n' + text
+    replace_file(path, lambda aside: aside.write_text(whole, encoding="utf-8"), sealed=False)
 
 
 def _section(name: str, arrays: Sequence[Values]) -> str:

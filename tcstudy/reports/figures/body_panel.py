@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,9 @@ SHOWN = 0.06
 
 FINE = 3000
 """Triangles from which on their sides would only darken the picture."""
+
+NAME: dict[str, Any] = {"color": style.BLUE, "fontweight": "bold"}
+"""How contact edges are named."""
 
 UNIFORM = 1e-6
 """Relative spread up to which a field is drawn and named as one number."""
@@ -166,16 +169,11 @@ def _name_edge(axes: Axes, shape: Drawn, run: NDArray[np.intp], name: str) -> No
     axes.annotate("", xy=tuple(head), xytext=tuple(tail), arrowprops=arrow)
     along = abs(t[0]) > 0.6
     x, y = tail - 0.06 * shape.per_inch * t
-    axes.text(
-        float(x),
-        float(y),
-        name,
-        color=style.BLUE,
-        rotation=0 if along else 90,  # beside a steep edge there is room for the height of letters only
-        ha=("right" if t[0] > 0 else "left") if along else "center",
-        va="center" if along else ("top" if t[1] > 0 else "bottom"),
-        fontweight="bold",
-    )
+    if along:
+        place: dict[str, Any] = {"ha": "right" if t[0] > 0 else "left", "va": "center"}
+    else:  # beside a steep edge there is room for the height of letters only
+        place = {"ha": "center", "va": "top" if t[1] > 0 else "bottom", "rotation": 90}
+    axes.text(float(x), float(y), name, **place, **NAME)
 
 
 def _name_ring(axes: Axes, shape: Drawn, run: NDArray[np.intp], name: str) -> None:
@@ -183,16 +181,9 @@ def _name_ring(axes: Axes, shape: Drawn, run: NDArray[np.intp], name: str) -> No
     x, y = shape.x[run], shape.y[run]
     fits = style.LETTER * (len(name) + 2) * shape.per_inch <= np.ptp(x)
     at = (x.min() + x.max()) / 2 if fits else x.max() + 0.1 * shape.per_inch
-    axes.text(
-        float(at),
-        float(y.min() + y.max()) / 2,
-        name,
-        color=style.BLUE,
-        ha="center" if fits else "left",
-        va="center",
-        fontweight="bold",
-        bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
-    )
+    ground = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
+    ha = "center" if fits else "left"
+    axes.text(float(at), float(y.min() + y.max()) / 2, name, ha=ha, va="center", bbox=ground, **NAME)
 
 
 Indices = NDArray[np.intp]

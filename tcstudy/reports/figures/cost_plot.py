@@ -71,14 +71,15 @@ def _over_time(axes: Axes, data: Any, found: list[Setting]) -> None:
                 continue
             color, opacity = COLOURS[family], 1.0 if (family, solver) in worthy else PALE
             solved = [s for s in own if s.solved]
-            time, error = (np.array([getattr(s, name) for s in solved]) for name in ("time", "error"))
-            upper = np.array([s.upper for s in solved])
+            time, error, upper = np.array([(s.time, s.error, s.upper) for s in solved]).reshape(-1, 3).T
             heavy = (family, solver) == champion
             axes.fill_betweenx(error, time, upper, color=color, alpha=0.16 * opacity, linewidth=0)
             width = 2.2 if heavy else 1.2
             axes.plot(time, error, color=color, linestyle=LINES[k % len(LINES)], linewidth=width, alpha=opacity)
             _points(axes, own, color, opacity)
-    _name(axes, champion)
+    if champion is not None:  # named in the corner that falling curves leave free
+        how: dict[str, Any] = {"color": COLOURS[champion[0]], "fontweight": "bold", "fontsize": style.pt(8.5)}
+        axes.annotate(f"best: {', '.join(champion)}", (0.03, 0.04), xycoords="axes fraction", **how)
     _star(axes, found, lambda s: s.time)
     axes.set_xlabel("wall time [s]: least of all runs, band to the upper quartile")
 
@@ -90,19 +91,8 @@ def _points(axes: Axes, own: list[Setting], color: str, opacity: float) -> None:
     for s in own:
         face = to_rgba(color, 1.0 if not s.dominated else 0.5 * PALE) if s.solved else "white"
         edge = to_rgba(color, opacity)
-        axes.plot(
-            s.time, s.error, MARKS[s.family], color=edge, markersize=4.5, markerfacecolor=face, markeredgewidth=0.9
-        )
-
-
-def _name(axes: Axes, champion: tuple[str, str] | None) -> None:
-    """The best curve is drawn heavy and named in the corner that falling curves leave free."""
-    if champion is not None:
-        family, solver = champion
-        axes.annotate(
-            f"best: {family}, {solver}", (0.03, 0.04), xycoords="axes fraction", color=COLOURS[family],
-            fontweight="bold", fontsize=style.pt(8.5),
-        )  # fmt: skip
+        how: dict[str, Any] = {"color": edge, "markersize": 4.5, "markerfacecolor": face, "markeredgewidth": 0.9}
+        axes.plot(s.time, s.error, MARKS[s.family], **how)
 
 
 def _over_unknowns(axes: Axes, data: Any, found: list[Setting]) -> None:
@@ -122,9 +112,8 @@ def _over_unknowns(axes: Axes, data: Any, found: list[Setting]) -> None:
             slope = float(np.polyfit(np.log(n[-3:]), np.log(error[-3:]), 1)[0])
             rates.append((family, f"{family} $N^{{{slope:.2f}}}$"))
     for i, (family, text) in enumerate(reversed(rates)):
-        axes.annotate(
-            text, (0.03, 0.04 + 0.065 * i), xycoords="axes fraction", color=COLOURS[family], fontsize=style.pt(9)
-        )
+        place = 0.03, 0.04 + 0.065 * i
+        axes.annotate(text, place, xycoords="axes fraction", color=COLOURS[family], fontsize=style.pt(9))
     _star(axes, found, lambda s: s.n_dof)
     axes.set_xlabel("displacement unknowns N")
 
@@ -142,22 +131,19 @@ def _handles(data: Any, found: list[Setting]) -> list[Line2D]:
     from matplotlib.colors import to_rgba
     from matplotlib.lines import Line2D
 
-    handles = [
-        Line2D([], [], color=COLOURS[f], marker=MARKS[f], markersize=4.5, linewidth=1.2, label=f)
-        for f in data["family"].values.tolist()
-    ]
-    for k, solver in enumerate(data["solver"].values.tolist()):
-        handles.append(Line2D([], [], color=style.INK, linestyle=LINES[k % len(LINES)], linewidth=1.2, label=solver))
-    star: dict[str, Any] = {"marker": "*", "markersize": 10, "markeredgecolor": style.INK, "linestyle": ""}
     beaten = any(s.own and s.dominated for s in found)
-    text = "the study's own (beaten)" if beaten else "the study's own"
-    handles.append(Line2D([], [], color="white" if beaten else GOLD, label=text, **star))
+    star = {"marker": "*", "markersize": 10, "markeredgecolor": style.INK, "linestyle": ""}
+    dot = {"color": style.INK, "marker": "o", "markersize": 4.5, "markeredgewidth": 0.9, "linestyle": ""}
     pale = to_rgba(style.INK, 0.5 * PALE)
-    marks: list[tuple[str, Any, bool]] = [("best at its error", style.INK, any(not s.dominated for s in found)),
-             ("pale: another is faster and closer", pale, any(s.dominated and s.solved for s in found)),
-             ("not converged", "white", any(not s.solved for s in found))]  # fmt: skip
-    for label, face, there in marks:
-        if there:
-            handles.append(Line2D([], [], color=style.INK, marker="o", markersize=4.5, markerfacecolor=face,
-                                  markeredgewidth=0.9, linestyle="", label=label))  # fmt: skip
-    return handles
+    entries: list[tuple[bool, str, dict[str, Any]]] = [
+        *((True, f, {"color": COLOURS[f], "marker": MARKS[f], "markersize": 4.5, "linewidth": 1.2})
+          for f in data["family"].values.tolist()),
+        *((True, solver, {"color": style.INK, "linestyle": LINES[k % len(LINES)], "linewidth": 1.2})
+          for k, solver in enumerate(data["solver"].values.tolist())),
+        (True, "the study's own" + " (beaten)" * beaten, star | {"color": "white" if beaten else GOLD}),
+        (any(not s.dominated for s in found), "best at its error", dot),
+        (any(s.dominated and s.solved for s in found), "pale: another is faster and closer",
+         dot | {"markerfacecolor": pale}),
+        (any(not s.solved for s in found), "not converged", dot | {"markerfacecolor": "white"}),
+    ]  # fmt: skip
+    return [Line2D([], [], label=label, **how) for there, label, how in entries if there]

@@ -84,15 +84,11 @@ def _curve(axes: Axes, data: Any) -> None:
     axes.errorbar(x / across, y / up, yerr=noise, xerr=across_noise, elinewidth=0.5, label="data", zorder=2, **DATA)
     for i, (name, _) in enumerate(measured):
         mark = data["datum"].values[data["measured_column"].values == i]
-        if name in ("fold", "peak"):
-            line = axes.axvline if name == "fold" else axes.axhline
-            line(
-                mark[0] / (across if name == "fold" else up),
-                color=style.INK,
-                lw=0.7,
-                ls=(0, (4, 3)),
-                label=f"measured {name}",
-            )
+        how: dict[str, Any] = {"color": style.INK, "lw": 0.7, "ls": (0, (4, 3)), "label": f"measured {name}"}
+        if name == "fold":
+            axes.axvline(mark[0] / across, **how)
+        elif name == "peak":
+            axes.axhline(mark[0] / up, **how)
     room_x, room_y = 0.06 * np.ptp(x) / across, 0.08 * np.ptp(y) / up
     axes.set_xlim(x.min() / across - room_x, x.max() / across + room_x)
     axes.set_ylim(min(y.min(), 0.0) / up - room_y, y.max() / up + room_y)

@@ -105,4 +105,4 @@ def _handles(picture: MeshPicture) -> list[Any]:
         edges.setdefault(run.edge.role, {})[name] = None
     entries = [(f"{role}: {', '.join(edges[role])}", ROLES[role]) for role in ROLES if role in edges]
     entries += [("heated", SOURCE)] if picture.sources else []
-    return [Line2D([], [], **how, label=text.replace("$", r"\$")) for text, how in entries]
+    return [Line2D([], [], **how, label=style.plain(text)) for text, how in entries]

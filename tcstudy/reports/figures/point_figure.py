@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.body_panel import Drawn, draw_body, drawn
+from tcstudy.reports.figures.body_panel import NAME, Drawn, draw_body, drawn
 from tcstudy.reports.figures.boundary_roles import draw_roles, name_parts, runs
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.picture import NEAR, BodyFields, Held, LineFields, Picture, read_picture
@@ -136,7 +136,8 @@ def draw_line(upper: Axes, lower: Axes, line: LineFields, width: float, held: Se
     slip, slip_unit = axis_unit(line.u_T, line.length_units)
     stress, stress_unit = axis_unit(line.xi, line.traction_units)
     for axes in (upper, lower):
-        _shade(axes, line, metre)
+        for start, end in stick_ranges(line):
+            axes.axvspan(start / metre, end / metre, color=style.SHADE, linewidth=0, zorder=0)
         axes.axhline(0.0, color=style.PALE, linewidth=0.8, zorder=1)
         axes.set_xlim(0.0, length / metre)
         if wider:
@@ -170,9 +171,12 @@ def draw_line(upper: Axes, lower: Axes, line: LineFields, width: float, held: Se
     upper.tick_params(labelbottom=False)
     upper.set_ylabel(style.labelled("$u_T$", slip_unit))
     lower.set_ylabel(style.labelled(r"$\xi = -S_T$", stress_unit))
-    lower.set_xlabel(style.labelled(_along(line), unit))
     upper.set_title(f"Contact line: {stick_text(line)}", loc="left")
-    if len(np.unique(line.edge)) > 1:
+    edges = np.unique(line.edge)
+    alone = len(edges) == 1 and edges[0] < len(line.edge_names)
+    along = line.edge_names[edges[0]] if alone else "the contact line"
+    lower.set_xlabel(style.labelled(f"arclength s along {along}", unit))
+    if len(edges) > 1:
         _name_runs(upper, lower, line, metre, width)
     return metre
 
@@ -198,18 +202,6 @@ def stick_ranges(line: LineFields) -> list[tuple[float, float]]:
     return ranges
 
 
-def _shade(axes: Axes, line: LineFields, metre: float) -> None:
-    for start, end in stick_ranges(line):
-        axes.axvspan(start / metre, end / metre, color=style.SHADE, linewidth=0, zorder=0)
-
-
-def _along(line: LineFields) -> str:
-    edges = np.unique(line.edge)
-    if len(edges) == 1 and edges[0] < len(line.edge_names):
-        return f"arclength s along {line.edge_names[edges[0]]}"
-    return "arclength s along the contact line"
-
-
 def _name_runs(upper: Axes, lower: Axes, line: LineFields, metre: float, width: float) -> None:
     """Thin lines where one contact edge ends and another begins, names between them where they fit."""
     cuts = np.flatnonzero(np.diff(line.edge)) + 1
@@ -220,13 +212,5 @@ def _name_runs(upper: Axes, lower: Axes, line: LineFields, metre: float, width: 
     for first, start, end in zip([0, *cuts.tolist()], ends[:-1], ends[1:], strict=True):
         name = line.edge_names[line.edge[first]] if line.edge[first] < len(line.edge_names) else ""
         if style.LETTER * len(name) <= (end - start) / ends[-1] * width:
-            lower.text(
-                (start + end) / 2 / metre,
-                1.03,
-                name,
-                transform=lower.get_xaxis_transform(),
-                color=style.BLUE,
-                fontweight="bold",
-                ha="center",
-                va="bottom",
-            )
+            place = {"x": (start + end) / 2 / metre, "y": 1.03, "transform": lower.get_xaxis_transform()}
+            lower.text(s=name, ha="center", va="bottom", **place, **NAME)

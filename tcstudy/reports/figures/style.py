@@ -136,7 +136,7 @@ def symbol(name: str) -> str:
     if letter in GREEK:
         return rf"$\bar\{letter}$" if index == "bar" else rf"$\{letter}{below}$"
     component = letter in ("u", "g", "f") and index in ("x", "y", "N", "T")
-    return f"${letter}{below}$" if component else key.symbol(name).replace("$", r"\$")
+    return f"${letter}{below}$" if component else plain(key.symbol(name))
 
 
 def styled(look: Look | None = None) -> AbstractContextManager[None]:
@@ -181,12 +181,8 @@ def save(figure: Figure, target: Path, dpi: int = DPI) -> None:
     dates = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
     buffer = io.BytesIO()
     figure.savefig(buffer, format=kind, dpi=dpi, metadata=dates.get(kind))
-
-    def put(aside: Path) -> None:
-        aside.write_bytes(buffer.getvalue())
-
     try:
-        replace_file(target, put, sealed=False)
+        replace_file(target, lambda aside: aside.write_bytes(buffer.getvalue()), sealed=False)
     except StoreError as error:
         raise DrawError(str(error)) from error
 
@@ -218,7 +214,7 @@ _STATED = re.compile(r"(\w+) = (-?[\d.]\S*)((?: [^\s,]+)*)(?=, |$)")
 
 def point_words(text: str) -> str:
     """A point as files name it, "alpha = 100 W m-2 K-1, friction = tresca", with symbols and raised exponents."""
-    named = re.sub(r"(\w+) = (?!-?[\d.])", lambda one: f"{symbol(one[1])} = ", text.replace("$", r"\$"))
+    named = re.sub(r"(\w+) = (?!-?[\d.])", lambda one: f"{symbol(one[1])} = ", plain(text))
     return _STATED.sub(lambda one: f"{symbol(one[1])} = {one[2]}{pretty(one[3])}", named)
 
 
@@ -233,11 +229,16 @@ def parameter_words(parameters: Iterable[tuple[str, float | str, str]]) -> list[
     found = []
     for name, value, units in parameters:
         if isinstance(value, str):
-            found.append(f"{symbol(name)}: " + value.replace("$", r"\$"))
+            found.append(f"{symbol(name)}: {plain(value)}")
         else:
             divisor, unit = scaled_unit([value], units)
             found.append(f"{symbol(name)} = {label(value / divisor)} {pretty(unit)}".rstrip())
     return found
+
+
+def plain(text: str) -> str:
+    """A text that is no formula."""
+    return text.replace("$", r"\$")
 
 
 def labelled(name: str, units: str) -> str:

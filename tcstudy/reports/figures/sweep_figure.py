@@ -25,6 +25,8 @@ SHORT = {"u_T_max": "max $|u_T|$", "theta_mean": r"mean $\theta$", "lambda_1": r
 """Numbers on small sheets whose names are no words."""
 COLOURS = "viridis"
 """Evenly light for every kind of colour vision, and in grey."""
+GONE: dict[str, Any] = {"hatch": "xxx", "edgecolor": style.PALE, "linewidth": 0.0}
+SEVERAL: dict[str, Any] = {"edgecolor": style.VERMILLION, "linewidth": 1.8}
 MISSING: dict[str, Any] = {"marker": "x", "linestyle": "none", "markersize": 5, "clip_on": False, "zorder": 5}
 
 
@@ -36,21 +38,17 @@ def axis_title(one: DrawnParameter) -> str:
 def facts(picture: SweepPicture) -> list[str]:
     """What is the same at all points drawn, and how many are left out."""
     parts = [
-        f"{style.symbol(one.name)} = {_escaped(one.label)}{' ' + pretty(one.unit) if one.unit != '1' else ''}"
+        f"{style.symbol(one.name)} = {style.plain(one.label)}{' ' + pretty(one.unit) if one.unit != '1' else ''}"
         + (" (its first value)" if one.first else "")
         for one in picture.fixed
     ]
     return [",  ".join([*parts, f"level {picture.level}"]), picture.left_out]
 
 
-def _escaped(text: str) -> str:
-    return text.replace("$", r"\$")
-
-
 def number_labels(picture: SweepPicture, unit: str) -> tuple[str, str]:
     """The number drawn in words, and shorter, with its unit."""
     short = SHORT.get(picture.quantity, picture.quantity.replace("_", " "))
-    return style.labelled(_escaped(picture.long_name), unit), style.labelled(short, unit)
+    return style.labelled(style.plain(picture.long_name), unit), style.labelled(short, unit)
 
 
 def curves_figure(picture: SweepPicture, look: style.Look) -> Figure:
@@ -70,7 +68,7 @@ def curves_figure(picture: SweepPicture, look: style.Look) -> Figure:
         joined = x.numbers is not None and not x.drawn and len(np.unique(at)) == len(at)  # a list may share its x
         mark = MARKS[k % len(MARKS)] if len(at) <= 60 or not joined else ""
         how: dict[str, Any] = {"color": colours[k], "marker": mark, "markersize": 4, "linewidth": 1.3}
-        how |= {"linestyle": "-" if joined else "none", "label": _escaped(by.labels[k]) if by else None}
+        how |= {"linestyle": "-" if joined else "none", "label": style.plain(by.labels[k]) if by else None}
         axes.plot(at, y, **how)
         if len(gone := at[np.isnan(y)]):
             axes.plot(gone, 0.0 * gone, color=colours[k], transform=axes.get_xaxis_transform(), **MISSING)
@@ -101,7 +99,7 @@ def _many(by: DrawnParameter) -> bool:
 def _scale(axes: Axes, x: DrawnParameter, across: Array) -> None:
     """Names at their places; a logarithmic axis where the values were spaced like that."""
     if x.numbers is None:
-        axes.set_xticks(across, [_escaped(text) for text in x.labels])
+        axes.set_xticks(across, [style.plain(text) for text in x.labels])
         axes.set_xlim(-0.5, len(across) - 0.5)
     elif len(across) > 2 and across.min() > 0.0 and not x.drawn:
         spread = [float(np.ptp(step) / np.mean(step)) for step in (np.diff(across), np.diff(np.log(across)))]
@@ -148,9 +146,9 @@ def map_figure(picture: SweepPicture, look: style.Look) -> Figure:
     there = grid >= 0
     gone, open_ = there & np.isnan(values), there & np.isfinite(values) & ~picture.proved[grid]
     several = there & np.isfinite(values) & picture.several[grid]
-    _cells(axes, gone, {"hatch": "xxx", "edgecolor": style.PALE, "linewidth": 0.0})
+    _cells(axes, gone, GONE)
     _cells(axes, open_, {"hatch": "//", "edgecolor": "white", "linewidth": 0.0})
-    _cells(axes, several, {"edgecolor": style.VERMILLION, "linewidth": 1.8, "zorder": 4})
+    _cells(axes, several, SEVERAL | {"zorder": 4})
     sheet.bar(axes, cells, *number_labels(picture, unit))
     _cell_ticks(sheet, axes, x, y)
     _cell_key(sheet, bool(gone.any()), bool(open_.any()), bool(several.any()))
@@ -170,7 +168,7 @@ def _cell_ticks(sheet: Sheet, axes: Axes, x: DrawnParameter, y: DrawnParameter) 
     most_up = max(2, int(0.6 * sheet.height / (1.6 * sheet.em)))
     for axis, one, most in ((axes.xaxis, x, most_across), (axes.yaxis, y, most_up)):
         few = range(0, len(one.labels), -(-len(one.labels) // most))
-        axis.set_ticks([i + 0.5 for i in few], [_escaped(one.labels[i]) for i in few])
+        axis.set_ticks([i + 0.5 for i in few], [style.plain(one.labels[i]) for i in few])
     axes.set(xlabel=axis_title(x), ylabel=axis_title(y))
     axes.tick_params(length=0)
 
@@ -179,14 +177,10 @@ def _cell_key(sheet: Sheet, gone: bool, unproved: bool, several: bool) -> None:
     """What hatches and outlines mean, where there are some."""
     from matplotlib.patches import Patch
 
-    handles = []
-    if unproved:
-        handles.append(Patch(facecolor="#31688e", edgecolor="white", hatch="///", label="not proved unique"))
-    if several:
-        handles.append(
-            Patch(facecolor="none", edgecolor=style.VERMILLION, linewidth=1.8, label="several solutions found")
-        )
-    if gone:
-        handles.append(Patch(facecolor="none", edgecolor=style.PALE, hatch="xxx", linewidth=0.0, label="no solution"))
-    if handles:
+    kinds: tuple[tuple[bool, str, dict[str, Any]], ...] = (
+        (unproved, "not proved unique", {"facecolor": "#31688e", "edgecolor": "white", "hatch": "///"}),
+        (several, "several solutions found", {"facecolor": "none"} | SEVERAL),
+        (gone, "no solution", {"facecolor": "none"} | GONE),
+    )
+    if handles := [Patch(label=label, **how) for there, label, how in kinds if there]:
         sheet.key(handles)

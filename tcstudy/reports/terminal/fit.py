@@ -68,11 +68,8 @@ def _estimates(data: Any) -> str:
         low, high = data["interval"].values[i]
         estimate, units = float(data["estimate"][i]), str(data["parameter_units"].values[i])
         divisor, unit = prefix([estimate], units)
-        between = (
-            f"{number(low / divisor)} … {number(high / divisor)}"
-            if np.isfinite(low)
-            else lost[int(data["at_bound"][i])]
-        )
+        known = f"{number(low / divisor)} … {number(high / divisor)}"
+        between = known if np.isfinite(low) else lost[int(data["at_bound"][i])]
         own = [number(estimate / divisor, 5), number(float(data["standard_error"][i]) / divisor, 2), between]
         rows.append([name, *own, unit, *(number(x, 2) for x in correlations[i, :i]), *("" for _ in names[i:])])
     header = ["number", "estimate", "standard error", "95 % interval", "unit"]
@@ -154,8 +151,6 @@ def _said(data: Any) -> list[str]:
 
 def _mesh(data: Any) -> list[tuple[str, bool]]:
     """What the mesh does to the numbers."""
-    if "mesh_shift" not in data:  # an older file
-        return []
     shift, names = data["mesh_shift"].values, data["parameter"].values
     if not np.any(np.isfinite(shift)):
         return [("mesh: what it does to the numbers is not known", True)]

@@ -70,14 +70,12 @@ def cycle_change(v: Array, dissipated: Array, units: str = "m", rounding: float 
     same = max(SAME * size, rounding)
     if largest <= same:
         if dissipated[-1] <= SAME * float(np.max(dissipated)):
-            return CycleChange(
-                "shakedown", "shakedown: the last cycle leaves everything as it was and dissipates nothing"
-            )
+            words = "shakedown: the last cycle leaves everything as it was and dissipates nothing"
+            return CycleChange("shakedown", words)
         return CycleChange("closed", "a closed loop: every cycle dissipates the same and leaves no slip behind")
     if np.max(np.abs(last - before)) > max(1e-6 * largest, rounding):
-        return CycleChange(
-            "settling", f"not settled: the last cycle changed slips by up to {moved}, unlike the one before"
-        )
+        words = f"not settled: the last cycle changed slips by up to {moved}, unlike the one before"
+        return CycleChange("settling", words)
     if np.ptp(last) <= max(1e-6 * largest, rounding):
         return CycleChange("walking", f"walking: every cycle moves the whole contact line by {moved}")
     return CycleChange("ratcheting", f"ratcheting: every cycle adds slips of up to {moved}")
@@ -123,16 +121,13 @@ def _of_point(part: Any, dims: list[str], table: bool, all_cycles: bool) -> list
     lines = []
     swept = [str(n) for n in part.coords if str(n) in dims or (POINT in dims and part[n].dims == () and n != POINT)]
     if swept:
-        lines.append("  " + ", ".join(f"{name} = {_label(part[name])}" for name in swept))
+        values = [part[name].values.item() for name in swept]
+        shown = [value if isinstance(value, str) else label(value) for value in values]
+        lines.append("  " + ", ".join(f"{name} = {text}" for name, text in zip(swept, shown, strict=True)))
     if table:
         lines.append(_table(part, all_cycles))
     lines += [f"  {sentence}" for sentence in _sentences(part)]
     return lines
-
-
-def _label(coordinate: Any) -> str:
-    value = coordinate.values.item()
-    return value if isinstance(value, str) else label(value)
 
 
 def _table(part: Any, all_cycles: bool) -> str:

@@ -27,18 +27,9 @@ def seen_folds(data: Any) -> tuple[NDArray[np.intp], int]:
     if not data.sizes.get("fold", 0):
         return np.zeros(0, dtype=np.intp), 0
     vertices = data["fold_vertex"].values.astype(np.intp)
-    if "fold_size" not in data:
-        return vertices, 0
     low, high = data.attrs["parameter_range"]
     large = data["fold_size"].values >= VISIBLE * abs(float(high) - float(low))
     return vertices[large], int(np.count_nonzero(~large))
-
-
-def folds_in_words(data: Any) -> str:
-    """How many folds there are, and how many smaller turns beside them."""
-    vertices, small = seen_folds(data)
-    turns = f" and {counted(small, 'turn')} below {100 * VISIBLE:g} % of the range" if small else ""
-    return counted(len(vertices), "fold") + turns
 
 
 def path_summary(path: Path) -> str:
@@ -56,16 +47,17 @@ def _path(data: Any) -> str:
     divisor, unit = prefix([float(low), float(high)], units)
     followed = f"{number(t.min() / divisor)} … {number(t.max() / divisor)}"
     span = f"from {number(low / divisor)} to {number(high / divisor)} {unit}".removesuffix(" 1")
-    folds = t[seen_folds(data)[0]]
+    vertices, small = seen_folds(data)
+    folds = t[vertices]
+    turns = f" and {counted(small, 'turn')} below {100 * VISIBLE:g} % of the range" if small else ""
     inside = int(np.count_nonzero((folds >= min(low, high)) & (folds <= max(low, high))))
     stable = int(data["stable"].sum())
     lines = [
         f"  Path along {data.attrs['parameter']} {span}, reaching {followed}",
         f"  level {int(data['level'])}: {int(data['n_dof'])} dofs, {int(data['n_contact'])} contact unknowns; "
         f"omega/lambda_1 = {number(float(data['omega'] / data['lambda_1']))}",
-        f"  {data.sizes['piece']} pieces ({stable} stable), {folds_in_words(data)}, "
-        f"{inside} of the folds in the range, "
-        f"worst residual {number(float(data['residual'].max()), 2)}",
+        f"  {data.sizes['piece']} pieces ({stable} stable), {counted(len(folds), 'fold')}{turns}, "
+        f"{inside} of the folds in the range, worst residual {number(float(data['residual'].max()), 2)}",
     ]
     if float(data["law_error"]) > 0.0:
         lines.append(f"  the law is replaced by straight pieces, relative error {number(float(data['law_error']), 1)}")

@@ -86,7 +86,11 @@ class PlainProgress:
 
     def level(self, record: LevelRecord, geometry: str = "") -> None:
         """A mesh is ready."""
-        self._say(f"{geometry}{', ' if geometry else ''}{_level_line(record, self._length)}")
+        size, time = with_unit(record.h_max, self._length, 3), record.time_mesh + record.time_assemble
+        self._say(
+            f"{geometry}{', ' if geometry else ''}level {record.level}: h_max = {size}, {record.n_dof} dofs, "
+            f"{record.n_contact} contact unknowns, meshed and assembled in {time:.2g} s"
+        )
 
     def block(self, record: BlockRecord) -> None:
         """Points are finished; only the first failure of a kind is worth a line."""
@@ -129,7 +133,7 @@ class TerminalProgress:
         self._progress.start()
         for warning in warnings:
             self._say(f"warning: {warning}")
-        total, done = (sum(n * w.weight for n, w in zip(ns, work, strict=True)) for ns in _counts(work))
+        total, done = sum(w.points * w.weight for w in work), sum(w.done * w.weight for w in work)
         self._task = self._progress.add_task("meshing", total=total, points=self._points(), failed="")
         self._progress.update(self._task, completed=done)
 
@@ -144,16 +148,14 @@ class TerminalProgress:
             self._say(line)
         self._done += len(record)
         advance = len(record) * self._weights[record.level]
-        self._progress.update(self._task, advance=advance, points=self._points(), failed=self._failed())
+        failed = f", {self._failures.count} failed" if self._failures.count else ""
+        self._progress.update(self._task, advance=advance, points=self._points(), failed=failed)
 
     def _say(self, text: str) -> None:
         self._progress.console.print(visible(text), markup=False, highlight=False)
 
     def _points(self) -> str:
         return f"{self._done}/{self._most}{self._total}"
-
-    def _failed(self) -> str:
-        return f", {self._failures.count} failed" if self._failures.count else ""
 
     def close(self) -> None:
         """Remove the bar; say how many failures had no line."""
@@ -166,19 +168,6 @@ def progress(stream: TextIO | None = None, naming: Naming = str, length: str = "
     """The fitting kind for a stream (standard error if none is given); length is the unit of h."""
     stream = stream if stream is not None else cast(TextIO, sys.stderr or Outlet(None))
     return TerminalProgress(stream, naming) if stream.isatty() else PlainProgress(stream, naming, length)
-
-
-def _counts(work: Sequence[Work]) -> tuple[list[int], list[int]]:
-    """Points and finished points of every level."""
-    return [w.points for w in work], [w.done for w in work]
-
-
-def _level_line(record: LevelRecord, length: str) -> str:
-    size = with_unit(record.h_max, length, 3)
-    return (
-        f"level {record.level}: h_max = {size}, {record.n_dof} dofs, {record.n_contact} contact unknowns, "
-        f"meshed and assembled in {record.time_mesh + record.time_assemble:.2g} s"
-    )
 
 
 class _Line:
