@@ -193,6 +193,7 @@ def test_every_edge_has_its_law_with_its_own_nodes(browser: Browser, tmp_path: P
     assert shoe[0].startswith("Friction law of shoe (tresca)")
     assert "divided by the strength" in film[2]
     x = np.array(browser.run("return Array.from(Object.values(TC.data.lines)[0].x)"))
-    own = (x < 1 - 1e-9) & (x > 0.25 + 1e-9), x > 1 + 1e-9  # the node where they meet has parts of both, and is not drawn
+    # the node where they meet has parts of both laws, and is not drawn
+    own = (x < 1 - 1e-9) & (x > 0.25 + 1e-9), x > 1 + 1e-9
     assert (film[1], shoe[1]) == tuple(np.count_nonzero(nodes) for nodes in own)
     assert browser.complaints() == []
