@@ -322,11 +322,8 @@ NUMBERS = (_POINTWISE | {*_GOAL_NAMES}) - {"status", "reason"}
 FIELD_NAMES = frozenset(v.name for v in FIELDS)
 """Names that `PointRecord.fields` may hold."""
 
-_OF_LEVEL = (*CONTACT, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
-RESERVED = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES, *_OF_LEVEL)) | {
-    *(*_GOAL_NAMES, "held_end", "component", "joint"),
-    *("level", "start", "solver", "geometry", "node", "mesh_node", "mesh_face", "corner", "mesh", POINT),
-}
+_ALL = (*ROOT, *SOLVERS, *ESTIMATES, *CONTACT, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
+RESERVED = frozenset(name for v in _ALL for name in (v.name, *v.dims)) | {*_GOAL_NAMES, "geometry", "mesh", POINT}
 """Names of the file that no swept parameter may take; see `tcstudy.data.writer`."""
 
 BESIDE = 500

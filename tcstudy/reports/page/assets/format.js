@@ -97,19 +97,16 @@ TC.axisScale = (axis) => (!axis.numeric ? { by: 1, unit: "" } : axis.written ? {
 // One value of a swept parameter, in one unit for the whole axis.
 TC.axisLabel = function (axis, i) {
   if (!axis.numeric) return axis.values[i];
-  if (!axis.labels) axis.labels = axis.values.map((_, k) => TC.oneLabel(axis, k));
+  if (!axis.labels) {
+    const s = TC.axisScale(axis), shown = (digits) => axis.values.map((v) => TC.number(v / s.by, digits)), different = new Set(axis.values).size;
+    let digits = 4;
+    while (digits < 12 && new Set(shown(digits)).size < different) digits++;
+    axis.labels = shown(digits);
+  }
   return axis.labels[i];
 };
-TC.oneLabel = function (axis, i) {
-  const s = TC.axisScale(axis);
-  let digits = 4;
-  while (digits < 12 && new Set(axis.values.map((v) => TC.number(v / s.by, digits))).size < new Set(axis.values).size) digits++;
-  return TC.number(axis.values[i] / s.by, digits);
-};
-TC.axisTitle = function (axis) {
-  const s = TC.axisScale(axis);
-  return TC.titled(TC.symbol(axis.name), s);
-};
+TC.axisText = (axis, i) => `${TC.axisLabel(axis, i)} ${TC.axisScale(axis).unit}`.trim();
+TC.axisTitle = (axis) => TC.titled(TC.symbol(axis.name), TC.axisScale(axis));
 TC.percent = (x) => (x >= 1e-5 ? `${Number((100 * x).toPrecision(2))} %` : TC.number(x, 2));
 TC.range = (values) => {
   let lo = Infinity, hi = -Infinity;

@@ -49,7 +49,7 @@ TC.live = {
   },
   controls(p) {
     const r = TC.data.run, s = TC.state, L = TC.data.live, host = TC.live.host.controls, picks = TC.el("div", { class: "controls" });
-    if (r.grid) for (const a of r.varied) { const d = TC.run.dim(a.name), unit = TC.axisScale(a).unit; picks.append(TC.choice(`start from ${TC.symbol(a.name)}`, a.values.map((_, i) => [i, TC.axisLabel(a, i) + (unit ? " " + unit : "")]), s.at[d], (v) => { const at = s.at.slice(); at[d] = Number(v); TC.set({ at, set: null }); })); }
+    if (r.grid) for (const a of r.varied) { const d = TC.run.dim(a.name); picks.append(TC.choice(`start from ${TC.symbol(a.name)}`, a.values.map((_, i) => [i, TC.axisText(a, i)]), s.at[d], (v) => { const at = s.at.slice(); at[d] = Number(v); TC.set({ at, set: null }); })); }
     else if (r.points > 1) picks.append(TC.slider("start from point", [...Array(r.points)].map((_, k) => `${k + 1}`), s.at[0], (i) => TC.set({ at: [i], set: null })));
     picks.append(TC.el("button", { "aria-label": "reset", onclick: () => { TC.live.point = null; TC.set({ set: null }); } }, "reset sliders"));
     const sliders = TC.el("div", { class: "sliders" });

@@ -3,7 +3,7 @@ TC.others = {
   h(c, p) { const h = c.levels.h_max; return Array.isArray(h[0]) ? h[p] : h; }, // of several geometries by point
   convergence(host, c, inside) {
     const s = TC.state, points = c.shape.reduce((a, b) => a * b, 1), p = inside && points === TC.data.run.points ? TC.run.flat(s.at) : Math.min(points - 1, Number(s.p) || 0), L = TC.others.h(c, p).length;
-    const label = (k) => { const at = []; let rest = k; for (let i = c.shape.length - 1; i >= 0; i--) { at[i] = rest % c.shape[i]; rest = Math.floor(rest / c.shape[i]); } return c.axes.map((a) => `${TC.symbol(a.name)} = ${TC.axisLabel(a, at[c.dims.indexOf(a.dim)])} ${TC.axisScale(a).unit}`.trim()).join(", "); };
+    const label = (k) => { const at = TC.run.index(k, c.shape); return c.axes.map((a) => `${TC.symbol(a.name)} = ${TC.axisText(a, at[c.dims.indexOf(a.dim)])}`).join(", "); };
     const controls = points > 1 && !inside ? TC.el("div", { class: "controls noprint" }, TC.choice("point", [...Array(points)].map((_, k) => [k, label(k)]), p, (v) => TC.set({ p: Number(v) }))) : null;
     const width = TC.width(host), two = width > 760, half = two ? Math.floor(width / 2 - 14) : width, groups = [["Temperature and displacement", /^(theta|u_(energy|H1|L2))/], ["Slip and friction on the contact line", /^(u_T|xi)/]];
     const plots = groups.map(([title, test]) => [title, c.errors.filter((e) => test.test(e.name))]).filter(([, es]) => es.length).map(([title, es]) => TC.panel(TC.h3(title), TC.others.loglog(half, c, es, p, L)));
@@ -35,9 +35,7 @@ TC.others = {
       if (last > first && e.expected[p] !== null) plot.line([xs[last], xs[first]], [ys[last], ys[last] * (xs[first] / xs[last]) ** e.expected[p]], { stroke: look.stroke, "stroke-width": 1, "stroke-dasharray": "3 4", opacity: 0.8 });
       if (first >= 0) ends.push({ y: plot.py(ys[first]), text: e.symbol, look });
     });
-    ends.sort((a, b) => a.y - b.y);
-    for (let i = 1; i < ends.length; i++) ends[i].y = Math.max(ends[i].y, ends[i - 1].y + 15);
-    for (const e of ends) plot.text(plot.right + 6, e.y + 4, e.text, { style: `fill:${e.look.stroke}` });
+    plot.ends(ends, 15, 6);
     return plot.svg;
   },
   cost(host, c) {

@@ -38,7 +38,7 @@ TC.run = {
     for (let p = 0; p < r.points; p++) if (TC.run.flag("status", p, level) === 1 && u && u.v[p * r.nlevels + level] > most) { most = u.v[p * r.nlevels + level]; best = p; }
     return TC.run.index(best);
   },
-  index(p) { const shape = TC.data.run.shape, at = []; for (let i = shape.length - 1; i >= 0; i--) { at[i] = p % shape[i]; p = Math.floor(p / shape[i]); } return at; },
+  index(p, shape = TC.data.run.shape) { const at = []; for (let i = shape.length - 1; i >= 0; i--) { at[i] = p % shape[i]; p = Math.floor(p / shape[i]); } return at; },
   flat: (at) => at.reduce((p, i, k) => p * TC.data.run.shape[k] + i, 0),
   axis: (name) => TC.data.run.axes.find((a) => a.name === name),
   dim: (name) => TC.data.run.dims.indexOf(TC.run.axis(name).dim),
@@ -61,7 +61,7 @@ TC.run = {
   words(at) {
     const r = TC.data.run;
     if (!r.axes.length) return "the one point of the study";
-    return r.axes.map((a) => `${TC.symbol(a.name)} = ${TC.axisLabel(a, at[TC.run.dim(a.name)])}${TC.axisScale(a).unit ? " " + TC.axisScale(a).unit : ""}`.replace(a.numeric ? /$^/ : " = ", ": ")).join(", ");
+    return r.axes.map((a) => `${TC.symbol(a.name)} = ${TC.axisText(a, at[TC.run.dim(a.name)])}`.replace(a.numeric ? /$^/ : " = ", ": ")).join(", ");
   },
   // What is known of a point: failed, unique, global, local, nothing.
   proof(p, level) {
@@ -108,7 +108,7 @@ TC.run = {
     }
     if (r.nlevels > 1) out.push(TC.slider("level", TC.run.levels(TC.run.flat(s.at)).h_max.map((h, i) => `${i} (h = ${TC.quantity(h, r.units.h_max, 3)})`), s.level, (level) => TC.set({ level })));
     if (r.grid) for (const a of r.varied) {
-      const d = TC.run.dim(a.name), unit = TC.axisScale(a).unit, texts = a.values.map((_, i) => TC.axisLabel(a, i) + (unit ? " " + unit : ""));
+      const d = TC.run.dim(a.name), texts = a.values.map((_, i) => TC.axisText(a, i));
       const move = (i) => { const at = s.at.slice(); at[d] = i; TC.set({ at }); };
       out.push(a.numeric ? TC.slider(TC.symbol(a.name), texts, s.at[d], move) : TC.choice(TC.symbol(a.name), texts.map((t, i) => [i, t]), s.at[d], (v) => move(Number(v))));
     } else out.push(TC.slider("point", [...Array(r.points)].map((_, p) => `${p + 1} of ${r.points}`), s.at[0], (i) => TC.set({ at: [i] })));
@@ -124,22 +124,21 @@ TC.run = {
     const r = TC.data.run, s = TC.state, q = r.numbers[s.q], all = [];
     const ax = TC.run.axis(s.x), ay = TC.run.axis(s.y);
     for (let p = 0; p < r.points; p++) if (TC.run.flag("status", p, s.level) === 1) all.push(q.v[p * r.nlevels + s.level]);
-    const shade = TC.run.shade(all), scale = TC.scale(all, q.units), unit = scale.unit ? ` [${scale.unit}]` : "";
-    const width = TC.width(host), title = TC.h3(`${TC.symbol(s.q)}${unit}${r.nlevels > 1 ? `, level ${s.level}` : ""}`);
+    const shade = TC.run.shade(all), scale = TC.scale(all, q.units);
+    const width = TC.width(host), title = TC.h3(TC.titled(TC.symbol(s.q), scale) + (r.nlevels > 1 ? `, level ${s.level}` : ""));
     const svg = r.grid ? TC.run.cells(width, ax, ay, shade, scale) : TC.run.scatter(width, ax, ay, shade, scale);
     const fixed = r.grid ? r.varied.filter((a) => a.name !== s.x && a.name !== s.y) : [];
-    const note = fixed.length ? "at " + fixed.map((a) => { const i = s.at[TC.run.dim(a.name)], u = TC.axisScale(a).unit; return `${TC.symbol(a.name)} = ${TC.axisLabel(a, i)}${u ? " " + u : ""}`; }).join(", ") : "";
+    const note = fixed.length ? "at " + fixed.map((a) => `${TC.symbol(a.name)} = ${TC.axisText(a, s.at[TC.run.dim(a.name)])}`).join(", ") : "";
     TC.fill(host, title, note ? TC.note(note) : null, svg, TC.run.bar(Math.min(width, 420), shade, scale), TC.run.key(width));
   },
   patterns(svg) {
-    const defs = TC.svgNode("defs"), stroke = (light) => (light ? "rgba(255,255,255,.85)" : "rgba(0,0,0,.75)");
-    for (const tone of ["l", "d"]) {
-      const c = stroke(tone === "l");
-      defs.append(TC.svgNode("pattern", { id: `local-${tone}`, width: 8, height: 8, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)" }, TC.svgNode("line", { x1: 0, y1: 0, x2: 0, y2: 8, stroke: c, "stroke-width": 1.6 })));
-      defs.append(TC.svgNode("pattern", { id: `global-${tone}`, width: 9, height: 9, patternUnits: "userSpaceOnUse" }, TC.svgNode("circle", { cx: 3, cy: 3, r: 1.3, fill: c })));
-      defs.append(TC.svgNode("pattern", { id: `nothing-${tone}`, width: 8, height: 8, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)" }, TC.svgNode("path", { d: "M0,0V8M0,0H8", stroke: c, "stroke-width": 1.4 })));
+    const defs = svg.appendChild(TC.svgNode("defs")), turned = { patternTransform: "rotate(45)" };
+    for (const [tone, c] of [["l", "rgba(255,255,255,.85)"], ["d", "rgba(0,0,0,.75)"]]) {
+      const add = (name, size, look, mark) => defs.append(TC.svgNode("pattern", { id: `${name}-${tone}`, width: size, height: size, patternUnits: "userSpaceOnUse", ...look }, mark));
+      add("local", 8, turned, TC.svgNode("line", { x1: 0, y1: 0, x2: 0, y2: 8, stroke: c, "stroke-width": 1.6 }));
+      add("global", 9, {}, TC.svgNode("circle", { cx: 3, cy: 3, r: 1.3, fill: c }));
+      add("nothing", 8, turned, TC.svgNode("path", { d: "M0,0V8M0,0H8", stroke: c, "stroke-width": 1.4 }));
     }
-    svg.append(defs);
   },
   cell(svg, x, y, w, h, p, shade, scale, numbers) {
     const s = TC.state, proof = TC.run.proof(p, s.level), v = TC.run.value(s.q, p, s.level), rgb = shade.of(v), tone = TC.dark(rgb) ? "l" : "d";
@@ -260,16 +259,11 @@ TC.run = {
         plot.over.append(shown);
       });
       const last = v.map(Number.isFinite).lastIndexOf(true);
-      if (last >= 0) ends.push({ y: plot.py(v[last]), name: g.name, look });
+      if (last >= 0) ends.push({ y: plot.py(v[last]), text: g.name, look });
     });
     const here = TC.run.flat(s.at), mine = every.find((o) => o.p === here);
     if (mine && Number.isFinite(get(mine))) plot.over.append(TC.svgNode("circle", { cx: plot.px(mine.x), cy: plot.py(get(mine) / scale.by), r: 8, fill: "none", stroke: "var(--ink)", "stroke-width": 2 }));
-    if (room > 14) {
-      ends.sort((a, b) => a.y - b.y);
-      for (let i = 1; i < ends.length; i++) ends[i].y = Math.max(ends[i].y, ends[i - 1].y + 14);
-      const over = Math.max(0, (ends.length ? ends[ends.length - 1].y : 0) - plot.bottom);
-      for (const e of ends) plot.text(plot.right + 10, e.y - over + 4, e.name, { style: `fill:${e.look.stroke}` });
-    }
+    if (room > 14) plot.ends(ends, 14, 10, plot.bottom);
     const note = `${by ? `one curve for each ${TC.symbol(by.name)}; ` : ""}filled marks: proved unique; ring: the point below`;
     TC.fill(host, TC.h3(`${TC.symbol(s.q)} over ${TC.symbol(ax.name)}`), TC.note(note), plot.svg);
   },
