@@ -114,7 +114,7 @@ def _points(data: Any, most: int | None) -> str:
         at = fine.isel(where)
         row = [labelled[axis][0][where[str(data[axis].dims[0])]] for axis in axes]
         solved = int(at["status"]) == int(PointStatus.OK)
-        failed = failed or not solved
+        failed = failed or not (solved or int(at["status"]) == int(PointStatus.NOT_RUN))
         cells = [number(at[name] / scales[name][0]) for name, _, _ in columns]
         row += cells if solved else [cell if cell == "–" else f"({cell})" for cell in cells]
         row.append(_certified(at))

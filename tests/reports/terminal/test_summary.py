@@ -108,6 +108,12 @@ def test_nothing_is_said_where_nothing_is_wrong(text_of) -> None:  # type: ignor
     assert "heat balance" not in text
 
 
+def test_points_that_were_not_run_are_not_called_failed(text_of) -> None:  # type: ignore[no-untyped-def]
+    text = text_of(*(point(i, n) for i in range(2) for n in range(2)))
+    assert "not run: 2 of 6 places of the grid" in text
+    assert "failed" not in text
+
+
 def test_a_point_of_a_study_without_a_sweep_is_named_by_its_level(tmp_path: Path) -> None:
     study = Study(
         "Plate", "title: plate\n", None, "SI", "grid", (), (), MeshPlan((0.5,), 2), SolverPlan(), OutputPlan()
