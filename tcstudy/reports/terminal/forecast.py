@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tcstudy.data.writer import axis_attributes
+from tcstudy.data.writer import axis_attributes, axis_name
 from tcstudy.reports.terminal.tables import plain_table, wrapped
 from tcstudy.reports.text import counted, headed, number, prefix, scaled_labels, span
 from tcstudy.scene.study import Study
@@ -25,7 +25,7 @@ def forecast_text(study: Study, plan: Any, more: Sequence[str], output: Path, wo
         words, units = scaled_labels(axis.labels, axis_attributes(axis))
         shown = ", ".join(words[:6])
         rest = f", … ({len(words)} values)" if len(words) > 6 else ""
-        lines.append(f"  {axis.name}: {shown}{rest}" + (f" [{units}]" if units != "1" else ""))
+        lines.append(f"  {axis_name(axis)}: {shown}{rest}" + (f" [{units}]" if units != "1" else ""))
     times = counted(steps, "step") if steps else f"{most}{counted(study.mesh.levels, 'level')}"
     solutions = counted(plan.points * (steps or study.mesh.levels), "solution")
     lines.append(f"  {counted(plan.points, 'point')} × {times} = {most}{solutions}")

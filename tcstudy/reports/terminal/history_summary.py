@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from tcstudy.data.reading import each_point
 from tcstudy.data.records import PointStatus
-from tcstudy.data.schema import POINT
 from tcstudy.data.store import load_root
+from tcstudy.reports.select_point import describe
 from tcstudy.reports.terminal.tables import plain_table
-from tcstudy.reports.text import counted, headed, label, number, prefix, proved, with_unit
+from tcstudy.reports.text import counted, headed, number, prefix, proved, with_unit
 
 Array = NDArray[np.float64]
 
@@ -55,10 +55,12 @@ class CycleChange:
     words: str
 
 
-def cycle_change(v: Array, dissipated: Array, units: str = "m", rounding: float = 0.0) -> CycleChange:
+def cycle_change(
+    v: Array, dissipated: Array, units: tuple[str, str] = ("m", "J m-1"), rounding: float = 0.0
+) -> CycleChange:
     """The change from cycle to cycle, from the slips at their ends.
 
-    v: (C + 1, m) at the start and the end of every cycle;  dissipated: (C,) in each
+    v: (C + 1, m) at the start and the end of every cycle;  dissipated: (C,) in each;  units: of both
     rounding: what rounding of the forces may move the slips by in a cycle
     """
     if len(v) < 3:
@@ -66,13 +68,18 @@ def cycle_change(v: Array, dissipated: Array, units: str = "m", rounding: float 
     size = float(np.max(np.abs(v))) or 1.0
     last, before = v[-1] - v[-2], v[-2] - v[-3]
     largest = float(np.max(np.abs(last)))
-    moved = with_unit(largest, units, 6)
+    moved = with_unit(largest, units[0], 6)
     same = max(SAME * size, rounding)
     if largest <= same:
         if dissipated[-1] <= SAME * float(np.max(dissipated)):
             words = "shakedown: the last cycle leaves everything as it was and dissipates nothing"
             return CycleChange("shakedown", words)
-        return CycleChange("closed", "a closed loop: every cycle dissipates the same and leaves no slip behind")
+        one, two = dissipated[-2:]
+        words = "the last two cycles dissipate the same and leave no slip behind"
+        if abs(two - one) > 1e-5 * max(one, two):
+            spent = [with_unit(float(each), units[1], 6) for each in (two, one)]
+            words = f"the last cycle leaves no slip behind; it dissipates {spent[0]}, the one before {spent[1]}"
+        return CycleChange("closed", f"a closed loop: {words}")
     if np.max(np.abs(last - before)) > max(1e-6 * largest, rounding):
         words = f"not settled: the last cycle changed slips by up to {moved}, unlike the one before"
         return CycleChange("settling", words)
@@ -91,8 +98,9 @@ def history_summary(path: Path, every_row: bool = False) -> str:
     shown = points if every_row else points[:MOST_POINTS]
     parts = [str(data.attrs["title"]), _head(data)]
     for where in shown:
-        part = data.isel(where)
-        parts.append("\n".join(_of_point(part, [*where], every_row or len(points) == 1, every_row)))
+        name = describe(data, where)
+        lines = _of_point(data.isel(where), every_row or len(points) == 1, every_row)
+        parts.append("\n".join([f"  {name}", *lines] if name else lines))
     if len(shown) < len(points):
         parts.append(f"  … {len(points) - len(shown)} more points; --verbose shows all")
     return "\n\n".join(parts)
@@ -116,18 +124,9 @@ def _loads(data: Any) -> list[str]:
     return str(data.attrs["loads"]).split()
 
 
-def _of_point(part: Any, dims: list[str], table: bool, all_cycles: bool) -> list[str]:
+def _of_point(part: Any, table: bool, all_cycles: bool) -> list[str]:
     """The lines of one point."""
-    lines = []
-    swept = [str(n) for n in part.coords if str(n) in dims or (POINT in dims and part[n].dims == () and n != POINT)]
-    if swept:
-        values = [part[name].values.item() for name in swept]
-        shown = [value if isinstance(value, str) else label(value) for value in values]
-        lines.append("  " + ", ".join(f"{name} = {text}" for name, text in zip(swept, shown, strict=True)))
-    if table:
-        lines.append(_table(part, all_cycles))
-    lines += [f"  {sentence}" for sentence in _sentences(part)]
-    return lines
+    return [*([_table(part, all_cycles)] if table else []), *(f"  {sentence}" for sentence in _sentences(part))]
 
 
 def _table(part: Any, all_cycles: bool) -> str:
@@ -173,7 +172,8 @@ def last_change(part: Any) -> CycleChange:
     whole = [c for c in range(1, int(cycle.max()) + 1) if np.all(status[cycle == c] == PointStatus.OK)]
     ends = [0, *(int(np.flatnonzero(cycle == c)[-1]) for c in whole)]
     each = np.array([spent[cycle == c].sum() for c in whole])
-    return cycle_change(part["u_T"].values[ends], each, str(part["u_T"].attrs["units"]), _slip_rounding(part))
+    units = str(part["u_T"].attrs["units"]), str(part["dissipated"].attrs["units"])
+    return cycle_change(part["u_T"].values[ends], each, units, _slip_rounding(part))
 
 
 def _slip_rounding(part: Any) -> float:

@@ -113,6 +113,9 @@ def test_a_cycle_that_changes_less_than_rounding_allows_is_closed() -> None:
     """The same changes are a closed loop, walking or not settled, by what rounding of the slips allows."""
     ends = 6.0 + np.cumsum([[0.0, 0.0], [1e-6, 1e-6], [-2e-6, 1e-6]], axis=0)
     assert cycle_change(ends, np.ones(2)).kind == "settling"
-    assert cycle_change(ends, np.ones(2), rounding=1e-5).kind == "closed"
+    closed = [cycle_change(ends, np.array(spent), rounding=1e-5) for spent in ([1.0, 1.0], [1.5, 1.0])]
+    assert [one.kind for one in closed] == ["closed", "closed"]
+    assert "the last two cycles dissipate the same" in closed[0].words
+    assert closed[1].words.endswith("it dissipates 1 J m-1, the one before 1.5 J m-1")
     walk = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0 + 3e-6]])
     assert [cycle_change(walk, np.ones(2), rounding=r).kind for r in (0.0, 1e-5)] == ["settling", "walking"]

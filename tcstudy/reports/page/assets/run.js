@@ -161,7 +161,7 @@ TC.run = {
   },
   cells(width, ax, ay, shade, scale) {
     const s = TC.state, nx = ax.values.length, ny = ay.values.length, dx = TC.run.dim(ax.name), dy = TC.run.dim(ay.name);
-    const wide = ay.numeric ? 7 : Math.max(...ay.values.map((v) => String(v).length)) * 1, left = ay.numeric ? 66 : Math.min(150, 34 + 7 * wide), w = (width - left - 8) / nx, h = Math.max(14, Math.min(62, 330 / ny, Math.max(26, w))), height = ny * h + 58;
+    const wide = ay.numeric ? 7 : Math.max(...ay.values.map((v) => String(v).length)) * 1, left = ay.numeric ? 66 : Math.min(150, 34 + 7 * wide), w = (width - left - 8) / nx, h = Math.max(14, (6.4 * TC.axisTitle(ay).length) / ny, Math.min(62, 330 / ny, Math.max(26, w))), height = ny * h + 58; // room for the title of y
     const svg = TC.svgNode("svg", { width, height, tabindex: 0, role: "application", "aria-label": `map of ${TC.symbol(s.q)}; arrow keys move the point` });
     TC.run.patterns(svg);
     const at = (i, j) => { const k = s.at.slice(); k[dx] = i; k[dy] = j; return TC.run.flat(k); };
@@ -332,9 +332,10 @@ TC.run = {
     const stop = r.stop.filter(Boolean);
     if (stop.length) out.push(`Refinement ended because ${stop[stop.length - 1]}.`);
     if (last > 0 && r.numbers.friction_resultant) {
-      const a = TC.run.value("friction_resultant", p, last), b = TC.run.value("friction_resultant", p, last - 1), e = Math.abs(a - b) / Math.abs(a);
-      if (e > 0.01) out.push(`At this point the friction resultant still changed by ${TC.percent(e)}: one more level (mesh.levels: ${last + 2}) should halve that at about four times the unknowns; graded or adaptive meshes reach it with fewer (tcstudy cost shows how many).`);
-      else if (Number.isFinite(e)) out.push(`At this point the friction resultant changed by ${TC.percent(e)} with the last level; one level less would save most of the time and leave about ${TC.percent(2 * e)}.`);
+      const change = (name) => { const a = TC.run.value(name, p, last), b = TC.run.value(name, p, last - 1); return Math.abs(a - b) / Math.abs(a); };
+      const most = ["friction_resultant", "u_T_max", "energy"].filter((n) => r.numbers[n] && Number.isFinite(change(n))).sort((m, n) => change(n) - change(m))[0], e = most ? change(most) : NaN, what = `At this point the ${TC.symbol(most || "energy").replace(/ ∫ξ$/, "")}`;
+      if (e > 0.01) out.push(`${what} still changed by ${TC.percent(e)}: one more level (mesh.levels: ${last + 2}) should halve that at about four times the unknowns; graded or adaptive meshes reach it with fewer (tcstudy cost shows how many).`);
+      else if (Number.isFinite(e)) out.push(`${what} changed by ${TC.percent(e)} with the last level, and nothing else by more; one level less would save most of the time and leave about ${TC.percent(2 * e)}.`);
     }
     const open = [...Array(r.points).keys()].filter((k) => TC.run.proof(k, last) === "local" || TC.run.proof(k, last) === "nothing").length;
     if (open) out.push(`For ${open} of ${r.points} points other solutions with less energy are not excluded: tcstudy path follows all solutions along one parameter.`);
