@@ -105,7 +105,7 @@ def parser_of(named: str | None = None) -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND", dest="command")
     for name in MODULES if named is None else (named,):
-        command = import_module(f"tcstudy.commands.{MODULES[name]}").COMMANDS[name]
+        command = getattr(import_module(f"tcstudy.commands.{MODULES[name]}"), name)
         command.fill(commands.add_parser(name, help=command.help, epilog=_EPILOG))
     parser.add_argument("--version", action="version", version=f"tcstudy {_version()}" if named is None else "")
     return parser

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tcstudy import cli
-from tcstudy.commands.run import COMMANDS
+from tcstudy.commands import run as command
 from tests.commands import tcstudy_command
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="shell redirections of POSIX")
@@ -80,7 +80,7 @@ def test_missing_memory_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pyt
     def greedy(options: object) -> int:
         raise MemoryError
 
-    monkeypatch.setitem(COMMANDS, "run", replace(COMMANDS["run"], run=greedy))
+    monkeypatch.setattr(command, "run", replace(command.run, run=greedy))
     assert cli.main(["run", "block.yaml"]) == cli.NO_ROOM
     captured = capsys.readouterr()
     assert captured.err.startswith("there is not enough memory; finished points are kept")
@@ -91,6 +91,6 @@ def test_other_errors_are_not_called_missing_memory(monkeypatch: pytest.MonkeyPa
     def wrong(options: object) -> int:
         raise ZeroDivisionError
 
-    monkeypatch.setitem(COMMANDS, "run", replace(COMMANDS["run"], run=wrong))
+    monkeypatch.setattr(command, "run", replace(command.run, run=wrong))
     with pytest.raises(ZeroDivisionError):
         cli.main(["run", "block.yaml"])

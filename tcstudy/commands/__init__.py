@@ -1,6 +1,6 @@
 """What each command takes and does: read a study or a file, call what works, print what it says, return the exit code.
 
-Each module has COMMANDS, `shared.Command` records by name; cli knows which module has which. Everything heavy is
+`shared.command` makes a command of a function; cli knows which module has which. Everything heavy is
 imported when a command needs it, so that help and errors come at once. What the user can mend is raised
 (tcstudy.errors.UserFault) and said by cli.
 

@@ -7,9 +7,20 @@ from contextlib import closing
 from pathlib import Path
 
 from tcstudy.commands import shared
-from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, Command, Option, at, checked, fail, note, say
+from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, Option, at, checked, command, fail, note, say
 
 
+@command(
+    "measure errors, rates and limits over the levels",
+    *STUDY,
+    shared.output_option("convergence file (default: results/<study>.convergence.nc)"),
+    shared.FORMAT,
+    *MANNER,
+    shared.plot_option("draw the errors"),
+    at("the point of tables and picture (default: orders of all, picture of the first)"),
+    shared.FULL,
+    shared.FORCE,
+)
 def converge(options: argparse.Namespace) -> int:
     """Errors, rates and limits over the levels."""
     point = shared.point_of(options)
@@ -34,6 +45,18 @@ def converge(options: argparse.Namespace) -> int:
     return _end(options, drawn, path, failed)
 
 
+@command(
+    "chart accuracy against cost: meshes and solvers compared",
+    *STUDY,
+    shared.output_option("cost file (default: results/<study>.cost.nc)"),
+    Option("--runs", type=int, default=5, metavar="N", help="how often everything is timed (default: 5)"),
+    shared.FORMAT,
+    *MANNER,
+    shared.plot_option("draw the chart"),
+    at("sweep point (default: first)"),
+    shared.ERROR,
+    shared.FORCE,
+)
 def cost(options: argparse.Namespace) -> int:
     """Accuracy against cost of mesh families and solvers, at one sweep point."""
     from tcstudy.data.measured import MEASURES
@@ -81,36 +104,3 @@ def _end(options: argparse.Namespace, drawn: list[str], path: Path, failed: int)
     for line in (*drawn, f"data in {path}"):
         note(options, line)
     return SOME_FAILED if failed else OK
-
-
-COMMANDS = {
-    "converge": Command(
-        "measure errors, rates and limits over the levels",
-        (
-            *STUDY,
-            shared.output_option("convergence file (default: results/<study>.convergence.nc)"),
-            shared.FORMAT,
-            *MANNER,
-            shared.plot_option("draw the errors"),
-            at("the point of tables and picture (default: orders of all, picture of the first)"),
-            shared.FULL,
-            shared.FORCE,
-        ),
-        converge,
-    ),
-    "cost": Command(
-        "chart accuracy against cost: meshes and solvers compared",
-        (
-            *STUDY,
-            shared.output_option("cost file (default: results/<study>.cost.nc)"),
-            Option("--runs", type=int, default=5, metavar="N", help="how often everything is timed (default: 5)"),
-            shared.FORMAT,
-            *MANNER,
-            shared.plot_option("draw the chart"),
-            at("sweep point (default: first)"),
-            shared.ERROR,
-            shared.FORCE,
-        ),
-        cost,
-    ),
-}

@@ -9,10 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from tcstudy.commands import shared
-from tcstudy.commands.shared import FILE, MANNER, OK, SOME_FAILED, Command, Option, at, check_manner, fail, point_of
+from tcstudy.commands.shared import FILE, MANNER, OK, SOME_FAILED, Option, at, check_manner, command, fail, point_of
 from tcstudy.errors import StoreError, UsageError
 
+_OUTPUT = "folder of the fields (default: FILE), or the table (default: FILE.csv, FILE.json)"
+_RTOL = "largest difference of numbers that is none, relative to the largest value of its kind (default: 1e-9)"
+_TABLES = "of a convergence file: the point whose tables to show"
+_WITHOUT = "leave out what makes a page large: levels, live, body, memory or lines (may be repeated)"
 
+
+@command("print the summary of a result file", FILE, *MANNER, at(_TABLES), shared.FULL)
 def show(options: argparse.Namespace) -> int:
     """Print again what run, converge, cost or path said; of another file with data, what it is."""
     check_manner(options)
@@ -53,6 +59,25 @@ def _show(options: argparse.Namespace, file: Path) -> None:
     shared.say(options, file, texts[kind])
 
 
+@command(
+    "draw a result file: a point, curves, a map, a law, a mesh, a path, errors, costs",
+    FILE,
+    Option("picture", type=shared.file_name, metavar="PICTURE", help="a .png, .svg or .pdf file"),
+    at("which point (may be repeated)"),
+    Option("--level", type=int, metavar="N", help="mesh level (default: the finest)"),
+    shared.RESPONSE,
+    shared.ERROR,
+    Option("--x", metavar="NAME", help="curves of a whole run over this swept parameter"),
+    Option("--y", metavar="NUMBER", help="what the curves are of, e.g. slip_length"),
+    Option("--by", metavar="NAME", help="a curve for each value of this swept parameter"),
+    Option("--map", metavar="NAME,NAME", help="a map over two swept parameters"),
+    Option("--of", metavar="NUMBER", help="what the map is of, e.g. u_T_max"),
+    Option("--law", action="store_true", help="the friction law of a point with all its nodes on it"),
+    Option("--mesh", action="store_true", help="the mesh with the roles of the edges (with output.fields)"),
+    Option("--size", metavar="WIDTHxHEIGHT", help="size of the picture, e.g. 8x5cm"),
+    Option("--font", type=float, metavar="PT", help="size of its letters"),
+    Option("--title", metavar="TEXT", help="its heading; '' for none"),
+)
 def draw(options: argparse.Namespace) -> int:
     """Draw a file of any kind."""
     from tcstudy.reports.figures.draw import Wanted, picture
@@ -72,6 +97,12 @@ def draw(options: argparse.Namespace) -> int:
     return OK
 
 
+@command(
+    "make one HTML page of a result file, for any browser, offline",
+    FILE,
+    Option("-o", "--output", type=shared.file_name, metavar="PAGE", help="the page (default: FILE.html)"),
+    Option("--without", action="append", default=[], metavar="PART", help=_WITHOUT),
+)
 def report(options: argparse.Namespace) -> int:
     """Make one HTML page of a file of any kind."""
     from tcstudy.reports.page.write import LEAVE_OUT, write_page
@@ -85,6 +116,12 @@ def report(options: argparse.Namespace) -> int:
     return OK
 
 
+@command(
+    "say which swept parameter a number comes from: Sobol indices of a sweep with mode: saltelli",
+    FILE,
+    Option("--of", metavar="NUMBER", default="slip_length", help="of what (default: slip_length)"),
+    *MANNER,
+)
 def sensitivity(options: argparse.Namespace) -> int:
     """Say which swept parameter a number of a run comes from."""
     from tcstudy.reports.export.brief import json_text
@@ -105,6 +142,17 @@ TABLES = ("csv", "json")
 FORMS = ("vtu", *TABLES)
 
 
+@command(
+    "write a result file for other programs: fields for ParaView, a table as CSV or JSON",
+    FILE,
+    Option("--vtu", action="store_true", help="body and contact line of every point, and one PVD (ParaView)"),
+    Option("--csv", action="store_true", help="a row a point and level, columns `name [unit]`"),
+    Option("--json", action="store_true", help="the same rows as objects"),
+    Option("--geometry", action="store_true", help="of a sweep over geometries the run of one, named by --at"),
+    Option("-o", "--output", type=Path, metavar="TARGET", help=_OUTPUT),
+    at("only points with this value (may be repeated)"),
+    Option("--level", type=int, metavar="N", help="mesh level of --vtu (default: the finest)"),
+)
 def export(options: argparse.Namespace) -> int:
     """Write a result file in another form."""
     if options.geometry:
@@ -154,6 +202,13 @@ def exported(
     return written.path, [counted(written.points, "point"), *written.lacks]
 
 
+@command(
+    "say what differs between two result files: exit code 0 for nothing, 1 for something",
+    Option("first", type=Path, metavar="A.nc"),
+    Option("second", type=Path, metavar="B.nc"),
+    Option("--rtol", type=float, default=1e-9, metavar="R", help=_RTOL),
+    *MANNER,
+)
 def compare(options: argparse.Namespace) -> int:
     """Say what differs between two result files."""
     from tcstudy.study.compare import compare_files
@@ -170,77 +225,3 @@ def compare(options: argparse.Namespace) -> int:
     else:
         print(found.verdict if options.quiet else found.text)
     return OK if found.equal else SOME_FAILED
-
-
-_OUTPUT = "folder of the fields (default: FILE), or the table (default: FILE.csv, FILE.json)"
-_RTOL = "largest difference of numbers that is none, relative to the largest value of its kind (default: 1e-9)"
-_TABLES = "of a convergence file: the point whose tables to show"
-_PAGE = "the page (default: FILE.html)"
-_WITHOUT = "leave out what makes a page large: levels, live, body, memory or lines (may be repeated)"
-DRAWN = (
-    Option("--x", metavar="NAME", help="curves of a whole run over this swept parameter"),
-    Option("--y", metavar="NUMBER", help="what the curves are of, e.g. slip_length"),
-    Option("--by", metavar="NAME", help="a curve for each value of this swept parameter"),
-    Option("--map", metavar="NAME,NAME", help="a map over two swept parameters"),
-    Option("--of", metavar="NUMBER", help="what the map is of, e.g. u_T_max"),
-    Option("--law", action="store_true", help="the friction law of a point with all its nodes on it"),
-    Option("--mesh", action="store_true", help="the mesh with the roles of the edges (with output.fields)"),
-    Option("--size", metavar="WIDTHxHEIGHT", help="size of the picture, e.g. 8x5cm"),
-    Option("--font", type=float, metavar="PT", help="size of its letters"),
-    Option("--title", metavar="TEXT", help="its heading; '' for none"),
-)
-"""Options of the pictures of a run, beside the point and the level."""
-COMMANDS = {
-    "show": Command("print the summary of a result file", (FILE, *MANNER, at(_TABLES), shared.FULL), show),
-    "sensitivity": Command(
-        "say which swept parameter a number comes from: Sobol indices of a sweep with mode: saltelli",
-        (FILE, Option("--of", metavar="NUMBER", default="slip_length", help="of what (default: slip_length)"), *MANNER),
-        sensitivity,
-    ),
-    "draw": Command(
-        "draw a result file: a point, curves, a map, a law, a mesh, a path, errors, costs",
-        (
-            FILE,
-            Option("picture", type=shared.file_name, metavar="PICTURE", help="a .png, .svg or .pdf file"),
-            at("which point (may be repeated)"),
-            Option("--level", type=int, metavar="N", help="mesh level (default: the finest)"),
-            shared.RESPONSE,
-            shared.ERROR,
-            *DRAWN,
-        ),
-        draw,
-    ),
-    "report": Command(
-        "make one HTML page of a result file, for any browser, offline",
-        (
-            FILE,
-            Option("-o", "--output", type=shared.file_name, metavar="PAGE", help=_PAGE),
-            Option("--without", action="append", default=[], metavar="PART", help=_WITHOUT),
-        ),
-        report,
-    ),
-    "export": Command(
-        "write a result file for other programs: fields for ParaView, a table as CSV or JSON",
-        (
-            FILE,
-            Option("--vtu", action="store_true", help="body and contact line of every point, and one PVD (ParaView)"),
-            Option("--csv", action="store_true", help="a row a point and level, columns `name [unit]`"),
-            Option("--json", action="store_true", help="the same rows as objects"),
-            Option("--geometry", action="store_true", help="of a sweep over geometries the run of one, named by --at"),
-            Option("-o", "--output", type=Path, metavar="TARGET", help=_OUTPUT),
-            at("only points with this value (may be repeated)"),
-            Option("--level", type=int, metavar="N", help="mesh level of --vtu (default: the finest)"),
-        ),
-        export,
-    ),
-    "compare": Command(
-        "say what differs between two result files: exit code 0 for nothing, 1 for something",
-        (
-            Option("first", type=Path, metavar="A.nc"),
-            Option("second", type=Path, metavar="B.nc"),
-            Option("--rtol", type=float, default=1e-9, metavar="R", help=_RTOL),
-            *MANNER,
-        ),
-        compare,
-    ),
-}

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tcstudy.commands import shared
-from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, Command, Option, checked, fail, note, say
+from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, Option, checked, command, fail, note, say
 
 if TYPE_CHECKING:
     from tcstudy.scene.study import Study
@@ -19,8 +19,22 @@ if TYPE_CHECKING:
 
 KEPT = "finished points are kept, the same command goes on from there"
 """What becomes of the work of a run that is stopped."""
+_RETRY = "keep the result file's solutions and solve again only its points without one"
+_APPEND = "keep the points of the result file and add those that the study's sweep has beside them"
 
 
+@command(
+    "run a study and write its netCDF file",
+    *STUDY,
+    shared.output_option("result file (default: results/<study>.nc)"),
+    *MANNER,
+    shared.FORCE,
+    shared.JOBS,
+    shared.DASK,
+    Option("--retry", choices=("failed",), help=_RETRY),
+    Option("--append", action="store_true", help=_APPEND),
+    kept=KEPT,
+)
 def run(options: argparse.Namespace) -> int:
     """Run a study and write its netCDF file."""
     if options.force and (options.append or options.retry):
@@ -75,6 +89,13 @@ def _say(options: argparse.Namespace, output: Path, points: int, failed: int, fo
     return SOME_FAILED if failed else OK
 
 
+@command(
+    "check a study and say what a run would do",
+    *STUDY,
+    shared.output_option("result file that a run would write"),
+    *MANNER,
+    shared.JOBS,
+)
 def plan(options: argparse.Namespace) -> int:
     """Every check that a run makes, and what the run would do."""
     study, output = checked(options, planned=True)
@@ -107,6 +128,13 @@ def _plan_json(study: Study, output: Path, forecast: Plan, expected: Resources) 
     return json_text({**about, "most_levels": study.mesh.levels, **asdict(forecast), **asdict(expected)})
 
 
+@command(
+    "join result files of one study that have different points of its sweep",
+    Option("files", type=Path, nargs="+", metavar="FILE.nc"),
+    Option("-o", "--output", type=shared.file_name, required=True, metavar="FILE", help="the file of all points"),
+    *MANNER,
+    Option("--force", action="store_true", help="replace the output if it is there"),
+)
 def merge(options: argparse.Namespace) -> int:
     """Join result files of one study that have different points of its sweep."""
     shared.check_manner(options)
@@ -122,42 +150,3 @@ def merge(options: argparse.Namespace) -> int:
     lacks = f"\n  not run: {absent} places of the grid, whose points no file has" if absent else ""
     say(options, output, lambda: said + lacks)
     return SOME_FAILED if failed else OK
-
-
-_RETRY = "keep the result file's solutions and solve again only its points without one"
-_APPEND = "keep the points of the result file and add those that the study's sweep has beside them"
-GROW = (Option("--retry", choices=("failed",), help=_RETRY), Option("--append", action="store_true", help=_APPEND))
-
-COMMANDS = {
-    "run": Command(
-        "run a study and write its netCDF file",
-        (
-            *STUDY,
-            shared.output_option("result file (default: results/<study>.nc)"),
-            *MANNER,
-            shared.FORCE,
-            shared.JOBS,
-            shared.DASK,
-            *GROW,
-        ),
-        run,
-        KEPT,
-    ),
-    "plan": Command(
-        "check a study and say what a run would do",
-        (*STUDY, shared.output_option("result file that a run would write"), *MANNER, shared.JOBS),
-        plan,
-    ),
-    "merge": Command(
-        "join result files of one study that have different points of its sweep",
-        (
-            Option("files", type=Path, nargs="+", metavar="FILE.nc"),
-            Option(
-                "-o", "--output", type=shared.file_name, required=True, metavar="FILE", help="the file of all points"
-            ),
-            *MANNER,
-            Option("--force", action="store_true", help="replace the output if it is there"),
-        ),
-        merge,
-    ),
-}

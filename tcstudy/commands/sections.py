@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from tcstudy.commands import shared
-from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, Command, checked, fail, is_there, note, plotted, say
+from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, checked, command, fail, is_there, note, plotted, say
 
 if TYPE_CHECKING:
     from tcstudy.scene.study import Study
@@ -20,6 +20,8 @@ EXAMPLES = {
     "history": "{memory: friction, steps: [{theta: 60 K, in: 8}, {theta: 0 K, in: 8}]}",
     "fit": "{data: {file: ..., columns: ...}, parameters: ...}",
 }
+_OUTPUT = {name: shared.output_option(f"result file (default: results/<study>-{name}.nc)") for name in EXAMPLES}
+_PLOT = shared.plot_option("also draw it")
 
 
 def _checked(options: argparse.Namespace, kind: Literal["path", "history", "fit"]) -> tuple[Study, Path]:
@@ -30,6 +32,15 @@ def _checked(options: argparse.Namespace, kind: Literal["path", "history", "fit"
     return study, output
 
 
+@command(
+    "follow all solutions along one parameter",
+    *STUDY,
+    _OUTPUT["path"],
+    _PLOT,
+    shared.RESPONSE,
+    *MANNER,
+    shared.FORCE,
+)
 def path(options: argparse.Namespace) -> int:
     """Follow all solutions along one parameter."""
     study, output = _checked(options, "path")
@@ -57,6 +68,16 @@ def path(options: argparse.Namespace) -> int:
     return SOME_FAILED if problems else OK
 
 
+@command(
+    "follow loads one after the other, with friction, plastic slip or damage that remembers",
+    *STUDY,
+    _OUTPUT["history"],
+    *MANNER,
+    shared.FORCE,
+    shared.JOBS,
+    shared.DASK,
+    kept=KEPT,
+)
 def history(options: argparse.Namespace) -> int:
     """Follow the load history of every sweep point."""
     study, output = _checked(options, "history")
@@ -79,6 +100,7 @@ def history(options: argparse.Namespace) -> int:
     return SOME_FAILED if result.ended else OK
 
 
+@command("find numbers of a study from measurements", *STUDY, _OUTPUT["fit"], _PLOT, *MANNER, shared.FORCE)
 def fit(options: argparse.Namespace) -> int:
     """Find numbers of a study from measurements."""
     study, output = _checked(options, "fit")
@@ -92,23 +114,3 @@ def fit(options: argparse.Namespace) -> int:
     said = (*plotted(options, output), f"data in {output}")
     say(options, output, lambda: wrapped("\n".join([fit_summary(output), "", *(f"  {line}" for line in said)])))
     return OK
-
-
-_OUTPUT = {name: shared.output_option(f"result file (default: results/<study>-{name}.nc)") for name in EXAMPLES}
-_PLOT = shared.plot_option("also draw it")
-COMMANDS = {
-    "path": Command(
-        "follow all solutions along one parameter",
-        (*STUDY, _OUTPUT["path"], _PLOT, shared.RESPONSE, *MANNER, shared.FORCE),
-        path,
-    ),
-    "history": Command(
-        "follow loads one after the other, with friction, plastic slip or damage that remembers",
-        (*STUDY, _OUTPUT["history"], *MANNER, shared.FORCE, shared.JOBS, shared.DASK),
-        history,
-        kept=KEPT,
-    ),
-    "fit": Command(
-        "find numbers of a study from measurements", (*STUDY, _OUTPUT["fit"], _PLOT, *MANNER, shared.FORCE), fit
-    ),
-}

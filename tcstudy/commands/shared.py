@@ -46,13 +46,20 @@ class Command:
     help: str
     options: tuple[Option, ...]
     run: Callable[[argparse.Namespace], int]
-    kept: str = "nothing was written"
+    kept: str
 
     def fill(self, parser: argparse.ArgumentParser) -> None:
         """Tell the parser of the options."""
         parser.set_defaults(read=None, kept=self.kept, run=self.run)
         for option in self.options:
             parser.add_argument(*option.flags, **option.told)
+
+
+def command(
+    help: str, *options: Option, kept: str = "nothing was written"
+) -> Callable[[Callable[[argparse.Namespace], int]], Command]:
+    """Make a command of the function below it."""
+    return lambda run: Command(help, options, run, kept)
 
 
 def count(text: str) -> int:

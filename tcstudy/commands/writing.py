@@ -6,10 +6,12 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-from tcstudy.commands.shared import OK, Command, Option, fail, file_name
+from tcstudy.commands.shared import OK, Option, command, fail, file_name
 
 SCHEMA = "study.schema.json"
 SHELLS = ("bash", "zsh", "tcsh")
+_NEW = "the study (default: study.yaml); a file that is there is kept"
+_FORM = "json (default): the schema, draft 2020-12; markdown: the table of keys"
 STARTER = f"""\
 # yaml-language-server: $schema={SCHEMA}
 # A block that is pushed along a film which weakens as it slips.
@@ -45,6 +47,10 @@ sweep:                              # every combination is solved
 """
 
 
+@command(
+    "write a commented starter study",
+    Option("file", type=file_name, nargs="?", default=Path("study.yaml"), metavar="FILE", help=_NEW),
+)
 def init(options: argparse.Namespace) -> int:
     """Write the starter study and say what comes next."""
     study = starter(options.file)
@@ -70,6 +76,10 @@ def starter(study: Path) -> Path:
     return study
 
 
+@command(
+    "print the JSON Schema of a study file, or the table of its keys",
+    Option("--format", choices=("json", "markdown"), default="json", help=_FORM),
+)
 def schema(options: argparse.Namespace) -> int:
     """Print the JSON Schema of a study file, for editors, or the table of its keys."""
     if options.format == "json":
@@ -80,6 +90,10 @@ def schema(options: argparse.Namespace) -> int:
     return OK
 
 
+@command(
+    'print shell completion: eval "$(tcstudy completion bash)"',
+    Option("shell", choices=SHELLS, help="the shell that is to complete"),
+)
 def completion(options: argparse.Namespace) -> int:
     """Print what makes a shell complete commands, options and file names."""
     import shtab
@@ -99,24 +113,3 @@ def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
         if isinstance(action, argparse._SubParsersAction):
             for one in action.choices.values():
                 yield from _actions(one)
-
-
-_NEW = "the study (default: study.yaml); a file that is there is kept"
-_FORM = "json (default): the schema, draft 2020-12; markdown: the table of keys"
-COMMANDS = {
-    "init": Command(
-        "write a commented starter study",
-        (Option("file", type=file_name, nargs="?", default=Path("study.yaml"), metavar="FILE", help=_NEW),),
-        init,
-    ),
-    "schema": Command(
-        "print the JSON Schema of a study file, or the table of its keys",
-        (Option("--format", choices=("json", "markdown"), default="json", help=_FORM),),
-        schema,
-    ),
-    "completion": Command(
-        'print shell completion: eval "$(tcstudy completion bash)"',
-        (Option("shell", choices=SHELLS, help="the shell that is to complete"),),
-        completion,
-    ),
-}
