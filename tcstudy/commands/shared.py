@@ -147,9 +147,9 @@ def say(options: argparse.Namespace, path: Path, text: Callable[[], str]) -> Non
         from tcstudy.data.provenance import kind_of
 
         if options.quiet and kind_of(path) == "run":
-            from tcstudy.reports.verdict import of_file
+            from tcstudy.reports.verdict import verdict
 
-            print(f"{path}: {of_file(path)}")
+            print(f"{path}: {verdict(path)['text']}")
             return
         from tcstudy.reports.export.brief import brief, json_text
 

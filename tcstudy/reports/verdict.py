@@ -47,26 +47,15 @@ class RunSeen:
     labels: Callable[[str], tuple[NDArray[Any], Mapping[str, Any]]]
     take: Callable[[str, int], NDArray[Any] | None]
 
-    @classmethod
-    def of_data(cls, data: Any) -> RunSeen:
-        """Of the root dataset of an opened file."""
-        dims = tuple(str(d) for d in data["status"].dims if d != "level")
-
-        def take(name: str, level: int) -> NDArray[Any] | None:
-            return np.asarray(data[name].isel(level=level).transpose(*dims, ...).values) if name in data else None
-
-        def labels(dim: str) -> tuple[NDArray[Any], Mapping[str, Any]]:
-            return data[dim].values, data[dim].attrs
-
-        return cls(dims, int(data.sizes["level"]), str(data.attrs["sweep_mode"]), labels, take)
-
     def ok(self, level: int = -1) -> Flags:
         """(*dims) which points have a solution on a level."""
         return np.asarray(self.take("status", level) == int(PointStatus.OK))
 
 
-def of_file(path: Path) -> str:
-    """The sentence of a file of tcstudy run, which must be readable (`tcstudy.data.reading`). Raises StoreError."""
+def verdict(path: Path) -> dict[str, Any]:
+    """Of a file of tcstudy run, which must be readable (`tcstudy.data.reading`): the sentence as `text`, how the mesh
+    error in it is known as `how`, and whether all points are solved as `ok`. Raises StoreError.
+    """
     import netCDF4
 
     with closing(netCDF4.Dataset(path)) as nc:
@@ -83,12 +72,10 @@ def of_file(path: Path) -> str:
         def labels(dim: str) -> tuple[NDArray[Any], Mapping[str, Any]]:
             return np.asarray(nc[dim][...]), nc[dim].__dict__
 
-        run = RunSeen(dims, int(nc.dimensions["level"].size), str(nc.sweep_mode), labels, take)
-        return str(verdict(run)["text"])
+        return _told(RunSeen(dims, int(nc.dimensions["level"].size), str(nc.sweep_mode), labels, take))
 
 
-def verdict(run: RunSeen) -> dict[str, Any]:
-    """The sentence as `text`, how the mesh error in it is known as `how`, and whether all points are solved as `ok`."""
+def _told(run: RunSeen) -> dict[str, Any]:
     ok = run.ok()
     total, solved = int(ok.size), int(ok.sum())
     parts = [f"{solved} of {total} solved"]

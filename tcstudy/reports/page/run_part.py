@@ -11,7 +11,7 @@ from tcstudy.data.records import PointStatus
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.text import named, study_unit
-from tcstudy.reports.verdict import RunSeen, verdict
+from tcstudy.reports.verdict import verdict
 
 ROOM_FOR_DOUBLES = 300_000
 """Bytes of numbers up to which the page has all digits; beyond it has seven (the energy always has all)."""
@@ -36,7 +36,7 @@ def run_part(stored: Stored, box: Container) -> Json:
 
     names = [name for name in QUANTITIES if name in data and np.isfinite(flat(name)).any()]
     kind = "f8" if data["status"].size * len(names) * 8 <= ROOM_FOR_DOUBLES else "f4"
-    told = verdict(RunSeen.of_data(data))
+    told = verdict(stored.path)
     geometries = f"{len(stored.homes)} geometries: " if stored.homes else ""
     return {
         **sweep_of(data),

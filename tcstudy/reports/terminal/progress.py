@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol, TextIO, cast
 
 import numpy as np
@@ -37,42 +37,13 @@ Naming = Callable[[tuple[int, ...]], str]
 """The labels of a sweep point by its index; empty where there is no sweep."""
 
 
-class _Failures:
-    """Failed points as they come: the first of each kind is worth a line, the others are counted."""
-
-    def __init__(self, naming: Naming) -> None:
-        self._naming = naming
-        self._kinds: dict[tuple[PointStatus, str], int] = {}
-        self._said = 0
-
-    @property
-    def count(self) -> int:
-        """Failed points so far."""
-        return sum(self._kinds.values())
-
-    def lines(self, record: BlockRecord) -> Iterator[str]:
-        """Lines of the failed points of a block; none for one like it that had its line."""
-        for row in np.flatnonzero(record.status != PointStatus.OK):
-            status, reason = PointStatus(int(record.status[row])), record.reasons.get(int(row), "")
-            key = kind(status, reason)
-            self._kinds[key] = self._kinds.get(key, 0) + 1
-            if self._kinds[key] == 1:
-                where = f"level {record.level}"
-                where = f"{name} on {where}" if (name := self._naming(record.index(int(row)))) else where
-                yield f"{where}: {named(status)}: {without_paths(reason)}"
-
-    def more(self) -> str:
-        """How many failed without a line; empty if none did or it has been said."""
-        silent, self._said = self.count - len(self._kinds) - self._said, self.count - len(self._kinds)
-        return f"{silent} more failed for the same {'reason' if len(self._kinds) == 1 else 'reasons'}" if silent else ""
-
-
 class PlainProgress:
     """One line per level and per kind of failure, for pipes and logs."""
 
     def __init__(self, stream: TextIO, naming: Naming = str, length: str = "1") -> None:
-        self._stream, self._length = stream, length
-        self._failures = _Failures(naming)
+        self._stream, self._naming, self._length = stream, naming, length
+        self._kinds: dict[tuple[PointStatus, str], int] = {}
+        self._silent = 0
 
     def begin(self, work: Sequence[Work], warnings: Sequence[str]) -> None:
         """Say what is to come."""
@@ -93,27 +64,37 @@ class PlainProgress:
         )
 
     def block(self, record: BlockRecord) -> None:
-        """Points are finished; only the first failure of a kind is worth a line."""
-        for line in self._failures.lines(record):
-            self._say(line)
+        """Points are finished; only the first failure of a kind is worth a line, the others are counted."""
+        for row in np.flatnonzero(record.status != PointStatus.OK):
+            status, reason = PointStatus(int(record.status[row])), record.reasons.get(int(row), "")
+            key = kind(status, reason)
+            self._kinds[key] = self._kinds.get(key, 0) + 1
+            if self._kinds[key] > 1:
+                self._silent += 1
+                continue
+            where = f"level {record.level}"
+            where = f"{name} on {where}" if (name := self._naming(record.index(int(row)))) else where
+            self._say(f"{where}: {named(status)}: {without_paths(reason)}")
 
     def close(self) -> None:
         """Say how many failures had no line."""
-        if more := self._failures.more():
-            self._say(more)
+        if self._silent:
+            reasons = "reason" if len(self._kinds) == 1 else "reasons"
+            self._say(f"{self._silent} more failed for the same {reasons}")
+        self._silent = 0
 
     def _say(self, text: str) -> None:
         print(text, file=self._stream, flush=True)
 
 
-class TerminalProgress:
+class TerminalProgress(PlainProgress):
     """A bar with counts, elapsed time and time left; points of finer levels count for more."""
 
     def __init__(self, stream: TextIO, naming: Naming = str) -> None:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-        self._failures = _Failures(naming)
+        super().__init__(stream, naming)
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -144,11 +125,10 @@ class TerminalProgress:
 
     def block(self, record: BlockRecord) -> None:
         """Move on; the first failure of a kind is printed above the bar, and all are counted in it."""
-        for line in self._failures.lines(record):
-            self._say(line)
+        super().block(record)
         self._done += len(record)
         advance = len(record) * self._weights[record.level]
-        failed = f", {self._failures.count} failed" if self._failures.count else ""
+        failed = f", {sum(self._kinds.values())} failed" if self._kinds else ""
         self._progress.update(self._task, advance=advance, points=self._points(), failed=failed)
 
     def _say(self, text: str) -> None:
@@ -160,11 +140,10 @@ class TerminalProgress:
     def close(self) -> None:
         """Remove the bar; say how many failures had no line."""
         self._progress.stop()
-        if more := self._failures.more():
-            self._say(more)
+        super().close()
 
 
-def progress(stream: TextIO | None = None, naming: Naming = str, length: str = "1") -> PlainProgress | TerminalProgress:
+def progress(stream: TextIO | None = None, naming: Naming = str, length: str = "1") -> PlainProgress:
     """The fitting kind for a stream (standard error if none is given); length is the unit of h."""
     stream = stream if stream is not None else cast(TextIO, sys.stderr or Outlet(None))
     return TerminalProgress(stream, naming) if stream.isatty() else PlainProgress(stream, naming, length)
