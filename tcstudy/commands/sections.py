@@ -33,13 +33,7 @@ def _checked(options: argparse.Namespace, kind: Literal["path", "history", "fit"
 
 
 @command(
-    "follow all solutions along one parameter",
-    *STUDY,
-    _OUTPUT["path"],
-    _PLOT,
-    shared.RESPONSE,
-    *MANNER,
-    shared.FORCE,
+    "follow all solutions along one parameter", *STUDY, _OUTPUT["path"], _PLOT, shared.RESPONSE, *MANNER, shared.FORCE
 )
 def path(options: argparse.Namespace) -> int:
     """Follow all solutions along one parameter."""
