@@ -19,7 +19,7 @@ import numpy as np
 from tcstudy.expressions.expression import Expression
 from tcstudy.read.checks import check_corners
 from tcstudy.read.fields import Context
-from tcstudy.read.node import Collector, Node, nearest
+from tcstudy.read.node import Collector, Node, hint
 from tcstudy.read.plans import affine_parameters, path_of
 from tcstudy.scene.edge_laws import EdgeLaws
 from tcstudy.scene.fits import Sensitivity
@@ -174,8 +174,8 @@ def why_not(word: str, path: Keys, known: dict[Keys, tuple[Dimension, str]]) -> 
     if path in sweepable({}, None):
         return f"this study has no number {word} by which its solution can be differentiated", REMEDY
     names = [".".join(one) for one, (_, why) in known.items() if not why]
-    near = nearest(word, [*names, *(short for short, full in SHORT.items() if full in names)])
-    return f"the study has no number {word!r}", f"did you mean {near!r}?" if near else f"use {', '.join(names)}"
+    shorter = [short for short, full in SHORT.items() if full in names]
+    return f"the study has no number {word!r}", hint(word, [*names, *shorter], f"use {', '.join(names)}")
 
 
 def _check_corner(ctx: Context, item: Node, root: Node, base: Scene, path: Keys) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from tcstudy.read.fields import Context, Fields
+from tcstudy.read.fields import Context, Fields, is_name
 from tcstudy.read.node import Node, deepest, split_path
 from tcstudy.scene.keys import rows
 from tcstudy.scene.records import BODY, Body, BrepFace, Edge, Loop, Point, Region
@@ -199,7 +199,7 @@ def read_regions(ctx: Context, node: Node | None) -> tuple[Region, ...]:
 
 def check_name(ctx: Context, name: str, item: Node) -> None:
     """Record a fault at the key unless it is a valid name."""
-    if not name.isascii() or not name.replace("_", "a").isalnum():
+    if not is_name(name):
         ctx.errors.at(item, f"{name!r} is not a name", "use letters, digits and _", on_key=True)
 
 

@@ -1,15 +1,12 @@
-"""Checks across sections: free rigid motions, predicted mesh size.
-
-Corners where two edges prescribe displacements: they must agree there, or the problem has no solution.
-
-Expressions must have a finite value where they are used: found at sample points before any work starts.
+"""Checks across sections: free rigid motions, predicted mesh size, corners where two edges prescribe displacements that
+must agree, and expressions, which must have a finite value where they are used, at sample points.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,10 +17,12 @@ from tcstudy.read.fields import Context
 from tcstudy.read.heat import Boundary, value_at
 from tcstudy.read.node import Node, deepest
 from tcstudy.scene.edge_laws import EdgeLaws
-from tcstudy.scene.records import Body, Clamped, Contact, Convection, Edge, Point, Rigid, Role, Symmetry, Traction
+from tcstudy.scene.records import Body, Clamped, Contact, Edge, Loaded, Point, Rigid, Role, Symmetry
 from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_normal, edge_points, loop_size
 from tcstudy.shapes.faults import loop_polygon
+
+Array = NDArray[np.float64]
 
 MAX_TRIANGLES = 2e7
 """More triangles than this are taken for a typing error of maxh or levels."""
@@ -33,7 +32,7 @@ ARC_PIECES = 32
 def supports(boundary: Boundary) -> tuple[object, ...]:
     """What of the boundary decides about rigid motions: which components are held on which edges."""
     clamped = [(e, r.frame, r.u[0] is None, r.u[1] is None) for e, r in boundary if isinstance(r, Clamped)]
-    springs = ((e, r.spring[0] > 0.0, r.spring[1] > 0.0) for e, r in boundary if isinstance(r, Traction | Convection))
+    springs = ((e, r.spring[0] > 0.0, r.spring[1] > 0.0) for e, r in boundary if isinstance(r, Loaded))
     return (*clamped, *(e for e, r in boundary if isinstance(r, Contact)), *(s for s in springs if any(s[1:])))
 
 
@@ -41,15 +40,8 @@ class BoundaryPiece(NamedTuple):
     """Some points (n, 2) of a boundary curve with its unit normals (n, 2) there, and the name of the edge."""
 
     name: str
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64]
-
-
-def check_support(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:
-    """The supports must exclude rigid motions (a body from a file is judged when the file is read)."""
-    fault = supports_fault(body, boundary)
-    if fault is not None:
-        ctx.errors.at(node, *fault)
+    points: Array
+    normals: Array
 
 
 def supports_fault(body: Body, boundary: Boundary) -> tuple[str, str] | None:
@@ -88,7 +80,7 @@ def _constraints(piece: BoundaryPiece, role: object, centre: Point, size: float)
         fixed, frame = (True, False), "nt"
     elif isinstance(role, Clamped):
         fixed, frame = (role.u[0] is not None, role.u[1] is not None), role.frame
-    elif isinstance(role, Traction | Convection):
+    elif isinstance(role, Loaded):
         fixed, frame = (role.spring[0] > 0.0, role.spring[1] > 0.0), "nt"
     else:
         return
@@ -103,19 +95,13 @@ def _constraints(piece: BoundaryPiece, role: object, centre: Point, size: float)
                 yield [d[0], d[1], d[1] * xi - d[0] * eta]
 
 
-def _motion(motions: NDArray[np.float64], centre: Point, size: float) -> str:
+def _motion(motions: Array, centre: Point, size: float) -> str:
     """One or more free rigid motions in words."""
     if len(motions) > 1:
         return f"move in {len(motions)} ways"
     a, b, c = motions[0]
     if abs(c) < 1e-6:
-        return (
-            "slide along x"
-            if abs(b) < 1e-6
-            else "slide along y"
-            if abs(a) < 1e-6
-            else f"slide along ({a:.3g}, {b:.3g})"
-        )
+        return f"slide along {'x' if abs(b) < 1e-6 else 'y' if abs(a) < 1e-6 else f'({a:.3g}, {b:.3g})'}"
     at = (centre[0] - size * b / c, centre[1] + size * a / c)
     x, y = (0.0 if abs(v) <= 1e-9 * size else v for v in at)  # rounding is no coordinate
     return f"turn about ({x:.3g}, {y:.3g})"
@@ -167,9 +153,6 @@ def mesh_faults(plan: MeshPlan, area: float, size: float) -> Iterator[tuple[int,
                 fewer = math.ceil((exponent - math.log10(MAX_TRIANGLES)) / (2.0 * math.log10(2.0)))
                 remedy = f"give at most {max(1, plan.levels - fewer)} levels"
             yield i, f"about 10^{exponent:.1f} triangles are more than a study can use", remedy
-
-
-Array = NDArray[np.float64]
 
 
 def check_straight(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:
@@ -258,14 +241,13 @@ def check_laws(ctx: Context, root: Node, friction: EdgeLaws, boundary: Iterable[
         for name in [edge] if edge in contact else contact if not edge else []:
             points = _on_edges(body, name)
             values = strength.evaluate(points[:, 0], points[:, 1]) if isinstance(strength, Expression) else strength
-            values = np.broadcast_to(values, len(points))
-            if not np.all(np.isfinite(values) & (values >= 0.0)):
-                x, y = points[np.flatnonzero(~(np.isfinite(values) & (values >= 0.0)))[0]]
+            bad = np.flatnonzero(~(np.isfinite(values) & (np.broadcast_to(values, len(points)) >= 0.0)))
+            if len(bad):
+                x, y = points[bad[0]]
                 keys = ("friction", edge, "strength") if edge else ("friction", "strength")
                 what = f"the strength is negative or not finite at ({x:g}, {y:g})"
-                ctx.errors.once(
-                    deepest(root, keys), what, 'bound it, for example "max(0, ...)"; 0 is a gap in the bond'
-                )
+                remedy = 'bound it, for example "max(0, ...)"; 0 is a gap in the bond'
+                ctx.errors.once(deepest(root, keys), what, remedy)
 
 
 def _expressions(section: str, value: object) -> Iterator[tuple[tuple[str, ...], str | None, Expression]]:
@@ -276,21 +258,18 @@ def _expressions(section: str, value: object) -> Iterator[tuple[tuple[str, ...],
             yield from (((section, name), name, e) for e in _in(role))
     elif section == "loads":
         yield from (((section, "f"), None, e) for e in _in(value))
-    elif is_dataclass(value):
-        for field in fields(value):
-            yield from (((section, field.name), None, e) for e in _in(getattr(value, field.name)))
+    else:
+        for key, part in vars(value).items():
+            yield from (((section, key), None, e) for e in _in(part))
 
 
 def _in(value: Any) -> Iterator[Expression]:
     """All expressions inside a scalar, a tuple or a record."""
     if isinstance(value, Expression):
         yield value
-    elif isinstance(value, tuple):
-        for item in value:
+    elif isinstance(value, tuple) or is_dataclass(value):
+        for item in value if isinstance(value, tuple) else vars(value).values():
             yield from _in(item)
-    elif is_dataclass(value):
-        for field in fields(value):
-            yield from _in(getattr(value, field.name))
 
 
 def _on_edges(body: Body, name: str) -> Array:

@@ -1,10 +1,9 @@
-"""`exact.loads: derived`: loads that follow from the exact solution are left out of the study, and put into its scenes.
+"""Reads the section `exact`: the solution that errors are measured against, and from which loads may be derived.
 
-The study is read with 0 in their places. What is given although it would be derived, in the study or in its sweep, is a
-fault. The word `derived` may stand in the place of a load; where an edge is held in one component only it must:
+`loads: derived`: loads that follow from it are left out of the study, which is read with 0 in their places, and put
+into its scenes. What is given although it would be derived, in the study or in its sweep, is a fault. The word
+`derived` may stand in the place of a load; where an edge is held in one component only it must:
 {role: clamped, u_x: derived}.
-
-Reads the section `exact`: the solution that errors are measured against, and from which loads may be derived.
 """
 
 from __future__ import annotations
@@ -26,26 +25,26 @@ from tcstudy.scene.study import Exact
 
 DERIVED = "derived"
 TRACTIONS = tuple(name for name in of_role("traction") if name != "heat")
+OF_HEAT = (*(row.name for row in rows("heat").values() if row.affine), "omega")
+"""Keys of `heat` that are derived."""
 REMEDY = "leave it out, or remove exact.loads to give all loads yourself"
 
 
-def wants_derived(root: Node) -> bool:
-    """Whether a study asks for derived loads; a misspelt word counts, so that it is the only fault."""
+def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
+    """The study with 0 for all loads that will be derived; those that are given are recorded as faults.
+
+    A misspelt word asks for derived loads as well, so that it is the only fault.
+    """
     section = root.child("exact")
     word = section.child("loads") if section else None
-    return word is not None and word.value != "given"
-
-
-def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
-    """The study with 0 for all loads that will be derived; those that are given are recorded as faults."""
-    if not wants_derived(root) or not isinstance(root.value, Mapping):
+    if word is None or word.value == "given" or not isinstance(root.value, Mapping):
         return root
     _refuse(ctx, root, sweep)
     sections = {key: node for key, node in root.value.items() if key != "path"}
     if loads := root.child("loads"):
-        sections["loads"] = _with(_stripped(ctx, loads, ("f",)), "f", (_zero(loads), _zero(loads)))
+        sections["loads"] = _with(_stripped(ctx, loads, ("f",)), "f", (replace(loads, value=0),) * 2)
     if heat := root.child("heat"):
-        sections["heat"] = _with(_stripped(ctx, heat, _of_heat()), "theta_bar", 0)
+        sections["heat"] = _with(_stripped(ctx, heat, OF_HEAT), "theta_bar", 0)
         if heat.child("theta") and not heat.child("alpha"):  # that theta is given is the fault, not that alpha is not
             sections["heat"] = _with(sections["heat"], "alpha", 1)
     boundary = root.child("boundary")
@@ -66,14 +65,9 @@ def _refuse(ctx: Context, root: Node, sweep: Sweep) -> None:
         ctx.errors.at(path, what, "remove path, or give the loads", on_key=True)
     for axis in sweep.axes:
         section, last = axis.parameter.path[0], axis.parameter.path[-1]
-        if section in ("boundary", "loads") or (section == "heat" and last in _of_heat()):
+        if section in ("boundary", "loads") or (section == "heat" and last in OF_HEAT):
             what = f"{axis.key} is swept, but exact.loads: derived makes it follow from the exact solution"
             ctx.errors.at(axis.node, what, "remove it from the sweep, or give the loads", on_key=True)
-
-
-def _of_heat() -> tuple[str, ...]:
-    """The keys of `heat` that are derived."""
-    return (*(row.name for row in rows("heat").values() if row.affine), "omega")
 
 
 def _given(ctx: Context, node: Node) -> None:
@@ -98,24 +92,17 @@ def _with(node: Node, key: str, value: int | tuple[Node, ...]) -> Node:
     return replace(node, value={**node.value, key: replace(node, value=value)})
 
 
-def _zero(node: Node) -> Node:
-    return replace(node, value=0)
-
-
 def _edge(ctx: Context, node: Node) -> Node:
     """The role of an edge with 0 for what is derived."""
-    if not isinstance(node.value, Mapping):
-        word = node.value
-        return _loaded(replace(node, value={"role": node})) if word == "traction" else node
-    role = node.child("role")
-    if role is not None and role.value == "clamped":
-        return replace(node, value=dict(_components(ctx, node)))
-    stripped = _stripped(ctx, node, TRACTIONS)
-    return _loaded(stripped) if role is not None and role.value == "traction" else stripped
-
-
-def _loaded(node: Node) -> Node:
-    return _with(node, "pressure", 0)
+    loaded = node.value == "traction"
+    if isinstance(node.value, Mapping):
+        role = node.child("role")
+        if role is not None and role.value == "clamped":
+            return replace(node, value=dict(_components(ctx, node)))
+        node, loaded = _stripped(ctx, node, TRACTIONS), role is not None and role.value == "traction"
+    elif loaded:
+        node = replace(node, value={"role": node})
+    return _with(node, "pressure", 0) if loaded else node
 
 
 def _components(ctx: Context, node: Node) -> Iterator[tuple[str, Node]]:
@@ -125,7 +112,7 @@ def _components(ctx: Context, node: Node) -> Iterator[tuple[str, Node]]:
         if key not in COMPONENTS:
             yield key, child
         elif key == "u" and child.value == DERIVED:
-            yield key, replace(child, value=(_zero(child), _zero(child)))
+            yield key, replace(child, value=(replace(child, value=0),) * 2)
         elif key == "u" and isinstance(child.value, tuple):
             yield key, replace(child, value=tuple(_component(ctx, item) for item in child.value))
         else:
@@ -137,7 +124,7 @@ def _component(ctx: Context, node: Node) -> Node:
         return node
     if node.value != DERIVED:
         _given(ctx, node)
-    return _zero(node)
+    return replace(node, value=0)
 
 
 def derived_scenes(
@@ -180,17 +167,12 @@ def _missing(exact: Exact, scenes: Sequence[Scene]) -> Iterator[SolutionFault]:
 
 def _points(sweep: Sweep) -> Iterator[str]:
     """The swept values of every point in words."""
-    if not sweep.axes:
-        yield ""
-        return
-    words = [[f"{axis.key} = {_word(label)}" for label in axis.labels] for axis in sweep.axes]
-    points = itertools.product(*words) if sweep.mode == "grid" else zip(*words, strict=True)
-    for point in points:
-        yield ", ".join(point)
-
-
-def _word(label: float | str) -> str:
-    return label if isinstance(label, str) else f"{label:g}"
+    words = [
+        [f"{axis.key} = {label if isinstance(label, str) else f'{label:g}'}" for label in axis.labels]
+        for axis in sweep.axes
+    ]
+    points = zip(*words, strict=True) if sweep.mode == "list" else itertools.product(*words)
+    return map(", ".join, points)
 
 
 @none_after_fault

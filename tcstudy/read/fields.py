@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
 from tcstudy.expressions import expression as expressions
-from tcstudy.read.node import Collector, Node, meant, nearest
+from tcstudy.read.node import Collector, Node, hint, meant
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import rows, short_of
 from tcstudy.scene.named import Named, expression_of
@@ -181,6 +181,18 @@ class Context:
         """Units of a dimension in CF form, "1" in a dimensionless study."""
         return dimension.cf if self.units == "SI" else "1"
 
+    def unit(self, cell: Node, unit: str, dimension: Dimension, key: str | None = None) -> bool:
+        """Whether a unit in the heading of a column is one of the dimension; if not, that is a fault."""
+        if self.units == "none":
+            self.errors.at(cell, "has a unit, but the study says units: none", "drop the unit", key=key)
+            return False
+        try:
+            to_si("1", unit, dimension)
+        except UnitError as error:
+            self.errors.at(cell, str(error), error.remedy, key=key)
+            return False
+        return True
+
     def integer(self, node: Node, least: int, most: int | None = None) -> int:
         """A whole number within limits; the lower limit after a fault."""
         value = node.value
@@ -216,14 +228,13 @@ class Context:
             if node.value == word:
                 return word
         what = f"must be one of {', '.join(words)}, but is {node.kind()}"
-        near = nearest(str(node.value), words)
-        self.errors.at(node, what, f"did you mean {near!r}?" if near else f"write for example {words[0]}")
+        self.errors.at(node, what, hint(str(node.value), words, f"write for example {words[0]}"))
         return words[0]
 
     def name(self, node: Node, content: str = "an edge name") -> str:
         """A name of an edge or a region: letters, digits and underscores; empty after a fault."""
         value = node.value
-        if not isinstance(value, str) or not value.isascii() or not value.replace("_", "a").isalnum():
+        if not isinstance(value, str) or not is_name(value):
             remedy = "use letters, digits and _"
             self.errors.at(node, f"must be {content} of letters, digits and _, but is {node.kind()}", remedy)
             return ""
@@ -234,7 +245,7 @@ class Context:
 
         dimension: where another key decides about it
         """
-        dimension = dimension or row.dimension
+        dimension, least = dimension or row.dimension, int(row.least or 1)
         match row.kind:
             case "number" | "quantity":
                 return self.bounded(node, row, dimension)
@@ -251,8 +262,13 @@ class Context:
                 return tuple(self.value(part, one, dimension) for part in both) if both else (math.nan, math.nan)
             case "point":
                 return self.point(node)
-            case "points" | "law points" | "numbers":
-                return self._several(node, row, dimension)
+            case "points":
+                return tuple(self.point(entry) for entry in self.items(node, "a list of points", least))
+            case "law points":
+                said = ("a pair [s, b] of slip and traction", "[40 um, 5 MPa]", TRACTION)
+                return tuple(self._two(entry, *said) for entry in self.items(node, "a list of pairs [s, b]", least))
+            case "numbers":
+                return tuple(self.quantity(entry, dimension) for entry in self.items(node, "a list of numbers", least))
             case "choice":
                 return self.choice(node, row.words)
             case "one or more":
@@ -269,15 +285,10 @@ class Context:
                 return self.text(node, "a path" if row.name == "path" else "a text")
         raise AssertionError(row.kind)
 
-    def _several(self, node: Node, row: Key, dimension: Dimension) -> tuple[Any, ...]:
-        """Points [x, y] of a body, points [s, b] of a law, or numbers."""
-        least = int(row.least or 1)
-        if row.kind == "points":
-            return tuple(self.point(entry) for entry in self.items(node, "a list of points", least))
-        if row.kind == "numbers":
-            return tuple(self.quantity(entry, dimension) for entry in self.items(node, "a list of numbers", least))
-        said = ("a pair [s, b] of slip and traction", "[40 um, 5 MPa]", TRACTION)
-        return tuple(self._two(entry, *said) for entry in self.items(node, "a list of pairs [s, b]", least))
+
+def is_name(text: str) -> bool:
+    """Whether a text may be the name of an edge or a region: letters, digits and underscores."""
+    return text.isascii() and text.replace("_", "a").isalnum()
 
 
 UNREAD = {"point": (math.nan, math.nan), "name": "", "text": ""}

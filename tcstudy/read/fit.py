@@ -16,14 +16,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from tcstudy.errors import StudyError
 from tcstudy.read.asked import differentiable, heat_grows, why_not
-from tcstudy.read.document import load_text
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.history import check_fit
-from tcstudy.read.node import Node, nearest
+from tcstudy.read.node import Node, hint
 from tcstudy.read.plans import affine_parameters, level_of, path_of
-from tcstudy.read.points import csv_lines
+from tcstudy.read.points import table_lines
 from tcstudy.scene.fits import PLACE, RESULTS, STEP, FitColumn, FitMark, FitParameter, FitPlan, Sensitivity
 from tcstudy.scene.friction import GrowthError
 from tcstudy.scene.histories import HistoryPlan, Memory, UnfitLaw
@@ -32,7 +30,7 @@ from tcstudy.scene.laws import LawError
 from tcstudy.scene.parameters import with_number
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import MeshPlan
-from tcstudy.scene.units import LENGTH, NONE, NUMBER, Dimension, UnitError, to_si
+from tcstudy.scene.units import LENGTH, NONE, NUMBER, Dimension
 
 Cells = list[tuple[Node, ...]]
 
@@ -151,14 +149,10 @@ def _columns(ctx: Context, fields: Fields, scene: Scene, history: HistoryPlan | 
     remedy = 'write {boundary.grip.u_x: "Delta [mm]", friction_resultant: "P [N/mm]"}'
     if not (headings := ctx.mapping(wanted, "names to headings", remedy)):
         return [], ""
-    path = ctx.folder / ctx.text(file, "the path of a table")
-    try:
-        text = load_text(path)
-    except StudyError as error:
-        ctx.errors.at(file, f"{path}: {error.problems[0].what}", "name a CSV table beside the study")
-        return [], ""
     before = len(ctx.errors)
-    lines = list(csv_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
+    path, text, lines = table_lines(ctx, file)
+    if not text and len(ctx.errors) > before:
+        return [], ""
     if len(lines) < 2:
         ctx.errors.at(file, f"{path} has no data", "write a heading for each column and a line for each datum")
     _check_lines(ctx, lines)
@@ -220,8 +214,7 @@ def _column(
             *(["step"] if stepwise else []),
             *(".".join(one) for one, parameter in affine.items() if not parameter.idle),
         ]
-        near = nearest(name, known)
-        remedy = f"did you mean {near!r}?" if near else f"use {', '.join(known)}"
+        remedy = hint(name, known, f"use {', '.join(known)}")
         what = "the step of the history" if stepwise else "a parameter of the load"
         ctx.errors.at(node, f"{name!r} is neither a result nor {what}", remedy, on_key=True)
         return None
@@ -253,12 +246,7 @@ def _unit(ctx: Context, cell: Node, dimension: Dimension) -> str | None:
     if plain:
         ctx.errors.at(cell, "has a unit, but the study says units: none", "drop the unit")
         return None
-    try:
-        to_si("1", match[1].strip(), dimension)
-    except UnitError as error:
-        ctx.errors.at(cell, str(error), error.remedy)
-        return None
-    return match[1].strip()
+    return match[1].strip() if ctx.unit(cell, match[1].strip(), dimension) else None
 
 
 def _number(ctx: Context, cell: Node, unit: str, dimension: Dimension) -> float:

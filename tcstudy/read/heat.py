@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from tcstudy.expressions.expression import Expression
 from tcstudy.read.body import REGION_SHAPES, read_region
 from tcstudy.read.fields import Context, Fields, none_after_fault
-from tcstudy.read.node import Node, choose, deepest
+from tcstudy.read.node import Node, deepest, hint
 from tcstudy.scene.keys import rows
 from tcstudy.scene.records import Body, EdgeHeat, Heat, Material, Point, Role, Scalar, exchanges
 
@@ -111,9 +111,9 @@ def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> 
     for item in node.value if isinstance(node.value, tuple) else (node,):
         name = ctx.text(item, "the name of a region")
         if name and regions is not None and name not in regions:
-            shapes = f"one of {', '.join(REGION_SHAPES)}"
-            known = choose(name, regions, "one of") if regions else f"add it under body.regions, or write {shapes} here"
-            ctx.errors.at(item, f"the body has no region {name!r}", known)
+            shape = f"add it under body.regions, or write one of {', '.join(REGION_SHAPES)} here"
+            remedy = hint(name, regions, f"use one of {', '.join(regions)}" if regions else shape)
+            ctx.errors.at(item, f"the body has no region {name!r}", remedy)
         if name in names:
             ctx.errors.at(item, f"the region {name!r} is given twice", "name each region once")
         names.append(name)

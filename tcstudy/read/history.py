@@ -13,7 +13,7 @@ from typing import Any
 from tcstudy.expressions.expression import Expression
 from tcstudy.read.checks import supports_fault
 from tcstudy.read.fields import Context, Fields, none_after_fault
-from tcstudy.read.node import Node, nearest
+from tcstudy.read.node import Node, hint
 from tcstudy.read.plans import Affine, affine_parameters, level_of, path_of
 from tcstudy.scene.fits import STEP, FitPlan, Sensitivity
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Keys, Memory, UnfitLaw
@@ -131,9 +131,8 @@ def _keys(
     if keys not in known:
         names = [".".join(path) for path, one in known.items() if not one.idle]
         same = [name for name in names if name.split(".")[-1] == word]
-        near = same[0] if same else nearest(word, [*names, *own])
         what = "is no load of this study that a history may change"
-        remedy = f"did you mean {near!r}?" if near else f"use one of {', '.join(names)}"
+        remedy = hint(same[0] if same else word, same or [*names, *own], f"use one of {', '.join(names)}")
     elif known[keys].idle:
         what, remedy = f"{known[keys].idle}, so it changes nothing", "choose another load"
     elif isinstance(known[keys].value, Expression):

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
-from tcstudy.errors import Problem
+from tcstudy.errors import Problem, shortened
 from tcstudy.scene.keys import of_role, short_of
 
 Scalar: TypeAlias = "bool | int | float | str | None"
@@ -80,10 +80,9 @@ class Node:
 
     def brief(self) -> str:
         """The text, shortened so that a message stays one readable line; numbers that stand nowhere in six digits."""
-        text = self.text()
         if self.shown_in is not None and isinstance(self.value, float):
-            text = f"{self.value / self.shown_in[1]:.6g} {self.shown_in[0]}".rstrip()
-        return text if len(text) <= 60 else text[:57] + "..."
+            return f"{self.value / self.shown_in[1]:.6g} {self.shown_in[0]}".rstrip()
+        return shortened(self.text())
 
 
 class Collector:
@@ -159,11 +158,10 @@ def meant(key: str, free: list[str], known: list[str]) -> str | None:
     return best if likeness[0] > likeness[1] else unused
 
 
-def choose(word: str, known: Iterable[str], noun: str) -> str:
-    """Remedy for a word that is not known: the nearest one, or all."""
-    known = list(known)
+def hint(word: str, known: Iterable[str], otherwise: str) -> str:
+    """Remedy for a word that is not known: the nearest that is, or something else."""
     near = nearest(word, known)
-    return f"did you mean {near!r}?" if near else f"use {noun} {', '.join(known)}"
+    return f"did you mean {near!r}?" if near else otherwise
 
 
 def split_path(path: str) -> Keys | None:
@@ -174,26 +172,27 @@ def split_path(path: str) -> Keys | None:
     return tuple(int(token[1:-1]) if token[0] == "[" else token for token in tokens)
 
 
+def inside(node: Node, key: str | int) -> Node | None:
+    """The value under a key of a mapping or at a place of a list; None if there is none."""
+    if isinstance(key, str):
+        return node.child(key)
+    return node.value[key] if isinstance(node.value, tuple) and key < len(node.value) else None
+
+
 def deepest(root: Node, keys: Keys) -> Node:
     """The node at a path, or the last one that exists on the way."""
-    node = root
     for key in keys:
-        inner: Node | None = None
-        if isinstance(key, int) and isinstance(node.value, tuple) and key < len(node.value):
-            inner = node.value[key]
-        elif isinstance(key, str):
-            inner = node.child(key)
-        if inner is None:
+        if (inner := inside(root, key)) is None:
             break
-        node = inner
-    return node
+        root = inner
+    return root
 
 
-def holds(root: Node, keys: tuple[str, ...]) -> bool:
+def holds(root: Node, keys: Keys) -> bool:
     """True if there is a value at the path."""
     node: Node | None = root
     for key in keys:
-        node = node.child(key) if node else None
+        node = inside(node, key) if node else None
     return node is not None
 
 

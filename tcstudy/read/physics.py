@@ -14,7 +14,7 @@ from typing import Literal
 from tcstudy.expressions.expression import Expression
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.heat import HEAT_KEYS, Boundary, read_edge_heat
-from tcstudy.read.node import COMPONENTS, Node, choose, nearest
+from tcstudy.read.node import COMPONENTS, Node, hint, nearest
 from tcstudy.scene.edge_laws import EdgeLaws
 from tcstudy.scene.friction import FrictionLaw, GrowthError
 from tcstudy.scene.key import LOADED
@@ -24,10 +24,8 @@ from tcstudy.scene.nodal_laws import times
 from tcstudy.scene.records import Clamped, Contact, Convection, Free, Material, Rigid, Role, Scalar, Symmetry, Traction
 
 ROLES = row("boundary", "role").words
-RECORDS: dict[str, type[Role]] = {
-    **{"traction": Traction, "contact": Contact, "convection": Convection, "free": Free, "clamped": Clamped},
-    **{"symmetry": Symmetry, "rigid": Rigid},
-}
+UNLOADED: dict[str, type[Role]] = {"contact": Contact, "free": Free, "symmetry": Symmetry}
+"""Roles that are given by their name, and by what they do to heat."""
 ALL_KEYS = tuple(name for name in rows("boundary") if name != "role")
 FRAMES: tuple[tuple[Literal["xy", "nt"], str, str], ...] = (("xy", "u_x", "u_y"), ("nt", "u_N", "u_T"))
 
@@ -101,7 +99,7 @@ def _role(ctx: Context, node: Node) -> Role:
         given = fields.given(("g", "pressure"))
         made = Traction if kind == "traction" else Convection
         return made(**given, heat=heat, force=_force(ctx, fields), spring=_spring(ctx, fields))
-    return RECORDS[kind](**fields.given(key for key in of_role(kind) if key not in HEAT_KEYS), heat=heat)
+    return UNLOADED[kind](heat=heat)
 
 
 def _home(key: str) -> str:
@@ -196,7 +194,8 @@ def read_materials(
     found, remedy = [], ctx.example("write {REGION: {E: 70 GPa, nu: 0.33}}")
     for name, item in ctx.mapping(own, "regions to materials", remedy).items():
         if regions is not None and name not in regions:
-            remedy = choose(name, regions, "one of") if regions else "add its shape under body.regions"
+            known = f"use one of {', '.join(regions)}" if regions else "add its shape under body.regions"
+            remedy = hint(name, regions, known)
             ctx.errors.once(item, f"the body has no region {name!r}", remedy)
         elif plane := item.child("plane"):
             ctx.errors.once(plane, "the whole body is in plane strain or in plane stress", "give it under material")
@@ -217,8 +216,11 @@ def read_material(ctx: Context, node: Node, plane: Literal["strain", "stress"] |
         odd = next(fields.values[key] for key in ("lambda", "mu") if fields[key])
         ctx.errors.once(odd, "the material is given in two ways", "give either E and nu, or lambda and mu")
         E = nu = lam = mu = math.nan
+    elif pairs == [("lambda", "mu")]:
+        E, nu, lam, mu = _from_lame(ctx, fields)
     else:
-        E, nu, lam, mu = (_from_lame if pairs == [("lambda", "mu")] else _from_engineering)(ctx, fields)
+        E, nu = fields.value("E"), fields.value("nu")
+        lam, mu = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
     if fields["alpha_T"] and fields["beta"]:
         ctx.errors.once(fields.values["beta"], "both alpha_T and beta are given", "give one of the two")
     plane = plane or fields.value("plane")
@@ -230,13 +232,8 @@ def read_material(ctx: Context, node: Node, plane: Literal["strain", "stress"] |
     return Material(lam, mu, beta, fields.value("k"), E, nu, plane)
 
 
-def _from_engineering(_: Context, fields: Fields) -> tuple[float, float, float, float]:
-    """E, nu and the three-dimensional Lamé moduli."""
-    E, nu = fields.value("E"), fields.value("nu")
-    return E, nu, E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
-
-
 def _from_lame(ctx: Context, fields: Fields) -> tuple[float, float, float, float]:
+    """E, nu and the three-dimensional Lamé moduli."""
     lam, mu = fields.value("lambda"), fields.value("mu")
     if 3 * lam + 2 * mu <= 0.0:
         remedy = f"3 lambda + 2 mu must be positive: lambda greater than {-2 * mu / 3:g}"

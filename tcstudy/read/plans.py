@@ -12,7 +12,7 @@ from typing import Any, get_args
 from tcstudy.expressions.expression import Expression
 from tcstudy.read.checks import check_corners
 from tcstudy.read.fields import Context, Fields, none_after_fault
-from tcstudy.read.node import Collector, Node, nearest
+from tcstudy.read.node import Collector, Node, hint
 from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT, affine_numbers, path_scene, sweepable
@@ -245,8 +245,9 @@ def _parameter(ctx: Context, node: Node, scene: Scene) -> tuple[str, ...] | None
         else:
             shorter = {name: full for name, full in SHORTER.items() if full in names}
             same = [name for name in names if name.split(".")[-1] == word]
-            near = same[0] if same else nearest(word, [*names, *shorter])
-            remedy = f"did you mean {near!r}?" if near else f"a path runs along {', '.join(names)}"
+            remedy = hint(
+                same[0] if same else word, same or [*names, *shorter], f"a path runs along {', '.join(names)}"
+            )
             ctx.errors.at(node, f"the scene has no parameter {word!r} for a path", remedy)
         return None
     if known[keys].idle:

@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from tcstudy.read.node import Mark, Node
 from tcstudy.scene import keys as table
 from tcstudy.scene.designs import ENDS, PARAMETERS, SALTELLI, Cube, Design, Distribution, count, cube
 from tcstudy.scene.parameters import NUMBERS, WHOLE, Parameter
-from tcstudy.scene.units import NONE, NUMBER, UnitError, common_unit, split_quantity, to_si
+from tcstudy.scene.units import NONE, NUMBER, common_unit, split_quantity
 
 CELL = re.compile(r'\s*("(?:[^"]|"")*"|[^,"]*)\s*(?:,|$)')
 HEAD = re.compile(r"([^\s\[\]]+)\s*(?:\[(.+)\])?")
@@ -40,13 +41,7 @@ def read_table(ctx: Context, node: Node, parameter: Callable[[str, Node], Parame
     parameter: what a key stands for; records a fault if it is nothing
     """
     before = len(ctx.errors)
-    path = ctx.folder / ctx.text(node, "the path of a table")
-    try:
-        text = load_text(path)
-    except StudyError as error:
-        ctx.errors.at(node, f"{path}: {error.problems[0].what}", "name a CSV table beside the study")
-        return []
-    lines = list(csv_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
+    path, _, lines = table_lines(ctx, node)
     if len(ctx.errors) > before:
         return []
     if len(lines) < 2:
@@ -71,8 +66,18 @@ def read_table(ctx: Context, node: Node, parameter: Callable[[str, Node], Parame
     ]
 
 
-def csv_lines(ctx: Context, text: str, file: str) -> Iterator[tuple[Node, ...]]:
-    """The cells of every line that has some."""
+def table_lines(ctx: Context, node: Node) -> tuple[Path, str, list[tuple[Node, ...]]]:
+    """Path and text of the CSV table that a key names, and the cells of every line that has some."""
+    path = ctx.folder / ctx.text(node, "the path of a table")
+    try:
+        text = load_text(path)
+    except StudyError as error:
+        ctx.errors.at(node, f"{path}: {error.problems[0].what}", "name a CSV table beside the study")
+        return path, "", []
+    return path, text, list(_csv_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
+
+
+def _csv_lines(ctx: Context, text: str, file: str) -> Iterator[tuple[Node, ...]]:
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
@@ -107,14 +112,7 @@ def _column(
         remedy = "list the points by mode: list, or sweep the numbers of one"
         ctx.errors.at(cell, f"whole {found.row.kind}s cannot stand in a table", remedy, key=key)
         return None
-    if unit and ctx.units == "none":
-        ctx.errors.at(cell, "has a unit, but the study says units: none", "drop the unit", key=key)
-        return None
-    try:
-        if unit:
-            to_si("1", unit, found.row.dimension)
-    except UnitError as error:
-        ctx.errors.at(cell, str(error), error.remedy, key=key)
+    if unit and not ctx.unit(cell, unit, found.row.dimension, key):
         return None
     return key, unit, found
 
@@ -127,22 +125,11 @@ def _value(ctx: Context, cell: Node, unit: str) -> Node:
     number = re.fullmatch(NUMBER, word)
     if unit and split_quantity(word) is not None:
         ctx.errors.at(cell, f"{word!r} has a unit beside that of the header", "write the number alone")
-    if number is None:
-        return cell
-    return Node(f"{word} {unit}" if unit else float(word), "", cell.mark, cell.key_mark)
+    return cell if number is None else replace(cell, value=f"{word} {unit}" if unit else float(word))
 
 
-@dataclass(frozen=True)
-class DrawnAxis:
-    """The values of one parameter, and what stands in the data for them.
-
-    names:        of laws; empty for other values
-    distribution: in words
-    """
-
-    values: tuple[Node, ...]
-    names: tuple[str, ...]
-    distribution: str
+Drawn = tuple[tuple[Node, ...], tuple[str, ...], str]
+"""The values of one parameter; names of laws that stand for them in the data, if they are laws; the distribution."""
 
 
 def read_design(ctx: Context, node: Node, mode: str, most: int, d: int) -> Design | None:
@@ -160,7 +147,7 @@ def read_design(ctx: Context, node: Node, mode: str, most: int, d: int) -> Desig
     return Design(mode, n, start) if len(ctx.errors) == before else None
 
 
-def draw(ctx: Context, design: Design, items: Mapping[str, tuple[Node, Parameter]]) -> dict[str, DrawnAxis]:
+def draw(ctx: Context, design: Design, items: Mapping[str, tuple[Node, Parameter]]) -> dict[str, Drawn]:
     """The drawn values by key; only those whose distribution could be read."""
     read = {key: _distribution(ctx, node, parameter, design.mode) for key, (node, parameter) in items.items()}
     if not items or any(found is None for found in read.values()):
@@ -185,11 +172,9 @@ def _distribution(ctx: Context, node: Node, parameter: Parameter, mode: str) -> 
     if parameter.is_whole and isinstance(node.value, Mapping) and node.value and not parameter.is_one(node.value):
         found: Choice | Distribution | None = dict(node.value)
     elif not isinstance(node.value, Mapping) or parameter.is_whole:
-        shape = (
-            f"{{NAME: {{{WHOLE[parameter.row.kind][0]}: ...}}, NAME: ...}}"
-            if parameter.is_whole
-            else "{uniform: [a, b]} or {choice: [a, b]}"
-        )
+        shape = "{uniform: [a, b]} or {choice: [a, b]}"
+        if parameter.is_whole:
+            shape = f"{{NAME: {{{WHOLE[parameter.row.kind][0]}: ...}}, NAME: ...}}"
         ctx.errors.at(node, f"must be a distribution, but is {node.kind()}", f"with mode: {mode} write {shape}")
         return None
     else:
@@ -211,8 +196,7 @@ def _named(ctx: Context, node: Node, parameter: Parameter) -> Distribution | Cho
         return None
     kind, item = next(iter(fields.values.items()))
     if kind == "choice":
-        entries = ctx.items(item, "a list of values", least=1)
-        return entries or None
+        return ctx.items(item, "a list of values", least=1) or None
     dimension = parameter.row.dimension
     if parameter.row.kind not in NUMBERS:
         ctx.errors.at(item, f"{parameter.path[-1]} is no single number", "write {choice: [..., ...]}")
@@ -234,14 +218,14 @@ def _named(ctx: Context, node: Node, parameter: Parameter) -> Distribution | Cho
     return found
 
 
-def _at(node: Node, found: Distribution | Choice | None, u: Cube, unit: tuple[str, float]) -> DrawnAxis:
+def _at(node: Node, found: Distribution | Choice | None, u: Cube, unit: tuple[str, float]) -> Drawn:
     """The values at points in (0, 1). unit: in which they are shown, and its size."""
     if isinstance(found, Distribution):
-        values = tuple(Node(value, node.path, node.mark, node.key_mark, unit) for value in found.at(u).tolist())
-        return DrawnAxis(values, (), str(found))
+        values = tuple(replace(node, value=value, shown_in=unit) for value in found.at(u).tolist())
+        return values, (), str(found)
     assert found is not None
     entries = tuple(found.values()) if isinstance(found, dict) else found
     which = np.minimum((u * len(entries)).astype(int), len(entries) - 1).tolist()
     names = tuple(found) if isinstance(found, dict) else ()
     said = ", ".join(names or [entry.text() for entry in entries])
-    return DrawnAxis(tuple(entries[i] for i in which), tuple(names[i] for i in which if names), f"choice({said})")
+    return tuple(entries[i] for i in which), tuple(names[i] for i in which if names), f"choice({said})"

@@ -7,7 +7,7 @@ values that touch it, so 10^4 points cost little more than their distinct values
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.read.body import BodyReading, check_shape, read_body
-from tcstudy.read.checks import check_corners, check_finite, check_laws, check_straight, check_support, supports
+from tcstudy.read.checks import check_corners, check_finite, check_laws, check_straight, supports, supports_fault
 from tcstudy.read.fields import Context
 from tcstudy.read.heat import check_heat, check_held, needed_of_heat, read_heat, read_inline_region
 from tcstudy.read.node import Node, put
@@ -23,6 +23,7 @@ from tcstudy.read.parameters import read_parameters, users, words_in
 from tcstudy.read.physics import read_boundary, read_friction, read_loads, read_materials
 from tcstudy.read.sweep import Sweep, SweptAxis
 from tcstudy.scene.edge_laws import EdgeLaws
+from tcstudy.scene.named import Named
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Body, Scene
 
@@ -74,15 +75,13 @@ class SceneReader:
         names = users(self.root, path[-1])
         return any(words_in(node, names) for node in texts)
 
-    def _name(self, section: str, key: Indices) -> None:
-        """Give the names that expressions use the values that they have at `key`."""
-        swept = {i: at for i, at in zip(self.touching[section], key, strict=True) if self._is_name(i)}
-        self.ctx.named = self.named
-        if swept:
-            root = self.root
-            for i, at in swept.items():
-                root = put(root, self.sweep.axes[i].parameter.path, self.sweep.axes[i].values[at])
-            self.ctx.named = read_parameters(self.ctx, root.child("parameters"))
+    def _named_at(self, section: str, key: Indices) -> dict[str, Named]:
+        """The names that expressions use, with the values that they have at `key`."""
+        swept = [(i, at) for i, at in zip(self.touching[section], key, strict=True) if self._is_name(i)]
+        root = self.root
+        for i, at in swept:
+            root = put(root, self.sweep.axes[i].parameter.path, self.sweep.axes[i].values[at])
+        return read_parameters(self.ctx, root.child("parameters")) if swept else self.named
 
     def _is_name(self, i: int) -> bool:
         return self.sweep.axes[i].parameter.path[0] == "parameters"
@@ -118,9 +117,8 @@ class SceneReader:
         records = {s: [self.values[s, key] for key in keys[s].distinct] for s in SECTIONS}
         if self.body is None or any(record is None for known in records.values() for record in known):
             return (self.base,) if self.base else ()
-        named = {_FIELD.get(s, s): s for s in SECTIONS}
-        which = {"body": np.zeros_like(keys["heat"].of)} | {n: keys[s].of for n, s in named.items()}
-        return Scenes({"body": [self.body]} | {n: records[s] for n, s in named.items()}, which)
+        which = {_FIELD.get(s, s): keys[s].of for s in SECTIONS} | {"body": np.zeros_like(keys["heat"].of)}
+        return Scenes({_FIELD.get(s, s): records[s] for s in SECTIONS} | {"body": [self.body]}, which)
 
     def _keys(self, section: str) -> _Keys:
         """The values of the axes that touch a section: all combinations, and which one each point has."""
@@ -142,7 +140,7 @@ class SceneReader:
             axes = self.touching[section]
             self.ctx.errors.point = self._text(key, axes)
             node = self.nodes[section, key] = self._put(section, key)
-            self._name(section, key)
+            self.ctx.named = self._named_at(section, key)
             self.values[section, key] = self._read(section, node)
             self.ctx.named = self.named
 
@@ -177,9 +175,8 @@ class SceneReader:
         root = Node({s: n for s in keys if (n := self.root.child(s))}, "", self.root.mark, self.root.mark)
         try:
             for i, at in zip(self.touching[section], key, strict=True):
-                if self._is_name(i):
-                    continue
-                root = put(root, self.sweep.axes[i].parameter.path, self.sweep.axes[i].values[at])
+                if not self._is_name(i):
+                    root = put(root, self.sweep.axes[i].parameter.path, self.sweep.axes[i].values[at])
         except KeyError:  # the base study has something else there, which is recorded already
             return None
         return root
@@ -196,25 +193,22 @@ class SceneReader:
     def _read(self, section: str, root: Node | None) -> Any:
         """The record of a section of a study; None after a fault."""
         node = root.child(section) if root else None
-        optional: dict[str, Callable[[], Any]] = {
-            "loads": lambda: read_loads(self.ctx, node),
-            "heat": lambda: read_heat(self.ctx, node, self.regions, self.needed_of_heat),
-        }
-        if section in optional:
-            return optional[section]()
-        if node is None:
+        if section == "loads":
+            return read_loads(self.ctx, node)
+        if section == "heat":
+            return read_heat(self.ctx, node, self.regions, self.needed_of_heat)
+        if root is None or node is None:
             return None
         if section == "material":
-            return read_materials(self.ctx, node, root.child("materials") if root else None, self.regions)
+            return read_materials(self.ctx, node, root.child("materials"), self.regions)
         if section == "friction":
             return read_friction(self.ctx, node)
         boundary = read_boundary(self.ctx, node, self.names)
         if boundary and self.body:
-            held = supports(boundary)
-            if held not in self.supports:
+            if not self.loose and (held := supports(boundary)) not in self.supports:
                 self.supports.add(held)
-                if not self.loose:
-                    check_support(self.ctx, node, self.body, boundary)
+                if fault := supports_fault(self.body, boundary):
+                    self.ctx.errors.at(node, *fault)
             check_corners(self.ctx, node, self.body, boundary)
             check_held(self.ctx, node, self.body, boundary)
             check_straight(self.ctx, node, self.body, boundary)

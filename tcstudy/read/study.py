@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +15,10 @@ from tcstudy.read.checks import check_goal, check_mesh
 from tcstudy.read.document import apply_overrides, compose, load_text, with_sweep
 from tcstudy.read.exact import derived_scenes, read_exact, without_loads
 from tcstudy.read.fields import Context, Fields
-from tcstudy.read.heat import needed_of_heat, read_heat
+from tcstudy.read.heat import needed_of_heat
 from tcstudy.read.node import Collector, Mark, Node, deepest, holds, put, split_path
 from tcstudy.read.parameters import check_swept_names, read_parameters, swept_names
-from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge, read_material
+from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge
 from tcstudy.read.plans import read_mesh, read_output, read_path, read_solver
 from tcstudy.read.scenes import SECTIONS, SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, records
@@ -53,7 +56,7 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
     if not isinstance(root.value, Mapping):
         ctx.errors.at(root, f"a study is a mapping, but this is {root.kind()}", "see configs/quickstart.yaml")
         raise StudyError(ctx.errors.problems)
-    header = _read_header(ctx, root, source.stem if source else file)
+    header = _read_header(ctx, root, source.stem if source else file) | {"text": text, "source": source}
     before = len(ctx.errors)
     if root.child("parameters"):
         ctx.named = read_parameters(ctx, root.child("parameters"))
@@ -62,9 +65,7 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
     sweep = _read_sweep(ctx, root, overrides if swept else ())
     said = with_sweep(overrides, sweep.written()) if sweep.tabled else overrides
 
-    def one(ctx: Context, root: Node, sweep: Sweep, said: tuple[str, ...]) -> Study:
-        return _one_body(ctx, root, sweep, header, text, source, said)
-
+    one = partial(_one_body, header)
     if any(axis.parameter.path[0] in ("body", "mesh", "parameters") for axis in sweep.axes):
         from tcstudy.read.variants import geometric, read_variants, whole
 
@@ -75,20 +76,14 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
     return one(ctx, root, sweep, said)
 
 
-def _one_body(
-    ctx: Context,
-    root: Node,
-    sweep: Sweep,
-    header: dict[str, Any],
-    text: str,
-    source: Path | None,
-    said: tuple[str, ...],
-) -> Study:
+def _one_body(header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, said: tuple[str, ...]) -> Study:
     """The study of one body and its meshes. said: options that make the text this study."""
     given = without_loads(ctx, root, sweep) if root.child("exact") else root
     base = _with_swept_keys(given, sweep)
-    _check_keys(ctx, base, sweep)
-    reader = SceneReader(ctx, base, sweep, loose=_friction_may_hold(base))
+    required = [key for key in REQUIRED if key != "mesh" or sweep.h is None or isinstance(sweep.h.value, Mapping)]
+    Fields(ctx, base, "", required, (*OPTIONAL, "mesh"))
+    memory = history.child("memory") if (history := base.child("history")) else None
+    reader = SceneReader(ctx, base, sweep, loose=memory is not None and memory.value == "friction")
     scenes = reader.read()
     ctx.errors.point = ""
     plans = _read_run(ctx, base, sweep, reader, scenes)
@@ -100,8 +95,6 @@ def _one_body(
     return Study(
         **header,
         **plans,
-        text=text,
-        source=source,
         units=ctx.units,
         mode=sweep.mode,
         axes=records(sweep, ctx.units) if sweep.axes else (),
@@ -109,13 +102,6 @@ def _one_body(
         overrides=said,
         design=sweep.design,
     )
-
-
-def _friction_may_hold(root: Node) -> bool:
-    """Whether the body may lie loose on the contact line: in a history whose memory is friction."""
-    section = root.child("history")
-    word = section.child("memory") if section and isinstance(section.value, Mapping) else None
-    return word is not None and word.value == "friction"
 
 
 def _read_header(ctx: Context, root: Node, default: str) -> dict[str, Any]:
@@ -135,7 +121,9 @@ def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
     roles = boundary.value if boundary and isinstance(boundary.value, Mapping) else {}
     law = word.value if friction and (word := friction.child("law")) else None
     by_edge = {edge: str(word.value) for edge, one in laws_by_edge(friction).items() if (word := one.child("law"))}
-    edges = {edge: keys_of(node) for edge, node in roles.items()} if boundary else _swept_edges(node)
+    edges = {edge: keys_of(node) for edge, node in roles.items()}
+    if boundary is None:  # then those that the sweep names, with all keys
+        edges = {words[1]: ALL_KEYS for words in _paths(node) if len(words) == 3 and words[0] == "boundary"}
     known = sweepable(edges, by_edge or (law if isinstance(law, str) else None), _regions(root, node))
     if ctx.named:
         known = known | swept_names(ctx.named)
@@ -147,7 +135,8 @@ def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
     if ctx.named:
         check_swept_names(ctx, root, sweep, (*SECTIONS, "materials", "body", "mesh"))
     for option in (text for text in overrides if "=" in text):
-        key = SHORT.get(option.partition("=")[0].strip(), option.partition("=")[0].strip())
+        key = option.partition("=")[0].strip()
+        key = SHORT.get(key, key)
         keys = split_path(key) or ()
         for axis in sweep.axes:
             path = axis.parameter.path
@@ -173,11 +162,6 @@ def _paths(sweep: Node | None) -> list[list[str]]:
     return [key.split(".") for keys in maps for key in keys]
 
 
-def _swept_edges(sweep: Node | None) -> dict[str, tuple[str, ...]]:
-    """The edges that a sweep names, with all keys: of a study without the section `boundary`."""
-    return {words[1]: ALL_KEYS for words in _paths(sweep) if len(words) == 3 and words[0] == "boundary"}
-
-
 def _of_sections(ctx: Context, root: Node, sweep: Sweep) -> Sweep:
     """The sweep without parameters of a section that is not there and that they do not make by themselves.
 
@@ -186,7 +170,7 @@ def _of_sections(ctx: Context, root: Node, sweep: Sweep) -> Sweep:
     lost = {
         section
         for section in SECTIONS
-        if root.child(section) is None and not _made_by(ctx, section, sweep, root.child("boundary"))
+        if root.child(section) is None and not _made_by(section, sweep, root.child("boundary"))
     }
     for section in sorted(lost & set(OPTIONAL)):
         swept = next(axis.key for axis in sweep.axes if axis.parameter.path[0] == section)
@@ -195,23 +179,16 @@ def _of_sections(ctx: Context, root: Node, sweep: Sweep) -> Sweep:
     return replace(sweep, axes=tuple(axis for axis in sweep.axes if axis.parameter.path[0] not in lost))
 
 
-def _made_by(ctx: Context, section: str, sweep: Sweep, boundary: Node | None) -> bool:
+def _made_by(section: str, sweep: Sweep, boundary: Node | None) -> bool:
     """Whether the swept keys of a section are all that it needs; true if none is swept."""
-    axes = [axis for axis in sweep.axes if axis.parameter.path[0] == section and axis.values]
-    if not axes or any(axis.parameter.path == (section,) for axis in axes):
-        return True
-    probe, node = Context(Collector(), ctx.units, named=ctx.named), axes[0].node
-    root = _with_swept_keys(replace(node, value={}), replace(sweep, axes=tuple(axes)))
-    made = root.child(section)
-    if made is None or section in ("boundary", "friction"):
-        return False
-    read: dict[str, Callable[[], object]] = {
-        "material": lambda: read_material(probe, made),
-        "heat": lambda: read_heat(probe, made, None, needed_of_heat(boundary)),
-        "loads": lambda: True,
+    paths = [axis.parameter.path for axis in sweep.axes if axis.parameter.path[0] == section and axis.values]
+    enough = {
+        "material": combinations(("E", "nu", "lambda", "mu"), 2),  # two that do not go together are told as such
+        "heat": (("theta",), needed_of_heat(boundary)),
+        "loads": (("f",),),
     }
-    read[section]()
-    return not any(problem.what == "is missing" for problem in probe.errors.problems)
+    given = {path[-1] for path in paths}
+    return not paths or (section,) in paths or any({*keys} <= given for keys in enough.get(section, ()))
 
 
 def _with_swept_keys(root: Node, sweep: Sweep) -> Node:
@@ -220,17 +197,9 @@ def _with_swept_keys(root: Node, sweep: Sweep) -> Node:
     for axis in sorted(sweep.axes, key=lambda axis: len(axis.parameter.path)):
         # A parameter of a law that is itself swept may be foreign to the base law.
         if not holds(root, axis.parameter.path) and axis.parameter.path[:1] not in whole:
-            try:
+            with suppress(KeyError):  # something else stands there, which the section's reader records
                 root = put(root, axis.parameter.path, axis.values[0])
-            except KeyError:  # something else stands there, which the section's reader records
-                continue
     return root
-
-
-def _check_keys(ctx: Context, root: Node, sweep: Sweep) -> None:
-    """Unknown and missing sections."""
-    required = [key for key in REQUIRED if key != "mesh" or sweep.h is None or isinstance(sweep.h.value, Mapping)]
-    Fields(ctx, root, "", required, (*OPTIONAL, "mesh"))
 
 
 def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scenes: Sequence[Scene]) -> dict[str, Any]:

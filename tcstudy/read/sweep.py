@@ -1,4 +1,4 @@
-"""Reads the section `sweep`: which parameters take which values, and how they are combined.
+"""Reads the section `sweep`: which parameters take which values, how they are combined, and their labels in the data.
 
 The values stay nodes of the study: a sweep point is the study with these nodes put at their paths.
 """
@@ -7,20 +7,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from tcstudy.read.fields import Context, Fields
-from tcstudy.read.node import Node, nearest
+from tcstudy.read.node import Node, hint, nearest
 from tcstudy.read.points import draw, read_design, read_table
 from tcstudy.scene import keys as table
 from tcstudy.scene.designs import DESIGNS, Design
+from tcstudy.scene.histories import short_names
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.parameters import FIXED, NUMBERS, SHORT, Keys, Parameter
 from tcstudy.scene.study import Axis
 from tcstudy.scene.units import Dimension, common_unit
 
 MODES = table.row("sweep", "mode").words
+MAX_POINTS = 1_000_000
+Nodes = tuple[Node, ...]
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,7 @@ def read_sweep(ctx: Context, node: Node, known: Mapping[Keys, Parameter], law: N
     if mode in DESIGNS:
         design, axes = _drawn(ctx, node, given, known, mode)
     else:
-        axes = _point_list(ctx, node, given, known) if mode == "list" else _axes(ctx, given, known)
+        axes = _point_list(ctx, node, given, known) if mode == "list" else _lists(ctx, given, known)
     _check_axes(ctx, node, axes, mode)
     _check_law_parameters(ctx, axes, law)
     if len(ctx.errors) > before:
@@ -95,22 +98,27 @@ def _drawn(
         ctx.errors.at(node, "has no parameter to draw", "add one, for example alpha: {uniform: [25, 100]}")
     design = read_design(ctx, node, mode, MAX_POINTS, len(items))
     axes = []
-    for key, drawn in draw(ctx, design, found).items() if design else ():
-        item, parameter = found[key]
-        labels = drawn.names or axis_labels(ctx, drawn.values, parameter)
-        axes.append(SweptAxis(key, item, parameter, drawn.values, labels, drawn.distribution))
+    for key, (values, names, distribution) in draw(ctx, design, found).items() if design else ():
+        axes.append(_axis(ctx, key, *found[key], values, names, distribution))
     return design, axes
 
 
-def _axes(ctx: Context, given: Mapping[str, Node], known: Mapping[Keys, Parameter]) -> list[SweptAxis]:
-    axes = []
-    for key, item in given.items():
-        parameter = _parameter(ctx, key, item, known)
-        if parameter is None:
-            continue
-        values, names = axis_values(ctx, item, parameter)
-        axes.append(SweptAxis(key, item, parameter, values, names or axis_labels(ctx, values, parameter)))
-    return axes
+def _axis(
+    ctx: Context, key: str, node: Node, p: Parameter, values: Nodes, names: tuple[str, ...] = (), drawn: str = ""
+) -> SweptAxis:
+    """An axis, labelled by names or by its values: numbers in SI, or texts if any value is none."""
+    texts, kind = tuple(value.text() for value in values), p.row.kind
+    if names or kind not in NUMBERS or (kind == "component" and "free" in texts):
+        return SweptAxis(key, node, p, values, names or texts, drawn)
+    labels = [ctx.scalar(value, p.row.dimension, varies=kind in ("field", "component")) for value in values]
+    numbers = tuple(label for label in labels if isinstance(label, float))
+    return SweptAxis(key, node, p, values, numbers if len(numbers) == len(labels) else texts, drawn)
+
+
+def _lists(ctx: Context, given: Mapping[str, Node], known: Mapping[Keys, Parameter]) -> list[SweptAxis]:
+    """The axes whose values stand beside their keys."""
+    found = {key: p for key, item in given.items() if (p := _parameter(ctx, key, item, known))}
+    return [_axis(ctx, key, given[key], p, *_values(ctx, given[key], p)) for key, p in found.items()]
 
 
 def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Parameter]) -> Parameter | None:
@@ -132,14 +140,12 @@ def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Paramete
         same = [".".join(keys) for keys, p in known.items() if keys[-1] == path[-1] and not p.idle]
         if path[1:] and same:
             same = [nearest(key, same) or same[0]]
-        remedy = f"did you mean {' or '.join(map(repr, same))}?" if same else ""
-        if not same:
-            near = nearest(key, [*SHORT, *names, "mode"])
-            remedy = f"did you mean {near!r}?" if near else "use a key path such as heat.alpha or friction.delta"
+        remedy = hint(key, [*SHORT, *names, "mode"], "use a key path such as heat.alpha or friction.delta")
+        if same:
+            remedy = f"did you mean {' or '.join(map(repr, same))}?"
         if of_vector and not same:
-            remedy = (
-                f"sweep all of it, {of_vector[0]}: [[..., ...], [..., ...]], or a number of parameters that it uses"
-            )
+            remedy = f"sweep all of it, {of_vector[0]}: [[..., ...], [..., ...]]"
+            remedy += ", or a number of parameters that it uses"
         what = f"the study has no parameter {key!r} to sweep"
     ctx.errors.at(item, what, remedy, on_key=True)
     return None
@@ -161,10 +167,7 @@ def _point_list(
         return []
     if isinstance(points.value, str):
         columns = read_table(ctx, points, lambda key, cell: _parameter(ctx, key, cell, known))
-        return [
-            SweptAxis(key, cell, parameter, values, axis_labels(ctx, values, parameter))
-            for key, cell, parameter, values in columns
-        ]
+        return [_axis(ctx, *column) for column in columns]
     rows = ctx.items(points, "a list of points {PARAMETER: value, ...}", least=1)
     first = rows[0].value if rows else {}
     for row in rows:
@@ -178,26 +181,20 @@ def _point_list(
             return []
     axes = []
     for key, item in first.items() if isinstance(first, Mapping) else ():
-        parameter = _parameter(ctx, key, item, known)
-        if parameter is not None:
+        if parameter := _parameter(ctx, key, item, known):
             values = tuple(row.value[key] for row in rows if isinstance(row.value, Mapping))
-            names = tuple(_whole_name(value, parameter) for value in values) if parameter.is_whole else ()
-            values = tuple(_whole_node(value, parameter) for value in values) if parameter.is_whole else values
-            axes.append(SweptAxis(key, points, parameter, values, names or axis_labels(ctx, values, parameter)))
+            names: tuple[str, ...] = ()
+            if parameter.is_whole:
+                names, values = zip(*(_whole(value, parameter) for value in values), strict=True)
+            axes.append(_axis(ctx, key, points, parameter, values, names))
     return axes
 
 
-def _whole_name(node: Node, parameter: Parameter) -> str:
-    """Name of a law or a material in a point: its key in {NAME: law}, else the name of its shape or all it says."""
+def _whole(node: Node, parameter: Parameter) -> tuple[str, Node]:
+    """A law or a material in a point, after its name: its key in {NAME: law}, else that of its shape or all it says."""
     if isinstance(node.value, Mapping) and len(node.value) == 1 and not parameter.is_one(node.value):
-        return next(iter(node.value))
-    return str(word.value) if (word := node.child("law")) else node.text()
-
-
-def _whole_node(node: Node, parameter: Parameter) -> Node:
-    if isinstance(node.value, Mapping) and len(node.value) == 1 and not parameter.is_one(node.value):
-        return next(iter(node.value.values()))
-    return node
+        return next(iter(node.value.items()))
+    return str(word.value) if (word := node.child("law")) else node.text(), node
 
 
 def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> None:
@@ -209,9 +206,10 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
             ctx.errors.at(axis.node, what, "keep one of the two", on_key=True)
         paths[axis.parameter.path] = axis.key
     lengths = [len(axis.values) for axis in axes if axis.values]
+    same = [_identities(axis) for axis in axes]
     if mode == "grid":
-        for axis in axes:
-            _check_repeated(ctx, axis.values, [_identity(axis, i) for i in range(len(axis.values))])
+        for axis, identities in zip(axes, same, strict=True):
+            _check_repeated(ctx, axis.values, identities)
         if math.prod(lengths) > MAX_POINTS:
             ctx.errors.at(node, f"the sweep has {math.prod(lengths)} points", f"at most {MAX_POINTS}: use fewer values")
         return
@@ -222,8 +220,7 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
             ctx.errors.at(axis.node, what, remedy)
             return
     if axes and len(lengths) == len(axes):
-        points = [tuple(_identity(axis, i) for axis in axes) for i in range(lengths[0])]
-        _check_repeated(ctx, axes[0].values, points)
+        _check_repeated(ctx, axes[0].values, list(zip(*same, strict=True)))
 
 
 def _check_law_parameters(ctx: Context, axes: list[SweptAxis], law: Node | None) -> None:
@@ -244,10 +241,10 @@ def _check_law_parameters(ctx: Context, axes: list[SweptAxis], law: Node | None)
                 break
 
 
-def _identity(axis: SweptAxis, i: int) -> object:
+def _identities(axis: SweptAxis) -> list[object]:
     """What makes two values the same: the number in SI, else the text."""
-    label = axis.labels[i]
-    return label if isinstance(label, float) else axis.values[i].text()
+    pairs = zip(axis.labels, axis.values, strict=True)
+    return [label if isinstance(label, float) else value.text() for label, value in pairs]
 
 
 def _check_repeated(ctx: Context, nodes: tuple[Node, ...], identities: Sequence[object]) -> None:
@@ -261,24 +258,19 @@ def _check_repeated(ctx: Context, nodes: tuple[Node, ...], identities: Sequence[
 
 def records(sweep: Sweep, units: str) -> tuple[Axis, ...]:
     """The axes as the rest of the package sees them."""
-    last = [axis.parameter.path[-1] for axis in sweep.axes]
+    names = short_names([axis.parameter.path for axis in sweep.axes])
     axes = []
-    for axis in sweep.axes:
-        path = axis.parameter.path
-        name = path[-1] if last.count(path[-1]) == 1 else "_".join(path)
+    for axis, name in zip(sweep.axes, names, strict=True):
         numbers = all(isinstance(label, float) for label in axis.labels)
         cf = axis.parameter.row.dimension.cf if numbers and units == "SI" else "1"
         values = tuple(value.plain() for value in axis.values)
         unit = axis.values[0].shown_in or common_unit(values, axis.parameter.row.dimension)
         written = unit if numbers and units == "SI" and unit[1] != 1.0 else ("", 1.0)
-        axes.append(Axis(name, path, values, axis.labels, cf, axis.distribution, written))
+        axes.append(Axis(name, axis.parameter.path, values, axis.labels, cf, axis.distribution, written))
     return tuple(axes)
 
 
-MAX_POINTS = 1_000_000
-
-
-def axis_values(ctx: Context, node: Node, parameter: Parameter) -> tuple[tuple[Node, ...], tuple[str, ...]]:
+def _values(ctx: Context, node: Node, parameter: Parameter) -> tuple[tuple[Node, ...], tuple[str, ...]]:
     """The values of an axis, and their names if they are laws or materials."""
     row = parameter.row
     if parameter.is_whole:
@@ -290,16 +282,15 @@ def axis_values(ctx: Context, node: Node, parameter: Parameter) -> tuple[tuple[N
         what = f"must be a mapping of names to {row.kind}s, but is {node.kind()}"
         ctx.errors.at(node, f"is a single {row.kind}, not a mapping of names to {row.kind}s" if one else what, remedy)
         return (), ()
-    if isinstance(node.value, tuple) and node.value:
+    spaced, empty = row.kind in NUMBERS, node.value in (None, (), {})
+    if isinstance(node.value, tuple) and not empty:
         return node.value, ()
-    spaced = row.kind in NUMBERS
     if isinstance(node.value, Mapping) and spaced:
         return _spaced(ctx, node, row.dimension), ()
-    shown = ctx.example(row.dimension.example) if node.value in (None, (), {}) else node.brief()
+    shown = ctx.example(row.dimension.example) if empty else node.brief()
     example = f"{shown}, ...] or {{linspace: [a, b, n]}}" if spaced else "..., ...]"
-    remedy = f"write a list such as [{example}"
-    what = "has no values" if node.value in (None, (), {}) else f"must be a list of values, but is {node.kind()}"
-    ctx.errors.at(node, what, remedy)
+    what = "has no values" if empty else f"must be a list of values, but is {node.kind()}"
+    ctx.errors.at(node, what, f"write a list such as [{example}")
     return (), ()
 
 
@@ -324,9 +315,9 @@ def _spaced(ctx: Context, node: Node, dimension: Dimension) -> tuple[Node, ...]:
         ctx.errors.at(item, "both ends are equal, so the values are repeated", "give two different ends")
     if len(ctx.errors) > before:
         return ()
-    numbers = [_between(kind, a, b, i / (n - 1)) for i in range(n)]
     unit = common_unit([end.value for end in item.value[:2]], dimension) if ctx.units == "SI" else ("", 1.0)
-    return tuple(Node(value, item.path, item.mark, item.key_mark, unit) for value in numbers)
+    numbers = (_between(kind, a, b, i / (n - 1)) for i in range(n))
+    return tuple(replace(item, value=value, shown_in=unit) for value in numbers)
 
 
 def _between(kind: str, a: float, b: float, t: float) -> float:
@@ -336,14 +327,3 @@ def _between(kind: str, a: float, b: float, t: float) -> float:
     if kind == "linspace":
         return float(f"{a + (b - a) * t:.15g}")
     return float(f"{math.copysign(math.exp((1 - t) * math.log(abs(a)) + t * math.log(abs(b))), a):.15g}")
-
-
-def axis_labels(ctx: Context, values: tuple[Node, ...], parameter: Parameter) -> tuple[float | str, ...]:
-    """Numbers in SI, or texts if any value is none."""
-    texts = tuple(value.text() for value in values)
-    row = parameter.row
-    if row.kind not in NUMBERS or (row.kind == "component" and "free" in texts):
-        return texts
-    labels = [ctx.scalar(value, row.dimension, varies=row.kind in ("field", "component")) for value in values]
-    numbers = tuple(label for label in labels if isinstance(label, float))
-    return numbers if len(numbers) == len(labels) else texts

@@ -22,7 +22,7 @@ from tcstudy.read.checks import mesh_faults
 from tcstudy.read.document import with_sweep
 from tcstudy.read.fields import Context
 from tcstudy.read.heat import read_inline_region
-from tcstudy.read.node import Collector, Node, deepest, put, split_path
+from tcstudy.read.node import Collector, Node, deepest, holds, put, split_path
 from tcstudy.read.parameters import read_parameters, users, words_in
 from tcstudy.read.plans import read_mesh
 from tcstudy.read.sweep import Sweep, SweptAxis
@@ -52,15 +52,9 @@ def geometric_parameters(root: Node, named: Sequence[Sequence[str]]) -> dict[Key
         if path[0] == "mesh" and len(path) == 2 and path[1] in OF_MESH:
             row = rows("mesh")[path[1]]
             found[path] = Parameter(path, replace(row, kind="number"))
-        elif path[0] == "body" and (node := _at(root, keys)) is not None and isinstance(node.value, int | float | str):
+        elif path[0] == "body" and holds(root, keys) and isinstance(deepest(root, keys).value, int | float | str):
             found[path] = Parameter(path, Key(path[-1], "number", "number of the body", LENGTH))
     return found
-
-
-def _at(root: Node, keys: Sequence[str | int]) -> Node | None:
-    """The node at a path, None if there is none."""
-    node = deepest(root, tuple(keys))
-    return node if split_path(node.path) == tuple(keys) else None
 
 
 def geometric(root: Node, sweep: Sweep) -> list[int]:
@@ -188,13 +182,13 @@ def _combinations(sweep: Sweep, outer: list[int]) -> list[tuple[tuple[int, ...],
         found.setdefault(tuple(sweep.axes[i].labels[k] for i in outer), []).append(k)
     made = []
     for places in found.values():
-        axes = tuple(_of_points(sweep.axes[i], places) for i in inner)
+        axes = tuple(_at_places(sweep.axes[i], places) for i in inner)
         rest = replace(sweep, axes=axes, mode="list" if axes else "grid", design=None, tabled=False)
         made.append(((places[0],) * len(outer), np.array(places, dtype=np.intp), rest))
     return made
 
 
-def _of_points(axis: SweptAxis, places: list[int]) -> SweptAxis:
+def _at_places(axis: SweptAxis, places: list[int]) -> SweptAxis:
     return replace(axis, values=tuple(axis.values[k] for k in places), labels=tuple(axis.labels[k] for k in places))
 
 
@@ -225,19 +219,19 @@ def _said(
         f"{path}={json.dumps(value.plain(), ensure_ascii=False)}" for path, value in zip(paths, values, strict=True)
     ]
     size: dict[str, object] = {"h": rest.h.plain()} if rest.h else {}
-    if not rest.axes:
-        return (*with_sweep(overrides, size), *fixed)
+    swept: dict[str, object]
     if rest.mode == "grid":
-        return (*with_sweep(overrides, {axis.key: _values(axis) for axis in rest.axes} | size), *fixed)
-    rows = [
-        {axis.key: {axis.labels[k]: axis.values[k].plain()} if axis.parameter.is_whole else axis.values[k].plain()
-         for axis in rest.axes}
-        for k in range(len(rest.axes[0].values))
-    ]  # fmt: skip
-    return (*with_sweep(overrides, {"mode": "list", "points": rows} | size), *fixed)
+        swept = {axis.key: _plain(axis) for axis in rest.axes}
+    else:
+        points = range(len(rest.axes[0].values))
+        rows = [{axis.key: _plain(_at_places(axis, [k]), single=True) for axis in rest.axes} for k in points]
+        swept = {"mode": "list", "points": rows}
+    return (*with_sweep(overrides, swept | size), *fixed)
 
 
-def _values(axis: SweptAxis) -> object:
-    """The values of an axis of a grid as a sweep has them."""
+def _plain(axis: SweptAxis, single: bool = False) -> object:
+    """The values of an axis, or its single one, as a sweep has them."""
     plain = [value.plain() for value in axis.values]
-    return dict(zip(map(str, axis.labels), plain, strict=True)) if axis.parameter.is_whole else plain
+    if axis.parameter.is_whole:
+        return dict(zip(map(str, axis.labels), plain, strict=True))
+    return plain[0] if single else plain

@@ -123,6 +123,12 @@ def _check_secant(law: FrictionLaw) -> None:
                                "memory: friction, or a law that only falls")  # fmt: skip
 
 
+def short_names(paths: Sequence[Keys]) -> tuple[str, ...]:
+    """The last words of key paths, the whole paths where these do not tell them apart."""
+    last = [keys[-1] for keys in paths]
+    return tuple(keys[-1] if last.count(keys[-1]) == 1 else "_".join(keys) for keys in paths)
+
+
 @dataclass(frozen=True)
 class HistoryLine:
     """Loads that change together, in equal steps.
@@ -169,11 +175,7 @@ class HistoryPlan:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the loads that change, as short as tells them apart."""
-        last = [keys[-1] for keys, _, _ in self.parameters]
-        return tuple(
-            name if last.count(name) == 1 else "_".join(keys)
-            for name, (keys, _, _) in zip(last, self.parameters, strict=True)
-        )
+        return short_names([keys for keys, _, _ in self.parameters])
 
     def stations(self) -> list[dict[Keys, float]]:
         """Loads at step 0, at the ends of all lines of the first cycle, and of the second, which all others repeat.
