@@ -22,7 +22,7 @@ from tcstudy.exact.fields import body_edges, edge_samples, kinks, sides
 from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.expressions.expression import Expression
 from tcstudy.scene.edge_laws import law_along
-from tcstudy.scene.records import Body, Clamped, Contact, Convection, Free, Scalar, Scene, Traction
+from tcstudy.scene.records import Body, Clamped, Contact, Convection, Free, Loaded, Scalar, Scene
 from tcstudy.scene.study import Exact
 from tcstudy.shapes.edges import INWARD, body_size, inside
 from tcstudy.shapes.faults import spot
@@ -229,7 +229,7 @@ class Checks:
             if isinstance(role, Clamped) and role.frame == "nt":
                 ends = np.array([edge.start for edge, _ in body_edges(self._body, (name,))])
                 yield f"u_N or u_T on {name}", "u", role.u, np.concatenate([points, ends])
-            if isinstance(role, Traction | Convection):
+            if isinstance(role, Loaded):
                 yield f"g on {name}", "u", role.g, points
             if isinstance(role, Convection) and scene.heat.theta is None:
                 yield f"theta_bar on {name}", "theta", (scene.heat.theta_bar,), points

@@ -24,7 +24,7 @@ from tcstudy.expressions.derivative import Calculus, Scalar
 from tcstudy.expressions.expression import Expression
 from tcstudy.expressions.tree import TreeNode
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Body, Clamped, Convection, Heat, Material, Role, Scene, Traction
+from tcstudy.scene.records import Body, Clamped, Convection, Heat, Loaded, Material, Role, Scene
 from tcstudy.scene.study import Exact, Study
 from tcstudy.shapes.edges import inside
 
@@ -108,7 +108,7 @@ class Derivation:
     # -- edges -------------------------------------------------------------------------------------
 
     def _role(self, name: str, role: Role, material: Material) -> Role:
-        if isinstance(role, Traction | Convection):
+        if isinstance(role, Loaded):
             return replace(role, g=self.load((name,), material), pressure=0.0, force=(0.0, 0.0))
         if not isinstance(role, Clamped):
             return role
@@ -156,7 +156,7 @@ def description(study: Study) -> str | None:
             symbols = ("u_N", "u_T") if role.frame == "nt" else ("u_x", "u_y")
             held = [s for s, component in zip(symbols, role.u, strict=True) if component is not None]
             words.append(f"{' and '.join(held)} on {name}")
-        elif isinstance(role, Traction | Convection):
+        elif isinstance(role, Loaded):
             loaded = any(dict(s.boundary)[name].g != (0.0, 0.0) for s in scenes)  # type: ignore[union-attr]
             words.append(f"g on {name}" if loaded else f"g = 0 on {name}")
     if first.heat.theta is not None:

@@ -20,7 +20,7 @@ from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.scene.edge_laws import law_along
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.scene.nodal_laws import Law, each
-from tcstudy.scene.records import Body, Contact, Convection, Edge, Point, Scalar, Scene, Traction
+from tcstudy.scene.records import Body, Contact, Edge, Loaded, Point, Scalar, Scene
 from tcstudy.scene.study import Exact, Goal
 from tcstudy.shapes.edges import Arc, body_size, edge_arc, edge_at, edge_distance, edge_length
 
@@ -165,7 +165,7 @@ def _at(scalar: Scalar, x: Array, y: Array) -> Array:
 def _on_edge(exact: Exact, scene: Scene, edge: Edge, hole: bool) -> float:
     """What an edge adds: −∫g·u + ∫p u_N, or ∫j(u_T) on Γ_C."""
     role = dict(scene.boundary)[edge.name]
-    if not isinstance(role, Contact | Traction | Convection):
+    if not isinstance(role, Contact | Loaded):
         return 0.0
     points, weights = _samples(edge)
     (x, y), n = points.T, outward(edge, hole, points)

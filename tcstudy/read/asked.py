@@ -12,7 +12,7 @@ A scene with one of the FEATURES is refused what its theory or its code does not
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from tcstudy.scene.law_slopes import POINTS
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.parameters import SHORT, path_scene, sweepable
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Body, Contact, Convection, Rigid, Scene, Traction, exchanges
+from tcstudy.scene.records import Body, Contact, Convection, Loaded, Rigid, Scene, exchanges
 from tcstudy.scene.study import Exact, MeshPlan, OutputPlan, Probe
 from tcstudy.scene.units import NONE, STIFFNESS, TRACTION, Dimension
 from tcstudy.shapes.edges import body_size, edge_distance, loop_polygon, loop_size
@@ -126,7 +126,7 @@ def differentiable(root: Node, base: Scene, scenes: Sequence[Scene]) -> Iterator
     if base.heat.theta is None and base.conducts:
         yield from _of_edges(base)
     for edge, role in base.boundary:
-        if isinstance(role, Traction | Convection) and any(role.spring):
+        if isinstance(role, Loaded) and any(role.spring):
             for name in ("normal", "tangential"):
                 yield ("boundary", edge, "spring", name), (STIFFNESS, "")
     for scene in distinct(scenes, "friction"):
@@ -192,15 +192,6 @@ def _check_corner(ctx: Context, item: Node, root: Node, base: Scene, path: Keys)
         ctx.errors.at(item, what, "free a component of one of the two edges")
 
 
-@dataclass(frozen=True)
-class Asked:
-    """What a study asks for beside its scenes; None for what it does not, or has faults in."""
-
-    mesh: MeshPlan | None
-    output: OutputPlan | None
-    exact: Exact | None
-
-
 Why = tuple[str, str]
 """Why something is excluded, what to do."""
 
@@ -254,11 +245,20 @@ FEATURES: tuple[tuple[str, Callable[[Node, Sequence[Scene]], bool], dict[str, Wh
 )
 
 
-def check_together(ctx: Context, root: Node, scenes: Sequence[Scene], asked: Asked) -> None:
-    """Report what a feature of the scenes excludes and the study asks for."""
-    output, exact = asked.output, asked.exact
+def check_together(
+    ctx: Context,
+    root: Node,
+    scenes: Sequence[Scene],
+    mesh: MeshPlan | None,
+    output: OutputPlan | None,
+    exact: Exact | None,
+) -> None:
+    """Report what a feature of the scenes excludes and the study asks for.
+
+    mesh, output, exact: what it asks for beside its scenes; None for what it does not, or has faults in
+    """
     wanted = {
-        "goals": ("mesh", bool(asked.mesh and asked.mesh.estimates and asked.mesh.goal.quantity != "energy")),
+        "goals": ("mesh", bool(mesh and mesh.estimates and mesh.goal.quantity != "energy")),
         "exact": ("exact", exact is not None),
         "derived": ("exact", bool(exact and exact.derived)),
         "live": ("output", bool(output and output.live)),

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
 
-from tcstudy.read.fields import Context, Fields, is_name
-from tcstudy.read.node import Node, deepest, split_path
+from tcstudy.read.fields import Context, Fields
+from tcstudy.read.node import Node, deepest, is_name, split_path
 from tcstudy.scene.keys import rows
 from tcstudy.scene.records import BODY, Body, BrepFace, Edge, Loop, Point, Region
 from tcstudy.scene.units import LENGTH, UnitError, to_si
@@ -21,44 +19,35 @@ FORMATS = {".step": "mm", ".stp": "mm", ".brep": "m"}
 REGION_SHAPES = tuple(rows("region"))
 
 
-@dataclass(frozen=True)
-class BodyReading:
-    """The body as far as it could be read.
+Names = tuple[str, ...]
 
-    body:  None after a fault
-    names: all edge names; None if they are not known after a fault
+
+def read_body(ctx: Context, node: Node) -> tuple[Body | None, Names | None]:
+    """The body, None after a fault, and the names of its edges, None if they are not known after a fault.
+
+    Its shape is not checked yet (see check_shape).
     """
-
-    body: Body | None
-    names: tuple[str, ...] | None
-
-
-def read_body(ctx: Context, node: Node) -> BodyReading:
-    """The body with everything that can be read of it; its shape is not checked yet (see check_shape)."""
     before = len(ctx.errors)
     fields = Fields(ctx, node, "body")
     given = [key for key in ("outline", "rectangle", "file") if fields[key]]
     if len(given) != 1 and len(ctx.errors) == before:
         what = f"is given by {' and '.join(given)}" if given else "has no shape"
         ctx.errors.at(node, what, "give exactly one of outline, rectangle, file")
-    outline, brep = None, None
-    if value := fields["outline"]:
-        outline = _outline(ctx, value)
+    outline = _outline(ctx, value) if (value := fields["outline"]) else None
     if value := fields["rectangle"]:
-        outline = _rectangle_body(ctx, value)
-    if value := fields["file"]:
-        brep = _file(ctx, value)
+        outline = _block(ctx, value)
+    brep = _file(ctx, value) if (value := fields["file"]) else None
     holes = _holes(ctx, fields["holes"])
-    if fields["file"] and (value := fields["holes"]):
+    if brep and (value := fields["holes"]):
         ctx.errors.at(value, "holes are cut out of an outline, not of a file's face", "cut them in the CAD file")
     regions = read_regions(ctx, fields["regions"])
     body = Body(outline, holes, regions, brep)
     names = edge_names(body)
     known = len(given) == 1 and "" not in names
-    return BodyReading(body if len(ctx.errors) == before else None, names if known else None)
+    return body if len(ctx.errors) == before else None, names if known else None
 
 
-def edge_names(body: Body) -> tuple[str, ...]:
+def edge_names(body: Body) -> Names:
     """Names of all edges, each once, in the order of the study."""
     names = [edge.name for edge in body.edges]
     if body.brep:
@@ -115,17 +104,17 @@ def _outline(ctx: Context, node: Node) -> Loop:
     return Loop(tuple(Edge(a, b, n, c) for a, b, n, c in zip(starts, ends, names, middles, strict=True)))
 
 
-def _rectangle_body(ctx: Context, node: Node) -> Loop:
+def _block(ctx: Context, node: Node) -> Loop:
+    """A rectangular body, whose edges have the names of the sides unless it gives others."""
     fields = Fields(ctx, node, "block")
     names = dict(zip(SIDES, SIDES, strict=True))
     if edges := fields["edges"]:
         names |= Fields(ctx, edges, "sides").given()
-    bottom, right, top, left = names.values()
-    return _rectangle(fields, (bottom, right, top, left), fields.value("corner"))
+    return _rectangle(fields, tuple(names.values()))
 
 
-def _rectangle(fields: Fields, names: tuple[str, str, str, str], corner: Point) -> Loop:
-    width, height = fields.value("width"), fields.value("height")
+def _rectangle(fields: Fields, names: Names) -> Loop:
+    corner, width, height = fields.value("corner"), fields.value("width"), fields.value("height")
     if width > 0.0 and height > 0.0:
         return shapes.rectangle_loop(corner, width, height, names)
     return _unknown(*names)
@@ -152,13 +141,11 @@ def _one_shape(ctx: Context, node: Node, section: str) -> tuple[str, Node] | Non
 def _holes(ctx: Context, node: Node | None) -> tuple[Loop, ...]:
     holes: list[Loop] = []
     for item in ctx.items(node, "a list of holes") if node else ():
-        shape = _one_shape(ctx, item, "hole")
-        if shape is None:
-            holes.append(_unknown(""))
-        elif shape[0] == "outline":
-            holes.append(_outline(ctx, shape[1]))
+        kind, inner = _one_shape(ctx, item, "hole") or ("", item)
+        if kind == "outline":
+            holes.append(_outline(ctx, inner))
         else:
-            holes.append(_simple_shape(ctx, *shape, edge=None))
+            holes.append(_simple_shape(ctx, kind, inner, edge=None) if kind else _unknown(""))
     return tuple(holes)
 
 
@@ -171,17 +158,15 @@ def _simple_shape(ctx: Context, kind: str, node: Node, edge: str | None) -> Loop
     if kind == "circle":
         radius = fields.value("radius")
         return shapes.circle_loop(fields.value("center"), radius, edge) if radius > 0.0 else _unknown(edge)
-    return _rectangle(fields, (edge, edge, edge, edge), fields.value("corner"))
+    return _rectangle(fields, (edge,) * 4)
 
 
 def read_region(ctx: Context, node: Node, name: str) -> Region:
     """A region given as {circle: ...}, {rectangle: ...} or {polygon: ...}."""
-    shape = _one_shape(ctx, node, "region")
-    if shape is None:
-        return Region(name, Loop(()))
-    if shape[0] != "polygon":
-        return Region(name, _simple_shape(ctx, *shape, edge=name))
-    return Region(name, shapes.polygon_loop(ctx.value(shape[1], rows("region")["polygon"]), name))
+    kind, inner = _one_shape(ctx, node, "region") or ("", node)
+    if kind == "polygon":
+        return Region(name, shapes.polygon_loop(ctx.value(inner, rows("region")["polygon"]), name))
+    return Region(name, _simple_shape(ctx, kind, inner, edge=name) if kind else Loop(()))
 
 
 def read_regions(ctx: Context, node: Node | None) -> tuple[Region, ...]:
@@ -190,14 +175,14 @@ def read_regions(ctx: Context, node: Node | None) -> tuple[Region, ...]:
         return ()
     named = ctx.mapping(node, "names to shapes", "write {NAME: {circle: {center: [x, y], radius: r}}}", least=0)
     for name, item in named.items():
-        check_name(ctx, name, item)
+        _check_name(ctx, name, item)
         if name == BODY:
             what = f"{BODY!r} is the name of what of the body no region takes"
             ctx.errors.at(item, what, "give the region another name", on_key=True)
     return tuple(read_region(ctx, item, name) for name, item in named.items())
 
 
-def check_name(ctx: Context, name: str, item: Node) -> None:
+def _check_name(ctx: Context, name: str, item: Node) -> None:
     """Record a fault at the key unless it is a valid name."""
     if not is_name(name):
         ctx.errors.at(item, f"{name!r} is not a name", "use letters, digits and _", on_key=True)
@@ -207,20 +192,17 @@ def _file(ctx: Context, node: Node) -> BrepFace | None:
     fields = Fields(ctx, node, "file")
     value, path = fields["path"], fields.value("path")
     target, suffix = ctx.folder / path, ("." + path.rpartition(".")[2].lower())
-    if path and value and suffix not in FORMATS:
-        ctx.errors.at(value, f"{path!r} is not a geometry file", f"give a file ending in {', '.join(FORMATS)}")
-    elif path and value and not _is_file(target):
-        ctx.errors.at(value, f"there is no file {path!r}", "give its path relative to the folder of the study")
+    if path and value:
+        try:  # no system has a file whose name it refuses, or that it does not let be seen
+            there = "\0" not in str(target) and target.is_file()
+        except OSError:
+            there = False
+        if suffix not in FORMATS:
+            ctx.errors.at(value, f"{path!r} is not a geometry file", f"give a file ending in {', '.join(FORMATS)}")
+        elif not there:
+            ctx.errors.at(value, f"there is no file {path!r}", "give its path relative to the folder of the study")
     scale = _scale(ctx, fields["unit"], FORMATS.get(suffix, "m"))
     return BrepFace(target, fields.value("face"), scale, _named_points(ctx, fields["edges"]), fields.value("other"))
-
-
-def _is_file(path: Path) -> bool:
-    """Whether there is a file; no system has one whose name it refuses, or that it does not let be seen."""
-    try:
-        return "\0" not in str(path) and path.is_file()
-    except OSError:
-        return False
 
 
 def _scale(ctx: Context, node: Node | None, usual: str) -> float:
@@ -240,9 +222,9 @@ def _named_points(ctx: Context, node: Node | None) -> tuple[tuple[str, tuple[Poi
     """NAME: [[x, y], ...] of a geometry file."""
     if node is None:
         return ()
-    remedy, named = "write {NAME: [[x, y], ...]}: the edge nearest to each point gets the name", []
-    for name, item in ctx.mapping(node, "names to points", remedy, least=0).items():
-        check_name(ctx, name, item)
-        points = ctx.items(item, "a list of points", least=1)
-        named.append((name, tuple(ctx.point(entry) for entry in points)))
-    return tuple(named)
+    remedy = "write {NAME: [[x, y], ...]}: the edge nearest to each point gets the name"
+    named = ctx.mapping(node, "names to points", remedy, least=0)
+    for name, item in named.items():
+        _check_name(ctx, name, item)
+    lists = {name: ctx.items(item, "a list of points", least=1) for name, item in named.items()}
+    return tuple((name, tuple(ctx.point(entry) for entry in entries)) for name, entries in lists.items())

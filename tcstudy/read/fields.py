@@ -9,7 +9,6 @@ builds a record asks the collector afterwards whether anything was wrong.
 from __future__ import annotations
 
 import math
-import operator
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
@@ -19,7 +18,7 @@ from pathlib import Path
 from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
 from tcstudy.expressions import expression as expressions
-from tcstudy.read.node import Collector, Node, hint, meant
+from tcstudy.read.node import Collector, Node, hint, is_name, meant
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import rows, short_of
 from tcstudy.scene.named import Named, expression_of
@@ -108,10 +107,9 @@ class Context:
             return self._none(node, str(error), error.remedy)
         except expressions.ExpressionError as error:
             what, _, remedy = str(error).partition("; ")
-            if not varies or not remedy:
-                what = f"{node.brief()!r} is not {dimension.name}" if not varies else what
-                remedy = self._example(dimension, varies)
-            return self._none(node, what, remedy)
+            if not varies:
+                what, remedy = f"{node.brief()!r} is not {dimension.name}", ""
+            return self._none(node, what, remedy or self._example(dimension, varies))
         if expression.constant is not None:
             return self._finite(node, expression.constant)
         if not varies:
@@ -127,16 +125,17 @@ class Context:
     def bounded(self, node: Node, row: Key, dimension: Dimension) -> float:
         """A number in SI within the bounds of a row; NaN after a fault."""
         value = self.quantity(node, dimension)
-        bounds = (
-            (row.above, operator.le, "be greater than {:g}"),
-            (row.below, operator.ge, "be less than {:g}"),
-            (row.least, operator.lt, "be {:g} or more"),
-            (row.most, operator.gt, "be {:g} or less"),
-        )
-        said = [text.format(bound) for bound, breaks, text in bounds if bound is not None and breaks(value, bound)]
-        if not said:
+        if row.above is not None and value <= row.above:
+            what = f"be greater than {row.above:g}"
+        elif row.below is not None and value >= row.below:
+            what = f"be less than {row.below:g}"
+        elif row.least is not None and value < row.least:
+            what = f"be {row.least:g} or more"
+        elif row.most is not None and value > row.most:
+            what = f"be {row.most:g} or less"
+        else:
             return value
-        what = f"lie between {row.above:g} and {row.below:g}" if row.above and row.below else said[0]
+        what = f"lie between {row.above:g} and {row.below:g}" if row.above and row.below else what
         remedy = f"write for example {self.example(row.example or dimension.example)}"
         return self._none(node, f"must {what}, but is {node.brief()}", remedy)
 
@@ -153,20 +152,18 @@ class Context:
 
     def pair(self, node: Node, content: str, example: str) -> tuple[Node, Node] | None:
         """The two entries of a list of two; None after a fault."""
-        if isinstance(node.value, tuple) and len(node.value) == 2:
+        count = len(node.value) if isinstance(node.value, tuple) else 0
+        if isinstance(node.value, tuple) and count == 2:
             return node.value[0], node.value[1]
-        hint = ""
-        if isinstance(node.value, tuple) and len(node.value) in (3, 4):
-            hint = " (decimals have a point, a comma separates entries)"
-        remedy = f"write for example {self.example(example)}{hint}"
+        more = " (decimals have a point, a comma separates entries)" if count in (3, 4) else ""
+        remedy = f"write for example {self.example(example)}{more}"
         self.errors.at(node, f"must be {content}, but is {node.kind()}", remedy)
         return None
 
-    def point(self, node: Node) -> Point:
-        """A point [x, y] in metres."""
-        return self._two(node, "a point [x, y]", "[0 mm, 20 mm]", LENGTH)
-
-    def _two(self, node: Node, content: str, example: str, second: Dimension) -> tuple[float, float]:
+    def point(
+        self, node: Node, content: str = "a point [x, y]", example: str = "[0 mm, 20 mm]", second: Dimension = LENGTH
+    ) -> Point:
+        """A point [x, y] in metres, or another pair of a length and a number of the second dimension."""
         both = self.pair(node, content, example)
         return (self.quantity(both[0], LENGTH), self.quantity(both[1], second)) if both else (math.nan, math.nan)
 
@@ -183,15 +180,15 @@ class Context:
 
     def unit(self, cell: Node, unit: str, dimension: Dimension, key: str | None = None) -> bool:
         """Whether a unit in the heading of a column is one of the dimension; if not, that is a fault."""
-        if self.units == "none":
-            self.errors.at(cell, "has a unit, but the study says units: none", "drop the unit", key=key)
-            return False
-        try:
-            to_si("1", unit, dimension)
-        except UnitError as error:
-            self.errors.at(cell, str(error), error.remedy, key=key)
-            return False
-        return True
+        what, remedy = "has a unit, but the study says units: none", "drop the unit"
+        if self.units == "SI":
+            try:
+                to_si("1", unit, dimension)
+                return True
+            except UnitError as error:
+                what, remedy = str(error), error.remedy
+        self.errors.at(cell, what, remedy, key=key)
+        return False
 
     def integer(self, node: Node, least: int, most: int | None = None) -> int:
         """A whole number within limits; the lower limit after a fault."""
@@ -266,7 +263,7 @@ class Context:
                 return tuple(self.point(entry) for entry in self.items(node, "a list of points", least))
             case "law points":
                 said = ("a pair [s, b] of slip and traction", "[40 um, 5 MPa]", TRACTION)
-                return tuple(self._two(entry, *said) for entry in self.items(node, "a list of pairs [s, b]", least))
+                return tuple(self.point(entry, *said) for entry in self.items(node, "a list of pairs [s, b]", least))
             case "numbers":
                 return tuple(self.quantity(entry, dimension) for entry in self.items(node, "a list of numbers", least))
             case "choice":
@@ -284,11 +281,6 @@ class Context:
             case "text":
                 return self.text(node, "a path" if row.name == "path" else "a text")
         raise AssertionError(row.kind)
-
-
-def is_name(text: str) -> bool:
-    """Whether a text may be the name of an edge or a region: letters, digits and underscores."""
-    return text.isascii() and text.replace("_", "a").isalnum()
 
 
 UNREAD = {"point": (math.nan, math.nan), "name": "", "text": ""}
@@ -314,7 +306,7 @@ class Fields:
         short = short_of(section) if isinstance(section, str) else ""
         if short and not isinstance(node.value, Mapping):
             node = replace(node, value={short: node})
-        self.values: Mapping[str, Node] = {}
+        self.values: Mapping[str, Node] = node.value if isinstance(node.value, Mapping) else {}
         if not isinstance(node.value, Mapping):
             top = rows("").get(section) if isinstance(section, str) else None
             pairs = ", ".join(f"{key}: {self.rows[key].suggestion}" for key in required or known[:1])
@@ -322,7 +314,6 @@ class Fields:
             remedy = f"write a mapping with the keys {', '.join(known)}, for example {example}"
             ctx.errors.at(node, f"must be a mapping, but is {node.kind()}", remedy)
             return
-        self.values = node.value
         wrong = [key for key in node.value if key not in known]
         free = [name for name in known if name not in node.value]
         near = {key: meant(key, free, known) for key in wrong}
@@ -331,10 +322,8 @@ class Fields:
             if key[:1].isdigit():
                 remedy = "write decimals with a point: a comma begins the next entry"
             ctx.errors.at(node.value[key], "unknown key", remedy, on_key=True)
-        guessed = set(near.values())
         for key in required:
-            # A misspelt key is one fault, not an unknown and a missing one.
-            if key not in node.value and key not in guessed:
+            if key not in node.value and key not in near.values():  # a misspelt key is one fault, not two
                 self.missing(key)
 
     def missing(self, key: str) -> None:

@@ -139,6 +139,11 @@ class Collector:
             self.problems.append(problem)
 
 
+def is_name(text: str) -> bool:
+    """Whether a text may be the name of an edge or a region: letters, digits and underscores."""
+    return text.isascii() and text.replace("_", "a").isalnum()
+
+
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """The known word most like the given one, if any is."""
     known = list(known)

@@ -16,7 +16,7 @@ from tcstudy.read.node import Collector, Node, hint
 from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT, affine_numbers, path_scene, sweepable
-from tcstudy.scene.records import Clamped, Convection, Rigid, Scalar, Scene, Traction, exchanges, resultant
+from tcstudy.scene.records import Clamped, Convection, Loaded, Rigid, Scalar, Scene, exchanges, resultant
 from tcstudy.scene.study import Goal, MeshPlan, OutputPlan, PathPlan, Quantity, SolverPlan
 from tcstudy.scene.units import LENGTH, LINE_FORCE, NONE, TEMPERATURE, Dimension
 
@@ -174,8 +174,7 @@ def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | No
     plan = PathPlan(keys, ctx.cf(dimension), begin, end, within, scene)
     given = fields.given(("start", "direction", "max_pieces", "hysteresis", "law_error"))
     level = {} if mesh and mesh.strategy.adapts else level_of(ctx, fields, mesh, "a path")  # a run needs no path
-    options = given | level
-    plan = replace(plan, at=_at(ctx, fields, dimension, plan), **options)
+    plan = replace(plan, at=_at(ctx, fields, dimension, plan), **given, **level)
     if len(ctx.errors) == before:
         _check_corners(ctx, fields, plan)
     return plan
@@ -221,7 +220,7 @@ def affine_parameters(scene: Scene) -> Iterator[tuple[tuple[str, ...], Affine]]:
                 elif isinstance(role, Rigid):
                     force = f"force_{name[-1]}"
                     yield ("boundary", edge, force), Affine(LINE_FORCE, role.force["xy".index(name[-1])])
-        elif isinstance(role, Traction | Convection):
+        elif isinstance(role, Loaded):
             loads += [*role.g, role.pressure, *role.force]
             for row, name, value in affine_numbers(role, "boundary"):
                 yield ("boundary", edge, name), Affine(row.dimension, value)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.read.body import BodyReading, check_shape, read_body
+from tcstudy.read.body import check_shape, read_body
 from tcstudy.read.checks import check_corners, check_finite, check_laws, check_straight, supports, supports_fault
 from tcstudy.read.fields import Context
 from tcstudy.read.heat import check_heat, check_held, needed_of_heat, read_heat, read_inline_region
@@ -52,7 +52,8 @@ class SceneReader:
     def __init__(self, ctx: Context, root: Node, sweep: Sweep, loose: bool = False) -> None:
         """loose: whether the supports may leave rigid motions, which friction alone resists."""
         self.ctx, self.root, self.sweep, self.loose = ctx, root, sweep, loose
-        self.body = self._body(read_body(ctx, node) if (node := root.child("body")) else BodyReading(None, None))
+        body, self.names = read_body(ctx, node) if (node := root.child("body")) else (None, None)
+        self.body = self._with_regions(body)
         self.needed_of_heat = needed_of_heat(root.child("boundary"))
         self.order = sorted(range(len(sweep.axes)), key=lambda i: len(sweep.axes[i].parameter.path))
         self.named, self.touching = ctx.named, {s: [i for i in self.order if self._touches(i, s)] for s in SECTIONS}
@@ -86,9 +87,8 @@ class SceneReader:
     def _is_name(self, i: int) -> bool:
         return self.sweep.axes[i].parameter.path[0] == "parameters"
 
-    def _body(self, reading: BodyReading) -> Body | None:
+    def _with_regions(self, body: Body | None) -> Body | None:
         """The body with all its regions; None after a fault."""
-        self.names, body = reading.names, reading.body
         self.regions: tuple[str, ...] | None = None
         if body is None:
             return None

@@ -141,7 +141,7 @@ def _sweep(made: Callable[[Key], Schema], beside: tuple[str, ...]) -> Schema:
 
 def _swept(one: Key) -> Schema:
     if one.kind in WHOLE:
-        return {"type": "object", "minProperties": 1, "additionalProperties": _fragment(one)}
+        return {"type": "object", "minProperties": 1, "additionalProperties": FRAGMENTS[one.kind](one)}
     listed = _list(_at_point(one), 1)
     numbers = one.kind in ("number", "integer", "field", "component", "quantity")
     return {"anyOf": [listed, *([_ref("values")] if numbers else []), _ref("distribution")]}
@@ -149,7 +149,7 @@ def _swept(one: Key) -> Schema:
 
 def _at_point(one: Key) -> Schema:
     if one.kind in WHOLE:
-        return {"anyOf": [_fragment(one), _swept(one) | {"maxProperties": 1}]}
+        return {"anyOf": [FRAGMENTS[one.kind](one), _swept(one) | {"maxProperties": 1}]}
     return _ref(f"{one.section}/properties/{one.name}") if one is not NAMED else _value(one)
 
 
@@ -158,11 +158,7 @@ def _described(one: Key) -> Schema:
     unit = f" [{one.dimension.si}]" if one.dimension != NONE else ""
     example = f", for example {one.suggestion}" if one.suggestion != "..." else ""
     said = {"description": f"{one.meaning}{unit}{example}".lstrip(", ")}
-    return said | ({} if one.default is None else {"default": one.default}) | _fragment(one)
-
-
-def _fragment(one: Key) -> Schema:
-    return FRAGMENTS[one.kind](one)
+    return said | ({} if one.default is None else {"default": one.default}) | FRAGMENTS[one.kind](one)
 
 
 def _ref(section: str) -> Schema:
@@ -215,7 +211,10 @@ def _goal(_: Key) -> Schema:
 def _sub_section(one: Key) -> Schema:
     """A section; where a word may stand for it, also that."""
     inner = _ref(one.of[0])
-    return {"anyOf": [_fragment(row(one.of[0], one.short)), inner]} if one.short else inner
+    if not one.short:
+        return inner
+    short = row(one.of[0], one.short)
+    return {"anyOf": [FRAGMENTS[short.kind](short), inner]}
 
 
 def _law() -> Schema:
@@ -309,10 +308,7 @@ def _said(one: Key) -> str:
     """A key, what it means, its unit, words and default."""
     unit = f"[{one.dimension.si}]" if one.dimension != NONE and one.kind != "point" else ""
     words = " or ".join(f"`{word}`" for word in one.words)
-    default = f"default {_word(one.default)}" if one.default is not None and one.kind not in MODEST else ""
+    number = f"{one.default:g}" if isinstance(one.default, float) else one.default
+    default = f"default {number}" if one.default is not None and one.kind not in MODEST else ""
     more = f"({', '.join(part for part in (words, default) if part)})" if words or default else ""
     return " ".join(part for part in (f"`{one.name}`", one.meaning, unit, more) if part)
-
-
-def _word(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -196,7 +196,7 @@ def _refusal(ctx: Context, root: Node, sweep: Sweep) -> str:
     """Why the body of this geometry, or its mesh, cannot be made; empty if it can, or if that is a fault elsewhere."""
     probe = Context(Collector(), ctx.units, ctx.folder, ctx.named)
     node, section = root.child("body"), root.child("mesh")
-    body = read_body(probe, node).body if node else None
+    body = read_body(probe, node)[0] if node else None
     body = read_inline_region(probe, root.child("heat"), body) if body else None
     if body is None or body.outline is None or probe.errors.problems:
         return ""

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.key import Key
+from tcstudy.scene.key import Key, in_section
 
 Cube = NDArray[np.float64]
 
@@ -114,17 +114,16 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
 """Names of the numbers of each distribution; all have the parameter's dimension but the sigma of a logarithm."""
 ENDS = ("from", "to")
 DISTRIBUTIONS = (
-    *(
-        Key(kind, "span", "", example="[a, b]", section="distribution")
-        for kind in PARAMETERS
-        if PARAMETERS[kind] == ENDS
+    *in_section(
+        "distribution",
+        *(
+            Key(kind, "span", "", example="[a, b]")
+            if names == ENDS
+            else Key(kind, "section", "", example="{" + ": 1, ".join(names) + ": 1}", of=(kind,))
+            for kind, names in PARAMETERS.items()
+        ),
+        Key("choice", "any values", "equally likely", example="[a, b]", least=1),
     ),
-    *(
-        Key(kind, "section", "", example="{" + ": 1, ".join(names) + ": 1}", section="distribution", of=(kind,))
-        for kind, names in PARAMETERS.items()
-        if names != ENDS
-    ),
-    Key("choice", "any values", "equally likely", example="[a, b]", section="distribution", least=1),
     *(
         Key(name, "quantity", "", section=kind, required=True)
         for kind, names in PARAMETERS.items()

@@ -17,7 +17,7 @@ from typing import Literal, TypeVar, get_args
 import numpy as np
 
 from tcstudy.scene.friction import UP, FrictionLaw
-from tcstudy.scene.key import Key
+from tcstudy.scene.key import Key, in_section
 from tcstudy.scene.nodal_laws import Law
 from tcstudy.scene.units import STIFFNESS
 
@@ -197,42 +197,36 @@ class HistoryPlan:
                     yield before, before + 1, j / line.count, line.name if j == line.count else "", cycle + 1
 
 
-def _row(section: str, name: str, *told: object, **more: object) -> Key:
-    return Key(name, *told, section=section, **more)  # type: ignore[arg-type,misc]
-
-
 HISTORY = (
-    _row(
-        *("", "history", "section", "[loads one after the other, friction that remembers](#load-histories)"),
+    Key(
+        *("history", "section", "[loads one after the other, friction that remembers](#load-histories)"),
         of=("history",),
         fixed="a sweep multiplies histories; write one study for each",
     ),
-    _row(
-        *("history", "memory", "choice", "what a contact node remembers"),
-        example="friction",
-        required=True,
-        words=MEMORIES,
-    ),
-    _row(
-        *("history", "steps", "sections", "a list of lines: loads by path or short name, what they become"),
-        required=True,
-        least=1,
-        of=("step",),
-    ),
-    _row("history", "repeat", "integer", "cycles of all lines", default=1, least=1, most=MOST_STEPS),
-    _row("history", "branch", "choice", "which solution of a step", words=HISTORY_BRANCHES, default="continued"),
-    _row(
+    *in_section(
         "history",
-        "substeps",
-        "integer",
-        "equal parts of a step, each solved by descent (default: its exact path)",
-        least=1,
-        most=1000,
+        Key("memory", "choice", "what a contact node remembers", example="friction", required=True, words=MEMORIES),
+        Key(
+            *("steps", "sections", "a list of lines: loads by path or short name, what they become"),
+            required=True,
+            least=1,
+            of=("step",),
+        ),
+        Key("repeat", "integer", "cycles of all lines", default=1, least=1, most=MOST_STEPS),
+        Key("branch", "choice", "which solution of a step", words=HISTORY_BRANCHES, default="continued"),
+        Key(
+            *("substeps", "integer", "equal parts of a step, each solved by descent (default: its exact path)"),
+            least=1,
+            most=1000,
+        ),
+        Key("stiffness", "number", "of elastic-plastic bonds", STIFFNESS, "100 GPa/m", above=0.0),
+        Key("healing", "flag", "of friction: every step finds a whole film", default=False),
+        Key("level", "integer", "mesh level (default: finest)", least=0),
     ),
-    _row("history", "stiffness", "number", "of elastic-plastic bonds", STIFFNESS, "100 GPa/m", above=0.0),
-    _row("history", "healing", "flag", "of friction: every step finds a whole film", default=False),
-    _row("history", "level", "integer", "mesh level (default: finest)", least=0),
-    _row("step", "in", "integer", "steps of the line", default=1, least=1, most=MOST_STEPS),
-    _row("step", "name", "text", "of its last step", example="hot"),
+    *in_section(
+        "step",
+        Key("in", "integer", "steps of the line", default=1, least=1, most=MOST_STEPS),
+        Key("name", "text", "of its last step", example="hot"),
+    ),
 )
 """Keys of the section `history`."""

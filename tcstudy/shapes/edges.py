@@ -43,8 +43,7 @@ class Arc:
 
 
 def circle_loop(center: Point, radius: float, name: str) -> Loop:
-    """A full circle as two half circles of one name; ValueError unless the radius is positive and finite."""
-    _positive("radius", radius)
+    """A full circle of positive radius as two half circles of one name."""
     x, y = center
     right, top, left, bottom = (x + radius, y), (x, y + radius), (x - radius, y), (x, y - radius)
     return Loop((Edge(right, left, name, through=top), Edge(left, right, name, through=bottom)))
@@ -56,12 +55,7 @@ def rectangle_loop(
     height: float,
     names: Sequence[str] = ("bottom", "right", "top", "left"),
 ) -> Loop:
-    """An upright rectangle from its lower left corner; ValueError unless width and height are positive.
-
-    names: of the bottom, right, top and left edge
-    """
-    _positive("width", width)
-    _positive("height", height)
+    """An upright rectangle from its lower left corner.  names: of the bottom, right, top and left edge"""
     (x, y), (x1, y1) = corner, (corner[0] + width, corner[1] + height)
     return polygon_loop([(x, y), (x1, y), (x1, y1), (x, y1)], names)
 
@@ -71,11 +65,6 @@ def polygon_loop(points: Sequence[Point], names: str | Sequence[str]) -> Loop:
     each = [names] * len(points) if isinstance(names, str) else list(names)
     following = [*points[1:], *points[:1]]
     return Loop(tuple(Edge(a, b, name) for a, b, name in zip(points, following, each, strict=True)))
-
-
-def _positive(name: str, value: float) -> None:
-    if not 0.0 < value < math.inf:
-        raise ValueError(f"{name} must be positive and finite, not {value:g}")
 
 
 def edge_arc(edge: Edge) -> Arc | None:

@@ -1,6 +1,5 @@
-"""What is wrong with one closed chain of edges by itself: open, crossed, clockwise, with slits or without area.
-
-What is wrong with a body, found before the mesher sees it.
+"""What is wrong with a body, found before the mesher sees it: with each closed chain of edges by itself (open, crossed,
+clockwise, with slits or without area), and with holes and regions among one another.
 
 The mesher hangs, crashes or silently meshes something else when the outline is open, crossed, clockwise or has
 slivers; so a body is judged here first, and every fault is named with its place and its remedy.
@@ -204,20 +203,12 @@ def check_body(body: Body) -> list[Fault]:
         return faults or [Fault("body.outline", "the outline has no edge", "give at least three edges")]
     size = rough_size(body.outline)
     faults = loop_faults(body.outline, "body.outline", size)
-    places = [f"body.holes[{i}]" for i in range(len(body.holes))]
-    places += [f"body.regions.{region.name}" for region in body.regions]
-    shapes: list[BaseGeometry | None] = []
-    for loop, place in zip((*body.holes, *(region.loop for region in body.regions)), places, strict=True):
-        own = coordinate_faults(loop, place) or loop_faults(loop, place, size)
-        faults += own
-        shapes.append(None if own else loop_polygon(loop, size))
-    if any(fault.where.startswith("body.outline") for fault in faults):
-        return faults
-    outline, count = loop_polygon(body.outline, size), len(body.holes)
-    gap = TOLERANCE * size
-    holes = [(place, shape) for place, shape in zip(places[:count], shapes[:count], strict=True) if shape]
-    regions = [(place, shape) for place, shape in zip(places[count:], shapes[count:], strict=True) if shape]
-    return faults + _hole_faults(outline, holes, gap) + _region_faults(outline, holes, regions, gap)
+    wrong, holes = _sound([(f"body.holes[{i}]", hole) for i, hole in enumerate(body.holes)], size)
+    others, regions = _sound([(f"body.regions.{region.name}", region.loop) for region in body.regions], size)
+    if faults:
+        return [*faults, *wrong, *others]
+    outline, gap = loop_polygon(body.outline, size), TOLERANCE * size
+    return [*wrong, *others, *_hole_faults(outline, holes, gap), *_region_faults(outline, holes, regions, gap)]
 
 
 def _regions_alone(regions: tuple[Region, ...]) -> list[Fault]:
@@ -227,13 +218,19 @@ def _regions_alone(regions: tuple[Region, ...]) -> list[Fault]:
     if faults or not named:
         return faults
     size = max(rough_size(loop) for _, loop in named)
+    faults, sound = _sound(named, size)
+    return faults + _overlap_faults(sound, TOLERANCE * size)
+
+
+def _sound(named: list[tuple[str, Loop]], size: float) -> tuple[list[Fault], list[_Named]]:
+    """What is wrong with each of some loops by itself, and the others as polygons."""
+    faults: list[Fault] = []
     sound: list[_Named] = []
     for place, loop in named:
-        own = loop_faults(loop, place, size)
+        own = coordinate_faults(loop, place) or loop_faults(loop, place, size)
         faults += own
-        if not own:
-            sound.append((place, loop_polygon(loop, size)))
-    return faults + _overlap_faults(sound, TOLERANCE * size)
+        sound += [] if own else [(place, loop_polygon(loop, size))]
+    return faults, sound
 
 
 _Named = tuple[str, BaseGeometry]

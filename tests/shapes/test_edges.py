@@ -143,16 +143,6 @@ def test_distance_is_that_to_the_nearest_of_many_points(through: Point | None) -
     np.testing.assert_allclose(edge_distance(edge, edge_points(edge, 50)), 0.0, atol=1e-13)
 
 
-@pytest.mark.parametrize("size", [0.0, -1.0, math.nan, math.inf])
-def test_shapes_without_extent_are_refused(size: float) -> None:
-    with pytest.raises(ValueError, match="radius must be positive"):
-        circle_loop((0, 0), size, "c")
-    with pytest.raises(ValueError, match="width must be positive"):
-        rectangle_loop((0, 0), size, 1.0)
-    with pytest.raises(ValueError, match="height must be positive"):
-        rectangle_loop((0, 0), 1.0, size)
-
-
 def test_size_of_a_clockwise_circle() -> None:
     loop = Loop((Edge((1, 0), (-1, 0), "a", (0, -1)), Edge((-1, 0), (1, 0), "b", (0, 1))))
     assert loop_size(loop) == pytest.approx(2 * math.sqrt(2), rel=1e-15)
