@@ -13,13 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
 from tcstudy.expressions.expression import Expression
-from tcstudy.read.checks import check_corners
+from tcstudy.read.checks import corner_faults
 from tcstudy.read.fields import Context
-from tcstudy.read.node import Collector, Node, hint
+from tcstudy.read.node import Node, hint
 from tcstudy.read.plans import affine_parameters, path_of
 from tcstudy.scene.edge_laws import EdgeLaws
 from tcstudy.scene.fits import Sensitivity
@@ -96,7 +97,7 @@ def read_sensitivity(
             ctx.errors.at(item, f"{word} is given twice", "give every number once")
         elif path in known and not known[path][1]:
             found[path] = Sensitivity(word, path, ctx.cf(known[path][0]), heat_grows(root, path))
-            _check_corner(ctx, item, root, base, path)
+            _check_corner(ctx, item, base, path)
         elif word:
             what, remedy = why_not(word, path, known)
             ctx.errors.at(item, what, remedy)
@@ -178,18 +179,14 @@ def why_not(word: str, path: Keys, known: dict[Keys, tuple[Dimension, str]]) -> 
     return f"the study has no number {word!r}", hint(word, [*names, *shorter], f"use {', '.join(names)}")
 
 
-def _check_corner(ctx: Context, item: Node, root: Node, base: Scene, path: Keys) -> None:
+def _check_corner(ctx: Context, item: Node, base: Scene, path: Keys) -> None:
     """A prescribed displacement that a corner shares with another edge cannot change alone."""
     if path[0] != "boundary" or not path[-1].startswith("u_"):
         return
-    probe, boundary = Context(Collector(), ctx.units), root.child("boundary")
     value = dict(affine_parameters(base))[path].value
     moved = path_scene(base, path, 1.0 + 2.0 * abs(float(value)))  # type: ignore[arg-type]
-    if boundary is not None:
-        check_corners(probe, boundary, base.body, moved.boundary)
-    if probe.errors.problems:
-        what = f"{'.'.join(path)} cannot change alone: {probe.errors.problems[0].what}"
-        ctx.errors.at(item, what, "free a component of one of the two edges")
+    for _, why in islice(corner_faults(base.body, moved.boundary), 1):
+        ctx.errors.at(item, f"{'.'.join(path)} cannot change alone: {why}", "free a component of one of the two edges")
 
 
 Why = tuple[str, str]

@@ -165,19 +165,22 @@ def check_straight(ctx: Context, node: Node, body: Body, boundary: Boundary) -> 
             ctx.errors.once(deepest(node, (name,)), "a symmetry edge is straight, but this is an arc", remedy)
 
 
-def check_corners(ctx: Context, node: Node, body: Body, boundary: tuple[tuple[str, Role], ...]) -> None:
-    """Record every corner of a polygon body at which the constraints d·u = value have no common solution u."""
-    if body.outline is None:
-        return
+def check_corners(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:
+    """Record every corner at which the constraints have no common solution."""
+    for edge, what in corner_faults(body, boundary):
+        ctx.errors.at(deepest(node, (edge,)), what, "make them agree there, or free a component")
+
+
+def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str]]:
+    """(edge, what is wrong) of every corner of a polygon body at which d·u = value have no common solution u."""
     roles = dict(boundary)
-    for edge, following in (pair for loop in body.loops for pair in loop.corners):
+    for edge, following in (pair for loop in body.loops for pair in loop.corners) if body.outline else ():
         rows = [*_held_lines(edge, roles, edge.end), *_held_lines(following, roles, edge.end)]
         if len(rows) > 1 and not _solvable(np.array(rows)):
             x, y = edge.end
             others = f"{edge.name} and {following.name}"
-            what = f"{others} prescribe different displacements at their common corner ({x:g}, {y:g})"
             clamped = following if isinstance(roles.get(following.name), Clamped) else edge
-            ctx.errors.at(deepest(node, (clamped.name,)), what, "make them agree there, or free a component")
+            yield clamped.name, f"{others} prescribe different displacements at their common corner ({x:g}, {y:g})"
 
 
 def _held_lines(edge: Edge, roles: Mapping[str, Role], at: Point) -> Iterator[tuple[float, float, float]]:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any, get_args
 
 from tcstudy.expressions.expression import Expression
-from tcstudy.read.checks import check_corners
+from tcstudy.read.checks import corner_faults
 from tcstudy.read.fields import Context, Fields, none_after_fault
-from tcstudy.read.node import Collector, Node, hint
+from tcstudy.read.node import Node, hint
 from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT, affine_numbers, path_scene, sweepable
@@ -308,9 +308,7 @@ def _check_corners(ctx: Context, fields: Fields, plan: PathPlan) -> None:
     if plan.parameter[0] != "boundary":
         return
     for key, t in (("from", plan.begin), ("to", plan.end)):
-        probe = Context(Collector(), ctx.units)
-        check_corners(probe, fields.node, plan.scene.body, path_scene(plan.scene, plan.parameter, t).boundary)
-        if probe.errors.problems:
-            what = f"with {plan.name} = {t:g} {probe.errors.problems[0].what}"
+        for _, why in islice(corner_faults(plan.scene.body, path_scene(plan.scene, plan.parameter, t).boundary), 1):
+            what = f"with {plan.name} = {t:g} {why}"
             ctx.errors.at(fields.values[key], what, "free a component of one of the two edges")
             return

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 import shapely
@@ -84,55 +85,45 @@ def rough_size(loop: Loop) -> float:
 
 def loop_faults(loop: Loop, place: str, size: float) -> list[Fault]:
     """Faults of one loop by itself; finer ones are looked for only when the coarser are absent."""
-    return (
-        _chain_faults(loop, place)
-        or _edge_faults(loop, place, size)
-        or _vertex_faults(loop, place, size)
-        or _crossing_faults(loop, place, size)
-        or _corner_faults(loop, place)
-        or _turn_faults(loop, place)
-    )
+    for kind in (_chain_faults, _edge_faults, _vertex_faults, _crossing_faults, _corner_faults, _turn_faults):
+        if faults := list(kind(loop, place, size)):
+            return faults
+    return []
 
 
-def _chain_faults(loop: Loop, place: str) -> list[Fault]:
-    edges = loop.edges
-    least = 2 if any(edge.through for edge in edges) else 3
-    if len(edges) < least:
-        return [Fault(place, f"{len(edges)} edges do not enclose an area", f"give at least {least} edges")]
-    faults = []
+def _chain_faults(loop: Loop, place: str, _: float) -> Iterator[Fault]:
+    least = 2 if any(edge.through for edge in loop.edges) else 3
+    if len(loop.edges) < least:
+        yield Fault(place, f"{len(loop.edges)} edges do not enclose an area", f"give at least {least} edges")
+        return
     for i, (edge, following) in enumerate(loop.corners):
         if edge.end != following.start:
             what = f"{_label(loop, i)} ends at {spot(edge.end)}, but the next begins at {spot(following.start)}"
-            faults.append(Fault(_place(place, i), what, "let every edge begin where the one before ends"))
-    return faults
+            yield Fault(_place(place, i), what, "let every edge begin where the one before ends")
 
 
-def _edge_faults(loop: Loop, place: str, size: float) -> list[Fault]:
+def _edge_faults(loop: Loop, place: str, size: float) -> Iterator[Fault]:
     """Edges of no length, and arcs whose three points do not make a circle."""
-    faults = []
     for i, edge in enumerate(loop.edges):
         chord = math.dist(edge.start, edge.end)
         if chord <= TOLERANCE * size:
             what = f"{_label(loop, i)} has length {chord:.3g}" if chord else f"{_label(loop, i)} has no length"
             remedy = f"its ends must be more than {TOLERANCE * size:.3g} apart; remove a point, or split a full circle"
-            faults.append(Fault(_place(place, i), f"{what}: it ends where it begins, at {spot(edge.start)}", remedy))
+            yield Fault(_place(place, i), f"{what}: it ends where it begins, at {spot(edge.start)}", remedy)
         elif edge.through is not None:
             (ax, ay), (cx, cy) = np.subtract(edge.through, edge.start), np.subtract(edge.end, edge.start)
             if abs(ax * cy - ay * cx) <= TOLERANCE * chord * chord:
                 what = f"the through-point {spot(edge.through)} of {_label(loop, i)} lies on the line of its ends"
-                faults.append(Fault(_place(place, i), what, "leave out through for a straight edge"))
-    return faults
+                yield Fault(_place(place, i), what, "leave out through for a straight edge")
 
 
-def _vertex_faults(loop: Loop, place: str, size: float) -> list[Fault]:
+def _vertex_faults(loop: Loop, place: str, size: float) -> Iterator[Fault]:
     """Vertices that the loop passes twice."""
     vertices = shapely.points([edge.start for edge in loop.edges])
     pairs = shapely.STRtree(vertices).query(vertices, predicate="dwithin", distance=TOLERANCE * size)
-    faults = []
     for i, j in _sorted_pairs(pairs)[:MAX_FAULTS]:
         what = f"the vertex {spot(loop.edges[j].start)} begins both {_label(loop, i)} and {_label(loop, j)}"
-        faults.append(Fault(_place(place, j), what, "the boundary must not touch itself: move one of the two"))
-    return faults
+        yield Fault(_place(place, j), what, "the boundary must not touch itself: move one of the two")
 
 
 def _sorted_pairs(pairs: NDArray[np.intp]) -> list[tuple[int, int]]:
@@ -140,18 +131,14 @@ def _sorted_pairs(pairs: NDArray[np.intp]) -> list[tuple[int, int]]:
     return sorted((int(i), int(j)) for i, j in pairs.T if i < j)
 
 
-def _crossing_faults(loop: Loop, place: str, size: float) -> list[Fault]:
+def _crossing_faults(loop: Loop, place: str, size: float) -> Iterator[Fault]:
     """Pairs of edges that cross, touch or come closer than the tolerance away from a common vertex."""
-    gap = TOLERANCE * size
-    lines = [edge_line(edge, size) for edge in loop.edges]
-    pairs = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap)
-    faults: list[Fault] = []
-    for i, j in _sorted_pairs(pairs):
-        point = _meeting(loop, lines, i, j, gap)
-        if point is not None and len(faults) < MAX_FAULTS:
-            what = f"{_label(loop, i)} and {_label(loop, j)} cross or touch at {spot(point)}"
-            faults.append(Fault(_place(place, i), what, "the boundary must not meet itself: check the order of points"))
-    return faults
+    gap, lines = TOLERANCE * size, [edge_line(edge, size) for edge in loop.edges]
+    pairs = _sorted_pairs(shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap))
+    meetings = ((i, j, at) for i, j in pairs if (at := _meeting(loop, lines, i, j, gap)) is not None)
+    for i, j, point in islice(meetings, MAX_FAULTS):
+        what = f"{_label(loop, i)} and {_label(loop, j)} cross or touch at {spot(point)}"
+        yield Fault(_place(place, i), what, "the boundary must not meet itself: check the order of points")
 
 
 def _meeting(loop: Loop, lines: list[BaseGeometry], i: int, j: int, gap: float) -> Array | None:
@@ -167,27 +154,25 @@ def _meeting(loop: Loop, lines: list[BaseGeometry], i: int, j: int, gap: float) 
     return points[0] if len(points) else None
 
 
-def _corner_faults(loop: Loop, place: str) -> list[Fault]:
+def _corner_faults(loop: Loop, place: str, _: float) -> Iterator[Fault]:
     """Corners without an angle, where an edge runs back along the one before."""
-    faults = []
     for i, (edge, following) in enumerate(loop.corners):
         arriving, leaving = edge_normal(edge, [edge.end])[0], edge_normal(following, [following.start])[0]
         turn = math.atan2(arriving[0] * leaving[1] - arriving[1] * leaving[0], float(arriving @ leaving))
         if abs(turn) > math.pi - SHARPEST:
             j = (i + 1) % len(loop.edges)
             what = f"{_label(loop, j)} runs back along {_label(loop, i)} from {spot(edge.end)}"
-            faults.append(Fault(_place(place, j), what, "give the corner an angle"))
-    return faults
+            yield Fault(_place(place, j), what, "give the corner an angle")
 
 
-def _turn_faults(loop: Loop, place: str) -> list[Fault]:
+def _turn_faults(loop: Loop, place: str, _: float) -> Iterator[Fault]:
     if loop_area(loop) > 0.0:
-        return []
-    straight = Loop(tuple(replace(edge, through=None) for edge in loop.edges))
-    if any(edge.through is not None for edge in loop.edges) and loop_area(straight) > 0.0:
+        return
+    what, remedy = "the points run clockwise", "reverse the order of the points: counter-clockwise is expected"
+    if loop_area(Loop(tuple(replace(edge, through=None) for edge in loop.edges))) > 0.0:
         what = "an arc goes around the body on its wrong side: the points run counter-clockwise, the boundary clockwise"
-        return [Fault(place, what, "an edge's through lies between its from and the from of the next edge")]
-    return [Fault(place, "the points run clockwise", "reverse the order of the points: counter-clockwise is expected")]
+        remedy = "an edge's through lies between its from and the from of the next edge"
+    yield Fault(place, what, remedy)
 
 
 def check_body(body: Body) -> list[Fault]:
@@ -219,7 +204,7 @@ def _regions_alone(regions: tuple[Region, ...]) -> list[Fault]:
         return faults
     size = max(rough_size(loop) for _, loop in named)
     faults, sound = _sound(named, size)
-    return faults + _overlap_faults(sound, TOLERANCE * size)
+    return [*faults, *_overlap_faults(sound, TOLERANCE * size)]
 
 
 def _sound(named: list[tuple[str, Loop]], size: float) -> tuple[list[Fault], list[_Named]]:
@@ -236,55 +221,48 @@ def _sound(named: list[tuple[str, Loop]], size: float) -> tuple[list[Fault], lis
 _Named = tuple[str, BaseGeometry]
 
 
-def _hole_faults(outline: BaseGeometry, holes: list[_Named], gap: float) -> list[Fault]:
+def _hole_faults(outline: BaseGeometry, holes: list[_Named], gap: float) -> Iterator[Fault]:
     """Holes outside the body, across or at its outline, or at one another."""
-    faults = []
     for place, hole in holes:
         point = spot(shapely.get_coordinates(shapely.shortest_line(hole.exterior, outline.exterior))[0])
         if shapely.dwithin(hole.exterior, outline.exterior, gap):
-            faults.append(Fault(place, f"the hole touches or crosses the outline at {point}",
-                                "keep holes inside, or draw the outline around the notch"))  # fmt: skip
+            remedy = "keep holes inside, or draw the outline around the notch"
+            yield Fault(place, f"the hole touches or crosses the outline at {point}", remedy)
         elif not shapely.contains(outline, hole):
-            what = (
-                "the hole surrounds the body" if shapely.contains(hole, outline) else "the hole lies outside the body"
-            )
-            faults.append(Fault(place, what, "move it inside the outline"))
+            where = "surrounds" if shapely.contains(hole, outline) else "lies outside"
+            yield Fault(place, f"the hole {where} the body", "move it inside the outline")
     for (first, a), (second, b) in combinations(holes, 2):
         if shapely.dwithin(a, b, gap):
             point = spot(shapely.get_coordinates(shapely.shortest_line(b, a))[0])
-            faults.append(Fault(second, f"the hole overlaps or touches {first} at {point}",
-                                "move them apart, or draw them as one hole"))  # fmt: skip
-    return faults
+            remedy = "move them apart, or draw them as one hole"
+            yield Fault(second, f"the hole overlaps or touches {first} at {point}", remedy)
 
 
-def _region_faults(outline: BaseGeometry, holes: list[_Named], regions: list[_Named], gap: float) -> list[Fault]:
+def _region_faults(outline: BaseGeometry, holes: list[_Named], regions: list[_Named], gap: float) -> Iterator[Fault]:
     """Regions that leave the body, overlap a hole or one another; they may share boundary with all of these."""
-    faults = []
     for place, region in regions:
         slack = min(gap * region.length, 0.1 * region.area)
         outside = shapely.difference(region, outline)
         if shapely.intersection(region, outline).area <= slack:
-            faults.append(Fault(place, "the region lies outside the body", "move it inside the outline"))
+            yield Fault(place, "the region lies outside the body", "move it inside the outline")
         elif outside.area > slack:
-            faults.append(Fault(place, f"the region leaves the body near {_inside(outside)}",
-                                "keep it within the outline; it may end on it"))  # fmt: skip
+            remedy = "keep it within the outline; it may end on it"
+            yield Fault(place, f"the region leaves the body near {_inside(outside)}", remedy)
         for hole, shape in holes:
             common = shapely.intersection(region, shape)
             if common.area > slack:
-                faults.append(Fault(place, f"the region overlaps {hole} near {_inside(common)}",
-                                    "keep it clear of holes; it may end at their edges"))  # fmt: skip
-    return faults + _overlap_faults(regions, gap)
+                remedy = "keep it clear of holes; it may end at their edges"
+                yield Fault(place, f"the region overlaps {hole} near {_inside(common)}", remedy)
+    yield from _overlap_faults(regions, gap)
 
 
-def _overlap_faults(regions: list[_Named], gap: float) -> list[Fault]:
+def _overlap_faults(regions: list[_Named], gap: float) -> Iterator[Fault]:
     """Regions that overlap one another; they may share boundary."""
-    faults = []
     for (first, a), (second, b) in combinations(regions, 2):
         common = shapely.intersection(a, b)
         if common.area > min(gap * a.length, gap * b.length, 0.1 * a.area, 0.1 * b.area):
-            faults.append(Fault(second, f"the region overlaps {first} near {_inside(common)}",
-                                "regions must not overlap; they may share an edge"))  # fmt: skip
-    return faults
+            remedy = "regions must not overlap; they may share an edge"
+            yield Fault(second, f"the region overlaps {first} near {_inside(common)}", remedy)
 
 
 def _inside(shape: BaseGeometry) -> str:
