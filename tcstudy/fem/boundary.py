@@ -192,6 +192,7 @@ class ContactLine:
     xy:        (m, 2) coordinates [m];  c: (m,) segment lengths [m]
     edge:      (m,) index into edge_names of the edge the node lies on
     segments:  (s, 2) all segments of Γ_C, clamped nodes included, in order;  ends: (s, 2, 2) their ends [m]
+    which:     (s,) their places among all boundary segments of the mesh
     joints:    the nodes where one edge ends and another begins, `edge` being that which begins
     """
 
@@ -203,6 +204,7 @@ class ContactLine:
     edge_names: tuple[str, ...]
     segments: Indices
     ends: Array
+    which: Indices
     joints: Joints = NO_JOINTS
 
     @property
@@ -225,11 +227,10 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
     """
     curves = mesh.geometry.curves
     edge_of_curve = np.array([names.index(c.name) if c.name in names else -1 for c in curves])
-    edge = edge_of_curve[mesh.segment_curve]
-    segments, edge = mesh.segments[edge >= 0], edge[edge >= 0]
-    rank = mesh.segment_curve[edge_of_curve[mesh.segment_curve] >= 0]
-    order, start = _chain(segments, rank)
-    segments, edge = segments[order], edge[order]
+    which = np.flatnonzero(edge_of_curve[mesh.segment_curve] >= 0)
+    order, start = _chain(mesh.segments[which], mesh.segment_curve[which])
+    which = which[order]
+    segments, edge = mesh.segments[which], edge_of_curve[mesh.segment_curve[which]]
     lengths = np.linalg.norm(mesh.points[segments[:, 1]] - mesh.points[segments[:, 0]], axis=1)
     free = ~frames.fixed[segments]
     halves = _halves(mesh, segments, lengths, free)
@@ -239,8 +240,7 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
     # Each node once: as the start of its outgoing segment, or as the end of the last one of an open part.
     last = np.ones(len(segments), dtype=bool)
     last[:-1] = start[1:]
-    closes = segments[:, 1] == segments[start, 0][np.cumsum(start) - 1]
-    final = np.flatnonzero(last & ~closes)
+    final = np.flatnonzero(last & (segments[:, 1] != segments[start, 0][np.cumsum(start) - 1]))
     nodes = np.concatenate([segments[:, 0], segments[final, 1]])
     at = np.concatenate([before, before[final] + lengths[final]])
     position = np.concatenate([np.arange(len(segments)), final + 0.5])
@@ -254,7 +254,7 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
     into = own[segments[:, 1]]
     meets = np.flatnonzero((into >= 0) & (on[into] != edge))
     joints = Joints(into[meets], edge[meets], halves[meets, 1] / c[segments[meets, 1]])
-    return ContactLine(nodes, at[sort], mesh.points[nodes], c[nodes], on, names, segments, ends, joints)
+    return ContactLine(nodes, at[sort], mesh.points[nodes], c[nodes], on, names, segments, ends, which, joints)
 
 
 def _halves(mesh: PlaneMesh, segments: Indices, lengths: Array, free: NDArray[np.bool_]) -> Array:

@@ -117,8 +117,5 @@ def hidden_on(mesh: PlaneMesh, line: ContactLine, parts: Array) -> Hidden:
     free[line.nodes] = True
     ends = line.segments[cells]
     nodes = ends[np.arange(len(cells)), np.argmin(free[ends], axis=1)]
-    key = mesh.segments[:, 0] * mesh.n_points + mesh.segments[:, 1]
-    order = np.argsort(key)
-    at = order[np.searchsorted(key[order], ends[:, 0] * mesh.n_points + ends[:, 1])]
     lengths = np.linalg.norm(line.ends[cells, 1] - line.ends[cells, 0], axis=1)
-    return Hidden(nodes, mesh.segment_curve[at], parts[cells], lengths)
+    return Hidden(nodes, mesh.segment_curve[line.which[cells]], parts[cells], lengths)

@@ -49,6 +49,7 @@ solution), so that it is the change times 1/(1 − 2^{−2λ}): 2 in a crack's t
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,12 +115,14 @@ def goal_error(
     if answer.status != Status.CONVERGED:
         return GoalError(value, np.inf, 0.0, 0.0, np.zeros(len(triangles.area)), np.zeros(len(line.segments)))
     solutions = (v, answer.v), (halved.carry(u), fine.displacement(scene, finer, answer.v))
-    z_T = _dual(goal, finer.problem, fine.line, answer.v)
+    z_T = np.zeros(fine.line.m)
+    with suppress(scipy.linalg.LinAlgError):  # a turning point
+        z_T = dual(goal, finer.problem, fine.line, answer.v)
     shares, parts = _parts(goal, halved, triangles, scene, (condensed, finer), *solutions, z_T)
     hidden = _hidden(goal, halved, finer.problem, answer.v, solutions[1][1], z_T)
     stepped = _stepped(goal, halved, finer.problem, answer.v, z_T)
     hides = float(hidden.sum() + stepped.sum())
-    shares += _at_segments(halved.coarse, stepped)
+    shares += _at_segments(halved.coarse, triangles, stepped)
     places = _places(goal, halved.coarse, condensed, v)
     parted = regions(halved, scene, sticking(condensed.problem.law, v), places, stepped > 0.0)
     if goal.quantity == "slip_length":
@@ -140,7 +143,7 @@ def goal_error(
     rest, spread = _extrapolated(change - float(found.sum()), parts, parted)
     spread += float(np.abs(2.0 * found - missing).sum())
     doubt = hides + float(torn(fine.line, finer.problem, answer.v).sum())
-    shares += _at_segments(halved.coarse, np.abs(missing) + cells)
+    shares += _at_segments(halved.coarse, triangles, np.abs(missing) + cells)
     return GoalError(value + first + rest, abs(first + rest) + doubt, spread, change, shares, hidden)
 
 
@@ -157,20 +160,11 @@ def _extrapolated(change: float, parts: Array, parted: Regions) -> tuple[float, 
     return float(parted.factors @ parts) + SMOOTH * nonlinear, spread
 
 
-def _at_segments(level: Level, values: Array) -> Array:
+def _at_segments(level: Level, triangles: ElementGeometry, values: Array) -> Array:
     """(t,) values on segments of Γ_C (s,) at the triangle of each."""
-    shares = np.zeros(len(level.mesh.triangles))
-    for i in np.flatnonzero(values):
-        shares[np.isin(level.mesh.triangles, level.line.segments[i]).sum(axis=1) == 2] += values[i]
-    return shares
-
-
-def _dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Array:
-    """The dual solution (m,); zero if its problem is singular (a turning point)."""
-    try:
-        return dual(goal, problem, line, v)
-    except scipy.linalg.LinAlgError:
-        return np.zeros(line.m)
+    found = np.zeros(len(level.mesh.segments))
+    found[level.line.which] = values
+    return triangles.from_segments(found)
 
 
 def _hidden(goal: Goal, halved: Halved, problem: ContactProblem, v: Array, u: Array, z_T: Array) -> Array:
@@ -210,7 +204,9 @@ def _parts(
     parts = contributions(goal, halved, scene, (condensed[0].problem, condensed[1].problem), v, u, z)
     e = u[1] - u[0]
     rest = own_strain(halved.triangles, z - halved.interpolated(z))
-    shares = np.sqrt(_energy(halved, own_strain(halved.triangles, e), material) * _energy(halved, rest, material))
+    moved = own_strain(halved.triangles, e)
+    energies = (halved.gathered(_work(halved.triangles, a, a, material)) for a in (moved, rest))
+    shares = np.sqrt(math.prod(energies))
     frames = fine.frames
     lift = own_strain(halved.triangles, frames.cartesian(np.where(frames.fixed, frames.rows(e), 0.0)))
     shares += np.abs(halved.gathered(_work(halved.triangles, lift, own_strain(halved.triangles, z), material)))
@@ -225,11 +221,6 @@ def _work(triangles: ElementGeometry, a: Array, b: Array, material: Material) ->
     """(t,) ∫_K a:c b of strains that are constant on K (t, 3) [J/m]."""
     density = material.lam * (a[:, 0] + a[:, 1]) * (b[:, 0] + b[:, 1])
     return triangles.area * (density + 2.0 * material.mu * ((a * b) @ np.array([1.0, 1.0, 2.0])))
-
-
-def _energy(halved: Halved, a: Array, material: Material) -> Array:
-    """(t,) ∫_K a:c a on the triangles of the level."""
-    return halved.gathered(_work(halved.triangles, a, a, material))
 
 
 def _heat_shares(halved: Halved, scene: Scene, z: Array) -> Array:

@@ -19,7 +19,7 @@ from tcstudy.solvers.contact import TIE
 from tcstudy.solvers.separable.finish import finish
 from tcstudy.study.point import solve_point
 from tcstudy.study.run import stages
-from tcstudy.study.starts import contact_line, exact_at, segment_curves
+from tcstudy.study.starts import contact_line, exact_at
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
@@ -133,14 +133,14 @@ def _on_exact_branch(
 
 def empty_level(study: Study, level: Level) -> SolvedLevel:
     """A level without solutions yet."""
-    mesh, curve = level.mesh, segment_curves(level)
+    mesh = level.mesh
     return SolvedLevel(
         h_max=mesh.h_max,
         n_dof=level.frames.n_dof,
         mesh=Triangles(mesh.points, mesh.triangles),
         line=contact_line(study, level),
         edges=tuple(level.line.edge_names[e] for e in level.line.edge),
-        segment_curve=curve,
+        segment_curve=mesh.segment_curve[level.line.which],
         solutions={},
         region=mesh.numbered(tuple(name for name, _ in own)) if (own := study.scenes[0].material.regions) else None,
     )
@@ -149,15 +149,9 @@ def empty_level(study: Study, level: Level) -> SolvedLevel:
 def solution_of(study: Study, level: Level, scene: Scene, record: PointRecord) -> Solution:
     """What a run recorded of a point (with its fields), for comparison."""
     u = np.array([record.fields["u_x"], record.fields["u_y"]]) if record.fields else None
+    theta = record.fields.get("theta")
+    if study.exact is not None and study.exact.theta is not None:  # also where it does not load the body
+        theta = level.temperature(scene).theta
     numbers = {name: value for name, value in record.numbers.items() if not isinstance(value, tuple)}
     sticks = sticking(level.law(scene), record.u_T)
-    return Solution(
-        record.status, record.reason, u, _theta(study, level, scene, record), record.u_T, record.xi, sticks, numbers
-    )
-
-
-def _theta(study: Study, level: Level, scene: Scene, record: PointRecord) -> Array | None:
-    """The temperature; also where it does not load the body, if the study knows it exactly."""
-    if study.exact is not None and study.exact.theta is not None:
-        return level.temperature(scene).theta
-    return record.fields.get("theta")
+    return Solution(record.status, record.reason, u, theta, record.u_T, record.xi, sticks, numbers)

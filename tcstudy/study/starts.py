@@ -59,8 +59,8 @@ def exact_at(exact: Exact, line: Line) -> Array:
 
 def contact_line(study: Study, level: Level) -> Line:
     """The contact line with the exact curve's normals at both ends of every segment."""
-    names, curve = study.scenes[0].edges(Contact), segment_curves(level)
-    mesh, segments = level.mesh, level.line.segments
+    names, mesh, segments = study.scenes[0].edges(Contact), level.mesh, level.line.segments
+    curve = mesh.segment_curve[level.line.which]
     normals = np.empty((len(segments), 2, 2))
     for i, one in enumerate(mesh.geometry.curves):
         if one.name in names:
@@ -68,12 +68,3 @@ def contact_line(study: Study, level: Level) -> Line:
             own = curve == i
             normals[own] = at[np.searchsorted(nodes, segments[own])]
     return Line(mesh.points, segments, normals, level.line.nodes, level.line.c)
-
-
-def segment_curves(level: Level) -> NDArray[np.intp]:
-    """(s,) index of the curve that every contact segment lies on."""
-    mesh, segments = level.mesh, level.line.segments
-    key = mesh.segments[:, 0] * mesh.n_points + mesh.segments[:, 1]
-    order = np.argsort(key)
-    wanted = segments[:, 0] * mesh.n_points + segments[:, 1]
-    return mesh.segment_curve[order[np.searchsorted(key[order], wanted)]]

@@ -35,7 +35,8 @@ def line_of(m: int, held: tuple[int, ...] = ()) -> ContactLine:
     for a, b in segments:
         whole = [i for i in (a, b) if i not in held]
         c[whole] += 1.0 / len(whole)
-    return ContactLine(free, s[free], at[free], c[free], np.zeros(len(free), np.int8), ("base",), segments, ends)
+    edge = np.zeros(len(free), np.int8)
+    return ContactLine(free, s[free], at[free], c[free], edge, ("base",), segments, ends, np.arange(m))
 
 
 def problem_of(line: ContactLine) -> ContactProblem:
