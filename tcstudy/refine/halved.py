@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.transfer import prolongation
 from tcstudy.fem.estimators import own_strain
 from tcstudy.fem.forms import Springs
-from tcstudy.fem.meshes import refine_uniformly
+from tcstudy.fem.meshes import PlaneMesh, refine_uniformly
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
 from tcstudy.scene.nodal_laws import sticking
@@ -56,11 +56,7 @@ class Halved:
         fine = self.level.mesh
         self.triangles = ElementGeometry(fine)
         self._prolong = prolongation(mesh.points, fine.points, fine.triangles)
-        # a part of a triangle has corners that lie between its three nodes and no others
-        between = (self._prolong.matrix.T @ self.triangles.incidence).astype(bool)
-        held = sp.coo_array(ElementGeometry(mesh).incidence.T @ between.astype(float))
-        self.parent = np.empty(len(fine.triangles), dtype=np.intp)
-        self.parent[held.col[held.data == 3.0]] = held.row[held.data == 3.0]
+        self.parent = _parents(mesh, fine, self._prolong.matrix)
         self._springs: tuple[Springs, sp.csr_array] = (), sp.csr_array((0, 0))
         self._heat: dict[tuple[tuple[float, ...], float], scipy.sparse.linalg.SuperLU] = {}
 
@@ -139,6 +135,23 @@ class Halved:
         zeta = np.zeros(self.level.mesh.n_points)
         zeta[free] = self._heat[key].solve(scene.material.beta * (self.triangles.incidence @ dilation)[free])
         return zeta
+
+
+def _parents(coarse: PlaneMesh, fine: PlaneMesh, prolong: sp.csr_array) -> NDArray[np.intp]:
+    """The parent of every fine triangle: the triangle of all coarse nodes that its corners lie between."""
+    n = coarse.n_points
+    between = np.repeat(np.arange(fine.n_points), 2).reshape(-1, 2)
+    between[n:] = prolong[n:].indices.reshape(-1, 2)
+    found = np.sort(between[fine.triangles].reshape(-1, 6), axis=1)
+    middle = found[np.arange(len(found)), np.argmax(found > found[:, :1], axis=1)]
+    keys = _keys(np.column_stack([found[:, 0], middle, found[:, -1]]), n)
+    own = _keys(np.sort(coarse.triangles, axis=1), n)
+    order = np.argsort(own)
+    return order[np.searchsorted(own[order], keys)]
+
+
+def _keys(corners: NDArray[np.intp], n: int) -> NDArray[np.intp]:
+    return (corners[:, 0] * n + corners[:, 1]) * n + corners[:, 2]
 
 
 def _sorted_pairs(pairs: NDArray[np.intp], n: int) -> NDArray[np.intp]:

@@ -177,14 +177,8 @@ def appended(path: Path, new: Study) -> tuple[Study, Kept]:
 
     Raises StoreError if they differ in more than the sweep.
     """
-    file = stored_run(path, new.source)
-    _refuse_other(path, file.study, new)
-    study = union(file.study, new)
-    places = file.places_in(study)
-    todo = np.zeros((len(study.scenes), study.mesh.levels), dtype=bool)
-    todo[places_in(study, new)] = True
-    todo[places] &= file.status == PointStatus.NOT_RUN
-    return study, Kept(file, places, todo)
+    file = _file_of(path, new)
+    return _asked(file, union(file.study, new), new, again=file.status == PointStatus.NOT_RUN)
 
 
 def retried(path: Path, new: Study) -> tuple[Study, Kept]:
@@ -192,24 +186,30 @@ def retried(path: Path, new: Study) -> tuple[Study, Kept]:
 
     Raises StoreError if the file does not hold the study.
     """
-    file = stored_run(path, new.source)
-    _refuse_other(path, file.study, new)
+    file = _file_of(path, new)
     asked = places_in(file.study, new, absent=-1)
-    if np.any(asked < 0):
-        count = np.count_nonzero(asked < 0)
+    if count := np.count_nonzero(asked < 0):
         raise StoreError(f"{path} does not hold {count} of the study's {len(asked)} points; add them by --append")
-    study = new if len(asked) == len(file.status) else file.study
+    whole = new if len(asked) == len(file.status) else file.study
+    return _asked(file, whole, new, again=file.status != PointStatus.OK)
+
+
+def _file_of(path: Path, new: Study) -> StoredRun:
+    """The file of a study that differs in its sweep alone."""
+    file = stored_run(path, new.source)
+    if found := differences(file.study, new):
+        remedy = "give another --output, or --force to compute all anew"
+        raise StoreError(f"{path} holds another study, not only another sweep ({'; '.join(found[:5])}); {remedy}")
+    return file
+
+
+def _asked(file: StoredRun, study: Study, new: Study, again: NDArray[np.bool_]) -> tuple[Study, Kept]:
+    """The study, of which the points of `new` are asked for; again: (P of the file, levels) those that it has not."""
     places = file.places_in(study)
     todo = np.zeros((len(study.scenes), study.mesh.levels), dtype=bool)
     todo[places_in(study, new)] = True
-    todo[places] &= file.status != PointStatus.OK
+    todo[places] &= again
     return study, Kept(file, places, todo)
-
-
-def _refuse_other(path: Path, old: Study, new: Study) -> None:
-    if found := differences(old, new):
-        remedy = "give another --output, or --force to compute all anew"
-        raise StoreError(f"{path} holds another study, not only another sweep ({'; '.join(found[:5])}); {remedy}")
 
 
 def merge(files: Sequence[Path], output: Path, command: Sequence[str] = ("tcstudy.merge",)) -> tuple[int, int, int]:
@@ -270,13 +270,7 @@ def _after(study: Study, runs: Sequence[StoredRun], command: Sequence[str]) -> P
 
 
 def _owned(study: Study, runs: Sequence[StoredRun], places: Sequence[Places]) -> list[Kept]:
-    """Of every run the points that the file of all takes from it."""
-    owner = _owners(study, runs, places)
-    return [Kept(run, at, owner != k) for k, (run, at) in enumerate(zip(runs, places, strict=True))]
-
-
-def _owners(study: Study, runs: Sequence[StoredRun], places: Sequence[Places]) -> NDArray[np.int32]:
-    """(points, levels) the first file that has solved each, or else has run it; -1 for none."""
+    """Of every run the points that the file of all takes from it: the first that has solved one, or else has run it."""
     owner = np.full((len(study.scenes), study.mesh.levels), -1, dtype=np.int32)
     held = np.zeros(owner.shape, dtype=np.int8)
     for k, (run, at) in enumerate(zip(runs, places, strict=True)):
@@ -285,7 +279,7 @@ def _owners(study: Study, runs: Sequence[StoredRun], places: Sequence[Places]) -
         better = (held == PointStatus.NOT_RUN) | ((held != PointStatus.OK) & (status == PointStatus.OK))
         better &= status != PointStatus.NOT_RUN
         owner[better], held[better] = k, status[better]
-    return owner
+    return [Kept(run, at, owner != k) for k, (run, at) in enumerate(zip(runs, places, strict=True))]
 
 
 def _refuse_disagreement(study: Study, one: tuple[StoredRun, Places], two: tuple[StoredRun, Places]) -> None:

@@ -233,17 +233,14 @@ def converge_variants(study: Study, say: Say, length: Length) -> Convergence:
             lost.append((variant, reason))
     if not found:
         raise GeometryFailed(f"no geometry of the sweep has a mesh ({lost[0][0].words}: {lost[0][1]})", ("sweep",))
-    points = [
-        replace(point, index=_index(study, variant, row))
-        for variant, one in found
-        for row, point in enumerate(one.points)
-    ]
+    index = [tuple(int(i) for i in np.unravel_index(place, study.shape)) for place in range(len(study.scenes))]
     none = (PointStatus.MESH_FAILED,) * study.mesh.levels
-    points += [
-        PointConvergence(_index(study, variant, row), none, {}, {})
-        for variant, _ in lost
-        for row in range(len(variant.places))
+    points = [
+        replace(point, index=index[place])
+        for variant, one in found
+        for place, point in zip(variant.places, one.points, strict=True)
     ]
+    points += [PointConvergence(index[place], none, {}, {}) for variant, _ in lost for place in variant.places]
     sizes = study.shape if study.mode != "grid" else tuple(len(axis.values) for axis in outer_axes(study))
     by_level: dict[str, Any] = {}
     for name, missing in (("h_max", np.nan), ("n_dof", -1), ("n_contact", -1), ("compared", False)):
@@ -255,11 +252,6 @@ def converge_variants(study: Study, say: Say, length: Length) -> Convergence:
     notes = [f"refused, {variant.words}: {reason}" for variant, reason in lost]
     notes += once([(variant.words, one.notes) for variant, one in found])
     return Convergence(reference="; or ".join(words), points=tuple(points), notes=tuple(notes), **by_level)
-
-
-def _index(study: Study, variant: Variant, row: int) -> tuple[int, ...]:
-    """Index in the whole sweep of a point of a geometry."""
-    return tuple(int(i) for i in np.unravel_index(variant.places[row], study.shape))
 
 
 def geometry_at(study: Study, index: tuple[int, ...]) -> tuple[Study, tuple[int, ...]]:
