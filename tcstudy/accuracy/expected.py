@@ -101,23 +101,21 @@ def smoothness(corners: Sequence[Vertex], stick_slip: bool, grading: Sequence[fl
     stick_slip: stick meets slip somewhere inside Γ_C
     grading:    μ of the meshes at every corner, 1 where they are not graded; by default everywhere
     """
-    mus = dict(zip((v.at for v in corners), grading or [1.0] * len(corners), strict=True))
-    body = [Singularity(v.exponent, describe(v), mus[v.at]) for v in corners]
-    u_T, xi = [], []
-    for v in corners:
-        mu = mus[v.at]
+    body, theta, u_T, xi = [], [], [], []
+    for v, mu in zip(corners, grading or [1.0] * len(corners), strict=True):
+        body.append(Singularity(v.exponent, describe(v), mu))
+        theta.append(_heat_corner(v, mu))
         if "sticking contact" in v.words:
-            u_T.append(Singularity(v.exponent, describe(v), mu))
+            u_T.append(body[-1])
             xi.append(Singularity(v.exponent - 1 if v.exponent < SMOOTH else SMOOTH, describe(v), mu))
         elif v.contact and set(v.words) != {"slipping contact"}:
             why = describe(v) if v.exponent < 1 else f"{corner_words(v)}: shear stress jumps, u ~ r log r"
             u_T.append(Singularity(min(1.0, v.exponent), why, mu))
-            xi.append(Singularity(min(1.0, v.exponent), why, mu))
+            xi.append(u_T[-1])
     if stick_slip:
         why = "stick meets slip on Γ_C: u ~ r^1.5"
         u_T.append(Singularity(1.5, why))
         xi.append(Singularity(0.5, why))
-    theta = [_heat_corner(v, mus[v.at]) for v in corners]
     return Smoothness(_worst(body), _worst(u_T), _worst(xi), _worst(theta))
 
 

@@ -60,7 +60,7 @@ def measure(study: Study, index: tuple[int, ...], runs: int, progress: Progress)
     Raises CostError if no mesh could be solved, GeometryFailed if the body cannot be meshed.
     """
     study, index = geometry_at(study, index)
-    scene = study.scenes[int(np.ravel_multi_index(index, study.shape)) if study.shape else 0]
+    scene = study.scenes[int(np.ravel_multi_index(index, study.shape))]
     what = "materials differ by region" if scene.material.regions else "friction differs along the contact line"
     if (scene.material.regions or isinstance(scene.friction, EdgeLaws)) and study.mesh.goal.quantity != "energy":
         raise CostError(f"{what}, and errors of goals are not estimated then; set mesh.goal=energy")

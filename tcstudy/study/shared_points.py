@@ -61,7 +61,7 @@ class LabelledPoints:
 
     def at(self, place: int) -> dict[str, Any]:
         """The labels of a point by parameter."""
-        index = np.unravel_index(place, self.shape) if self.shape else ()
+        index = np.unravel_index(place, self.shape)
         return {name: labels[int(index[self.along[name]])] for name, labels in self.labels.items()}
 
     def describe(self, place: int) -> str:

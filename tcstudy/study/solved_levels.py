@@ -101,7 +101,7 @@ def solve_levels(study: Study, say: Say, length: Length = BARE) -> list[SolvedLe
         say(f"level {i}: h_max = {length(level.mesh.h_max)}, {sizes}")
         levels.append(empty_level(study, level))
         for record in (point for block in stage.blocks for point in block.one_by_one()):
-            scene = study.scenes[int(np.ravel_multi_index(record.index, study.shape)) if study.shape else 0]
+            scene = study.scenes[int(np.ravel_multi_index(record.index, study.shape))]
             least = solution_of(study, level, scene, record)
             solution = _on_exact_branch(study, level, record.index, scene, levels[-1], least)
             levels[-1].solutions[record.index] = solution

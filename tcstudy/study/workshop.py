@@ -136,11 +136,10 @@ class Workshop:
         record = pending if isinstance(pending, BlockRecord) else pending()
         if self.solutions is not None:
             self.solutions.take(record)
-        if isinstance(pending, BlockRecord):
-            if self.survey is not None:
-                self._completed(record)
-            return
-        yield replace(self._with_asked(record) if self.study.output.asks else record, number=block.number)
+        if pending is not record:
+            yield replace(self._with_asked(record) if self.study.output.asks else record, number=block.number)
+        elif self.survey is not None:
+            self._completed(record)
 
     def _singly(self, block: Block) -> BlockRecord:
         """One point after the other."""
@@ -148,7 +147,8 @@ class Workshop:
         points = []
         for row, place in enumerate(block.points):
             neighbour = None if near is None or np.isnan(near[row]).any() else near[row]
-            point = solve_point(self.study, self.level, self._index(place), self._scene(place), neighbour, self.exact)
+            index = tuple(int(i) for i in np.unravel_index(place, self.study.shape))
+            point = solve_point(self.study, self.level, index, self._scene(place), neighbour, self.exact)
             try:
                 points.append(self._with_more(point))
             except Exception as error:  # as in solve_point
@@ -246,7 +246,7 @@ class Workshop:
     def _with_more(self, point: PointRecord) -> PointRecord:
         if point.status != PointStatus.OK:
             return point
-        scene = self._scene(int(np.ravel_multi_index(point.index, self.study.shape)) if point.index else 0)
+        scene = self._scene(np.ravel_multi_index(point.index, self.study.shape))
         condensed = self.level.condensed(scene)
         numbers, fields = dict(point.numbers), dict(point.fields)
         if self.survey is not None:
@@ -257,11 +257,8 @@ class Workshop:
             fields = self.level.fields(scene, condensed, point.u_T)
         return replace(point, numbers=numbers, fields=fields)
 
-    def _scene(self, place: int) -> Scene:
+    def _scene(self, place: np.intp) -> Scene:
         return self.study.scenes[int(place)]
-
-    def _index(self, place: int) -> tuple[int, ...]:
-        return tuple(int(i) for i in np.unravel_index(place, self.study.shape)) if self.study.shape else ()
 
 
 def all_failed(study: Study, level: int, points: Places, status: PointStatus, reason: str) -> BlockRecord:
