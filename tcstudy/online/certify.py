@@ -22,7 +22,7 @@ from tcstudy.online.newton import slopes
 from tcstudy.online.problems import CondensedBody, Rows
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.friction import UP
-from tcstudy.solvers.bounds import FEW, PARTS, bends
+from tcstudy.solvers.bounds import FEW, PARTS, ROUNDS, SHRINKS, bends
 from tcstudy.solvers.problem import least_lowered
 from tcstudy.solvers.separable.pieces import factor_free, negative_curvature
 
@@ -83,10 +83,6 @@ _LEAST = 1e-9
 """Least part of its largest entry that an entry of such a direction has, since all must be positive."""
 
 
-_ROUNDS, _SHRINKS = 30, 0.01
-"""Improvements of a box at most, and by which part of its size one must shrink it."""
-
-
 def solution_boxes(rows: Rows) -> tuple[Array, Array]:
     """(low, high), (R, m) each: every solution lies between them, as tcstudy/solvers/bounds.py has it [m].
 
@@ -99,7 +95,7 @@ def solution_boxes(rows: Rows) -> tuple[Array, Array]:
     high = (1.0 + 1e-6) * driving[:, None] / body.lambda_1 / np.sqrt(c)
     low, absolute, rounding = -high, np.abs(body.inverse), body.inverse_rounding()
     at = np.arange(len(low))
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         own_low, own_high = low[at], high[at]
         least, largest = rows.laws.value_range(own_low, own_high)
         middle, radius = rows.loads - c * (0.5 * (largest + least)), c * (0.5 * (largest - least))
@@ -109,7 +105,7 @@ def solution_boxes(rows: Rows) -> tuple[Array, Array]:
         new_high = np.maximum(np.minimum(own_high, centre + reach), new_low)
         gain = np.maximum(np.max(new_low - own_low, axis=1), np.max(own_high - new_high, axis=1))
         low[at], high[at] = new_low, new_high
-        on = np.flatnonzero(gain > _SHRINKS * np.max(own_high - own_low, axis=1))
+        on = np.flatnonzero(gain > SHRINKS * np.max(own_high - own_low, axis=1))
         if not len(on):
             break
         if len(on) < len(at):

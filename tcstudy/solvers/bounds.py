@@ -33,6 +33,8 @@ Index = NDArray[np.intp]
 
 FEW, PARTS = 6, 48
 """Parts of an exponential piece: for a first try, which proves most of what can be proved, and of the careful bound."""
+ROUNDS, SHRINKS = 30, 0.01
+"""Improvements of a box at most, and by which part of its size one must shrink it."""
 _DECAY, _ROUNDINGS = 16.0, 64.0
 """Decay lengths that the parts cover (one more takes the rest), and roundings of j by which every D is enlarged."""
 
@@ -171,7 +173,6 @@ def quotient(gap: Array, excess: Array, slope: Array, distance: Array, width: Ar
 def solution_box(
     problem: ContactProblem,
     lambda_1: float,
-    rounds: int = 30,
     inverse: Array | None = None,
     others: Array | None = None,
     common: bool = False,
@@ -180,7 +181,6 @@ def solution_box(
 
     lambda_1: λ_min(C^{−½}ÃC^{−½}) [Pa/m]
     inverse:  Ã⁻¹ if known (many problems share one Ã)
-    rounds:   at most so many improvements; ends when the box no longer shrinks by a hundredth
     others:   (k, m) more loads l̃: the box holds for them, for the problem's own, and for all loads between them
     common:   the part that the boxes of all these loads have in common instead (low > high where there is none)
     """
@@ -195,7 +195,7 @@ def solution_box(
     answers = loads @ inverse
     least_answer, largest_answer = narrowest(answers, axis=0), widest(answers, axis=0)
     largest_load = np.max(np.abs(loads), axis=0)
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         least, largest = (-c * b for b in value_range(*laws, low, high)[::-1])
         middle, radius = inverse @ (0.5 * (least + largest)), size @ (0.5 * (largest - least))
         slack = rounding * (size @ (largest_load + np.maximum(np.abs(least), np.abs(largest))))
@@ -203,7 +203,7 @@ def solution_box(
         new_high = np.minimum(high, largest_answer + middle + radius + slack)
         new_high = new_high if common else np.maximum(new_high, new_low)
         gain = float(np.max(np.maximum(new_low - low, high - new_high), initial=0.0))
-        shrinks = gain > 0.01 * float(np.max(high - low, initial=0.0))
+        shrinks = gain > SHRINKS * float(np.max(high - low, initial=0.0))
         low, high = new_low, new_high
         if not shrinks or np.any(low > high):
             break

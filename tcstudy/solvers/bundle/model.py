@@ -54,14 +54,6 @@ class DiagonalShift:
 Hessian = Array | DiagonalShift
 
 
-def combine(hessians: Sequence[Hessian], weights: Array) -> Hessian:
-    """Σ w_j G_j; a DiagonalShift of the same base if all are and Σ w_j = 1 (then nothing is lost), else dense."""
-    stack = Stack.of(hessians)
-    if stack.base is not None and abs(float(weights.sum()) - 1.0) <= 1e-12:
-        return DiagonalShift(stack.base, weights @ stack.diagonals)
-    return stack.combine(weights)
-
-
 @dataclass(frozen=True, eq=False)
 class Stack:
     """The G_j of a bundle, ready for products with all of them; base and diagonals, or dense.
@@ -120,24 +112,18 @@ PIVOT, LEAST_CURVATURE = 1e-8, 1e-2
 
 @dataclass(frozen=True)
 class Piece:
-    """What the oracle said at y, or an aggregate of pieces.
+    """What the oracle said at y.
 
     y:      (n,) point
     f:      value at y
     g:      (n,) subgradient at y
     G:      (n, n) second derivatives of the active piece at y, dense or a DiagonalShift
-    travel: locality that an aggregate inherits from its parts, 0 for the oracle's own pieces
     """
 
     y: Array
     f: float
     g: Array
     G: Hessian
-    travel: float = 0.0
-
-    def distance(self, x: Array) -> float:
-        """Locality s_j of the piece at x."""
-        return self.travel + float(np.linalg.norm(x - self.y))
 
     @property
     def finite(self) -> bool:
@@ -221,7 +207,7 @@ def carry(pieces: Sequence[Piece], stack: Stack, x: Array, f: float, gamma: floa
     damped = (over > 0.0) & (bend > 0.0)
     rho = np.ones(len(pieces))
     rho[damped] = np.maximum(0.0, 1.0 - DAMPING * over[damped] / bend[damped])
-    s = np.array([p.travel for p in pieces]) + np.linalg.norm(delta, axis=1)
+    s = np.linalg.norm(delta, axis=1)
     alpha = np.maximum(np.abs(linear + rho * bend - f), gamma * curvature * s * s)
     return Model(-alpha, g + rho[:, None] * turn, rho, stack, s, curvature)
 

@@ -38,7 +38,6 @@ from tcstudy.solvers.bundle.model import (
     assemble,
     bounded_step,
     carry,
-    combine,
     smoothly_joined,
 )
 from tcstudy.solvers.bundle.simplex_qp import ACTIVE
@@ -56,14 +55,12 @@ class BundleNewton:
 
     tolerance:      predicted decrease relative to |f| (+ 10⁻³ of the decrease so far) at which to stop
     max_iterations: limit of steps, each with at most one evaluation
-    bundle_size:    most pieces kept (None: 2n + 5); below n + 2 active pieces are aggregated
     x_unit:         length by which to bound the first step (None: ‖x0‖; from f, g and G if x0 = 0)
     gamma:          weight γ of the distance in the locality measure
     """
 
     tolerance: float = 1e-11
     max_iterations: int = 500
-    bundle_size: int | None = None
     x_unit: float | None = None
     gamma: float = 1e-3
 
@@ -117,28 +114,19 @@ class BundleNewton:
     def select(self, state: State, new: Piece, serious: bool) -> tuple[tuple[Piece, ...], Array]:
         """The next bundle with `new` last, and multipliers for it to start from.
 
-        A piece that is smoothly joined to the new one and farther from the centre is obsolete; beyond the bundle's
-        size the oldest inactive pieces leave, and if an active one has to, the aggregate takes its place.
+        A piece that is smoothly joined to the new one and farther from the centre is obsolete; beyond 2n + 5 pieces the
+        oldest inactive ones leave.
         """
         x = new.y if serious else state.x
-        farther = np.flatnonzero(np.array([p.distance(x) for p in state.pieces]) >= new.distance(x))
+        farther = np.flatnonzero(np.linalg.norm([p.y - x for p in state.pieces], axis=1) >= np.linalg.norm(new.y - x))
         obsolete = np.zeros(len(state.pieces), dtype=bool)
         if len(farther):
             obsolete[farther] = smoothly_joined([state.pieces[j] for j in farther], new)
         kept = [j for j in range(len(state.pieces)) if not obsolete[j]]
-        limit = max(3, self.bundle_size or 2 * len(x) + 5)
+        idle = [j for j in kept if state.lam[j] <= ACTIVE and state.model.s[j] > 0.0]
+        leaving = set(idle[: max(0, len(kept) - 2 * len(x) - 4)])
+        kept = [j for j in kept if j not in leaving]
         pieces, lam = [state.pieces[j] for j in kept], state.lam[kept]
-        if len(kept) + 1 > limit:
-            order = sorted(kept, key=lambda j: (state.model.s[j] == 0.0, state.lam[j] > ACTIVE, j))
-            leaving = order[: len(kept) + 1 - limit]
-            if np.any(state.lam[leaving] > ACTIVE):
-                leaving = order[: len(kept) + 2 - limit]
-                staying = sorted(set(kept) - set(leaving))
-                pieces = [aggregate(state), *(state.pieces[j] for j in staying)]
-                lam = np.concatenate([[1.0], np.zeros(len(staying))])
-            else:
-                staying = sorted(set(kept) - set(leaving))
-                pieces, lam = [state.pieces[j] for j in staying], state.lam[staying]
         inherited = float(state.lam[obsolete].sum()) if len(pieces) else 1.0
         lam = np.append(lam, inherited)
         lam = lam / lam.sum() if lam.sum() > 0.0 else np.full(len(lam), 1.0 / len(lam))
@@ -299,11 +287,3 @@ def radius_after_success(radius: float, length: float, ratio: float) -> float:
     if ratio > 0.5:
         return max(radius, 2.0 * length)
     return 0.5 * min(radius, length) if ratio < 0.1 else radius
-
-
-def aggregate(state: State) -> Piece:
-    """Σλ_j (f_j, g_j, ρ_jG_j, s_j) at the centre: one piece that gives the same direction as the whole bundle."""
-    lam, model = state.lam, state.model
-    value = state.f + float(lam @ model.c)
-    hessian = combine([p.G for p in state.pieces], lam * model.rho)
-    return Piece(state.x, value, lam @ model.A, hessian, float(lam @ model.s))

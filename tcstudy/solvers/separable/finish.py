@@ -128,10 +128,13 @@ def linear_solver(problem: ContactProblem, free: Index, slope: Array) -> Callabl
     return lambda rhs: scipy.linalg.lapack.dgetrs(lu, pivots, rhs)[0]
 
 
-def finish(problem: ContactProblem, v: Array, rounds: int = 10, newton_steps: int = 8) -> tuple[Array, float]:
+_ROUNDS = 10
+"""Most identifications; they end when one repeats."""
+
+
+def finish(problem: ContactProblem, v: Array, newton_steps: int = 8) -> tuple[Array, float]:
     """(point, inclusion residual) after identification and Newton on the pieces; never worse than v.
 
-    rounds:       identifications, each from the point of the one before; ends when one repeats
     newton_steps: Newton steps on one identification (a piecewise-linear law needs one, a second refines it)
 
     The point is a stationary point near v, not necessarily the one with the least energy.
@@ -139,7 +142,7 @@ def finish(problem: ContactProblem, v: Array, rounds: int = 10, newton_steps: in
     best, least = np.array(v, dtype=float), problem.inclusion_residual(v)
     seen: set[bytes] = set()
     current = best
-    for _ in range(rounds):
+    for _ in range(_ROUNDS):
         active = identify(problem, current)
         if least == 0.0 or active.key in seen:
             break

@@ -208,13 +208,6 @@ def test_decimal_scaling_gives_the_same_iterates_to_rounding(name: str, a: float
         assert np.allclose(q.x / b, p.x, rtol=0, atol=1e-6 * np.linalg.norm(p.x))
 
 
-def test_small_bundle_is_aggregated_and_still_converges() -> None:
-    problem = PROBLEMS[NAMES.index("Maxquad")]
-    outcome = iterate(BundleNewton(bundle_size=4, tolerance=1e-8), problem.oracle, problem.x0)
-    assert outcome.converged, outcome.reason
-    assert error(outcome, problem) <= 1e-6
-
-
 def test_step_leaves_the_old_state_untouched() -> None:
     problem, method = PROBLEMS[2], BundleNewton()
     state = method.start(problem.oracle, problem.x0)

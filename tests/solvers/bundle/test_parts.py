@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,9 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from tcstudy.solvers.bundle.contact import contact_method, contact_oracle
-from tcstudy.solvers.bundle.model import DiagonalShift, Stack, combine
+from tcstudy.solvers.bundle.model import DiagonalShift, Stack
 from tcstudy.solvers.bundle.simplex_qp import direction, positive_definite
-from tcstudy.solvers.loop import iterate
 from tests.solvers import contact_cases as cases
 
 Array = NDArray[np.float64]
@@ -33,8 +31,6 @@ def test_structured_stack_equals_the_dense_one() -> None:
     assert np.allclose(fast.times(d), slow.times(d), atol=1e-14)
     assert np.allclose(fast.times_rows(rows), slow.times_rows(rows), atol=1e-14)
     assert np.allclose(fast.combine(lam), slow.combine(lam), atol=1e-14)
-    assert np.allclose(np.asarray(combine(shifted, lam)), slow.combine(lam), atol=1e-14)
-    assert isinstance(combine(shifted, lam / lam.sum()), DiagonalShift)
 
 
 def test_different_bases_are_taken_as_dense() -> None:
@@ -92,12 +88,3 @@ def test_dense_and_structured_oracle_give_the_same_run() -> None:
     assert runs[0][:8] == pytest.approx(runs[1][:8], rel=1e-9)
     assert runs[0][-1] == pytest.approx(runs[1][-1], rel=1e-7)
     assert all(b <= a for a, b in pairwise(runs[0]))
-
-
-def test_small_structured_bundle_is_aggregated() -> None:
-    problem = cases.random_problem(np.random.default_rng(6), 8)
-    method = replace(contact_method(problem, 1e-6), bundle_size=5)
-    outcome = iterate(method, contact_oracle(problem), np.zeros(8))
-    full = iterate(contact_method(problem), contact_oracle(problem), np.zeros(8))
-    assert outcome.f <= problem.energy(np.zeros(8))
-    assert outcome.f == pytest.approx(full.f, rel=1e-2)

@@ -61,13 +61,13 @@ def test_perturbed_solutions_are_restored(smooth: bool, error: float) -> None:
 
 
 def test_a_point_is_never_made_worse() -> None:
-    """Also far from any solution and with few rounds, where the identification may cycle."""
+    """Also far from any solution and with few steps, where the identification may cycle."""
     for seed in range(40):
         rng = np.random.default_rng([seed, 6])
         problem = cases.random_problem(rng, 10, smooth=seed % 2 == 1)
         v = rng.normal(size=10)
         before = problem.inclusion_residual(v)
-        point, residual = finish(problem, v, rounds=int(rng.integers(0, 4)))
+        point, residual = finish(problem, v, newton_steps=int(rng.integers(1, 4)))
         assert residual <= before
         assert residual == problem.inclusion_residual(point)
 
