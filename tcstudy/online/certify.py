@@ -22,7 +22,7 @@ from tcstudy.online.newton import slopes
 from tcstudy.online.problems import CondensedBody, Rows
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.friction import UP
-from tcstudy.solvers.bounds import FEW, PARTS, ROUNDS, SHRINKS, bends
+from tcstudy.solvers.bounds import FEW, PARTS, bends, boxes_of
 from tcstudy.solvers.problem import least_lowered
 from tcstudy.solvers.separable.pieces import factor_free, negative_curvature
 
@@ -65,7 +65,7 @@ _PRODUCTS = 4
 def _by_products(body: CondensedBody, added: Array, rows: Index) -> tuple[Index, Index]:
     """(proved, open) of rows whose matrices Ã + diag `added` are in question; those that are neither are refuted."""
     absolute, weight = np.abs(body.inverse), np.maximum(-added, 0.0)
-    slack, proved = body.inverse_rounding() * absolute.sum(axis=1), []
+    slack, proved = body.rounding * absolute.sum(axis=1), []
     d = np.ones(weight.shape)
     for _ in range(_PRODUCTS):
         pushed = weight * d
@@ -84,33 +84,10 @@ _LEAST = 1e-9
 
 
 def solution_boxes(rows: Rows) -> tuple[Array, Array]:
-    """(low, high), (R, m) each: every solution lies between them, as tcstudy/solvers/bounds.py has it [m].
-
-    Ã⁻¹ of an interval is Ã⁻¹ of its middle and |Ã⁻¹| of its radius: two products a round. Rows that shrink no more
-    drop out.
-    """
-    body, c = rows.body, rows.body.c
-    push = rows.laws.largest_push()
-    driving = np.sqrt(np.sum(rows.loads**2 / c, axis=1)) + push * np.sqrt(c.sum())
-    high = (1.0 + 1e-6) * driving[:, None] / body.lambda_1 / np.sqrt(c)
-    low, absolute, rounding = -high, np.abs(body.inverse), body.inverse_rounding()
-    at = np.arange(len(low))
-    for _ in range(ROUNDS):
-        own_low, own_high = low[at], high[at]
-        least, largest = rows.laws.value_range(own_low, own_high)
-        middle, radius = rows.loads - c * (0.5 * (largest + least)), c * (0.5 * (largest - least))
-        # what rounding adds goes through the same product: row sums of |Ã⁻¹| would be far too much for slender bodies
-        centre, reach = middle @ body.inverse, (radius + rounding * (np.abs(middle) + radius)) @ absolute
-        new_low = np.maximum(own_low, centre - reach)
-        new_high = np.maximum(np.minimum(own_high, centre + reach), new_low)
-        gain = np.maximum(np.max(new_low - own_low, axis=1), np.max(own_high - new_high, axis=1))
-        low[at], high[at] = new_low, new_high
-        on = np.flatnonzero(gain > SHRINKS * np.max(own_high - own_low, axis=1))
-        if not len(on):
-            break
-        if len(on) < len(at):
-            rows, at = rows.take(on), at[on]
-    return low, high
+    """(low, high), (R, m) each: every solution lies between them [m]."""
+    body, laws = rows.body, rows.laws
+    known = body.c, body.lambda_1, body.inverse, body.rounding
+    return boxes_of(rows.loads[None], laws.largest_push(), known, lambda at, *box: laws.take(at).value_range(*box))
 
 
 def margins(rows: Rows) -> Array:

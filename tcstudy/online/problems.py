@@ -22,7 +22,7 @@ from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.law_tables import Place
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.extended import extended_residual
-from tcstudy.solvers.problem import ContactProblem, least_eigenvalue, pivot_shift
+from tcstudy.solvers.problem import ContactProblem, inverse_rounding, least_eigenvalue, pivot_shift
 from tcstudy.solvers.separable.newton import galerkin, interpolation
 
 Array = NDArray[np.float64]
@@ -80,10 +80,10 @@ class CondensedBody:
         """(m, ⌈m/2⌉) interpolation from the nodes of the coarse copy."""
         return interpolation(self.m)
 
-    def inverse_rounding(self) -> float:
+    @cached_property
+    def rounding(self) -> float:
         """Relative rounding of products with Ã⁻¹."""
-        condition = float(np.linalg.norm(self.A_tilde, 1) * np.linalg.norm(self.inverse, 1))
-        return 8.0 * self.m * float(np.finfo(float).eps) * condition
+        return inverse_rounding(self.A_tilde, self.inverse)
 
 
 @dataclass(frozen=True, eq=False)

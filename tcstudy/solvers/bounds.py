@@ -16,6 +16,7 @@ inverse, so that a box is never too small.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -26,14 +27,14 @@ from numpy.typing import NDArray
 from tcstudy.scene.friction import DOWN, FrictionLaw
 from tcstudy.scene.law_tables import LawTables
 from tcstudy.scene.nodal_laws import Law
-from tcstudy.solvers.problem import ContactProblem
+from tcstudy.solvers.problem import ContactProblem, inverse_rounding
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 FEW, PARTS = 6, 48
 """Parts of an exponential piece: for a first try, which proves most of what can be proved, and of the careful bound."""
-ROUNDS, SHRINKS = 30, 0.01
+_ROUNDS, _SHRINKS = 30, 0.01
 """Improvements of a box at most, and by which part of its size one must shrink it."""
 _DECAY, _ROUNDINGS = 16.0, 64.0
 """Decay lengths that the parts cover (one more takes the rest), and roundings of j by which every D is enlarged."""
@@ -50,17 +51,19 @@ def bend_below_tangent(law: Law, v: Array, zeta: Array, low: Array, high: Array,
 
 def bends_by_side(law: Law, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS) -> tuple[Array, Array]:
     """(right, left): the same with s > v_i and with s < v_i alone, −∞ where the box has no such s."""
-    tables, own = tables_of(law, len(v))
-    right = _one_side(tables, own, v, zeta, high, parts).D
-    return right, _one_side(tables.mirrored, own, -v, -zeta, -low, parts).D
+    right, left = bends(*tables_of(law, len(v)), v, zeta, low, high, parts, below=False)
+    return right[0], left[0]
 
 
 def bends(
-    tables: LawTables, law: Index, v: Array, zeta: Array, low: Array, high: Array, parts: int
+    tables: LawTables, law: Index, v: Array, zeta: Array, low: Array, high: Array, parts: int, below: bool = True
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """(upper, lower) bounds of D_i with s > v_i alone and with s < v_i alone, (n,) each; law: of every slip (n,)."""
-    right = _one_side(tables, law, v, zeta, high, parts, below=True)
-    left = _one_side(tables.mirrored, law, -v, -zeta, -low, parts, below=True)
+    """(upper, lower) bounds of D_i with s > v_i alone and with s < v_i alone, (n,) each; law: of every slip (n,).
+
+    below: whether lower bounds are asked for
+    """
+    right = _one_side(tables, law, v, zeta, high, parts, below)
+    left = _one_side(tables.mirrored, law, -v, -zeta, -low, parts, below)
     return (right.D, right.least), (left.D, left.least)
 
 
@@ -114,9 +117,7 @@ class _March:
         return quotient
 
 
-def _one_side(
-    tables: LawTables, law: Index, v: Array, zeta: Array, high: Array, parts: int, below: bool = False
-) -> _March:
+def _one_side(tables: LawTables, law: Index, v: Array, zeta: Array, high: Array, parts: int, below: bool) -> _March:
     """Bounds of the sup of the quotient over s ∈ (v, high] (−∞ where that is empty)."""
     at = tables.locate(law, v)
     begin = at.piece + at.on
@@ -184,45 +185,68 @@ def solution_box(
     others:   (k, m) more loads l̃: the box holds for them, for the problem's own, and for all loads between them
     common:   the part that the boxes of all these loads have in common instead (low > high where there is none)
     """
-    laws, c = tables_of(problem.law, problem.m), problem.c
+    tables, law = tables_of(problem.law, problem.m)
     loads = problem.l_tilde[None, :] if others is None else np.vstack([problem.l_tilde, others])
-    widest, narrowest = (np.min, np.max) if common else (np.max, np.min)
-    low, high = first_box(problem, lambda_1, float(widest(np.sqrt((loads / c) ** 2 @ c))))
     inverse = np.asarray(scipy.linalg.inv(problem.A_tilde)) if inverse is None else inverse
-    condition = np.linalg.norm(problem.A_tilde, 1) * np.linalg.norm(inverse, 1)
-    rounding = 8.0 * problem.m * np.finfo(float).eps * condition
-    size = np.abs(inverse)
-    answers = loads @ inverse
+    body = problem.c, lambda_1, inverse, inverse_rounding(problem.A_tilde, inverse)
+    push = np.max(largest_push(tables)[law], initial=0.0, keepdims=True)
+    low, high = boxes_of(loads[:, None], push, body, lambda _, *box: value_range(tables, law, *box), common)
+    return low[0], high[0]
+
+
+def boxes_of(
+    loads: Array,
+    push: Array,
+    body: tuple[Array, float, Array, float],
+    ranges: Callable[[Index, Array, Array], tuple[Array, Array]],
+    common: bool = False,
+) -> tuple[Array, Array]:
+    """(low, high), (R, m) each: boxes of all solutions of R problems on one body, `common` as in `solution_box` [m].
+
+    loads:  (k, R, m) l̃;  push: (R,) sup −sign(s) b(s);  ranges: (rows, low, high) → least and largest b
+    body:   c (m,), λ₁, Ã⁻¹ (m, m) and the relative rounding of products with it
+
+    Ã⁻¹ of an interval is Ã⁻¹ of its middle and |Ã⁻¹| of its radius: two products a round. Rows that shrink no more
+    drop out.
+    """
+    c, lambda_1, inverse, rounding = body
+    widest, narrowest = (np.min, np.max) if common else (np.max, np.min)
+    high = energy_reach(widest(np.sqrt((loads / c) ** 2 @ c), axis=0)[:, None], push[:, None], c, lambda_1)
+    low, absolute, answers, size = -high, np.abs(inverse), loads @ inverse, np.max(np.abs(loads), axis=0)
     least_answer, largest_answer = narrowest(answers, axis=0), widest(answers, axis=0)
-    largest_load = np.max(np.abs(loads), axis=0)
-    for _ in range(ROUNDS):
-        least, largest = (-c * b for b in value_range(*laws, low, high)[::-1])
-        middle, radius = inverse @ (0.5 * (least + largest)), size @ (0.5 * (largest - least))
-        slack = rounding * (size @ (largest_load + np.maximum(np.abs(least), np.abs(largest))))
-        new_low = np.maximum(low, least_answer + middle - radius - slack)
-        new_high = np.minimum(high, largest_answer + middle + radius + slack)
+    at = np.arange(len(low))
+    for _ in range(_ROUNDS):
+        own_low, own_high = low[at], high[at]
+        least, largest = ranges(at, own_low, own_high)
+        middle, radius = c * (0.5 * (largest + least)), c * (0.5 * (largest - least))
+        # what rounding adds goes through the same product: row sums of |Ã⁻¹| would be far too much for slender bodies
+        centre, reach = middle @ inverse, (radius + rounding * (size[at] + np.abs(middle) + radius)) @ absolute
+        new_low = np.maximum(own_low, least_answer[at] - centre - reach)
+        new_high = np.minimum(own_high, largest_answer[at] - centre + reach)
         new_high = new_high if common else np.maximum(new_high, new_low)
-        gain = float(np.max(np.maximum(new_low - low, high - new_high), initial=0.0))
-        shrinks = gain > SHRINKS * float(np.max(high - low, initial=0.0))
-        low, high = new_low, new_high
-        if not shrinks or np.any(low > high):
+        gain = np.max(np.maximum(new_low - own_low, own_high - new_high), axis=1, initial=0.0)
+        low[at], high[at] = new_low, new_high
+        shrinks = gain > _SHRINKS * np.max(own_high - own_low, axis=1, initial=0.0)
+        at = at[shrinks & np.all(new_low <= new_high, axis=1)]
+        if not len(at):
             break
     return low, high
 
 
-def first_box(problem: ContactProblem, lambda_1: float, load: float | None = None) -> tuple[Array, Array]:
-    """(low, high), (m,) each: a box of all solutions from what the energy allows alone [m].
+def first_box(problem: ContactProblem, lambda_1: float) -> tuple[Array, Array]:
+    """(low, high), (m,) each: a box of all solutions from what the energy allows alone [m]."""
+    tables, law = tables_of(problem.law, problem.m)
+    load = float(np.sqrt((problem.l_tilde / problem.c) ** 2 @ problem.c))
+    high = energy_reach(load, np.max(largest_push(tables)[law], initial=0.0), problem.c, lambda_1)
+    return -high, high
+
+
+def energy_reach(load: float | Array, push: float | Array, c: Array, lambda_1: float) -> Array:
+    """How far from 0 the energy allows solutions to be (m,), or (R, m) with ‖l̃/c‖ and push (R, 1) [m].
 
     With B = sup −sign(s) b(s) a solution has λ₁‖v‖² ≤ vᵀÃv = vᵀ(l̃ − Cζ) ≤ (‖l̃/c‖ + B‖1‖)‖v‖ in the norm weighted by c.
-
-    load: ‖l̃/c‖, if not that of the problem's own load
     """
-    c = problem.c
-    load = float(np.sqrt((problem.l_tilde / c) ** 2 @ c)) if load is None else load
-    tables, law = tables_of(problem.law, problem.m)
-    push = float(np.max(largest_push(tables)[law], initial=0.0))
-    high = (1.0 + 1e-6) * (load + push * np.sqrt(c.sum())) / lambda_1 / np.sqrt(c)
-    return -high, high
+    return np.asarray((1.0 + 1e-6) * (load + push * np.sqrt(c.sum())) / lambda_1 / np.sqrt(c))
 
 
 def least_slope(law: Law, low: Array, high: Array) -> Array:

@@ -145,6 +145,12 @@ def pivot_shift(A_tilde: Array, c: Array, lambda_1: float, margin: float = MARGI
     return max(margin * lambda_1, 8.0 * len(c) * float(np.finfo(float).eps) * largest)
 
 
+def inverse_rounding(A_tilde: Array, inverse: Array) -> float:
+    """Relative rounding of products with Ã⁻¹."""
+    condition = float(np.linalg.norm(A_tilde, 1) * np.linalg.norm(inverse, 1))
+    return 8.0 * len(A_tilde) * float(np.finfo(float).eps) * condition
+
+
 def least_eigenvalue(A_tilde: Array, c: Array) -> float:
     """Smallest eigenvalue of Ãw = λCw with C = diag(c); inf for an empty matrix."""
     if len(c) == 0:
