@@ -28,6 +28,7 @@ from tcstudy.online.descent import TOLERANCE, Descended, descend, descend_nested
 from tcstudy.online.problems import BlockAnswers, Certificates, CondensedBody, Judged, Rows, judge
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.study import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NAMES, ZERO, Acceptance, Branch
+from tcstudy.solvers.bounds import least_slopes
 from tcstudy.solvers.contact import TIE, Answer, solve_contact
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.problem import MARGIN
@@ -111,7 +112,7 @@ class _Block:
         open_ = np.flatnonzero(~self.convex)
         rows = self.rows.take(open_)
         self.low[open_], self.high[open_] = low, high = solution_boxes(rows)
-        self.unique[open_] = definite(rows.body, rows.laws.least_slope(low, high))
+        self.unique[open_] = definite(rows.body, least_slopes(rows.laws.tables, rows.laws.law, low, high))
 
     def descend(self) -> None:
         """The first descent: from the neighbour where the branch is continued, else from zero."""

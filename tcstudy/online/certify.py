@@ -22,7 +22,7 @@ from tcstudy.online.newton import slopes
 from tcstudy.online.problems import CondensedBody, Rows
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.friction import UP
-from tcstudy.solvers.bounds import FEW, PARTS, bends, boxes_of
+from tcstudy.solvers.bounds import FEW, PARTS, bends, boxes_of, largest_push, value_range
 from tcstudy.solvers.problem import least_lowered
 from tcstudy.solvers.separable.pieces import factor_free, negative_curvature
 
@@ -86,8 +86,9 @@ _LEAST = 1e-9
 def solution_boxes(rows: Rows) -> tuple[Array, Array]:
     """(low, high), (R, m) each: every solution lies between them [m]."""
     body, laws = rows.body, rows.laws
-    known = body.c, body.lambda_1, body.inverse, body.rounding
-    return boxes_of(rows.loads[None], laws.largest_push(), known, lambda at, *box: laws.take(at).value_range(*box))
+    tables, known = laws.tables, (body.c, body.lambda_1, body.inverse, body.rounding)
+    push = np.max(largest_push(tables)[laws.law], axis=1)
+    return boxes_of(rows.loads[None], push, known, lambda at, *box: value_range(tables, laws.law[at], *box))
 
 
 def margins(rows: Rows) -> Array:

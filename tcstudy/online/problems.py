@@ -3,9 +3,7 @@
 Nothing here knows a load, a law or a mesh: the record is made once (offline), pickles, and serves any number of
 problems 0 ∈ Ãv − l̃ + ∂Ψ(v) on this body. A body whose E varies is one body, too: divide the problem by E.
 
-The coarse copies are Galerkin restrictions to every second contact node with linear interpolation P, Ã_c = PᵀÃP and
-c_c = Pᵀc (solvers/separable/newton.py), which give starts; another order of the nodes costs their quality, never
-correctness.
+The coarse copies, which give starts, are those of solvers/separable/newton.py.
 """
 
 from __future__ import annotations
@@ -23,14 +21,11 @@ from tcstudy.scene.law_tables import Place
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.extended import extended_residual
 from tcstudy.solvers.problem import ContactProblem, inverse_rounding, least_eigenvalue, pivot_shift
-from tcstudy.solvers.separable.newton import galerkin, interpolation
+from tcstudy.solvers.separable.newton import COARSEST, galerkin, interpolation
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
-
-COARSEST = 40
-"""Bodies with at most so many contact nodes have no coarser copy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +96,7 @@ class Rows:
     @cached_property
     def scale(self) -> Array:
         """(R,) scale of b as ContactProblem.traction_scale has it, 1 where that is 0 [Pa]."""
-        scale = self.laws.b_scale()
+        scale = np.max(self.laws.tables.b_scale[self.laws.law], axis=1)
         bare = np.flatnonzero(scale == 0.0)
         if len(bare):
             zero, own = np.zeros((len(bare), self.body.m)), self.laws.take(bare)

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from tcstudy.scene.friction import BEND, FrictionLaw
 from tcstudy.scene.law_tables import LawTables, Place
 from tcstudy.scene.nodal_laws import Law, NodalLaws, nodal
-from tcstudy.solvers.bounds import largest_push, least_slopes, value_range
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -60,17 +59,9 @@ class RowLaws:
         used, index = np.unique(self.law[row], return_inverse=True)
         return nodal([self.tables.law(int(k)) for k in used], index)
 
-    def b_scale(self) -> Array:
-        """(R,) scale of b in every row [Pa]."""
-        return np.asarray(np.max(self.tables.b_scale[self.law], axis=1))
-
     def omega(self) -> Array:
         """(R,) steepest fall of b in every row [Pa/m]."""
         return np.asarray(np.max(self.tables.omega[self.law], axis=1))
-
-    def largest_push(self) -> Array:
-        """(R,) sup over s of −sign(s) b(s), at least 0 [Pa]."""
-        return np.asarray(np.max(largest_push(self.tables)[self.law], axis=1))
 
     def locate(self, s: Array) -> Place:
         """Where slips (R, m) sit."""
@@ -85,14 +76,6 @@ class RowLaws:
         left = self.tables.value(s, at.piece)
         right = np.where(at.on, self.tables.value(s, at.piece + at.on), left)
         return np.minimum(left, right), np.maximum(left, right)
-
-    def value_range(self, low: Array, high: Array) -> tuple[Array, Array]:
-        """(least, largest) value of the filled graph of b on [low, high] (R, m) [Pa]."""
-        return value_range(self.tables, self.law, low, high)
-
-    def least_slope(self, low: Array, high: Array) -> Array:
-        """Least slope of b on [low, high], −∞ with a down-jump in it (R, m) [Pa/m]."""
-        return least_slopes(self.tables, self.law, low, high)
 
 
 def row_laws(laws: Sequence[Law], factor: Array) -> RowLaws:

@@ -26,7 +26,7 @@ from tcstudy.solvers.loop import Outcome, Status, iterate
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.search import escape
 from tcstudy.solvers.separable.finish import Refined, finish, refined
-from tcstudy.solvers.separable.newton import SeparableNewton
+from tcstudy.solvers.separable.newton import COARSEST, ITERATIONS, SeparableNewton
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
@@ -153,11 +153,8 @@ def _escape(
 def _separable(
     problem: ContactProblem, x0: Array, accuracy: float, max_iterations: int | None, stay: bool, log: Log | None
 ) -> Outcome:
-    method = SeparableNewton(tolerance=accuracy)
-    if stay:
-        method = replace(method, coarsest=0)  # coarse copies of the problem would look for a lower basin
-    if max_iterations is not None:
-        method = replace(method, max_iterations=max_iterations)
+    coarsest = 0 if stay else COARSEST  # coarse copies of the problem would look for a lower basin
+    method = SeparableNewton(accuracy, max_iterations or ITERATIONS, coarsest)
     return iterate(method, replace(problem, law=problem.law.without_narrow_pieces), x0, log)
 
 

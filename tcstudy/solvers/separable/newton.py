@@ -63,6 +63,8 @@ NOT_POSITIVE_DEFINITE = (
     "constants are wrong"
 )
 
+ITERATIONS, COARSEST = 300, 40
+"""Steps before giving up; contact nodes up to which a problem has no coarser copy."""
 PATIENCE = 6
 """Slow steps (shortened, node by node) before the minimum of a convex model is gone to."""
 
@@ -81,8 +83,8 @@ class SeparableNewton:
     """
 
     tolerance: float = 1e-12
-    max_iterations: int = 300
-    coarsest: int = 40
+    max_iterations: int = ITERATIONS
+    coarsest: int = COARSEST
 
     def start(self, problem: ContactProblem, x0: Array) -> SeparableState:
         """State at x0 or at the coarse start."""
