@@ -214,9 +214,9 @@ def _record(
         "start_evaluations": np.array([one.evaluations for one in minima], dtype=np.int32),
         **_law(plan, model, best, said),
     }
-    if len(found.curve):
-        values |= {"curve_given": found.curve[:, 0], "curve_measured": found.curve[:, 1]}
-        values["fold_vertex"] = found.folds.astype(np.int32)
+    if found.path is not None:
+        values["curve_given"], values["curve_measured"] = found.path.curve.T
+        values["fold_vertex"] = found.path.folds.astype(np.int32)
     weak = [product(row, names) for row in said.direction[len(names) - said.weak :]]
     attributes = {
         "compare": plan.compare,

@@ -48,16 +48,13 @@ class Compared:
 
     residual: (n,) in units of the noise;  jacobian: (n, k) ∂residual/∂p
     predicted: (n,) results;  foot: (n, 2) feet (t, R) of an orthogonal comparison
-    curve: (c, 2) the path (t, R), folds: vertices of it at which t turns
-    early: why the path ends before it has to; empty if it does not;  path: the path itself, where it was followed
+    early: why the path ends before it has to; empty if it does not;  path: where the data lie along one
     """
 
     residual: Array
     jacobian: Array
     predicted: Array
     foot: Array = field(default_factory=lambda: np.empty((0, 2)))
-    curve: Array = field(default_factory=lambda: np.empty((0, 2)))
-    folds: NDArray[np.intp] = field(default_factory=lambda: np.empty(0, dtype=np.intp))
     early: str = ""
     path: Path | None = None
 
@@ -202,17 +199,16 @@ class FitModel:
         given, measured = self.plan.given[0], self.plan.measured[0]
         path = self.follow(scene)
         sigma = np.array([self.given_noise, self.noise[0]])
-        curve = np.stack([path.t, path.traction @ path.problem.c], axis=1)
         data = np.stack([given.values, measured.values], axis=1)
         foot, jacobian = self._moving(scene, path).feet(data, sigma)
         early = "" if path.end.status in WHOLE else path.end.reason
         found = foot.point * sigma
-        return Compared(foot.distance, jacobian, found[:, 1], found, curve, path.folds, early, path)
+        return Compared(foot.distance, jacobian, found[:, 1], found, early, path)
 
     def _marked(self, scene: Scene, found: Compared) -> Compared:
         """With the fold and the peak of the path, vertices of it, which move with the kinks that nodes pass there."""
         path = found.path or self.follow(scene)
-        t, R = path.t, path.traction @ path.problem.c
+        t, R = path.curve.T
         forward = path.t[-1] >= path.t[0] if not len(path.folds) else path.t[path.folds[0]] > path.t[0]
         vertices = []
         for mark in self.plan.marks:

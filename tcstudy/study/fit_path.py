@@ -34,49 +34,8 @@ Laws = list[LawSlopes | PointSlopes | None]
 """Derivatives of the law by each number, None where that is no number of it."""
 
 
-@dataclass(frozen=True, eq=False)
-class PathPlace:
-    """Where on a path a foot lies, and the coordinate that is held there: row·v + time·t.
-
-    side, share: of the polygon;  node, kink: at a corner the node that passes a kink, and the kink; −1 on a side
-    """
-
-    side: int
-    share: float
-    row: Array
-    time: float = 0.0
-    node: int = -1
-    kink: int = -1
-
-    @property
-    def key(self) -> tuple[int, int]:
-        """Places of one key have derivatives that differ by their share only."""
-        return self.side, self.node
-
-    @classmethod
-    def of(cls, path: Path, side: int, share: float) -> PathPlace:
-        """The place of a foot; at a corner on the side on which the node that passes its kink there slides."""
-        m = path.problem.m
-        if 0.0 < share < 1.0:
-            return cls._on(path, side, share)
-        vertex = side + int(share == 1.0)
-        for k in np.flatnonzero(path.events.vertex == vertex):
-            node = int(path.events.node[k])
-            for own, code in ((vertex - 1, path.events.before[k]), (vertex, path.events.after[k])):
-                if 0 <= own < path.pieces and path.problem.graph.free[code] and path.codes[own, node] == code:
-                    row = np.zeros(m)
-                    row[node] = 1.0
-                    kink = int(path.problem.law.nearest_kink(np.full(m, path.u[vertex, node]))[node])
-                    return cls(own, float(vertex - own), row, 0.0, node, kink)
-        return cls._on(path, side, share)
-
-    @classmethod
-    def _on(cls, path: Path, side: int, share: float) -> PathPlace:
-        way = path.u[side + 1] - path.u[side]
-        length = float(np.max(np.abs(way)))
-        if length == 0.0:  # all nodes rest: t alone moves
-            return cls(side, share, np.zeros(len(way)), 1.0)
-        return cls(side, share, way / length)
+Held = tuple[Array, float, int]
+"""(row, time, kink): the coordinate row·v + time·t is held, at a corner on the kink, −1 elsewhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,10 +54,10 @@ class MovingPath:
         Raises FitError where a curve is not found beside its path.
         """
         path, law = self.path, self.scene.one_law
-        foot = feet(data / sigma, np.stack([path.t, path.traction @ path.problem.c], axis=1) / sigma)
+        foot = feet(data / sigma, path.curve / sigma)
         sides = [(int(side), float(share)) for side, share in zip(foot.side, foot.share, strict=True)]
         if law.piecewise_linear:
-            moved = self.at([PathPlace.of(path, *place) for place in sides])
+            moved = self.at(sides)
         else:
             curve = SmoothPath(path, law)
             points = [
@@ -115,8 +74,7 @@ class MovingPath:
         path, law = self.path, self.scene.one_law
         sides = [(max(k - 1, 0), float(k > 0)) for k in vertices]
         if law.piecewise_linear:
-            x = np.stack([path.t, path.traction @ path.problem.c], axis=1)[list(vertices)]
-            moved = self.at([PathPlace.of(path, *place) for place in sides])
+            x, moved = path.curve[list(vertices)], self.at(sides)
         else:
             curve = SmoothPath(path, law)
             points = [self._extreme(curve, w, k) for w, k in zip(which, vertices, strict=True)]
@@ -125,8 +83,7 @@ class MovingPath:
 
     def _extreme(self, curve: SmoothPath, which: int, vertex: int) -> CurvePoint:
         """The extreme of t or R near that of the path; of several teeth as long the curve decides."""
-        path = self.path
-        values = (path.t, path.traction @ path.problem.c)[which]
+        values = self.path.curve[:, which]
         way = float(np.sign(values[vertex] - values[max(vertex - 1, 0)]) or 1.0)
         high = np.pad(way * values, 1, constant_values=-np.inf)
         teeth = (high[1:-1] >= high[:-2]) & (high[1:-1] >= high[2:])
@@ -146,15 +103,34 @@ class MovingPath:
         laws = self._laws
         return np.stack([self._derivative(laws, p.codes, p.v, p.t, (p.row, p.time, p.kink)) for p in points])
 
-    def at(self, places: Sequence[PathPlace]) -> Array:
-        """(n, 2, k) derivatives of (t, R) at places of the path by the numbers."""
-        laws = self._laws
-        done = {place.key: self._at_place(laws, place) for place in {p.key: p for p in places}.values()}
-        found = np.empty((len(places), 2, len(self.numbers)))
-        for row, place in zip(found, places, strict=True):
-            constant, along = done[place.key]
-            row[:] = constant + place.share * along
-        return found
+    def at(self, places: Sequence[tuple[int, float]]) -> Array:
+        """(n, 2, k) derivatives of (t, R) by the numbers at shares of sides of the path, linear along a side."""
+        laws, path, found = self._laws, self.path, []
+        known: dict[tuple[int, int, int], tuple[Array, Array]] = {}
+        for place in places:
+            side, share, node, held = self._held(*place)
+            if (key := (side, node, held[-1])) not in known:
+                codes, ends = path.codes[side].astype(np.intp), (side, side + 1)
+                first, last = (self._derivative(laws, codes, path.u[k], float(path.t[k]), held) for k in ends)
+                known[key] = first, last - first
+            constant, along = known[key]
+            found.append(constant + share * along)
+        return np.array(found)
+
+    def _held(self, side: int, share: float) -> tuple[int, float, int, Held]:
+        """(side, share, node, what is held): at a corner of a side on which the node that passes its kink there slides.
+
+        node: −1 where none does
+        """
+        path, m = self.path, self.path.problem.m
+        vertex = side + int(share == 1.0)
+        for k in np.flatnonzero(path.events.vertex == vertex) if share in (0.0, 1.0) else ():
+            node = int(path.events.node[k])
+            for own, code in ((vertex - 1, path.events.before[k]), (vertex, path.events.after[k])):
+                if 0 <= own < path.pieces and path.problem.graph.free[code] and path.codes[own, node] == code:
+                    kink = int(path.problem.law.nearest_kink(np.full(m, path.u[vertex, node]))[node])
+                    return own, float(vertex - own), node, (np.eye(m)[node], 0.0, kink)
+        return side, share, -1, (*path.along(side), -1)
 
     @property
     def _laws(self) -> Laws:
@@ -163,16 +139,7 @@ class MovingPath:
             for one in self.numbers
         ]
 
-    def _at_place(self, laws: Laws, place: PathPlace) -> tuple[Array, Array]:
-        """(2, k) at the beginning of a side, and what is added at its end: linear in between, as v and t are."""
-        path, held = self.path, (place.row, place.time, place.kink)
-        codes, ends = path.codes[place.side].astype(np.intp), (place.side, place.side + 1)
-        first, last = (self._derivative(laws, codes, path.u[k], float(path.t[k]), held) for k in ends)
-        return first, last - first
-
-    def _derivative(
-        self, laws: Laws, codes: NDArray[np.intp], v: Array, t: float, held: tuple[Array, float, int]
-    ) -> Array:
+    def _derivative(self, laws: Laws, codes: NDArray[np.intp], v: Array, t: float, held: Held) -> Array:
         """(2, k) ∂(t, R)/∂p at v and t, all nodes on the pieces of `codes`, row·v + time·t held, or its kink's."""
         problem, law, (row, time, kink) = self.path.problem, self.scene.one_law, held
         free, m, piece = np.flatnonzero(codes % 2 == 0), problem.m, codes // 2

@@ -68,6 +68,14 @@ def test_distances_through_folds_change_as_differences_say(tmp_path: Path) -> No
         np.testing.assert_allclose(exact[:, j], apart, rtol=0.0, atol=1e-8 * np.max(np.abs(apart)))
 
 
+def test_data_at_both_corners_of_a_side_move_with_their_own_kinks(tmp_path: Path) -> None:
+    """One node goes from its first to its last kink on one side of the path: one corner moves with delta, one not."""
+    follow, p = model(study_of(tmp_path, pulled(18), {"maxh: 5 mm": "maxh: 20 mm"})), np.array([3.9e6, 0.23e-3])
+    exact = follow.compared(p).jacobian[:, 1]
+    apart = [follow.compared(p * [1.0, 1.0 + sign]).residual for sign in (1e-5, -1e-5)]
+    np.testing.assert_allclose(exact * 2e-5 * p[1], apart[0] - apart[1], rtol=0.0, atol=1e-8 * np.max(np.abs(apart)))
+
+
 def test_a_test_driven_the_other_way_says_the_same(tmp_path: Path) -> None:
     """Data of both signs turned, with an odd law: feet in the same order along the mirrored path, the same misfit."""
     data, p = pulled(18) * (1.0 + 0.01 * np.random.default_rng(5).normal(size=(18, 2))), np.array([6.5e6, 0.18e-3])

@@ -140,6 +140,19 @@ class Path:
         return np.asarray(np.sum((0.5 * force - load) * self.u, axis=1) + stored @ p.c)
 
     @cached_property
+    def curve(self) -> Array:
+        """(k, 2) t and the resultant R = Σξ [N/m] at the vertices."""
+        return np.stack([self.t, self.traction @ self.problem.c], axis=1)
+
+    def along(self, side: int) -> tuple[Array, float]:
+        """(row, time) of a coordinate row·u + time·t along a piece: that of the slips, or t where all nodes rest."""
+        way = self.u[side + 1] - self.u[side]
+        length = float(np.max(np.abs(way)))
+        if length == 0.0:
+            return np.zeros(len(way)), float(np.sign(self.t[side + 1] - self.t[side]))
+        return way / length, 0.0
+
+    @cached_property
     def folds(self) -> Index:
         """Vertices at which t turns (a piece along which t stands still belongs to the fold before it)."""
         direction = np.sign(np.diff(self.t))

@@ -79,14 +79,6 @@ class SmoothPath:
         changes = np.flatnonzero(np.any(self.codes[1:] != self.codes[:-1], axis=1)) + 1
         return np.concatenate([[0], changes, [self.path.pieces]])
 
-    def along(self, side: int) -> tuple[Array, float]:
-        """(row, time) of the coordinate along a side: that of the slips, or t where all nodes rest."""
-        way = self.path.u[side + 1] - self.path.u[side]
-        length = float(np.max(np.abs(way)))
-        if length == 0.0:
-            return np.zeros(len(way)), float(np.sign(self.path.t[side + 1] - self.path.t[side]))
-        return way / length, 0.0
-
     def at(self, side: int, coordinate: tuple[Array, float], s: float, v: Array, t: float) -> CurvePoint | None:
         """The point of a coordinate s beside a side, by Newton's method from (v, t); None if that ends nowhere."""
         p, law, codes, (row, time) = self.path.problem, self.law, self.codes[side], coordinate
@@ -146,7 +138,7 @@ class SmoothPath:
         return point
 
     def _beside(self, side: int, v: Array, t: float) -> CurvePoint:
-        row, time = self.along(side)
+        row, time = self.path.along(side)
         found = self.at(side, (row, time), float(row @ v + time * t), v, t)
         if found is None:
             raise ValueError(BESIDE)
@@ -197,7 +189,7 @@ class SmoothPath:
         return bool(np.any(off)) or any(beyond)
 
     def _passed(self, side: int, end: int, point: CurvePoint) -> float:
-        row, time = self.along(side)
+        row, time = self.path.along(side)
         return float(row @ (point.v - self.path.u[end]) + time * (point.t - self.path.t[end]))
 
     def _corner(self, vertex: int) -> tuple[CurvePoint, list[CurvePoint | None]]:
