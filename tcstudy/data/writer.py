@@ -84,23 +84,21 @@ def axis_labels(axis: Axis) -> np.ndarray[Any, Any]:
     return np.array(axis.labels, dtype=float)
 
 
-def axis_places(axis: Axis) -> np.ndarray[Any, Any]:
-    """Place of every label along the file's dimension: in ascending order where the study's goes up and down.
+def axis_order(axis: Axis) -> np.ndarray[Any, Any]:
+    """Which label stands at each place of the file's dimension: in ascending order where the study's go up and down.
 
     CF wants monotonic coordinates. Texts stay in their order: as the values of a dimension they are no strict CF
     coordinate, but as a label variable of another name `data.sel(friction="tresca")` would find no index.
     """
     labels = axis_labels(axis)
-    places = np.arange(len(labels))
     if labels.dtype == object or np.all(np.diff(labels) > 0.0) or np.all(np.diff(labels) < 0.0):
-        return places
-    places[np.argsort(labels, kind="stable")] = np.arange(len(labels))
-    return places
+        return np.arange(len(labels))
+    return np.argsort(labels, kind="stable")
 
 
-def axis_order(axis: Axis) -> np.ndarray[Any, Any]:
-    """Which of its labels stands at each place of the file's dimension."""
-    return np.argsort(axis_places(axis))
+def axis_places(axis: Axis) -> np.ndarray[Any, Any]:
+    """Place of every label along the file's dimension."""
+    return np.argsort(axis_order(axis))
 
 
 def file_places(study: Study, points: Places) -> Places:

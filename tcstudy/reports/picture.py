@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -208,17 +208,25 @@ def _held_slip(line: LineFields, group: Any) -> tuple[Held, ...]:
     return tuple((slip(first), slip(last)) for first, last in ends_held(line, group))
 
 
-def _line(group: Any) -> LineFields:
-    values = {name: group[name].values for name in ("arclength", "x", "y", "c", "u_T", "xi")}
+def contact_line(group: Any) -> LineFields:
+    """The contact line of a level, with zero slip and traction."""
+    zero = np.zeros(group.sizes["node"])
     return LineFields(
-        **values,
+        **{name: group[name].values for name in ("arclength", "x", "y", "c")},
         edge=group["edge"].values.astype(np.intp),
         edge_names=tuple(str(group["edge"].attrs.get("flag_meanings", "")).split()),
-        sticks=group["sticks"].values == STICKS,
+        u_T=zero,
+        xi=zero,
+        sticks=zero > 0.0,
         length_units=str(group["u_T"].attrs["units"]),
         traction_units=str(group["xi"].attrs["units"]),
         joints=joints_of(group),
     )
+
+
+def _line(group: Any) -> LineFields:
+    values = {name: group[name].values for name in ("u_T", "xi")}
+    return replace(contact_line(group), **values, sticks=group["sticks"].values == STICKS)
 
 
 def body_fields(group: Any) -> BodyFields | None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.schema import JOINTS
-from tcstudy.data.writer import axis_places
+from tcstudy.data.writer import axis_order
 from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.edge_laws import NO_JOINTS, EdgeLaws, Joints, law_along
@@ -55,7 +55,7 @@ def file_order(study: Study) -> list[int]:
     """The scene of every point of the file: a file has axes that go up and down sorted, the study has not."""
     numbers = np.arange(len(study.scenes)).reshape(study.shape)
     if study.mode == "grid" and study.axes:
-        numbers = numbers[np.ix_(*(np.argsort(axis_places(axis)) for axis in study.axes))]
+        numbers = numbers[np.ix_(*(axis_order(axis) for axis in study.axes))]
     return [int(i) for i in numbers.ravel()]
 
 

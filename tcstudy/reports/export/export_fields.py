@@ -30,8 +30,7 @@ from tcstudy.data.schema import STICKS
 from tcstudy.data.store import open_results
 from tcstudy.errors import UsageError
 from tcstudy.reports.export.vtk_files import SYMMETRIC, Grid, Values, write_collection, write_lines, write_mesh
-from tcstudy.reports.page.point_part import contact_line
-from tcstudy.reports.picture import BodyFields, body_fields
+from tcstudy.reports.picture import BodyFields, body_fields, contact_line
 from tcstudy.reports.select_point import Value, labels, level_number, matching
 from tcstudy.reports.stored_study import file_order, law_of_nodes, stored_study
 from tcstudy.scene.contact_states import ContactState, node_states

@@ -15,8 +15,8 @@ from tcstudy.reports.figures.body_panel import boundary_edges
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.law_part import node_part
 from tcstudy.reports.page.stored import Stored
-from tcstudy.reports.picture import BodyFields, LineFields, ends_held
-from tcstudy.reports.stored_study import at_rest, file_order, joints_of, law_of_nodes, nearest, outline, sources
+from tcstudy.reports.picture import BodyFields, contact_line, ends_held
+from tcstudy.reports.stored_study import at_rest, file_order, law_of_nodes, nearest, outline, sources
 from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.scene.edge_laws import EdgeLaws
 from tcstudy.scene.friction import FrictionLaw
@@ -111,23 +111,8 @@ def geometry(group: Any, box: Container) -> Json:
          "held": list(line.held(part)), "ends": ends}
         for part, ends in zip(line.parts, ends_held(line, group), strict=True)
     ]  # fmt: skip
-    return {
-        "arclength": box.array(line.arclength),
-        "x": box.array(line.x),
-        "y": box.array(line.y),
-        "c": box.array(line.c),
-        "edges": list(line.edge_names),
-        "parts": parts,
-    }
-
-
-def contact_line(group: Any) -> LineFields:
-    """The contact line of a level, with zero slip and traction."""
-    zero = np.zeros(group.sizes["node"])
-    values = {name: group[name].values for name in ("arclength", "x", "y", "c")}
-    edges = tuple(str(group["edge"].attrs.get("flag_meanings", "")).split())
-    return LineFields(**values, edge=group["edge"].values, edge_names=edges, u_T=zero, xi=zero, sticks=zero > 0.0,
-                length_units="m", traction_units="Pa", joints=joints_of(group))  # fmt: skip
+    nodes = {name: box.array(getattr(line, name)) for name in ("arclength", "x", "y", "c")}
+    return nodes | {"edges": list(line.edge_names), "parts": parts}
 
 
 FUNCTIONS = ("mechanical_load", "held_load", *(f"{name}_{part}" for name in ("source", "surroundings")
@@ -144,15 +129,11 @@ def live_part(stored: Stored, box: Container) -> Json | None:
     if not usable or stored.study is None:
         return None
     level = max(usable)
-    data = stored.live[level]
-    group = stored.groups[level]
-    A_tilde: Any = data["A_tilde"].values
-    functions = {name: box.array(data[name].values) for name in FUNCTIONS if name in data and data[name].size}
-    points = {name: box.array(by_point(data[name], stored.data)) for name in POINTWISE}
+    data, A_tilde = stored.live[level], stored.live[level]["A_tilde"].values
     return {
         "level": level,
         "A": box.array(A_tilde[np.tril_indices(len(A_tilde))]),
-        "c": box.array(group["c"].values),
-        **functions,
-        **points,
+        "c": box.array(stored.groups[level]["c"].values),
+        **{name: box.array(data[name].values) for name in FUNCTIONS if name in data and data[name].size},
+        **{name: box.array(by_point(data[name], stored.data)) for name in POINTWISE},
     }
