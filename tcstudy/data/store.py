@@ -257,7 +257,10 @@ def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF
         if "region" in level.fields:
             named = schema.flags(BODY, *(name for name, _ in study.scenes[0].material.regions))
             put(group, schema.REGION, study, level.fields["region"], **dict(named))
-    _put_live(group, study, level.fields)
+    live = {v.name: level.fields[name] for v in schema.LIVE if (name := schema.LIVE_PREFIX + v.name) in level.fields}
+    if live:
+        live |= {v.name: in_file_order(study, live[v.name]) for v in schema.LIVE if SWEEP in v.dims}
+        put_all(group.createGroup("live"), schema.LIVE, live, study)
     put_all(group, schema.CONTACT, line, study)
     group["edge"].setncatts(edge_flags(level.edge_names))
     _put_held(group, study, level.fields)
@@ -279,15 +282,6 @@ def _put_held(group: netCDF4.Group, study: Study, fields: Mapping[str, np.ndarra
     put_all(group, schema.HELD, {**fields, "held_u_T": in_file_order(study, values)}, study)
     names = (name for name, _ in study.scenes[0].boundary)
     group["held_edge"].setncatts(dict(schema.flags("contact_corner", *names, first=-1)))
-
-
-def _put_live(level_group: netCDF4.Group, study: Study, fields: Mapping[str, np.ndarray[Any, Any]]) -> None:
-    """Make the group `live` if the record has its arrays."""
-    prefix, by_point = schema.LIVE_PREFIX, {v.name for v in schema.LIVE if SWEEP in v.dims}
-    arrays = {name.removeprefix(prefix): values for name, values in fields.items() if name.startswith(prefix)}
-    if arrays:
-        values = {name: in_file_order(study, array) if name in by_point else array for name, array in arrays.items()}
-        put_all(level_group.createGroup("live"), schema.LIVE, values, study)
 
 
 def _put_fields(group: netCDF4.Group | None, study: Study, block: BlockRecord, places: Places) -> None:

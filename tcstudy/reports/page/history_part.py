@@ -42,6 +42,8 @@ def history_content(stored: Stored, without: tuple[str, ...], box: Container) ->
     solved = flat("status") == int(PointStatus.OK)
     changes = [last_change(data.isel(where)) for where in each_point(data)]
     loads = str(data.attrs["loads"]).split()
+    substeps = int(data.attrs["substeps"])
+    continued = f"continued from the last, by {counted(substeps, 'descent')}" if substeps else "along its exact path"
     kind = "f8" if solved.size * len(NUMBERS) * 8 <= ROOM_FOR_DOUBLES else "f4"
     history = {
         "steps": solved.shape[1],
@@ -52,7 +54,12 @@ def history_content(stored: Stored, without: tuple[str, ...], box: Container) ->
         "flags": {name: box.array(flat(name), "i1") for name in FLAGS if name in data},
         "changes": [change.words for change in changes],
         "moves": list(MOVES),
-        "about": _about(data),
+        "about": {
+            "memory": str(data.attrs["memory"]),
+            "each step": "the state of least energy" if data.attrs["branch"] == "lowest" else continued,
+            "mesh": f"level {int(data['level'])}, {int(data['n_dof'])} unknowns, {int(data['n_contact'])} on the "
+            "contact line",
+        },
         "verdict": _verdict(data, solved, changes, flat("reason")),
         "line": None if "lines" in without else _line(stored, without, flat, solved, box),
     }
@@ -67,18 +74,6 @@ def _column(data: Any, name: str, values: Any) -> Json:
     """A number by step, with its units and what it is."""
     about = {key: data[name].attrs[key] for key in ("units", "long_name")}
     return {"name": name, "symbol": symbol(name), **about, "v": values}
-
-
-def _about(data: Any) -> Json:
-    """How the steps were followed."""
-    substeps = int(data.attrs["substeps"])
-    continued = f"continued from the last, by {counted(substeps, 'descent')}" if substeps else "along its exact path"
-    return {
-        "memory": str(data.attrs["memory"]),
-        "each step": "the state of least energy" if data.attrs["branch"] == "lowest" else continued,
-        "mesh": f"level {int(data['level'])}, {int(data['n_dof'])} unknowns, {int(data['n_contact'])} on the contact "
-        "line",
-    }
 
 
 def _line(stored: Stored, without: tuple[str, ...], flat: Any, solved: NDArray[np.bool_], box: Container) -> Json:

@@ -13,21 +13,17 @@ TC.history = {
   // Number of solved steps of a point, step 0 included.
   done(p) { const h = TC.data.history; let n = 0; while (n < h.steps && h.flags.status[p * h.steps + n] === 1) n++; return n; },
   names: () => [...TC.data.history.loads.map((o) => o.name), "step", ...(TC.data.history.line ? ["slip"] : []), ...TC.data.history.numbers.map((o) => o.name)],
-  // {name, units, v(step)} of a number of point p.
-  number(name, p) {
-    const h = TC.data.history, load = h.loads.find((o) => o.name === name), own = h.numbers.find((o) => o.name === name), n = TC.history.done(p);
-    const steps = (get) => [...Array(n)].map((_, i) => get(i));
-    if (name === "step") return { title: "step", units: "1", v: steps((i) => i) };
-    if (load) return { title: load.symbol, units: load.units, v: steps((i) => load.v[i]) };
-    if (own) return { title: TC.history.title(own), units: own.units, v: steps((i) => own.v[p * h.steps + i]) };
-    const at = TC.history.widest(p);
-    return { title: "u_T where it is largest", units: h.line.u_T_units, v: steps((i) => TC.row(h.line.u_T, p * h.steps + i)[at]) };
-  },
-  title: (own) => TC.WORDS[own.name] || own.long_name,
-  words(name) {
+  // Title and units of a number, and its value at a step of a point.
+  about(name) {
     const h = TC.data.history, load = h.loads.find((o) => o.name === name), own = h.numbers.find((o) => o.name === name);
-    return load ? load.symbol : own ? TC.history.title(own) : name === "slip" ? "u_T where it is largest" : name;
+    if (name === "step") return { title: "step", units: "1", at: (p, i) => i };
+    if (load) return { title: load.symbol, units: load.units, at: (p, i) => load.v[i] };
+    if (own) return { title: TC.WORDS[own.name] || own.long_name, units: own.units, at: (p, i) => own.v[p * h.steps + i] };
+    return { title: "u_T where it is largest", units: h.line.u_T_units, at: (p, i) => TC.row(h.line.u_T, p * h.steps + i)[TC.history.widest(p)] };
   },
+  // The same with its values at all steps of a point.
+  number(name, p) { const about = TC.history.about(name); return { ...about, v: [...Array(TC.history.done(p)).keys()].map((i) => about.at(p, i)) }; },
+  words: (name) => TC.history.about(name).title,
   // The node with the largest slip of all steps.
   widest(p) {
     const h = TC.data.history, known = (h.widest = h.widest || {});
