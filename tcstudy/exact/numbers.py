@@ -20,7 +20,7 @@ from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.scene.edge_laws import law_along
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.scene.nodal_laws import Law, each
-from tcstudy.scene.records import Body, Contact, Edge, Loaded, Point, Scalar, Scene
+from tcstudy.scene.records import Body, Contact, Edge, Loaded, Scalar, Scene
 from tcstudy.scene.study import Exact, Goal
 from tcstudy.shapes.edges import Arc, body_size, edge_arc, edge_at, edge_distance, edge_length
 
@@ -219,18 +219,12 @@ def known_goal(goal: Goal, exact: Exact, scene: Scene) -> float | None:
     if scene.body.outline is None or goal.quantity == "energy":
         return None
     if goal.quantity == "u_T":
-        assert goal.at is not None
-        value = _exact_slip(exact, scene, goal.at)
+        point = np.array([goal.at])
+        edges = body_edges(scene.body, scene.edges(Contact))
+        edge, hole = min(edges, key=lambda one: float(edge_distance(one[0], point)[0]))
+        value = float(exact_u_T(exact)(point[:, 0], point[:, 1], outward(edge, hole, point))[0])
     elif goal.quantity == "friction_resultant":
         value = exact_friction_resultant(scene, exact_xi(exact, scene))
     else:
         value = exact_slip_length(exact, scene)
     return value if math.isfinite(value) else None
-
-
-def _exact_slip(exact: Exact, scene: Scene, at: Point) -> float:
-    """u·t at a point of Γ_C, t = (−n₂, n₁) of the nearest contact edge."""
-    point = np.array([at])
-    edges = body_edges(scene.body, scene.edges(Contact))
-    edge, hole = min(edges, key=lambda one: float(edge_distance(one[0], point)[0]))
-    return float(exact_u_T(exact)(point[:, 0], point[:, 1], outward(edge, hole, point))[0])

@@ -12,6 +12,7 @@ import json
 from collections.abc import Callable, Iterator
 from typing import Any, get_args
 
+from tcstudy.read.plans import IN_SWEEP
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import law_rows, of_role, row, rows
 from tcstudy.scene.laws import SHAPES
@@ -54,7 +55,10 @@ def schema_text() -> str:
 
 def schema() -> Schema:
     """The whole schema (draft 2020-12)."""
-    sections = dict.fromkeys(name for one in _all_rows() for name in one.of)
+    known = list(rows("").values())
+    for one in known:  # which grows by the rows of the sections that it names
+        known += [row for name in one.of if name != "point" for row in rows(name).values() if row not in known]
+    sections = dict.fromkeys(name for one in known for name in one.of)
     drawn = ("distribution", *(name for one in rows("distribution").values() for name in one.of))
     made = {section: _section(section) for section in (*sections, "values", *drawn, "goal") if section != "point"}
     made["boundary"] |= {"allOf": [_takes("role", role, of_role(role)) for role in row("boundary", "role").words]}
@@ -76,22 +80,14 @@ def schema() -> Schema:
     }
 
 
-def _all_rows() -> tuple[Key, ...]:
-    found = list(rows("").values())
-    for one in found:
-        found += [child for name in one.of if name != "point" for child in rows(name).values() if child not in found]
-    return tuple(found)
-
-
 def _section(section: str, required: tuple[str, ...] | None = None) -> Schema:
     known = rows(section).values()
     if required is None:
         required = tuple(one.name for one in known if one.required and not one.swept and one.name != "maxh")
     made: Schema = {"type": "object", "properties": {one.name: _described(one) for one in known}}
     made |= {"required": list(required)} if required else {}
-    return (
-        made | {"additionalProperties": False} | ({"minProperties": 1, "maxProperties": 1} if section in ONE_OF else {})
-    )
+    made |= {"additionalProperties": False}
+    return made | ({"minProperties": 1, "maxProperties": 1} if section in ONE_OF else {})
 
 
 def _complete() -> Schema:
@@ -225,8 +221,7 @@ def _law() -> Schema:
 
 def _sizes_or_tolerance(one: Key) -> Schema:
     """h of a sweep."""
-    names = ("tolerance", "of", "max_levels", "known")
-    made = {name: _described(row("mesh", name)) for name in names}
+    made = {name: _described(row("mesh", name)) for name in IN_SWEEP}
     tolerance = {"type": "object", "properties": made, "required": ["tolerance"], "additionalProperties": False}
     return {"anyOf": [_list(_number(one), 1), tolerance]}
 
@@ -293,11 +288,9 @@ def _lines(path: str, seen: set[str], section: str = "") -> Iterator[str]:
             if name in seen or name == "point":
                 continue
             seen.add(name)
-            held = (
-                "; ".join(_said(child) for child in rows(name).values())
-                if one.kind != "law"
-                else f"`law`; {_said(row(name, 'strength'))}"
-            )
+            held = "; ".join(_said(child) for child in rows(name).values())
+            if one.kind == "law":
+                held = f"`law`; {_said(row(name, 'strength'))}"
             said = one.meaning if not section else ""
             place = "boundary.EDGE" if name == "boundary" else here + PLACE.get(one.kind, "")
             yield f"| `{place}` | {'. '.join(part for part in (said, held) if part)} |\n"

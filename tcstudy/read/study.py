@@ -37,26 +37,28 @@ def read_study(path: str | Path, overrides: Sequence[str] = (), *, swept: bool =
     swept: whether the sweep is used, so that an option for a swept key would be lost; a path is of the scene outside it
     """
     path = Path(path)
-    return _read(load_text(path), str(path), path, tuple(overrides), swept)
+    return read_study_text(load_text(path), str(path), overrides, path, swept=swept)
 
 
 def read_study_text(
-    text: str, name: str = "<text>", overrides: Sequence[str] = (), source: Path | None = None
+    text: str,
+    name: str = "<text>",
+    overrides: Sequence[str] = (),
+    source: Path | None = None,
+    *,
+    swept: bool = True,
 ) -> Study:
     """The study in a text, called `name` in messages; raises StudyError with all its problems.
 
-    source: the file that the text was read from, if any: other files are sought beside it
+    source: the file that the text was read from, if any: other files are sought beside it;  swept: as of `read_study`
     """
-    return _read(text, name, source, tuple(overrides))
-
-
-def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...], swept: bool = True) -> Study:
+    overrides = tuple(overrides)
     ctx = Context(Collector(), folder=source.parent if source else Path())
-    root = apply_overrides(compose(text, file, ctx.errors), overrides, SHORT, ctx.errors)
+    root = apply_overrides(compose(text, name, ctx.errors), overrides, SHORT, ctx.errors)
     if not isinstance(root.value, Mapping):
         ctx.errors.at(root, f"a study is a mapping, but this is {root.kind()}", "see configs/quickstart.yaml")
         raise StudyError(ctx.errors.problems)
-    header = _read_header(ctx, root, source.stem if source else file) | {"text": text, "source": source}
+    header = _read_header(ctx, root, source.stem if source else name) | {"text": text, "source": source}
     before = len(ctx.errors)
     if root.child("parameters"):
         ctx.named = read_parameters(ctx, root.child("parameters"))
@@ -67,12 +69,10 @@ def _read(text: str, file: str, source: Path | None, overrides: tuple[str, ...],
 
     one = partial(_one_body, header)
     if any(axis.parameter.path[0] in ("body", "mesh", "parameters") for axis in sweep.axes):
-        from tcstudy.read.variants import geometric, read_variants, whole
+        from tcstudy.read.variants import geometric, read_variants
 
         if geometric(root, sweep):
-            axes, mode, design = records(sweep, ctx.units), sweep.mode, sweep.design
-            study, variants = read_variants(ctx, root, sweep, overrides, one)
-            return whole(study, variants, axes=axes, mode=mode, design=design, overrides=said)
+            return read_variants(ctx, root, sweep, overrides, said, one)
     return one(ctx, root, sweep, said)
 
 

@@ -206,7 +206,10 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
             ctx.errors.at(axis.node, what, "keep one of the two", on_key=True)
         paths[axis.parameter.path] = axis.key
     lengths = [len(axis.values) for axis in axes if axis.values]
-    same = [_identities(axis) for axis in axes]
+    same = [  # of numbers those in SI, of others the texts
+        [a if isinstance(a, float) else value.text() for a, value in zip(axis.labels, axis.values, strict=True)]
+        for axis in axes
+    ]
     if mode == "grid":
         for axis, identities in zip(axes, same, strict=True):
             _check_repeated(ctx, axis.values, identities)
@@ -239,12 +242,6 @@ def _check_law_parameters(ctx: Context, axes: list[SweptAxis], law: Node | None)
                 what = f"the law {law_name} has no parameter {axis.parameter.path[-1]!r}"
                 ctx.errors.at(axis.node, what, remedy, on_key=True)
                 break
-
-
-def _identities(axis: SweptAxis) -> list[object]:
-    """What makes two values the same: the number in SI, else the text."""
-    pairs = zip(axis.labels, axis.values, strict=True)
-    return [label if isinstance(label, float) else value.text() for label, value in pairs]
 
 
 def _check_repeated(ctx: Context, nodes: tuple[Node, ...], identities: Sequence[object]) -> None:

@@ -25,7 +25,7 @@ from tcstudy.read.heat import read_inline_region
 from tcstudy.read.node import Collector, Node, deepest, holds, put, split_path
 from tcstudy.read.parameters import read_parameters, users, words_in
 from tcstudy.read.plans import read_mesh
-from tcstudy.read.sweep import Sweep, SweptAxis
+from tcstudy.read.sweep import Sweep, SweptAxis, records
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import Keys, Parameter
@@ -70,12 +70,17 @@ def geometric(root: Node, sweep: Sweep) -> list[int]:
 
 
 def read_variants(
-    ctx: Context, root: Node, sweep: Sweep, overrides: tuple[str, ...], read: Callable[..., Study]
-) -> tuple[Study, tuple[Variant, ...]]:
-    """The study of the first geometry that is not refused, and all of them.
+    ctx: Context,
+    root: Node,
+    sweep: Sweep,
+    overrides: tuple[str, ...],
+    said: tuple[str, ...],
+    read: Callable[..., Study],
+) -> Study:
+    """The study of all geometries; a refused one has the scenes of the first that is not.
 
-    read: (ctx, root, sweep, overrides) → Study, for one geometry. Raises StudyError with the faults of the first
-    geometry that has some, or if all are refused.
+    said: options that make the text this study;  read: (ctx, root, sweep, said) → Study, for one geometry
+    Raises StudyError with the faults of the first geometry that has some, or if all are refused.
     """
     outer = geometric(root, sweep)
     variants: list[Variant] = []
@@ -97,16 +102,15 @@ def read_variants(
         remedy = "use a uniform or graded family, or write one study for each geometry"
         ctx.errors.at(sweep.axes[outer[0]].node, what, remedy, on_key=True)
         raise StudyError(ctx.errors.problems)
-    return first, tuple(variants)
-
-
-def whole(study: Study, variants: tuple[Variant, ...], **own: object) -> Study:
-    """The study of all geometries; a refused one has the scenes of the first that is not.
-
-    study: that of the first;  own: axes and mode of the sweep, overrides, design
-    """
-    scenes = Scenes.joined([((one.study or study).scenes, one.places) for one in variants])
-    return replace(study, scenes=scenes, variants=variants, **own)  # type: ignore[arg-type]
+    return replace(
+        first,
+        scenes=Scenes.joined([((one.study or first).scenes, one.places) for one in variants]),
+        variants=tuple(variants),
+        axes=records(sweep, ctx.units),
+        mode=sweep.mode,
+        design=sweep.design,
+        overrides=said,
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ Not here: which parameter has which distribution, and in which unit (`read.point
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -170,20 +171,15 @@ class Distribution:
 
         has = dict(self.numbers)
         low, high, sigma = has.get("from", 0.0), has.get("to", 0.0), has.get("sigma", 1.0)
-        law: Any
-        match self.kind:
-            case "uniform":
-                law = stats.uniform(low, high - low)
-            case "log-uniform":
-                law = stats.loguniform(low, high)
-            case "normal":
-                law = stats.norm(has["mean"], sigma)
-            case "truncated-normal":
-                mean = has["mean"]
-                law = stats.truncnorm((low - mean) / sigma, (high - mean) / sigma, mean, sigma)
-            case "lognormal":
-                law = stats.lognorm(sigma, scale=has["median"])
-            case _:
-                law = stats.triang((has["mode"] - low) / (high - low), low, high - low)
+        mean = has.get("mean", 0.0)
+        laws: dict[str, Callable[[], Any]] = {
+            "uniform": lambda: stats.uniform(low, high - low),
+            "log-uniform": lambda: stats.loguniform(low, high),
+            "normal": lambda: stats.norm(mean, sigma),
+            "truncated-normal": lambda: stats.truncnorm((low - mean) / sigma, (high - mean) / sigma, mean, sigma),
+            "lognormal": lambda: stats.lognorm(sigma, scale=has["median"]),
+            "triangular": lambda: stats.triang((has["mode"] - low) / (high - low), low, high - low),
+        }
+        law = laws[self.kind]()
         with np.errstate(over="ignore"):  # a value that no number can hold is inf, which is refused where it is read
             return np.array([float(f"{value:.15g}") for value in law.ppf(u)])

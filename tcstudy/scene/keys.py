@@ -37,6 +37,8 @@ _PATH = {name: field.default for name, field in PathPlan.__dataclass_fields__.it
 _STRENGTH = Key("strength", "field", "factor of the law, 0 in a gap of the bond", default=1.0, example="1", swept=True)
 _QUANTITIES = ("reactions", "theta_edges", "von_mises")
 _HOLE = ("circle", "rectangle", "outline")
+_WIDTH = Key("width", "number", "in x", u.LENGTH, "50 mm", required=True, above=0.0)
+_HEIGHT = Key("height", "number", "in y", u.LENGTH, "20 mm", required=True, above=0.0)
 
 ROWS: tuple[Key, ...] = (
     *in_section(
@@ -147,8 +149,7 @@ ROWS: tuple[Key, ...] = (
     ),
     *in_section(
         "block",
-        Key("width", "number", "in x", u.LENGTH, "50 mm", required=True, above=0.0),
-        Key("height", "number", "in y", u.LENGTH, "20 mm", required=True, above=0.0),
+        *(_WIDTH, _HEIGHT),
         Key("corner", "point", "lower left", u.LENGTH, "[0 mm, 0 mm]", default=[0, 0]),
         Key("edges", "section", "other names of its edges", example="{bottom: NAME}", of=("sides",)),
     ),
@@ -175,8 +176,7 @@ ROWS: tuple[Key, ...] = (
     *in_section(
         "rectangle",
         Key("corner", "point", "lower left", u.LENGTH, "[0 mm, 0 mm]", required=True),
-        Key("width", "number", "in x", u.LENGTH, "50 mm", required=True, above=0.0),
-        Key("height", "number", "in y", u.LENGTH, "20 mm", required=True, above=0.0),
+        *(_WIDTH, _HEIGHT),
         Key("edge", "name", "name of a hole's edges", example="NAME"),
     ),
     *EDGE_ROWS,

@@ -75,15 +75,12 @@ class LawSlopes:
 
     def omega(self) -> float:
         """∂ω/∂p: that of the slope at the end of a piece where b falls most; NaN where two do not agree."""
-        law, pieces = self.law, np.arange(len(self.q))
+        law = self.law
         if not np.isfinite(law.omega) or law.omega == 0.0:
             return 0.0 if law.omega == 0.0 else float("nan")
-        own = []
-        for shift in (0, 1):
-            at = np.clip(pieces - 1 + shift, 0, max(len(law.kinks) - 1, 0))
-            far = (pieces == 0) if shift == 0 else (pieces == len(law.kinks))
-            s = np.where(far, np.inf, law.kinks[at]) if len(law.kinks) else np.full(len(pieces), np.inf)
-            moved = np.where(far, 0.0, self.kinks[at]) if len(law.kinks) else np.zeros(len(pieces))
+        own, ends = [], np.concatenate([[-np.inf], law.kinks, [np.inf]])
+        moves = np.concatenate([[0.0], self.kinks, [0.0]])
+        for s, moved in ((ends[:-1], moves[:-1]), (ends[1:], moves[1:])):
             apart = np.where(np.isinf(s), 0.0, s - law.s_0)
             decay = np.where(np.isinf(s), 0.0, np.exp(-law.r * apart))
             turn = self.a * law.r + law.a * self.r - law.a * law.r * (self.r * apart + law.r * (moved - self.s_0))
