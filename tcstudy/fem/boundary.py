@@ -45,18 +45,26 @@ def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames
     Raises GeometryFailed where two edges prescribe different displacements at their common corner.
     """
     held = _collect(mesh, boundary)
-    n = mesh.n_points
     order = np.argsort(held.node, kind="stable")
     node, direction, value = held.node[order], held.direction[order], held.value[order]
     nodes, first, count = np.unique(node, return_index=True, return_counts=True)
     d0, v0 = direction[first], value[first]
     own = np.repeat(np.arange(len(nodes)), count)
     sine = np.abs(_cross(d0[own], direction))
-    second = _argmax_in_groups(sine, first, count)
+    second = np.lexsort((-sine, own))[first]  # of every node the direction that is farthest from its first
     both = sine[second] > SMOOTH
     u = _solve_pairs(d0, v0, direction[second], value[second], both)
-    _check_agreement(mesh, held, order, own, np.einsum("ij,ij->i", direction, u[own]), value)
-    frames = _frames(n, nodes, d0, v0, u, both)
+    apart = np.abs(np.einsum("ij,ij->i", direction, u[own]) - value)
+    wrong = np.flatnonzero(apart > 1e-9 * float(np.max(np.abs(value), initial=0.0)))
+    if len(wrong):
+        x, y = mesh.points[node[wrong[0]]]
+        others = {held.name[i] for i in order[own == own[wrong[0]]]}
+        raise GeometryFailed(
+            f"edges {', '.join(sorted(others))} prescribe different displacements at their common "
+            f"corner ({x:g}, {y:g}); make them agree there, or free a component",
+            ("boundary",),
+        )
+    frames = _frames(mesh.n_points, nodes, d0, v0, u, both)
     return with_ties(mesh, boundary, frames) if any(isinstance(role, Rigid) for _, role in boundary) else frames
 
 
@@ -124,14 +132,6 @@ def _cross(a: Array, b: Array) -> Array:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
-def _argmax_in_groups(x: Array, first: Indices, count: Indices) -> Indices:
-    """Index of the largest x in every consecutive group."""
-    best = np.maximum.reduceat(x, first)
-    hit = np.flatnonzero(x == np.repeat(best, count))
-    group = np.repeat(np.arange(len(first)), count)[hit]
-    return hit[np.unique(group, return_index=True)[1]]
-
-
 def _solve_pairs(d0: Array, v0: Array, d1: Array, v1: Array, both: NDArray[np.bool_]) -> Array:
     """u with d0·u = v0 and d1·u = v1 where both hold; u = v0 d0 elsewhere."""
     det = np.where(both, _cross(d0, d1), 1.0)
@@ -139,46 +139,20 @@ def _solve_pairs(d0: Array, v0: Array, d1: Array, v1: Array, both: NDArray[np.bo
     return np.where(both[:, None], pair, v0[:, None] * d0)
 
 
-def _check_agreement(
-    mesh: PlaneMesh,
-    held: _Constraints,
-    order: Indices,
-    own: Indices,
-    got: Array,
-    value: Array,
-) -> None:
-    scale = float(np.max(np.abs(value), initial=0.0))
-    wrong = np.flatnonzero(np.abs(got - value) > 1e-9 * scale)
-    if len(wrong):
-        x, y = mesh.points[held.node[order[wrong[0]]]]
-        others = {held.name[order[i]] for i in np.flatnonzero(own == own[wrong[0]])}
-        raise GeometryFailed(
-            f"edges {', '.join(sorted(others))} prescribe different displacements at their common "
-            f"corner ({x:g}, {y:g}); make them agree there, or free a component",
-            ("boundary",),
-        )
-
-
 def _frames(n: int, nodes: Indices, d0: Array, v0: Array, u: Array, both: NDArray[np.bool_]) -> Frames:
     """Assemble R, the fixed rows and their values."""
-    diagonal_x, diagonal_y = np.ones(n), np.ones(n)
-    upper, lower = np.zeros(n), np.zeros(n)
-    one = nodes[~both]
-    d = d0[~both]
-    diagonal_x[one], lower[one] = -d[:, 1], d[:, 0]  # first column of R: t = (−d₂, d₁)
-    upper[one], diagonal_y[one] = d[:, 0], d[:, 1]  # second column: d
-    i = np.arange(n)
-    turned = i[(upper != 0) | (lower != 0)]
+    one, d, i, axes = nodes[~both], d0[~both], np.arange(n), np.tile(np.eye(2), (n, 1, 1))
+    axes[one] = np.stack([np.column_stack([-d[:, 1], d[:, 0]]), d], axis=2)  # columns t = (−d₂, d₁) and d
+    turned = np.flatnonzero(axes[:, 0, 1] != 0.0)
     rows = np.concatenate([i, i + n, turned, turned + n])
     columns = np.concatenate([i, i + n, turned + n, turned])
-    entries = np.concatenate([diagonal_x, diagonal_y, upper[turned], lower[turned]])
+    entries = np.concatenate([axes[:, 0, 0], axes[:, 1, 1], axes[turned, 0, 1], axes[turned, 1, 0]])
     rotation = sp.csr_array((entries, (rows, columns)), shape=(2 * n, 2 * n))
     fixed, values = np.zeros(2 * n, dtype=bool), np.zeros(2 * n)
     fixed[one + n], values[one + n] = True, v0[~both]
     two = nodes[both]
     fixed[two] = fixed[two + n] = True
     values[two], values[two + n] = u[both, 0], u[both, 1]
-    axes = np.stack([np.column_stack([diagonal_x, lower]), np.column_stack([upper, diagonal_y])], axis=2)
     own = np.flatnonzero((axes != np.eye(2)).any(axis=(1, 2)))
     return Frames(rotation, fixed, values, own, axes[own])
 

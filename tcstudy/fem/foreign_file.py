@@ -7,6 +7,7 @@ the same steps are safe in this process.
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from functools import lru_cache
@@ -50,7 +51,7 @@ def _fault(path: str, size: int, _changed: int) -> str | None:
         return f"the geometry kernel did not finish reading it within {SLOWER * seconds:.0f} s"
     if child.returncode == 0:
         return None
-    if child.returncode == -getattr(_signals(), "SIGXCPU", 0):
+    if child.returncode == -getattr(signal, "SIGXCPU", 0):
         return f"the geometry kernel did not finish reading it within {seconds:.0f} s of processor time"
     last = child.stderr.decode(errors="replace").strip().rpartition("\n")[2]
     if child.returncode < 0 or not last:
@@ -84,9 +85,3 @@ def _limit(seconds: float, memory: int) -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 1))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
-
-
-def _signals() -> object:
-    import signal
-
-    return signal

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.meshes import Frames, PlaneMesh
-from tcstudy.scene.records import Convection, Role, Scalar, Traction, Where
+from tcstudy.scene.records import Convection, Scalar, Traction, Where
 
 Array = NDArray[np.float64]
 
@@ -161,12 +161,8 @@ class GradientProducts:
         entries = sum(value * (G[0, 0] + G[1, 1]) for value, G in pairs)
         return sp.csr_array((entries, graph.columns, graph.starts), shape=(n, n))
 
-    def stiffness(self, lam: float, mu: float, frames: Frames | None = None) -> sp.csr_array:
-        """a(φ_i, φ_j) = ∫λ div φ_i div φ_j + 2μ ε(φ_i):ε(φ_j), (2n, 2n) [Pa], in x and y, or RᵀAR in local rows."""
-        return self.stiffness_of((((), lam, mu),), frames)
-
     def stiffness_of(self, moduli: Moduli, frames: Frames | None = None) -> sp.csr_array:
-        """`stiffness` of a body whose λ and μ differ by region."""
+        """a(φ_i, φ_j) = ∫λ div φ_i div φ_j + 2μ ε(φ_i):ε(φ_j), (2n, 2n) [Pa], in x and y, or RᵀAR in local rows."""
         graph, whole = self._assembled
         A = np.empty_like(whole)
         for number, (where, lam, mu) in enumerate(moduli):
@@ -283,10 +279,3 @@ class ElasticForms(GradientProducts):
 def _blocked(form: Any) -> Array:
     """(2n,) the vector of a form, x of all nodes, then y."""
     return np.array(vector(form).reshape(-1, 2).T, order="C").ravel()
-
-
-def loads_something(role: Role) -> bool:
-    """True if an edge carries a traction or a pressure that is not plainly zero."""
-    return isinstance(role, Traction | Convection) and not (
-        is_zero(role.g[0]) and is_zero(role.g[1]) and is_zero(role.pressure)
-    )

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.heat_forms import HeatForms
-from tcstudy.offline.heat_factor import ROUNDING, HeatFactor, HeatLoad, basis_of, held_modes, modes
+from tcstudy.offline.heat_factor import ROUNDING, HeatFactor, HeatLoad, basis_of, modes
 from tcstudy.offline.loads import Column, FamilyKey, Part, Ratios, Recent
 
 Array = NDArray[np.float64]
@@ -102,7 +102,7 @@ class Conduction:
         if self._free.all():
             return modes(self._S, self._M)
         free = np.ix_(self._free, self._free)
-        return held_modes(self._S[free], self._M[free])
+        return modes(self._S[free], self._M[free], held=True)
 
     @cached_property
     def _integrals(self) -> Array:

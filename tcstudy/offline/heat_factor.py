@@ -123,21 +123,16 @@ class HeatFactor:
 # -- modes -----------------------------------------------------------------------------------------
 
 
-def modes(A_tilde: Array, M: Array) -> tuple[Array, Array]:
-    """(μ, W): eigenpairs Ã w_k = μ_k M w_k with WᵀMW = I; the first made exactly 0 and constant."""
-    mu, W = scipy.linalg.eigh(A_tilde, M)
-    constant = np.full(len(M), 1.0 / np.sqrt(M.sum()))
-    W[:, 1:] -= np.outer(constant, constant @ M @ W[:, 1:])
-    W[:, 0] = constant
-    mu[0] = 0.0
-    return np.maximum(mu, 0.0), W
-
-
-def held_modes(A_tilde: Array, M: Array) -> tuple[Array, Array]:
-    """(μ, W) as `modes`, where other nodes of the line are held, so that no mode is constant."""
+def modes(A_tilde: Array, M: Array, held: bool = False) -> tuple[Array, Array]:
+    """(μ, W): eigenpairs Ã w_k = μ_k M w_k with WᵀMW = I; the first made exactly 0 and constant, or none so if other
+    nodes of the line are held."""
     if not len(M):
         return np.zeros(0), np.zeros((0, 0))
     mu, W = scipy.linalg.eigh(A_tilde, M)
+    if not held:
+        constant = np.full(len(M), 1.0 / np.sqrt(M.sum()))
+        W[:, 1:] -= np.outer(constant, constant @ M @ W[:, 1:])
+        W[:, 0], mu[0] = constant, 0.0
     return np.maximum(mu, 0.0), W
 
 

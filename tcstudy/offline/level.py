@@ -23,9 +23,8 @@ from tcstudy.offline.loads import (
     BodyForce,
     Column,
     EdgeForce,
+    EdgeLoad,
     EdgeMoment,
-    EdgePressure,
-    EdgeTraction,
     LoadTerm,
     Prescribed,
     Recent,
@@ -182,13 +181,6 @@ class Level:
             self._laws[friction] = law_along(friction, line.edge_names, line.edge, line.xy, line.joints)
         return self._laws[friction]
 
-    def load_of(self, scene: Scene, terms: Sequence[LoadTerm]) -> Array:
-        """(m,) l̃ of other terms on the body of a scene [N/m]."""
-        frames = self._frames_of(scene.boundary)
-        body, _ = self._body(scene, frames)
-        span = body.span(tuple(term.load for term in terms), self._maker(body, frames))
-        return np.asarray(span.l_tilde @ np.array([term.coefficient for term in terms]))
-
     def condensed_of(self, scene: Scene, load: Array) -> Array:
         """(m,) l̃ of a load (2n,) in x and y on the body of a scene [N/m]: one forward elimination."""
         frames = self._frames_of(scene.boundary)
@@ -335,5 +327,5 @@ class Level:
                 return couple(self.mesh, load.edge)
             case EdgeForce():
                 return self.elastic.force(load.edge, load.axis)
-        assert isinstance(load, EdgeTraction | EdgePressure)  # what is prescribed belongs to a factorised body
+        assert isinstance(load, EdgeLoad)  # what is prescribed belongs to a factorised body
         return self.elastic.traction(load.edge, load.role)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 from tcstudy.expressions.expression import Expression
-from tcstudy.fem.forms import Conductivity, loads_something
+from tcstudy.fem.forms import Conductivity
 from tcstudy.scene.records import Clamped, Convection, Rigid, Role, Scalar, Scene, Traction, Where, resultant
 
 Roles = tuple[tuple[str, Role], ...]
@@ -60,47 +60,22 @@ Field = Expression | Column
 
 @dataclass(frozen=True)
 class BodyForce:
-    """∫ shape v_axis over the body; axis 0 is x, 1 is y."""
+    """∫f·v over the body."""
 
-    axis: int
-    shape: Scalar
-
-    @property
-    def f(self) -> tuple[Scalar, Scalar]:
-        """The force density."""
-        return (self.shape, 0.0) if self.axis == 0 else (0.0, self.shape)
+    f: tuple[Scalar, Scalar]
 
 
 @dataclass(frozen=True)
-class EdgeTraction:
-    """∫ shape v_axis over the study edge of this name; axis 0 is x, 1 is y."""
+class EdgeLoad:
+    """∫(g − p n)·v over the study edge of this name, which has this role in a scene without other loads."""
 
     edge: str
-    axis: int
-    shape: Scalar
-
-    @property
-    def role(self) -> Traction:
-        """The edge's part in a scene that has this load only."""
-        return Traction(g=(self.shape, 0.0) if self.axis == 0 else (0.0, self.shape))
-
-
-@dataclass(frozen=True)
-class EdgePressure:
-    """−∫ shape v·n over the study edge of this name."""
-
-    edge: str
-    shape: Scalar
-
-    @property
-    def role(self) -> Traction:
-        """The edge's part in a scene that has this load only."""
-        return replace(Traction(), pressure=self.shape)
+    role: Traction
 
 
 @dataclass(frozen=True)
 class EdgeForce:
-    """A resultant of 1 along axis, spread evenly over the study edge of this name."""
+    """A resultant of 1 along axis, 0 for x, spread evenly over the study edge of this name."""
 
     edge: str
     axis: int
@@ -135,16 +110,7 @@ class Prescribed:
     held: Roles
 
 
-BasisLoad = (
-    BodyForce
-    | EdgeTraction
-    | EdgePressure
-    | EdgeForce
-    | EdgeMoment
-    | UniformTemperature
-    | TemperatureField
-    | Prescribed
-)
+BasisLoad = BodyForce | EdgeLoad | EdgeForce | EdgeMoment | UniformTemperature | TemperatureField | Prescribed
 
 
 @dataclass(frozen=True)
@@ -164,25 +130,24 @@ def split(scalar: Scalar) -> tuple[Scalar, float]:
 
 def mechanical_terms(f: tuple[Scalar, Scalar], boundary: Roles) -> Iterator[LoadTerm]:
     """Terms of ∫f·v and of the tractions and pressures on all edges."""
-    for axis, component in enumerate(f):
-        shape, factor = split(component)
-        if factor != 0.0:
-            yield LoadTerm(BodyForce(axis, shape), factor)
+    yield from (LoadTerm(BodyForce(shape), factor) for shape, factor in _by_axis(f))
     for name, role in boundary:
         forces = ((axis, force) for axis, force in enumerate(resultant(role)) if force != 0.0)
         yield from (LoadTerm(EdgeForce(name, axis), force) for axis, force in forces)
         if isinstance(role, Rigid) and role.moment:
             yield LoadTerm(EdgeMoment(name), role.moment)
-        if not loads_something(role):
-            continue
-        assert isinstance(role, Traction | Convection)
-        for axis, component in enumerate(role.g):
-            shape, factor = split(component)
+        if isinstance(role, Traction | Convection):
+            yield from (LoadTerm(EdgeLoad(name, Traction(g=shape)), factor) for shape, factor in _by_axis(role.g))
+            pressure, factor = split(role.pressure)
             if factor != 0.0:
-                yield LoadTerm(EdgeTraction(name, axis, shape), factor)
-        shape, factor = split(role.pressure)
+                yield LoadTerm(EdgeLoad(name, Traction(pressure=pressure)), factor)
+
+
+def _by_axis(density: tuple[Scalar, Scalar]) -> Iterator[tuple[tuple[Scalar, Scalar], float]]:
+    """(unit shape, factor) of each component of a density that is not 0."""
+    for axis, (shape, factor) in enumerate(map(split, density)):
         if factor != 0.0:
-            yield LoadTerm(EdgePressure(name, shape), factor)
+            yield ((shape, 0.0), (0.0, shape))[axis], factor
 
 
 @dataclass(frozen=True)

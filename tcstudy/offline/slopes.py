@@ -161,7 +161,7 @@ def omega_slope(level: Level, scene: Scene, by: Sensitivity) -> float:
     falls = [float(np.max(factor, initial=0.0)) * law.omega if law.omega else 0.0 for law, _, factor in every]
     named = [law for law, _, _ in _laws(level, scene, by.path)]
     largest, found = max(falls), []
-    if not np.isfinite(largest) or largest < level.law(scene).omega * (1.0 - 1e-9):
+    if not np.isfinite(largest) or abs(largest - level.law(scene).omega) > 1e-9 * largest:
         return float("nan")
     for (law, _, factor), fall in zip(every, falls, strict=True):
         if fall >= largest * (1.0 - 1e-9):

@@ -145,8 +145,7 @@ class Temperatures:
     def mean(self, name: Field) -> float:
         """Mean of a field over the body."""
         if name not in self._means:
-            area = self._forms[()].nodal_area
-            self._means[name] = float(area @ self.field(name)) / float(area.sum())
+            self._means[name] = self.mean_of(self.field(name))
         return self._means[name]
 
     def response(self, scene: Scene, source: Array) -> Array:

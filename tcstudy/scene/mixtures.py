@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from tcstudy.scene.friction import FrictionLaw
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Piece = tuple[float, float, float, float, float]
 """s_0, b_0, q, a, r."""
 
@@ -34,10 +33,9 @@ def total(one: FrictionLaw, two: FrictionLaw) -> FrictionLaw:
     """The law b' + b''; an odd one of odd ones, to the bit."""
     kinks = np.union1d(one.kinks, two.kinks)
     ends = np.concatenate([[-np.inf], kinks, [np.inf]])
-    own = tuple(zip(pieces_of(one, kinks).tolist(), pieces_of(two, kinks).tolist(), strict=True))
     ends_of: list[float] = kinks.tolist()
     pieces: list[Piece] = []
-    for k, (i, j) in enumerate(own):
+    for k, (i, j) in enumerate(zip(_within(one, kinks), _within(two, kinks), strict=True)):
         left, right = float(ends[k]), float(ends[k + 1])
         s_0 = min(max(0.0, left), right)
         a, b = _moved(one, i, s_0), _moved(two, j, s_0)
@@ -45,18 +43,15 @@ def total(one: FrictionLaw, two: FrictionLaw) -> FrictionLaw:
             cuts, parts = _mirrored(a, b, left, right) if right <= 0.0 else _spline(a, b, left, right)
             ends_of, pieces = [*ends_of, *cuts], [*pieces, *parts]
         else:
-            pieces.append(
-                (s_0, a[1] + b[1], a[2] + b[2], a[3] + b[3], (a[4] if a[3] else b[4]) if a[3] + b[3] else 0.0)
-            )
-    names = dict.fromkeys(law.name for law in (one, two) if not law.vanishes)
-    return FrictionLaw(
-        " and ".join(names), np.sort(np.array(ends_of)), *(np.array(column) for column in zip(*pieces, strict=True))
-    )
+            rate = (a[4] if a[3] else b[4]) if a[3] + b[3] else 0.0
+            pieces.append((s_0, a[1] + b[1], a[2] + b[2], a[3] + b[3], rate))
+    name = " and ".join(dict.fromkeys(law.name for law in (one, two) if not law.vanishes))
+    return FrictionLaw(name, np.sort(ends_of), *(np.array(column) for column in zip(*pieces, strict=True)))
 
 
-def pieces_of(law: FrictionLaw, kinks: Array) -> Index:
-    """(K+1,) which piece of a law each piece of one with more kinks lies in."""
-    return np.concatenate([[0], law.piece(kinks, +1)]).astype(np.intp)
+def _within(law: FrictionLaw, kinks: Array) -> list[int]:
+    """Which piece of a law each of the K + 1 pieces of one with more kinks lies in."""
+    return [0, *law.piece(kinks, +1).tolist()]
 
 
 def _moved(law: FrictionLaw, k: int, s_0: float) -> Piece:

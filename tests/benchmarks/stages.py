@@ -125,7 +125,7 @@ def _factors(mesh: PlaneMesh, scene: Scene, n_dof: int) -> Iterator[float]:
     """CPU times of the factorisations of one stiffness matrix, Γ_D and u_N on Γ_C held."""
     level = Level(mesh, scene)
     frames, line = level.frames, level.line
-    matrix = GradientProducts(mesh).stiffness(scene.material.lam, scene.material.mu, frames)
+    matrix = GradientProducts(mesh).stiffness_of((((), scene.material.lam, scene.material.mu),), frames)
     eliminate = ~frames.fixed
     eliminate[line.nodes] = False
     clock = Clock()

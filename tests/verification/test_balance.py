@@ -65,7 +65,7 @@ def test_condensed_and_full_solutions_agree(bracket: tuple[Scene, Level]) -> Non
     u = level.displacement(scene, condensed, answer.v)
     frames = level.frames
     R = frames.rotation
-    A = level.elastic.stiffness(scene.material.lam, scene.material.mu)
+    A = level.elastic.stiffness_of((((), scene.material.lam, scene.material.mu),))
     local = (R.T @ A @ R).tocsr()
     load = frames.local(level.load(scene)) - local @ frames.values
     load[level.line.nodes] -= condensed.problem.xi(answer.v)
@@ -83,7 +83,7 @@ def test_reactions_and_loads_are_in_equilibrium(bracket: tuple[Scene, Level]) ->
     condensed = level.condensed(scene)
     answer = solve_contact(condensed.problem)
     u = level.displacement(scene, condensed, answer.v)
-    A = level.elastic.stiffness(scene.material.lam, scene.material.mu)
+    A = level.elastic.stiffness_of((((), scene.material.lam, scene.material.mu),))
     F = level.load(scene)
     residual = A @ u - F
     n = level.mesh.n_points
@@ -108,7 +108,7 @@ def test_total_energy_is_that_of_the_whole_system(bracket: tuple[Scene, Level]) 
     condensed = level.condensed(scene)
     answer = solve_contact(condensed.problem)
     u = level.displacement(scene, condensed, answer.v)
-    A = level.elastic.stiffness(scene.material.lam, scene.material.mu)
+    A = level.elastic.stiffness_of((((), scene.material.lam, scene.material.mu),))
     direct = 0.5 * u @ (A @ u) - level.load(scene) @ u + level.line.c @ scene.friction.j(answer.v)
     assert answer.energy + condensed.constant == pytest.approx(direct, rel=1e-11)
 

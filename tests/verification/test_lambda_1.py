@@ -25,7 +25,7 @@ def test_equals_the_uncondensed_eigenvalue() -> None:
     material = study.scenes[0].material
     free = np.flatnonzero(~level.frames.fixed)
     R = level.frames.rotation
-    A = (R.T @ level.elastic.stiffness(material.lam, material.mu) @ R).tocsr()[free][:, free]
+    A = (R.T @ level.elastic.stiffness_of((((), material.lam, material.mu),)) @ R).tocsr()[free][:, free]
     weight = np.zeros(2 * level.mesh.n_points)
     weight[level.line.nodes] = level.line.c
     # the largest eigenvalue of C w = κ A w is 1/λ₁
