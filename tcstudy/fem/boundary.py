@@ -23,20 +23,14 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.fem.meshes import EDGES, SMOOTH, Frames, PlaneMesh
 from tcstudy.fem.rigid import with_ties
 from tcstudy.scene.edge_laws import NO_JOINTS, Joints
-from tcstudy.scene.records import Clamped, Contact, Rigid, Role, Scalar, Symmetry
+from tcstudy.scene.records import Clamped, Contact, Point, Rigid, Role, Scalar, Symmetry
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-@dataclass(frozen=True)
-class _Constraints:
-    """Directions that are held at nodes: d·u(node) = value."""
-
-    node: Indices
-    direction: Array
-    value: Array
-    name: tuple[str, ...]
+_Held = tuple[Indices, Array, Array, list[str]]
+"""Directions that are held at nodes, d·u(node) = value, and the edges that hold them: node, d, value, name."""
 
 
 def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames:
@@ -44,9 +38,9 @@ def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames
 
     Raises GeometryFailed where two edges prescribe different displacements at their common corner.
     """
-    held = _collect(mesh, boundary)
-    order = np.argsort(held.node, kind="stable")
-    node, direction, value = held.node[order], held.direction[order], held.value[order]
+    node, direction, value, names = _collect(mesh, boundary)
+    order = np.argsort(node, kind="stable")
+    node, direction, value = node[order], direction[order], value[order]
     nodes, first, count = np.unique(node, return_index=True, return_counts=True)
     d0, v0 = direction[first], value[first]
     own = np.repeat(np.arange(len(nodes)), count)
@@ -58,7 +52,7 @@ def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames
     wrong = np.flatnonzero(apart > 1e-9 * float(np.max(np.abs(value), initial=0.0)))
     if len(wrong):
         x, y = mesh.points[node[wrong[0]]]
-        others = {held.name[i] for i in order[own == own[wrong[0]]]}
+        others = {names[i] for i in order[own == own[wrong[0]]]}
         raise GeometryFailed(
             f"edges {', '.join(sorted(others))} prescribe different displacements at their common "
             f"corner ({x:g}, {y:g}); make them agree there, or free a component",
@@ -68,16 +62,13 @@ def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames
     return with_ties(mesh, boundary, frames) if any(isinstance(role, Rigid) for _, role in boundary) else frames
 
 
-def _collect(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> _Constraints:
+def _collect(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> _Held:
     """Constraints edge by edge; contact first, so that its frame (t, n) wins where it stands alone."""
     parts: list[tuple[Indices, Array, Array, str]] = []
-    ordered = sorted(boundary, key=lambda item: not isinstance(item[1], Contact))
-    for name, role in ordered:
+    for name, role in sorted(boundary, key=lambda item: not isinstance(item[1], Contact)):
         if not isinstance(role, Contact | Clamped):
             continue
-        for index, curve in enumerate(mesh.geometry.curves):
-            if curve.name != name:
-                continue
+        for index in (i for i, curve in enumerate(mesh.geometry.curves) if curve.name == name):
             nodes, normals = curve_normals(mesh, index)
             if isinstance(role, Symmetry) and np.max(np.abs(_cross(normals, normals[:1]))) > SMOOTH:
                 raise GeometryFailed(f"the symmetry edge {name} is not straight; use u_N: 0 for a guide", EDGES)
@@ -85,9 +76,9 @@ def _collect(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> _Constr
                 parts.append((nodes, normals, np.zeros(len(nodes)), name))
             else:
                 parts += _clamped(mesh, role, nodes, normals, name)
-    node = np.concatenate([p[0] for p in parts])
-    names = tuple(name for p in parts for name in [p[3]] * len(p[0]))
-    return _Constraints(node, np.concatenate([p[1] for p in parts]), np.concatenate([p[2] for p in parts]), names)
+    node, direction, value, edge = zip(*parts, strict=True)
+    names = [name for name, nodes in zip(edge, node, strict=True) for _ in nodes]
+    return np.concatenate(node), np.concatenate(direction), np.concatenate(value), names
 
 
 def _clamped(
@@ -192,6 +183,14 @@ class ContactLine:
         number = np.full(int(self.segments.max()) + 1, -1, dtype=np.intp)
         number[self.nodes] = np.arange(self.m)
         return number[self.segments]
+
+    def nearest(self, at: Point) -> tuple[int, float]:
+        """The segment of Γ_C that is nearest to a point, and where on it from 0 to 1."""
+        along = self.ends[:, 1] - self.ends[:, 0]
+        offset = np.asarray(at) - self.ends[:, 0]
+        t = np.clip(np.einsum("sd,sd->s", offset, along) / np.einsum("sd,sd->s", along, along), 0.0, 1.0)
+        k = int(np.argmin(np.linalg.norm(offset - t[:, None] * along, axis=1)))
+        return k, float(t[k])
 
 
 def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> ContactLine:

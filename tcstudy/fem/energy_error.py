@@ -38,6 +38,7 @@ from tcstudy.fem.estimators import (
     product,
     strain,
     stress_of,
+    traction_of,
 )
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.fem.recovery import ElementGeometry
@@ -197,15 +198,12 @@ def _jumps(
     def of_parts(name: str) -> Array:
         return np.array([getattr(material, name) or 0.0 for material in materials], dtype=float)
 
-    s, n = jump(stress), normal[:, None]
-    traction = np.stack(
-        [s[..., 0] * n[..., 0] + s[..., 2] * n[..., 1], s[..., 2] * n[..., 0] + s[..., 1] * n[..., 1]], -1
-    )
+    traction = traction_of(jump(stress), normal)
     mu = of_parts("mu")
     term = length**2 / (2.0 * np.pi * np.maximum(mu[of[first]], mu[of[second]])) * np.mean(np.sum(traction**2, -1), 1)
     both = [0.5 * term, 0.5 * term]
     if flow is not None:
-        k, heat = of_parts("k"), np.sum(jump(flow) * n, axis=-1)
+        k, heat = of_parts("k"), np.sum(jump(flow) * normal[:, None], axis=-1)
         term = length**2 / (np.pi * np.maximum(k[of[first]], k[of[second]])) * np.mean(heat**2, axis=1)
         factor = of_parts("beta") ** 2 / (of_parts("lam") + mu) / np.where(k > 0.0, k, 1.0)
         for side, triangle in enumerate((first, second)):

@@ -107,7 +107,7 @@ def edge_residual(
     mesh, mu, beta = triangles.mesh, scene.material.mu, scene.material.beta
     edges = boundary_edges(triangles)
     length, normal, at = edges.length, edges.normal, edges.at
-    traction = boundary_traction(triangles, u, scene)
+    traction = traction_of(on_segments(stress_of(u.recovered, scene.material.lam, mu), mesh.segments), normal)
     traction -= beta * on_segments(theta, mesh.segments)[..., None] * normal[:, None]
     roles, springs = dict(scene.boundary), {name: (normal_k, tangent_k) for name, normal_k, tangent_k in scene.springs}
     square = friction.defect**2
@@ -118,10 +118,8 @@ def edge_residual(
         role = roles[curve.name]
         target = _target(role, at[here], normal[here], friction.xi[here])
         if any(force := resultant(role)):
-            whole = sum(
-                one.length for one in mesh.geometry.curves if one.name == curve.name
-            )  # also where regions cut it
-            target = target + np.array(force) / whole
+            # of the whole edge, also where regions cut it
+            target = target + np.array(force) / sum(c.length for c in mesh.geometry.curves if c.name == curve.name)
         if curve.name in springs:
             target = target - _pull(springs[curve.name], on_segments(u.u, mesh.segments[here]), normal[here])
         square[here] += np.sum(_free_part(role, traction[here] - target, normal[here]) ** 2, axis=-1)
@@ -147,15 +145,21 @@ def boundary_edges(triangles: ElementGeometry) -> Edges:
     return Edges(length, normal, ends[:, None, 0] + GAUSS[None, :, None] * along[:, None])
 
 
-def boundary_traction(triangles: ElementGeometry, u: Strain, scene: Scene) -> Array:
-    """cε* n of the recovered strain at the Gauss points of the boundary (s, 2, 2) [Pa]."""
-    stress = on_segments(stress_of(u.recovered, scene.material.lam, scene.material.mu), triangles.mesh.segments)
-    normal = boundary_edges(triangles).normal
-    return np.stack([_row(stress, 0, 2, normal), _row(stress, 2, 1, normal)], axis=-1)
+def traction_of(stress: Array, normal: Array) -> Array:
+    """σn at the Gauss points of segments (s, 2, 2) of stresses (s, 2, 3) there, normals (s, 2) [Pa]."""
+    n = normal[:, None]
+    rows = [stress[..., i] * n[..., 0] + stress[..., j] * n[..., 1] for i, j in ((0, 2), (2, 1))]
+    return np.stack(rows, axis=-1)
 
 
-def _dirichlet_gap(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
-    """u_D − u_h at the Gauss points of the boundary (s, 2, 2); zero in components that are free [m]."""
+def tangent(normal: Array) -> Array:
+    """t = (−n₂, n₁) of normals (s, 2)."""
+    return np.column_stack([-normal[:, 1], normal[:, 0]])
+
+
+def dirichlet_residual(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
+    """(t,) Σ_e 2πμ/h_e ‖u_D − u_h‖²_e over the boundary edges of each triangle; components that are free have no u_D
+    [J/m]."""
     mesh, edges = triangles.mesh, boundary_edges(triangles)
     gap = np.zeros_like(edges.at)
     own = on_segments(u.reshape(2, -1).T, mesh.segments)
@@ -165,19 +169,16 @@ def _dirichlet_gap(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
         if not isinstance(role, Clamped) or not curve.straight:
             continue
         normal = edges.normal[here]
-        frame = (normal, np.column_stack([-normal[:, 1], normal[:, 0]]))
-        axes = frame if role.frame == "nt" else tuple(np.tile(axis, (len(normal), 1)) for axis in np.eye(2))
+        axes = (
+            (normal, tangent(normal))
+            if role.frame == "nt"
+            else tuple(np.tile(axis, (len(normal), 1)) for axis in np.eye(2))
+        )
         for component, direction in zip(role.u, axes, strict=True):
             if component is not None:
                 given = values_at(component, edges.at[here].reshape(-1, 2)).reshape(-1, 2)
                 missing = given - np.einsum("sqd,sd->sq", own[here], direction)
                 gap[here] += missing[..., None] * direction[:, None]
-    return gap
-
-
-def dirichlet_residual(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
-    """(t,) Σ_e 2πμ/h_e ‖u_D − u_h‖²_e over the boundary edges of each triangle [J/m]."""
-    gap = _dirichlet_gap(triangles, u, scene)
     weighted = 2.0 * np.pi * scene.material.mu * np.mean(np.sum(gap**2, axis=-1), axis=1)
     return triangles.from_segments(weighted)
 
@@ -188,14 +189,10 @@ def on_segments(nodal: Array, segments: NDArray[np.intp]) -> Array:
     return np.stack([(1.0 - w) * first + w * second for w in GAUSS], axis=1)
 
 
-def _row(stress: Array, xx: int, xy: int, normal: Array) -> Array:
-    return stress[..., xx] * normal[:, None, 0] + stress[..., xy] * normal[:, None, 1]
-
-
 def _target(role: Role, at: Array, normal: Array, xi: Array) -> Array:
     """What σn should be at the Gauss points (s, 2, 2); components that nothing prescribes do not count."""
     if isinstance(role, Contact):
-        return -xi[..., None] * np.column_stack([-normal[:, 1], normal[:, 0]])[:, None]
+        return -xi[..., None] * tangent(normal)[:, None]
     if not isinstance(role, Traction | Convection):
         return np.zeros_like(at)
     points = at.reshape(-1, 2)
@@ -205,8 +202,7 @@ def _target(role: Role, at: Array, normal: Array, xi: Array) -> Array:
 
 def _pull(springs: tuple[float, float], u: Array, normal: Array) -> Array:
     """k_N u_N n + k_T u_T t of displacements (s, 2, 2)."""
-    tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
-    along = zip(springs, (normal, tangent), strict=True)
+    along = zip(springs, (normal, tangent(normal)), strict=True)
     parts = (k * np.einsum("sqd,sd->sq", u, d)[..., None] * d[:, None] for k, d in along)
     return np.asarray(sum(parts))
 
@@ -217,8 +213,7 @@ def _free_part(role: Role, traction: Array, normal: Array) -> Array:
         return traction[..., :0]
     if not isinstance(role, Contact | Clamped):
         return traction
-    tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
-    in_frame = np.stack([np.einsum("sqd,sd->sq", traction, d) for d in (normal, tangent)], axis=-1)
+    in_frame = np.stack([np.einsum("sqd,sd->sq", traction, d) for d in (normal, tangent(normal))], axis=-1)
     if isinstance(role, Contact):
         return in_frame[..., 1:]
     free = np.array([component is None for component in role.u])
@@ -253,9 +248,7 @@ def contact_traction(
     ends_xi, ends_slip = nodal_xi[segments], nodal_slip[segments]
     # A held end has no ξ of its own: its half cell belongs to the other end (method §2).
     ends_xi = np.where(np.isnan(ends_xi), ends_xi[:, ::-1], ends_xi)
-    along = mesh.points[segments[:, 1]] - mesh.points[segments[:, 0]]
-    tangent = along / np.linalg.norm(along, axis=1)[:, None]  # n = (t₂, −t₁), so that (−n₂, n₁) is t
-    held = np.einsum("ksd,sd->sk", u.reshape(2, -1).T[segments.T], tangent)
+    held = np.einsum("ksd,sd->sk", u.reshape(2, -1).T[segments.T], tangent(boundary_edges(triangles).normal[on]))
     ends_slip = np.where(np.isnan(ends_slip), held, ends_slip)
     between = [(1.0 - w) * ends_xi[:, 0] + w * ends_xi[:, 1] for w in GAUSS]
     slip = [ends_slip[:, 0] + w * (ends_slip[:, 1] - ends_slip[:, 0]) for w in GAUSS]

@@ -135,8 +135,15 @@ def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh |
     """
     if coarser is not None and plan.nested:
         return refine_uniformly(coarser)
-    start = time.perf_counter()
-    return _extract(_generate(geometry, plan.maxh[level], plan.refine), geometry, level, start, geometry.unit)
+    start, maxh = time.perf_counter(), plan.maxh[level]
+    try:  # so many uniform refinements, new nodes put on arcs, of a mesh that is coarser
+        made = OCCGeometry(geometry.shape, dim=2).GenerateMesh(maxh=maxh * 2**plan.refine / geometry.unit)
+        for _ in range(plan.refine):
+            made.Refine()
+        kernel = ngs.Mesh(made)
+    except Exception as error:
+        raise GeometryFailed(f"the mesher failed at maxh = {maxh:g} ({error}); try a smaller maxh") from error
+    return _extract(kernel, geometry, level, start, geometry.unit)
 
 
 def refine_uniformly(coarser: PlaneMesh) -> PlaneMesh:
@@ -159,18 +166,6 @@ def refine_marked(coarser: PlaneMesh, marked: NDArray[np.bool_]) -> PlaneMesh:
     return _extract(mesh, coarser.geometry, coarser.level + 1, start, coarser.unit)
 
 
-def _generate(geometry: Geometry, maxh: float, refine: int = 0) -> Any:
-    """A mesh of size maxh [m] by so many uniform refinements, new nodes put on arcs, of one that is coarser."""
-    try:
-        made = OCCGeometry(geometry.shape, dim=2).GenerateMesh(maxh=maxh * 2**refine / geometry.unit)
-        for _ in range(refine):
-            made.Refine()
-        mesh = ngs.Mesh(made)
-    except Exception as error:
-        raise GeometryFailed(f"the mesher failed at maxh = {maxh:g} ({error}); try a smaller maxh") from error
-    return mesh
-
-
 @cache
 def triangles_a_second() -> float:
     """Triangles that Netgen makes in a second of this processor, timed once on SAMPLE of them (an eighth of a second).
@@ -186,9 +181,13 @@ def triangles_a_second() -> float:
 SAMPLE = 1000
 
 
-def _extract(kernel: Any, geometry: Geometry, level: int, start: float, unit: float = 1.0) -> PlaneMesh:
+def _extract(kernel: Any, geometry: Geometry, level: int, start: float, unit: float) -> PlaneMesh:
     """Copy the arrays out (views die with their owner) and check that the mesh is the body."""
-    mesh = kernel if unit == 1.0 else _scaled(kernel, unit)
+    mesh = kernel
+    if unit != 1.0:  # in metres; the one for the kernel stays
+        metres = kernel.ngmesh.Copy()
+        metres.Scale(unit)
+        mesh = ngs.Mesh(metres)
     ngmesh = mesh.ngmesh
     points = np.array(ngmesh.Coordinates()[:, :2])
     triangles = ngmesh.Elements2D().NumPy()["nodes"][:, :3].astype(np.intp) - 1
@@ -210,13 +209,6 @@ def _extract(kernel: Any, geometry: Geometry, level: int, start: float, unit: fl
     _check(geometry, points, segments, curve[outer], 0.5 * float(np.abs(twice).sum()))
     elapsed = time.perf_counter() - start
     return PlaneMesh(mesh, geometry, level, points, triangles, segments, curve[outer], h_max, elapsed, kernel, unit)
-
-
-def _scaled(kernel: Any, unit: float) -> Any:
-    """The mesh in metres; the one for the kernel stays."""
-    metres = kernel.ngmesh.Copy()
-    metres.Scale(unit)
-    return ngs.Mesh(metres)
 
 
 def doubled_areas(corners: Array) -> Array:

@@ -111,12 +111,12 @@ class Elastic:
         eliminate = ~frames.fixed
         eliminate[line.nodes] = False
         points = forms.mesh.points
-        self._condensation: Condensation = condense(
+        self.condensation: Condensation = condense(
             stiffness, points, line.nodes, eliminate, components=2, plan=plan, changing=changing, known=known
         )
         if held:
-            self._condensation.require_definite()
-        self.lambda_1 = least_eigenvalue(self._condensation.A_tilde, line.c) if held else 0.0
+            self.condensation.require_definite()
+        self.lambda_1 = least_eigenvalue(self.condensation.A_tilde, line.c) if held else 0.0
         self._held = np.flatnonzero(frames.fixed)
         self._reactions = stiffness[self._held]  # all that is needed of the matrix from here on
         self._basis: Recent[_Basis] = Recent(memory, lambda b: b.rows.nbytes)
@@ -125,19 +125,9 @@ class Elastic:
         self._scaled: Recent[Array] = Recent(1, lambda _: 1)
         self._inverses: Recent[Array] = Recent(1, lambda _: 1)
 
-    @property
-    def plan(self) -> EliminationPlan:
-        """The order of elimination."""
-        return self._condensation.plan
-
-    @property
-    def known(self) -> Known | None:
-        """What the factor of another ratio has in common with this one."""
-        return self._condensation.known
-
     def A_tilde(self, mu: float) -> Array:
         """Ã for a shear modulus μ [Pa]; the same array for the same μ."""
-        return self._scaled.get(mu, lambda: mu * self._condensation.A_tilde)
+        return self._scaled.get(mu, lambda: mu * self.condensation.A_tilde)
 
     def A_inverse(self, mu: float) -> Array:
         """Ã⁻¹ for a shear modulus μ; the same array for the same μ."""
@@ -158,14 +148,14 @@ class Elastic:
         for i in range(t):
             for j in range(i + 1):
                 gram[i, j] = gram[j, i] = self._product((loads[i], bases[i]), (loads[j], bases[j]))
-        l_tilde = np.column_stack([b.l_tilde for b in bases]) if t else np.zeros((self._condensation.m, 0))
+        l_tilde = np.column_stack([b.l_tilde for b in bases]) if t else np.zeros((self.condensation.m, 0))
         return Span(l_tilde, gram, np.array([b.held for b in bases]).reshape(t, len(self._held)))
 
     def _product(self, a: tuple[BasisLoad, _Basis], b: tuple[BasisLoad, _Basis]) -> float:
         """⟨l_a, A₂₂⁻¹ l_b⟩: the kept unknowns come last in the elimination, the rows before them are L⁻¹l₂."""
         key = (a[0], b[0])
         if key not in self._products:
-            inner = len(a[1].rows) - self._condensation.m
+            inner = len(a[1].rows) - self.condensation.m
             self._products[key] = self._products[key[::-1]] = float(a[1].rows[:inner] @ b[1].rows[:inner])
         return self._products[key]
 
@@ -186,7 +176,7 @@ class Elastic:
     def _eliminate(self, loads: Sequence[BasisLoad], make: LoadMaker) -> dict[BasisLoad, _Basis]:
         """Eliminate some basis loads at once and keep them."""
         F = np.column_stack([make.local(load) for load in loads])
-        forward = self._condensation.forward(F)
+        forward = self.condensation.forward(F)
         made = {}
         for i, load in enumerate(loads):
             known = self._basis.find(load)
@@ -198,19 +188,19 @@ class Elastic:
 
     def condensed(self, load: Array) -> Array:
         """(m,) a load in local rows (2n,), condensed."""
-        return np.asarray(self._condensation.forward(load[:, None]).l_tilde[:, 0])
+        return np.asarray(self.condensation.forward(load[:, None]).l_tilde[:, 0])
 
     def displacement(self, mu: float, u_T: Array, terms: Sequence[LoadTerm], make: LoadMaker) -> Array:
         """Local displacements (2n,), eq. (20), without the prescribed ones."""
         bases = self._bases([term.load for term in terms], make)
-        rows = np.zeros((len(self._condensation.plan.permutation), 1))
+        rows = np.zeros((len(self.condensation.plan.permutation), 1))
         for term, basis in zip(terms, bases, strict=True):
             rows[:, 0] += term.coefficient / mu * basis.rows
-        return self._condensation.expand(u_T, ForwardLoad(np.zeros(self._condensation.m), rows))
+        return self.condensation.expand(u_T, ForwardLoad(np.zeros(self.condensation.m), rows))
 
     def extension(self, u_T: Array) -> Array:
         """Local displacements (2n,) of the body without load whose contact nodes are moved by u_T (m,)."""
-        return self._condensation.expand(u_T)
+        return self.condensation.expand(u_T)
 
     def energy_constant(self, mu: float, span: Span, coefficients: Array, loads: int, values: Array) -> float:
         """L_θ(u) − L̃(u₁) = −½⟨l₂, A₂₂⁻¹l₂⟩ + ½⟨w_D, A w_D⟩ − ⟨l, w_D⟩ with w_D the prescribed part `values` (2n,).

@@ -284,6 +284,20 @@ class Level:
             total += term.coefficient * self._vector(term.load)
         return total
 
+    def forces(self, u: Array, moduli: Moduli, springs: Springs) -> Array:
+        """(A + S)u of a displacement u, both (2n,) in x and y [N/m]."""
+        found = self.elastic.stiffness_of(moduli) @ u if moduli else np.zeros(len(u))
+        if springs:
+            R = self.frames.rotation
+            found += R @ (self.elastic.springs(springs, self.frames) @ (R.T @ u))
+        return found
+
+    def reactions(self, scene: Scene, u: Array) -> Array:
+        """(2n,) Au + Su − l_θ in x and y [N/m]: what supports do, at a solution u (2n,)."""
+        return self.forces(u, tuple((at, one.lam, one.mu) for at, one in scene.pieces), scene.springs) - self.load(
+            scene
+        )
+
     def _body(self, scene: Scene, frames: Frames) -> tuple[Elastic, float]:
         """The body of this λ/μ, factorised, and μ."""
         ratio, mu = ratio_and_scale(scene)
@@ -294,7 +308,7 @@ class Level:
             body = Elastic(
                 self.elastic, frames, self.line, ratio[0], MEMORY, *sharing, held=self.held, springs=ratio[1]
             )
-            self._plan, self._known = body.plan, body.known
+            self._plan, self._known = body.condensation.plan, body.condensation.known
             self._bodies.put(ratio, body)
         return body, mu
 

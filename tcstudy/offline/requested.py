@@ -87,13 +87,10 @@ class Requested:
     def _along(self, probe: Probe, u: Array) -> float:
         """u_T at a point of the contact line, whose ends may be held: from the segment that is nearest."""
         line = self.level.line
-        a, along = line.ends[:, 0], line.ends[:, 1] - line.ends[:, 0]
-        length = np.hypot(*along.T)
-        s = np.clip(np.einsum("sd,sd->s", np.array(probe.at) - a, along) / length**2, 0.0, 1.0)
-        k = int(np.argmin(np.hypot(*(a + s[:, None] * along - probe.at).T)))
-        first, second = line.segments[k]
-        value: Array = (1.0 - s[k]) * u[:, first] + s[k] * u[:, second]
-        return float(value @ along[k]) / float(length[k])
+        k, s = line.nearest(probe.at)
+        (first, second), along = line.segments[k], line.ends[k, 1] - line.ends[k, 0]
+        value: Array = (1.0 - s) * u[:, first] + s * u[:, second]
+        return float(value @ along) / float(np.hypot(*along))
 
     def _largest(self, sigma: Array) -> dict[str, float]:
         xx, yy, xy, zz = sigma.T
@@ -106,11 +103,7 @@ class Requested:
         """Force of every support on the body, x and y; a node where two meet counts to the first, clamped before
         contact."""
         level = self.level
-        moduli = tuple((where, one.lam, one.mu) for where, one in scene.pieces)
-        rest = level.elastic.stiffness_of(moduli) @ u - level.load(scene)
-        if scene.springs:
-            R = level.frames.rotation
-            rest += R @ (level.elastic.springs(scene.springs, level.frames) @ (R.T @ u))
+        rest = level.reactions(scene, u)
         found: dict[str, float] = {}
         taken = np.zeros(level.mesh.n_points, dtype=bool)
         for name, role in sorted(scene.boundary, key=lambda item: not isinstance(item[1], Clamped)):

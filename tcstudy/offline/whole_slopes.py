@@ -150,9 +150,7 @@ class WholeBody:
     @cached_property
     def reaction(self) -> Array:
         """(2n,) Aû − l in local rows."""
-        moduli = tuple((where, one.lam, one.mu) for where, one in self.scene.pieces)
-        whole = Change(moduli, self.scene.springs, np.zeros(0), np.zeros(0), 0.0)
-        return self.level.frames.local(self._times(whole, self.u) - self.level.load(self.scene))
+        return self.level.frames.local(self.level.reactions(self.scene, self.u))
 
     def lambda_1(self, change: Change) -> float:
         """∂λ₁/∂p; NaN where λ₁ is a double eigenvalue."""
@@ -174,10 +172,4 @@ class WholeBody:
 
     def _times(self, change: Change, u: Array) -> Array:
         """(∂A/∂p) u, (2n,) in x and y."""
-        level, found = self.level, np.zeros(len(u))
-        if change.moduli:
-            found += level.elastic.stiffness_of(change.moduli) @ u
-        if change.springs:
-            R = level.frames.rotation
-            found += R @ (level.elastic.springs(change.springs, level.frames) @ (R.T @ u))
-        return found
+        return self.level.forces(u, change.moduli, change.springs)

@@ -48,14 +48,9 @@ def goal_value(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array)
 
 def point_weights(line: ContactLine, at: Point) -> Array:
     """w (m,) with u_T(at) = wᵀv for the point of Γ_C nearest to `at`; held nodes have no weight."""
-    ends = line.ends
-    along = ends[:, 1] - ends[:, 0]
-    offset = np.asarray(at) - ends[:, 0]
-    t = np.clip(np.einsum("sd,sd->s", offset, along) / np.einsum("sd,sd->s", along, along), 0.0, 1.0)
-    distance = np.linalg.norm(offset - t[:, None] * along, axis=1)
-    nearest = int(np.argmin(distance))
+    nearest, t = line.nearest(at)
     w = np.zeros(line.m)
-    for unknown, share in zip(line.unknowns[nearest], (1.0 - t[nearest], t[nearest]), strict=True):
+    for unknown, share in zip(line.unknowns[nearest], (1.0 - t, t), strict=True):
         if unknown >= 0:
             w[unknown] = share
     return w

@@ -155,4 +155,4 @@ def layered(geometry: Geometry, width: float, thinner: float) -> PlaneMesh:
     names = {curve.name: curve.tag for curve in geometry.curves}
     for number, name in enumerate(mesh.GetBoundaries()):
         mesh.ngmesh.SetBCName(number, names[name])
-    return _extract(ngsolve.Mesh(mesh.ngmesh), geometry, 0, time.perf_counter())
+    return _extract(ngsolve.Mesh(mesh.ngmesh), geometry, 0, time.perf_counter(), 1.0)
