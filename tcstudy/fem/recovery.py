@@ -131,14 +131,9 @@ class ElementGeometry:
         few[self.mesh.segments] = True
         keep = sp.diags_array((~few).astype(float)) @ ring
         neighbours = ring[few] @ ring.T
-        rows = sp.csr_array(neighbours @ ring)
-        wide = sp.csr_array(sp.coo_array(_placed(rows, np.flatnonzero(few)), shape=ring.shape))
+        entries = sp.coo_array(neighbours @ ring)
+        at = np.flatnonzero(few)[entries.row], entries.col
+        wide = sp.csr_array(sp.coo_array((entries.data, at), shape=ring.shape))
         patches = sp.csr_array(keep + wide)
         patches.eliminate_zeros()
         return patches
-
-
-def _placed(rows: sp.csr_array, where: NDArray[np.intp]) -> tuple[Array, tuple[Array, Array]]:
-    """Entries of a matrix whose rows belong to the rows `where` of a larger one."""
-    entries = sp.coo_array(rows)
-    return entries.data, (where[entries.row], entries.col)

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from types import UnionType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,27 +70,24 @@ def live_arrays(study: Study, level: Level) -> dict[str, NDArray[np.generic]]:
     base = level.condensed(first).problem
     source, surroundings = _heat(study, level)
     mechanical, held = _Distinct(), _Distinct()
-    columns: dict[str, list[float]] = {name: [] for name in _POINTWISE}
+    points: list[dict[str, float]] = []
     for scene in study.scenes:
-        loads = (mechanical.number(_mechanical(scene, first), level), held.number(_prescribed(scene, first), level))
-        found = _coefficients(scene, first, loads)
+        loaded = _only(scene, first, Traction | Convection, f=scene.f)
+        # the load of given displacements goes with the stiffness
+        moved = _only(scene, first, Clamped, material=replace(scene.material, beta=0.0))
+        found = _coefficients(scene, first, (mechanical.number(loaded, level), held.number(moved, level)))
         problem = level.condensed(scene).problem
-        valid = _agrees(problem, found, base.A_tilde, mechanical, held, source, surroundings)
-        columns["valid"].append(float(valid))
-        for name, value in found.items():
-            columns[name].append(value)
+        valid = _agrees(problem, found, base.A_tilde, (mechanical, held), source, surroundings)
+        points.append(found | {"valid": float(valid)})
     arrays: dict[str, NDArray[np.generic]] = {
         "A_tilde": base.A_tilde,
         "mechanical_load": mechanical.rows(level.line.m),
         "held_load": held.rows(level.line.m),
         **_named("source", source),
         **_named("surroundings", surroundings),
-        **{name: np.array(values).reshape(study.shape) for name, values in columns.items()},
+        **{name: np.array([point[name] for point in points]).reshape(study.shape) for name in points[0]},
     }
     return {f"live_{name}": values for name, values in arrays.items()}
-
-
-_POINTWISE = ("stiffness", "mechanical", "held", "beta", "alpha", "k", "q", "theta_bar", "valid")
 
 
 class _Distinct:
@@ -122,39 +120,27 @@ def _bare(scene: Scene, first: Scene) -> Scene:
     return Scene(scene.body, boundary, material, (0.0, 0.0), Heat(), first.friction)
 
 
-def _with_roles(bare: Scene, scene: Scene, kinds: type | UnionType) -> Scene:
-    """The bare scene with the scene's own roles of these kinds."""
-    own = dict(scene.boundary)
-    return replace(bare, boundary=tuple((n, own[n] if isinstance(own[n], kinds) else r) for n, r in bare.boundary))
-
-
-def _mechanical(scene: Scene, first: Scene) -> Scene | None:
-    """The scene with f, g and pressure only; None without."""
-    bare = _bare(scene, first)
-    loaded = replace(_with_roles(bare, scene, Traction | Convection), f=scene.f)
-    return None if loaded == bare else loaded
-
-
-def _prescribed(scene: Scene, first: Scene) -> Scene | None:
-    """The scene with given displacements only, whose load goes with the stiffness; None without."""
-    bare = _bare(scene, first)
-    loaded = replace(_with_roles(bare, scene, Clamped), material=replace(scene.material, beta=0.0))
-    return None if loaded.boundary == bare.boundary else loaded
+def _only(scene: Scene, first: Scene, kinds: type | UnionType, **kept: Any) -> Scene | None:
+    """The bare scene with the roles of these kinds and what else is kept; None if that loads nothing."""
+    bare, own = _bare(scene, first), dict(scene.boundary)
+    boundary = tuple((name, own[name] if isinstance(own[name], kinds) else role) for name, role in bare.boundary)
+    loaded = replace(bare, boundary=boundary, **kept)
+    return None if (loaded.boundary, loaded.f) == (bare.boundary, bare.f) else loaded
 
 
 def _coefficients(scene: Scene, first: Scene, loads: tuple[int, int]) -> dict[str, float]:
     """The numbers that make up a point's problem."""
-    known = scene.heat.theta is not None
-    theta_bar = split(scene.heat.theta if scene.heat.theta is not None else scene.heat.theta_bar)[1]
+    heat = scene.heat
+    known = heat.theta is not None
     return {
         "stiffness": scene.material.mu / first.material.mu,
         "mechanical": float(loads[0]),
         "held": float(loads[1]),
         "beta": scene.material.beta,
-        "alpha": scene.heat.alpha if not known else float("nan"),
+        "alpha": float("nan") if known else heat.alpha,
         "k": float("nan") if known or scene.material.k is None else scene.material.k,
-        "q": 0.0 if known else split(scene.heat.q)[1],
-        "theta_bar": theta_bar,
+        "q": 0.0 if known else split(heat.q)[1],
+        "theta_bar": split(heat.theta_bar if heat.theta is None else heat.theta)[1],
     }
 
 
@@ -224,16 +210,16 @@ def _agrees(
     problem: ContactProblem,
     found: dict[str, float],
     A_tilde: Array,
-    mechanical: _Distinct,
-    held: _Distinct,
+    loads: tuple[_Distinct, _Distinct],
     source: Rational | None,
     surroundings: Rational | None,
 ) -> bool:
     """Whether the formula gives the point's problem; its numbers decide, so that no shape of a load is trusted."""
-    if found["mechanical"] == -2 or found["held"] == -2:
+    numbers = found["mechanical"], found["held"]
+    if -2 in numbers:
         return False
     total = np.zeros(problem.m)
-    for distinct, number in ((mechanical, found["mechanical"]), (held, found["held"])):
+    for distinct, number in zip(loads, numbers, strict=True):
         if number >= 0:
             total = total + distinct.loads[int(number)]
     if found["beta"] != 0.0:
