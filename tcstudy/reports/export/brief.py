@@ -40,8 +40,8 @@ def brief(path: Path) -> dict[str, Json]:
     if kind_of(path) == "fit":
         return {"kind": "fit", "file": str(path), **fit_brief(path)}
     stored = read(path)
-    of_kind = {"run": _run, "convergence": _convergence, "cost": _cost, "path": _path, "history": _history}
-    found = of_kind[stored.kind](stored)
+    of_kind = {"run": _run, "convergence": _convergence, "cost": cost_part, "path": _path, "history": _history}
+    found = dict(of_kind[stored.kind](stored))
     about = {"kind": stored.kind, "file": str(path), "title": str(stored.data.attrs["title"])}
     verdict = found.pop("verdict")["text"]
     return {**about, "verdict": verdict, **found}
@@ -94,10 +94,6 @@ def _convergence(stored: Stored) -> dict[str, Json]:
     kept = {name: part[name] for name in ("verdict", "reference", "notes", "levels")}
     units = {axis["name"]: axis["units"] for axis in part["axes"]} | {"h_max": part["h_units"]}
     return {**kept, "units": units | {one["name"]: one["units"] for one in part["numbers"]}, "points": points}
-
-
-def _cost(stored: Stored) -> dict[str, Json]:
-    return dict(cost_part(stored))
 
 
 def _history(stored: Stored) -> dict[str, Json]:

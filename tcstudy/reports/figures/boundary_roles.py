@@ -68,23 +68,26 @@ def draw_roles(axes: Axes, x: Array, y: Array, parts: Sequence[EdgeRun], per_inc
 
 def _hatch(axes: Axes, line: Array, per_inch: float) -> None:
     """Short slanted strokes on the outer side of a line."""
-    step = np.diff(line, axis=0)
-    length = np.hypot(*step.T)
-    s = np.concatenate([[0.0], np.cumsum(length)])
-    count = max(int(s[-1] / (SPACING * per_inch)), 1)
-    for at in (np.arange(count) + 0.5) * s[-1] / count:
-        k = min(int(np.searchsorted(s, at, side="right")) - 1, len(step) - 1)
-        t = step[k] / length[k]
-        foot = line[k] + (at - s[k]) * t
+    count = max(int(np.hypot(*np.diff(line, axis=0).T).sum() / (SPACING * per_inch)), 1)
+    for i in range(count):
+        foot, t = _at(line, (i + 0.5) / count)
         head = foot + TICK * per_inch * (np.array([t[1], -t[0]]) - t)
         axes.plot(*np.transpose([foot, head]), color=style.INK, linewidth=0.8, zorder=3, clip_on=False)
 
 
+def _at(line: Array, part: float) -> tuple[Array, Array]:
+    """The place at a part of the length of a line, and the direction there."""
+    step = np.diff(line, axis=0)
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*step.T))])
+    k = min(int(np.searchsorted(s, part * s[-1], side="right")) - 1, len(step) - 1)
+    t = step[k] / np.hypot(*step[k])
+    return line[k] + (part * s[-1] - s[k]) * t, t
+
+
 def words(run: EdgeRun) -> str:
     """What an edge is and does, "end: convection, traction"."""
-    return f"{run.edge.name}: {run.edge.role}" + (
-        ", traction" if run.edge.loaded and run.edge.role != "traction" else ""
-    )
+    more = ", traction" if run.edge.loaded and run.edge.role != "traction" else ""
+    return f"{run.edge.name}: {run.edge.role}{more}"
 
 
 def name_parts(axes: Axes, x: Array, y: Array, parts: Sequence[EdgeRun], per_inch: float, letter: float) -> None:
@@ -99,11 +102,8 @@ def name_parts(axes: Axes, x: Array, y: Array, parts: Sequence[EdgeRun], per_inc
             longest[run.edge.name] = (length, run)
     for length, run in longest.values():
         text = next((t for t in (words(run), run.edge.name) if letter * len(t) <= length), "")
-        place = np.column_stack([x[run.nodes], y[run.nodes]])
-        s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(place, axis=0).T))])
-        k = min(int(np.searchsorted(s, 0.5 * s[-1], side="right")) - 1, len(s) - 2)
-        t = (place[k + 1] - place[k]) / (s[k + 1] - s[k])
-        at = place[k] + (0.5 * s[-1] - s[k]) * t + 0.18 * per_inch * np.array([t[1], -t[0]])
+        middle, t = _at(np.column_stack([x[run.nodes], y[run.nodes]]), 0.5)
+        at = middle + 0.18 * per_inch * np.array([t[1], -t[0]])
         angle = float(np.degrees(np.arctan2(t[1], t[0])))
         angle = angle - 180.0 if angle > 90.0 else angle + 180.0 if angle <= -90.0 else angle
         axes.text(float(at[0]), float(at[1]), text, rotation=angle, rotation_mode="anchor", ha="center", va="center",

@@ -149,8 +149,8 @@ def _label(at: Any, name: str) -> str:
 def _triangles(axes: Axes, at: Any, h: Array, names: list[str], ok: NDArray[np.bool_]) -> None:
     """At the finest step a triangle for each expected order: above the highest curve, below the others."""
     curves: dict[float, tuple[float, float, float, float]] = {}
-    for name in names:
-        error = np.where(ok, at[f"error_{name}"].values, np.nan)
+    errors = {name: np.where(ok, at[f"error_{name}"].values, np.nan) for name in names}
+    for name, error in errors.items():
         order = round(float(at[f"expected_{name}"]), 2)
         if order > 0 and np.count_nonzero(error > 0) >= 2:
             a, b = np.flatnonzero(error > 0)[-2:]
@@ -160,7 +160,8 @@ def _triangles(axes: Axes, at: Any, h: Array, names: list[str], ok: NDArray[np.b
     for order, (right, coarse, left, fine) in curves.items():
         steep = (right / left) ** order
         if order == highest:
-            low = APART * max(fine, coarse / steep, *(_finest(at, n, ok) for n in names))
+            finest = [e[np.flatnonzero(e > 0)[-1]] for e in errors.values() if (e > 0).any()]
+            low = APART * max(fine, coarse / steep, *finest)
             top = low * steep
             corners, place, shift, align = ([left, right, left], [low, top, top]), left, -3, "right"
         else:
@@ -168,17 +169,8 @@ def _triangles(axes: Axes, at: Any, h: Array, names: list[str], ok: NDArray[np.b
             low = top / steep
             corners, place, shift, align = ([left, right, right], [low, top, low]), right, 3, "left"
         axes.fill(*corners, facecolor="none", edgecolor=style.PALE, linewidth=0.9)
-        at_middle = (place, np.sqrt(low * top))
-        axes.annotate(
-            f"{order:g}", at_middle, xytext=(shift, 0), textcoords="offset points", color=style.INK,
-            fontsize=style.pt(8.5), va="center", ha=align,
-        )  # fmt: skip
-
-
-def _finest(at: Any, name: str, ok: NDArray[np.bool_]) -> float:
-    """The error on the finest level that has one."""
-    error = at[f"error_{name}"].values
-    return float(error[np.flatnonzero(ok & (error > 0))[-1]]) if (ok & (error > 0)).any() else 0.0
+        axes.annotate(f"{order:g}", (place, np.sqrt(low * top)), (shift, 0), textcoords="offset points", va="center",
+                      ha=align, color=style.INK, fontsize=style.pt(8.5))  # fmt: skip
 
 
 def math_symbol(symbol: str) -> str:

@@ -57,17 +57,12 @@ def draw_history(
     loads = str(data.attrs["loads"]).split()
     pulled = any(name in ("u_x", "u_y", "u_N", "u_T") for name in loads)
     names = x or loads[0], y or ("friction_resultant" if pulled else "slip")
+    held = [str(v) for v in data.variables if data[v].dims == ("step",) and data[v].dtype.kind == "f"]
     for name in names:
-        _check(data, name)
+        if name not in held:
+            raise DrawError(f"the history has no number {name!r} by step; it has {', '.join(held)}")
     said = ", ".join(filter(None, [f"{names[1]} over {names[0]}", counted(done - 1, "step"), words]))
     return history_figure(data, *names, words, look), said
-
-
-def _check(data: Any, name: str) -> None:
-    """Raise DrawError unless the file has a number of this name by step."""
-    held = [str(v) for v in data.variables if data[v].dims == ("step",) and data[v].dtype.kind == "f"]
-    if name not in held:
-        raise DrawError(f"the history has no number {name!r} by step; it has {', '.join(held)}")
 
 
 def history_figure(data: Any, x: str, y: str, point: str, look: style.Look) -> Figure:

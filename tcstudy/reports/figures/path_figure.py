@@ -54,7 +54,6 @@ def path_figure(picture: PathPicture, look: style.Look | None = None) -> Figure:
     divisor, unit = axis_unit(picture.span, picture.units)
     label = style.labelled(symbol(picture.name), unit)
     _draw_curve(curve, picture, divisor)
-    _limits(curve, picture, divisor)
     sheet.key(_handles(picture), "upper left")
     sheet.key(draw_states(over, along, picture, divisor, label), "lower left")
     over.set_xlim(curve.get_xlim())
@@ -90,8 +89,10 @@ def _caption(picture: PathPicture) -> str:
 
 def _draw_curve(axes: Axes, picture: PathPicture, divisor: float) -> None:
     data, t = picture.data, picture.t / divisor
-    size, unit = axis_unit(_seen(picture), picture.response_units)
-    y = picture.response / size
+    seen = picture.shown()[2].ravel()
+    seen = seen if len(seen) else picture.response
+    size, unit = axis_unit(seen, picture.response_units)
+    y, room = picture.response / size, 0.05 * (float(np.ptp(seen)) or size) / size
     axes.axhline(0.0, color=style.SHADE, linewidth=0.8, zorder=0)
     _lowest(axes, picture, divisor, size)
     stable = data["stable"].values.astype(bool)
@@ -103,20 +104,8 @@ def _draw_curve(axes: Axes, picture: PathPicture, divisor: float) -> None:
         _loop(axes, picture, divisor, size)
     _asked(axes, picture, divisor, size)
     axes.set_ylabel(style.labelled(picture.label, unit))
-
-
-def _limits(axes: Axes, picture: PathPicture, divisor: float) -> None:
-    low, high = (x / divisor for x in picture.span)
-    axes.set_xlim(low, high)
-    values = _seen(picture) / axis_unit(_seen(picture), picture.response_units)[0]
-    room = 0.05 * (float(np.ptp(values)) or 1.0)
-    axes.set_ylim(values.min() - room, values.max() + room)
-
-
-def _seen(picture: PathPicture) -> Array:
-    """The responses inside the drawn range."""
-    values = picture.shown()[2].ravel()
-    return values if len(values) else picture.response
+    axes.set_xlim(*(x / divisor for x in picture.span))
+    axes.set_ylim(seen.min() / size - room, seen.max() / size + room)
 
 
 def _pieces(axes: Axes, t: Array, y: Array, which: NDArray[np.bool_], **line: Any) -> None:

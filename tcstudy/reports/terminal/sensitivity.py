@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -55,9 +55,8 @@ def sample(file: Path, of: str) -> Sample:
             remedy = f"run its study with sweep: {{mode: {SALTELLI}, points: 256, PARAMETER: {{uniform: [a, b]}}}}"
             raise UsageError(f"{file}: its points are no design for indices; {remedy}")
         names = [name for name, one in nc.variables.items() if "distribution" in one.ncattrs()]
-        known = [
-            name for name, one in nc.variables.items() if one.dimensions == ("point", "level") and one.dtype == "f8"
-        ]
+        by_point = {name: one for name, one in nc.variables.items() if one.dimensions == ("point", "level")}
+        known = [name for name, one in by_point.items() if one.dtype == "f8"]
         if of not in known:
             raise UsageError(f"{file} has no number {of!r} at its points; choose of {', '.join(known)}")
         shape = (-1, len(names) + 2)
@@ -119,7 +118,9 @@ def sensitivity_text(file: Path, of: str) -> str:
     lines = [one.title, "", *(f"  {line}" for line in said)]
     for table in made:
         header = ["parameter", *(word for heading in table.columns for word in (heading, "from … to"))]
-        rows = [[name, *_cells(table.columns.values(), i)] for i, name in enumerate(one.names)]
+        found = [zip(e.value, e.low, e.high, strict=True) for e in table.columns.values()]
+        cells = [[(f"{value:.3f}", f"{low:.3f} … {high:.3f}") for value, low, high in column] for column in found]
+        rows = [[name, *chain(*own)] for name, *own in zip(one.names, *cells, strict=True)]
         lines += ["", f"  {table.caption}:", "", plain_table(header, rows)]
     if len(made) > 1:
         what = "share of the variance on a side that a parameter alone explains"
@@ -136,27 +137,14 @@ def sensitivity_line(file: Path, of: str) -> str:
     return f"{file}: {table.caption}: {one.names[first]} has the largest, {index.value[first]:.3f} ({heading})"
 
 
-def _cells(columns: Sequence[Index] | Any, i: int) -> Iterator[str]:
-    for one in columns:
-        yield f"{one.value[i]:.3f}"
-        yield f"{one.low[i]:.3f} … {one.high[i]:.3f}"
-
-
 def sensitivity_json(file: Path, of: str) -> dict[str, Any]:
     """The same, not rounded."""
     one = sample(file, of)
     said, made = tables(one)
-    found = [
-        {
-            "caption": table.caption,
-            **{
-                heading: {
-                    name: {"value": float(e.value[i]), "low": float(e.low[i]), "high": float(e.high[i])}
-                    for i, name in enumerate(one.names)
-                }
-                for heading, e in table.columns.items()
-            },
-        }
-        for table in made
-    ]
+    found: list[dict[str, Any]] = []
+    for table in made:
+        found.append({"caption": table.caption})
+        for heading, e in table.columns.items():
+            rows = zip(one.names, e.value.tolist(), e.low.tolist(), e.high.tolist(), strict=True)
+            found[-1][heading] = {name: {"value": v, "low": low, "high": high} for name, v, low, high in rows}
     return {"kind": "sensitivity", "file": str(file), "title": one.title, "of": of, "said": said, "tables": found}
