@@ -1,8 +1,4 @@
-"""Command line: which module has which command, and what becomes of faults, interrupts and missing memory.
-
-Exit codes: 0 all points solved, 1 some points failed, 2 bad study or usage, 3 no memory or no room for what is
-printed, 130 interrupted.
-"""
+"""Command line: which module has which command, and what becomes of faults, interrupts and missing memory."""
 
 from __future__ import annotations
 

@@ -64,10 +64,8 @@ def draw(
     DrawError, UsageError.
     """
     from tcstudy.reports.figures.draw import Wanted, picture
-    from tcstudy.reports.figures.style import size_in_inches
 
-    inches = size_in_inches(size) if isinstance(size, str) else size
-    wanted = Wanted(at, level, response, error, x, y, by, map, of, law, mesh, inches, font, title)
+    wanted = Wanted(at, level, response, error, x, y, by, map, of, law, mesh, size, font, title)
     picture(FilePath(file), FilePath(target), wanted)
     return FilePath(target)
 

@@ -81,7 +81,6 @@ def _show(options: argparse.Namespace, file: Path) -> None:
 def draw(options: argparse.Namespace) -> int:
     """Draw a file of any kind."""
     from tcstudy.reports.figures.draw import Wanted, picture
-    from tcstudy.reports.figures.style import size_in_inches
 
     given = {one.name: getattr(options, one.name) for one in fields(Wanted) if one.name != "at"}
     if options.map is not None:
@@ -90,7 +89,6 @@ def draw(options: argparse.Namespace) -> int:
             fail("--map: name two swept parameters, for example --map alpha,theta_bar")
         given["map"] = names
     try:
-        given["size"] = size_in_inches(options.size) if options.size is not None else None
         print(picture(options.file, options.picture, Wanted(at=point_of(options), **given)))
     except UsageError as fault:
         fail(f"--{fault}")

@@ -78,10 +78,9 @@ class SweepPicture:
         missing = np.isnan(self.values)
         if not missing.any():
             return ""
-        kinds = [(int(one), int(np.sum(missing & (self.status == one)))) for one in np.unique(self.status[missing])]
         reasons = [
-            f"{count} {'without a value' if status == PointStatus.OK else named(PointStatus(status))}"
-            for status, count in kinds
+            f"{count} {'without a value' if status == PointStatus.OK else named(PointStatus(int(status)))}"
+            for status, count in zip(*np.unique(self.status[missing], return_counts=True), strict=True)
         ]
         return f"{int(missing.sum())} of {counted(len(missing), 'point')} left out: {', '.join(reasons)}"
 
@@ -110,7 +109,8 @@ def read_sweep(
         keep, fixed = fitting(data, point, names)
         at = data.isel(level=level_number(data, level)).load()
         dims = [str(dim) for dim in at["status"].dims]
-        flat = {key: at[key].transpose(*dims, ...).values.reshape(len(keep), -1)[keep] for key in _needed(at, name)}
+        needed = [key for key in (name, "status", "unique", "start_energy") if key in at]
+        flat = {key: at[key].transpose(*dims, ...).values.reshape(len(keep), -1)[keep] for key in needed}
         by_point = labels_by_point(data)
         status = flat["status"][:, 0]
         values = flat[name][:, 0].astype(float)
@@ -128,10 +128,6 @@ def read_sweep(
             proved=flat["unique"][:, 0] == 1 if "unique" in flat else np.zeros(len(status), dtype=bool),
             several=different_energies(flat.get("start_energy", np.zeros((len(status), 1)))) > 1,
         )
-
-
-def _needed(data: Any, name: str) -> list[str]:
-    return [key for key in (name, "status", "unique", "start_energy") if key in data]
 
 
 def _parameter(axis: Any, name: str, held: NDArray[Any]) -> DrawnParameter:

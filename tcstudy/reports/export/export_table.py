@@ -30,6 +30,7 @@ from tcstudy.data.writer import CHUNK, tile_shape, tiles
 from tcstudy.errors import UsageError
 from tcstudy.reports.page.container import plain
 from tcstudy.reports.select_point import Value, matching
+from tcstudy.reports.text import headed
 
 if TYPE_CHECKING:
     import netCDF4
@@ -52,11 +53,6 @@ class TableColumn:
     units: str
     variable: netCDF4.Variable
     last: int | None = None
-
-    @property
-    def header(self) -> str:
-        """`name [unit]`; a name alone where there is none."""
-        return self.name if self.units in ("", "1") else f"{self.name} [{self.units}]"
 
     def values(self, dims: tuple[str, ...], cut: tuple[slice, ...]) -> Row:
         """The values of the rows in a tile of the index, None where there is none."""
@@ -87,7 +83,7 @@ def write_csv(path: Path, target: Path, point: Mapping[str, Value] | None = None
 
     def fill(stream: IO[str], columns: list[TableColumn], rows: Iterable[Row], _: Mapping[str, Any]) -> None:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([column.header for column in columns])
+        writer.writerow([headed(column.name, column.units or "1") for column in columns])
         writer.writerows(rows)
 
     return _write(path, target, point, fill)

@@ -42,14 +42,7 @@ DRAWN_BY = {
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is asked of a picture; None and False for what is not.
-
-    at:        the point by its labels, or of curves and maps those that all points have
-    x, y, by:  curves of the number y over the parameter x, a family for each value of `by`
-    map, of:   a map of the number `of` over two parameters
-    law, mesh: the law of a point with its nodes on it; the mesh of a level
-    size:      width and height [inch]
-    """
+    """What is asked of a picture, as of `tcstudy.draw`; None and False for what is not."""
 
     at: Mapping[str, Any] | None = None
     level: int | None = None
@@ -62,7 +55,7 @@ class Wanted:
     of: str | None = None
     law: bool = False
     mesh: bool = False
-    size: tuple[float, float] | None = None
+    size: str | tuple[float, float] | None = None
     font: float | None = None
     title: str | None = None
 
@@ -96,7 +89,8 @@ def picture(file: Path, target: Path, wanted: Wanted | None = None) -> str:
     style.check_target(target)
     wanted, kind = wanted or Wanted(), kind_of(file)
     wanted.check(kind)
-    look = style.Look(wanted.size, wanted.font, wanted.title)
+    size = style.size_in_inches(wanted.size) if isinstance(wanted.size, str) else wanted.size
+    look = style.Look(size, wanted.font, wanted.title)
     with reading(file), style.styled(look):
         figure, words = _drawn(file, kind, wanted, look)
         style.save(figure, target, look.dpi)

@@ -101,8 +101,7 @@ def _curve(axes: Axes, data: Any) -> None:
 def _oblique_band(axes: Axes, data: Any, x: Array, y: Array) -> None:
     """The band across the curve, at the feet of the data, in units of the noise of both."""
     own = data["measured_column"].values == 0
-    J, covariance = data["jacobian"].values[own], np.nan_to_num(data["covariance"].values)
-    error = BAND * np.sqrt(np.maximum(np.einsum("nk,kl,nl->n", J, covariance, J), 0.0))
+    error = BAND * (prediction_error(data) / data["noise"].values)[own]
     t, R = data["predicted_given"].values[own], data["predicted"].values[own]
     scale = np.array([float(data.attrs["given_noise"]), float(data["noise"].values[0])])
     way = np.gradient(np.stack([t, R], axis=1) / scale, axis=0)

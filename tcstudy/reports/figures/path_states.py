@@ -1,8 +1,6 @@
 """Maps of the contact line's state: of the solution of least energy over the parameter, and along the whole path.
 
-What a path's pictures and tables need, read from its file.
-
-Which folds of a path a person sees: turns of the parameter that are not small against the range.
+What a picture of a path needs, read from its file.
 """
 
 from __future__ import annotations
