@@ -58,9 +58,10 @@ class Linearised:
         norm = float(np.linalg.norm(H, 1)) if len(free) else 0.0
         slope = np.asarray(problem.law.slope(v, piece))[free]
         H[np.diag_indices(len(free))] += problem.c[free] * slope
-        factor = _factorised(H)
-        condition = scipy.linalg.lapack.dgecon(factor[0], norm)[0] if len(free) else 1.0
-        return cls(problem, v, free, rest, piece, _events(problem, v, rests), bool(condition < SINGULAR), factor)
+        # LU, since at an unstable solution H is indefinite; a zero pivot is judged by the condition
+        lu, pivots, _ = scipy.linalg.lapack.dgetrf(H) if len(free) else (H, free, 0)
+        singular = len(free) > 0 and bool(scipy.linalg.lapack.dgecon(lu, norm)[0] < SINGULAR)
+        return cls(problem, v, free, rest, piece, _events(problem, v, rests), singular, (lu, pivots))
 
     @property
     def events(self) -> int:
@@ -77,14 +78,6 @@ class Linearised:
         if len(rhs):
             dv[self.free] = scipy.linalg.lapack.dgetrs(*self._factor, rhs)[0]
         return dv
-
-
-def _factorised(H: Array) -> tuple[Array, Index]:
-    """LU, since at an unstable solution H is indefinite; a zero pivot is judged by the condition."""
-    if not len(H):
-        return H, np.zeros(0, dtype=np.intp)
-    lu, pivots, _ = scipy.linalg.lapack.dgetrf(H)
-    return lu, pivots
 
 
 def _events(problem: ContactProblem, v: Array, rests: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -137,26 +137,22 @@ def _fits(model: FitModel, box: Box, progress: Progress | None) -> list[Smoothed
     first = np.array([one.start for one in plan.parameters])
     for number, start in enumerate(box.starts(first, plan.starts, plan.seed)):
         try:
-            one = _from(model, start, box)
+            if plan.smooth:
+                one = smoothed(model, start, box, plan)
+            else:
+                one = Smoothed(minimise(model, start, box, plan.loss), np.zeros((0, len(start))), 0.0, len(start))
             _check_depends(plan, one.minimum, box)
         except FitError as error:
             failure = failure or str(error)
             continue
         found.append(one)
         if progress is not None:
-            progress(f"start {number + 1} of {plan.starts}: {found[-1].minimum.evaluations} evaluations")
+            progress(f"start {number + 1} of {plan.starts}: {one.minimum.evaluations} evaluations")
         if number == 0 and _unique(model, one.minimum.p) and _unique(model, start):
             break
     if not found:
         raise FitError(failure if plan.starts == 1 else f"no start led to a result: {failure}")
     return found
-
-
-def _from(model: FitModel, start: Array, box: Box) -> Smoothed:
-    """What one start leads to."""
-    if model.plan.smooth:
-        return smoothed(model, start, box, model.plan)
-    return Smoothed(minimise(model, start, box, model.plan.loss), np.zeros((0, len(start))), 0.0, len(start))
 
 
 def _unique(model: FitModel, p: Array) -> bool:

@@ -161,9 +161,8 @@ def _level(study: Study) -> Level:
     """The mesh level of the history; coarser ones are only stations on the way."""
     plan, meshes = study.history, Meshes(study)
     assert plan is not None
-    mesh = meshes.next(0)
-    for i in range(1, (study.mesh.levels - 1 if plan.level is None else plan.level) + 1):
-        mesh = meshes.next(i)
+    last = study.mesh.levels - 1 if plan.level is None else plan.level
+    mesh = [meshes.next(i) for i in range(last + 1)][-1]
     return Level(mesh, study.scenes[0], held=not plan.loose)
 
 

@@ -83,7 +83,9 @@ def affine_load(level: Level, scene_of: Callable[[float], Scene], begin: float, 
         )
     first = solved[0].problem
     problem = ParametricProblem(first.A_tilde, l_0, l_1, first.c, first.law, (begin, end))
-    return AffineLoad(problem, off / size, begin, length, _quadratic([c.constant for c in solved]))
+    at_1, at_04 = (c.constant - solved[0].constant for c in solved[1:3])  # of a parabola
+    k_2 = (at_1 - at_04 / 0.4) / 0.6
+    return AffineLoad(problem, off / size, begin, length, (solved[0].constant, at_1 - k_2, k_2))
 
 
 def straightened(
@@ -117,10 +119,3 @@ def followed(
         return follower.follow(problem, answer.v, begin, direction, progress), answer.v
     except NoSolutionError as error:
         raise PathError(str(error)) from error
-
-
-def _quadratic(values: list[float]) -> tuple[float, float, float]:
-    """Coefficients of the parabola through the values at s = 0, 1 and 0.4."""
-    k_0, at_1, at_04 = values[0], values[1] - values[0], values[2] - values[0]
-    k_2 = (at_1 - at_04 / 0.4) / 0.6
-    return k_0, at_1 - k_2, k_2

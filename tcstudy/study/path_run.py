@@ -23,7 +23,7 @@ from tcstudy.scene.study import Acceptance, Branch, PathPlan, Study
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import TIE
 from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path
-from tcstudy.solvers.path.hysteresis import Hysteresis, hysteresis
+from tcstudy.solvers.path.hysteresis import hysteresis
 from tcstudy.solvers.path.problem import by_code
 from tcstudy.solvers.path.proofs import proved_minima
 from tcstudy.solvers.path.query import PathSolution, folds, lowest, solutions_at, solutions_of
@@ -59,9 +59,12 @@ def follow_path(study: Study, progress: Progress | None = None) -> PathRecord:
         raise PathError("the study has no section path; add path: {parameter: theta_bar, from: 0 K, to: 40 K}")
     level, line = _level(study, plan)
     try:
-        setting = _setting(study, plan, level)
+        load = affine_load(level, lambda t: path_scene(plan.scene, plan.parameter, t), plan.begin, plan.end, plan.name)
+        straight = straightened(level, plan.scene, load.problem, plan.law_error, plan.within)
+        lambda_1 = level.lambda_1(plan.scene)
     except NotPositiveDefinite as error:
         raise PathError(str(error)) from error
+    setting = _Setting(plan, load, load.problem, straight, lambda_1, study.solver.tolerance)
     path, v = _follow(setting, progress)
     return PathRecord(
         line=line,
@@ -86,13 +89,6 @@ def _level(study: Study, plan: PathPlan) -> tuple[Level, LevelRecord]:
     if stage.level is None or stage.record is None:
         raise GeometryFailed(next(stage.blocks).reasons[0])
     return stage.level, stage.record
-
-
-def _setting(study: Study, plan: PathPlan, level: Level) -> _Setting:
-    load = affine_load(level, lambda t: path_scene(plan.scene, plan.parameter, t), plan.begin, plan.end, plan.name)
-    lambda_1 = level.lambda_1(plan.scene)
-    straight = straightened(level, plan.scene, load.problem, plan.law_error, plan.within)
-    return _Setting(plan, load, load.problem, straight, lambda_1, study.solver.tolerance)
 
 
 def _follow(setting: _Setting, progress: Progress | None) -> tuple[Path, Array]:
@@ -177,10 +173,7 @@ def _loop(setting: _Setting, v: Array) -> Values:
     sign = 1.0 if plan.begin < plan.end else -1.0
     driven = problem if sign > 0.0 else replace(problem, l_1=-problem.l_1, span=(-plan.begin, -plan.end))
     follower = Follower(max_pieces=plan.max_pieces, tolerance=setting.tolerance)
-    return _loop_record(setting, hysteresis(driven, v, sign * plan.begin, sign * plan.end, follower=follower), sign)
-
-
-def _loop_record(setting: _Setting, loop: Hysteresis, sign: float) -> Values:
+    loop = hysteresis(driven, v, sign * plan.begin, sign * plan.end, follower=follower)
     branches, jumps = loop.branches, loop.jumps
     ends = np.cumsum([len(b.t) for b in branches]) - 1
     t = sign * np.concatenate([b.t for b in branches])

@@ -82,7 +82,8 @@ class SmoothPath:
     def at(self, side: int, coordinate: tuple[Array, float], s: float, v: Array, t: float) -> CurvePoint | None:
         """The point of a coordinate s beside a side, by Newton's method from (v, t); None if that ends nowhere."""
         p, law, codes, (row, time) = self.path.problem, self.law, self.codes[side], coordinate
-        free, v = np.flatnonzero(codes % 2 == 0), np.where(codes % 2 == 1, self._kinks(codes), v)
+        free, kinks = np.flatnonzero(codes % 2 == 0), np.append(law.kinks, 0.0)
+        v = np.where(codes % 2 == 1, kinks[np.minimum(codes // 2, len(kinks) - 1)], v)
         piece, c = codes[free] // 2, p.c[free]
         A, l_1 = p.A_tilde[np.ix_(free, free)], p.l_1[free]
         scale = float(np.max(np.abs(A.diagonal()), initial=0.0)) or 1.0
@@ -116,11 +117,6 @@ class SmoothPath:
         first, second = (np.array([d[-1], d[-1] * p.l_1.sum() - weight @ d[:-1]]) for d in (one, two))
         return CurvePoint(side, codes, v, t, x, row, time, first, second)
 
-    def _kinks(self, codes: NDArray[np.intp]) -> Array:
-        """(m,) the kinks of the nodes that rest; 0 elsewhere."""
-        kinks = np.append(self.law.kinks, 0.0)
-        return np.where(codes % 2 == 1, kinks[np.minimum(codes // 2, len(kinks) - 1)], 0.0)
-
     def least(self, side: int, share: float, goal: Goal) -> CurvePoint:
         """Where the goal is least near a place of the polygon. Raises ValueError if the curve is not found there."""
         v, t = (x[side] + share * (x[side + 1] - x[side]) for x in (self.path.u, self.path.t))
@@ -130,7 +126,8 @@ class SmoothPath:
             if vertex is None:
                 return point
             corner, ways = self._corner(vertex)
-            down = [way for way, out in zip(ways, (-1.0, 1.0), strict=True) if way and _slope(way, goal) * out < 0.0]
+            both = zip(ways, (-1.0, 1.0), strict=True)
+            down = [way for way, out in both if way and out * float(goal(way.x)[1] @ way.first) < 0.0]
             if not down or vertex in seen:
                 return corner
             seen.add(vertex)
@@ -212,10 +209,6 @@ class SmoothPath:
                     corner = replace(found, node=int(node), kink=kink)
                     return corner, [self._beside(one, corner.v, corner.t) for one in sides]
         raise ValueError(BESIDE)
-
-
-def _slope(point: CurvePoint, goal: Goal) -> float:
-    return float(goal(point.x)[1] @ point.first)
 
 
 def _size(point: CurvePoint) -> float:
