@@ -29,8 +29,20 @@ from numpy.typing import NDArray
 from tcstudy.scene.records import Body, Clamped, Contact, Edge, Material, Point, Rigid, Role
 from tcstudy.shapes.edges import edge_normal
 
+Array = NDArray[np.float64]
 Sticks = Callable[[str, Point], bool]
 """Whether the contact edge sticks near a point."""
+
+
+def sticking_near(edges: Sequence[str], xy: Array, sticks: NDArray[np.bool_]) -> Sticks:
+    """Whether that contact node of an edge sticks which is nearest to a point; edges: (m,) names, xy: (m, 2) places."""
+    names = np.array(edges, dtype=str)
+
+    def near(edge: str, at: Point) -> bool:
+        own = np.flatnonzero(names == edge)
+        return len(own) > 0 and bool(sticks[own[np.argmin(np.linalg.norm(xy[own] - np.array(at), axis=1))]])
+
+    return near
 
 
 @dataclass(frozen=True)
@@ -68,23 +80,23 @@ def vertices(body: Body, boundary: tuple[tuple[str, Role], ...], material: Mater
     """All corners of a body given by edges; none for a body from a file, whose corners are not looked at."""
     if body.outline is None:
         return []
-    roles, kappa = dict(boundary), (material.lam + 3 * material.mu) / (material.lam + material.mu)
-    found = []
+    roles, found = dict(boundary), []
     for loop, hole in [(body.outline, False), *((hole, True) for hole in body.holes)]:
         for before, after in (*loop.corners[-1:], *loop.corners[:-1]):
             # The body lies counter-clockwise of the edge at φ = 0: the one that leaves an outline's corner.
             edges, at = (before, after) if hole else (after, before), after.start
             zero, far = (Side(edge.name, _away(edge, at)) for edge in edges)
-            found.append(vertex(at, zero, far, roles, kappa, sticks))
+            found.append(vertex(at, zero, far, roles, material, sticks))
     return found
 
 
-def vertex(at: Point, zero: Side, far: Side, roles: dict[str, Role], kappa: float, sticks: Sticks) -> Vertex:
-    """The corner between two sides; the body lies counter-clockwise of `zero`, kappa = (λ+3μ)/(λ+μ)."""
+def vertex(at: Point, zero: Side, far: Side, roles: dict[str, Role], material: Material, sticks: Sticks) -> Vertex:
+    """The corner between two sides; the body lies counter-clockwise of `zero`."""
     (a, b), (c, d) = zero.away, far.away
     angle = (math.atan2(d, c) - math.atan2(b, a)) % (2 * math.pi)
     angle = 2 * math.pi if angle < 1e-9 else angle
     (first, said), (second, told) = (_condition(roles[side.name], side, at, sticks) for side in (zero, far))
+    kappa = (material.lam + 3 * material.mu) / (material.lam + material.mu)
     exponent = corner_exponent(round(angle, 12), first, second, kappa)
     contact = any(isinstance(roles[side.name], Contact) for side in (zero, far))
     return Vertex(at, angle, (zero.name, far.name), (said, told), exponent, contact)

@@ -56,9 +56,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.corners import Side, Sticks, vertex
+from tcstudy.accuracy.corners import Side, Sticks, sticking_near, vertex
 from tcstudy.expressions.expression import Expression
-from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.estimators import own_strain
 from tcstudy.fem.meshes import CurveEnd, PlaneMesh, curve_ends
 from tcstudy.fem.recovery import ElementGeometry
@@ -69,7 +68,7 @@ from tcstudy.refine.goals import dual, goal_value, lost, lumping, steps, torn
 from tcstudy.refine.halved import Halved, contributions
 from tcstudy.scene.nodal_laws import sticking
 from tcstudy.scene.points import needs_heat_solve
-from tcstudy.scene.records import Material, Point, Scene
+from tcstudy.scene.records import Material, Scene
 from tcstudy.scene.study import Goal
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import Status
@@ -286,8 +285,9 @@ def regions(
     found, factors = curve_ends(coarse), np.full(fine.n_points, SMOOTH)
     places = np.concatenate([coarse.points[[corner.node for corner in found]], more])
     region = np.argmin(np.linalg.norm(fine.points[:, None] - places[None], axis=2), axis=1)
+    near = sticking_near([line.edge_names[i] for i in line.edge], line.xy, sticks)
     for corner in found:
-        exponent = _exponent(coarse, corner, scene, lambda edge, at: _sticks_near(line, sticks, edge, at))
+        exponent = _exponent(coarse, corner, scene, near)
         if exponent < 1.0:
             around = fine.triangles[np.any(coarse.triangles == corner.node, axis=1)[halved.parent]]
             factors[around] = np.maximum(factors[around], 1.0 / (1.0 - 2.0 ** (-2.0 * exponent)))
@@ -304,14 +304,5 @@ def _exponent(mesh: PlaneMesh, corner: CurveEnd, scene: Scene, sticks: Sticks) -
     (a, b), (c, d) = corner.normals
     before, after = (mesh.geometry.curves[i].name for i in corner.curves)
     x, y = mesh.points[corner.node]
-    kappa = (scene.material.lam + 3 * scene.material.mu) / (scene.material.lam + scene.material.mu)
     zero, far = Side(after, (-d, c)), Side(before, (b, -a))
-    return vertex((float(x), float(y)), zero, far, dict(scene.boundary), kappa, sticks).exponent
-
-
-def _sticks_near(line: ContactLine, sticks: NDArray[np.bool_], edge: str, at: Point) -> bool:
-    """Whether the node of an edge that is nearest to a point sticks."""
-    own = np.flatnonzero(line.edge == line.edge_names.index(edge))
-    if not len(own):
-        return False
-    return bool(sticks[own[np.argmin(np.linalg.norm(line.xy[own] - np.array(at), axis=1))]])
+    return vertex((float(x), float(y)), zero, far, dict(scene.boundary), scene.material, sticks).exponent

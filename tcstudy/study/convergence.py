@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from tcstudy.accuracy.corners import vertices
+from tcstudy.accuracy.corners import sticking_near, vertices
 from tcstudy.accuracy.expected import Expected, HeldEnds, expected_orders, smooth_up_to, smoothness
 from tcstudy.accuracy.rates import ROUNDING, Fit, fit, log_share, richardson
 from tcstudy.accuracy.transfer import NotNested
@@ -34,7 +34,7 @@ from tcstudy.data.records import PointStatus
 from tcstudy.errors import ConvergenceError, StoreError
 from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_slip_length
 from tcstudy.fem.study_meshes import graded_points
-from tcstudy.scene.records import Point, Scene
+from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Acceptance, Study
 from tcstudy.study.doubts import locking_notes
 from tcstudy.study.reference import Errors, ExactReference, FineReference, NestedReference, Reference, with_meaning
@@ -57,18 +57,13 @@ def orders_to_expect(study: Study, finest: SolvedLevel, solution: Solution, scen
     if study.exact is not None:
         return expected_orders(smooth_up_to(study.exact.exponent, _held_ends(finest, solution), mixed))
 
-    def sticks(edge: str, at: Point) -> bool:
-        own = np.array([name == edge for name in finest.edges])
-        if not solution.ok or not own.any():
-            return False
-        distance = np.linalg.norm(finest.mesh.points[finest.line.nodes] - np.array(at), axis=1)
-        return bool(solution.sticks[np.argmin(np.where(own, distance, np.inf))])
-
+    places = finest.mesh.points[finest.line.nodes]
+    near = sticking_near(finest.edges if solution.ok else (), places, solution.sticks)
     several = bool(scene.material.regions)  # whose corners are not analysed, as a note says
-    corners = [] if several else vertices(scene.body, scene.boundary, scene.material, sticks)
+    corners = [] if several else vertices(scene.body, scene.boundary, scene.material, near)
     graded = graded_points(study)
-    near = 1e-6 * max((math.hypot(*point) for point, _ in graded), default=0.0)
-    mus = [next((mu for point, mu in graded if math.dist(point, one.at) <= near), 1.0) for one in corners]
+    apart = 1e-6 * max((math.hypot(*point) for point, _ in graded), default=0.0)
+    mus = [next((mu for point, mu in graded if math.dist(point, one.at) <= apart), 1.0) for one in corners]
     return expected_orders(smoothness(corners, mixed, mus))
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TypeVar
+from typing import Any
 
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.errors import GeometryFailed
@@ -20,7 +20,6 @@ from tcstudy.scene.study import Study
 from tcstudy.study.doubts import built_faults
 from tcstudy.study.run import run
 
-T = TypeVar("T")
 PATIENCE, SLOW = 600.0, 50.0
 """Seconds after which a worker counts as hanging at least, and how many times the forecast it may take."""
 
@@ -33,7 +32,7 @@ def errand(function: Callable[..., object], study: Study, *given: object, name: 
     return Errand.of(_with_file, content, function, study, *given, name=name, patience=patience)
 
 
-def _with_file(content: bytes | None, function: Callable[..., T], study: Study, *given: object) -> T:
+def _with_file(content: bytes | None, function: Callable[..., Any], study: Study, *given: object) -> Any:
     """Call it with a study whose body is read from the content of its file, if it has one."""
     if content is None:
         return function(study, *given)
