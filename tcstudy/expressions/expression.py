@@ -186,7 +186,7 @@ def _canonical(text: str, names: tuple[str, ...]) -> tuple[str, list[int]]:
         kind, token = str(match.lastgroup), match.group()
         if kind != "space":
             operand = kind in ("number", "name")
-            word = _word(kind, token, at, names) + " "
+            word = _word(kind, token, at, names, previous) + " "
             if previous and (operand or token == "("):
                 _check_neighbours(previous, token, at)
             depth += (token == "(") - (token == ")")
@@ -208,8 +208,11 @@ def _canonical(text: str, names: tuple[str, ...]) -> tuple[str, list[int]]:
     return source, origin
 
 
-def _word(kind: str, token: str, at: int, names: tuple[str, ...]) -> str:
-    """The token as Python writes it; unknown names and numbers beyond the floats are refused."""
+def _word(kind: str, token: str, at: int, names: tuple[str, ...], previous: str) -> str:
+    """The token as Python writes it; unknown names and numbers beyond the floats are refused.
+
+    previous: the token before
+    """
     if kind == "number":
         value = float(token)
         if not math.isfinite(value):
@@ -220,7 +223,10 @@ def _word(kind: str, token: str, at: int, names: tuple[str, ...]) -> str:
         if token not in known:
             near = difflib.get_close_matches(token, known, n=1) or difflib.get_close_matches(token.lower(), known, n=1)
             hint = f"did you mean {near[0]!r}? " if near else ""
-            raise ExpressionError(f"unknown name {token[:40]!r}; {hint}{ALLOWED}", at)
+            if previous[:1].isdigit():
+                hint = "a number with a unit needs a name under parameters, a product its *; "
+            allowed = ALLOWED.replace("numbers,", ", ".join(("numbers", *names)) + ",")
+            raise ExpressionError(f"unknown name {token[:40]!r}; {hint}{allowed}", at)
     return "**" if kind == "power" else token
 
 

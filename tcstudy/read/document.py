@@ -115,6 +115,8 @@ def _syntax_error(error: YAMLError, text: str, file: str, option: bool) -> Study
         line, column = text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)
         what = f"the character {text[position : position + 1]!r} is not allowed in YAML"
     remedy = "correct the YAML here or in the lines above: quotes, brackets, a colon, indentation by blanks"
+    if what.endswith("but got '['") and (path := re.search(r"[\w.]*\w\[\d+\][\w.\[\]]*", text.splitlines()[line - 1])):
+        remedy = f'between braces a key with brackets needs quotes: "{path[0]}"'
     return _refusal(file, f"YAML syntax: {what}", remedy, *((0, 0) if option else (line, column)))
 
 

@@ -107,7 +107,7 @@ class Context:
             return self._none(node, str(error), error.remedy)
         except expressions.ExpressionError as error:
             what, _, remedy = str(error).partition("; ")
-            if not varies:
+            if not varies and not self.named:  # with names it was meant as an expression
                 what, remedy = f"{node.brief()!r} is not {dimension.name}", ""
             return self._none(node, what, remedy or self._example(dimension, varies))
         if expression.constant is not None:

@@ -67,7 +67,10 @@ def read_history(
 
 def _memory(ctx: Context, fields: Fields) -> Memory:
     """The memory with its own keys; a key of another memory is a fault."""
+    before = len(ctx.errors)
     memory = Memory(fields.value("memory"), **fields.given(("stiffness", "healing")))
+    if len(ctx.errors) > before:
+        return memory
     for key, name in (("stiffness", "elastic-plastic"), ("healing", "friction")):
         if fields[key] is not None and memory.name != name:
             what = f"belongs to memory: {name}, but the study has memory: {memory.name}"

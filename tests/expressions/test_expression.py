@@ -237,6 +237,7 @@ def test_towers_of_powers_end_at_once() -> None:
         ("2 + sim(x)", 4, ["'sim'", "did you mean 'sin'"]),
         ("Sin(x)", 0, ["did you mean 'sin'"]),
         ("1 + z", 4, ["unknown name 'z'", "x, y"]),
+        ("x - 40 mm", 7, ["unknown name 'mm'", "a number with a unit needs a name under parameters"]),
         ("3 * arctan(x)", 4, ["'arctan'", "did you mean 'atan'"]),
         ("2x", 1, ["2*x"]),
         ("(1+x) y", 6, [")*y"]),

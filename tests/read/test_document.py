@@ -77,6 +77,7 @@ def test_aliases_get_paths_of_their_own() -> None:
     ("text", "line", "column", "part"),
     [
         ("a: [1", 1, 6, "YAML syntax"),
+        ("{a.b[0].c: [1]}", 1, 5, 'needs quotes: "a.b[0].c"'),
         ("a: b: c", 1, 5, "YAML syntax"),
         ("a:\n\t- b", 2, 1, "YAML syntax"),
         ("a: 1\n---\nb: 2", 2, 1, "YAML syntax"),
@@ -100,7 +101,7 @@ def test_aliases_get_paths_of_their_own() -> None:
 def test_faults_of_the_text(text: str, line: int, column: int, part: str) -> None:
     problem = first_problem(text)
     assert (problem.line, problem.column) == (line, column)
-    assert part in problem.what
+    assert part in f"{problem.what}; {problem.remedy}"
     assert problem.remedy
 
 

@@ -87,6 +87,7 @@ def test_only_friction_may_hold_a_body_with_a_memory() -> None:
         ("repeat: 3", "repeat: 3\nsolver: {branch: continued}", "13:10: solver.branch: is of single points"),
         ("repeat: 3", "repeat: 3\noutput: {fields: true}", "13:10: output.fields: is not kept of a history"),
         ("levels: 2", "levels: 2, estimate: true", "6:1: mesh: errors are not estimated in a history"),
+        ("memory: friction", "memory: plastic\n  stiffness: 1 GPa/m", "did you mean 'elastic-plastic'?"),
         ("levels: 2", "family: adaptive", "adaptive meshes follow from the solutions of a run"),
         ("tau_k: 1 MPa", "tau_k: 3 MPa", ""),
     ],

@@ -57,6 +57,11 @@ def test_a_name_that_follows_from_a_swept_one_follows_it() -> None:
     [
         ("parameters.height=width", "parameters.height: is made of itself: height → width → height; give one"),
         ("parameters.width=height + 1", "parameters.width: adds or compares length and a plain number"),
+        (
+            "body.rectangle.width=height - 40 mm",
+            "unknown name 'mm'; a number with a unit needs a name under parameters",
+        ),
+        ("body.rectangle.width=2*hight", "unknown name 'hight'; did you mean 'height'? allowed are numbers, height, "),
         ("material.E=2*height", "material.E: '2*height' is length, not a stress (Pa)"),
         ("friction.tau=load*exp(height)", "takes a function or a power of a number with units (length)"),
         ("parameters.load=5 J", "'J' is not a unit of any number of a study"),

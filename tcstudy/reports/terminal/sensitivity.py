@@ -15,6 +15,7 @@ from tcstudy.accuracy.sobol import LEVEL, Index, correlation_ratios, jump, sobol
 from tcstudy.data.reading import reading
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import UsageError
+from tcstudy.read.node import hint
 from tcstudy.reports.terminal.tables import plain_table, wrapped
 from tcstudy.reports.text import number
 from tcstudy.scene.designs import SALTELLI
@@ -58,7 +59,8 @@ def sample(file: Path, of: str) -> Sample:
         by_point = {name: one for name, one in nc.variables.items() if one.dimensions == ("point", "level")}
         known = [name for name, one in by_point.items() if one.dtype == "f8"]
         if of not in known:
-            raise UsageError(f"{file} has no number {of!r} at its points; choose of {', '.join(known)}")
+            remedy = hint(of, known, f"choose of {', '.join(known)}")
+            raise UsageError(f"{file} has no number {of!r} at its points; {remedy}")
         shape = (-1, len(names) + 2)
         level = nc.dimensions["level"].size - 1
         values = np.ma.filled(nc[of][:, level].astype(float), np.nan)

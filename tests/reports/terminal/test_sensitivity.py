@@ -54,8 +54,9 @@ def test_a_body_that_sticks_has_the_indices_of_a_linear_function(tmp_path: Path)
     for estimate in table.columns.values():
         assert np.all((estimate.low <= exact) & (exact <= estimate.high))
         np.testing.assert_allclose(estimate.value, exact, atol=0.05)
-    with pytest.raises(UsageError, match="no number 'slip' at its points; choose of"):
-        sample(file, "slip")
+    for word, remedy in (("work", "choose of"), ("friction_resutlant", "did you mean 'friction_resultant'")):
+        with pytest.raises(UsageError, match=f"no number '{word}' at its points; {remedy}"):
+            sample(file, word)
 
 
 def test_sides_of_a_jump_are_told_apart(tmp_path: Path) -> None:
