@@ -138,8 +138,8 @@ def _fill_convergence(nc: netCDF4.Dataset, study: Study, convergence: Convergenc
     put_axes(nc, study)
     levels, points = convergence.h_max.shape[-1], convergence.points
     put(nc, LEVEL_COORDINATE, study, np.arange(levels))
-    dims = (*geometry_dims(study), "level")
-    put_all(nc, [replace(one, dims=dims) for one in LEVELS], vars(convergence), study)
+    by_geometry = (*geometry_dims(study), "level")
+    put_all(nc, [replace(one, dims=by_geometry) for one in LEVELS], vars(convergence), study)
 
     def put_points(variable: FileVariable, of_points: Iterable[Any]) -> None:
         by_level = (levels,) if "level" in variable.dims else ()

@@ -17,7 +17,7 @@ from tcstudy.data.files import write_dataset
 from tcstudy.data.provenance import CONTENT, Provenance, global_attributes, without_paths
 from tcstudy.data.reading import attributes
 from tcstudy.data.records import LevelRecord
-from tcstudy.data.schema import CONTACT, RATE, FileVariable, T, edge_flags, flags
+from tcstudy.data.schema import CERTIFIED, CONTACT, RATE, FileVariable, T, edge_flags, flags
 from tcstudy.data.writer import put_all
 from tcstudy.scene.contact_states import ContactState
 from tcstudy.scene.study import Study
@@ -69,8 +69,8 @@ def _index(name: str, long_name: str, dims: tuple[str, ...] = ()) -> FileVariabl
     return FileVariable(name, "i4", "1", long_name, dims, coordinate=True)
 
 
-def _flag(name: str, long_name: str, dims: tuple[str, ...], meanings: str) -> FileVariable:
-    return FileVariable(name, "i1", "1", long_name, dims, coordinate=True, extra=flags(*meanings.split()))
+def _flag(name: str, long_name: str, dims: tuple[str, ...], meanings: Sequence[str]) -> FileVariable:
+    return FileVariable(name, "i1", "1", long_name, dims, coordinate=True, extra=flags(*meanings))
 
 
 def _at_node(name: str, dtype: Any, units: str, long_name: str, dim: str, where: str, extra: Any = ()) -> FileVariable:
@@ -79,8 +79,7 @@ def _at_node(name: str, dtype: Any, units: str, long_name: str, dim: str, where:
 
 
 _ALONG = (("coordinates", "parameter"),)
-_STABLE = "unstable stable"
-_CERTIFIED = "not_certified certified"
+_STABLE = ("unstable", "stable")
 
 CURVE: tuple[FileVariable, ...] = (
     _number("parameter", T, "parameter of the path", _VERTEX),
@@ -94,7 +93,7 @@ CURVE: tuple[FileVariable, ...] = (
     _number("slip_length", "m", "length of the contact line that does not stick", _PIECE),
     _index("fold_vertex", "vertex at which the parameter turns", _FOLD),
     _number("fold_size", T, "how far the parameter steps back at the fold", _FOLD),
-    _flag("fold_maximum", "whether the parameter has a maximum at the fold", _FOLD, "minimum maximum"),
+    _flag("fold_maximum", "whether the parameter has a maximum at the fold", _FOLD, ("minimum", "maximum")),
     _flag("fold_stable_before", "stability of the piece before the fold", _FOLD, _STABLE),
     _flag("fold_stable_after", "stability of the piece after the fold", _FOLD, _STABLE),
     _index("event_vertex", "vertex at which a contact node changes its state", _EVENT),
@@ -104,7 +103,7 @@ CURVE: tuple[FileVariable, ...] = (
     _number("lowest_begin", T, "lower end of a range in which one piece has the least energy", _INTERVAL),
     _number("lowest_end", T, "upper end of a range in which one piece has the least energy", _INTERVAL),
     _index("lowest_piece", "piece with the least energy on the path in the range", _INTERVAL),
-    _flag("lowest_certified", "least energy of all states, proved at mid-range", _INTERVAL, _CERTIFIED),
+    _flag("lowest_certified", "least energy of all states, proved at mid-range", _INTERVAL, CERTIFIED),
 )
 """Of `PathRecord.curve`."""
 
@@ -120,10 +119,10 @@ SOLUTIONS: tuple[FileVariable, ...] = (
     _number("solution_residual", "1", "inclusion residual over the scale of friction", _SOLUTION, _WHERE),
     _number("solution_rounding", "1", "what rounding allows of the inclusion residual", _SOLUTION, _WHERE),
     _flag("solution_stable", "strict local minimum of the energy on the path", _SOLUTION, _STABLE),
-    _flag("solution_lowest", "least energy on the path at its value", _SOLUTION, "higher lowest"),
-    _flag("solution_unique", "certified to be the only solution", _SOLUTION, _CERTIFIED),
-    _flag("solution_strict_minimum", "certified to be a strict local minimum of the energy", _SOLUTION, _CERTIFIED),
-    _flag("solution_global_minimum", "certified to have the least energy of all states", _SOLUTION, _CERTIFIED),
+    _flag("solution_lowest", "least energy on the path at its value", _SOLUTION, ("higher", "lowest")),
+    _flag("solution_unique", "certified to be the only solution", _SOLUTION, CERTIFIED),
+    _flag("solution_strict_minimum", "certified to be a strict local minimum of the energy", _SOLUTION, CERTIFIED),
+    _flag("solution_global_minimum", "certified to have the least energy of all states", _SOLUTION, CERTIFIED),
     _at_node("solution_u_T", "f8", "m", "tangential displacement", "solution", "solution_parameter"),
     _at_node("solution_xi", "f8", "Pa", "tangential traction -S_T", "solution", "solution_parameter"),
 )
@@ -139,7 +138,7 @@ LOOP: tuple[FileVariable, ...] = (
     _at_node("loop_xi", "f8", "Pa", "tangential traction -S_T", "loop_vertex", "loop_parameter"),
     _number("jump_parameter", T, "parameter at which the body falls to another branch", _JUMP),
     _index("jump_vertex", "last vertex of the loop before the fall", _JUMP),
-    _flag("jump_rising", "whether the parameter was growing", _JUMP, "falling rising"),
+    _flag("jump_rising", "whether the parameter was growing", _JUMP, ("falling", "rising")),
     _number("jump_drop", "J m-1", "energy lost in the fall, per unit thickness", _JUMP),
     _number("energy_lost", "J m-1", "energy lost in one loop at the falls, per unit thickness"),
     _number("loop_area", "J m-1", "area of the loop; the energy lost if it is closed"),

@@ -20,13 +20,12 @@ from tcstudy.data.reading import reading
 from tcstudy.data.records import BlockRecord, LevelRecord, is_number
 from tcstudy.data.schema import MISSING_COUNT, PointStatus
 from tcstudy.data.store import root_variables
-from tcstudy.data.writer import tile_shape, tiles
+from tcstudy.data.writer import Places, tile_shape, tiles
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
     import netCDF4
 
-Places = NDArray[np.intp]
 Values = NDArray[Any]
 
 VALUES = 2**22
