@@ -31,22 +31,11 @@ MAX_DEPTH = 120
 VARIABLES = ("x", "y")
 CONSTANTS = {"pi": math.pi, "e": math.e}
 FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "sin": np.sin,
-    "cos": np.cos,
-    "tan": np.tan,
-    "asin": np.arcsin,
-    "acos": np.arccos,
-    "atan": np.arctan,
-    "atan2": np.arctan2,
-    "exp": np.exp,
-    "log": np.log,
-    "sqrt": np.sqrt,
-    "abs": np.abs,
-    "sinh": np.sinh,
-    "cosh": np.cosh,
-    "tanh": np.tanh,
-    "min": np.minimum,
-    "max": np.maximum,
+    **{
+        name: getattr(np, name) for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sqrt")
+    },
+    **{name: getattr(np, name) for name in ("abs", "sinh", "cosh", "tanh")},
+    **{"min": np.minimum, "max": np.maximum},
 }
 BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 
@@ -54,17 +43,7 @@ TOKEN = re.compile(
     r"(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
     r"|(?P<name>[A-Za-z_][A-Za-z_0-9]*)|(?P<power>\*\*|\^)|(?P<mark>[-+*/(),])|(?P<space>\s+)"
 )
-LOOKALIKES = {
-    "π": "pi",
-    "−": "-",
-    "–": "-",
-    "·": "*",
-    "×": "*",
-    "÷": "/",
-    "²": "^2",
-    "³": "^3",
-    "√": "sqrt()",
-}
+LOOKALIKES = dict(zip("π−–·×÷²³√", ("pi", "-", "-", "*", "*", "/", "^2", "^3", "sqrt()"), strict=True))
 ALLOWED = (
     f"allowed are numbers, {', '.join(VARIABLES)}, {', '.join(CONSTANTS)}, + - * / ^ ( ) "
     f"and the functions {', '.join(FUNCTIONS)}"

@@ -95,20 +95,25 @@ def read_sensitivity(
         path = path_of(word)
         if path in found:
             ctx.errors.at(item, f"{word} is given twice", "give every number once")
-        elif path in known and not known[path][1]:
-            found[path] = Sensitivity(word, path, ctx.cf(known[path][0]), heat_grows(root, path))
+        elif word and (number := named_number(ctx, item, word, root, known)):
+            found[path] = number
             _check_corner(ctx, item, base, path)
-        elif word:
-            what, remedy = why_not(word, path, known)
-            ctx.errors.at(item, what, remedy)
     return tuple(found.values())
 
 
-def heat_grows(root: Node, path: Keys) -> bool:
-    """Whether the heat load of the material that a number belongs to grows with E: β follows from alpha_T."""
+def named_number(
+    ctx: Context, node: Node, word: str, root: Node, known: dict[Keys, tuple[Dimension, str]], on_key: bool = False
+) -> Sensitivity | None:
+    """The number that a word names, of those that are `differentiable`; None after a fault."""
+    path = path_of(word)
+    if path not in known or known[path][1]:
+        what, remedy = _why_not(word, path, known)
+        ctx.errors.at(node, what, remedy, on_key=on_key)
+        return None
     every = root.child("materials")
     material = every.child(path[1]) if every and path[0] == "materials" else root.child("material")
-    return material is None or material.child("beta") is None
+    heat_grows = material is None or material.child("beta") is None  # with E, as β follows from alpha_T
+    return Sensitivity(word, path, ctx.cf(known[path][0]), heat_grows)
 
 
 def differentiable(root: Node, base: Scene, scenes: Sequence[Scene]) -> Iterator[tuple[Keys, tuple[Dimension, str]]]:
@@ -162,7 +167,7 @@ def _of_laws(scene: Scene) -> Iterator[tuple[Keys, tuple[Dimension, str]]]:
         yield (*place, "strength"), (NONE, "it varies in space" if isinstance(strength, Expression) else "")
 
 
-def why_not(word: str, path: Keys, known: dict[Keys, tuple[Dimension, str]]) -> tuple[str, str]:
+def _why_not(word: str, path: Keys, known: dict[Keys, tuple[Dimension, str]]) -> tuple[str, str]:
     """What is wrong with a name, and the remedy."""
     if path in known:
         return f"there is no derivative by {word}: {known[path][1]}", "name a single number that has an effect"

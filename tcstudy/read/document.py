@@ -59,13 +59,13 @@ def load_text(path: Path) -> str:
         raise _refusal(file, "there is no such file", "check the path; see configs/ for examples") from None
     except IsADirectoryError:
         raise _refusal(file, "this is a folder", "name the study file in it") from None
+    except UnicodeDecodeError as error:
+        before = error.object[: error.start]
+        line, column = before.count(b"\n") + 1, len(before) - before.rfind(b"\n")
+        if path.suffix == ".nc":
+            raise _refusal(file, "this is a result file", "name its study, or use tcstudy show") from None
+        raise _refusal(file, "the file is not UTF-8 text", "save it as UTF-8", line, column) from None
     except (OSError, ValueError) as error:
-        if isinstance(error, UnicodeDecodeError):
-            before = error.object[: error.start]
-            line, column = before.count(b"\n") + 1, len(before) - before.rfind(b"\n")
-            if path.suffix == ".nc":
-                raise _refusal(file, "this is a result file", "name its study, or use tcstudy show") from None
-            raise _refusal(file, "the file is not UTF-8 text", "save it as UTF-8", line, column) from None
         reason = getattr(error, "strerror", None) or str(error)
         raise _refusal(file, f"the file cannot be read ({reason})", "check its path and its permissions") from None
 

@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tcstudy.read.asked import differentiable, heat_grows, why_not
+from tcstudy.read.asked import differentiable, named_number
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.history import check_fit
 from tcstudy.read.node import Node, hint
@@ -266,15 +266,9 @@ def _parameters(
     known = dict(differentiable(root, scene, (scene,)))
     found, remedy = [], "write {friction.tau_s: {start: 4 MPa, within: [1 MPa, 50 MPa]}}"
     for name, item in ctx.mapping(node, "numbers", remedy).items():
-        path = path_of(name)
-        if path not in known or known[path][1]:
-            what, remedy = why_not(name, path, known)
-            ctx.errors.at(item, what, remedy, on_key=True)
-            continue
-        number = Sensitivity(name, path, ctx.cf(known[path][0]), heat_grows(root, path))
-        if one := _parameter(ctx, item, number, known[path][0], scene, memory):
-            found.append(one)
-    return tuple(found)
+        if number := named_number(ctx, item, name, root, known, on_key=True):
+            found.append(_parameter(ctx, item, number, known[number.path][0], scene, memory))
+    return tuple(one for one in found if one)
 
 
 def _parameter(

@@ -189,12 +189,10 @@ def _distribution(ctx: Context, node: Node, parameter: Parameter, mode: str) -> 
 def _named(ctx: Context, node: Node, parameter: Parameter) -> Distribution | Choice | None:
     """{NAME: its numbers}."""
     before = len(ctx.errors)
-    fields = Fields(ctx, node, "distribution")
-    if len(fields.values) != 1 or len(ctx.errors) > before:
-        if len(ctx.errors) == before:
-            ctx.errors.at(node, f"needs one of {', '.join(table.rows('distribution'))}", "write {uniform: [a, b]}")
+    known = ", ".join(table.rows("distribution"))
+    kind, item = only_key(ctx, node, "distribution", known, "{uniform: [a, b]}") or ("", node)
+    if not kind:
         return None
-    kind, item = next(iter(fields.values.items()))
     if kind == "choice":
         return ctx.items(item, "a list of values", least=1) or None
     dimension = parameter.row.dimension
@@ -216,6 +214,14 @@ def _named(ctx: Context, node: Node, parameter: Parameter) -> Distribution | Cho
         ctx.errors.at(item, *found.fault)
         return None
     return found
+
+
+def only_key(ctx: Context, node: Node, section: str, known: str, example: str) -> tuple[str, Node] | None:
+    """The one key of a section that has no more, and its value; None after a fault. known: its keys in words"""
+    before, given = len(ctx.errors), Fields(ctx, node, section).values
+    if len(given) != 1 and len(ctx.errors) == before:
+        ctx.errors.at(node, f"needs one of {known}", f"write {example}")
+    return next(iter(given.items())) if len(ctx.errors) == before else None
 
 
 def _at(node: Node, found: Distribution | Choice | None, u: Cube, unit: tuple[str, float]) -> Drawn:

@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from tcstudy.read.fields import Context, Fields
+from tcstudy.read.fields import Context
 from tcstudy.read.node import Node, hint, nearest
-from tcstudy.read.points import draw, read_design, read_table
+from tcstudy.read.points import draw, only_key, read_design, read_table
 from tcstudy.scene import keys as table
 from tcstudy.scene.designs import DESIGNS, Design
 from tcstudy.scene.histories import short_names
@@ -294,12 +294,9 @@ def _values(ctx: Context, node: Node, parameter: Parameter) -> tuple[tuple[Node,
 def _spaced(ctx: Context, node: Node, dimension: Dimension) -> tuple[Node, ...]:
     """{linspace: [a, b, n]} or {geomspace: [a, b, n]}: n values from a to b, both included."""
     before = len(ctx.errors)
-    fields = Fields(ctx, node, "values")
-    if len(fields.values) != 1 or len(ctx.errors) > before:
-        if len(ctx.errors) == before:
-            ctx.errors.at(node, "needs one of linspace and geomspace", "write {linspace: [a, b, n]}")
+    kind, item = only_key(ctx, node, "values", "linspace and geomspace", "{linspace: [a, b, n]}") or ("", node)
+    if not kind:
         return ()
-    kind, item = next(iter(fields.values.items()))
     if not isinstance(item.value, tuple) or len(item.value) != 3:
         ctx.errors.at(item, f"must be [a, b, n], but is {item.kind()}", f"write {{{kind}: [a, b, n]}}")
         return ()

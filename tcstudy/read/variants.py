@@ -218,9 +218,9 @@ def _said(
     overrides: tuple[str, ...], sweep: Sweep, outer: list[int], values: list[Node], rest: Sweep
 ) -> tuple[str, ...]:
     """The options with which the text of the whole study is that of one geometry."""
-    paths = [".".join(sweep.axes[i].parameter.path) for i in outer]
     fixed = [
-        f"{path}={json.dumps(value.plain(), ensure_ascii=False)}" for path, value in zip(paths, values, strict=True)
+        f"{'.'.join(sweep.axes[i].parameter.path)}={json.dumps(value.plain(), ensure_ascii=False)}"
+        for i, value in zip(outer, values, strict=True)
     ]
     size: dict[str, object] = {"h": rest.h.plain()} if rest.h else {}
     swept: dict[str, object]

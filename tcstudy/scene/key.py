@@ -23,17 +23,7 @@ one or more: of the words; words: a list of any; sweep points: a list of them, o
 sizes: one or more numbers; law: a friction law; material: the keys of one, whole ones by name in a sweep."""
 
 
-GREEK = {
-    "alpha": "α",
-    "beta": "β",
-    "delta": "δ",
-    "lambda": "λ",
-    "mu": "μ",
-    "nu": "ν",
-    "omega": "ω",
-    "tau": "τ",
-    "theta": "θ",
-}
+GREEK = dict(zip(["alpha", "beta", "delta", "lambda", "mu", "nu", "omega", "tau", "theta"], "αβδλμνωτθ", strict=True))
 """Letters that names spell out."""
 
 
