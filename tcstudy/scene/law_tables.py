@@ -237,9 +237,10 @@ class LawTables:
         a, r = self.a.take(piece), self.r.take(piece)
         if np.all(a):
             return total + decay_integral(s_0, a, r, x, y)
-        bent = np.broadcast_to(a, total.shape).nonzero()
-        if len(bent[0]):
-            total[bent] += decay_integral(*(np.broadcast_to(part, total.shape)[bent] for part in (s_0, a, r, x, y)))
+        flat = [np.broadcast_to(part, total.shape).reshape(-1) for part in (s_0, a, r, x, y)]
+        bent = flat[1].nonzero()[0]
+        if len(bent):
+            total.reshape(-1)[bent] += decay_integral(*(part[bent] for part in flat))
         return total
 
     def integral(self, x: Array, y: Array, x_at: Place, y_at: Place) -> Array:
