@@ -26,9 +26,8 @@ from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import ContactLine, values_at
 from tcstudy.fem.recovery import ElementGeometry
-from tcstudy.scene.edge_laws import EdgeLaws
+from tcstudy.scene.edge_laws import EdgeLaws, law_along
 from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.nodal_laws import Law, nodal
 from tcstudy.scene.records import Clamped, Contact, Convection, Rigid, Role, Scene, Traction, resultant
 
 Array = NDArray[np.float64]
@@ -243,8 +242,7 @@ def contact_traction(
     mesh = triangles.mesh
     nodal_xi, nodal_slip = np.full(mesh.n_points, np.nan), np.full(mesh.n_points, np.nan)
     nodal_xi[line.nodes], nodal_slip[line.nodes] = xi, u_T
-    on = mesh.on(*line.edge_names)
-    segments = mesh.segments[on]
+    on, segments = line.which, line.segments
     ends_xi, ends_slip = nodal_xi[segments], nodal_slip[segments]
     # A held end has no ξ of its own: its half cell belongs to the other end (method §2).
     ends_xi = np.where(np.isnan(ends_xi), ends_xi[:, ::-1], ends_xi)
@@ -252,22 +250,14 @@ def contact_traction(
     ends_slip = np.where(np.isnan(ends_slip), held, ends_slip)
     between = [(1.0 - w) * ends_xi[:, 0] + w * ends_xi[:, 1] for w in GAUSS]
     slip = [ends_slip[:, 0] + w * (ends_slip[:, 1] - ends_slip[:, 0]) for w in GAUSS]
-    low, high = _laws_between(triangles, line, on, law).interval(np.stack(slip, axis=1).ravel())
+    names = [curve.name for curve in mesh.geometry.curves]
+    edge = np.array([line.edge_names.index(name) if name in line.edge_names else -1 for name in names])
+    at = boundary_edges(triangles).at[on].reshape(-1, 2)
+    laws = law_along(law, line.edge_names, np.repeat(edge[mesh.segment_curve[on]], 2), at)
+    low, high = laws.interval(np.stack(slip, axis=1).ravel())
     low, high = low.reshape(-1, 2), high.reshape(-1, 2)
     traction = np.stack(between, axis=1)
-    result, defect = np.zeros((len(on), 2)), np.zeros((len(on), 2))
+    result, defect = np.zeros((2, len(mesh.segments), 2))
     result[on] = traction
     defect[on] = np.maximum(0.0, np.maximum(low - traction, traction - high))
     return ContactTraction(result, defect)
-
-
-def _laws_between(
-    triangles: ElementGeometry, line: ContactLine, on: NDArray[np.bool_], law: FrictionLaw | EdgeLaws
-) -> Law:
-    """The law at the Gauss points of the segments that are `on` Γ_C, one after the other."""
-    if isinstance(law, FrictionLaw):
-        return law
-    names = [curve.name for curve in triangles.mesh.geometry.curves]
-    edge = np.array([line.edge_names.index(names[i]) for i in triangles.mesh.segment_curve[on]], dtype=np.intp)
-    at = boundary_edges(triangles).at[on].reshape(-1, 2)
-    return nodal([one for _, one, _ in law.laws], *law.along(line.edge_names, np.repeat(edge, 2), at))
