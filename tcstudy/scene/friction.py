@@ -240,34 +240,23 @@ class FrictionLaw:
 
     @cached_property
     def omega(self) -> float:
-        """Steepest fall ω = −inf (b(s₁)−b(s₂))/(s₁−s₂) ≥ 0 [Pa/m]; infinite with a down-jump (method §5)."""
+        """Steepest fall ω = −inf (b(s₁)−b(s₂))/(s₁−s₂) ≥ 0 [Pa/m]; infinite with a down-jump (method §5).
+
+        A piece's slope is monotone, so its ends decide, limits at ±∞ included.
+        """
         if np.any(self.kinds == DOWN):
             return float("inf")
-        return max(0.0, -self.least_slope)
-
-    @cached_property
-    def least_slope(self) -> float:
-        """Smallest b′ inside the pieces [Pa/m] (a piece's slope is monotone, so its ends decide)."""
-        return float(min(self._slope_ends().min(), np.inf))
-
-    def _slope_ends(self) -> Array:
-        """(2(K+1),) slopes at both ends of every piece, limits at ±∞ included."""
-        pieces = np.arange(len(self.q))
-        ends = np.concatenate([[-np.inf], self.kinks, [np.inf]])
-        slopes = []
+        pieces, ends, slopes = np.arange(len(self.q)), np.concatenate([[-np.inf], self.kinks, [np.inf]]), []
         for s in (ends[:-1], ends[1:]):
             finite = np.isfinite(s)
-            at = self.slope(np.where(finite, s, 0.0), pieces)
-            slopes.append(np.where(finite, at, self.q))
-        return np.concatenate(slopes)
+            slopes.append(np.where(finite, self.slope(np.where(finite, s, 0.0), pieces), self.q))
+        return max(0.0, -float(np.min(slopes)))
 
     @cached_property
     def b_scale(self) -> float:
         """Largest |b| at the kinks and, where bounded, at infinity [Pa]; 0 for a law without either."""
         ends = [abs(float(self.b_0[k])) for k in (0, -1) if self.q[k] == 0.0]
-        index = np.arange(len(self.kinks))
-        limits = [self.value(self.kinks, index + side) for side in (0, 1)]
-        return float(np.max(np.abs(np.concatenate([*limits, ends])), initial=0.0))
+        return float(np.max(np.abs(np.concatenate([self.b_left, self.b_right, ends])), initial=0.0))
 
     @cached_property
     def s_scale(self) -> float:
