@@ -116,9 +116,15 @@ def _axis(
 
 
 def _lists(ctx: Context, given: Mapping[str, Node], known: Mapping[Keys, Parameter]) -> list[SweptAxis]:
-    """The axes whose values stand beside their keys."""
+    """The axes whose values stand beside their keys; a fault says what else a short name may have been meant for."""
     found = {key: p for key, item in given.items() if (p := _parameter(ctx, key, item, known))}
-    return [_axis(ctx, key, given[key], p, *_values(ctx, given[key], p)) for key, p in found.items()]
+    axes, faults = [], ctx.errors.problems
+    for key, p in found.items():
+        first, others = len(faults), [".".join(path) for path in known if path[-1] == key and path != p.path]
+        axes.append(_axis(ctx, key, given[key], p, *_values(ctx, given[key], p)))
+        meant = f", or {' or '.join(others)} for {key}, which is {'.'.join(p.path)}" if others else ""
+        faults[first:] = [replace(fault, remedy=fault.remedy + meant) for fault in faults[first:]]
+    return axes
 
 
 def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Parameter]) -> Parameter | None:

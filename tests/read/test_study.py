@@ -329,3 +329,10 @@ def test_no_text_makes_the_reader_fail_in_any_other_way(edits: list[tuple[int, i
     assert study is None or len(study.scenes) == math.prod(study.shape)
     assert all(problem.what and problem.remedy for problem in problems)
     assert all(0 <= problem.line <= text.count("\n") + 2 for problem in problems)
+
+
+def test_a_short_name_with_two_meanings_says_the_other() -> None:
+    with pytest.raises(StudyError) as caught:
+        plain(overrides=("units=SI", "friction={law: linear, k: 1 GPa/m}", "sweep={k: [1 GPa/m]}"))
+    assert "'GPa/m' is not a unit of a thermal conductivity" in str(caught.value)
+    assert str(caught.value).endswith(", or friction.k for k, which is material.k")
