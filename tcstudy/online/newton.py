@@ -41,7 +41,7 @@ _INDEFINITE_COST = 1.5
 
 @dataclass(frozen=True, eq=False)
 class BlockSlopes:
-    """First-order information of R rows at v, (R, m) each; as tcstudy/solvers/nodal_pieces.Slopes.
+    """First-order information of R rows at v, (R, m) each; as tcstudy/solvers/separable/pieces.Slopes.
 
     at:          where v sits
     left, right: derivatives of L̃ in v_i from both sides [N/m]

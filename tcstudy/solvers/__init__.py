@@ -3,7 +3,7 @@
 problem, extended   the problem and the test that judges its solutions, in one and in two doubles
 contact             the door: a solver by name, all starts, the judgement
 separable/          the default method; bundle/ the general one; loop.py runs both
-search, hull        less energy than descent finds
+search, hulls, moves  less energy than descent finds
 bounds, certificates  what is proved of a solution
 path/               all solutions along a parameter
 history/            steps of a load history with memory
