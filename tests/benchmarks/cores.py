@@ -25,6 +25,9 @@ RUNS, RATIOS, SIZES = 2, (25_600, 51_200, 102_400), (10**4, 10**5, 10**6)
 """Runs of each kind, and numbers of points: of the ratio and of the memory."""
 PAUSE = 0.2
 """Seconds from one look at the memory to the next."""
+ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+"""Modules compiled once, as where the package is installed: three processes that compile them cost 0.5 s."""
+ENVIRONMENT["OPENBLAS_NUM_THREADS"] = "1"
 COARSE = ("mesh", "{maxh: 20 mm, levels: 1}")
 WORDS = (
     ("mesh", "{maxh: 2 mm, levels: 1, refine: 3}"),
@@ -80,10 +83,9 @@ def run(folder: Path, jobs: int, points: int) -> Taken:
     words = [f"--set={key}={value}" for key, value in (*WORDS, ("sweep", sweep))]
     study = str(ROOT / "configs" / "quickstart.yaml")
     command = [sys.executable, "-c", RUN, "run", study, *words, f"--output={folder / 'cores.nc'}", "-q", "--force"]
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
     before, since = os.times(), time.perf_counter()
     done = subprocess.run(
-        [*command, f"--jobs={jobs}"], env=environment, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True
+        [*command, f"--jobs={jobs}"], env=ENVIRONMENT, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True
     )
     wall, after = time.perf_counter() - since, os.times()
     alone, beside, blocks = (float(word) for word in done.stdout.splitlines()[-1].split())
@@ -144,7 +146,7 @@ def memory(points: int) -> tuple[float, float]:
         command = [sys.executable, "-m", "tcstudy", "run", study, *words, f"--output={Path(folder) / 'm.nc'}", "-q"]
         since, most = time.perf_counter(), 0.0
         running = subprocess.Popen(
-            [*command, "--jobs=2"], env={**os.environ, "OPENBLAS_NUM_THREADS": "1"}, cwd=ROOT, stdout=subprocess.PIPE
+            [*command, "--jobs=2"], env=ENVIRONMENT, cwd=ROOT, stdout=subprocess.PIPE
         )
         while running.poll() is None:
             most = max(most, held(running.pid))
