@@ -1,4 +1,4 @@
-"""Derivatives at solutions: closed forms, differences, events and folds."""
+"""Derivatives at solutions: closed forms, differences, adjoint against forward, events and folds."""
 
 from __future__ import annotations
 
@@ -76,6 +76,16 @@ def test_against_differences_with_pieces_that_stay(seed: int) -> None:
         rough, fine = ((solved(*moved(h)) - solved(*moved(-h))) / (2.0 * h) for h in (2e-4, 1e-4))
         scale = np.max(np.abs(forward))
         np.testing.assert_allclose(forward, (4.0 * fine - rough) / 3.0, rtol=0.0, atol=1e-7 * scale, err_msg=name)
+        y = np.cos(np.arange(problem.m))
+        assert _adjoint(at, y) @ r == pytest.approx(y @ forward, rel=1e-12)
+
+
+def _adjoint(at: Linearised, y: Array) -> Array:
+    """(m,) λ with yᵀ dv = λᵀ r for every r, by the transposed matrix and NumPy's solver."""
+    H = at.problem.A_tilde + np.diag(at.problem.c * np.asarray(at.problem.law.slope(at.v, at.piece)))
+    found = np.zeros(len(y))
+    found[at.free] = np.linalg.solve(H[np.ix_(at.free, at.free)].T, y[at.free])
+    return found
 
 
 def _by_law(at: Linearised, name: str) -> Array:
