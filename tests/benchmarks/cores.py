@@ -145,9 +145,7 @@ def memory(points: int) -> tuple[float, float]:
     with TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "tcstudy", "run", study, *words, f"--output={Path(folder) / 'm.nc'}", "-q"]
         since, most = time.perf_counter(), 0.0
-        running = subprocess.Popen(
-            [*command, "--jobs=2"], env=ENVIRONMENT, cwd=ROOT, stdout=subprocess.PIPE
-        )
+        running = subprocess.Popen([*command, "--jobs=2"], env=ENVIRONMENT, cwd=ROOT, stdout=subprocess.PIPE)
         while running.poll() is None:
             most = max(most, held(running.pid))
             time.sleep(PAUSE)
