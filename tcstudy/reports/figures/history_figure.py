@@ -76,11 +76,13 @@ def history_figure(data: Any, x: str, y: str, point: str, look: style.Look) -> F
     sheet.key(_draw_motion(sheet.panels["motion"], data))
     if "cycles" in sheet.panels:
         _draw_cycles(sheet.panels["cycles"], data, spent, ends)
-    return sheet.finish()
+    figure = sheet.finish()
+    _name_steps(sheet.panels["loop"], [str(name) for name in data["step_name"].values if name])
+    return figure
 
 
 def _draw_loop(axes: Axes, data: Any, x: str, y: str) -> None:
-    """y over x through all steps, the last cycle heavy; dots and names where steps have some; rings at jumps."""
+    """y over x through all steps, the last cycle heavy; dots, last of all, at steps with names; rings at jumps."""
     across, up = (data[name].values for name in (x, y))
     scales = [axis_unit(values, str(data[name].attrs.get("units", "1"))) for name, values in ((x, across), (y, up))]
     across, up = across / scales[0][0], up / scales[1][0]
@@ -92,28 +94,26 @@ def _draw_loop(axes: Axes, data: Any, x: str, y: str) -> None:
     axes.plot(across[last], up[last], color=style.BLUE, linewidth=2.0)
     jumps = np.flatnonzero(data["jumps"].values > 0)
     axes.plot(across[jumps], up[jumps], "o", color=style.VERMILLION, markerfacecolor="none", markersize=8, zorder=4)
-    names = data["step_name"].values
-    named = [i for i in range(len(names)) if names[i]]
+    named = data["step_name"].values != ""
     axes.plot(across[named], up[named], "o", color=style.INK, markersize=4, zorder=5)
     for name, (_, unit), put in ((x, scales[0], axes.set_xlabel), (y, scales[1], axes.set_ylabel)):
         put(style.labelled(_title(data, name), unit))
     axes.margins(x=0.08, y=0.1)
-    _name_steps(axes, across, up, [(i, str(names[i])) for i in named])
 
 
-def _name_steps(axes: Axes, across: Array, up: Array, named: list[tuple[int, str]]) -> None:
-    """The names of steps beside the loop, each once, where neither another name nor the edge is in the way."""
+def _name_steps(axes: Axes, names: list[str]) -> None:
+    """Names beside the dots of a loop, each once, where neither another name nor the edge is in the way."""
     from matplotlib.patheffects import withStroke
 
     letters = style.pt(8.5)
     taken: list[tuple[str, float, float, float]] = []
-    axes.autoscale_view()
     inch = axes.figure.dpi / 72.0
     right = float(axes.bbox.x1) / inch
-    for i, name in named[:NAMED]:
+    places = [(float(x), float(y)) for x, y in np.asarray(axes.lines[-1].get_xydata())]
+    for name, at in list(zip(names, places, strict=True))[:NAMED]:
         if any(name == other for other, *_ in taken):
             continue
-        x, y = axes.transData.transform((across[i], up[i])) / inch
+        x, y = axes.transData.transform(at) / inch
         wide = LETTER * letters * len(name)
         for dx, dy in ((6, 4), (-6, 4), (6, -4 - letters), (-6, -4 - letters)):
             left, low = x + dx - (wide if dx < 0 else 0.0), y + dy
@@ -124,7 +124,7 @@ def _name_steps(axes: Axes, across: Array, up: Array, named: list[tuple[int, str
             continue
         taken.append((name, left, left + wide, low))
         ha = "left" if dx > 0 else "right"
-        axes.annotate(name, (across[i], up[i]), (dx, dy), textcoords="offset points", ha=ha, fontsize=letters,
+        axes.annotate(name, at, (dx, dy), textcoords="offset points", ha=ha, fontsize=letters,
                       path_effects=[withStroke(linewidth=2.0, foreground="white")])  # fmt: skip
 
 
