@@ -73,7 +73,7 @@ def _curve(axes: Axes, data: Any) -> None:
         look: dict[str, Any] = {"color": style.VERMILLION, "marker": "o", "markersize": 4, "markerfacecolor": "white"}
         t, R = data["curve_given"].values[folds], data["curve_measured"].values[folds]
         axes.plot(t / across, R / up, linestyle="none", zorder=4, label="fold", **look)
-        _oblique_band(axes, data, at / across, fitted / up)
+        _oblique_band(axes, data, across, up)
     else:
         order = np.argsort(at, kind="stable")
         low, high = fitted - BAND * error, fitted + BAND * error
@@ -98,8 +98,8 @@ def _curve(axes: Axes, data: Any) -> None:
     axes.legend(fontsize=style.pt(8), framealpha=0.85, edgecolor="none")
 
 
-def _oblique_band(axes: Axes, data: Any, x: Array, y: Array) -> None:
-    """The band across the curve, at the feet of the data, in units of the noise of both."""
+def _oblique_band(axes: Axes, data: Any, across: float, up: float) -> None:
+    """The band across the curve, at the feet of the data, in units of the noise of both; across, up: units drawn."""
     own = data["measured_column"].values == 0
     error = BAND * (prediction_error(data) / data["noise"].values)[own]
     t, R = data["predicted_given"].values[own], data["predicted"].values[own]
@@ -107,9 +107,8 @@ def _oblique_band(axes: Axes, data: Any, x: Array, y: Array) -> None:
     way = np.gradient(np.stack([t, R], axis=1) / scale, axis=0)
     length = np.maximum(np.linalg.norm(way, axis=1), 1e-300)
     normal = np.stack([-way[:, 1], way[:, 0]], axis=1) / length[:, None]
-    to_axes = np.array([x[-1] / t[-1] if t[-1] else 1.0, y[np.argmax(np.abs(R))] / R[np.argmax(np.abs(R))]])
-    sides = [(np.stack([t, R], axis=1) + s * error[:, None] * normal * scale) * to_axes for s in (1.0, -1.0)]
-    ring = np.concatenate([sides[0], sides[1][::-1]])
+    sides = [np.stack([t, R], axis=1) + s * error[:, None] * normal * scale for s in (1.0, -1.0)]
+    ring = np.concatenate([sides[0], sides[1][::-1]]) / [across, up]
     axes.fill(ring[:, 0], ring[:, 1], color=style.BLUE, alpha=0.25, linewidth=0, zorder=1, label="95 % band")
 
 

@@ -96,8 +96,9 @@ def _draw_loop(axes: Axes, data: Any, x: str, y: str) -> None:
     axes.plot(across[jumps], up[jumps], "o", color=style.VERMILLION, markerfacecolor="none", markersize=8, zorder=4)
     named = data["step_name"].values != ""
     axes.plot(across[named], up[named], "o", color=style.INK, markersize=4, zorder=5)
+    loads = str(data.attrs["loads"]).split()
     for name, (_, unit), put in ((x, scales[0], axes.set_xlabel), (y, scales[1], axes.set_ylabel)):
-        put(style.labelled(_title(data, name), unit))
+        put(style.labelled(style.symbol(name) if name in loads else data[name].attrs.get("long_name", name), unit))
     axes.margins(x=0.08, y=0.1)
 
 
@@ -126,12 +127,6 @@ def _name_steps(axes: Axes, names: list[str]) -> None:
         ha = "left" if dx > 0 else "right"
         axes.annotate(name, at, (dx, dy), textcoords="offset points", ha=ha, fontsize=letters,
                       path_effects=[withStroke(linewidth=2.0, foreground="white")])  # fmt: skip
-
-
-def _title(data: Any, name: str) -> str:
-    """A load by its symbol, another number by its long name."""
-    loads = str(data.attrs["loads"]).split()
-    return style.symbol(name) if name in loads else str(data[name].attrs.get("long_name", name))
 
 
 def _draw_motion(axes: Axes, data: Any) -> list[Any]:

@@ -72,7 +72,7 @@ class Sheet:
             least *= 2.54
             raise DrawError(f"size: {least:.1f} cm is the least height of this picture with such width and letters")
         self.heights = heights
-        self.figure = Figure((self.width, self.height), layout="constrained")
+        self.figure = Figure((self.width, self.height), dpi=look.dpi, layout="constrained")
         self._write(head, EDGE * self.em)
         self._write(foot, self.height - below - EDGE * self.em)
         margins = [EDGE * self.em * (1.0 + bool(lines)) for lines in (head, foot)]
@@ -120,16 +120,15 @@ class Sheet:
         """Lay everything out; returns the figure."""
         figure, engine = self.figure, self.figure.get_layout_engine()
         assert engine is not None
-        figure.align_ylabels()
+        for axes in figure.axes:
+            self._wrap(axes)
         with warnings.catch_warnings(action="error"):
             try:
-                engine.execute(figure)
-                for axes in figure.axes:
-                    self._wrap(axes)
                 engine.execute(figure)
             except UserWarning as error:
                 raise DrawError("size: panels find no room; ask for a larger picture or smaller letters") from error
         figure.set_layout_engine("none")
+        figure.align_ylabels()
         for legend in figure.legends:
             legend.set_bbox_to_anchor(self._rect, figure.transFigure)
         for axes in figure.axes:
@@ -137,9 +136,10 @@ class Sheet:
         return figure
 
     def _wrap(self, axes: Axes) -> None:
-        """Wrap title and labels to the panel, which its title may leave to the right."""
-        box = axes.get_position()
-        across, up = self.look.columns(box.width * self.width), self.look.columns(box.height * self.height)
+        """Wrap title and labels to the panel, as large as it is before the layout; its title may leave it."""
+        box, wider = axes.get_position(), 1.15 if self.wide >= NARROW else 1.0
+        across = self.look.columns(wider * box.width * self.width)
+        up = self.look.columns(0.85 * box.height * self.height)
         texts = [_wrapped(text, up) for text in self._labels.get(axes, (axes.get_ylabel(),))]
         axes.set_ylabel(next((text for text in texts if text.count("\n") < LINES), texts[-1]), linespacing=1.0)
         axes.set_xlabel(_wrapped(axes.get_xlabel(), across))
