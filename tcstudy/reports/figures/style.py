@@ -209,7 +209,7 @@ def few_ticks(axis: Axis) -> None:
         axis.set_minor_formatter(plain)
 
 
-_STATED = re.compile(r"(\w+) = (-?[\d.]\S*)((?: [^\s,]+)*)(?=, |$)")
+_STATED = re.compile(r"(\w+) = (-?[\d.][^\s,]*)((?: [^\s,]+)*)(?=, |$)")
 
 
 def point_words(text: str) -> str:
