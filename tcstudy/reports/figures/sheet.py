@@ -6,6 +6,7 @@ have: it does not look how long they are.
 
 from __future__ import annotations
 
+import re
 import textwrap
 import warnings
 from collections.abc import Sequence
@@ -148,4 +149,7 @@ class Sheet:
 
 
 def _wrapped(text: str, columns: int) -> str:
+    shown = re.sub(r"[$_{}]", "", re.sub(r"\\[a-z]+", "x", text))  # a formula is shorter than its source
+    if len(shown) <= columns:
+        return text
     return "\n".join(textwrap.wrap(text, columns, break_long_words=False))
