@@ -229,12 +229,17 @@ class Workshop:
     def _with_asked(self, record: BlockRecord) -> BlockRecord:
         """The block with the numbers and the derivatives that the study asks for of solved points."""
         columns = {v.name: np.full(len(record), np.nan) for v in variables(self.study)}
+        status, reasons = record.status.copy(), dict(record.reasons)
         for row, place in enumerate(record.points):
             if record.status[row] == PointStatus.OK and record.u_T is not None:
-                for of in self._asked:
-                    for name, value in of(self._scene(place), record.u_T[row]).items():
-                        columns[name][row] = value
-        return replace(record, numbers={**record.numbers, **columns})
+                try:
+                    for of in self._asked:
+                        for name, value in of(self._scene(place), record.u_T[row]).items():
+                            columns[name][row] = value
+                except Exception as error:  # as in solve_point; the solution itself stays
+                    status[row] = PointStatus.ERROR
+                    reasons[row] = f"numbers on request: {type(error).__name__}: {error}"
+        return replace(record, status=status, reasons=reasons, numbers={**record.numbers, **columns})
 
     def _completed(self, record: BlockRecord) -> BlockRecord:
         """Whole-body fields and estimates, where the study asks for them."""

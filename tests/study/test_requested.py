@@ -7,11 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from numpy.typing import NDArray
 
 import tcstudy
+from tcstudy.data.records import PointStatus
 from tcstudy.errors import StudyError
 from tcstudy.offline.requested import Requested
 from tcstudy.read.study import read_study_text
+from tcstudy.scene.records import Scene
 from tcstudy.scene.study import OutputPlan
 from tcstudy.solvers.contact import solve_contact
 from tests.verification.scenes import HEATED_BRACKET, levels_of, study_of
@@ -82,6 +85,23 @@ def test_reactions_balance_the_loads(changes: tuple[str, ...]) -> None:
     for i, axis in enumerate("xy"):
         total = sum(found[f"reaction_{edge}_{axis}"] for edge in ("slope", "curve", "top"))
         assert total == pytest.approx(carried[i] - loads[i], abs=1e-12 * np.abs(level.load(scene)).sum())
+
+
+def test_a_number_that_breaks_down_ends_its_point_and_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The solution stays in the file, with the reason beside it."""
+    original = Requested.of
+
+    def broken(self: Requested, scene: Scene, v: NDArray[np.float64]) -> dict[str, float]:
+        if not scene.material.expands:
+            raise RuntimeError("no such element")
+        return original(self, scene, v)
+
+    monkeypatch.setattr(Requested, "of", broken)
+    data = stored(BAR.replace("PLANE", "stress"), tmp_path).isel(level=0)
+    assert data["status"].values.tolist() == [PointStatus.ERROR, PointStatus.OK]
+    assert str(data["reason"][0].values) == "numbers on request: RuntimeError: no such element"
+    assert np.isnan(data["probe_tip_u_x"].values).tolist() == [True, False]
+    assert np.isfinite(data["u_T_max"].values).all()
 
 
 def test_nothing_is_stored_that_is_not_asked_for(tmp_path: Path) -> None:
