@@ -185,7 +185,7 @@ def _steps(study: Study, level: Level, record: HistoryRecord, staff: Staff, buil
             record.take(point, unpacked(answer))
         except UserFault:
             raise
-        except Exception as error:  # as of a block of points: one history must not end a sweep
+        except Exception as error:  # as in `_follow`; of a worker that died
             record.reason[point] = f"{type(error).__name__}: {error}"
             record.status[point, int(steps_done(record)[point])] = PointStatus.ERROR
         yield point, int(steps_done(record)[point]) - 1
@@ -222,9 +222,14 @@ def _follow(study: Study, level: Level, scene: Scene, record: HistoryRecord, poi
     """Every step that is solved; the record has it then, or the reason why there is no further one."""
     try:
         yield from _of_point(study, level, scene, record, point)
+        return
+    except UserFault:
+        raise
     except (NotPositiveDefinite, UnfitLaw) as error:
-        record.reason[point] = str(error)
-        record.status[point, int(steps_done(record)[point])] = PointStatus.SINGULAR
+        status, reason = PointStatus.SINGULAR, str(error)
+    except Exception as error:  # as of a block of points: one history must not end a sweep
+        status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
+    record.status[point, int(steps_done(record)[point])], record.reason[point] = status, reason
 
 
 def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, point: int) -> Iterator[int]:

@@ -16,7 +16,7 @@ import tcstudy
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import StoreError, UsageError
 from tcstudy.read.study import read_study_text
-from tcstudy.study import jobs
+from tcstudy.study import history_run, jobs
 from tcstudy.study.history_run import execute_history
 from tests.study.test_errands import kill_one
 
@@ -191,6 +191,32 @@ def test_a_cluster_finds_the_same_histories_though_a_worker_is_killed(tmp_path: 
 
     summary = execute_history(study, tmp_path / "b.nc", watch, jobs=2, dask="local")
     assert (summary.points, summary.ended) == (6, 0)
+    with xr.open_dataset(tmp_path / "a.nc") as a, xr.open_dataset(tmp_path / "b.nc") as b:
+        assert a.drop_attrs().equals(b.drop_attrs())
+
+
+def test_a_step_that_breaks_down_ends_its_history_and_no_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The steps before stay; the next run tries again and finds what an undisturbed one finds."""
+    study, put, calls = read_study_text(SWEPT, "study.yaml"), history_run._put, []
+
+    def broken(record: object, point: int, n: int, *given: object) -> None:
+        calls.append(n)
+        if point == 1 and n == 2:
+            raise RuntimeError("no such state")
+        put(record, point, n, *given)  # type: ignore[arg-type]
+
+    execute_history(study, tmp_path / "a.nc", jobs=1)
+    with monkeypatch.context() as patched:
+        patched.setattr(history_run, "_put", broken)
+        summary = execute_history(study, tmp_path / "b.nc", jobs=1)
+    assert (summary.points, summary.ended) == (6, 1)
+    with xr.open_dataset(tmp_path / "b.nc") as b:
+        found = b["status"].transpose("tau_s", "alpha_T", "step").values.reshape(6, 5)
+        reasons = b["reason"].transpose("tau_s", "alpha_T").values.ravel()
+    assert np.count_nonzero(found == PointStatus.OK) == 27
+    assert found[1].tolist() == [PointStatus.OK] * 2 + [PointStatus.ERROR] + [PointStatus.NOT_RUN] * 2
+    assert str(reasons[1]) == "RuntimeError: no such state"
+    assert execute_history(study, tmp_path / "b.nc", jobs=1).found == 27
     with xr.open_dataset(tmp_path / "a.nc") as a, xr.open_dataset(tmp_path / "b.nc") as b:
         assert a.drop_attrs().equals(b.drop_attrs())
 
