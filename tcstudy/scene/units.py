@@ -133,6 +133,16 @@ def common_unit(values: Iterable[object], dimension: Dimension) -> tuple[str, fl
         return dimension.si, 1.0
 
 
+def text_in(value: float, unit: str, size: float) -> str | None:
+    """The text of a number in SI in a unit of that size in SI, "52.5 mm", which is read as the same number; else None.
+
+    unit: in the words of `common_unit`
+    """
+    number = Decimal(repr(value)) / Decimal(repr(size))
+    same = float(number * Decimal(repr(size))) == value
+    return f"{number:f} {'um' if unit == 'µm' else unit}" if same else None
+
+
 @lru_cache(maxsize=64)
 def dimensions_of(unit: str) -> Any:
     """Exponents of the base units of a unit in pint's words."""

@@ -2,13 +2,14 @@
 
 The union of two grids is the grid of both axes' values; a point of it that neither has is not run. The union of point
 lists, or of a list and a grid, is a list. Either is a study of its own: the text of the newer one with the option
-`sweep={…}`, as `--set` would put it.
+`sweep={…}`, as `--set` would put it. Its numbers stand in the unit of the newer study, or else of the older one.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from tcstudy.read.node import Node
 from tcstudy.read.study import read_study_text
 from tcstudy.read.sweep import MAX_POINTS
 from tcstudy.scene.study import Axis, Study
-from tcstudy.scene.units import same_quantity
+from tcstudy.scene.units import same_quantity, split_quantity, text_in
 from tcstudy.study.shared_points import places_in
 
 Label = float | str
@@ -99,11 +100,26 @@ def union(old: Study, new: Study) -> Study:
     if old.design is not None or new.design is not None:
         keep = "keep mode, seed and distributions, and double the points of a latin-hypercube"
         raise StoreError(f"the points of the file are not the first of this design; {keep}, or give another --output")
+    units = {axis.path: axis.written if axis.written[0] else _axis(old, axis).written for axis in new.axes}
+    old, new = (replace(one, axes=tuple(_in_unit(axis, *units[axis.path]) for axis in one.axes)) for one in (old, new))
     sweep = _grid(old, new) if old.mode == new.mode == "grid" else _list(old, new)
     if (h := tree_of(new).child("sweep")) is not None and (sizes := h.child("h")) is not None:
         sweep["h"] = sizes.plain()
     name = str(new.source) if new.source is not None else "<text>"
     return read_study_text(new.text, name, with_sweep(new.overrides, sweep), new.source)
+
+
+def _in_unit(axis: Axis, unit: str, size: float) -> Axis:
+    """The axis with its numbers written in a unit of a study, if it has one; expressions stay."""
+    if not unit:
+        return axis
+    values = tuple(
+        value
+        if isinstance(label, str) or (isinstance(value, str) and split_quantity(value) is None)
+        else text_in(label, unit, size) or value
+        for value, label in zip(axis.values, axis.labels, strict=True)
+    )
+    return replace(axis, values=values)
 
 
 def _grid(old: Study, new: Study) -> dict[str, object]:

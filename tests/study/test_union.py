@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tcstudy.errors import StoreError
+from tcstudy.read.study import read_study_text
 from tcstudy.study.shared_points import places_in
 from tcstudy.study.union import differences, union
 from tests.test_cli import CONFIGS
@@ -64,6 +65,27 @@ def test_the_union_of_grids_is_the_grid_of_all_values() -> None:
         for place, scene in zip(places_in(both, study), study.scenes, strict=True):
             assert both.scenes[int(place)] == scene
     assert places_in(old, new, absent=-1).tolist() == [-1, -1]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "unit", "size"),
+    [
+        ("{linspace: [20 kPa, 70 kPa, 4]}", "[80 kPa]", "kPa", 1e3),
+        ("[20 kPa, 70 kPa]", "{geomspace: [0.03 MPa, 0.1 MPa, 3]}", "MPa", 1e6),
+        ("[20 psi, 0]", "[30000]", "psi", 6894.75729316836),
+    ],
+)
+@pytest.mark.parametrize("mode", ["", "mode: zip, "])
+def test_the_union_keeps_the_unit_of_the_newer_study(old: str, new: str, unit: str, size: float, mode: str) -> None:
+    """The numbers are the same to the bit, and the study that a file holds has the unit as well."""
+    one, two = (study_of(SI, f"sweep={{{mode}tau: {values}}}") for values in (old, new))
+    both = union(one, two)
+    (axis,) = both.axes
+    assert axis.written == (unit, size)
+    assert axis.labels == (*one.axes[0].labels, *two.axes[0].labels)
+    again = union(read_study_text(both.text, "file", both.overrides), study_of(SI, f"sweep={{{mode}tau: [5]}}"))
+    assert again.axes[0].written == (unit, size)
+    assert again.axes[0].labels == (*axis.labels, 5.0)
 
 
 def test_one_study_that_has_all_points_is_the_union() -> None:
