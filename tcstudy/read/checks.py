@@ -125,30 +125,32 @@ def check_mesh(ctx: Context, maxh: Node, plan: MeshPlan, body: Body) -> None:
     """Refuse element sizes that do not fit the body (one from a file is judged when the file is read)."""
     if body.outline is None:
         return
-    for i, what, remedy in mesh_faults(plan, body_area(body), body_size(body)):
+    for i, what, remedy in mesh_faults(plan, body_area(body), body_size(body), ctx.units):
         ctx.errors.at(maxh.value[i] if isinstance(maxh.value, tuple) else maxh, what, remedy)
 
 
-def mesh_faults(plan: MeshPlan, area: float, size: float) -> Iterator[tuple[int, str, str]]:
+def mesh_faults(plan: MeshPlan, area: float, size: float, units: str) -> Iterator[tuple[int, str, str]]:
     """(number of the size, what, remedy) of all that give no sensible number of triangles, area/(√3/4 h²)·4^(levels−1).
 
-    area, size: of the body, [m²] and the diagonal [m]
+    area, size: of the body, [m²] and the diagonal [m];  units: of the study, "SI" or "none"
     """
+    unit = " m" if units == "SI" else ""
+    body = f"the body ({size:g}{unit})"
     # graded meshes have about as many elements as uniform ones; those with a tolerance stop at max_dofs
     doubling = not plan.listed and not plan.open_ended
     refinements = plan.levels - 1 if doubling else 0
     for i, h in enumerate(plan.maxh):
         if h <= size < h * 2.0**plan.refine:
             remedy = f"give refine: {math.floor(math.log2(size / h))} or less"
-            yield i, f"the coarse mesh, of {h * 2.0**plan.refine:g}, is larger than the body ({size:g})", remedy
+            yield i, f"the coarse mesh, of {h * 2.0**plan.refine:g}{unit}, is larger than {body}", remedy
         if h > size:
-            remedy = f"choose maxh well below it, for example {size / 10:.2g}"
-            yield i, f"an element of {h:g} is larger than the body ({size:g})", remedy
+            remedy = f"choose maxh well below it, for example {size / 10:.2g}{unit}"
+            yield i, f"an element of {h:g}{unit} is larger than {body}", remedy
         exponent = math.log10(area / (math.sqrt(3.0) / 4.0)) - 2.0 * math.log10(h)
         exponent += refinements * math.log10(4.0)
         if exponent > math.log10(MAX_TRIANGLES):
             least = 10.0 ** (math.log10(h) + (exponent - math.log10(MAX_TRIANGLES)) / 2.0)
-            remedy = f"choose maxh above {least:.2g}" + (" or fewer levels" if refinements else "")
+            remedy = f"choose maxh above {least:.2g}{unit}" + (" or fewer levels" if refinements else "")
             if least > size:
                 fewer = math.ceil((exponent - math.log10(MAX_TRIANGLES)) / (2.0 * math.log10(2.0)))
                 remedy = f"give at most {max(1, plan.levels - fewer)} levels"

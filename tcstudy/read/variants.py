@@ -209,9 +209,8 @@ def _refusal(ctx: Context, root: Node, sweep: Sweep) -> str:
     mesh = read_mesh(probe, section, sweep.h) if section or sweep.h else None
     if mesh is None or probe.errors.problems:
         return ""
-    return next(
-        (f"mesh.maxh: {what}; {remedy}" for _, what, remedy in mesh_faults(mesh, body_area(body), body_size(body))), ""
-    )
+    found = mesh_faults(mesh, body_area(body), body_size(body), ctx.units)
+    return next((f"mesh.maxh: {what}; {remedy}" for _, what, remedy in found), "")
 
 
 def _said(

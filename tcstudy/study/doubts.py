@@ -213,7 +213,7 @@ def built_faults(study: Study) -> list[Found]:
     except GeometryFailed as error:
         what, _, remedy = str(error).partition("; ")
         return [(("body", "file"), what, remedy or "check the file and the number of the face")]
-    sizes = mesh_faults(study.mesh, geometry.area, geometry.size)
+    sizes = mesh_faults(study.mesh, geometry.area, geometry.size, study.units)
     return [
         *_nameless(body, geometry),
         *_region_faults(body, geometry),

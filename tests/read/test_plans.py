@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from tcstudy.errors import StudyError
@@ -121,6 +123,16 @@ def test_faults_name_their_place_and_remedy(text: str, fault: str) -> None:
     lines = faults(text)
     assert len(lines) == 1, lines
     assert fault in lines[0]
+
+
+def test_faults_of_sizes_have_the_unit_of_the_study() -> None:
+    body = "is larger than the body (2.23607 m); choose maxh well below it, for example 0.22 m"
+    for size, fault in (("6 km", f"an element of 6000 m {body}"), ("1 um", "; choose maxh above ")):
+        with pytest.raises(StudyError, match=re.escape(fault)) as info:
+            read_study_text(BASE.replace("units: none\n", "") + f"mesh: {{maxh: {size}}}\n", "test")
+        assert re.search(r" m$", str(info.value))
+    assert "; choose maxh well below it, for example 0.22" in faults("{maxh: 6000}")[0]
+    assert " m" not in faults("{maxh: 6000}")[0].partition("an element of")[2].replace(" maxh", "")
 
 
 def test_faults_in_the_sweep() -> None:

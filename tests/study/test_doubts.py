@@ -166,7 +166,7 @@ def test_a_sound_study_has_no_fault(tmp_path: Path) -> None:
                                                                "about (0.01, 0.005)"),
         (ROLES, "bottom: contact\n  sides: free\n  bore: {role: clamped, u_y: 0}", "study.yaml:10:3: boundary: the "
                 "supports do not hold the body: it can still slide along x"),
-        ("maxh: 2 mm", "maxh: 1 m", "study.yaml:15:14: mesh.maxh: an element of 1 is larger than the body (0.022"),
+        ("maxh: 2 mm", "maxh: 1 m", "study.yaml:15:14: mesh.maxh: an element of 1 m is larger than the body (0.022"),
         ("maxh: 2 mm", "maxh: 1 um", "study.yaml:15:14: mesh.maxh: about 10^9.3 triangles are more than a study can"),
         ("bore: [[0.01, 0.006]]", "bore: [[0.01, 0.006]], top: [[0.01, 0.0061]]",
          "study.yaml:4:40: body.file.edges.bore: no edge of the face has the name 'bore': another name has a point"),
