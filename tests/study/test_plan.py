@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import tcstudy
+from tcstudy.reports.terminal.forecast import expected_words
 from tcstudy.study import expected as sizes_module
 from tcstudy.study.plan import plan
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
@@ -97,6 +98,12 @@ def test_a_swept_parameter_that_changes_nothing_is_named() -> None:
     assert own[0].startswith("theta_bar changes nothing (every edge that exchanges heat has its own)")
     elastic = HEATED_BRACKET + "sweep: {E: [1, 2]}"
     assert not any("changes nothing" in note for note in plan(study_of(elastic, constant)).notes)
+
+
+def test_a_tiny_study_takes_no_zero_seconds() -> None:
+    assert expected_words(0.3, 2e8).startswith("under a second of one process")
+    assert expected_words(0.3, 2e8, at_most=True).startswith("under a second of one process")
+    assert expected_words(2.2, 2e8, at_most=True).startswith("up to about 2 s of one process")
 
 
 def test_dear_meshing_is_said_with_what_makes_it_cheap(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -47,7 +47,8 @@ def forecast_text(study: Study, plan: Any, more: Sequence[str], output: Path, wo
 def expected_words(seconds: float, memory: float, at_most: bool = False) -> str:
     """Time and memory to expect, in words: rough figures."""
     most = "up to " if at_most else ""
-    return f"{most}about {span(seconds)} of one process on this machine when idle, {most}about {memory / 1e9:.1g} GB"
+    took = f"{most}about {span(seconds)}" if seconds >= 1.0 else "under a second"
+    return f"{took} of one process on this machine when idle, {most}about {memory / 1e9:.1g} GB"
 
 
 def _count(value: int, level: Any) -> str:
