@@ -97,6 +97,19 @@ def test_a_bar_of_several_lengths_has_the_closed_form_and_the_bits_of_single_run
     assert float(group["level_1"]["arclength"].max()) == pytest.approx(0.1)
 
 
+def test_the_summary_says_which_geometry_its_extremes_are_of(bar: Path, tmp_path: Path) -> None:
+    """Each with its own: the longest bar has the most unknowns, not the longest edge."""
+    (line,) = (line for line in " ".join(summary(bar).split()).split("on level 1 ")[1:])
+    data = xr.open_dataset(bar).isel(level=-1)
+    most, least = (name.idxmax("width") for name in (data["n_dof"], -data["lambda_1"].min("E")))
+    h_max = data["h_max"].idxmax("width")
+    words = [f"{title} of width = {1e3 * float(at):g} mm" for title, at in
+             (("h_max", h_max), ("dofs", most), ("λ₁", least))]  # fmt: skip
+    assert line.startswith("; ".join(words) + " ")
+    run(BAR.replace("body.rectangle.width: [400 mm, 100 mm, 200 mm], ", ""), tmp_path / "one.nc")
+    assert "geometries" not in summary(tmp_path / "one.nc")
+
+
 def test_plan_tells_geometries_meshes_and_factorisations() -> None:
     forecast = plan(study := read_study_text(BAR))
     assert (forecast.points, forecast.factorisations) == (6, 3)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from tcstudy.data.reading import Unreadable, axis_names, of_largest, probe, sweep_dims
+from tcstudy.data.reading import GEOMETRIES, Unreadable, axis_names, of_largest, probe, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, UNBALANCED
 from tcstudy.data.store import open_results
@@ -38,9 +38,17 @@ def summary(path: Path, most: int | None = MOST_ROWS) -> str:
     """
     with open_results(path) as tree:
         data = tree.to_dataset().drop_vars(NOT_SAID, errors="ignore").load()
-    data = of_largest(data)
+    extremes, data = _extremes(data), of_largest(data)
     stopped = f"  stopped: {data['stop'].values[-1]}" if "stop" in data and data["stop"].values[-1] else ""
-    parts = [data.attrs["title"], _levels(data), stopped, _points(data, most), solver_table(data), _failures(data)]
+    parts = [
+        data.attrs["title"],
+        _levels(data),
+        extremes,
+        stopped,
+        _points(data, most),
+        solver_table(data),
+        _failures(data),
+    ]
     parts += [_derivatives(data), _not_run(data), _rounding(data), _heat(data)]
     return wrapped("\n\n".join(part for part in parts if part))
 
@@ -93,6 +101,24 @@ _COLUMNS = (
     ("theta_mean", "mean θ", 6),
 )
 """Numbers of a point, their titles, and their importance where there is no room for all."""
+
+
+def _extremes(data: Any) -> str:
+    """Which of several geometries the table of levels means; empty for one."""
+    if GEOMETRIES not in data.attrs:
+        return ""
+    fine = data.isel(level=-1)
+    dims = [str(dim) for dim in fine["n_dof"].dims]
+    outer = data.drop_vars([name for name in axis_names(data) if str(data[name].dims[0]) not in dims])
+    said = []
+    for title, name, sign in (("h_max", "h_max", 1.0), ("dofs", "n_dof", 1.0), ("λ₁", "lambda_1", -1.0)):
+        values = sign * fine[name].transpose(*dims, ...).values.astype(float)
+        if not np.isfinite(values).any():
+            return ""
+        place = np.unravel_index(int(np.nanargmax(values)), values.shape)
+        said.append(f"{title} of {describe(outer, dict(zip(dims, map(int, place), strict=False)))}")
+    what = f"{data.attrs[GEOMETRIES]} geometries: the largest h_max, dofs and contact, the least λ₁"
+    return f"  {what}; on level {int(fine['level'])} {'; '.join(said)}"
 
 
 def _points(data: Any, most: int | None) -> str:
