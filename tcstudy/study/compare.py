@@ -69,7 +69,8 @@ class NumberDifference:
 class Comparison:
     """What differs between two files; lines are "key: value of the first | value of the second".
 
-    points: points that one file has alone;  layout: meshes, variables and outcomes that cannot be compared one to one
+    points: that one file has alone, or has run alone
+    layout: meshes, variables and outcomes that cannot be compared one to one
     compared: variables that were
     """
 

@@ -288,7 +288,5 @@ def _refuse_disagreement(study: Study, one: tuple[StoredRun, Places], two: tuple
     shared, *rows = np.intersect1d(places, others, return_indices=True)
     if len(shared) and (found := disagreement(run.path, other.path, (rows[0], rows[1]))) is not None:
         row, what = found
-        labels = LabelledPoints.of_study(study).at(int(shared[row]))
-        names = (f"{axis.name} = {labels['.'.join(axis.path)]}" for axis in study.axes)
-        name = ", ".join(names) or "the point"
+        name = LabelledPoints.of_study(study).describe(int(shared[row])) or "the point"
         raise StoreError(f"{run.name} and {other.name} have other numbers for {name} {what}; run one of them anew")

@@ -74,6 +74,31 @@ def test_points_are_found_by_their_labels(tmp_path: Path) -> None:
     assert other.study == ("swept parameters: alpha | tau",)
 
 
+def test_points_that_were_not_run_are_points_that_the_other_has_alone(tmp_path: Path) -> None:
+    """Of a grid with gaps, on one body and on several; named in the unit of the study."""
+    body = {"parameters": {"w": "2 m"}, "body": {"rectangle": {"width": "w", "height": "1 m"}}}
+    si = {**SECTIONS, "units": "SI"}
+    for name, sections, key in (("one", si, "E"), ("several", si | body, "parameters.w")):
+        units, values = ("Pa", (1.0, 2.0)) if key == "E" else ("mm", (2000, 2500))
+        first, second = (f"{value} {units}" for value in values)
+        gaps, whole = tmp_path / f"{name}-gaps.nc", tmp_path / f"{name}.nc"
+        of = lambda sweep, sections=sections: tcstudy.Study.from_dict(sections | {"sweep": sweep})  # noqa: E731
+        tcstudy.run(of({"tau": ["0.1 mPa"], key: [first]}), gaps, jobs=1)
+        tcstudy.run(of({"tau": ["0.2 mPa"], key: [second]}), gaps, append=True, jobs=1)
+        tcstudy.run(of({"tau": ["0.1 mPa", "0.2 mPa"], key: [first, second]}), whole, jobs=1)
+        found = tcstudy.compare(gaps, whole)
+        assert not found.numbers, found.text
+        assert not found.layout
+        one, two = (f"{values[k]:g} {units}" for k in (0, 1))
+        assert f"2 only in {whole}: " in found.points[0]
+        assert len(found.points) == 1
+        swept = key.rpartition(".")[2]
+        assert f"{swept} = {two}" in found.points[0]
+        assert f"{swept} = {one}" in found.points[0]
+        assert "tau = 0.1 mPa" in found.points[0]
+        assert tcstudy.compare(gaps, gaps).equal
+
+
 def test_exit_codes_and_studies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     small = tcstudy.Study.from_dict(SECTIONS)
     names = [str(tmp_path / name) for name in ("a.nc", "b.nc", "path.nc")]

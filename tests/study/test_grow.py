@@ -228,7 +228,7 @@ def test_merge_refuses_what_is_not_one_study(
 
     monkeypatch.setattr(protocol, "solve_block", shifted)
     tcstudy.run(study(file, "sweep={E: [1, 3]}", "friction.tau=0.01"), b, force=True)
-    with pytest.raises(tcstudy.StoreError, match=r"other numbers for E = 1.0 on level 0: u_T at node 0 "):
+    with pytest.raises(tcstudy.StoreError, match=r"other numbers for E = 1 on level 0: u_T at node 0 "):
         tcstudy.merge([a, b], c)
     assert not c.exists()
     (tmp_path / "d.nc").write_bytes(b"no result")
