@@ -109,6 +109,22 @@ def test_a_film_that_breaks_at_once_lets_go_where_nothing_falls_behind_it(metre:
     assert [step.state.v[0] / metre for step in steps] == pytest.approx([0.3, 1.4, 1.2], rel=1e-12)
 
 
+@pytest.mark.parametrize("seed", [203, 239, 1070])
+def test_a_body_with_a_soft_way_never_jumps_under_a_constant_film(seed: int) -> None:
+    """Stiffnesses over ten decades: what residuals move along the soft way gains energy, yet no node can let go."""
+    rng = np.random.default_rng(seed)
+    m = 2 + seed % 4
+    modes = np.linalg.qr(rng.standard_normal((m, m)))[0]
+    A = (modes * 10.0 ** rng.uniform(-8.0, 2.0, m)) @ modes.T
+    body = HistoryProblem(0.5 * (A + A.T), np.full(m, 1e-3), law("tresca", tau=1.0), Memory("friction"), substeps=None)
+    way = rng.standard_normal(m) * 10.0 ** (seed % 3 - 1)
+    steps = list(history(body, [share * way for share in (1.0, -1.0, 0.5, -1.5, 1.5)]))
+    assert body.monotone
+    assert [(step.reason, step.jumps, step.energies.released) for step in steps] == [("", 0, 0.0)] * 5
+    assert not any(np.any(step.jumped) for step in steps)
+    assert all(abs(step.energies.closure) <= 1e-8 * abs(step.body) for step in steps)
+
+
 def test_a_cycle_that_changes_less_than_rounding_allows_is_closed() -> None:
     """The same changes are a closed loop, walking or not settled, by what rounding of the slips allows."""
     ends = 6.0 + np.cumsum([[0.0, 0.0], [1e-6, 1e-6], [-2e-6, 1e-6]], axis=0)
