@@ -16,7 +16,7 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.select_point import Value, describe, locate
 from tcstudy.reports.terminal.history_summary import MOVES, last_change, motion
-from tcstudy.reports.text import axis_unit, counted
+from tcstudy.reports.text import axis_unit, counted, pretty
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,7 +68,7 @@ def draw_history(
 def history_figure(data: Any, x: str, y: str, point: str, look: style.Look) -> Figure:
     """The figure of one history, its solved steps; call it within `style.styled()` for its letters."""
     spent, ends = _cycles(data)
-    told = [f"memory: {data.attrs['memory']}", counted(data.sizes["step"] - 1, "step"), last_change(data).words]
+    told = [f"memory: {data.attrs['memory']}", counted(data.sizes["step"] - 1, "step"), pretty(last_change(data).words)]
     rows = [["loop"], ["motion"], ["cycles"]][: 3 if len(spent) > 1 else 2]
     facts = [style.point_words(point), ";  ".join(filter(None, told))]
     sheet = Sheet(look, data.attrs["title"], facts, rows, HEIGHTS[: len(rows)])

@@ -12,6 +12,8 @@ import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
 
@@ -28,6 +30,10 @@ NARROW, BESIDE = 80, 60
 so stands beside the panel."""
 ROOM = 0.7
 """Room below a row of panels for its labels [inch of usual letters]."""
+SAMPLE = 7
+"""Letters that the sample of a line beside a label of a key takes, with the room before and behind it."""
+APART = 0.8
+"""Room between keys and panels, relative to the letters of the keys."""
 SMALLEST = 0.3
 """Panels can shrink to this part of their usual height."""
 LINES = 2
@@ -98,12 +104,12 @@ class Sheet:
 
     def key(self, handles: Sequence[Any], place: str = "lower center", title: str | None = None) -> None:
         """What lines, marks and hatches mean, the labels of the handles, outside the panels; as in Figure.legend."""
-        longest = max(len(handle.get_label()) for handle in handles)
-        columns = 1 if "right" in place else max(1, min(len(handles), int(self.wide / SMALL) // (longest + 6)))
+        columns = 1 if "right" in place else _columns([handle.get_label() for handle in handles], self.wide / SMALL)
         where: dict[str, Any] = {"loc": f"outside {place}"}
         self.figure.legend(
             handles=list(handles), **where, title=title, ncols=columns, frameon=False,
-            fontsize=SMALL * self.look.letters, borderaxespad=0.0, borderpad=0.1, handlelength=1.6, columnspacing=1.2,
+            fontsize=SMALL * self.look.letters, borderaxespad=0.0, borderpad=0.5 * APART, handlelength=1.6,
+            columnspacing=1.2,
         )  # fmt: skip
 
     def bar(self, axes: Axes, drawn: Any, *label: str) -> None:
@@ -123,15 +129,20 @@ class Sheet:
         assert engine is not None
         for axes in figure.axes:
             self._wrap(axes)
+        figure.align_ylabels()
         with warnings.catch_warnings(action="error"):
             try:
                 engine.execute(figure)
+                if any(axes.get_aspect() != "auto" and axes.get_adjustable() == "box" for axes in figure.axes):
+                    engine.execute(figure)  # labels were measured beside a panel that its shape had made smaller
             except UserWarning as error:
                 raise DrawError("size: panels find no room; ask for a larger picture or smaller letters") from error
         figure.set_layout_engine("none")
-        figure.align_ylabels()
+        left, bottom, width, height = self._rect  # keys have their margins towards the panels alone
+        across, up = (0.5 * APART * SMALL * self.em / side for side in (self.width, self.height))
         for legend in figure.legends:
-            legend.set_bbox_to_anchor(self._rect, figure.transFigure)
+            box = (left - across, bottom - up, width + 2.0 * across, height + 2.0 * up)
+            legend.set_bbox_to_anchor(box, figure.transFigure)
         for axes in figure.axes:
             axes.apply_aspect()
         return figure
@@ -140,7 +151,7 @@ class Sheet:
         """Wrap title and labels to the panel, as large as it is before the layout; its title may leave it."""
         box, wider = axes.get_position(), 1.15 if self.wide >= NARROW else 1.0
         across = self.look.columns(wider * box.width * self.width)
-        up = self.look.columns(0.85 * box.height * self.height)
+        up = self.look.columns(box.height * self.height)
         texts = [_wrapped(text, up) for text in self._labels.get(axes, (axes.get_ylabel(),))]
         axes.set_ylabel(next((text for text in texts if text.count("\n") < LINES), texts[-1]), linespacing=1.0)
         axes.set_xlabel(_wrapped(axes.get_xlabel(), across))
@@ -148,8 +159,22 @@ class Sheet:
         axes.set_title(_wrapped(axes.get_title(loc="left"), title), loc="left")
 
 
+def _seen(text: str) -> str:
+    """About as many letters as are seen: a formula is shorter than its source."""
+    return re.sub(r"[$_{}]", "", re.sub(r"\\[a-z]+", "x", text))
+
+
 def _wrapped(text: str, columns: int) -> str:
-    shown = re.sub(r"[$_{}]", "", re.sub(r"\\[a-z]+", "x", text))  # a formula is shorter than its source
-    if len(shown) <= columns:
+    if len(_seen(text)) <= columns:
         return text
     return "\n".join(textwrap.wrap(text, columns, break_long_words=False))
+
+
+def _columns(labels: Sequence[str], letters: float) -> int:
+    """Columns of a key in as few rows as do on the room of so many letters; columns are filled one after the other."""
+    for rows in range(1, len(labels)):
+        columns = -(-len(labels) // rows)
+        split = np.array_split([len(_seen(text)) for text in labels], columns)
+        if sum(int(column.max()) + SAMPLE for column in split) <= letters:
+            return columns
+    return 1

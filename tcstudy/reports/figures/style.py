@@ -139,6 +139,11 @@ def symbol(name: str) -> str:
     return f"${letter}{below}$" if component else plain(key.symbol(name))
 
 
+def with_symbols(text: str) -> str:
+    """Words in which u_T, λ₁ and their like stand as formulas write them."""
+    return re.sub(r"\b(?:u|xi|theta|lambda)_(?:[A-Za-z]|\d+)\b", lambda name: symbol(name[0]), plain(text))
+
+
 def styled(look: Look | None = None) -> AbstractContextManager[None]:
     """The settings of the pictures, for the time of a `with`; raises DrawError if there is no matplotlib."""
     scale = look.letters / USUAL if look is not None else 1.0

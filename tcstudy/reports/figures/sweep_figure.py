@@ -48,7 +48,7 @@ def facts(picture: SweepPicture) -> list[str]:
 def number_labels(picture: SweepPicture, unit: str) -> tuple[str, str]:
     """The number drawn in words, and shorter, with its unit."""
     short = SHORT.get(picture.quantity, picture.quantity.replace("_", " "))
-    return style.labelled(style.plain(picture.long_name), unit), style.labelled(short, unit)
+    return style.labelled(style.with_symbols(picture.long_name), unit), style.labelled(short, unit)
 
 
 def curves_figure(picture: SweepPicture, look: style.Look) -> Figure:
