@@ -165,9 +165,11 @@ def _seen(text: str) -> str:
 
 
 def _wrapped(text: str, columns: int) -> str:
+    """A label in lines of so many letters; its unit stays on one."""
     if len(_seen(text)) <= columns:
         return text
-    return "\n".join(textwrap.wrap(text, columns, break_long_words=False))
+    whole = re.sub(r"\[[^]]*\]$", lambda unit: unit[0].replace(" ", "\u00a0"), text)
+    return "\n".join(textwrap.wrap(whole, columns, break_long_words=False)).replace("\u00a0", " ")
 
 
 def _columns(labels: Sequence[str], letters: float) -> int:

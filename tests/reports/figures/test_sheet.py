@@ -55,6 +55,15 @@ def test_a_key_has_as_few_rows_as_the_picture_has_room_for(look: style.Look) -> 
     assert rows == len(LABELS) if look.size and look.size[0] < 5.0 else rows == 2
 
 
+def test_a_label_is_not_broken_within_its_unit() -> None:
+    with style.styled():
+        sheet = Sheet(style.Look(), "A heading", [], heights=(1.0,))
+        (axes,) = sheet.panels.values()
+        axes.set_ylabel("energy dissipated [kJ m⁻¹]")
+        sheet.finish()
+    assert axes.get_ylabel() == "energy dissipated\n[kJ m⁻¹]"
+
+
 def test_words_have_the_symbols_of_formulas() -> None:
     assert style.with_symbols("largest |u_T|") == "largest |$u_T$|"
     assert style.with_symbols("tangential stiffness lambda_1") == r"tangential stiffness $\lambda_1$"
