@@ -11,10 +11,7 @@ where it has the sum's value and slope, which misses it by SPLINE_ERROR of the t
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
-import scipy.optimize
 from numpy.typing import NDArray
 
 from tcstudy.scene.friction import FrictionLaw
@@ -27,6 +24,8 @@ SPLINE_ERROR = 1e-6
 """Of an exponential spline, relative to the amplitudes of the exponentials at the end of the piece nearest to 0."""
 LEAST_TURN, STEEPEST = 1e-3, 60.0
 """|r| times the length of a spline's piece: with less it is a parabola without digits, with more it has decayed."""
+STEPS = 5
+"""Of Newton from 5 %: one more than rounding needs."""
 
 
 def total(one: FrictionLaw, two: FrictionLaw) -> FrictionLaw:
@@ -76,17 +75,17 @@ class _Sum:
         self.s_0, self.b_0, self.q = one[0], one[1] + two[1], one[2] + two[2]
         self.a, self.r = np.array([slow[3], fast[3]]), np.array([slow[4], fast[4]])
 
-    def terms(self, x: float) -> Array:
-        """(2,) the exponentials."""
-        return self.a * np.exp(-self.r * x)
+    def terms(self, x: Array) -> Array:
+        """(2, n) the exponentials."""
+        return np.asarray(self.a[:, None] * np.exp(-self.r[:, None] * x))
 
-    def value(self, x: float) -> float:
-        """b."""
-        return float(self.b_0 + self.q * x + self.terms(x).sum())
+    def value(self, x: Array) -> Array:
+        """(n,) b."""
+        return np.asarray(self.b_0 + self.q * x + self.terms(x).sum(axis=0))
 
-    def slope(self, x: float) -> float:
-        """b′."""
-        return float(self.q - self.r @ self.terms(x))
+    def slope(self, x: Array) -> Array:
+        """(n,) b′."""
+        return np.asarray(self.q - self.r @ self.terms(x))
 
     @property
     def turn(self) -> float:
@@ -104,40 +103,68 @@ def _spline(one: Piece, two: Piece, left: float, right: float) -> tuple[list[flo
     last = right - sum_of.s_0
     if not np.isfinite(right):  # from here on only the slower one is left
         last = max(float(np.log(abs(sum_of.a[1]) / allowed) / sum_of.r[1]), first)
-    marks = [first, *(x for x in (sum_of.turn,) if first < x < last), last]
-    found = [part for x, y in pairwise(marks) for part in _fitted(sum_of, x, y, allowed)]
-    pieces = [(sum_of.s_0 + x, *piece) for x, piece in found]
+    turn = [sum_of.turn] if first < sum_of.turn < last else []
+    ends = [last] if last > first else []  # of a fast one that is too small to be seen nothing is left at once
+    found = _fitted(sum_of, np.array([first, *turn, *ends]), allowed)
+    pieces = [(sum_of.s_0 + x, b_0, q, a, r) for x, b_0, q, a, r in found]
     if not np.isfinite(right):
         straight = sum_of.b_0 + sum_of.q * last
-        tail = sum_of.value(last) - straight
+        tail = float(sum_of.value(np.array([last]))[0]) - straight
         pieces.append((sum_of.s_0 + last, straight, sum_of.q, tail, float(sum_of.r[0])))
     return [piece[0] for piece in pieces[1:]], pieces
 
 
-def _fitted(sum_of: _Sum, x: float, y: float, allowed: float) -> list[tuple[float, tuple[float, float, float, float]]]:
-    """(x, (b_0, q, a, r)) of the pieces between x and y, where b″ does not change its sign: halves until they fit.
+def _fitted(sum_of: _Sum, marks: Array, allowed: float) -> list[Piece]:
+    """(x, b_0, q, a, r) of the pieces between marks, where b″ does not change its sign: halves until they fit."""
+    x, y = marks[:-1], marks[1:]
+    found = [np.zeros((5, 0))]
+    while len(x):
+        pieces, fits = _through_ends(sum_of, x, y, allowed)
+        found.append(pieces[:, fits])
+        x, y = x[~fits], y[~fits]
+        middle = x + 0.5 * (y - x)
+        x, y = np.concatenate([x, middle]), np.concatenate([middle, y])
+    rows = np.concatenate(found, axis=1)
+    return [(x, b_0, q, a, r) for x, b_0, q, a, r in rows[:, np.argsort(rows[0])].T.tolist()]
+
+
+def _through_ends(sum_of: _Sum, x: Array, y: Array, allowed: float) -> tuple[Array, NDArray[np.bool_]]:
+    """(5, n) the pieces from x to y (n,) with the sum's values and slopes there, and whether they fit it between.
 
     With h = y − x, m the mean slope, g and g + t those at the ends, and z = r h: (m − g)/t = 1/(1 − e^{−z}) − 1/z.
     """
-    h, g = y - x, sum_of.slope(x)
-    m, t = (sum_of.value(y) - sum_of.value(x)) / h, sum_of.slope(y) - g
-    if abs(t) * h <= allowed:
-        return [(x, (sum_of.value(x), m, 0.0, 0.0))]
-    share = (m - g) / t
-    if _share(-STEEPEST) < share < _share(STEEPEST):
-        z = float(scipy.optimize.brentq(lambda z: _share(z) - share, -STEEPEST, STEEPEST))
-        z = float(np.copysign(max(abs(z), LEAST_TURN), z))
-        r, a, q = z / h, t * h / (z * -np.expm1(-z)), m + t / z
-        # from the end where the exponential is smaller, so that the piece meets its neighbours to rounding
-        b_0 = sum_of.value(x) - a if z < 0.0 else sum_of.value(y) - q * h - a * np.exp(-z)
-        apart = h * np.array([0.25, 0.5, 0.75])
-        missed = [b_0 + q * d + a * np.exp(-r * d) - sum_of.value(x + d) for d in apart]
-        if np.max(np.abs(missed)) <= allowed:
-            return [(x, (b_0, q, a, r))]
-    middle = x + 0.5 * h
-    return _fitted(sum_of, x, middle, allowed) + _fitted(sum_of, middle, y, allowed)
+    h, g, at_x, at_y = y - x, sum_of.slope(x), sum_of.value(x), sum_of.value(y)
+    m, t = (at_y - at_x) / h, sum_of.slope(y) - g
+    straight = np.abs(t) * h <= allowed
+    share = np.divide(m - g, t, out=np.full(len(x), 0.5), where=~straight)
+    least, most = _share(np.array([-STEEPEST, STEEPEST]))
+    z = _of_share(np.clip(share, least, most))
+    z = np.copysign(np.maximum(np.abs(z), LEAST_TURN), z)
+    r, a, q = z / h, t * h / (z * -np.expm1(-z)), m + t / z
+    # from the end where the exponential is smaller, so that the piece meets its neighbours to rounding
+    b_0 = np.where(z < 0.0, at_x - a, at_y - q * h - a * np.exp(-z))
+    apart = np.array([[0.25], [0.5], [0.75]]) * h
+    missed = np.abs([b_0 + q * d + a * np.exp(-r * d) - sum_of.value(x + d) for d in apart])
+    fits = straight | ((least < share) & (share < most) & np.all(missed <= allowed, axis=0))
+    none = np.zeros(len(x))
+    return np.where(straight, [x, at_x, m, none, none], [x, b_0, q, a, r]), fits
 
 
-def _share(z: float) -> float:
+def _share(z: Array) -> Array:
     """1/(1 − e^{−z}) − 1/z, from 0 to 1 as z goes from −∞ to ∞, ½ at 0."""
-    return 0.5 + z / 12.0 - z**3 / 720.0 if abs(z) < 1e-2 else float(-1.0 / np.expm1(-z) - 1.0 / z)
+    small = np.abs(z) < 1e-2
+    far = np.where(small, 1.0, z)
+    return np.where(small, 0.5 + z / 12.0 - z**3 / 720.0, -1.0 / np.expm1(-far) - 1.0 / far)
+
+
+def _of_share(share: Array) -> Array:
+    """The z of a share, |z| ≤ STEEPEST: 2 share − 1 is Langevin's function of z/2, whose inverse is begun with
+    (Cohen, Rheol. Acta 30 (1991) 270–273: within 5 %) and mended by Newton, whose error is squared each time."""
+    y = 2.0 * share - 1.0
+    z = 2.0 * y * (3.0 - y**2) / (1.0 - y**2)
+    for _ in range(STEPS):
+        small = np.abs(z) < 1e-2
+        far = np.where(small, 1.0, z)
+        slope = np.where(small, 1.0 / 12.0 - z**2 / 240.0, 1.0 / far**2 - 0.25 / np.sinh(0.5 * far) ** 2)
+        z = z - (_share(z) - share) / slope
+    return np.asarray(z)

@@ -67,6 +67,18 @@ def test_exponentials_of_different_decay_become_a_spline_without_jumps() -> None
         assert both.omega <= (one.omega + two.omega) * (1.0 + 1e-3)
 
 
+def test_an_exponential_too_small_to_be_seen_beside_another_may_vanish() -> None:
+    """As where the strength of one edge fades out towards the joint: the faster one and the slower."""
+    for tiny in 10.0 ** np.arange(-300.0, 0.0, 7.0):
+        for delta in (0.3, 3.0):
+            one, two = law("exponential", a=2.0, b=0.5, delta=1.0), law("exponential", a=2.0, b=1.0, delta=delta)
+            both, two = total(one, times(two, tiny)), times(two, tiny)
+            both.check_growth()
+            assert is_odd(both)
+            np.testing.assert_allclose(both.b(SLIPS), one.b(SLIPS) + two.b(SLIPS), atol=4.0 * SPLINE_ERROR)
+            assert both.b(0.0) == pytest.approx(2.0 + 2.0 * tiny, rel=1e-14)
+
+
 def test_exponentials_that_decay_alike_stay_one() -> None:
     one, two = law("exponential", a=2.0, b=0.5, delta=0.3), law("exponential", a=1.0, b=3.0, delta=0.3)
     both = total(one, two)
