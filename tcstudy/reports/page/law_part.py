@@ -8,7 +8,7 @@ from tcstudy.reports.figures.law_figure import curves, slip_range
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.picture import LineFields
 from tcstudy.reports.stored_study import file_order
-from tcstudy.scene.edge_laws import EdgeLaws, laws_along
+from tcstudy.scene.edge_laws import EdgeLaws
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.study import Study
@@ -43,14 +43,16 @@ def node_part(study: Study | None, line: LineFields, box: Container) -> Json:
     A joint has none of them (-1), but a mixture, which is not drawn.
     """
     frictions = [] if study is None else [study.scenes[i].friction for i in file_order(study)]
-    laws, xy = [one for one in frictions if isinstance(one, EdgeLaws)], np.stack([line.x, line.y], axis=1)
-    found = [laws_along(friction, line.edge_names, line.edge, xy, line.joints) for friction in laws]
-    if not found:
+    xy, distinct = np.stack([line.x, line.y], axis=1), dict[EdgeLaws, int]()
+    of = [distinct.setdefault(friction, len(distinct)) for friction in frictions if isinstance(friction, EdgeLaws)]
+    if not of:
         return {}
-    rows, which = np.unique([strength for *_, strength in found], axis=0, return_inverse=True)
-    mixed = np.any([index >= len(friction.laws) for (_, index, _), friction in zip(found, laws, strict=True)], axis=0)
-    of_law = np.where(mixed, -1, found[0][1])
-    return {"of_law": box.array(of_law, "i1"), "strengths": box.rows(rows), "strength_of": which.ravel().tolist()}
+    factors = np.stack([one.factors(line.edge_names, line.edge, xy, line.joints) for one in distinct])
+    has = ~np.isnan(factors[0])
+    mixed = has.sum(axis=0) > 1
+    rows, which = np.unique(np.where(mixed, 1.0, np.nanmax(factors, axis=1)), axis=0, return_inverse=True)
+    of_law = np.where(mixed, -1, np.argmax(has, axis=0))
+    return {"of_law": box.array(of_law, "i1"), "strengths": box.rows(rows), "strength_of": which.ravel()[of].tolist()}
 
 
 def drawn(law: FrictionLaw) -> Json:
