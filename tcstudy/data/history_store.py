@@ -30,13 +30,12 @@ from tcstudy.data.schema import (
     SWEEP,
     FileVariable,
     count,
-    edge_flags,
     flag,
     result,
 )
 from tcstudy.data.store import load_root
 from tcstudy.data.windows import missing
-from tcstudy.data.writer import axis_name, in_file_order, put, put_all, put_axes
+from tcstudy.data.writer import axis_name, in_file_order, put, put_all, put_axes, put_edges
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.histories import START
 from tcstudy.scene.study import Study
@@ -211,7 +210,7 @@ def write_history(path: Path, study: Study, line: LevelRecord, record: HistoryRe
     def fill(nc: netCDF4.Dataset) -> None:
         put_axes(nc, study)
         put_all(nc, (*LINE, *LEVEL), vars(line), study)
-        nc["edge"].setncatts(edge_flags(line.edge_names))
+        put_edges(nc, line, study)
         for variable, values in loads:
             put(nc, variable, study, values)
         for variable in variables(study):

@@ -17,8 +17,8 @@ from tcstudy.data.files import write_dataset
 from tcstudy.data.provenance import CONTENT, Provenance, global_attributes, without_paths
 from tcstudy.data.reading import attributes
 from tcstudy.data.records import LevelRecord
-from tcstudy.data.schema import CERTIFIED, CONTACT, RATE, FileVariable, T, edge_flags, flags
-from tcstudy.data.writer import put_all
+from tcstudy.data.schema import CERTIFIED, CONTACT, RATE, FileVariable, T, flags
+from tcstudy.data.writer import put_all, put_edges
 from tcstudy.scene.contact_states import ContactState
 from tcstudy.scene.study import Study
 
@@ -197,7 +197,7 @@ def write_path(
     def fill(nc: netCDF4.Dataset) -> None:
         for variables, values in parts:
             put_all(nc, variables, values, study)
-        nc["edge"].setncatts(edge_flags(line.edge_names))
+        put_edges(nc, line, study)
 
     write_dataset(path, global_attributes(study, provenance) | told, fill)
 

@@ -18,7 +18,7 @@ from tcstudy.data.files import StoreError, aside_of, new_dataset, write_dataset
 from tcstudy.data.provenance import Kind, Provenance, global_attributes, kind_of
 from tcstudy.data.reading import attributes
 from tcstudy.data.records import BlockRecord, LevelRecord, check_block, check_level
-from tcstudy.data.schema import SWEEP, FileVariable, PointStatus, edge_flags
+from tcstudy.data.schema import SWEEP, FileVariable, PointStatus
 from tcstudy.data.windows import MEMORY, Section, Window, missing, put_window, section_of
 from tcstudy.data.writer import (
     Places,
@@ -29,6 +29,7 @@ from tcstudy.data.writer import (
     put,
     put_all,
     put_axes,
+    put_edges,
     put_names,
 )
 from tcstudy.scene.points import combinations, prescribed
@@ -262,11 +263,8 @@ def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF
         live |= {v.name: in_file_order(study, live[v.name]) for v in schema.LIVE if SWEEP in v.dims}
         put_all(group.createGroup("live"), schema.LIVE, live, study)
     put_all(group, schema.CONTACT, line, study)
-    group["edge"].setncatts(edge_flags(level.edge_names))
+    put_edges(group, level, study)
     _put_held(group, study, level.fields)
-    if "joint_node" in level.fields:
-        put_all(group, schema.JOINTS, level.fields, study)
-        group["joint_edge"].setncatts(edge_flags(level.edge_names))
     return group
 
 

@@ -17,7 +17,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.schema import DIFFERENCE, POINT, RATE, RESERVED, SWEEP, Dtype, FileVariable, T
+from tcstudy.data.records import LevelRecord
+from tcstudy.data.schema import (
+    DIFFERENCE,
+    JOINTS,
+    POINT,
+    RATE,
+    RESERVED,
+    SWEEP,
+    Dtype,
+    FileVariable,
+    T,
+    edge_flags,
+)
 from tcstudy.scene.study import Axis, Study, Variant
 
 if TYPE_CHECKING:
@@ -200,6 +212,14 @@ def put_all(where: netCDF4.Dataset, variables: Iterable[FileVariable], values: M
     for variable in variables:
         if variable.name in values:
             put(where, variable, study, values[variable.name])
+
+
+def put_edges(where: netCDF4.Dataset, line: LevelRecord, study: Study) -> None:
+    """Name the contact edges of the written `edge`, and write where two of them meet."""
+    put_all(where, JOINTS, line.fields, study)
+    for name in ("edge", "joint_edge"):
+        if name in where.variables:
+            where[name].setncatts(edge_flags(line.edge_names))
 
 
 def dimensions(where: netCDF4.Dataset) -> dict[str, int]:
