@@ -174,7 +174,7 @@ def run(
     example where the file holds the results of another study.
     """
     from tcstudy.reports.terminal.progress import progress as terminal
-    from tcstudy.study.run import execute
+    from tcstudy.study.execute import execute
 
     asked = _study(study)
     if force + append + retry > 1:
@@ -222,7 +222,7 @@ def converge(
 
     Raises StudyError, ConvergenceError (levels that do not suit), GeometryFailed, StoreError.
     """
-    from tcstudy.study.convergence import converge_to_file
+    from tcstudy.study.convergence_run import converge_to_file
 
     asked = _study(study)
     command = ("tcstudy.converge",)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import sys
 from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from types import FrameType
 
@@ -80,6 +81,34 @@ def test_every_arrow_is_allowed() -> None:
             if parts[0] == "tcstudy" and len(parts) > 1 and parts[1] not in {*(allowed or ()), room}:
                 wrong.append(f"{path.relative_to(PACKAGE)}:{line}: {room} must not use {parts[1]}")
     assert not wrong, "\n".join(wrong)
+
+
+def test_no_files_need_each_other() -> None:
+    """No circle of imports, late ones within functions included; those for type checkers alone do not count."""
+    names = {path: ".".join(path.with_suffix("").relative_to(PACKAGE.parent).parts) for _, path in modules()}
+    names = {path: name.removesuffix(".__init__") for path, name in names.items()}
+    known = set(names.values())
+    arrows: dict[str, set[str]] = {}
+    for path, name in names.items():
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        typing_only = {
+            node
+            for one in ast.walk(tree)
+            if isinstance(one, ast.If) and ast.unparse(one.test) == "TYPE_CHECKING"
+            for node in ast.walk(one)
+        }
+        used: set[str] = set()
+        for node in ast.walk(tree):
+            if node not in typing_only and isinstance(node, ast.ImportFrom) and node.module:
+                whole = {f"{node.module}.{alias.name}" for alias in node.names}
+                used |= (whole & known) or ({node.module} & known)
+        arrows[name] = used - {name}
+    circle: list[str] = []
+    try:
+        TopologicalSorter(arrows).prepare()
+    except CycleError as error:
+        circle = error.args[1]
+    assert not circle, " ← ".join(circle)
 
 
 REPORTS = ("", "terminal", "figures", "page", "export")
@@ -171,7 +200,7 @@ def test_no_two_public_classes_share_a_name() -> None:
     assert not {name: places for name, places in found.items() if len(places) > 1}
 
 
-FILES_OF_A_POINT = 69
+FILES_OF_A_POINT = 70
 """Files of the package in which a run of one point executes functions; a scene pays only for what it uses."""
 
 

@@ -29,7 +29,8 @@ def converge(options: argparse.Namespace) -> int:
     from tcstudy.reports.select_point import locate
     from tcstudy.reports.terminal.convergence import convergence_report
     from tcstudy.reports.text import with_unit
-    from tcstudy.study.convergence import converge_to_file, without_errors
+    from tcstudy.study.convergence import without_errors
+    from tcstudy.study.convergence_run import converge_to_file
 
     locate(sweep_points(study), point, "study")
     if options.plot is not None and (lack := without_errors(study)):
@@ -72,7 +73,7 @@ def cost(options: argparse.Namespace) -> int:
     from tcstudy.reports.select_point import describe, locate
     from tcstudy.reports.terminal.cost import cost_report
     from tcstudy.reports.terminal.progress import CostProgress
-    from tcstudy.study.cost import cost_to_file, unmeasured
+    from tcstudy.study.cost import cost_to_file, geometry_at, unmeasured
 
     points = sweep_points(study)
     where = locate(points, point, "study")
@@ -85,7 +86,6 @@ def cost(options: argparse.Namespace) -> int:
         from tcstudy.reports.terminal.forecast import expected_words
         from tcstudy.study.expected import of_cost
         from tcstudy.study.plan import plan
-        from tcstudy.study.variants import geometry_at
 
         one = geometry_at(study, tuple(where.values()))[0]
         forecast = plan(one)

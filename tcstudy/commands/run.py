@@ -62,7 +62,7 @@ def _run(options: argparse.Namespace, study: Study, output: Path, staff: Staff) 
     from tcstudy.data.writer import sweep_points
     from tcstudy.reports.select_point import naming
     from tcstudy.reports.terminal.progress import progress
-    from tcstudy.study.run import execute
+    from tcstudy.study.execute import execute
 
     named = lambda index: naming(sweep_points(study))(index)  # noqa: E731
     with closing(progress(naming=named, length=shared.length_unit(study))) as watcher:

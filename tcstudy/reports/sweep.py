@@ -27,10 +27,9 @@ from tcstudy.reports.select_point import (
     quantity,
 )
 from tcstudy.reports.text import axis_unit, counted, labels, named, study_unit
+from tcstudy.reports.verdict import different_energies
 
 Array = NDArray[np.float64]
-SAME = 1e-9
-"""Relative difference of two energies that are one."""
 
 
 @dataclass(frozen=True)
@@ -141,10 +140,3 @@ def _parameter(axis: Any, name: str, held: NDArray[Any]) -> DrawnParameter:
     numbers = different / divisor
     drawn = "distribution" in axis.attrs
     return DrawnParameter(name, tuple(labels(numbers.tolist())), numbers, unit, place.ravel(), drawn)
-
-
-def different_energies(energy: Array) -> NDArray[np.int_]:
-    """How many different energies the starts (last axis) of each point led to, relative to the largest."""
-    energy = np.sort(energy, axis=-1)
-    size = np.max(np.abs(np.where(np.isfinite(energy), energy, 0.0)), axis=-1, keepdims=True)
-    return np.asarray(1 + np.count_nonzero(np.diff(energy, axis=-1) > SAME * size, axis=-1))

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import UNBALANCED
 from tcstudy.errors import StoreError
-from tcstudy.reports.sweep import different_energies
 from tcstudy.reports.text import pretty, scaled_labels
 from tcstudy.scene.key import symbol
 
@@ -30,6 +29,8 @@ FEWEST, STEEP, NOTABLE = 4, 4.0, 0.25
 so large a part of the largest value of the whole line."""
 PIECE = 2**16
 """Points that are looked at together."""
+SAME = 1e-9
+"""Relative difference of two energies that are one."""
 
 
 @dataclass(frozen=True)
@@ -186,3 +187,10 @@ def _shown(run: RunSeen, name: str) -> tuple[list[str], str]:
     values, attrs = run.labels(name)
     shown, unit = scaled_labels(values.tolist(), attrs)
     return shown, pretty(unit) if unit != "1" else ""
+
+
+def different_energies(energy: Array) -> NDArray[np.int_]:
+    """How many different energies the starts (last axis) of each point led to, relative to the largest."""
+    energy = np.sort(energy, axis=-1)
+    size = np.max(np.abs(np.where(np.isfinite(energy), energy, 0.0)), axis=-1, keepdims=True)
+    return np.asarray(1 + np.count_nonzero(np.diff(energy, axis=-1) > SAME * size, axis=-1))

@@ -8,8 +8,7 @@ not part of any fit; else none, and only numbers are extrapolated.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,6 @@ from tcstudy.accuracy.corners import sticking_near, vertices
 from tcstudy.accuracy.expected import Expected, HeldEnds, expected_orders, smooth_up_to, smoothness
 from tcstudy.accuracy.rates import ROUNDING, Fit, fit, log_share, richardson
 from tcstudy.accuracy.transfer import NotNested
-from tcstudy.data.files import check_writable
 from tcstudy.data.measured import (
     ERRORS,
     NUMBERS,
@@ -27,18 +25,14 @@ from tcstudy.data.measured import (
     ErrorSeries,
     NumberSeries,
     PointConvergence,
-    write_convergence,
 )
-from tcstudy.data.provenance import collect
-from tcstudy.data.records import PointStatus
-from tcstudy.errors import ConvergenceError, StoreError
 from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_slip_length
 from tcstudy.fem.study_meshes import graded_points
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Acceptance, Study
 from tcstudy.study.doubts import locking_notes
 from tcstudy.study.reference import Errors, ExactReference, FineReference, NestedReference, Reference, with_meaning
-from tcstudy.study.solved_levels import BARE, Length, Say, Solution, SolvedLevel, solve_levels
+from tcstudy.study.solved_levels import Length, Say, Solution, SolvedLevel, solve_levels
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -109,26 +103,6 @@ STUCK = 0.95
 """Ratio of the finest level's error to the coarsest's above which nothing converges: the poorest corner gives less."""
 
 
-def converge_to_file(
-    study: Study, path: Path, say: Say, command: Sequence[str] = ("tcstudy",), length: Length = BARE
-) -> int:
-    """Measure the convergence of a study into a file; returns the number of solutions that failed.
-
-    Raises ConvergenceError if the study's levels do not suit, StoreError if the file cannot be written, GeometryFailed
-    if the body cannot be meshed.
-    """
-    if study.mesh.levels < 2:
-        raise ConvergenceError("one level has no convergence; give mesh.levels: 4 or more, or --set mesh.levels=4")
-    if study.mesh.strategy.adapts:
-        what = "adaptive meshes have no common h to show rates over, and they come with their own error estimates"
-        raise ConvergenceError(f"{what}; use tcstudy run or tcstudy cost, or --set mesh.family=uniform")
-    if problems := check_writable(path, 1_000_000):
-        raise StoreError("; ".join(problems))
-    convergence = converge(study, say, length)
-    write_convergence(path, study, convergence, collect(study, command))
-    return sum(status != PointStatus.OK for point in convergence.points for status in point.status)
-
-
 def without_errors(study: Study) -> str:
     """Why no errors will be measured, as far as that is known before the meshes are made; empty if they may be."""
     if study.exact is not None or study.mesh.levels < 2 or study.mesh.strategy.adapts:  # the latter have own words
@@ -140,16 +114,12 @@ def without_errors(study: Study) -> str:
     return f"{NO_REFERENCE}; give more levels, or the exact solution"
 
 
-def converge(study: Study, say: Say = lambda text: None, length: Length = BARE) -> Convergence:
-    """Solve all levels of a study and measure their convergence.
+def of_body(study: Study, say: Say, length: Length) -> Convergence:
+    """Solve all levels of a study with one body and measure their convergence.
 
     say: called with a line of text as work goes on;  length: how that has h
     Raises GeometryFailed if the body cannot be meshed.
     """
-    if study.variants:
-        from tcstudy.study.variants import converge_variants
-
-        return converge_variants(study, say, length)
     with threadpool_limits(1, user_api="blas"):
         levels = solve_levels(study, say, length)
         reference, words, compared, notes = _reference(study, levels)

@@ -33,7 +33,6 @@ from tcstudy.study.cost_curves import CostCurve, Progress, family_plan, first_ru
 from tcstudy.study.doubts import locking_notes
 from tcstudy.study.reference import Errors, ExactReference, FineReference, with_meaning
 from tcstudy.study.solved_levels import SolvedLevel
-from tcstudy.study.variants import geometry_at
 
 Array = NDArray[np.float64]
 
@@ -240,3 +239,19 @@ def _reference(study: Study, scene: Scene, least: float, progress: Progress) -> 
         why = record.reason or record.status.name.lower()
         raise CostError(f"the reference, an adaptive mesh of {step.n_dof} dofs, was not solved: {why}")
     return step.solved(study, scene)[name], step.estimate
+
+
+def geometry_at(study: Study, index: tuple[int, ...]) -> tuple[Study, tuple[int, ...]]:
+    """The study of the geometry that a point of the sweep has, and the point's index there.
+
+    Raises GeometryFailed with the reason where the geometry is refused.
+    """
+    if not study.variants:
+        return study, index
+    place = np.ravel_multi_index(index, study.shape)
+    variant = next(one for one in study.variants if place in one.places)
+    if variant.study is None:
+        remedy = "name another geometry by --at, or take this one out of the sweep"
+        raise GeometryFailed(f"{variant.words}: {variant.reason}; {remedy}", ("sweep",))
+    row = int(np.flatnonzero(variant.places == place)[0])
+    return variant.study, tuple(int(i) for i in np.unravel_index(row, variant.study.shape))

@@ -1,6 +1,6 @@
 """What a study says of measurements, for given numbers of it, with exact derivatives by these numbers.
 
-Of a history (`history_slopes`) the steps are compared that were measured: one history an evaluation.
+Of a history (`history_scene`) the steps are compared that were measured: one history an evaluation.
 
 Vertical: the scene is solved at every datum, each from the solution before (the way a test goes: one solve a datum),
 and its results are compared; derivatives from the factor at each solution (`solvers.linearised`).
@@ -34,7 +34,7 @@ from tcstudy.solvers.loop import Status
 from tcstudy.solvers.path.follow import Follower, Path
 from tcstudy.solvers.path.record import WHOLE
 from tcstudy.study.fit_path import MovingPath
-from tcstudy.study.history_slopes import STIFFNESS, moving_steps, with_stiffness
+from tcstudy.study.history_scene import STIFFNESS, moving_steps, with_stiffness
 from tcstudy.study.path_affine import affine_load, followed, straightened
 from tcstudy.study.sensitivities import Rates, rates_of
 

@@ -30,8 +30,7 @@ from tcstudy.executors import Errand, in_order, unpacked
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.histories import HistoryPlan, UnfitLaw
-from tcstudy.scene.parameters import loaded_scene
+from tcstudy.scene.histories import UnfitLaw
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.solvers.history.memory import NodeState
@@ -39,6 +38,7 @@ from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
 from tcstudy.solvers.history.steps import history
 from tcstudy.study.errands import errand
 from tcstudy.study.expected import of_history
+from tcstudy.study.history_scene import problem_of, step_derivatives
 from tcstudy.study.jobs import Staff
 from tcstudy.study.point import STATUS
 from tcstudy.study.run import level_record
@@ -241,39 +241,12 @@ def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, p
     start = None if first == 0 else _state(problem, record, point, first - 1, loads[first - 1])
     slopes: Iterator[dict[str, float]] | None = None
     if study.output.sensitivity:
-        from tcstudy.study.history_slopes import step_derivatives  # only for a study that asks for derivatives
-
         slopes = islice(step_derivatives(study, level, scene), first, None)
     for n, step in enumerate(history(problem, loads[first:], start), first):
         _put(record, point, n, step, problem)
         for name, value in next(slopes).items() if slopes and step.solved else ():
             getattr(record, name)[point, n] = value
         yield n
-
-
-def problem_of(
-    plan: HistoryPlan, level: Level, scene: Scene, tolerance: float | None
-) -> tuple[HistoryProblem, list[Array]]:
-    """What all steps of a scene share, and the loads l̃ of all steps. Raises NotPositiveDefinite."""
-    at = [level.condensed(loaded_scene(scene, values)) for values in plan.stations()]
-    first = at[0].problem
-    lambda_1 = None if plan.loose else level.lambda_1(scene)
-    problem = HistoryProblem(
-        first.A_tilde,
-        first.c,
-        first.law,
-        plan.memory,
-        plan.branch,
-        plan.substeps,
-        tolerance,
-        lambda_1,
-        held=not plan.loose,
-    )
-    l_tilde = [one.problem.l_tilde for one in at]
-    loads = [l_tilde[0]]
-    for i, j, share, *_ in plan.schedule():
-        loads.append(l_tilde[j] if share == 1.0 else l_tilde[i] + share * (l_tilde[j] - l_tilde[i]))
-    return problem, loads
 
 
 def _state(problem: HistoryProblem, record: HistoryRecord, point: int, n: int, load: Array) -> HistoryStep:

@@ -1,7 +1,7 @@
 """Run a study: level by level, block by block, each result handed on as soon as it is there.
 
-`run` gives the records, `stages` the levels themselves; `execute` writes them into the result file: what is finished is
-kept at once, and the netCDF file appears whole at the end.
+`run` gives the records, `stages` the levels themselves; `into_file` writes those of one body into a result file: what
+is finished is kept at once, and the netCDF file appears whole at the end.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from tcstudy.refine.survey import Survey
 from tcstudy.scene.study import Study
 from tcstudy.study.grow import Kept
 from tcstudy.study.jobs import Choice, Staff
-from tcstudy.study.plan import faults, output_of, warnings
+from tcstudy.study.plan import faults, warnings
 from tcstudy.study.workshop import Times, Workshop, all_failed, keeps_solutions
 
 Key = tuple[int, int]
@@ -237,36 +237,6 @@ class Quiet:
         """Nothing to show."""
 
 
-def execute(
-    study: Study,
-    output: Path | None = None,
-    watcher: Watcher | None = None,
-    command: Sequence[str] = ("tcstudy",),
-    jobs: int | None = None,
-    dask: str | None = None,
-    kept: Kept | None = None,
-    staff: Staff | None = None,
-) -> Summary:
-    """Run all points of a study and write the result file.
-
-    jobs: worker processes, None for as many as pay;  dask: address of a scheduler whose workers are to do it instead
-    kept: what the output has of the study already and keeps (study.grow), None for nothing
-    staff: who works, if some have begun to. Only this process writes, and the numbers are the same to the bit.
-    A run that was killed or interrupted leaves its finished points beside the output; the same study then goes on
-    where it stopped. Raises StoreError if the results cannot be kept, GeometryFailed if the body has no mesh,
-    WorkersFailed if there are no workers; KeyboardInterrupt passes through after the finished points are on the disk.
-    """
-    output, watcher = output or output_of(study), watcher or Quiet()
-    with closing((staff or Staff(jobs, dask)).ready(study)) as staff:
-        if study.variants:
-            if problems := faults(study, output):
-                raise StoreError("\n".join(problems))
-            from tcstudy.study.variants import execute_variants
-
-            return execute_variants(study, output, watcher, command, staff, kept)
-        return into_file(study, output, watcher, command, staff, kept)
-
-
 def into_file(
     study: Study,
     output: Path,
@@ -276,7 +246,10 @@ def into_file(
     kept: Kept | None = None,
     last: bool = True,
 ) -> Summary:
-    """The same with those who work; last: whether they may go when all points are solved."""
+    """Run all points of a study with one body, as `study.execute` says.
+
+    last: whether the staff may go when all points are solved
+    """
     if problems := faults(study, output):
         raise StoreError("\n".join(problems))
     # all that the file will have comes in this run, and how many levels it has is known

@@ -24,7 +24,7 @@ import xarray as xr
 
 from tcstudy.data.records import PointStatus
 from tcstudy.read.study import read_study
-from tcstudy.study.run import execute
+from tcstudy.study.execute import execute
 from tests.verification.scenes import RECTANGLE
 
 RESULTS = Path(__file__).parents[2] / "results"
@@ -39,7 +39,7 @@ import sys, time
 from pathlib import Path
 from tcstudy.read.study import read_study
 from tcstudy.study import workshop
-from tcstudy.study.run import execute
+from tcstudy.study.execute import execute
 workshop.POINTS = 2
 class Slow:
     def begin(self, *_): print("begun", flush=True)

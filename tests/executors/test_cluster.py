@@ -18,7 +18,8 @@ import pytest
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.executors import Cluster, Here, WorkersFailed
 from tcstudy.study import workshop
-from tcstudy.study.run import execute, run
+from tcstudy.study.execute import execute
+from tcstudy.study.run import run
 from tests.executors.test_processes import CRUEL, SWEPT, TAU, assert_same, gone, solved
 from tests.verification.scenes import study_of
 

@@ -18,7 +18,8 @@ from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.executors import Executor, Here, Processes, WorkersFailed
 from tcstudy.scene.study import Study
 from tcstudy.study import workshop
-from tcstudy.study.run import execute, run
+from tcstudy.study.execute import execute
+from tcstudy.study.run import run
 from tests.verification.scenes import RECTANGLE, study_of
 
 SWEPT = RECTANGLE + "\nsweep: {friction.tau: [0.005, 0.01, 0.02, 0.03]}\n"
@@ -138,7 +139,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent in the back
 from tcstudy.read.study import read_study
 from tcstudy.study import workshop
 from tcstudy.study import jobs
-from tcstudy.study.run import execute
+from tcstudy.study.execute import execute
 workshop.POINTS = 2
 jobs.Processes = partial(jobs.Processes, worker=tuple(sys.argv[3:]))
 try:

@@ -14,7 +14,7 @@ from tcstudy.offline.live import Rational, fit, live_arrays
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import Family
 from tcstudy.scene.study import Study
-from tcstudy.study.run import execute
+from tcstudy.study.execute import execute
 
 STUDY = """
 body: {outline: [{from: [0, 0], edge: film}, {from: [0.2, 0], edge: end}, {from: [0.2, 0.1], edge: top},

@@ -14,8 +14,9 @@ from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.refine import survey as survey_module
 from tcstudy.reports.terminal.summary import summary
 from tcstudy.study import workshop
+from tcstudy.study.execute import execute
 from tcstudy.study.plan import plan
-from tcstudy.study.run import execute, run
+from tcstudy.study.run import run
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
 PULLED = RECTANGLE.replace("left: clamped, top: free", 'left: clamped, top: {role: traction, g: ["0.03*x", -0.01]}')

@@ -19,7 +19,7 @@ from tcstudy.solvers.contact import Answer
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.study import point as point_module
-from tcstudy.study.convergence import converge
+from tcstudy.study.convergence_run import converge
 from tcstudy.study.cost import FINER, _same, cost_to_file, measure
 from tcstudy.study.solved_levels import solve_levels
 from tests.verification.scenes import RECTANGLE, study_of

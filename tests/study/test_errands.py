@@ -19,7 +19,8 @@ from tcstudy.executors import Errand, Here, Processes, in_order, unpacked
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.study import jobs
 from tcstudy.study.errands import errand, solve_geometry
-from tcstudy.study.run import LevelWork, Quiet, execute, run
+from tcstudy.study.execute import execute
+from tcstudy.study.run import LevelWork, Quiet, run
 from tests.benchmarks.kills import assert_same, children
 from tests.executors.test_processes import CRUEL, gone
 from tests.executors.test_processes import assert_same as assert_blocks

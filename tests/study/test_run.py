@@ -129,7 +129,7 @@ from pathlib import Path
 from tcstudy.read.study import read_study
 from tcstudy.executors import protocol
 from tcstudy.study import workshop
-from tcstudy.study.run import execute
+from tcstudy.study.execute import execute
 workshop.POINTS = 1
 original = protocol.solve_block
 calls = 0
@@ -170,7 +170,7 @@ def test_finished_points_survive(tmp_path: Path, kill: signal.Signals, monkeypat
         process.wait()
     assert partial.exists()
     assert not output.exists()
-    from tcstudy.study.run import execute
+    from tcstudy.study.execute import execute
 
     study = tcstudy.load(study_file)
     monkeypatch.setattr(workshop, "POINTS", 1)

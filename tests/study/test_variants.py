@@ -19,9 +19,10 @@ from tcstudy.read.study import read_study_text
 from tcstudy.reports.page.run_part import axes
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.terminal.summary import summary
+from tcstudy.study.execute import execute
 from tcstudy.study.grow import appended
 from tcstudy.study.plan import plan
-from tcstudy.study.run import Quiet, execute
+from tcstudy.study.run import Quiet
 from tests.study.test_grow import Counted
 from tests.test_cli import CONFIGS
 

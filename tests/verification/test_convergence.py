@@ -12,7 +12,8 @@ import tcstudy
 from tcstudy.data.measured import Convergence
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
-from tcstudy.study.convergence import converge, own_error
+from tcstudy.study.convergence import own_error
+from tcstudy.study.convergence_run import converge
 from tcstudy.study.doubts import MEASURED, locking_note
 from tests.verification import closed_forms
 from tests.verification import manufactured as smooth

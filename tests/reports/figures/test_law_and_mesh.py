@@ -22,7 +22,7 @@ from tcstudy.reports.stored_study import NamedEdge, law_of_nodes
 from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.nodal_laws import each
-from tcstudy.study.run import execute
+from tcstudy.study.execute import execute
 from tests.reports.figures.draw_cases import HEIGHT, WIDTH, crowded, example_laws, result
 from tests.reports.figures.laws_picture import laws_figure
 

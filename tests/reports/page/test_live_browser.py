@@ -12,7 +12,7 @@ from tcstudy.reports.page.write import write_page
 from tcstudy.reports.stored_study import file_order
 from tcstudy.solvers.loop import iterate
 from tcstudy.solvers.separable.newton import SeparableNewton
-from tcstudy.study.run import execute
+from tcstudy.study.execute import execute
 from tests.reports.page.browser import Browser, missing
 from tests.reports.page.live_cases import finest, settings, studies
 

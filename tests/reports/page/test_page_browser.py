@@ -10,7 +10,7 @@ import pytest
 from tcstudy.cli import main
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.page.write import write_page
-from tcstudy.study.run import execute
+from tcstudy.study.execute import execute
 from tests.reports.figures import draw_cases
 from tests.reports.page.browser import Browser, fragment, missing, text_of
 from tests.reports.page.conftest import STUDY

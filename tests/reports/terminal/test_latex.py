@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.convergence import convergence_report
 from tcstudy.reports.terminal.tables import Heading, Table, latex, render
-from tcstudy.study.convergence import converge_to_file
+from tcstudy.study.convergence_run import converge_to_file
 from tests.reports.terminal.latex_check import faults
 
 SWEPT = """\

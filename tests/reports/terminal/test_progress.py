@@ -12,7 +12,8 @@ import pytest
 from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, PointStatus, block_of
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.progress import PlainProgress, TerminalProgress
-from tcstudy.study.run import LevelWork, execute
+from tcstudy.study.execute import execute
+from tcstudy.study.run import LevelWork
 from tests.study.test_variants import HOLED
 
 WORK = [LevelWork(2, 1, 1.0), LevelWork(2, 0, 4.0)]

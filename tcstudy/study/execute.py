@@ -1,4 +1,4 @@
-"""A sweep over geometries at work: one run after the other, each with its meshes and factors, then one file of all.
+"""Run a study into its result file: one body, or one geometry after the other and then one file of all.
 
 Where workers pay, each makes the mesh of a geometry and solves all its points (`errands`), and this process writes the
 file of each in the order of the study. Else, and where a geometry is long or large, its run is one like any other, with
@@ -11,40 +11,65 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.measured import Convergence, PointConvergence
 from tcstudy.data.provenance import collect, holds
 from tcstudy.data.reading import PARTIAL
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.store import write
 from tcstudy.data.variants import write_variants
-from tcstudy.data.writer import axis_problems, geometry_place, outer_axes
+from tcstudy.data.writer import axis_problems
 from tcstudy.errors import GeometryFailed, StoreError, UserFault
 from tcstudy.executors import Errand, in_order, unpacked
 from tcstudy.scene.study import Study, Variant
-from tcstudy.study.convergence import converge
 from tcstudy.study.errands import errand, solve_geometry
 from tcstudy.study.expected import of_geometry
 from tcstudy.study.grow import Kept
 from tcstudy.study.jobs import Staff, forecast
 from tcstudy.study.jobs import seconds as contact_seconds
-from tcstudy.study.plan import expected_bytes, once, warnings
-from tcstudy.study.run import LevelWork, Summary, Watcher, into_file, work_of
-from tcstudy.study.solved_levels import Length, Say
+from tcstudy.study.plan import expected_bytes, faults, output_of, warnings
+from tcstudy.study.run import LevelWork, Quiet, Summary, Watcher, into_file, work_of
 from tcstudy.study.workshop import all_failed
 
 LONG, LARGE = 60.0, 2**28
 """Seconds of contact problems, and bytes of results, from which a geometry is solved and kept block by block."""
 
 
-def execute_variants(
+def execute(
+    study: Study,
+    output: Path | None = None,
+    watcher: Watcher | None = None,
+    command: Sequence[str] = ("tcstudy",),
+    jobs: int | None = None,
+    dask: str | None = None,
+    kept: Kept | None = None,
+    staff: Staff | None = None,
+) -> Summary:
+    """Run all points of a study and write the result file.
+
+    jobs: worker processes, None for as many as pay;  dask: address of a scheduler whose workers are to do it instead
+    kept: what the output has of the study already and keeps (study.grow), None for nothing
+    staff: who works, if some have begun to. Only this process writes, and the numbers are the same to the bit.
+    A run that was killed or interrupted leaves its finished points beside the output; the same study then goes on
+    where it stopped. Raises StoreError if the results cannot be kept, GeometryFailed if the body has no mesh,
+    WorkersFailed if there are no workers; KeyboardInterrupt passes through after the finished points are on the disk.
+    """
+    output, watcher = output or output_of(study), watcher or Quiet()
+    with closing((staff or Staff(jobs, dask)).ready(study)) as staff:
+        if study.variants:
+            if problems := faults(study, output):
+                raise StoreError("\n".join(problems))
+            return _geometries(study, output, watcher, command, staff, kept)
+        return into_file(study, output, watcher, command, staff, kept)
+
+
+def _geometries(
     study: Study, output: Path, watcher: Watcher, command: Sequence[str], staff: Staff, kept: Kept | None = None
 ) -> Summary:
     """Run all geometries and join their files.
@@ -212,59 +237,3 @@ class _OneSweep:
         """Points of it, by their places in the whole sweep."""
         points, shape = self.variant.places[record.points], self._study.shape
         self._watcher.block(replace(record, points=points, shape=shape, u_T=None, xi=None, sticks=None, fields={}))
-
-
-def converge_variants(study: Study, say: Say, length: Length) -> Convergence:
-    """The convergence of all geometries, each measured on its own levels.
-
-    Raises GeometryFailed if none has a mesh.
-    """
-    found: list[tuple[Variant, Convergence]] = []
-    lost: list[tuple[Variant, str]] = []
-    for variant in study.variants:
-        reason = variant.reason
-        if variant.study is not None:
-            say(f"{variant.words}:")
-            try:
-                found.append((variant, converge(variant.study, say, length)))
-            except GeometryFailed as error:
-                reason = str(error)
-        if reason:
-            lost.append((variant, reason))
-    if not found:
-        raise GeometryFailed(f"no geometry of the sweep has a mesh ({lost[0][0].words}: {lost[0][1]})", ("sweep",))
-    index = [tuple(int(i) for i in np.unravel_index(place, study.shape)) for place in range(len(study.scenes))]
-    none = (PointStatus.MESH_FAILED,) * study.mesh.levels
-    points = [
-        replace(point, index=index[place])
-        for variant, one in found
-        for place, point in zip(variant.places, one.points, strict=True)
-    ]
-    points += [PointConvergence(index[place], none, {}, {}) for variant, _ in lost for place in variant.places]
-    sizes = study.shape if study.mode != "grid" else tuple(len(axis.values) for axis in outer_axes(study))
-    by_level: dict[str, Any] = {}
-    for name, missing in (("h_max", np.nan), ("n_dof", -1), ("n_contact", -1), ("compared", False)):
-        kind = getattr(found[0][1], name).dtype
-        by_level[name] = np.full((*sizes, study.mesh.levels), missing, dtype=kind)
-        for variant, one in found:
-            by_level[name][geometry_place(study, variant)] = getattr(one, name)
-    words = list(dict.fromkeys(one.reference for _, one in found))
-    notes = [f"refused, {variant.words}: {reason}" for variant, reason in lost]
-    notes += once([(variant.words, one.notes) for variant, one in found])
-    return Convergence(reference="; or ".join(words), points=tuple(points), notes=tuple(notes), **by_level)
-
-
-def geometry_at(study: Study, index: tuple[int, ...]) -> tuple[Study, tuple[int, ...]]:
-    """The study of the geometry that a point of the sweep has, and the point's index there.
-
-    Raises GeometryFailed with the reason where the geometry is refused.
-    """
-    if not study.variants:
-        return study, index
-    place = np.ravel_multi_index(index, study.shape)
-    variant = next(one for one in study.variants if place in one.places)
-    if variant.study is None:
-        remedy = "name another geometry by --at, or take this one out of the sweep"
-        raise GeometryFailed(f"{variant.words}: {variant.reason}; {remedy}", ("sweep",))
-    row = int(np.flatnonzero(variant.places == place)[0])
-    return variant.study, tuple(int(i) for i in np.unravel_index(row, variant.study.shape))

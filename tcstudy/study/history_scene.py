@@ -1,4 +1,4 @@
-"""The steps of a scene's load history with their derivatives by numbers of the study, for fits and for `sensitivity`.
+"""The load history of one scene: its problem and loads, and its steps with their derivatives, for fits and sensitivity.
 
 What the loads, the body and the law do with a number is `offline.slopes`, how the memory carries it on from step to
 step `solvers.history.moving`. Steps in equal parts are differentiated part by part, as they are solved.
@@ -31,14 +31,38 @@ from tcstudy.scene.parameters import loaded_scene
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.solvers.history.moving import EVENT, FOLD, TURNED, Moved, StepSlope, moved
-from tcstudy.solvers.history.problem import HistoryStep
+from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
 from tcstudy.solvers.history.steps import next_step
-from tcstudy.study.history_run import problem_of
 from tcstudy.study.sensitivities import of_largest
 
 Array = NDArray[np.float64]
 STIFFNESS = ("history", "stiffness")
 """Key path of k, the number of a memory."""
+
+
+def problem_of(
+    plan: HistoryPlan, level: Level, scene: Scene, tolerance: float | None
+) -> tuple[HistoryProblem, list[Array]]:
+    """What all steps of a scene share, and the loads l̃ of all steps. Raises NotPositiveDefinite."""
+    at = [level.condensed(loaded_scene(scene, values)) for values in plan.stations()]
+    first = at[0].problem
+    lambda_1 = None if plan.loose else level.lambda_1(scene)
+    problem = HistoryProblem(
+        first.A_tilde,
+        first.c,
+        first.law,
+        plan.memory,
+        plan.branch,
+        plan.substeps,
+        tolerance,
+        lambda_1,
+        held=not plan.loose,
+    )
+    l_tilde = [one.problem.l_tilde for one in at]
+    loads = [l_tilde[0]]
+    for i, j, share, *_ in plan.schedule():
+        loads.append(l_tilde[j] if share == 1.0 else l_tilde[i] + share * (l_tilde[j] - l_tilde[i]))
+    return problem, loads
 
 
 @dataclass(frozen=True, eq=False)
