@@ -102,9 +102,8 @@ def plan(options: argparse.Namespace) -> int:
     from tcstudy.data.provenance import already_there
     from tcstudy.reports.terminal.forecast import expected_words, forecast_text
     from tcstudy.study.expected import work_words
-    from tcstudy.study.plan import plan_and_resources
 
-    forecast, expected = plan_and_resources(study)
+    forecast, expected = _planned(options, study)
     steps = study.history.steps if study.history is not None else 0
     time = expected_words(expected.seconds, expected.memory, study.mesh.open_ended)
     if options.json:
@@ -117,6 +116,21 @@ def plan(options: argparse.Namespace) -> int:
         with shared.spoken(options):
             print(forecast_text(study, forecast, more, output, work, time))
     return OK
+
+
+def _planned(options: argparse.Namespace, study: Study) -> tuple[Plan, Resources]:
+    """The forecast of a study and what a run takes; of many geometries by workers where that pays."""
+    from tcstudy.study.plan import plan_and_resources
+
+    if not study.variants:
+        return plan_and_resources(study)
+    from tcstudy.reports.terminal.progress import PlanProgress
+    from tcstudy.study.errands import plans
+    from tcstudy.study.jobs import Staff
+
+    with closing(Staff(1 if options.jobs == 1 else None)) as staff, closing(PlanProgress()) as progress:
+        shown = (lambda made, _: made) if options.quiet else progress
+        return plan_and_resources(study, lambda own: shown(plans(own, staff), len(own)))
 
 
 def _plan_json(study: Study, output: Path, forecast: Plan, expected: Resources) -> str:

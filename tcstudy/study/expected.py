@@ -154,6 +154,12 @@ def sizes(study: Study) -> tuple[LevelForecast, ...]:
     return tuple(_nested(meshes, scene, rough) if plan.nested else _one_by_one(meshes, plan, scene, rough))
 
 
+def counting(study: Study) -> Resources:
+    """What `sizes` takes for the meshes that it makes. Raises GeometryFailed if a file has no such face."""
+    made = [level for level in rough_sizes(study) if level.nodes <= MOST_NODES]
+    return Resources(meshing_seconds(study.mesh, made), MEMORY)
+
+
 def meshing_seconds(mesh: MeshPlan, levels: Sequence[LevelForecast]) -> float:
     """Seconds of this processor for the meshes that Netgen makes itself; fewer triangles than SAMPLE take none."""
     triangles = sum(2 * level.nodes for level in (levels[:1] if mesh.nested else levels)) / 4**mesh.refine

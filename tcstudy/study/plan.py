@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -48,6 +48,10 @@ class Plan:
     bytes: int
 
 
+Plans = Callable[[Sequence[Study]], Iterable[Plan]]
+"""The forecasts of studies of one geometry each."""
+
+
 def plan(study: Study) -> Plan:
     """The forecast of a study that the reader has accepted.
 
@@ -71,10 +75,10 @@ def plan(study: Study) -> Plan:
     )
 
 
-def plan_and_resources(study: Study) -> tuple[Plan, Resources]:
-    """The same, and what a run takes."""
+def plan_and_resources(study: Study, plans: Plans = lambda studies: map(plan, studies)) -> tuple[Plan, Resources]:
+    """The same, and what a run takes; plans: who makes those of several geometries."""
     geometries = [one.study for one in study.variants if one.study is not None] or [study]
-    found = [(own, plan(own)) for own in geometries]
+    found = list(zip(geometries, plans(geometries), strict=True))
     spent = [of_run(own, plan.levels, plan.factorisations, plan.heat_solves) for own, plan in found]
     whole = _of_geometries(study, found) if study.variants else found[0][1]
     return whole, Resources(sum(one.seconds for one in spent), max(one.memory for one in spent))

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 from collections.abc import Sequence
+from concurrent.futures import Future
+from contextlib import closing
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,11 +19,15 @@ from netgen import occ
 
 from tcstudy.data.files import StoreError
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
-from tcstudy.executors import Errand, Here, Processes, in_order, unpacked
+from tcstudy.errors import GeometryFailed
+from tcstudy.executors import Errand, Here, Processes, WorkerDied, in_order, unpacked
 from tcstudy.read.study import read_study, read_study_text
-from tcstudy.study import jobs
-from tcstudy.study.errands import errand, solve_geometry
+from tcstudy.reports.terminal.progress import PlanProgress
+from tcstudy.study import expected, jobs
+from tcstudy.study.errands import errand, plans, solve_geometry
 from tcstudy.study.execute import execute
+from tcstudy.study.jobs import Staff
+from tcstudy.study.plan import plan_and_resources
 from tcstudy.study.run import LevelWork, Quiet, run
 from tests.benchmarks.kills import assert_same, children
 from tests.executors.test_processes import CRUEL, gone
@@ -217,3 +225,49 @@ def test_no_more_errands_are_under_way_than_the_executor_likes() -> None:
         found.append(unpacked(answer))
         assert len(sent) - len(found) <= 3
     assert found == [divmod(i, 2) for i in range(9)]
+
+
+def test_workers_plan_geometries_as_one_process_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same forecast in the same order; only where meshes take long, which these do not."""
+    study = read_study_text(PLAIN)
+    alone = plan_and_resources(study)[0]
+    with closing(Staff()) as staff:
+        assert plan_and_resources(study, lambda own: plans(own, staff))[0] == alone
+        assert staff._pool is None
+    monkeypatch.setattr(expected, "meshing_seconds", lambda *_: 10.0)
+    monkeypatch.setattr(jobs, "available", lambda: 2)
+    with closing(Staff()) as staff:
+        assert plan_and_resources(study, lambda own: plans(own, staff))[0] == alone
+        assert staff._pool is not None
+
+
+def test_a_mesher_that_ends_its_workers_is_a_fault_of_the_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Dead(Here):
+        def submit(self, work: object, tries: int = 1) -> Future[Any]:
+            future: Future[Any] = Future()
+            future.set_exception(WorkerDied("killed by signal 9"))
+            return future
+
+    staff = Staff()
+    monkeypatch.setattr(staff, "errands", lambda *_: Dead())
+    with pytest.raises(GeometryFailed, match=r"cannot be meshed \(killed by signal 9\); plan it alone") as info:
+        list(plans([one.study for one in read_study_text(BARS).variants if one.study is not None], staff))
+    assert info.value.keys == ("sweep",)
+
+
+def test_progress_of_a_plan_is_one_line_of_a_terminal() -> None:
+    terminal = Terminal()
+    with closing(PlanProgress(terminal)) as progress:
+        assert list(progress(iter("ab"), 2)) == ["a", "b"]
+    assert terminal.getvalue().split("\r\x1b[K") == ["", "1/2 geometries planned", "2/2 geometries planned", ""]
+    silent = io.StringIO()
+    with closing(PlanProgress(silent)) as progress:
+        assert list(progress(iter("ab"), 2)) == ["a", "b"]
+    assert silent.getvalue() == ""
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is one."""
+
+    def isatty(self) -> bool:
+        return True

@@ -2,6 +2,8 @@
 
 What `tcstudy path` shows while it works: one line that is written again and again, on a terminal only.
 
+What `tcstudy plan` shows while it makes the meshes of many geometries to count them: the same.
+
 What `tcstudy cost` shows while it works: one line with the time left on a terminal, a line per run elsewhere.
 """
 
@@ -9,8 +11,8 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Sequence
-from typing import Protocol, TextIO, cast
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Protocol, TextIO, TypeVar, cast
 
 import numpy as np
 
@@ -18,6 +20,8 @@ from tcstudy.data.provenance import without_paths
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.reports.terminal.outlet import Outlet, raw_terminal, visible
 from tcstudy.reports.text import counted, kind, named, number, span, with_unit
+
+T = TypeVar("T")
 
 
 class Work(Protocol):
@@ -168,6 +172,16 @@ class _Line:
         if self._open:
             self._write("")
             self._open = False
+
+
+class PlanProgress(_Line):
+    """How many geometries are planned of all."""
+
+    def __call__(self, made: Iterable[T], of: int) -> Iterator[T]:
+        """What is made, one after the other."""
+        for done, one in enumerate(made, 1):
+            self._write(f"{done}/{of} geometries planned")
+            yield one
 
 
 class PathProgress(_Line):
