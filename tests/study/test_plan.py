@@ -101,8 +101,8 @@ def test_a_swept_parameter_that_changes_nothing_is_named() -> None:
 
 
 def test_a_tiny_study_takes_no_zero_seconds() -> None:
-    assert expected_words(0.3, 2e8).startswith("under a second of one process")
-    assert expected_words(0.3, 2e8, at_most=True).startswith("under a second of one process")
+    assert expected_words(0.3, 2e8).startswith("about 1 s of one process")
+    assert expected_words(0.3, 2e8, at_most=True).startswith("up to about 1 s of one process")
     assert expected_words(2.2, 2e8, at_most=True).startswith("up to about 2 s of one process")
 
 

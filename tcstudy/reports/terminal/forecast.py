@@ -47,8 +47,8 @@ def forecast_text(study: Study, plan: Any, more: Sequence[str], output: Path, wo
 def expected_words(seconds: float, memory: float, at_most: bool = False) -> str:
     """Time and memory to expect, in words: rough figures."""
     most = "up to " if at_most else ""
-    took = f"{most}about {span(seconds)}" if seconds >= 1.0 else "under a second"
-    return f"{took} of one process on this machine when idle, {most}about {memory / 1e9:.1g} GB"
+    took = span(max(1.0, seconds))  # which the program itself takes to start
+    return f"{most}about {took} of one process on this machine when idle, {most}about {memory / 1e9:.1g} GB"
 
 
 def _count(value: int, level: Any) -> str:
