@@ -77,7 +77,7 @@ def test_random_laws(smooth: bool) -> None:
             inside = np.any((bridges[:, :1] < s) & (s < bridges[:, 1:]), axis=0)
             assert below[~inside] == pytest.approx(j[~inside], abs=1e-10 * scale)
         if not smooth:  # between two samples of an exponential piece a contact set may be overlooked
-            assert max(0.0, -hull.least_slope) <= kappa * (1.0 + 1e-9) or len(bridges) == 0
+            assert np.min(hull.q) >= -kappa * (1.0 + 1e-9) or len(bridges) == 0
             fall = (hull.b_left - hull.b_right)[hull.kinds == DOWN]
             assert np.max(fall, initial=0.0) <= 1e-9 * law.b_scale
             brute = sampled_hull(law, kappa, s, j)

@@ -60,6 +60,8 @@ def test_stable_unstable_and_lowest_parts_are_told_apart(pad: Path) -> None:
     folds = [line for line in curve.lines if line.get_marker() == "o"]
     vertices, small = seen_folds(picture.data)
     assert (len(vertices), small) == (8, picture.data.sizes["fold"] - 8)
+    turns = f"{small} turn{'s' * (small > 1)}"
+    assert f"8 folds and {turns} below 0.5 % of the range" in path_summary(pad)
     assert folds[0].get_xdata() == pytest.approx(1e3 * picture.t[vertices], rel=1e-12)
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     assert texts[:3] == ["stable", "unstable", "global minimum (proved)"]
