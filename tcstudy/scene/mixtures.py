@@ -11,6 +11,8 @@ where it has the sum's value and slope, which misses it by SPLINE_ERROR of the t
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,8 +26,8 @@ SPLINE_ERROR = 1e-6
 """Of an exponential spline, relative to the amplitudes of the exponentials at the end of the piece nearest to 0."""
 LEAST_TURN, STEEPEST = 1e-3, 60.0
 """|r| times the length of a spline's piece: with less it is a parabola without digits, with more it has decayed."""
-STEPS = 5
-"""Of Newton from 5 %: one more than rounding needs."""
+STEPS = 4
+"""Of Newton from 5 %, after which rounding is left."""
 
 
 def total(one: FrictionLaw, two: FrictionLaw) -> FrictionLaw:
@@ -95,6 +97,7 @@ class _Sum:
         return float(np.log(ratio) / (self.r[1] - self.r[0])) if ratio > 0.0 else float("nan")
 
 
+@lru_cache(maxsize=16)  # a mirror image follows its image
 def _spline(one: Piece, two: Piece, left: float, right: float) -> tuple[list[float], list[Piece]]:
     """(slips between its pieces, pieces) of a sum of two exponentials between left ≥ 0 and right."""
     sum_of = _Sum(one, two)
