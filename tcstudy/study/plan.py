@@ -20,7 +20,9 @@ from tcstudy.offline.level import Level
 from tcstudy.offline.loads import exchange_level
 from tcstudy.read.document import located
 from tcstudy.scene.points import FELT, count_points, distinct, idle_notes, needs_heat_solve, of_stiffness, why_no_heat
+from tcstudy.scene.records import Contact
 from tcstudy.scene.study import Study
+from tcstudy.shapes.edges import body_area, boundary_lengths
 from tcstudy.study.doubts import built_faults, doubts, locking_notes
 from tcstudy.study.expected import meshing_seconds, of_run, rough_sizes, sizes
 from tcstudy.study.jobs import LevelForecast, Resources, forecast, refined
@@ -198,6 +200,7 @@ def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
     if mesh.strategy.note:  # what the table of levels does not say
         yield mesh.strategy.note.format(goal=mesh.goal.quantity, power=1 - mesh.grading)
     yield from _other_commands(study)
+    yield from _long_elements(study, levels)
     if scenes[0].material.regions and (swept := swept_parts(scenes)):
         count = len({Level.ratio(scene) for scene in distinct(scenes, *of_stiffness(scenes))})
         names = ", ".join(name for where in swept for name in where)
@@ -237,6 +240,26 @@ def _other_commands(study: Study) -> Iterator[str]:
         yield f"fit of {names} to {study.fit.file}: find them with tcstudy fit"
     if study.exact is not None:
         yield "exact solution given: measure the errors against it with tcstudy converge"
+
+
+LONG = 2.0
+"""Lengths of elements over the height of a strip above which path and one descent may differ (configs/README.md)."""
+
+
+def _long_elements(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
+    """Where the mesh pushes nodes of a thin strip back; the strip's height is its area over its contact line."""
+    scene = study.scenes[0]
+    if study.history is None or scene.body.brep is not None:
+        return
+    lengths = boundary_lengths(scene.body)
+    contact = sum(lengths[name] for name in scene.edges(Contact))
+    ratio = contact**2 / (study.history.of(levels).n_contact * body_area(scene.body))
+    if ratio > LONG:
+        yield (
+            f"elements on the contact line are {ratio:.2g} times as long as the body is high there: they push nodes "
+            "back before the front that comes to them, so that a path and one descent may differ by some per cent; "
+            "choose a smaller mesh.maxh or more levels"
+        )
 
 
 def expected_bytes(study: Study) -> int:

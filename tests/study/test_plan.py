@@ -100,6 +100,18 @@ def test_a_swept_parameter_that_changes_nothing_is_named() -> None:
     assert not any("changes nothing" in note for note in plan(study_of(elastic, constant)).notes)
 
 
+def test_a_history_with_elements_much_longer_than_its_strip_is_high_is_told() -> None:
+    """By the elements that Netgen makes, which are up to a third shorter than maxh in a thin strip."""
+    strip = RECTANGLE.replace("width: 2, height: 1", "width: 40, height: 0.25")
+    steps = "history={memory: friction, steps: [{f_x: 0.1, in: 2}]}"
+    for maxh, said in ((2.0, True), (1.0, True), (0.45, False)):
+        notes = plan(study_of(strip, steps, f"mesh={{maxh: {maxh}}}", "loads.f=[0, 0]")).notes
+        told = [float(note.split()[6]) for note in notes if note.startswith("elements on the contact line are ")]
+        assert len(told) == said, maxh
+        assert all(0.65 * maxh / 0.25 < ratio < 1.05 * maxh / 0.25 for ratio in told), told
+    assert not any("as long as" in n for n in plan(study_of(strip, "mesh={maxh: 2}")).notes)
+
+
 def test_a_tiny_study_takes_no_zero_seconds() -> None:
     assert expected_words(0.3, 2e8).startswith("about 1 s of one process")
     assert expected_words(0.3, 2e8, at_most=True).startswith("up to about 1 s of one process")
