@@ -10,24 +10,25 @@ with laws of its own and each a piece of a piecewise-linear path (solvers/path):
      that is released. Else the path through it leads on.
 Between vertices forces and slips are linear, so that work and dissipation are exact: closure is rounding.
 In the place of exponential pieces the path has straight ones (memory.py). At the end of every part the law's own
-solution is found beside it, and what friction takes on the way there has a closed form: states and energies are exact.
+solution is found beside it, at a fold the law's own (folds.py), and what friction takes on the way there has a closed
+form: states and energies are exact.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.nodal_laws import Law
 from tcstudy.scene.study import Acceptance, Direction
 from tcstudy.solvers.contact import Answer, as_it_is, solve_contact
+from tcstudy.solvers.history.folds import ended, folds_beside, standing
 from tcstudy.solvers.history.memory import LAW_ERROR
+from tcstudy.solvers.history.part import ROUNDING, StepPart
 from tcstudy.solvers.history.problem import Energies, HistoryProblem, HistoryStep, booked, proved
 from tcstudy.solvers.loop import Status, iterate
-from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path, PathStatus
+from tcstudy.solvers.path.follow import Follower, Path, PathStatus
 from tcstudy.solvers.path.start import locate
 from tcstudy.solvers.path.tableau import Tableau
 from tcstudy.solvers.path.walk import units_of
@@ -42,8 +43,6 @@ AHEAD, DIGITS = 1e-6, 1e-10
 """Share of what is left of a step that a part looks ahead, and part of the load that it is at least."""
 BACK = 0.5
 """The path back from there has ended elsewhere if it is this far from the state, relative to the way ahead."""
-ROUNDING = 1e-11
-"""Part of the largest slip that rounding may seem to take back, or to be apart."""
 ASIDE = 0.05
 """The law's own solution lies beside that of straight pieces if it is nearer than this part of the way to it."""
 CREEPS = 40
@@ -67,47 +66,6 @@ def continued(body: HistoryProblem, last: HistoryStep, load: Array) -> HistorySt
     return proved(body, *step.judged, whole)
 
 
-class _Part:
-    """What a part of a step is, from the state `now` on; all in w = v − a."""
-
-    def __init__(self, body: HistoryProblem, now: HistoryStep, begin: Array, change: Array) -> None:
-        """begin, change: the loads of the step are begin + t change (m,)"""
-        self.body, self.now, self.state, self.begin, self.change = body, now, now.state, begin, change
-        self.origin = body.model.origin(now.state)
-        self.w, self.pushed = now.state.v - self.origin, body.A_tilde @ self.origin
-
-    @cached_property
-    def law(self) -> Law:
-        """That of the part."""
-        return self.body.model.next_law(self.state)
-
-    @cached_property
-    def defect(self) -> Array:
-        """(m,) what rounding of the state's slips takes its forces off the graph, as the part begins with it [N/m].
-
-        A stiff body makes much of a slip's last digit; without this no path would begin at the state.
-        """
-        now, body = self.now, self.body
-        xi = now.load - body.A_tilde @ self.state.v
-        size = np.abs(now.load) + np.abs(body.A_tilde) @ np.abs(self.state.v)
-        apart = body.c * np.clip(xi / body.c, *self.law.interval(self.w)) - xi
-        rounding = 8.0 * np.sqrt(body.m) * np.finfo(float).eps * size
-        return np.where(np.abs(apart) <= rounding, apart, 0.0)
-
-    def problem(self, load: Array) -> ContactProblem:
-        """That of a load."""
-        return ContactProblem(self.body.A_tilde, load - self.pushed + self.defect, self.body.c, self.law)
-
-    @cached_property
-    def parametric(self) -> ParametricProblem:
-        """The problem with a law of straight pieces, over the shares of the step."""
-        body, linear = self.body, self.body.law.piecewise_linear
-        law = self.law if linear else body.model.next_law(self.state, straight=True)
-        problem = ParametricProblem(body.A_tilde, self.begin - self.pushed + self.defect, self.change, body.c, law)
-        vars(problem)["body"] = body.scaled  # the same in all parts and steps
-        return problem
-
-
 class _Step:
     """The parts of one step so far.
 
@@ -129,7 +87,7 @@ class _Step:
 
     def _to(self, step: HistoryStep, t: float) -> None:
         """The next part begins at the state of a step, at the share t."""
-        self.now, self.t, self.part = step, t, _Part(self.body, step, self.last.load, self.change)
+        self.now, self.t, self.part = step, t, StepPart(self.body, step, self.last.load, self.change)
 
     def load_at(self, t: float) -> Array:
         return self.load if t == 1.0 else self.last.load + t * self.change
@@ -138,6 +96,8 @@ class _Step:
         """The next part or the next jump; False if there is none."""
         self.parts += 1
         path = self._onward() if self.fold <= self.t else None
+        if path is None and self.fold <= self.t and not self.body.law.piecewise_linear:
+            path = standing(self.part.parametric, self.t, self.part.w)  # the law may go on where no chord does
         return (path is not None and self._along(path)) or self._elsewhere()
 
     def _onward(self) -> Path | None:
@@ -260,11 +220,13 @@ class _Step:
 
         lead: the path back from its beginning to the state
         """
-        last = self._first_return(path)
-        if not ((last or lead) and path.t[last] > self.t):
+        last = self.part.first_return(path)
+        fold = last == path.pieces and path.end.status == PathStatus.UNSTABLE
+        folded = self._folded(path, last) if fold else None
+        if not (folded or ((last or lead) and path.t[last] > self.t)):
             self.reason = path.end.reason
             return False
-        last, answer = self._reached(path, last)
+        path, last, answer = folded or self._reached(path, last)
         t = float(path.t[last])
         if answer.status != Status.CONVERGED:
             self.reason = answer.reason
@@ -300,14 +262,24 @@ class _Step:
         allowed = 4.0 * LAW_ERROR * body.law.b_scale * float(np.sum(np.abs(slips) @ body.c))
         return (work + missed, friction + missed) if abs(missed) <= allowed else None
 
-    def _reached(self, path: Path, last: int) -> tuple[int, Answer]:
+    def _folded(self, path: Path, last: int) -> tuple[Path, int, Answer] | None:
+        """The path to where the law itself folds beside a vertex, that vertex and the state; None if it does not."""
+        law = self.body.law
+        for t, w in () if law.piecewise_linear else folds_beside(path, last, self.part.law, law.s_scale):
+            answer = self._answer(w, t)
+            if answer.status == Status.CONVERGED and np.array_equal(answer.v, w):
+                self.fold = float(np.nextafter(t, 2.0))
+                return *ended(path, t, w), answer
+        return None
+
+    def _reached(self, path: Path, last: int) -> tuple[Path, int, Answer]:
         """The last vertex beside which the law itself has a solution, and that.
 
         Straight pieces in the place of a curve may fold a little later than it does: short of that the part ends.
         """
         answer = self._answer(path.u[last], float(path.t[last]))
         if self.body.law.piecewise_linear:
-            return last, answer
+            return path, last, answer
         fold = last == path.pieces and path.end.status == PathStatus.UNSTABLE
         slip = self.body.law.b_scale * float(np.max(self.body.c / np.diagonal(self.body.A_tilde)))
         for back in (0, *(2**k for k in range(20) if 2**k < last and path.t[last - 2**k] > self.t)):
@@ -320,7 +292,7 @@ class _Step:
         self.fold = float(path.t[last]) if fold or back else 0.0
         if not near:
             answer = replace(answer, status=Status.STALLED, reason=path.end.reason if self.fold else HIDDEN)
-        return last - back, answer
+        return path, last - back, answer
 
     def _answer(self, w: Array, t: float) -> Answer:
         """w, judged as a solution at the share t."""
@@ -330,15 +302,3 @@ class _Step:
         answer = answer or solve_contact(problem, tolerance=body.tolerance, branch="continued", neighbour=w)
         self.judged = problem, answer
         return answer
-
-    def _first_return(self, path: Path) -> int:
-        """Vertex up to which nobody takes back anything: slips, plastic slips and openings only grow."""
-        model, state = self.body.model, self.now.state
-        rounding = ROUNDING * float(np.max(np.abs(path.u)))
-        done = model.done(state, path.u[0])
-        for vertex in range(1, path.pieces + 1):
-            following = model.done(state, path.u[vertex])
-            if np.any(following < done - rounding):
-                return vertex - 1
-            done = np.maximum(done, following)
-        return path.pieces
