@@ -119,6 +119,7 @@ class _Beside:
         p, free = self.path.problem, self.free
         return with_diagonal(p.A_tilde, free, p.c[free] * self.law.of(free).slope(w[free], self.piece)) / self.stiffness
 
+    @np.errstate(over="ignore", invalid="ignore")  # far off an exponential passes all numbers; such a step ends it
     def _newton(self, equation: Equation, begin: Array) -> tuple[float, Array] | None:
         """The fold; None where Newton's method ends nowhere, or far off, or before the path."""
         p, free = self.path.problem, self.free
