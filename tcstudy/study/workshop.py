@@ -143,8 +143,7 @@ class Workshop:
 
     def _singly(self, block: Block) -> BlockRecord:
         """One point after the other."""
-        near = self._beside(block)
-        points = []
+        near, points = self._beside(block), list[PointRecord]()
         for row, place in enumerate(block.points):
             neighbour = None if near is None or np.isnan(near[row]).any() else near[row]
             index = tuple(int(i) for i in np.unravel_index(place, self.study.shape))
@@ -232,13 +231,14 @@ class Workshop:
         status, reasons = record.status.copy(), dict(record.reasons)
         for row, place in enumerate(record.points):
             if record.status[row] == PointStatus.OK and record.u_T is not None:
+                scene, v = self._scene(place), record.u_T[row]
                 try:
-                    for of in self._asked:
-                        for name, value in of(self._scene(place), record.u_T[row]).items():
-                            columns[name][row] = value
-                except Exception as error:  # as in solve_point; the solution itself stays
-                    status[row] = PointStatus.ERROR
-                    reasons[row] = f"numbers on request: {type(error).__name__}: {error}"
+                    asked = {name: value for of in self._asked for name, value in of(scene, v).items()}
+                except Exception as error:  # as in solve_point; the solution itself stays, and all that was asked goes
+                    reason = f"numbers on request: {type(error).__name__}: {error}"
+                    status[row], reasons[row], asked = PointStatus.ERROR, reason, {}
+                for name, value in asked.items():
+                    columns[name][row] = value
         return replace(record, status=status, reasons=reasons, numbers={**record.numbers, **columns})
 
     def _completed(self, record: BlockRecord) -> BlockRecord:

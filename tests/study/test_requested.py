@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
-from numpy.typing import NDArray
 
 import tcstudy
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import StudyError
+from tcstudy.offline.level import Level
 from tcstudy.offline.requested import Requested
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import OutputPlan
 from tcstudy.solvers.contact import solve_contact
+from tcstudy.study import sensitivities
 from tests.verification.scenes import HEATED_BRACKET, levels_of, study_of
 
 BAR = """
@@ -88,19 +90,21 @@ def test_reactions_balance_the_loads(changes: tuple[str, ...]) -> None:
 
 
 def test_a_number_that_breaks_down_ends_its_point_and_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The solution stays in the file, with the reason beside it."""
-    original = Requested.of
+    """The solution stays in the file with the reason beside it, and nothing of what was asked for."""
+    original = sensitivities.of_point
 
-    def broken(self: Requested, scene: Scene, v: NDArray[np.float64]) -> dict[str, float]:
+    def broken(level: Level, scene: Scene, *more: Any) -> dict[str, float]:
         if not scene.material.expands:
             raise RuntimeError("no such element")
-        return original(self, scene, v)
+        return original(level, scene, *more)
 
-    monkeypatch.setattr(Requested, "of", broken)
-    data = stored(BAR.replace("PLANE", "stress"), tmp_path).isel(level=0)
+    monkeypatch.setattr(sensitivities, "of_point", broken)
+    text = BAR.replace("PLANE", "stress").replace("output: {", "output: {sensitivity: [E], ")
+    data = stored(text, tmp_path).isel(level=0)
     assert data["status"].values.tolist() == [PointStatus.ERROR, PointStatus.OK]
     assert str(data["reason"][0].values) == "numbers on request: RuntimeError: no such element"
     assert np.isnan(data["probe_tip_u_x"].values).tolist() == [True, False]
+    assert np.isnan(data["sensitivity_u_T_max_E"].values).tolist() == [True, False]
     assert np.isfinite(data["u_T_max"].values).all()
 
 

@@ -1,0 +1,88 @@
+"""Files of sweeps over geometries that grow, are mended and are joined: what was there stays to the bit."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tcstudy
+from tcstudy.data.records import PointStatus
+from tcstudy.read.study import read_study_text
+from tcstudy.study.execute import execute
+from tcstudy.study.grow import appended
+from tests.study.test_grow import Counted
+from tests.study.test_variants import BAR, HOLED, Stops
+
+ONE = BAR.replace(", levels: 2", "")
+
+
+def same(one: Path, two: Path, at: dict[str, object]) -> None:
+    """The points of one file are those of the other, to the bit: numbers, and profiles of their geometries."""
+    with xr.open_datatree(one) as a, xr.open_datatree(two) as b:
+        for name in ("status", "energy", "u_T_max", "h_max"):
+            pair = [t[name].sel({k: v for k, v in at.items() if k in t[name].dims}).values for t in (a, b)]
+            assert np.array_equal(*pair), name
+        inner = {name: at[name] for name in ("E",) if name in at}
+        for i, j in {*zip(*(t["geometry"].sel(at).values.ravel() for t in (a, b)), strict=True)}:
+            pair = [t[f"geometry_{k}/level_0"].to_dataset().sel(inner) for t, k in ((a, i), (b, j))]
+            for name in ("arclength", "u_T", "xi"):
+                assert np.array_equal(*(lines[name].values for lines in pair)), (name, i, j)
+
+
+def right(tree: xr.DataTree) -> bool:
+    """Whether all bars have their length g L/E."""
+    at = tree.to_dataset().isel(level=0)
+    return bool((abs(at["u_T_max"] / (1e6 * at["width"] / at["E"]) - 1.0) < 1e-10).all())
+
+
+def test_files_of_geometries_grow_and_are_mended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """New lengths, and new moduli at old ones, are added, also after a stop; what was there stays to the bit."""
+    path, before, counted = tmp_path / "out.nc", tmp_path / "before.nc", Counted(monkeypatch)
+    execute(read_study_text(ONE, "s", ["sweep={body.rectangle.width: [400 mm, 100 mm], E: [70 GPa]}"]), path)
+    shutil.copy(path, before)
+    more = read_study_text(ONE, "s", ["sweep={body.rectangle.width: [0.1, 0.2], E: [70 GPa, 35 GPa]}"])
+    study, kept = appended(path, more)
+    with pytest.raises(KeyboardInterrupt):
+        execute(study, path, Stops(2), kept=kept)
+    assert counted.points == 2 + 3
+    tree = tcstudy.run(more, path, append=True)
+    assert counted.points == 2 + 3  # the stop came when all were solved
+    assert tree["status"].isel(level=0).sel(width=0.4).values.tolist() == [int(PointStatus.OK), 0]
+    same(before, path, {"width": [0.4, 0.1], "E": [70e9]})
+    assert right(tcstudy.run(read_study_text(ONE), path, retry=True))
+    assert counted.points == 6
+    same(before, path, {"width": [0.4, 0.1], "E": [70e9]})
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["before.nc", "out.nc"]
+
+
+def test_files_of_geometries_are_joined(tmp_path: Path) -> None:
+    """Also with a list, whose lengths are written otherwise."""
+    one, two, three = (tmp_path / f"{name}.nc" for name in "abc")
+    execute(read_study_text(ONE, "s", ["sweep={body.rectangle.width: [400 mm, 100 mm], E: [70 GPa, 35 GPa]}"]), one)
+    execute(read_study_text(ONE, "s", ["sweep={E: [70 GPa, 35 GPa], body.rectangle.width: [200 mm, 0.1]}"]), two)
+    tree = tcstudy.merge([one, two], three)
+    assert right(tree)
+    assert tree.attrs["history"].count("\n") == 2
+    same(one, three, {"width": [0.1, 0.4]})
+    two.unlink()
+    execute(read_study_text(ONE, "s", ["sweep={mode: list, points: [{body.rectangle.width: 10 cm, E: 1 GPa}]}"]), two)
+    tree = tcstudy.merge([one, two], three, force=True)
+    assert right(tree)
+    assert tree["geometry"].values.tolist() == [0, 0, 1, 1, 1]
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["a.nc", "b.nc", "c.nc"]
+
+
+def test_what_is_refused_stays_so_in_a_join(tmp_path: Path) -> None:
+    one, two, three = (tmp_path / f"{name}.nc" for name in "abc")
+    execute(read_study_text(HOLED, "s", ["sweep={parameters.height: [10 mm, 20 mm]}"]), one)
+    execute(read_study_text(HOLED, "s", ["sweep={parameters.height: [8 mm, 10 mm, 20 mm]}"]), two)
+    tree = tcstudy.merge([one, two], three)
+    assert tree["geometry"].values.tolist() == [-1, -1, 2]  # 20 mm is the third of them
+    assert tree["status"].values[:2, 0].tolist() == [PointStatus.MESH_FAILED] * 2
+    assert all(str(words).startswith("body.holes[0]: the hole") for words in tree["reason"].values[:2, 0])
+    tree = tcstudy.run(read_study_text(HOLED, "s", ["sweep={parameters.height: [10 mm, 20 mm]}"]), one, retry=True)
+    assert tree["geometry"].values.tolist() == [-1, 1]
