@@ -6,10 +6,11 @@ import argparse
 import gc
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
 
 from tcstudy.commands.shared import BAD_INPUT, OK
-from tcstudy.errors import UserFault
+from tcstudy.errors import StoreError, UserFault
 from tcstudy.reports.terminal.outlet import guarded_streams, is_lost
 
 MODULES = {
@@ -57,6 +58,7 @@ def _command(arguments: list[str]) -> int:
     options = parser_of(named).parse_args(arguments)
     options.words, options.parser_of = ["tcstudy", *arguments], parser_of
     try:
+        _tell_changes(options)
         return int(options.run(options))
     except UserFault as fault:
         print(_said(options, fault), file=sys.stderr)
@@ -70,6 +72,17 @@ def _command(arguments: list[str]) -> int:
         kept = options.kept
         print(f"there is not enough memory; {kept}. Free some, or ask for less (coarser meshes)", file=sys.stderr)
         return NO_ROOM
+
+
+def _tell_changes(options: argparse.Namespace) -> None:
+    """A line for every file to be read that another program has changed."""
+    if files := [file for name in ("file", "first", "second") if (file := getattr(options, name, None)) is not None]:
+        from tcstudy.data.reading import change_of
+
+        for file in files:
+            with suppress(StoreError):  # what is no result is told by the command
+                if change := change_of(file):
+                    print(change, file=sys.stderr)
 
 
 def _said(options: argparse.Namespace, fault: UserFault) -> str:

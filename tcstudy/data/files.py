@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tcstudy.data.checksums import stamp
 from tcstudy.data.reading import FINISHED, is_foreign, put_seal
 from tcstudy.errors import StoreError, printable, shortened
 
@@ -199,6 +200,7 @@ def write_dataset(
             nc.setncatts(attributes)
             fill(nc)
             nc.setncattr(FINISHED, np.int32(1))
+            stamp(nc)
 
     replace_file(path, make, kept)
 

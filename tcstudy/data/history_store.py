@@ -20,7 +20,7 @@ from tcstudy.data.files import StoreError, write_dataset
 from tcstudy.data.on_request import step_derivatives
 from tcstudy.data.path_store import LINE
 from tcstudy.data.provenance import CONTENT, Provenance, global_attributes, program, without_paths
-from tcstudy.data.reading import is_foreign
+from tcstudy.data.reading import is_foreign, refuse_changed
 from tcstudy.data.records import LevelRecord, PointStatus, Row, decode, row_of
 from tcstudy.data.schema import (
     BESIDE,
@@ -232,6 +232,7 @@ def read_known(path: Path, study: Study, steps: int) -> tuple[HistoryRecord, dic
         return None
     remedy = "give another --output, or --force to replace it"
     try:
+        refuse_changed(path)
         data = load_root(path, "history")
         if data.attrs.get("program") != program():
             raise StoreError(f"{path} holds this study as another version of the program or its libraries computed it")

@@ -22,7 +22,7 @@ from importlib import metadata
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, Literal, get_args
 
-from tcstudy.data.reading import attributes, is_foreign
+from tcstudy.data.reading import attributes, is_foreign, refuse_changed
 from tcstudy.errors import StoreError
 from tcstudy.scene.study import Acceptance, Study
 
@@ -208,8 +208,9 @@ def holds(path: Path, kind: Kind, study: Study, **asked: Any) -> bool:
     remedy = "give another --output, or --force to replace it"
     try:
         found = attributes(path)
+        refuse_changed(path)
     except StoreError as error:
-        raise StoreError(f"{error}: {remedy}") from error
+        raise StoreError(f"{error}, or give another --output") from error
     what = ""
     if (other := kind_from(found)) != kind:
         what = f"holds results of another command ({other})"

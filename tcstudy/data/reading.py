@@ -31,6 +31,8 @@ from tcstudy.errors import StoreError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tcstudy.data.checksums import Changes
+
 SECONDS = 60.0
 """For reading; an ordinary file takes a fraction of one."""
 _SLACK, _FACTOR = 100_000_000, 1000
@@ -45,12 +47,16 @@ class Unreadable(Exception):
 
 def probe(file: Path) -> dict[str, Any]:
     """The global attributes of a file all of which can be read. Raises Unreadable, OSError."""
+    return _probed(file)[0]
+
+
+def _probed(file: Path) -> tuple[dict[str, Any], Changes]:
     now = file.stat()
     return _probe(os.path.realpath(file), now.st_ino, now.st_size, now.st_mtime_ns)
 
 
 @lru_cache(maxsize=16)
-def _probe(file: str, *_stamp: int) -> dict[str, Any]:
+def _probe(file: str, *_stamp: int) -> tuple[dict[str, Any], Changes]:
     command = [sys.executable, "-m", __name__, file]
     environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONWARNINGS": "ignore"}
     try:
@@ -67,12 +73,17 @@ def _probe(file: str, *_stamp: int) -> dict[str, Any]:
         raise Unreadable("the netCDF library cannot read it") from error
     if done.returncode:
         raise Unreadable(str(answer))
-    return dict(answer)
+    from tcstudy.data.checksums import Changes
+
+    found, changed = answer
+    return dict(found), Changes(*map(tuple, changed))
 
 
-def read_all(file: str) -> dict[str, Any]:
-    """The global attributes, after every attribute and every value of the file has been read once."""
+def read_all(file: str) -> tuple[dict[str, Any], Changes]:
+    """The global attributes and what has changed, after every attribute and value of the file has been read once."""
     import netCDF4
+
+    from tcstudy.data.checksums import changes
 
     with netCDF4.Dataset(file) as nc:
         nc.set_auto_maskandscale(False)
@@ -86,7 +97,7 @@ def read_all(file: str) -> dict[str, Any]:
         for variable, size in zip(variables, sizes, strict=True):
             for part in range(variable.shape[0]) if size > _SLAB and variable.ndim else (...,):
                 variable[part]
-        return plain_attributes(nc)
+        return plain_attributes(nc), changes(nc)
 
 
 def plain_attributes(holder: Any) -> dict[str, Any]:
@@ -165,6 +176,8 @@ def _digest(stream: BinaryIO, length: int) -> bytes:
     return digest.hexdigest().encode()
 
 
+ANEW = "Run the study again with --force to make it anew"
+
 FINISHED = "finished"
 """Global attribute set last: netCDF-4 opens a file whose writer died as if nothing were wrong."""
 
@@ -202,15 +215,14 @@ def attributes(path: Path) -> dict[str, Any]:
         raise StoreError(f"{path} is no file but a device or a pipe; name a result file")
     if path.suffix in (".yaml", ".yml"):
         raise StoreError(f"{path} is a study and not its results; name the .nc file that its run wrote")
-    anew = "Run the study again to make it anew"
     try:
         found = _attributes(path)
     except Unreadable as error:
-        raise StoreError(f"{path} is no netCDF file or is cut short or damaged ({error}). {anew}") from error
+        raise StoreError(f"{path} is no netCDF file or is cut short or damaged ({error}). {ANEW}") from error
     except (OSError, RuntimeError) as error:
         raise StoreError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
     if not _says_ours(found):
-        raise StoreError(f"{path} is unfinished (its writer stopped midway) or not made by tcstudy. {anew}")
+        raise StoreError(f"{path} is unfinished (its writer stopped midway) or not made by tcstudy. {ANEW}")
     return found
 
 
@@ -228,12 +240,31 @@ def _attributes(path: Path) -> dict[str, Any]:
         return plain_attributes(nc)
 
 
+def change_of(path: Path) -> str:
+    """What another program has changed in a result file since tcstudy wrote it, in a line; empty if nothing.
+
+    Raises StoreError if it is no result file, or if variables of it are gone or have another shape.
+    """
+    attributes(path)
+    if seal_of(path) == Seal.WHOLE:
+        return ""
+    changes = _probed(path)[1]
+    if changes.broken:
+        raise StoreError(f"{path} was changed after tcstudy wrote it ({changes.words}). {ANEW}")
+    return f"{path} was changed since tcstudy wrote it ({changes.words or 'what, it does not tell'})"
+
+
+def refuse_changed(path: Path) -> None:
+    """Raise StoreError for a file that another program has changed: nothing goes on from it."""
+    if change := change_of(path):
+        raise StoreError(f"{change}, and nothing goes on from such a file. {ANEW}")
+
+
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
     """For the time of a `with` that reads a result file: raises StoreError if the file is none, or if something fails
     on one that has changed since tcstudy wrote it. What fails on a file that is whole passes as it is."""
-    attributes(path)
-    if seal_of(path) == Seal.WHOLE:
+    if not change_of(path):
         yield
         return
     with warnings.catch_warnings():
@@ -243,8 +274,7 @@ def reading(path: Path) -> Iterator[None]:
         except _FAULTS as error:
             cause = f"{type(error).__name__}: {(str(error).splitlines() or [''])[0]}"
             raise StoreError(
-                f"{path} was changed after tcstudy wrote it and does not hold what it should ({cause}). "
-                "Run the study again with --force to make it anew"
+                f"{path} was changed after tcstudy wrote it and does not hold what it should ({cause}). {ANEW}"
             ) from error
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from tcstudy.data.files import write_dataset
 from tcstudy.data.provenance import Provenance, global_attributes
-from tcstudy.data.reading import GEOMETRIES
+from tcstudy.data.reading import GEOMETRIES, refuse_changed
 from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import POINT, SWEEP, FileVariable
 from tcstudy.data.store import KEPT, Filling, root_variables
@@ -89,6 +89,7 @@ def write_variants(
 
 def extract(path: Path, targets: Mapping[int, Path]) -> None:
     """Write the files of runs of one geometry each, by number. Raises StoreError; UsageError for one without a mesh."""
+    refuse_changed(path)
     with opened(path) as nc:
         for number, target in targets.items():
             group = nc.groups.get(f"geometry_{number}")

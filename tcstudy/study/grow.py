@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.files import check_writable
 from tcstudy.data.provenance import Provenance, collect, program, study_sha256
-from tcstudy.data.reading import attributes
+from tcstudy.data.reading import attributes, refuse_changed
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.store import write
 from tcstudy.data.stored import digest, disagreement, read_blocks, read_geometries, read_levels, read_status
@@ -68,6 +68,7 @@ def stored_run(path: Path, source: Path | None = None) -> StoredRun:
     Raises StoreError if it is no run, was computed by another version, or if its study cannot be read again.
     """
     found = attributes(path)
+    refuse_changed(path)
     if "content" in found or "reference" in found:
         raise StoreError(f"{path} holds results of another command; name the file of a run")
     if found.get("program") != program():

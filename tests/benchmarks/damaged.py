@@ -24,6 +24,7 @@ import netCDF4
 import numpy as np
 
 from tcstudy.data.journal import Journal
+from tcstudy.data.reading import Seal, seal_of
 from tcstudy.data.records import checksum
 from tcstudy.read.study import read_study
 from tcstudy.study.run import run
@@ -154,6 +155,17 @@ def rename(file: Path, draw: random.Random) -> None:
             nc.renameVariable(name, f"zz_{name}")
 
 
+def reshape(file: Path, draw: random.Random) -> None:
+    """A variable goes, or comes back with another type, other dimensions or none of its values."""
+    with netCDF4.Dataset(file, "a") as nc:
+        group = draw.choice([nc, nc, *nc.groups.values()])
+        name = draw.choice(list(group.variables))
+        group.renameVariable(name, f"zz_{name}")
+        kind, dims = draw.choice(("f8", "i4", "S1")), draw.choice(((), *((dim,) for dim in nc.dimensions)))
+        if draw.random() < 0.7:
+            group.createVariable(name, kind, dims)
+
+
 def edit_row(file: Path, draw: random.Random) -> None:
     """Another content of one record or of the header, with the checksum that belongs to it."""
     with contextlib.closing(sqlite3.connect(file)) as database:
@@ -173,8 +185,12 @@ def edit_row(file: Path, draw: random.Random) -> None:
         database.commit()
 
 
+def _is_whole(file: Path) -> bool:
+    return file.suffix != ".nc" or not file.exists() or seal_of(file) == Seal.WHOLE
+
+
 Damage = Callable[[Path, random.Random], None]
-WAYS: tuple[Damage, ...] = (flip, flip, zero, cut, foreign, edit_attribute, edit_attribute, edit_value, rename)
+WAYS: tuple[Damage, ...] = (flip, flip, zero, cut, foreign, edit_attribute, edit_value, edit_value, rename, reshape)
 CHILD_WAYS: tuple[Damage, ...] = (*WAYS, flip_unsealed)
 JOURNAL_WAYS: tuple[Damage, ...] = (flip, zero, cut, edit_row, edit_row)
 
@@ -207,7 +223,11 @@ def try_one(bases: Path, work: Path, draw: random.Random, ways: tuple[Damage, ..
     if code not in allowed:
         faults.append(f"exit code {code}: {err[-1500:]}")
     err = "".join(line for line in err.splitlines(keepends=True) if not line.endswith("--force computes them again\n"))
-    if code == 2 and err.count("\n") != 1:
+    changed = "was changed" in err
+    err = "".join(line for line in err.splitlines(keepends=True) if " was changed since tcstudy wrote it (" not in line)
+    if code in (0, 1) and not changed and words[0] != "run" and not _is_whole(file) and str(file) in words:
+        faults.append("a changed file was read without a word")
+    if code == 2 and err.count("\n") != 1 and not (changed and not err):
         faults.append(f"{err.count(chr(10))} lines of error: {err[:500]}")
     if any(c in out + err for c in "\x1b\x07\u202e"):
         faults.append("control characters")

@@ -11,7 +11,7 @@ from tcstudy.data.reading import Unreadable, read_all
 from tests.benchmarks import damaged
 
 
-def read_here(file: object) -> dict[str, Any]:
+def read_here(file: object) -> tuple[dict[str, Any], Any]:
     """As the child does: no edit that the library made itself crashes it."""
     try:
         return read_all(str(file))
@@ -20,5 +20,5 @@ def read_here(file: object) -> dict[str, Any]:
 
 
 def test_no_damaged_file_is_a_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reading, "probe", read_here)
+    monkeypatch.setattr(reading, "_probed", read_here)
     assert damaged.measure(120, 7, damaged.WAYS, drawn=0.03) == {}

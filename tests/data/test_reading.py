@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,9 +17,10 @@ from tcstudy.data import provenance as provenance_module
 from tcstudy.data import reading as probe_module
 from tcstudy.data.files import StoreError, check_writable
 from tcstudy.data.provenance import holds
-from tcstudy.data.reading import Seal, Unreadable, attributes, is_foreign, read_all, reading, seal_of
+from tcstudy.data.reading import Seal, Unreadable, attributes, change_of, is_foreign, read_all, reading, seal_of
 from tcstudy.data.store import open_results, write
 from tcstudy.scene.study import Study
+from tcstudy.study.grow import stored_run
 
 
 def stranger(path: Path, **more: object) -> Path:
@@ -60,6 +62,43 @@ def test_a_changed_file_is_read_but_what_fails_on_it_is_its_own_fault(written: P
 def test_what_fails_on_a_whole_file_is_not_called_damage(written: Path) -> None:
     with pytest.raises(KeyError), reading(written):
         raise KeyError("omega")
+
+
+def scale(nc: netCDF4.Dataset) -> None:
+    nc["level_0/u_T"][...] *= 1.5
+
+
+def annotate(nc: netCDF4.Dataset) -> None:
+    nc.setncattr("comment", "mine")
+    nc.createVariable("mine", "f8", ())[...] = 3.0
+    nc["energy"].setncattr("long_name", "work")
+
+
+def remove(nc: netCDF4.Dataset) -> None:
+    nc.renameVariable("energy", "enrgy")
+
+
+@pytest.mark.parametrize(
+    ("edit", "words"),
+    [
+        (scale, "other values: level_0/u_T)"),
+        (annotate, "annotations: attributes of energy, mine (added), attribute comment)"),
+        (remove, "gone or of another shape: energy; annotations: enrgy (added))"),
+    ],
+)
+def test_what_another_program_changed_is_named_and_nothing_goes_on_from_it(
+    written: Path, study: Study, edit: Callable[[netCDF4.Dataset], None], words: str
+) -> None:
+    with netCDF4.Dataset(written, "a") as nc:
+        edit(nc)
+    if edit is remove:
+        with pytest.raises(StoreError, match=re.escape(words)):
+            change_of(written)
+    else:
+        assert change_of(written).endswith(words)
+    for going_on in (lambda: holds(written, "run", study), lambda: stored_run(written)):
+        with pytest.raises(StoreError, match=re.escape(words)):
+            going_on()
 
 
 def test_files_of_strangers_are_not_overwritten(tmp_path: Path) -> None:
