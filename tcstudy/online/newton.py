@@ -85,7 +85,7 @@ def slopes(rows: Rows, v: Array, xi: Array) -> BlockSlopes:
         jump = laws.kind(at) != BEND
     climb_right, climb_left = np.maximum(-right, 0.0), np.maximum(left, 0.0)
     descent = np.where(jump, np.where(climb_right >= climb_left, -climb_right, climb_left), right)
-    residual = np.max(np.abs(descent) / body.c, axis=1, initial=0.0) / rows.scale
+    residual = np.max(np.abs(descent) / body.c, axis=1, initial=0.0) / rows.scale(xi)
     return BlockSlopes(at, left, right, descent, jump, residual)
 
 

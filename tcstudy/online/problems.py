@@ -17,10 +17,11 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 from tcstudy.online.row_laws import RowLaws
+from tcstudy.scene.friction import BEND
 from tcstudy.scene.law_tables import Place
 from tcstudy.scene.study import Acceptance
-from tcstudy.solvers.extended import extended_residual
-from tcstudy.solvers.problem import ContactProblem, inverse_rounding, least_eigenvalue, pivot_shift
+from tcstudy.solvers.problem import ContactProblem, distance_bound, inverse_rounding, least_eigenvalue, pivot_shift
+from tcstudy.solvers.separable.finish import extended
 from tcstudy.solvers.separable.newton import COARSEST, galerkin, interpolation
 
 Array = NDArray[np.float64]
@@ -94,15 +95,22 @@ class Rows:
         return Rows(self.body, self.laws.take(rows), self.loads[rows])
 
     @cached_property
-    def scale(self) -> Array:
-        """(R,) scale of b as ContactProblem.traction_scale has it, 1 where that is 0 [Pa]."""
+    def _own_scale(self) -> tuple[Array, Index]:
+        """(R,) the laws' own scale of b [Pa], and the rows in which they have none."""
         scale = np.max(self.laws.tables.b_scale[self.laws.law], axis=1)
-        bare = np.flatnonzero(scale == 0.0)
-        if len(bare):
-            zero, own = np.zeros((len(bare), self.body.m)), self.laws.take(bare)
-            at_0 = np.maximum(*(np.abs(b) for b in own.interval(zero, own.locate(zero))))
-            scale[bare] = np.max(np.maximum(np.abs(self.loads[bare]) / self.body.c, at_0), axis=1, initial=0.0)
-        return np.where(scale > 0.0, scale, 1.0)
+        return scale, np.flatnonzero(scale == 0.0)
+
+    def scale(self, xi: Array) -> Array:
+        """(R,) scale of b as ContactProblem.scale has it, 1 where that is 0 [Pa]."""
+        scale, bare = self._own_scale
+        if not len(bare):
+            return scale
+        forces = np.max(np.maximum(np.abs(self.loads[bare]), np.abs(xi[bare])) / self.body.c, axis=1, initial=0.0)
+        zero, own = np.zeros((len(bare), self.body.m)), self.laws.take(bare)
+        at_0 = np.maximum(*(np.max(np.abs(b), axis=1, initial=0.0) for b in own.interval(zero, own.locate(zero))))
+        scale = scale.copy()
+        scale[bare] = np.where(forces > 0.0, forces, np.where(at_0 > 0.0, at_0, 1.0))
+        return scale
 
     def coarse(self) -> Rows | None:
         """The same problems on the body's coarse copy, if it has one."""
@@ -184,26 +192,25 @@ class Judged:
 
 
 def judge(rows: Rows, v: Array, acceptance: Acceptance) -> Judged:
-    """The inclusion test of rows, as ContactProblem.inclusion_residual and tcstudy/scene/study.py have it.
+    """The inclusion test of rows, as ContactProblem.residual_bound and tcstudy/scene/study.py have it.
 
-    Where rounding of ξ leaves that open ξ is formed in extended precision.
+    Where rounding leaves that open it is formed in extended precision.
     """
     body, laws, xi = rows.body, rows.laws, rows.xi(v)
-    scale, at = rows.scale, laws.locate(v)
-    low, high = laws.interval(v, at)
-
-    def residual_of(force: Array, part: slice | NDArray[np.intp]) -> Array:
-        apart = np.maximum(low[part] - force / body.c, force / body.c - high[part])
-        return np.maximum(0.0, np.max(apart, axis=1, initial=0.0)) / scale[part]
-
+    scale, at = rows.scale(xi), laws.locate(v)
     size = (np.abs(rows.loads) + np.abs(v) @ np.abs(body.A_tilde)) / body.c
-    size += np.where(at.on, 0.0, np.abs(laws.tables.slope(v, at.piece) * v))
-    rounding = np.sqrt(body.m) * np.finfo(float).eps * np.max(size, axis=1, initial=0.0) / scale
-    residual = residual_of(xi, slice(None))
-    lost = np.flatnonzero(~(residual + rounding <= acceptance.aim))
-    for i in lost:
-        xi[i] = extended_residual(rows.loads[i], body.A_tilde, v[i])
-    residual[lost] = residual_of(xi[lost], lost)
+    terms, slope = laws.tables.terms(v, at.piece), np.abs(laws.tables.slope(v, at.piece) * v)
+    if len(on := at.on.nonzero()[0]):
+        node = at.on.nonzero()[1]
+        s, right = v[on, node], at.piece[on, node] + 1
+        terms[on, node] = np.maximum(terms[on, node], laws.tables.terms(s, right))
+        bends = laws.tables.kind_above.take(right - 1) == BEND
+        slope[on, node] = np.where(bends, np.maximum(slope[on, node], np.abs(laws.tables.slope(s, right) * s)), 0.0)
+    residual = distance_bound(xi / body.c, *laws.interval(v, at), size, terms) / scale
+    rounding = np.sqrt(body.m) * np.finfo(float).eps * np.max(size + slope, axis=1, initial=0.0) / scale
+    for i in np.flatnonzero(~(residual <= acceptance.aim)):
+        known = extended(rows.single(int(i)), v[i])
+        xi[i], residual[i] = known.xi, known.residual
     residual[np.isnan(residual)] = np.inf
     limits = np.array([acceptance.limit(float(x)) for x in rounding])
     return Judged(xi, residual, rounding, residual <= limits)

@@ -228,15 +228,16 @@ class FrictionLaw:
         """(K,) kind of each kink: UP, DOWN, or BEND where b is continuous to rounding."""
         jump = self.b_right - self.b_left
         left = np.arange(len(self.kinks))
-        noise = 8 * np.finfo(float).eps * (self._terms_at_kinks(left) + self._terms_at_kinks(left + 1))
+        noise = 8 * np.finfo(float).eps * (self.terms(self.kinks, left) + self.terms(self.kinks, left + 1))
         return np.where(np.abs(jump) <= noise, BEND, np.sign(jump)).astype(np.int8)
 
-    def _terms_at_kinks(self, piece: NDArray[np.intp]) -> Array:
-        """(K,) sum of the magnitudes that b of the named pieces is made of at the kinks: what rounding goes with."""
-        apart = self.kinks - self.s_0[piece]
-        rs = self.r[piece] * apart
-        exponential = np.where(self.a[piece] == 0.0, 0.0, np.abs(self.a[piece]) * np.exp(-rs) * (1.0 + np.abs(rs)))
-        return np.abs(self.b_0[piece]) + np.abs(self.q[piece] * apart) + exponential
+    def numbers(self, piece: NDArray[np.intp]) -> tuple[Array, ...]:
+        """(s_0, b_0, q, a, r) of the named pieces."""
+        return tuple(x[piece] for x in (self.s_0, self.b_0, self.q, self.a, self.r))
+
+    def terms(self, s: Array, piece: NDArray[np.intp]) -> Array:
+        """Sum of the magnitudes that b_k(s) of the named pieces is made of: what rounding goes with (shape of s)."""
+        return terms_of(s, *self.numbers(piece))
 
     @cached_property
     def omega(self) -> float:
@@ -317,6 +318,16 @@ class FrictionLaw:
                     f"b ends with the wrong sign as {side} (last slope {q:g}, last value {sign * b_0:g}), "
                     "so eq. (15) fails: friction must not push the slip on for large |s|"
                 )
+
+
+def terms_of(s: Array, s_0: Array, b_0: Array, q: Array, a: Array, r: Array) -> Array:
+    """Sum of the magnitudes that b_0 + q (s − s_0) + a exp(−r (s − s_0)) is made of: what rounding goes with [Pa]."""
+    apart = s - s_0
+    terms: Array = np.abs(b_0) + np.abs(q * apart)
+    if not np.any(a):
+        return terms
+    rs = np.where(a == 0.0, 0.0, r * apart)
+    return np.asarray(terms + np.abs(a) * np.exp(-rs) * (1.0 + np.abs(rs)))
 
 
 def narrow_pieces(kinks: Array) -> NDArray[np.bool_]:

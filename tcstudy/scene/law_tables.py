@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import BEND, UP, FrictionLaw, decay_integral
+from tcstudy.scene.friction import BEND, UP, FrictionLaw, decay_integral, terms_of
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -203,6 +203,14 @@ class LawTables:
         if self.linear:
             return q + 0.0 * s
         return q - self.r.take(piece) * self._exponential(s - self.s_0.take(piece), piece)
+
+    def numbers(self, piece: Index) -> tuple[Array, ...]:
+        """(s_0, b_0, q, a, r) of the addressed pieces."""
+        return tuple(x.take(piece) for x in self.pieces)
+
+    def terms(self, s: Array, piece: Index) -> Array:
+        """As `FrictionLaw.terms` of the addressed pieces."""
+        return terms_of(s, *self.numbers(piece))
 
     def value_and_slope(self, s: Array, piece: Index) -> tuple[Array, Array]:
         """`value` and `slope` with one exponential for both; all of one shape."""

@@ -135,6 +135,14 @@ class NodalLaws:
         """b_k′(s) of the named pieces (m,)."""
         return self.table.slope(np.asarray(s, dtype=float), self._first + piece)
 
+    def numbers(self, piece: Index) -> tuple[Array, ...]:
+        """(s_0, b_0, q, a, r) of the named pieces, (m,) each."""
+        return self.table.numbers(self._first + piece)
+
+    def terms(self, s: Array, piece: Index) -> Array:
+        """As `FrictionLaw.terms` (m,)."""
+        return self.table.terms(s, self._first + piece)
+
     def b(self, s: ArrayLike, side: int = 1) -> Array:
         """The right (side=1) or left limit of b (m,)."""
         return self.value(s, self.piece(s, side))

@@ -26,6 +26,7 @@ from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.bounds import FEW, PARTS, bend_below_tangent, least_slope, solution_box
 from tcstudy.solvers.problem import MARGIN, ContactProblem, least_lowered, pivot_shift
+from tcstudy.solvers.separable.finish import extended
 from tcstudy.solvers.separable.pieces import factor_free, slopes
 
 Array = NDArray[np.float64]
@@ -78,7 +79,7 @@ def certify(
     inverse:   Ã⁻¹ if known (it depends on the body only), else it is computed
     """
     threshold = problem.lambda_1 if lambda_1 is None else lambda_1
-    residual, omega = problem.inclusion_residual(v) if residual is None else residual, problem.law.omega
+    residual, omega = extended(problem, v).residual if residual is None else residual, problem.law.omega
     slack, resting = _resting_slack(problem, v)
     apart = uniqueness_margin(problem, threshold)
     convex = omega < (1.0 - MARGIN) * threshold or (

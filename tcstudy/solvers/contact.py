@@ -48,7 +48,8 @@ class Answer:
 
     v, v_low:           (m,) tangential displacements v + v_low [m]; the low part is 0 where one double is enough
     xi:                 (m,) nodal friction forces l̃ − Ã(v + v_low) [N/m]
-    inclusion_residual: max_i dist(ξ_i/c_i, b̂(v_i)) / (scale of b)
+    inclusion_residual: max_i dist(ξ_i/c_i, b̂(v_i)) / (scale of b), with what rounding may hide in it: in exact
+                        arithmetic v + v_low has no larger one
     rounding:           what rounding of the problem allows of it, `ContactProblem.xi_rounding`
     limited:            accepted only because rounding allows no better (scene/study.py)
     energy:             L̃(v) [J/m]
@@ -205,12 +206,11 @@ def _judge(problem: ContactProblem, outcome: Outcome, acceptance: Acceptance) ->
 def _looked_at(problem: ContactProblem, v: Array, acceptance: Acceptance) -> tuple[Refined, float]:
     """v with its residual and what rounding allows of that, in extended precision and refined where rounding is no
     longer small beside the tolerance."""
-    xi, rounding = problem.xi(v), problem.xi_rounding(v)
-    plain = Refined(v, np.zeros(problem.m), xi, problem.inclusion_residual(v, xi=xi))
-    if rounding > ROUNDING * acceptance.aim or not plain.residual <= acceptance.aim:
+    rounding, residual = problem.xi_rounding(v), problem.residual_bound(v)
+    if rounding > ROUNDING * acceptance.aim or not residual <= acceptance.aim:
         point = refined(problem, v, acceptance.aim)
         return point, problem.xi_rounding(point.v)
-    return plain, rounding
+    return Refined(v, np.zeros(problem.m), problem.xi(v), residual), rounding
 
 
 def _failure(outcome: Outcome, residual: float, rounding: float, acceptance: Acceptance) -> str:

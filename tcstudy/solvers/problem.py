@@ -14,8 +14,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.scene.friction import BEND
 from tcstudy.scene.nodal_laws import Law
-from tcstudy.solvers.extended import extended_residual
 
 Array = NDArray[np.float64]
 
@@ -72,27 +72,19 @@ class ContactProblem:
 
     @cached_property
     def traction_scale(self) -> float:
-        """Scale of b: the law's own where it has one, else the largest load per length or b(0) [Pa]."""
+        """What is known of `scale` before v is: the law's own, else the largest load per length or b(0) [Pa]."""
         own = self.law.b_scale
         if own > 0.0:
             return own
         return float(np.max(np.abs([*self.l_tilde / self.c, *np.ravel(self.law.b(0.0))]), initial=0.0))
 
-    def xi_extended(self, v: Array, v_low: Array | None = None) -> Array:
-        """ξ = l̃ − Ã(v + v_low) in about twice double precision, rounded once [N/m].
-
-        v_low: (m,) low part of v where that is known as a sum of two doubles
-
-        For judging: where ξ is small against Ãv, double precision leaves rounding of the size of the tolerance.
-        """
-        return extended_residual(self.l_tilde, self.A_tilde, v, v_low)
-
     def xi_rounding(self, v: Array) -> float:
         """What rounding v to doubles does to the inclusion residual, about: the bound of scene/study.py.
 
-        √m ε max_i ((|l̃| + |Ã||v|)_i/c_i + |b′(v_i) v_i|) / (scale of b), the slope of b only off its kinks.
+        √m ε max_i ((|l̃| + |Ã||v|)_i/c_i + |b′(v_i) v_i|) / (scale of b), the slope of b only off its jumps.
         """
-        return self.rounding(v) / self.traction_scale if self.traction_scale > 0.0 else 0.0
+        scale = self.scale(self.xi(v))
+        return self.rounding(v) / scale if scale > 0.0 else 0.0
 
     def rounding(self, v: Array, load: Array | None = None) -> float:
         """The same before it is divided by the scale of b [Pa].
@@ -100,9 +92,9 @@ class ContactProblem:
         load: (m,) sizes of what l̃ is summed from, |l̃| without [N/m]
         """
         load = np.abs(self.l_tilde) if load is None else load
-        size = (load + np.abs(self.A_tilde) @ np.abs(v)) / self.c
-        slope = np.abs(self.law.slope(v, self.law.piece(v)) * v)
-        size += np.where(self.law.on_kink(v), 0.0, slope)
+        law, size = self.law, (load + np.abs(self.A_tilde) @ np.abs(v)) / self.c
+        slope = np.abs(np.stack([law.slope(v, law.piece(v, side)) for side in (-1, +1)])).max(axis=0)
+        size += np.where(law.kind_at(v) == BEND, slope * np.abs(v), 0.0)
         return float(np.sqrt(self.m) * np.finfo(float).eps * np.max(size, initial=0.0))
 
     def distance(self, v: Array, tolerance: float = 0.0, xi: Array | None = None) -> Array:
@@ -114,16 +106,31 @@ class ContactProblem:
     def inclusion_residual(self, v: Array, tolerance: float = 0.0, xi: Array | None = None) -> float:
         """max_i dist(ξ_i/c_i, b̂(v_i)) / (scale of b), the acceptance test of every solution (method §3).
 
-        xi: ξ if it is known better than double precision gives it (`xi_extended`)
+        xi: ξ if it is known better than double precision gives it
         """
-        return self.relative(self.distance(v, tolerance, xi))
+        return self.relative(self.distance(v, tolerance, xi), self.xi(v) if xi is None else xi)
 
-    def relative(self, traction: Array) -> float:
+    def residual_bound(self, v: Array) -> float:
+        """The same, no smaller than it is in exact arithmetic: with what rounding may hide in it (`distance_bound`)."""
+        law, xi = self.law, self.xi(v)
+        terms = np.maximum(*(law.terms(v, law.piece(v, side)) for side in (-1, +1)))
+        size = (np.abs(self.l_tilde) + np.abs(self.A_tilde) @ np.abs(v)) / self.c
+        return self.relative(distance_bound(xi / self.c, *law.interval(v), size, terms), xi)
+
+    def scale(self, xi: Array) -> float:
+        """The law's own scale of b where it has one; else the largest of loads and of ξ per length, or b(0) [Pa]."""
+        own = self.law.b_scale
+        if own > 0.0:
+            return own
+        forces = np.maximum(np.abs(self.l_tilde), np.abs(xi)) / self.c
+        return float(np.max(forces, initial=0.0)) or self.traction_scale
+
+    def relative(self, traction: Array, xi: Array) -> float:
         """max |traction_i| / (scale of b); infinite where that is no number."""
-        worst = float(np.max(np.abs(traction), initial=0.0))
+        worst, scale = float(np.max(np.abs(traction), initial=0.0)), self.scale(xi)
         if worst == 0.0:
             return 0.0
-        return worst / self.traction_scale if np.isfinite(worst) and self.traction_scale > 0.0 else float("inf")
+        return worst / scale if np.isfinite(worst) and scale > 0.0 else float("inf")
 
     @cached_property
     def lambda_1(self) -> float:
@@ -133,6 +140,20 @@ class ContactProblem:
     def frictionless(self) -> Array:
         """Ã⁻¹ l̃, the solution without friction (m,)."""
         return scipy.linalg.cho_solve(scipy.linalg.cho_factor(self.A_tilde, lower=True), self.l_tilde)
+
+
+def distance_bound(traction: Array, low: Array, high: Array, size: Array, terms: Array) -> Array:
+    """max_i dist(traction_i, [low_i, high_i]) from above, in spite of the rounding in its numbers (…,) [Pa].
+
+    traction:  ξ/c in double precision;  low, high: b̂(v) (…, m)
+    size:      (|l̃| + |Ã||v|)/c;  terms: the magnitudes that b(v) is made of (…, m)
+
+    Sums of m products are taken to be off by up to √m ε of their magnitudes: the probabilistic bound of Higham & Mary,
+    SIAM J. Sci. Comput. 41 (2019) A2815–A2835, with λ = 2, for sums one by one; BLAS sums in blocks, which is better.
+    """
+    error = np.finfo(float).eps * ((np.sqrt(traction.shape[-1]) + 1.0) * size + 2.0 * terms)
+    apart = np.maximum(low - traction, traction - high) + error
+    return np.asarray(np.max(apart, axis=-1, initial=0.0))
 
 
 MARGIN = 1e-6

@@ -188,7 +188,7 @@ def test_convex_and_flags_under_other_units() -> None:
 def test_a_node_at_the_limit_of_sticking_is_no_strict_minimum() -> None:
     """ξ/c = 1 = b(0+) and b falls faster than Ã rises: the inclusion holds, but slipping lowers the energy."""
     certificate = certify(one_node(cases.slip_weakening(), 1.0), np.zeros(1))
-    assert certificate.residual == 0.0
+    assert certificate.residual <= 1e-28
     assert certificate.least_slack == 0.0
     assert not certificate.strict_minimum
     assert not certificate.global_minimum

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tcstudy.solvers.loop import iterate
 from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path, PathStatus
+from tcstudy.solvers.separable.finish import extended
 from tcstudy.solvers.separable.newton import SeparableNewton
 
 Array = NDArray[np.float64]
@@ -137,7 +138,7 @@ class _Cycle:
         beyond = t + (1.0 if rising else -1.0) * BEYOND * (self.t_up - self.t_down)
         problem = self.problem.at(beyond)
         outcome = iterate(SeparableNewton(coarsest=0), problem, self._over(branch, rising))
-        residual = problem.inclusion_residual(outcome.x, xi=problem.xi_extended(outcome.x))
+        residual = extended(problem, outcome.x).residual
         accepted = self.follower.acceptance.accepts(residual, problem.xi_rounding(outcome.x))
         if not (outcome.converged or accepted):
             self.reason = f"no solution was found beyond the fold at t = {t:g}: {outcome.reason}"

@@ -85,8 +85,8 @@ def new_state(problem: ContactProblem, v: Array) -> SeparableState:
     s = slopes(problem, v, xi)
     piece = np.where(s.descent <= 0.0, problem.law.piece(v, +1), problem.law.piece(v, -1))
     terms = np.diagonal(problem.A_tilde) * np.abs(v) + np.abs(problem.l_tilde) + np.abs(xi)
-    residual = problem.relative(s.descent / problem.c)
-    rounding = problem.relative(np.finfo(float).eps * terms / problem.c)
+    residual = problem.relative(s.descent / problem.c, xi)
+    rounding = problem.relative(np.finfo(float).eps * terms / problem.c, xi)
     f = float(-0.5 * v @ (xi + problem.l_tilde) + problem.c @ integral(problem.law, np.zeros(problem.m), v))
     second_order = "every node rests" if np.all(s.at_rest) else None
     return SeparableState(v, xi, s, piece, residual, rounding, f, second_order=second_order)

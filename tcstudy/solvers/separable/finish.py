@@ -22,11 +22,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.scene.friction import BEND, UP, FrictionLaw
 from tcstudy.scene.nodal_laws import each
-from tcstudy.solvers.extended import two_sum
+from tcstudy.solvers.extended import extended_residual, friction_defect, two_sum
 from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.separable.pieces import factor_free, slopes, with_diagonal
+from tcstudy.solvers.separable.pieces import Slopes, factor_free, slopes_of, with_diagonal
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -157,6 +157,8 @@ def finish(problem: ContactProblem, v: Array, newton_steps: int = 8) -> tuple[Ar
     return best, least
 
 
+_TINY = 2.0**-96
+"""Rounding of sums in two doubles."""
 _STEPS = 8
 """Most steps; two do where the nodes are on the right pieces, the others put nodes on other ones."""
 
@@ -167,23 +169,29 @@ class Refined:
 
     v, v_low: (m,) displacements v + v_low [m], each |v_low| at most half a unit in the last place of v, 0 on a kink
     xi:       (m,) ξ = l̃ − Ã(v + v_low) [N/m], rounded once
-    residual: inclusion residual of v + v_low
+    residual: inclusion residual of v + v_low, with what the rounding of this may hide
+    slopes:   of L̃ at v + v_low, if it was formed in extended precision
     """
 
     v: Array
     v_low: Array
     xi: Array
     residual: float
+    slopes: Slopes | None = None
 
 
 def extended(problem: ContactProblem, v: Array, v_low: Array | None = None) -> Refined:
     """What is known of v + v_low; without v_low of v itself."""
+    law, c = problem.law, problem.c
     low = np.zeros(problem.m) if v_low is None else v_low
-    xi = problem.xi_extended(v, v_low)
-    law = problem.law
-    piece = np.where(low < 0.0, law.piece(v, -1), law.piece(v, +1))
-    moved = xi - problem.c * np.where(low == 0.0, 0.0, law.slope(v, piece) * low)  # b at v + v_low, from b at v
-    return Refined(v, low, xi, problem.inclusion_residual(v, xi=moved))
+    xi = extended_residual(problem.l_tilde, problem.A_tilde, v, v_low)
+    to_left, to_right = law.piece(v, -1), law.piece(v, +1)
+    pieces = np.where(low > 0.0, to_right, to_left), np.where(low < 0.0, to_left, to_right)
+    (left, one), (right, other) = (friction_defect(law.numbers(k), c, (v, low), xi) for k in pieces)
+    size = np.abs(problem.l_tilde) + np.abs(problem.A_tilde) @ np.abs(v) + c * law.terms(v, pieces[1])
+    apart = np.maximum(np.minimum(left, right), -np.maximum(left, right)) + np.maximum(one, other) + _TINY * size
+    at = slopes_of(left, right, (low == 0.0) & (law.kind_at(v) != BEND))
+    return Refined(v, low, xi[0], problem.relative(np.maximum(apart, 0.0) / c, xi[0]), at)
 
 
 def refined(problem: ContactProblem, v: Array, aim: float) -> Refined:
@@ -206,8 +214,8 @@ def refined(problem: ContactProblem, v: Array, aim: float) -> Refined:
 
 def _step(problem: ContactProblem, at: Refined) -> Refined | None:
     """One step of refinement; None where the equations of the pieces are singular or lead nowhere."""
-    law, c = problem.law, problem.c
-    s = slopes(problem, at.v, at.xi)
+    law, c, s = problem.law, problem.c, at.slopes
+    assert s is not None
     free = np.flatnonzero(~s.at_rest)
     if not len(free):
         return None
@@ -218,7 +226,7 @@ def _step(problem: ContactProblem, at: Refined) -> Refined | None:
     if solve is None:
         return None
     direction = np.zeros(problem.m)
-    direction[free] = -solve(s.descent[free] + slope * at.v_low[free])
+    direction[free] = -solve(s.descent[free])
     if not np.all(np.isfinite(direction)):
         return None
     v, v_low = two_sum(at.v, at.v_low + direction)

@@ -49,7 +49,11 @@ def slopes(problem: ContactProblem, v: Array, xi: Array) -> Slopes:
     law = problem.law
     left = problem.c * law.b(v, -1) - xi
     right = problem.c * law.b(v, +1) - xi
-    at_jump = law.kind_at(v) != BEND
+    return slopes_of(left, right, law.kind_at(v) != BEND)
+
+
+def slopes_of(left: Array, right: Array, at_jump: NDArray[np.bool_]) -> Slopes:
+    """The record from the one-sided slopes."""
     climb_right, climb_left = np.maximum(-right, 0.0), np.maximum(left, 0.0)
     descent = np.where(climb_right >= climb_left, -climb_right, climb_left)
     return Slopes(left, right, np.where(at_jump, descent, right), at_jump)
