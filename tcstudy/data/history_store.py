@@ -143,6 +143,7 @@ NODES: tuple[FileVariable, ...] = (
 POINTS: tuple[FileVariable, ...] = (
     FileVariable("reason", "str", "", "why the history ended early", (SWEEP,)),
     FileVariable("lambda_1", "f8", "Pa m-1", "tangential stiffness lambda_1", (SWEEP,), comment=_LOOSE),
+    FileVariable("lambda_1_error", "f8", "1", "relative error of lambda_1", (SWEEP,), comment="by rounding"),
     FileVariable("margin", "f8", "Pa m-1", "uniqueness margin", (SWEEP,), comment="all steps are unique if positive"),
 )
 """Variables of HistoryRecord with a value a point."""

@@ -50,6 +50,7 @@ class PathRecord:
     solutions: Values
     loop: Values | None
     lambda_1: float
+    lambda_1_error: float
     omega: float
     law_error: float
     affine_defect: float
@@ -157,6 +158,7 @@ LEVEL: tuple[FileVariable, ...] = (
     _index("n_contact", "number of contact unknowns m"),
     _index("start", "vertex from which the path was followed in both directions"),
     _number("lambda_1", "Pa m-1", "smallest tangential stiffness of the body per contact length"),
+    _number("lambda_1_error", "1", "relative error of lambda_1 by rounding; proofs take the body softer by it"),
     _number("omega", "Pa m-1", "steepest fall of the friction law; infinite if it jumps down"),
     _number("law_error", "1", "error of the law's piecewise-linear stand-in over its scale; 0 where it is exact"),
     _number("affine_defect", "1", "relative deviation of the load from a straight line in the parameter"),

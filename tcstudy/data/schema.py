@@ -156,6 +156,7 @@ ROOT: tuple[FileVariable, ...] = (
     result("friction_resultant", "N m-1", "friction resultant", _INTEGRAL),
     result("slip_length", "m", "slip length", _SLIPPING),
     result("lambda_1", "Pa m-1", "tangential stiffness lambda_1", "smallest of the body, per contact length"),
+    result("lambda_1_error", "1", "relative error of lambda_1", "by rounding; proofs take the body softer by it"),
     result("omega", "Pa m-1", "steepest fall omega of b", "infinite if the friction law jumps down"),
     result("uniqueness_margin", "Pa m-1", "lambda_1 - omega", "with the omega of each node; unique if positive"),
     flag("unique", "only solution"),

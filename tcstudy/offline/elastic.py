@@ -25,9 +25,12 @@ from tcstudy.fem.meshes import Frames
 from tcstudy.offline.loads import BasisLoad, LoadTerm, Recent
 from tcstudy.scene.points import distinct, of_stiffness
 from tcstudy.scene.records import Scene, Where
-from tcstudy.solvers.problem import least_eigenvalue
+from tcstudy.solvers.problem import least_eigenpair
 
 Array = NDArray[np.float64]
+
+ROUNDINGS = 4.0
+"""Of A, by which the error of λ₁ is estimated."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +119,7 @@ class Elastic:
         )
         if held:
             self.condensation.require_definite()
-        self.lambda_1 = least_eigenvalue(self.condensation.A_tilde, line.c) if held else 0.0
+        self.lambda_1, self.lambda_1_error = self._least(stiffness.diagonal(), line.c) if held else (0.0, 0.0)
         self._held = np.flatnonzero(frames.fixed)
         self._reactions = stiffness[self._held]  # all that is needed of the matrix from here on
         self._basis: Recent[_Basis] = Recent(memory, lambda b: b.rows.nbytes)
@@ -124,6 +127,18 @@ class Elastic:
         self._products: dict[tuple[BasisLoad, BasisLoad], float] = {}
         self._scaled: Recent[Array] = Recent(1, lambda _: 1)
         self._inverses: Recent[Array] = Recent(1, lambda _: 1)
+
+    def _least(self, diagonal: Array, c: Array) -> tuple[float, float]:
+        """(λ₁, its relative error): the residual of the eigenpair, and what rounding of A does to it.
+
+        Assembly and factorisation know A up to about ε√(A_ii A_jj) in every entry (Cholesky: Demmel, LAPACK Working
+        Note 14, 1989), which moves λ₁ = uᵀAu by ε Σ A_ii u_i² with u the mode of the whole body: what is lost where
+        that is stiff but only moves as a whole, or along an edge that a spring holds across. An estimate, ROUNDINGS
+        of them; of 200 random bodies none lost more than one.
+        """
+        value, x, error = least_eigenpair(self.condensation.A_tilde, c)
+        work = float(diagonal @ self.extension(x) ** 2)
+        return value, error + (ROUNDINGS * np.finfo(float).eps * work / value if value > 0.0 else np.inf)
 
     def A_tilde(self, mu: float) -> Array:
         """Ã for a shear modulus μ [Pa]; the same array for the same μ."""

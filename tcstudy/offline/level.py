@@ -67,7 +67,7 @@ class CondensedBlock:
     """P scenes on one level whose bodies differ in μ only: plain arrays, nothing of the mesh.
 
     A_tilde:  (m, m) for μ = 1; the scenes have mu·A_tilde [1]
-    c:        (m,) [m];  lambda_1: of A_tilde [1/m]
+    c:        (m,) [m];  lambda_1: of A_tilde [1/m];  lambda_1_error: relative
     mu:       (P,) shear moduli [Pa];  l_tilde: (P, m) condensed loads [N/m]
     constant: (P,) what the total potential energies have beside L̃(u₁) [J/m]
     theta_mean, heat_balance: (P,) as in `Temperature`; NaN where temperature does not load the body
@@ -77,6 +77,7 @@ class CondensedBlock:
     A_tilde: Array
     c: Array
     lambda_1: float
+    lambda_1_error: float
     mu: Array
     l_tilde: Array
     constant: Array
@@ -166,7 +167,7 @@ class Level:
         start = time.perf_counter()
         l_tilde, constant, terms = self._condensed_load(scene)
         body, mu = self._body(scene, self._frames_of(scene.boundary))
-        problem = ContactProblem(body.A_tilde(mu), l_tilde, self.line.c, self.law(scene))
+        problem = ContactProblem(body.A_tilde(mu), l_tilde, self.line.c, self.law(scene), body.lambda_1_error)
         return Condensed(problem, constant, terms, time.perf_counter() - start)
 
     def law(self, scene: Scene) -> Law:
@@ -224,6 +225,7 @@ class Level:
             A_tilde=body.A_tilde(1.0),
             c=self.line.c,
             lambda_1=body.lambda_1,
+            lambda_1_error=body.lambda_1_error,
             mu=mu,
             l_tilde=l_tilde[of],
             constant=constant[of],

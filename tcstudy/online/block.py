@@ -31,7 +31,7 @@ from tcstudy.scene.study import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NA
 from tcstudy.solvers.bounds import least_slopes
 from tcstudy.solvers.contact import TIE, Answer, solve_contact
 from tcstudy.solvers.loop import Status
-from tcstudy.solvers.problem import MARGIN
+from tcstudy.solvers.problem import MARGIN, kept
 from tcstudy.solvers.search import MOVES
 from tcstudy.solvers.separable.finish import finish, refined
 
@@ -97,7 +97,7 @@ class _Block:
         self.start, self.energies = np.zeros(count, dtype=np.int8), np.full((count, len(START_NAMES)), np.nan)
         self.steps = np.zeros(count, dtype=np.intp)
         self.omega = rows.laws.omega()
-        self.convex = self.omega < (1.0 - MARGIN) * rows.body.lambda_1
+        self.convex = self.omega < (1.0 - MARGIN) * kept(rows.body.A_error) * rows.body.lambda_1
         self.margin = np.full(count, np.nan)
         if rows.laws.by_node:
             self.margin = margins(rows)

@@ -23,7 +23,7 @@ from tcstudy.online.problems import CondensedBody, Rows
 from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.friction import UP
 from tcstudy.solvers.bounds import FEW, PARTS, bends, boxes_of, largest_push, value_range
-from tcstudy.solvers.problem import least_lowered
+from tcstudy.solvers.problem import kept, least_lowered
 from tcstudy.solvers.separable.pieces import factor_free, negative_curvature
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ def definite(body: CondensedBody, slope: Array) -> Flags:
     proved = np.zeros(len(slope), dtype=bool)
     if body.m == 0:
         return ~proved
-    A_tilde, added = body.A_tilde, body.c * (slope - body.shift)
+    A_tilde, added = body.A_tilde, body.c * (slope - body.shift) / kept(body.A_error)
     open_ = np.flatnonzero(np.all(np.diagonal(A_tilde) + added > 0.0, axis=1))
     sure, open_ = _by_products(body, added[open_], open_)
     proved[sure] = True
@@ -86,7 +86,7 @@ _LEAST = 1e-9
 def solution_boxes(rows: Rows) -> tuple[Array, Array]:
     """(low, high), (R, m) each: every solution lies between them [m]."""
     body, laws = rows.body, rows.laws
-    tables, known = laws.tables, (body.c, body.lambda_1, body.inverse, body.rounding)
+    tables, known = laws.tables, (body.c, kept(body.A_error) * body.lambda_1, body.inverse, body.rounding)
     push = np.max(largest_push(tables)[laws.law], axis=1)
     return boxes_of(rows.loads[None], push, known, lambda at, *box: value_range(tables, laws.law[at], *box))
 
@@ -95,7 +95,9 @@ def margins(rows: Rows) -> Array:
     """(R,) λ_min(C^{−½}ÃC^{−½} − diag ω_i) of rows with laws by node, once for rows of the same falls [Pa/m]."""
     body = rows.body
     different, row = np.unique(rows.laws.tables.omega[rows.laws.law], axis=0, return_inverse=True)
-    return np.array([least_lowered(body.A_tilde, body.c, omega) for omega in different])[row.reshape(-1)]
+    return np.array([least_lowered(kept(body.A_error) * body.A_tilde, body.c, omega) for omega in different])[
+        row.reshape(-1)
+    ]
 
 
 def global_minimum(rows: Rows, v: Array, low: Array, high: Array) -> Flags:
@@ -132,7 +134,7 @@ def strict_minimum(rows: Rows, v: Array) -> Flags:
     on_up = rows.laws.kind(s.at) == UP
     held = on_up & (s.left < -noise) & (s.right > noise)
     least = np.minimum(rows.laws.tables.slope(v, s.at.piece), rows.laws.tables.slope(v, s.at.piece + s.at.on))
-    added = body.c * (least - body.shift)
+    added = body.c * (least - body.shift) / kept(body.A_error)
     proved = ~np.any(s.jump & ~on_up, axis=1)
     for i in np.flatnonzero(proved):
         free = np.flatnonzero(~held[i])

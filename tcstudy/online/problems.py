@@ -38,6 +38,7 @@ class CondensedBody:
     inverse:  (m, m) Ã⁻¹ [1/Pa]
     lambda_1: λ_min(C^{−½}ÃC^{−½}) [Pa/m]
     coarse:   its Galerkin copy on every second node, None for a small body
+    A_error:  as in ContactProblem
     """
 
     A_tilde: Array
@@ -45,9 +46,10 @@ class CondensedBody:
     inverse: Array
     lambda_1: float
     coarse: CondensedBody | None
+    A_error: float = 0.0
 
     @classmethod
-    def of(cls, A_tilde: Array, c: Array) -> CondensedBody:
+    def of(cls, A_tilde: Array, c: Array, A_error: float = 0.0) -> CondensedBody:
         """The record of Ã (m, m) and c (m,); two factorisations and an eigenvalue.
 
         Raises ValueError if Ã is not positive definite: then the body can move freely.
@@ -59,7 +61,7 @@ class CondensedBody:
         half = scipy.linalg.lapack.dpotri(factor, lower=1)[0] if len(c) else A
         inverse = np.ascontiguousarray(np.tril(half) + np.tril(half, -1).T)
         coarse = cls.of(*galerkin(A, c, interpolation(len(c)))) if len(c) > COARSEST else None
-        return cls(A, c, inverse, least_eigenvalue(A, c), coarse)
+        return cls(A, c, inverse, least_eigenvalue(A, c), coarse, A_error)
 
     @property
     def m(self) -> int:
@@ -79,7 +81,7 @@ class CondensedBody:
     @cached_property
     def rounding(self) -> float:
         """Relative rounding of products with Ã⁻¹."""
-        return inverse_rounding(self.A_tilde, self.inverse)
+        return inverse_rounding(self.A_tilde, self.inverse, self.A_error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +121,7 @@ class Rows:
 
     def single(self, row: int) -> ContactProblem:
         """One row as the single solve takes it."""
-        return ContactProblem(self.body.A_tilde, self.loads[row], self.body.c, self.laws.of_row(row))
+        return ContactProblem(self.body.A_tilde, self.loads[row], self.body.c, self.laws.of_row(row), self.body.A_error)
 
     def xi(self, v: Array) -> Array:
         """ξ = l̃ − Ãv (R, m) [N/m]."""

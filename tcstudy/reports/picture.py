@@ -129,7 +129,7 @@ class Picture:
     edges:      those of the body with their roles;  sources: outlines (n, 2) of heated regions [length units]
     held:       u_T at both ends of every part of the line, None where no node is held or the file does not say it
     scene:      what was solved, None if the study in the file cannot be read
-    lambda_1, omega: as stored [stiffness_units]
+    lambda_1, omega: as stored [stiffness_units];  lambda_1_error: relative
     """
 
     title: str
@@ -146,6 +146,7 @@ class Picture:
     held: tuple[Held, ...] = ()
     scene: Scene | None = None
     lambda_1: float = math.nan
+    lambda_1_error: float = 0.0
     omega: float = math.nan
     stiffness_units: str = "1"
 
@@ -180,7 +181,7 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
             sources=tuple(sources(study)),
             held=_held_slip(line, group),
             scene=None if study is None else scene_at(study, [where[d] for d in sweep_dims(root)]),
-            **{name: float(at[name]) for name in ("lambda_1", "omega") if name in at},
+            **{name: float(at[name]) for name in ("lambda_1", "lambda_1_error", "omega") if name in at},
             stiffness_units=str(root["omega"].attrs.get("units", "1")) if "omega" in root else "1",
         )
 

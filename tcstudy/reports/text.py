@@ -115,6 +115,20 @@ POWER_FIRST = re.compile(r"[A-Za-z]+-?\d")
 """Units that begin with a power (K-1) take no prefix: it would be raised to the power as well."""
 
 
+DIGITS = 1e-6
+"""Relative error of λ₁ above which it is shown beside it, and proofs take the body softer."""
+
+
+def digits_lost(error: float) -> str:
+    """What is said of a λ₁ that holds to this relative error only; empty where it has six digits."""
+    if not error > DIGITS:
+        return ""
+    return (
+        f"λ₁ holds to {number(error, 2)} only: stiff springs or materials cost its digits; "
+        "every proof takes the body softer by as much"
+    )
+
+
 def study_unit(attrs: Mapping[str, Any]) -> tuple[float, str] | None:
     """(divisor, unit) in which a study writes the values of a swept parameter; None if it has SI units, or several."""
     return (float(attrs["study_unit_size"]), str(attrs["study_unit"])) if "study_unit" in attrs else None

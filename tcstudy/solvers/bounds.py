@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from tcstudy.scene.friction import DOWN, FrictionLaw
 from tcstudy.scene.law_tables import LawTables
 from tcstudy.scene.nodal_laws import Law
-from tcstudy.solvers.problem import ContactProblem, inverse_rounding
+from tcstudy.solvers.problem import ContactProblem, inverse_rounding, kept
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -188,7 +188,8 @@ def solution_box(
     tables, law = tables_of(problem.law, problem.m)
     loads = problem.l_tilde[None, :] if others is None else np.vstack([problem.l_tilde, others])
     inverse = np.asarray(scipy.linalg.inv(problem.A_tilde)) if inverse is None else inverse
-    body = problem.c, lambda_1, inverse, inverse_rounding(problem.A_tilde, inverse)
+    error = problem.A_error
+    body = problem.c, kept(error) * lambda_1, inverse, inverse_rounding(problem.A_tilde, inverse, error)
     push = np.max(largest_push(tables)[law], initial=0.0, keepdims=True)
     low, high = boxes_of(loads[:, None], push, body, lambda _, *box: value_range(tables, law, *box), common)
     return low[0], high[0]

@@ -11,13 +11,14 @@ Global minimum:  L̃(w) − L̃(v) ≥ ½ (w−v)ᵀ(Ã − C diag D)(w−v) −
 
 Every flag is one-sided: True is proved, False says "not certified". Positive definiteness is decided by Cholesky with
 the diagonal lowered by μ = margin·λ₁ and never by less than the rounding of the factorisation, so that it holds in
-floating-point arithmetic too. Left out: interval arithmetic (the inclusion residual of v enters through
+floating-point arithmetic too; where Ã has lost more digits than that to stiff springs or materials, it is taken softer
+by its relative error. Left out: interval arithmetic (the inclusion residual of v enters through
 `energy_gap` only) and branch and bound for what is not certified.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 from tcstudy.scene.friction import UP, FrictionLaw
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.bounds import FEW, PARTS, bend_below_tangent, least_slope, solution_box
-from tcstudy.solvers.problem import MARGIN, ContactProblem, least_lowered, pivot_shift
+from tcstudy.solvers.problem import MARGIN, ContactProblem, kept, least_lowered, pivot_shift
 from tcstudy.solvers.separable.finish import extended
 from tcstudy.solvers.separable.pieces import factor_free, slopes
 
@@ -39,6 +40,7 @@ class Certificate:
 
     residual:        inclusion residual of v; above the tolerance no flag is set except `convex` and `unique`
     lambda_1, omega: uniqueness threshold of the body and steepest fall of the law [Pa/m] (method §5)
+    lambda_1_error:  relative error of λ₁; above 1e-6 every proof takes the body softer by that
     margin:          λ_min(C^{−½}ÃC^{−½} − diag ω_i) with the steepest fall of every node's law, λ₁ − ω where all have
                      one law [Pa/m]: positive if every load has one solution; −∞ with a down-jump
     convex:          margin > 0: one solution for every load
@@ -61,6 +63,7 @@ class Certificate:
     least_slack: float
     resting: int
     margin: float
+    lambda_1_error: float = 0.0
 
 
 def certify(
@@ -73,34 +76,40 @@ def certify(
 ) -> Certificate:
     """Certificate of the solution v (m,).
 
-    lambda_1:  λ₁ if known (it depends on the body only), else it is computed
+    lambda_1:  λ₁ if known (it depends on the body only), whose error then is `A_error`, else it is computed
     tolerance: largest inclusion residual that counts as a solution, None for the default of scene/study.py
     residual:  inclusion residual if known better than from v in double precision, else it is computed
     inverse:   Ã⁻¹ if known (it depends on the body only), else it is computed
     """
     threshold = problem.lambda_1 if lambda_1 is None else lambda_1
+    error = problem.lambda_1_error if lambda_1 is None else problem.A_error
+    problem = replace(problem, A_error=error)
     residual, omega = extended(problem, v).residual if residual is None else residual, problem.law.omega
     slack, resting = _resting_slack(problem, v)
     apart = uniqueness_margin(problem, threshold)
-    convex = omega < (1.0 - MARGIN) * threshold or (
+    convex = omega < (1.0 - MARGIN) * kept(error) * threshold or (
         problem.m > 0 and apart > pivot_shift(problem.A_tilde, problem.c, threshold)
     )
     if problem.m == 0:
-        return Certificate(residual, threshold, omega, convex, True, True, True, 0.0, slack, 0, apart)
+        return Certificate(residual, threshold, omega, convex, True, True, True, 0.0, slack, 0, apart, error)
     low, high = solution_box(problem, threshold, inverse=inverse)
     unique = convex or positive_definite(problem, least_slope(problem.law, low, high), threshold)
     solved = Acceptance(tolerance).accepts(residual, problem.xi_rounding(v))
     strict = solved and (unique or _strict_minimum(problem, v, threshold))
     gap = _global_gap(problem, v, low, high, threshold, unique) if solved else float("nan")
     lowest = bool(np.isfinite(gap))
-    return Certificate(residual, threshold, omega, convex, unique, strict, lowest, gap, slack, resting, apart)
+    return Certificate(residual, threshold, omega, convex, unique, strict, lowest, gap, slack, resting, apart, error)
 
 
 def uniqueness_margin(problem: ContactProblem, lambda_1: float) -> float:
-    """λ_min(C^{−½}ÃC^{−½} − diag ω_i) [Pa/m], which is λ₁ − ω with one law and else at least λ₁ − max ω."""
+    """λ_min(C^{−½}ÃC^{−½} − diag ω_i) [Pa/m], which is λ₁ − ω with one law and else at least λ₁ − max ω.
+
+    Where Ã has lost digits it is that of the softer body (`kept`).
+    """
+    share = kept(problem.A_error)
     if isinstance(problem.law, FrictionLaw):
-        return lambda_1 - problem.law.omega
-    return least_lowered(problem.A_tilde, problem.c, problem.law.omega_by_node)
+        return share * lambda_1 - problem.law.omega
+    return least_lowered(share * problem.A_tilde, problem.c, problem.law.omega_by_node)
 
 
 def positive_definite(
@@ -108,7 +117,8 @@ def positive_definite(
 ) -> bool:
     """Whether Ã + C diag(slope − μ) is positive definite on the named nodes (all by default)."""
     nodes = np.arange(problem.m, dtype=np.intp) if named is None else named
-    lowered = problem.c[nodes] * (slope - pivot_shift(problem.A_tilde, problem.c, lambda_1, margin))
+    shift = pivot_shift(problem.A_tilde, problem.c, lambda_1, margin)
+    lowered = problem.c[nodes] * (slope - shift) / kept(problem.A_error)
     possible = np.all(np.diagonal(problem.A_tilde)[nodes] + lowered > 0.0)
     return bool(possible) and factor_free(problem.A_tilde, nodes, lowered)[1] == 0
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from tcstudy.scene.friction import BEND
 from tcstudy.scene.nodal_laws import Law
+from tcstudy.solvers.extended import extended_residual
 
 Array = NDArray[np.float64]
 
@@ -49,12 +50,14 @@ class ContactProblem:
     l_tilde: (m,) condensed load [N/m]
     c:       (m,) segment lengths meas(S_i) > 0 [m]
     law:     friction law b [Pa] of the slip [m], or the laws of the nodes (scene/nodal_laws.py)
+    A_error: relative error of Ã in its softest direction, and so of λ₁: proofs hold for (1 − A_error) Ã, too
     """
 
     A_tilde: Array
     l_tilde: Array
     c: Array
     law: Law
+    A_error: float = 0.0
 
     @property
     def m(self) -> int:
@@ -135,7 +138,16 @@ class ContactProblem:
     @cached_property
     def lambda_1(self) -> float:
         """λ₁ = λ_min(C^{−½}ÃC^{−½}), the body's uniqueness threshold (method §5) [Pa/m]."""
-        return least_eigenvalue(self.A_tilde, self.c)
+        return self._least[0]
+
+    @property
+    def lambda_1_error(self) -> float:
+        """Relative error of `lambda_1`: that of Ã and the residual of the eigenpair."""
+        return self.A_error + self._least[2]
+
+    @cached_property
+    def _least(self) -> tuple[float, Array, float]:
+        return least_eigenpair(self.A_tilde, self.c)
 
     def frictionless(self) -> Array:
         """Ã⁻¹ l̃, the solution without friction (m,)."""
@@ -160,16 +172,21 @@ MARGIN = 1e-6
 """μ/λ₁: by how much a matrix must be positive definite in a proof."""
 
 
+def kept(error: float) -> float:
+    """1 − error, the share of Ã and λ₁ that proofs lean on; 1 where the error is within the margin that they have."""
+    return 1.0 if error <= MARGIN else max(1.0 - error, float(np.finfo(float).tiny))
+
+
 def pivot_shift(A_tilde: Array, c: Array, lambda_1: float, margin: float = MARGIN) -> float:
     """μ = margin·λ₁, but no less than the rounding of a Cholesky factorisation [Pa/m]."""
     largest = float(np.max(np.diagonal(A_tilde) / c))
     return max(margin * lambda_1, 8.0 * len(c) * float(np.finfo(float).eps) * largest)
 
 
-def inverse_rounding(A_tilde: Array, inverse: Array) -> float:
-    """Relative rounding of products with Ã⁻¹."""
+def inverse_rounding(A_tilde: Array, inverse: Array, A_error: float) -> float:
+    """Relative error of products with Ã⁻¹: rounding, and what Ã itself has lost."""
     condition = float(np.linalg.norm(A_tilde, 1) * np.linalg.norm(inverse, 1))
-    return 8.0 * len(A_tilde) * float(np.finfo(float).eps) * condition
+    return 8.0 * len(A_tilde) * float(np.finfo(float).eps) * condition + (1.0 - kept(A_error))
 
 
 def least_eigenvalue(A_tilde: Array, c: Array) -> float:
@@ -179,6 +196,20 @@ def least_eigenvalue(A_tilde: Array, c: Array) -> float:
     root = 1.0 / np.sqrt(c)
     scaled = A_tilde * root[:, None] * root[None, :]
     return float(scipy.linalg.eigh(scaled, eigvals_only=True, subset_by_index=[0, 0])[0])
+
+
+def least_eigenpair(A_tilde: Array, c: Array) -> tuple[float, Array, float]:
+    """(λ, x, error) of the smallest λ with Ãx = λCx and xᵀCx = 1: no eigenvalue is nearer than λ(1 ± error).
+
+    error: ‖C^{−½}(Ãx − λCx)‖/λ with a residual of twice the precision; inf for λ ≤ 0
+    """
+    if len(c) == 0:
+        return float("inf"), c, 0.0
+    root = 1.0 / np.sqrt(c)
+    values, vectors = scipy.linalg.eigh(A_tilde * root[:, None] * root[None, :], subset_by_index=[0, 0])
+    value, x = float(values[0]), root * vectors[:, 0]
+    residual, _ = extended_residual(value * c * x, A_tilde, x)
+    return value, x, float(np.linalg.norm(root * residual)) / value if value > 0.0 else float("inf")
 
 
 def least_lowered(A_tilde: Array, c: Array, omega: Array) -> float:

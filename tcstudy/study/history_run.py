@@ -237,6 +237,7 @@ def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, p
     assert study.history is not None
     problem, loads = problem_of(study.history, level, scene, study.solver.tolerance)
     record.lambda_1[point], record.margin[point] = problem.stiffness, problem.margin
+    record.lambda_1_error[point] = problem.A_error
     first = int(steps_done(record)[point])
     start = None if first == 0 else _state(problem, record, point, first - 1, loads[first - 1])
     slopes: Iterator[dict[str, float]] | None = None

@@ -57,6 +57,7 @@ def problem_of(
         tolerance,
         lambda_1,
         held=not plan.loose,
+        A_error=first.A_error,
     )
     l_tilde = [one.problem.l_tilde for one in at]
     loads = [l_tilde[0]]

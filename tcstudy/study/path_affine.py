@@ -82,7 +82,7 @@ def affine_load(level: Level, scene_of: Callable[[float], Scene], begin: float, 
             "is no piecewise-linear path along it; use a sweep"
         )
     first = solved[0].problem
-    problem = ParametricProblem(first.A_tilde, l_0, l_1, first.c, first.law, (begin, end))
+    problem = ParametricProblem(first.A_tilde, l_0, l_1, first.c, first.law, (begin, end), first.A_error)
     at_1, at_04 = (c.constant - solved[0].constant for c in solved[1:3])  # of a parabola
     k_2 = (at_1 - at_04 / 0.4) / 0.6
     return AffineLoad(problem, off / size, begin, length, (solved[0].constant, at_1 - k_2, k_2))

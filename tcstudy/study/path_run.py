@@ -75,6 +75,7 @@ def follow_path(study: Study, progress: Progress | None = None) -> PathRecord:
         solutions=_solutions(setting, path),
         loop=_loop(setting, v) if plan.hysteresis else None,
         lambda_1=setting.lambda_1,
+        lambda_1_error=setting.true.A_error,
         omega=setting.true.law.omega,
         law_error=0.0 if setting.true.law.piecewise_linear else plan.law_error,
         affine_defect=setting.load.defect,

@@ -25,6 +25,7 @@ from tcstudy.scene.study import Study
 from tcstudy.solvers.certificates import Certificate, certify
 from tcstudy.solvers.contact import Answer, solve_contact
 from tcstudy.solvers.loop import Status
+from tcstudy.solvers.problem import kept
 
 Array = NDArray[np.float64]
 Number = float | Array
@@ -137,6 +138,7 @@ def _numbers(
         "evaluations": answer.evaluations,
         "slip_length": problem.c[~sticking(problem.law, answer.v)].sum(),
         "lambda_1": certificate.lambda_1,
+        "lambda_1_error": certificate.lambda_1_error,
         "uniqueness_margin": certificate.margin,
         "theta_mean": temperature.mean if temperature is not None else float("nan"),
         "heat_balance": balance,
@@ -157,12 +159,13 @@ def block_numbers(
     factor: (P,) stiffness of a point's body over that of the block's;  xi: (P, m) [N/m];  sticks: (P, m)
     """
     proved, constant, balance = answers.certificates, condensed.constant, condensed.heat_balance
-    lambda_1 = condensed.mu * condensed.lambda_1
-    margin = np.where(np.isnan(proved.margin), lambda_1 - proved.omega * factor, proved.margin * factor)
+    lambda_1, error = condensed.mu * condensed.lambda_1, condensed.lambda_1_error
+    margin = np.where(np.isnan(proved.margin), kept(error) * lambda_1 - proved.omega * factor, proved.margin * factor)
     values = _results(answers, proved, xi, constant, factor) | {
         "iterations": answers.steps,
         "slip_length": np.where(sticks, 0.0, condensed.c).sum(axis=1),
         "lambda_1": lambda_1,
+        "lambda_1_error": np.full(len(factor), error),
         "uniqueness_margin": margin,
         "start_energy": answers.start_energies * factor[:, None] + constant[:, None],
         "theta_mean": condensed.theta_mean,

@@ -208,7 +208,7 @@ class Workshop:
         key = (ratio, mu)
         if key not in self.bodies:
             self.bodies.clear()
-            self.bodies[key] = CondensedBody.of(mu * condensed.A_tilde, condensed.c)
+            self.bodies[key] = CondensedBody.of(mu * condensed.A_tilde, condensed.c, condensed.lambda_1_error)
         return self.bodies[key]
 
     @cached_property

@@ -14,7 +14,7 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.picture import Picture, read_picture
 from tcstudy.reports.select_point import Value
-from tcstudy.reports.text import axis_unit, counted, number, pretty
+from tcstudy.reports.text import DIGITS, axis_unit, counted, number, pretty
 from tcstudy.scene.edge_laws import EdgeLaws, laws_along
 from tcstudy.scene.friction import DOWN, UP, FrictionLaw
 
@@ -103,6 +103,8 @@ def _facts(picture: LawPicture) -> list[str]:
     divisor, unit = axis_unit([point.lambda_1], point.stiffness_units)
     omega, lambda_1 = number(point.omega / divisor, 3), number(point.lambda_1 / divisor, 3)
     steep = rf"steepest fall $\omega$ = {omega}, stiffness $\lambda_1$ = {lambda_1} {pretty(unit)}".rstrip()
+    if point.lambda_1_error > DIGITS:
+        steep += f" (relative error {number(point.lambda_1_error, 2)})"
     return [",  ".join(words), steep if np.isfinite(point.lambda_1) else ""]
 
 

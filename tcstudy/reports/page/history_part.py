@@ -56,7 +56,7 @@ def history_content(stored: Stored, without: tuple[str, ...], box: Container) ->
         "moves": list(MOVES),
         "about": {
             "memory": str(data.attrs["memory"]),
-            "each step": "the state of least energy" if data.attrs["branch"] == "lowest" else continued,
+            "each step": "the state of least energy found" if data.attrs["branch"] == "lowest" else continued,
             "mesh": f"level {int(data['level'])}, {int(data['n_dof'])} unknowns, {int(data['n_contact'])} on the "
             "contact line",
         },

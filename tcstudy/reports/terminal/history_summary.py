@@ -14,7 +14,7 @@ from tcstudy.data.records import PointStatus
 from tcstudy.data.store import load_root
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.terminal.tables import plain_table
-from tcstudy.reports.text import counted, headed, number, prefix, proved, with_unit
+from tcstudy.reports.text import counted, digits_lost, headed, number, prefix, proved, with_unit
 
 Array = NDArray[np.float64]
 
@@ -110,12 +110,16 @@ def _head(data: Any) -> str:
     attrs, loads = data.attrs, ", ".join(_loads(data))
     substeps = int(attrs["substeps"])
     how = f"by {counted(substeps, 'descent')}" if substeps else "along its exact path"
-    lowest = "the state of least energy" if attrs["branch"] == "lowest" else f"continued from the last state {how}"
+    lowest = (
+        "the state of least energy found" if attrs["branch"] == "lowest" else f"continued from the last state {how}"
+    )
     cycles = int(data["cycle"].max())
+    lost = digits_lost(float(data["lambda_1_error"].max())) if "lambda_1_error" in data else ""
     return (
         f"  History of {loads}: {counted(data.sizes['step'] - 1, 'step')} in {counted(cycles, 'cycle')}; memory "
         f"{attrs['memory']}; each step {lowest}\n"
         f"  level {int(data['level'])}: {int(data['n_dof'])} dofs, {int(data['n_contact'])} contact unknowns"
+        + (f"\n  {lost}" if lost else "")
     )
 
 

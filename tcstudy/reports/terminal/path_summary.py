@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.store import load_root
 from tcstudy.reports.terminal.tables import plain_table
-from tcstudy.reports.text import counted, headed, number, prefix, proved, with_unit
+from tcstudy.reports.text import counted, digits_lost, headed, number, prefix, proved, with_unit
 
 MOST_ROWS = 60
 """Solutions that are listed; the file has them all."""
@@ -52,10 +52,12 @@ def _path(data: Any) -> str:
     turns = f" and {counted(small, 'turn')} below {100 * VISIBLE:g} % of the range" if small else ""
     inside = int(np.count_nonzero((folds >= min(low, high)) & (folds <= max(low, high))))
     stable = int(data["stable"].sum())
+    lost = digits_lost(float(data.get("lambda_1_error", 0.0)))
     lines = [
         f"  Path along {data.attrs['parameter']} {span}, reaching {followed}",
         f"  level {int(data['level'])}: {int(data['n_dof'])} dofs, {int(data['n_contact'])} contact unknowns; "
         f"omega/lambda_1 = {number(float(data['omega'] / data['lambda_1']))}",
+        *([f"  {lost}"] if lost else []),
         f"  {data.sizes['piece']} pieces ({stable} stable), {counted(len(folds), 'fold')}{turns}, "
         f"{inside} of the folds in the range, worst residual {number(float(data['residual'].max()), 2)}",
     ]

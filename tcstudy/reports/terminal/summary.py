@@ -19,7 +19,7 @@ from tcstudy.data.schema import LIMITED, UNBALANCED
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import axis_labels, describe
 from tcstudy.reports.terminal.tables import plain_table, wrapped
-from tcstudy.reports.text import Failure, counted, failure_lines, headed, number, prefix, proved
+from tcstudy.reports.text import Failure, counted, digits_lost, failure_lines, headed, number, prefix, proved
 
 NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "omega", "uniqueness_margin")
 """Variables of which a summary says nothing: of a long sweep they need not be in memory."""
@@ -49,7 +49,7 @@ def summary(path: Path, most: int | None = MOST_ROWS) -> str:
         solver_table(data),
         _failures(data),
     ]
-    parts += [_derivatives(data), _not_run(data), _rounding(data), _heat(data)]
+    parts += [_derivatives(data), _not_run(data), _rounding(data), _stiff(data), _heat(data)]
     return wrapped("\n\n".join(part for part in parts if part))
 
 
@@ -226,6 +226,12 @@ def _rounding(data: Any) -> str:
         f"scale of b or better, where rounding alone allows {number(allowed, 2)}; friction is small against the forces "
         f"in the body (worst at {_point(data, worst)})"
     )
+
+
+def _stiff(data: Any) -> str:
+    """Where λ₁ has lost digits."""
+    error = data["lambda_1_error"].max() if "lambda_1_error" in data else 0.0
+    return f"  {lost}" if (lost := digits_lost(float(error))) else ""
 
 
 def _heat(data: Any) -> str:

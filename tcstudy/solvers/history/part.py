@@ -51,7 +51,9 @@ class StepPart:
 
     def problem(self, load: Array) -> ContactProblem:
         """That of a load."""
-        return ContactProblem(self.body.A_tilde, load - self.pushed + self.defect, self.body.c, self.law)
+        return ContactProblem(
+            self.body.A_tilde, load - self.pushed + self.defect, self.body.c, self.law, self.body.A_error
+        )
 
     @cached_property
     def parametric(self) -> ParametricProblem:

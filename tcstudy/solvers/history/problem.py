@@ -27,7 +27,7 @@ from tcstudy.solvers.contact import Answer
 from tcstudy.solvers.history.memory import MemoryModel, NodeState
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.path.problem import ScaledBody
-from tcstudy.solvers.problem import MARGIN, ContactProblem, least_eigenvalue, least_lowered
+from tcstudy.solvers.problem import MARGIN, ContactProblem, kept, least_eigenvalue, least_lowered
 from tcstudy.solvers.separable.pieces import slopes
 
 Array = NDArray[np.float64]
@@ -120,6 +120,7 @@ class HistoryProblem:
     tolerance:  of the inclusion residual, as in `solve_contact`
     lambda_1:   λ₁ if it is known
     held:       False for a body that only friction holds, which then has no λ₁
+    A_error:    as in `ContactProblem`
 
     Raises UnfitLaw if the memory cannot be made of the law.
     """
@@ -133,6 +134,7 @@ class HistoryProblem:
     tolerance: float | None = None
     lambda_1: float | None = None
     held: bool = True
+    A_error: float = 0.0
 
     @property
     def m(self) -> int:
@@ -156,8 +158,8 @@ class HistoryProblem:
         """λ_min(C^{−½}ÃC^{−½} − diag ω_i) [Pa/m], λ₁ − ω where all nodes have one law."""
         omega = self.model.omega
         if np.any(omega != omega[:1]):
-            return least_lowered(self.A_tilde, self.c, omega)
-        return self.stiffness - float(np.max(omega, initial=0.0))
+            return least_lowered(kept(self.A_error) * self.A_tilde, self.c, omega)
+        return kept(self.A_error) * self.stiffness - float(np.max(omega, initial=0.0))
 
     @cached_property
     def convex(self) -> bool:
@@ -173,7 +175,7 @@ class HistoryProblem:
         tables, own = tables_of(law, self.m)
         reach = far(tables)[own]
         slope = least_slope(law, -reach, reach)
-        problem = ContactProblem(self.A_tilde, np.zeros(self.m), self.c, law)
+        problem = ContactProblem(self.A_tilde, np.zeros(self.m), self.c, law, self.A_error)
         return bool(np.all(slope >= 0.0)) or positive_definite(problem, slope, self.stiffness)
 
     @cached_property
@@ -204,7 +206,7 @@ class HistoryProblem:
         """The contact problem of the next step in w = v − a."""
         a = self.model.origin(state)
         rest = load - self.A_tilde @ a if np.any(a) else load
-        return ContactProblem(self.A_tilde, rest, self.c, self.model.next_law(state))
+        return ContactProblem(self.A_tilde, rest, self.c, self.model.next_law(state), self.A_error)
 
     def energy(self, v: Array, load: Array) -> float:
         """E = ½ vᵀÃv − l̃ᵀv [J/m]."""

@@ -38,6 +38,7 @@ class ParametricProblem:
     c:       (m,) segment lengths > 0 [m]
     law:     friction law b [Pa] of the slip [m], or the laws of the nodes (scene/nodal_laws.py)
     span:    two values of t whose loads are the scale of residuals where the law has none
+    A_error: as in `ContactProblem`
 
     t is anything the load is affine in: a load factor, θ̄, the strength of a source, the share of a load step.
     """
@@ -48,6 +49,7 @@ class ParametricProblem:
     c: Array
     law: Law
     span: tuple[float, float] = (0.0, 1.0)
+    A_error: float = 0.0
 
     @property
     def m(self) -> int:
@@ -69,7 +71,7 @@ class ParametricProblem:
 
     def at(self, t: float) -> ContactProblem:
         """The problem of one t."""
-        return ContactProblem(self.A_tilde, self.load(t), self.c, self.law)
+        return ContactProblem(self.A_tilde, self.load(t), self.c, self.law, self.A_error)
 
     def with_law(self, law: Law) -> ParametricProblem:
         """The same body and loads under another law."""
