@@ -24,8 +24,9 @@ Symbols, as in the paper (doi 10.3879/j.issn.1000-0887.2010.01.008) and tcstudy/
     lambda_1   λ₁, least eigenvalue of Ã against diag(c) [Pa/m];  omega: ω, steepest fall of b [Pa/m]
     inclusion residual   max_i dist(ξ_i/c_i, b̂(u_i)) over the scale of b: the test that a solution is one
 
-What the user can mend is raised as a kind of UserFault, whose text is one line that says what to do. Everything is
-imported when it is first used, so that `import tcstudy` costs nothing.
+What the user can mend is raised as a kind of UserFault, whose text is one line that says what to do. What one must know
+of results before using them is a StudyWarning, which their file keeps, too. Everything is imported when it is first
+used, so that `import tcstudy` costs nothing.
 """
 
 from __future__ import annotations
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
         ProblemError,
         StoreError,
         StudyError,
+        StudyWarning,
         UsageError,
         UserFault,
     )
@@ -57,9 +59,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ContactProblem", "ConvergenceError", "CostError", "DrawError", "FitError", "GeometryFailed", "HistoryError",
-    "PageError", "PathError", "ProblemError", "StoreError", "Study", "StudyError", "UsageError", "UserFault",
-    "__version__", "certify", "compare", "converge", "cost", "draw", "export", "fit", "follow", "history", "init",
-    "law", "load", "merge", "open_results", "path", "plan", "report", "run", "schema", "solve",
+    "PageError", "PathError", "ProblemError", "StoreError", "Study", "StudyError", "StudyWarning", "UsageError",
+    "UserFault", "__version__", "certify", "compare", "converge", "cost", "draw", "export", "fit", "follow", "history",
+    "init", "law", "load", "merge", "open_results", "path", "plan", "report", "run", "schema", "solve",
 ]  # fmt: skip
 
 _FILES = {
@@ -77,7 +79,7 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("tcstudy")
-    file = "errors" if name.endswith(("Error", "Failed", "Fault")) else _FILES.get(name, "api")
+    file = "errors" if name.endswith(("Error", "Failed", "Fault", "Warning")) else _FILES.get(name, "api")
     value = getattr(import_module(f"tcstudy.{file}"), name)
     globals()[name] = value
     return value

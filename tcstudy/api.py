@@ -1,13 +1,15 @@
 """The public functions on studies and result files, as `tcstudy` offers them; the command line calls the same rooms.
 
 Every function takes a Study or the name of its file, and is silent unless asked to show progress. What the user can
-mend is a kind of tcstudy.UserFault. Left out: changing a Study in place (`with_` makes another).
+mend is a kind of tcstudy.UserFault, what one must know of results a tcstudy.StudyWarning. Left out: changing a Study in
+place (`with_` makes another).
 """
 
 from __future__ import annotations
 
 import io
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing, nullcontext
 from dataclasses import fields
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -173,6 +175,7 @@ def run(
     Points that fail have a status and a reason in the data. Raises StudyError, GeometryFailed, or StoreError, for
     example where the file holds the results of another study.
     """
+    from tcstudy.data.provenance import tell_stored
     from tcstudy.reports.terminal.progress import progress as terminal
     from tcstudy.study.execute import execute
 
@@ -187,13 +190,10 @@ def run(
 
             whole, kept = (appended if append else retried)(target, asked)
             if not kept.todo.any():
+                tell_stored(target)
                 return
-        watcher = terminal() if progress else None
-        try:
+        with closing(terminal()) if progress else nullcontext() as watcher:
             execute(whole, target, watcher, ("tcstudy.run",), jobs, dask, kept)
-        finally:
-            if watcher is not None:
-                watcher.close()
 
     return _loaded(_made("run", asked, output, force or append or retry, work))
 
@@ -275,10 +275,11 @@ def path(
     from tcstudy.study.path_run import execute_path
 
     asked = _study(study)
+    swept = [axis.name for axis in asked.axes]
     asked = _opened(asked).with_(sweep=None) if asked.variants else asked
     if asked.path is None:
         raise PathError("the study has no section path; add path: {parameter: theta_bar, from: 0 K, to: 40 K}")
-    work = lambda target: execute_path(asked, target, None, ("tcstudy.path",))  # noqa: E731
+    work = lambda target: execute_path(asked, target, None, ("tcstudy.path",), swept)  # noqa: E731
     return _loaded(_made("path", asked, output, force, work))
 
 
@@ -311,14 +312,18 @@ def fit(study: Study | str | FilePath, output: str | FilePath | None = None, *, 
     The data hold `estimate`, `interval`, `covariance`, `residual` and more by parameter and datum, as of `tcstudy fit`.
     Raises StudyError, FitError (no such section, or data that do not decide), GeometryFailed, StoreError.
     """
+    from tcstudy.data.provenance import tell
     from tcstudy.errors import FitError
+    from tcstudy.reports.terminal.fit import fit_doubts
     from tcstudy.study.fit import execute_fit
 
     asked = _study(study)
     if asked.fit is None:
         raise FitError("the study has no section fit; add fit: {data: {file: ..., columns: ...}, parameters: ...}")
     work = lambda target: execute_fit(asked, target, None, ("tcstudy.fit",))  # noqa: E731
-    return _loaded(_made("fit", asked, output, force, work, data_sha256=asked.fit.sha256))
+    found = _loaded(_made("fit", asked, output, force, work, data_sha256=asked.fit.sha256))
+    tell(words for words, doubt in fit_doubts(found) if doubt)
+    return found
 
 
 def _made(
@@ -330,13 +335,15 @@ def _made(
     **asked: object,
 ) -> FilePath:
     """The file of these results, computed unless it holds them already."""
-    from tcstudy.data.provenance import holds
+    from tcstudy.data.provenance import holds, tell_stored
     from tcstudy.study.plan import check_kind
 
     check_kind(study, kind, str(study.source or "study"))
     target = FilePath(output) if output is not None else usual_output(kind, study)
     if force or not holds(target, kind, study, **asked):
         work(target)
+    else:
+        tell_stored(target)
     return target
 
 

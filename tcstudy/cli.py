@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import gc
 import sys
-from collections.abc import Sequence
-from contextlib import suppress
+import warnings
+from collections.abc import Callable, Sequence
 from importlib import import_module
+from typing import Any
 
 from tcstudy.commands.shared import BAD_INPUT, OK
-from tcstudy.errors import StoreError, UserFault
+from tcstudy.errors import StudyWarning, UserFault, printable
 from tcstudy.reports.terminal.outlet import guarded_streams, is_lost
 
 MODULES = {
@@ -38,7 +39,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code; raises SystemExit for bad usage and bad studies."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     gc.set_threshold(RARE)
-    with guarded_streams() as out:
+    with guarded_streams() as out, warnings.catch_warnings():
+        warnings.simplefilter("always", StudyWarning)
+        warnings.showwarning = _shown(warnings.showwarning)
         try:
             code = _command(arguments)
         except SystemExit as stop:
@@ -58,7 +61,6 @@ def _command(arguments: list[str]) -> int:
     options = parser_of(named).parse_args(arguments)
     options.words, options.parser_of = ["tcstudy", *arguments], parser_of
     try:
-        _tell_changes(options)
         return int(options.run(options))
     except UserFault as fault:
         print(_said(options, fault), file=sys.stderr)
@@ -74,15 +76,18 @@ def _command(arguments: list[str]) -> int:
         return NO_ROOM
 
 
-def _tell_changes(options: argparse.Namespace) -> None:
-    """A line for every file to be read that another program has changed."""
-    if files := [file for name in ("file", "first", "second") if (file := getattr(options, name, None)) is not None]:
-        from tcstudy.data.reading import change_of
+def _shown(otherwise: Callable[..., None]) -> Callable[..., None]:
+    """How warnings are shown: those of a study in one line on standard error, and once."""
+    told = set[str]()
 
-        for file in files:
-            with suppress(StoreError):  # what is no result is told by the command
-                if change := change_of(file):
-                    print(change, file=sys.stderr)
+    def show(message: Warning | str, category: type[Warning], *more: Any, **named: Any) -> None:
+        if not issubclass(category, StudyWarning):
+            otherwise(message, category, *more, **named)
+        elif (text := f"warning: {printable(str(message))}") not in told:
+            told.add(text)
+            print(text, file=sys.stderr, flush=True)
+
+    return show
 
 
 def _said(options: argparse.Namespace, fault: UserFault) -> str:

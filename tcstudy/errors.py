@@ -52,6 +52,10 @@ class Problem:
         return printable(f"{place}: {key}{what}; {remedy}")
 
 
+class StudyWarning(UserWarning):
+    """What one must know of a study or its results before using them; the work goes on, and the file keeps it."""
+
+
 class UserFault(Exception):
     """What the user can mend; the text is one line (or one line for each fault) that says why and what to do.
 

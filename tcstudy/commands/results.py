@@ -181,8 +181,10 @@ def exported(
     file: Path, form: str, target: Path | None, point: Mapping[str, Any] | None, level: int | None
 ) -> tuple[Path, list[str]]:
     """Write a result file in one of FORMS; what was written, and what there is to say of it."""
+    from tcstudy.data.provenance import tell_stored
     from tcstudy.reports.text import counted
 
+    tell_stored(file)
     if form in TABLES:
         from tcstudy.reports.export.export_table import write_csv, write_json
 

@@ -44,20 +44,18 @@ def path(options: argparse.Namespace) -> int:
     from tcstudy.reports.terminal.tables import wrapped
     from tcstudy.study.path_run import execute_path
 
-    names = ", ".join(axis.name for axis in study.axes)
+    names = [axis.name for axis in study.axes]
     if study.variants:
         from tcstudy.read.study import read_study
 
         study = options.read = read_study(options.study, [*options.overrides, "sweep=null"])
     there = is_there(options, "path", study, output)
-    if names:
-        note(options, f"note: a path is of one scene, that outside the sweep; the values of {names} are not used")
     if there:
         problems = stored_shortfalls(output)
     else:
         with closing(PathProgress()) as progress:
-            problems = execute_path(study, output, None if options.quiet else progress, options.words)
-    said = (*plotted(options, output, response=options.response), *problems, f"data in {output}")
+            problems = execute_path(study, output, None if options.quiet else progress, options.words, names)
+    said = (*plotted(options, output, response=options.response), f"data in {output}")
     say(options, output, lambda: wrapped("\n".join([path_summary(output), "", *(f"  {line}" for line in said)])))
     return SOME_FAILED if problems else OK
 
@@ -83,8 +81,6 @@ def history(options: argparse.Namespace) -> int:
     with closing(HistoryProgress()) as progress:
         watcher = None if options.quiet else progress
         result = execute_history(study, output, watcher, options.words, options.force, options.jobs, options.dask)
-    for warning in result.warnings:
-        note(options, warning)
     if result.found == result.points * result.steps:
         note(options, f"{output} holds these results already; --force computes them again")
     elif result.found:

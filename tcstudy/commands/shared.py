@@ -137,13 +137,20 @@ def say(options: argparse.Namespace, path: Path, text: Callable[[], str]) -> Non
 
     Raises StoreError where the file was changed after it was written and does not hold what it should.
     """
-    from tcstudy.data.reading import reading
+    from tcstudy.data.provenance import remarks_of, tell
+    from tcstudy.data.reading import attributes, reading
+    from tcstudy.reports.terminal.tables import wrapped
 
     with reading(path):
+        remarks = remarks_of(attributes(path))
         if not (options.quiet or options.json):
             with spoken(options):
                 print(text().rstrip("\n"))
+                if getattr(options, "format", "text") == "text":
+                    print("".join(wrapped(f"  warning: {one}") + "\n" for one in remarks), end="")
             return
+        if options.quiet:
+            tell(remarks)
         from tcstudy.data.provenance import kind_of
 
         if options.quiet and kind_of(path) == "run":

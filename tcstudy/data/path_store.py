@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tcstudy.data.files import write_dataset
-from tcstudy.data.provenance import CONTENT, Provenance, global_attributes, without_paths
+from tcstudy.data.provenance import CONTENT, SHORTFALLS, Provenance, global_attributes, without_paths
 from tcstudy.data.reading import attributes
 from tcstudy.data.records import LevelRecord
 from tcstudy.data.schema import CERTIFIED, CONTACT, RATE, FileVariable, T, flags
@@ -25,8 +25,6 @@ from tcstudy.scene.study import Study
 if TYPE_CHECKING:
     import netCDF4
 
-SHORTFALLS = "shortfalls"
-"""Global attribute: what of a path is not as it was asked for, one sentence a line; empty if nothing."""
 Values = Mapping[str, Any]
 
 

@@ -3,19 +3,24 @@
 Nothing of a machine is recorded: absolute paths are cut to the file name; host and user names are never read. By its
 attributes a file also tells which command wrote it and which results it holds, so that two studies do not overwrite
 each other and none is computed twice.
+
+What one must know of a result before using it is told when it is found, kept in the file, and told again by its
+readers: as a StudyWarning, which the command line prints on standard error.
 """
 
 from __future__ import annotations
 
 import hashlib
+import inspect
 import json
 import os
 import platform
 import re
 import shlex
 import subprocess
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
@@ -23,7 +28,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, Literal, get_args
 
 from tcstudy.data.reading import attributes, is_foreign, refuse_changed
-from tcstudy.errors import StoreError
+from tcstudy.errors import StoreError, StudyWarning
 from tcstudy.scene.study import Acceptance, Study
 
 CONVENTIONS = "CF-1.11"
@@ -36,6 +41,43 @@ GIT_TIMEOUT = 5.0
 """Seconds that git may take, for example on a slow network disk."""
 
 
+WARNINGS, SHORTFALLS = "warnings", "shortfalls"
+"""Global attributes: the warnings as a JSON list of objects, without one if there are none; what of a path is not as it
+was asked for, one sentence a line."""
+_PACKAGE = f"{Path(__file__).parents[1]}{os.sep}"
+
+
+@dataclass(frozen=True)
+class Remark:
+    """A warning as data: what it says, and of which geometry, point or level in words; of all if that is empty."""
+
+    text: str
+    where: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.text}" if self.where else self.text
+
+
+def remarks_of(attributes: Mapping[str, Any]) -> list[Remark]:
+    """The warnings in the global attributes of a file; files from before there were any have none."""
+    stored = [Remark(str(one["text"]), str(one["where"])) for one in json.loads(attributes.get(WARNINGS, "[]"))]
+    return stored + [Remark(line) for line in str(attributes.get(SHORTFALLS, "")).splitlines()]
+
+
+def tell(found: Iterable[object]) -> None:
+    """Warn of each, at the line outside this package that asked for the work."""
+    frame, depth = inspect.currentframe(), 1
+    while frame is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        frame, depth = frame.f_back, depth + 1
+    for one in found:
+        warnings.warn(str(one), StudyWarning, stacklevel=depth)
+
+
+def tell_stored(path: Path) -> None:
+    """Warn of what a file keeps. Raises StoreError if it is none, or damaged."""
+    tell(remarks_of(attributes(path)))
+
+
 @dataclass(frozen=True)
 class Provenance:
     """What is known of a run beside its study.
@@ -43,19 +85,24 @@ class Provenance:
     history:    date and command, one line per step
     versions:   package → version
     git_commit: commit of the study's checkout, with "-dirty" if the study or a tracked file differs; or "unknown"
+    remarks:    warnings that the file keeps
     """
 
     history: str
     versions: tuple[tuple[str, str], ...]
     git_commit: str
+    remarks: tuple[Remark, ...] = ()
 
 
-def collect(study: Study, command: Sequence[str], now: datetime | None = None) -> Provenance:
+def collect(
+    study: Study, command: Sequence[str], now: datetime | None = None, remarks: Sequence[Remark] = ()
+) -> Provenance:
     """Provenance of a run started with `command` (the words of the command line) at `now`."""
     date = (now or datetime.now(UTC)).isoformat(timespec="seconds")
     versions = {"python": platform.python_version(), **package_versions(PACKAGES)}
     words = re.sub(r"^__main__\.py\b", "tcstudy", shlex.join(without_directories(command)))  # of python -m
-    return Provenance(f"{date} {words}", tuple(versions.items()), git_commit(study.source))
+    told = tuple(replace(one, text=without_paths(one.text)) for one in remarks)
+    return Provenance(f"{date} {words}", tuple(versions.items()), git_commit(study.source), told)
 
 
 def global_attributes(study: Study, provenance: Provenance) -> dict[str, Any]:
@@ -79,6 +126,7 @@ def global_attributes(study: Study, provenance: Provenance) -> dict[str, Any]:
         "versions": json.dumps(versions),
         "program": program(),
         "git_commit": provenance.git_commit,
+        **({WARNINGS: json.dumps(list(map(asdict, provenance.remarks)))} if provenance.remarks else {}),
     }
 
 

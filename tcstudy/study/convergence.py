@@ -30,7 +30,6 @@ from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_
 from tcstudy.fem.study_meshes import graded_points
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Acceptance, Study
-from tcstudy.study.doubts import locking_notes
 from tcstudy.study.reference import Errors, ExactReference, FineReference, NestedReference, Reference, with_meaning
 from tcstudy.study.solved_levels import Length, Say, Solution, SolvedLevel, solve_levels
 
@@ -254,7 +253,6 @@ def _numbers(h: Array, solutions: list[Solution], ok: Mask, exact: dict[str, flo
 def _notes(
     study: Study, levels: list[SolvedLevel], reference: Reference | None, points: tuple[PointConvergence, ...]
 ) -> Iterator[str]:
-    yield from locking_notes(study.scenes)
     if isinstance(reference, ExactReference):
         worst = max(reference.inclusion(scene) for scene in study.scenes)
         if worst > 1e-8:

@@ -11,13 +11,13 @@ import numpy as np
 
 from tcstudy.data.files import check_writable
 from tcstudy.data.measured import Convergence, PointConvergence, write_convergence
-from tcstudy.data.provenance import collect
+from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import PointStatus
 from tcstudy.data.writer import geometry_place, outer_axes
 from tcstudy.errors import ConvergenceError, GeometryFailed, StoreError
 from tcstudy.scene.study import Study, Variant
 from tcstudy.study.convergence import of_body
-from tcstudy.study.plan import once
+from tcstudy.study.plan import once, warnings
 from tcstudy.study.solved_levels import BARE, Length, Say
 
 
@@ -36,8 +36,9 @@ def converge_to_file(
         raise ConvergenceError(f"{what}; use tcstudy run or tcstudy cost, or --set mesh.family=uniform")
     if problems := check_writable(path, 1_000_000):
         raise StoreError("; ".join(problems))
+    tell(remarks := warnings(study))
     convergence = converge(study, say, length)
-    write_convergence(path, study, convergence, collect(study, command))
+    write_convergence(path, study, convergence, collect(study, command, remarks=remarks))
     return sum(status != PointStatus.OK for point in convergence.points for status in point.status)
 
 
@@ -86,5 +87,5 @@ def _of_geometries(study: Study, say: Say, length: Length) -> Convergence:
             by_level[name][geometry_place(study, variant)] = getattr(one, name)
     words = list(dict.fromkeys(one.reference for _, one in found))
     notes = [f"refused, {variant.words}: {reason}" for variant, reason in lost]
-    notes += once([(variant.words, one.notes) for variant, one in found])
+    notes += map(str, once([(variant.words, one.notes) for variant, one in found]))
     return Convergence(reference="; or ".join(words), points=tuple(points), notes=tuple(notes), **by_level)

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 from tcstudy.accuracy.rates import dominated
 from tcstudy.data.files import check_writable
 from tcstudy.data.measured import MEASURES, STAGES, Cost, write_cost
-from tcstudy.data.provenance import collect
+from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import CostError, GeometryFailed, StoreError
 from tcstudy.exact.numbers import exact_friction_resultant
@@ -30,7 +30,7 @@ from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import SOLVERS, Goal, Study
 from tcstudy.study.cost_curves import CostCurve, Progress, family_plan, first_run, time_again, walk
-from tcstudy.study.doubts import locking_notes
+from tcstudy.study.plan import warnings
 from tcstudy.study.reference import Errors, ExactReference, FineReference, with_meaning
 from tcstudy.study.solved_levels import SolvedLevel
 
@@ -46,9 +46,12 @@ def cost_to_file(
     """
     if problems := check_writable(path, 1_000_000):
         raise StoreError("; ".join(problems))
+    own, at = geometry_at(study, index)
+    scene = own.scenes[int(np.ravel_multi_index(at, own.shape))]
+    tell(remarks := warnings(replace(own, scenes=(scene,), axes=())))
     with threadpool_limits(1, user_api="blas"):
         cost = measure(study, index, runs, progress)
-    write_cost(path, study, replace(cost, point=point), collect(study, command))
+    write_cost(path, study, replace(cost, point=point), collect(study, command, remarks=remarks))
     return int(np.count_nonzero((cost.status != PointStatus.OK) & (cost.status != PointStatus.NOT_RUN)))
 
 
@@ -74,12 +77,11 @@ def measure(study: Study, index: tuple[int, ...], runs: int, progress: Progress)
         turn = run % len(curves)
         for curve in curves[turn:] + curves[:turn]:
             time_again(study, scene, curve)
-    return _cost(study, scene, curves, errors, words, own_error, notes)
+    return _cost(study, curves, errors, words, own_error, notes)
 
 
 def _cost(
     study: Study,
-    scene: Scene,
     curves: list[CostCurve],
     errors: dict[tuple[str, int, str], dict[str, float]],
     words: str,
@@ -110,7 +112,7 @@ def _cost(
                 for measure_name, error in errors[curve.family, level, name].items():
                     if measure_name in measured:
                         measured[measure_name][at] = error
-    remarks = locking_notes((scene,))
+    remarks = list[str]()
     if any(curve.solved[-1][solvers[0]].solutions[()].numbers.get("unique") == 0 for curve in curves):
         remarks.append(
             "The solution is not certified to be the only one: meshes and solvers may have found different ones, "

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.provenance import collect, holds
+from tcstudy.data.provenance import Provenance, collect, holds, tell
 from tcstudy.data.reading import PARTIAL
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.store import write
@@ -81,7 +81,8 @@ def _geometries(
         raise StoreError("; ".join(problems))
     folder = output.with_name(f"{output.name}.geometries")
     todo = np.ones((len(study.scenes), study.mesh.levels), dtype=bool) if kept is None else kept.todo
-    one = _OneSweep(study, watcher, todo)
+    one, remarks = _OneSweep(study, watcher, todo), warnings(study)
+    tell(remarks)
     folder.mkdir(parents=True, exist_ok=True)
     before = [None] * len(study.variants) if kept is None else kept.of_geometries(study, folder)
     works = [
@@ -108,7 +109,7 @@ def _geometries(
                 failed.append(all_failed(study, level, work.variant.places[wanted[:, level]], status, reason))
                 one.lost(failed[-1])
     staff.close()
-    provenance = collect(study, command)
+    provenance = collect(study, command, remarks=remarks)
     provenance = provenance if kept is None else kept.before(provenance)
     points, bad = write_variants(output, study, files, failed, provenance)
     shutil.rmtree(folder, ignore_errors=True)
@@ -174,10 +175,10 @@ class _Geometry:
             raise
         except Exception as error:  # as of a block: one geometry must not end a sweep
             raise _NoAnswer(f"{type(error).__name__}: {error}") from error
-        watcher.begin(work_of(self.study, {}, None), () if watcher.begun else warnings(self.study))
+        watcher.begin(work_of(self.study, {}, None))
         levels = {record.level: record for record in records if isinstance(record, LevelRecord)}
         blocks = [record for record in records if isinstance(record, BlockRecord)]
-        write(self.file, self.study, [levels[i] for i in sorted(levels)], blocks, collect(self.study, command))
+        write(self.file, self.study, [levels[i] for i in sorted(levels)], blocks, self._provenance(command))
         for level in levels.values():
             watcher.level(level)
         for block in blocks:
@@ -186,9 +187,12 @@ class _Geometry:
     def run(self, watcher: Watcher, command: Sequence[str], staff: Staff) -> None:
         """Its file, by a run of its own; without a mesh where nothing is left to solve."""
         if self.kept is None or self.kept.todo.any() or self.study.output.live:
-            into_file(self.study, self.file, watcher, command, staff, self.kept, last=False)
+            into_file(self.study, self.file, watcher, command, staff, self.kept, alone=False)
         else:
-            self.kept.write(self.file, self.study, collect(self.study, command))
+            self.kept.write(self.file, self.study, self._provenance(command))
+
+    def _provenance(self, command: Sequence[str]) -> Provenance:
+        return collect(self.study, command, remarks=warnings(self.study))
 
 
 def _finished(file: Path, study: Study) -> bool:
@@ -212,12 +216,12 @@ class _OneSweep:
         self.resumed = 0
         self._lost: list[BlockRecord] = []
 
-    def begin(self, work: Sequence[LevelWork], warnings: Sequence[str]) -> None:
+    def begin(self, work: Sequence[LevelWork]) -> None:
         """The first geometry stands for all."""
         self.resumed += sum(level.done for level in work)
         if not self.begun:
             whole = [replace(level, points=points) for level, points in zip(work, self._todo, strict=True)]
-            self._watcher.begin(whole, warnings)
+            self._watcher.begin(whole)
             for record in self._lost:
                 self._watcher.block(record)
         self.begun = True

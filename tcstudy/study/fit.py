@@ -23,7 +23,7 @@ from threadpoolctl import threadpool_limits
 from tcstudy.accuracy.fitted import Box, Minimum, Uncertainty, different, minimise, product, uncertainty
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.fit_store import FitRecord, write_fit
-from tcstudy.data.provenance import collect
+from tcstudy.data.provenance import collect, tell
 from tcstudy.errors import FitError, GeometryFailed
 from tcstudy.fem.meshes import refine_uniformly
 from tcstudy.fem.study_meshes import Meshes
@@ -35,6 +35,7 @@ from tcstudy.scene.laws import LawError
 from tcstudy.scene.study import Study
 from tcstudy.study.fit_models import Compared, FitModel
 from tcstudy.study.fit_smooth import Smoothed, smoothed
+from tcstudy.study.plan import warnings
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -265,6 +266,7 @@ def execute_fit(
     study: Study, output: Path, progress: Progress | None = None, command: Sequence[str] = ("tcstudy",)
 ) -> None:
     """Fit and write the file. Raises FitError, StoreError or GeometryFailed."""
+    tell(remarks := warnings(study))
     with threadpool_limits(1, user_api="blas"):
         record = fit(study, progress)
-    write_fit(output, study, record, collect(study, command))
+    write_fit(output, study, record, collect(study, command, remarks=remarks))

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.files import check_writable
-from tcstudy.data.provenance import Provenance, collect, program, study_sha256
+from tcstudy.data.provenance import Provenance, collect, program, study_sha256, tell_stored
 from tcstudy.data.reading import attributes, refuse_changed
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.store import write
@@ -29,6 +29,7 @@ from tcstudy.data.writer import file_places
 from tcstudy.errors import StoreError, StudyError, shortened
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
+from tcstudy.study.plan import warnings
 from tcstudy.study.shared_points import LabelledPoints, places_in
 from tcstudy.study.union import differences, union
 
@@ -231,6 +232,7 @@ def merge(files: Sequence[Path], output: Path, command: Sequence[str] = ("tcstud
     if problems := check_writable(output, sum(path.stat().st_size for path in files)):
         raise StoreError("\n".join(problems))
     points, failed = (_join_geometries if study.variants else _join)(study, runs, output, command)
+    tell_stored(output)
     return points, failed, len(study.scenes) * study.mesh.levels - points
 
 
@@ -266,7 +268,7 @@ def _join_geometries(study: Study, runs: Sequence[StoredRun], output: Path, comm
 
 def _after(study: Study, runs: Sequence[StoredRun], command: Sequence[str]) -> Provenance:
     """The provenance of a join, with the histories of what it joins before its own."""
-    provenance = collect(study, command)
+    provenance = collect(study, command, remarks=warnings(study))
     return replace(provenance, history="\n".join([*(run.history for run in runs), provenance.history]))
 
 

@@ -23,7 +23,7 @@ from threadpoolctl import threadpool_limits
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.history_store import HistoryRecord, read_known, steps_done, write_history
 from tcstudy.data.journal import Journal
-from tcstudy.data.provenance import collect, study_sha256
+from tcstudy.data.provenance import collect, study_sha256, tell
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import HistoryError, StoreError, StudyError, UserFault
 from tcstudy.executors import Errand, in_order, unpacked
@@ -40,6 +40,7 @@ from tcstudy.study.errands import errand
 from tcstudy.study.expected import of_history
 from tcstudy.study.history_scene import problem_of, step_derivatives
 from tcstudy.study.jobs import Staff
+from tcstudy.study.plan import warnings
 from tcstudy.study.point import STATUS
 from tcstudy.study.run import level_record
 from tcstudy.study.union import differences
@@ -58,14 +59,13 @@ class HistorySummary:
     """What came of it.
 
     points, steps: of the study, step 0 included in the steps;  ended: points whose history ended early
-    found: steps that stood in the file or its journal before;  warnings: of the journal
+    found: steps that stood in the file or its journal before
     """
 
     points: int
     steps: int
     ended: int
     found: int
-    warnings: tuple[str, ...] = ()
 
 
 def execute_history(
@@ -86,11 +86,12 @@ def execute_history(
     plan = study.history
     if plan is None:
         raise HistoryError("the study has no section history; add history: {memory: friction, steps: [...]}")
+    tell(remarks := warnings(study))
     known, whole = (None, False) if force else _known(output, study, plan.steps + 1)
     done = 0 if known is None else int(steps_done(known).sum())
     if known is not None and all(_finished(known, p) for p in range(len(study.scenes))) and whole:
         return _summary(study, known, done)
-    provenance = collect(study, command)
+    provenance = collect(study, command, remarks=remarks)
     with threadpool_limits(1, user_api="blas"), closing(Staff(jobs, dask)) as staff:
         staff.ready(study)
         clock = time.perf_counter()
@@ -101,6 +102,7 @@ def execute_history(
         # a row of another size than this record's is refused as one that belongs nowhere
         check = HistoryRecord.empty(len(study.scenes), plan.steps + 1, level.line.m, asked).take_row
         with Journal.open(output, study, check=check) as journal:
+            tell(journal.warnings)
             for row in journal.steps():
                 record.take_row(row)
             _again(record)
@@ -116,12 +118,12 @@ def execute_history(
                 if int(steps_done(record).sum()) > done or known is not None:
                     write_history(output, study, line, record, provenance)
                     journal.discard()
-    return _summary(study, record, found, journal.warnings)
+    return _summary(study, record, found)
 
 
-def _summary(study: Study, record: HistoryRecord, found: int, warnings: tuple[str, ...] = ()) -> HistorySummary:
+def _summary(study: Study, record: HistoryRecord, found: int) -> HistorySummary:
     ended = sum(bool(reason) for reason in record.reason)
-    return HistorySummary(len(study.scenes), record.status.shape[1], ended, found, warnings)
+    return HistorySummary(len(study.scenes), record.status.shape[1], ended, found)
 
 
 def _finished(record: HistoryRecord, point: int) -> bool:

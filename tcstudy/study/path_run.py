@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.path_store import PathRecord, Values, write_path
-from tcstudy.data.provenance import collect
+from tcstudy.data.provenance import Remark, collect, tell
 from tcstudy.data.records import LevelRecord
 from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level
@@ -28,7 +28,9 @@ from tcstudy.solvers.path.problem import by_code
 from tcstudy.solvers.path.proofs import proved_minima
 from tcstudy.solvers.path.query import PathSolution, folds, lowest, solutions_at, solutions_of
 from tcstudy.solvers.path.record import WHOLE
+from tcstudy.study.doubts import loaded
 from tcstudy.study.path_affine import AffineLoad, PathError, affine_load, followed, straightened
+from tcstudy.study.plan import warnings
 from tcstudy.study.run import stages
 
 Array = NDArray[np.float64]
@@ -197,17 +199,33 @@ def _loop(setting: _Setting, v: Array) -> Values:
 
 
 def execute_path(
-    study: Study, output: pathlib.Path, progress: Progress | None = None, command: Sequence[str] = ("tcstudy",)
+    study: Study,
+    output: pathlib.Path,
+    progress: Progress | None = None,
+    command: Sequence[str] = ("tcstudy",),
+    swept: Sequence[str] = (),
 ) -> list[str]:
     """Follow the path, write its file and return what is not as it was asked for, in words.
 
-    Raises PathError, StoreError or GeometryFailed.
+    swept: names of the sweep, whose values a path does not have. Raises PathError, StoreError or GeometryFailed.
     """
+    tell(remarks := _remarks(study, swept))
     with threadpool_limits(1, user_api="blas"):
         record = follow_path(study, progress)
     found = shortfalls(study, record)
-    write_path(output, study, record, collect(study, command), found)
+    tell(found)
+    write_path(output, study, record, collect(study, command, remarks=remarks), found)
     return found
+
+
+def _remarks(study: Study, swept: Sequence[str]) -> list[Remark]:
+    """Warnings of the scene as it is written, or where that has no load, at the end that is farther from zero."""
+    if (plan := study.path) is None:
+        return []
+    farther = path_scene(plan.scene, plan.parameter, max(plan.begin, plan.end, key=abs))
+    scene = plan.scene if loaded([plan.scene]).all() else farther
+    unused = f"a path is of one scene, that outside the sweep; the values of {', '.join(swept)} are not used"
+    return [*([Remark(unused)] if swept else []), *warnings(replace(study, scenes=(scene,), axes=(), variants=()))]
 
 
 def shortfalls(study: Study, record: PathRecord) -> list[str]:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from tcstudy.data import schema
 from tcstudy.data.files import check_writable
+from tcstudy.data.provenance import Remark
 from tcstudy.errors import GeometryFailed, StoreError, UsageError, UserFault
 from tcstudy.exact.loads import description
 from tcstudy.offline.elastic import swept_parts
@@ -101,7 +102,11 @@ def _of_geometries(study: Study, found: Sequence[tuple[Study, Plan]]) -> Plan:
         points=len(study.scenes),
         factorisations=factors,
         heat_solves=sum(plan.heat_solves for _, plan in found),
-        notes=(note, *refused, *once([(own, plan.notes) for own, (_, plan) in zip(words, found, strict=True)])),
+        notes=(
+            note,
+            *refused,
+            *map(str, once([(own, plan.notes) for own, (_, plan) in zip(words, found, strict=True)])),
+        ),
         bytes=sum(plan.bytes for _, plan in found),
     )
 
@@ -109,7 +114,7 @@ def _of_geometries(study: Study, found: Sequence[tuple[Study, Plan]]) -> Plan:
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
-def once(notes: Sequence[tuple[str, Iterable[str]]]) -> list[str]:
+def once(notes: Sequence[tuple[str, Iterable[str]]]) -> list[Remark]:
     """Every note once, with the geometries that it is of unless it is of all.
 
     notes: (words of a geometry, its notes). Those that differ in numbers only are one, with the range of each number.
@@ -123,7 +128,7 @@ def once(notes: Sequence[tuple[str, Iterable[str]]]) -> list[str]:
     for text, numbers in alike.items():
         said = text.format(*map(_span, zip(*numbers.values(), strict=True)))
         few = "; ".join(numbers) if len(numbers) == 1 else f"{len(numbers)} of {len(notes)} geometries"
-        found.append(said if len(numbers) == len(notes) else f"{few}: {said}")
+        found.append(Remark(said, "" if len(numbers) == len(notes) else few))
     return found
 
 
@@ -219,9 +224,12 @@ def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
         yield f"{down} of {len(scenes)} points have a law with down-jumps: solutions may not be unique"
 
 
-def warnings(study: Study) -> list[str]:
-    """Notes that a run says as well, since its numbers would mislead without them."""
-    return [*idle_notes(study), *doubts(study), *locking_notes(study.scenes)]
+def warnings(study: Study) -> list[Remark]:
+    """Notes that results have as well, since their numbers would mislead without them; with the geometry where there
+    are several. Raises GeometryFailed if a file has no such face."""
+    if study.variants:
+        return once([(one.words, map(str, warnings(one.study))) for one in study.variants if one.study is not None])
+    return [Remark(text) for text in (*idle_notes(study), *doubts(study), *locking_notes(study.scenes))]
 
 
 def _other_commands(study: Study) -> Iterator[str]:

@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.data.files import StoreError
 from tcstudy.data.journal import Journal
-from tcstudy.data.provenance import collect
+from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.store import Begun, write
 from tcstudy.errors import GeometryFailed
@@ -59,7 +59,7 @@ class LevelWork:
 class Watcher(Protocol):
     """What a run reports while it works, with the geometry in words where there are several."""
 
-    def begin(self, work: Sequence[LevelWork], warnings: Sequence[str]) -> None: ...
+    def begin(self, work: Sequence[LevelWork]) -> None: ...
     def level(self, record: LevelRecord, geometry: str = "") -> None: ...
     def block(self, record: BlockRecord) -> None: ...
 
@@ -227,7 +227,7 @@ class Summary:
 class Quiet:
     """A watcher that shows nothing."""
 
-    def begin(self, work: Sequence[LevelWork], warnings: Sequence[str]) -> None:
+    def begin(self, work: Sequence[LevelWork]) -> None:
         """Nothing to show."""
 
     def level(self, record: LevelRecord, geometry: str = "") -> None:
@@ -244,11 +244,11 @@ def into_file(
     command: Sequence[str],
     staff: Staff,
     kept: Kept | None = None,
-    last: bool = True,
+    alone: bool = True,
 ) -> Summary:
     """Run all points of a study with one body, as `study.execute` says.
 
-    last: whether the staff may go when all points are solved
+    alone: whether this is the whole run: its warnings are said, and the staff may go when all points are solved
     """
     if problems := faults(study, output):
         raise StoreError("\n".join(problems))
@@ -263,7 +263,9 @@ def into_file(
         # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
         known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
         finished = {(block.level, block.number): as_start(study, block) for block in known}
-        watcher.begin(work_of(study, finished, kept), [*journal.warnings, *warnings(study)])
+        remarks = warnings(study)
+        tell([*journal.warnings, *(remarks if alone else ())])
+        watcher.begin(work_of(study, finished, kept))
         for record in run(study, finished, staff.blocks, kept):
             if isinstance(record, LevelRecord):
                 record = record if kept is None else kept.joined(record)
@@ -274,10 +276,10 @@ def into_file(
                     watcher.level(record)
             else:
                 watcher.block(record)
-        if last:
+        if alone:
             staff.close()  # before the file, which takes memory, is written
         journal.flush()
-        levels, records, provenance = journal.levels(), journal.blocks, collect(study, command)
+        levels, records, provenance = journal.levels(), journal.blocks, collect(study, command, remarks=remarks)
         if kept is not None:
             levels, provenance = kept.with_levels(levels), kept.before(provenance)
             records = lambda: chain(kept.blocks(study), journal.blocks())  # noqa: E731

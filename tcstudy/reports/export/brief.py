@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tcstudy.data.provenance import kind_of
-from tcstudy.data.reading import each_point
+from tcstudy.data.provenance import kind_of, remarks_of
+from tcstudy.data.reading import attributes, each_point
 from tcstudy.data.records import PointStatus
 from tcstudy.reports.page.container import Container, Json, plain
 from tcstudy.reports.page.other_part import convergence_part, cost_part, path_part
@@ -37,12 +38,13 @@ class Lists(Container):
 
 def brief(path: Path) -> dict[str, Json]:
     """The object that --json prints; its `verdict` is the sentence of --quiet. Raises StoreError."""
+    remarks = {"warnings": [asdict(one) for one in remarks_of(attributes(path))]}
     if kind_of(path) == "fit":
-        return {"kind": "fit", "file": str(path), **fit_brief(path)}
+        return {"kind": "fit", "file": str(path), **remarks, **fit_brief(path)}
     stored = read(path)
     of_kind = {"run": _run, "convergence": _convergence, "cost": cost_part, "path": _path, "history": _history}
     found = dict(of_kind[stored.kind](stored))
-    about = {"kind": stored.kind, "file": str(path), "title": str(stored.data.attrs["title"])}
+    about = {"kind": stored.kind, "file": str(path), "title": str(stored.data.attrs["title"]), **remarks}
     verdict = found.pop("verdict")["text"]
     return {**about, "verdict": verdict, **found}
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.files import replace_file
-from tcstudy.data.provenance import kind_of
-from tcstudy.data.reading import reading
+from tcstudy.data.provenance import kind_of, remarks_of
+from tcstudy.data.reading import attributes, reading
 from tcstudy.data.store import open_results
 from tcstudy.data.writer import CHUNK, tile_shape, tiles
 from tcstudy.errors import UsageError
@@ -92,7 +92,8 @@ def write_csv(path: Path, target: Path, point: Mapping[str, Value] | None = None
 def write_json(path: Path, target: Path, point: Mapping[str, Value] | None = None) -> int:
     """Write the table as one JSON object, replacing an old file in one step; returns its rows.
 
-    It has `title`, `kind`, `units` by column, and `rows`: a list of objects, one a line. Numbers are finite or null.
+    It has `title`, `kind`, `warnings`, `units` by column, and `rows`: a list of objects, one a line. Numbers are finite
+    or null.
     """
 
     def fill(stream: IO[str], columns: list[TableColumn], rows: Iterable[Row], about: Mapping[str, Any]) -> None:
@@ -117,7 +118,8 @@ def _write(path: Path, target: Path, point: Mapping[str, Value] | None, fill: An
         wanted = _wanted(path, kind, point)
         with netCDF4.Dataset(path) as nc:
             nc.set_auto_mask(False)
-            about = {"title": str(nc.getncattr("title")), "kind": kind}
+            remarks = remarks_of(attributes(path))
+            about = {"title": str(nc.getncattr("title")), "kind": kind, "warnings": [asdict(one) for one in remarks]}
             dims = nc["status"].dimensions if "status" in nc.variables else (ROWS[kind],)
             columns = _columns(nc, dims)
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tcstudy.data.provenance import Kind, kind_of
-from tcstudy.data.reading import reading
+from tcstudy.data.provenance import Kind, kind_of, remarks_of, tell
+from tcstudy.data.reading import attributes, reading
 from tcstudy.errors import UsageError
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.convergence_plot import plot_convergence
@@ -90,7 +90,10 @@ def picture(file: Path, target: Path, wanted: Wanted | None = None) -> str:
     wanted, kind = wanted or Wanted(), kind_of(file)
     wanted.check(kind)
     size = style.size_in_inches(wanted.size) if isinstance(wanted.size, str) else wanted.size
-    look = style.Look(size, wanted.font, wanted.title)
+    remarks = remarks_of(attributes(file))
+    bare = size is not None or wanted.title == ""  # a picture for a text, which has its own words
+    look = style.Look(size, wanted.font, wanted.title, () if bare else tuple(f"Warning: {one}" for one in remarks))
+    tell(remarks)
     with reading(file), style.styled(look):
         figure, words = _drawn(file, kind, wanted, look)
         style.save(figure, target, look.dpi)

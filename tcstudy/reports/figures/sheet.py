@@ -71,7 +71,7 @@ class Sheet:
         if look.title != "":
             head += self._lines(heading if look.title is None else look.title, LARGE, fontweight="bold")
             head += [line for fact in facts for line in self._lines(fact, SMALL)]
-        foot = [line for text in feet for line in self._lines(text, SMALL)]
+        foot = [line for text in (*feet, *look.remarks) for line in self._lines(text, SMALL)]
         above, below = (LINE * self.em * sum(size for _, size, _ in lines) for lines in (head, foot))
         least = above + below + scale * (SMALLEST * sum(heights) + ROOM * len(heights))
         self.height = look.size[1] if look.size else least + (1.0 - SMALLEST) * scale * sum(heights)

@@ -88,11 +88,13 @@ class Look:
     size:  width and height [inch], None for the usual one
     font:  size of its letters [pt], None for the usual one
     title: its heading, None for the title of the study, "" for no heading at all
+    remarks: lines below everything else
     """
 
     size: tuple[float, float] | None = None
     font: float | None = None
     title: str | None = None
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.font is not None and not LETTERS[0] <= self.font <= LETTERS[1]:

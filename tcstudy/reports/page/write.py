@@ -10,6 +10,7 @@ from importlib import resources
 from pathlib import Path
 
 from tcstudy.data.files import replace_file
+from tcstudy.data.provenance import remarks_of, tell
 from tcstudy.data.reading import reading
 from tcstudy.errors import PageError
 from tcstudy.reports.page.container import Container, Json
@@ -65,13 +66,15 @@ def write_page(path: Path, target: Path, left_out: tuple[str, ...] = ()) -> Writ
         raise PageError(f"{target} is a directory; give the name of a file in it")
     without = list(left_out)
     with reading(path):
-        text = _fitting(read(path), without)
+        stored = read(path)
+        text = _fitting(stored, without)
     if len(text) > MOST:
         raise PageError(
             f"the page would have {len(text) / 1e6:.0f} MB, more than {MOST / 1e6:.0f} MB, even without "
             f"{', '.join(without) or 'its optional parts'}; split the sweep into several studies"
         )
     replace_file(target, lambda aside: aside.write_bytes(text), sealed=False)
+    tell(remarks_of(stored.data.attrs))
     return Written(target, len(text), tuple(part for part in without if part not in left_out))
 
 
@@ -107,10 +110,11 @@ def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
     assets = resources.files("tcstudy.reports.page") / "assets"
     shell = (assets / "shell.html").read_text(encoding="utf-8")
     scripts = "\n".join((assets / name).read_text(encoding="utf-8") for name in SCRIPTS)
-    verdict = header[stored.kind]["verdict"]["text"]
+    verdict, told = header[stored.kind]["verdict"]["text"], map(str, remarks_of(stored.data.attrs))
     for mark, text in (
         ("<!--title-->", html.escape(str(header["title"]))),
         ("<!--verdict-->", html.escape(verdict)),
+        ("<!--warnings-->", "".join(f'<p class="warning">Warning: {html.escape(one)}</p>\n' for one in told)),
         ("/*style*/", (assets / "style.css").read_text(encoding="utf-8")),
         ("/*scripts*/", scripts.replace("</script", "<\\/script")),
         ("<!--data-->", box.packed(header)),

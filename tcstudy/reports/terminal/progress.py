@@ -49,11 +49,9 @@ class PlainProgress:
         self._kinds: dict[tuple[PointStatus, str], int] = {}
         self._silent = 0
 
-    def begin(self, work: Sequence[Work], warnings: Sequence[str]) -> None:
+    def begin(self, work: Sequence[Work]) -> None:
         """Say what is to come."""
         total, done = sum(w.points for w in work), sum(w.done for w in work)
-        for warning in warnings:
-            self._say(f"warning: {warning}")
         most = "" if all(w.sure for w in work) else "at most "
         points, levels = counted(work[0].points, "point"), counted(len(work), "level")
         said = f"{points} on {most}{levels}: {most}{counted(total, 'solution')}"
@@ -110,14 +108,12 @@ class TerminalProgress(PlainProgress):
             transient=True,
         )
 
-    def begin(self, work: Sequence[Work], warnings: Sequence[str]) -> None:
+    def begin(self, work: Sequence[Work]) -> None:
         """Start the bar; finished points of an earlier run count."""
         self._weights = [w.weight for w in work]
         self._total, self._done = sum(w.points for w in work), sum(w.done for w in work)
         self._most = "" if all(w.sure for w in work) else "≤ "
         self._progress.start()
-        for warning in warnings:
-            self._say(f"warning: {warning}")
         total, done = sum(w.points * w.weight for w in work), sum(w.done * w.weight for w in work)
         self._task = self._progress.add_task("meshing", total=total, points=self._points(), failed="")
         self._progress.update(self._task, completed=done)

@@ -25,15 +25,14 @@ def record(level: int, status: PointStatus, reason: str = "why") -> BlockRecord:
 
 
 @pytest.mark.parametrize("kind", [PlainProgress, TerminalProgress])
-def test_only_failures_and_warnings_are_lines(kind: type[PlainProgress] | type[TerminalProgress]) -> None:
+def test_only_failures_are_lines(kind: type[PlainProgress] | type[TerminalProgress]) -> None:
     stream = io.StringIO()
     progress = kind(stream, lambda index: f"alpha = {index[0]}")
-    progress.begin(WORK, ["an old journal was set aside"])
+    progress.begin(WORK)
     progress.block(record(0, PointStatus.OK))
     progress.block(record(1, PointStatus.NOT_CONVERGED))
     progress.close()
     text = stream.getvalue()
-    assert "warning: an old journal was set aside" in text
     assert "alpha = 0 on level 1: not converged: why" in text
     assert "level 0: " not in text
 
@@ -42,7 +41,7 @@ def test_only_failures_and_warnings_are_lines(kind: type[PlainProgress] | type[T
 def test_failures_that_differ_in_numbers_have_one_line(kind: type[PlainProgress] | type[TerminalProgress]) -> None:
     stream = io.StringIO()
     progress = kind(stream)
-    progress.begin(WORK, [])
+    progress.begin(WORK)
     for residual in ("3.1e-9", "2e-07", "4"):
         progress.block(record(1, PointStatus.INCLUSION_VIOLATED, f"residual {residual}; coarsen"))
     progress.block(record(1, PointStatus.NOT_CONVERGED, "no solution; /srv/someone/part.step"))
@@ -56,7 +55,7 @@ def test_failures_that_differ_in_numbers_have_one_line(kind: type[PlainProgress]
 
 def test_the_bar_weighs_levels() -> None:
     progress = TerminalProgress(io.StringIO())
-    progress.begin(WORK, [])
+    progress.begin(WORK)
     task = progress._progress.tasks[0]
     assert (task.total, task.completed, task.fields["points"]) == (10.0, 1.0, "1/4")
     progress.block(record(1, PointStatus.OK))
@@ -87,8 +86,8 @@ def test_a_geometry_is_named(kind: type[PlainProgress] | type[TerminalProgress])
 
 def test_levels_that_may_not_be_needed_are_counted_as_such() -> None:
     stream = io.StringIO()
-    PlainProgress(stream).begin([LevelWork(2, 0, 2.0**i, sure=False) for i in range(30)], [])
-    PlainProgress(stream).begin(WORK, [])
+    PlainProgress(stream).begin([LevelWork(2, 0, 2.0**i, sure=False) for i in range(30)])
+    PlainProgress(stream).begin(WORK)
     assert stream.getvalue().splitlines() == [
         "2 points on at most 30 levels: at most 60 solutions",
         "2 points on 2 levels: 4 solutions, 1 of them finished before",

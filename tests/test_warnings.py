@@ -1,0 +1,98 @@
+"""What one must know of results before using them: told once, kept in every kind of file, told again by its readers."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import tcstudy
+from tcstudy.data.provenance import remarks_of
+from tcstudy.read.study import read_study_text
+from tests.commands import tcstudy_command
+
+STUDY = """title: pulled
+body: {rectangle: {width: 2 m, height: 1 m}}
+boundary: {bottom: contact, left: {role: clamped, u_x: 0, u_y: 0}, top: {role: traction, g: [0.1 MPa, 0]}, right: free}
+material: {E: 1 GPa, nu: 0.49}
+friction: {law: tresca, tau: 1 kPa}
+mesh: {maxh: 0.5 m, levels: 3}
+"""
+SECTIONS = {
+    "run": "sweep: {E: [1 GPa, 2 GPa]}\n",
+    "converge": "",
+    "cost": "",
+    "path": "path: {parameter: boundary.left.u_x, from: 0 mm, to: 0.1 mm}\n",
+    "history": "history: {memory: friction, steps: [{boundary.left.u_x: 0.1 mm, in: 1}]}\n",
+}
+LOCKING = "nu = 0.49 in plane strain: P1 elements lock"
+
+
+def told(work: Callable[[], object]) -> list[str]:
+    """The warnings of a study that some work ends in, at the line that asked for it."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        work()
+    assert all(one.filename == __file__ for one in caught if one.category is tcstudy.StudyWarning)
+    return [str(one.message) for one in caught if one.category is tcstudy.StudyWarning]
+
+
+@pytest.mark.parametrize("kind", SECTIONS)
+def test_every_kind_of_file_keeps_its_warnings_and_python_has_them(kind: str, tmp_path: Path) -> None:
+    study, path = read_study_text(STUDY + SECTIONS[kind], "s.yaml"), tmp_path / "out.nc"
+    work = getattr(tcstudy, kind)
+    first, again = told(lambda: work(study, path)), told(lambda: work(study, path))
+    assert [text for text in first if text.startswith(LOCKING)] == first[:1]
+    assert again == first
+    assert [str(one) for one in remarks_of(tcstudy.open_results(path).attrs)] == first
+
+
+def test_readers_repeat_them(tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text(STUDY)
+    ran = tcstudy_command("run", "s.yaml", "-q", "--output", "out.nc", cwd=tmp_path)
+    assert ran.stderr.startswith(f"warning: {LOCKING}")
+    assert ran.stderr.count(LOCKING) == 1
+    assert ran.stdout.count("\n") == 1
+    assert f"  warning: {LOCKING}" in tcstudy_command("show", "out.nc", cwd=tmp_path).stdout
+    [kept] = json.loads(tcstudy_command("show", "out.nc", "--json", cwd=tmp_path).stdout)["warnings"]
+    assert kept["text"].startswith(LOCKING)
+    for words in (("show", "-q"), ("draw", "out.svg"), ("report",), ("export", "--json")):
+        command, *more = words
+        said = tcstudy_command(command, "out.nc", *more, cwd=tmp_path)
+        assert said.stderr.count(LOCKING) == 1, command
+    assert f'<p class="warning">Warning: {LOCKING}' in (tmp_path / "out.html").read_text(encoding="utf-8")
+    assert json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["warnings"] == [kept]
+    assert "Warning: nu = 0.49" in (tmp_path / "out.svg").read_text(encoding="utf-8")
+
+
+def test_joined_and_grown_files_have_each_warning_once(tmp_path: Path) -> None:
+    for name, values in (("a", "[0.49, 0.3]"), ("b", "[0.495]")):
+        with pytest.warns(tcstudy.StudyWarning, match="P1 elements lock"):
+            tcstudy.run(read_study_text(STUDY + f"sweep: {{nu: {values}}}\n"), tmp_path / f"{name}.nc")
+    joined = told(lambda: tcstudy.merge([tmp_path / "a.nc", tmp_path / "b.nc"], tmp_path / "c.nc"))
+    grown = read_study_text(STUDY + "sweep: {nu: [0.495]}\n")
+    assert told(lambda: tcstudy.run(grown, tmp_path / "a.nc", append=True)) == joined
+    assert len(joined) == 1
+    assert joined[0].startswith("nu = 0.495")
+    assert [[str(one) for one in remarks_of(tcstudy.open_results(tmp_path / f"{n}.nc").attrs)] for n in "ac"] == [
+        joined
+    ] * 2
+
+
+def test_a_warning_of_one_geometry_says_which(tmp_path: Path) -> None:
+    """A corner between two contact edges is pinned unless they are parallel."""
+    text = STUDY.replace("nu: 0.49", "nu: 0.3").replace(
+        "rectangle: {width: 2 m, height: 1 m}",
+        "outline: [{from: [0, 0], edge: bottom}, {from: [1, dip], edge: bottom}, {from: [2, 0], edge: right},"
+        " {from: [2, 1], edge: top}, {from: [0, 1], edge: left}]",
+    )
+    study = read_study_text(text + "parameters: {dip: 0 m}\nsweep: {parameters.dip: [0 m, 0.1 m]}\n", "s.yaml")
+    [said] = told(lambda: tcstudy.run(study, tmp_path / "out.nc"))
+    assert said.startswith("parameters.dip = 0.1 m: 1 corner of the contact line is pinned")
+    with tcstudy.open_results(tmp_path / "out.nc") as tree:
+        [kept] = remarks_of(tree.attrs)
+        assert (kept.where, str(kept)) == ("parameters.dip = 0.1 m", said)
+        assert [len(remarks_of(tree[f"geometry_{i}"].attrs)) for i in (0, 1)] == [0, 1]
