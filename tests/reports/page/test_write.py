@@ -1,5 +1,6 @@
 """What stands in a page, how large it is, and what is refused."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import xarray as xr
 
 from tcstudy.data.files import StoreError
 from tcstudy.errors import PageError
+from tcstudy.reports.figures.boundary_roles import ROLES
 from tcstudy.reports.page import write
 from tcstudy.reports.page.write import write_page
 from tests.reports.page.unpacked import data_of
@@ -87,3 +89,10 @@ def test_nothing_but_a_page_is_overwritten(result: Path, tmp_path: Path) -> None
 def test_no_result_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(StoreError):
         write_page(tmp_path / "none.nc", tmp_path / "page.html")
+
+
+def test_a_page_knows_every_role() -> None:
+    """An edge of a role that its script does not know would end it."""
+    script = (Path(write.__file__).parent / "assets" / "point.js").read_text(encoding="utf-8")
+    table = script.partition("TC.ROLES = {")[2].partition("};")[0]
+    assert {*re.findall(r"(\w+): { words", table)} == {*ROLES}

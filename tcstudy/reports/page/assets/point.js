@@ -4,6 +4,7 @@ TC.STATES = ["--c1", "--c2", "--c5", "--c3", "--c4"];
 TC.stateOf = (line, k) => { const words = line.moves || TC.data.states, colours = line.moves ? TC.MOVES : TC.STATES; return { name: words[k] || "not known", colour: k >= 0 ? `var(${colours[k]})` : "none" }; };
 TC.ROLES = {
   contact: { words: "contact", stroke: "var(--c1)", "stroke-width": 4 }, clamped: { words: "held", stroke: "var(--ink)", "stroke-width": 4 },
+  symmetry: { words: "symmetry", stroke: "var(--ink)", "stroke-width": 2, "stroke-dasharray": "9 3 2 3" }, rigid: { words: "rigid", stroke: "var(--soft)", "stroke-width": 5 },
   convection: { words: "convection", stroke: "var(--c2)", "stroke-width": 2.5, "stroke-dasharray": "7 4" }, traction: { words: "traction", stroke: "var(--c3)", "stroke-width": 2.5, "stroke-dasharray": "2 3" },
   free: { words: "free", stroke: "var(--soft)", "stroke-width": 1.2 },
 };
@@ -317,6 +318,6 @@ TC.point = {
     const r = TC.data.run, cell = (name, k) => TC.quantity(TC.run.value(name, k, level), r.numbers[name].units, 5), names = Object.keys(r.numbers).filter((n) => Number.isFinite(TC.run.value(n, p, level)) || TC.run.value(n, p, level) === Infinity);
     const rows = names.map((n) => TC.el("tr", {}, TC.el("th", { title: r.numbers[n].long_name }, TC.symbol(n)), TC.el("td", {}, cell(n, p)), vs !== null ? TC.el("td", {}, cell(n, vs)) : null));
     const head = vs !== null ? TC.el("tr", {}, TC.el("th", {}, ""), TC.el("td", {}, TC.el("b", {}, "this point")), TC.el("td", {}, TC.el("b", {}, TC.run.words(TC.run.index(vs))))) : null;
-    host.append(TC.el("details", { open: vs !== null }, TC.el("summary", {}, "All numbers of this point"), TC.el("table", { class: "facts" }, TC.el("tbody", {}, head, rows))));
+    host.append(TC.el("details", { open: vs !== null || (r.asked || []).length > 0 }, TC.el("summary", {}, "All numbers of this point"), TC.el("table", { class: "facts" }, TC.el("tbody", {}, head, rows))));
   },
 };
