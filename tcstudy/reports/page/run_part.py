@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from tcstudy.data.on_request import asked
 from tcstudy.data.reading import axis_names, by_point, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.reports.page.container import Container, Json
@@ -21,7 +22,7 @@ QUANTITIES = (
     "error_estimate", "goal", "goal_estimate", "goal_error", "iterations", "lambda_1", "omega", "time_solve",
     "time_condense", "heat_balance", "evaluations",
 )  # fmt: skip
-"""Numbers by sweep point and level in the order in which they are offered."""
+"""Numbers by sweep point and level in the order in which they are offered; after the first come those asked for."""
 
 FLAGS = ("status", "unique", "strict_minimum", "global_minimum", "heat_status", "start_used")
 LEVEL_NUMBERS = ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")
@@ -34,7 +35,10 @@ def run_part(stored: Stored, box: Container) -> Json:
     def flat(name: str) -> Any:
         return by_point(data[name], data)
 
-    names = [name for name in QUANTITIES if name in data and np.isfinite(flat(name)).any()]
+    requested = asked(data)
+    names = [
+        name for name in (QUANTITIES[0], *requested, *QUANTITIES[1:]) if name in data and np.isfinite(flat(name)).any()
+    ]
     kind = "f8" if data["status"].size * len(names) * 8 <= ROOM_FOR_DOUBLES else "f4"
     told = verdict(stored.path)
     geometries = f"{len(stored.homes)} geometries: " if stored.homes else ""
@@ -50,6 +54,7 @@ def run_part(stored: Stored, box: Container) -> Json:
             }
             for name in names
         },
+        "asked": [name for name in requested if name in names],
         "flags": {name: box.array(flat(name), "i1") for name in FLAGS if name in data},
         **reasons(flat("reason"), box),
         "starts": [str(one) for one in data["start"].values],

@@ -10,6 +10,7 @@ from importlib import resources
 from pathlib import Path
 
 from tcstudy.data.files import replace_file
+from tcstudy.data.on_request import asked
 from tcstudy.data.provenance import remarks_of, tell
 from tcstudy.data.reading import reading
 from tcstudy.errors import PageError
@@ -133,7 +134,8 @@ def _about(stored: Stored) -> Json:
         "unit_system": str(attrs["unit_system"]),
         "solver": str(attrs["solver"]),
         "states": STATES,
-        "symbols": {name: symbol(name) for name in names if name.partition("_")[0] in GREEK},
+        "symbols": {name: symbol(name) for name in names if name.partition("_")[0] in GREEK}
+        | {name: name for name in asked(stored.data)},
         "tolerance": float(attrs["solver_tolerance"]),
         "provenance": {name: str(attrs[name]) for name in told},
         "versions": json.loads(attrs["versions"]),

@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from tcstudy.data.on_request import asked
 from tcstudy.data.reading import GEOMETRIES, Unreadable, axis_names, of_largest, probe, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, UNBALANCED
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import axis_labels, describe
-from tcstudy.reports.terminal.tables import plain_table, wrapped
+from tcstudy.reports.terminal.tables import fits, plain_table, split_table, wrapped
 from tcstudy.reports.text import Failure, counted, digits_lost, failure_lines, headed, number, prefix, proved
 
 NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "omega", "uniqueness_margin")
@@ -126,12 +127,13 @@ def _points(data: Any, most: int | None) -> str:
     dims = sweep_dims(data)
     shape = tuple(data.sizes[d] for d in dims)
     fine = data.isel(level=-1)
-    columns = [one for one in _COLUMNS if np.isfinite(fine[one[0]].values).any()]
+    usual = [one for one in _COLUMNS if np.isfinite(fine[one[0]].values).any()]
+    wanted = [(name, name, 0) for name in asked(data)]
     axes = axis_names(data)
-    scales = {name: prefix(fine[name].values, fine[name].attrs["units"]) for name, _, _ in columns}
+    scales = {name: prefix(fine[name].values, fine[name].attrs["units"]) for name, _, _ in (*usual, *wanted)}
     labelled = {axis: axis_labels(data, axis) for axis in axes}
     header = [headed(axis, labelled[axis][1]) for axis in axes]
-    header += [headed(title, scales[name][1]) for name, title, _ in columns]
+    header += [headed(title, scales[name][1]) for name, title, _ in (*usual, *wanted)]
     refined = data.sizes["level"] > 1
     header += ["certified", *(["Δ∫ξ to last level"] if refined else [])]
     rows, failed = [], False
@@ -141,7 +143,7 @@ def _points(data: Any, most: int | None) -> str:
         row = [labelled[axis][0][where[str(data[axis].dims[0])]] for axis in axes]
         solved = int(at["status"]) == int(PointStatus.OK)
         failed = failed or not (solved or int(at["status"]) == int(PointStatus.NOT_RUN))
-        cells = [number(at[name] / scales[name][0]) for name, _, _ in columns]
+        cells = [number(at[name] / scales[name][0]) for name in scales]
         row += cells if solved else [cell if cell == "–" else f"({cell})" for cell in cells]
         row.append(_certified(at))
         if refined:
@@ -153,8 +155,15 @@ def _points(data: Any, most: int | None) -> str:
     legend = "  certified: what is proved of the solution (unique, global or local minimum of the energy)"
     if failed:
         legend += "\n  failed: no solution; the numbers in (parentheses) are those of the last step"
-    ranks = (*(0 for _ in axes), *(rank for _, _, rank in columns), 1, 4)
-    return title + "\n\n" + plain_table(header, rows, ranks) + "\n\n" + legend
+    ranks, below = (*(0 for _ in axes), *(rank for _, _, rank in usual), 1, 4), ""
+    if wanted and not fits(header, rows):
+        first, last = len(axes) + len(usual), len(axes) + len(scales)
+        own = [[*row[: len(axes)], *row[first:last]] for row in (header, *rows)]
+        header, *rows = ([*row[:first], *row[last:]] for row in (header, *rows))
+        below = "\n\n  Asked for by output:\n\n" + split_table(own[0], own[1:], len(axes))
+    else:
+        ranks = (*ranks[:-2], *(0 for _ in wanted), *ranks[-2:])
+    return title + "\n\n" + plain_table(header, rows, ranks) + below + "\n\n" + legend
 
 
 def _certified(at: Any) -> str:

@@ -99,6 +99,23 @@ def plain_table(header: Sequence[str], rows: Sequence[Sequence[str]], ranks: Seq
     return "\n".join([text, wrapped(f"  no room for {', '.join(gone)} (-v has all)")] if gone else [text])
 
 
+def fits(header: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
+    """Whether a table of all these columns has room."""
+    return len(_fitting(list(zip(header, *rows, strict=True)), range(len(header)))) == len(header)
+
+
+def split_table(header: Sequence[str], rows: Sequence[Sequence[str]], labels: int) -> str:
+    """All columns in as many tables as the width asks for, each with the first `labels` columns."""
+    parts = list[list[int]]([[]])
+    for i in range(labels, len(header)):
+        chosen = [*range(labels), *parts[-1], i]
+        if parts[-1] and not fits([header[k] for k in chosen], [[row[k] for k in chosen] for row in rows]):
+            parts.append([])
+        parts[-1].append(i)
+    cells = list(zip(header, *rows, strict=True))
+    return "\n\n".join(_aligned([cells[k] for k in (*range(labels), *part)]) for part in parts)
+
+
 def _fitting(cells: Sequence[Sequence[str]], ranks: Sequence[int]) -> list[int]:
     """The columns that stay."""
     width = _width.get()
