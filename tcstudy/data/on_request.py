@@ -12,24 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from tcstudy.data.records import SENSITIVITY
 from tcstudy.data.schema import POINT_LEVEL, SWEEP, FileVariable, count, flags, result
 from tcstudy.scene.records import Clamped, Contact
 from tcstudy.scene.study import Sensitivity, Study
-
-if TYPE_CHECKING:
-    import xarray
-
-
-ASKED = ("probe_", "reaction_", "theta_mean_", "von_mises_")
-"""How the names of numbers that `output.probes` and `output.quantities` ask for begin."""
-
-
-def asked(data: xarray.Dataset) -> list[str]:
-    """Names of these numbers in a run's data, in the order of the file."""
-    return [str(name) for name in data.data_vars if str(name).startswith(ASKED)]
 
 
 def variables(study: Study) -> tuple[FileVariable, ...]:

@@ -323,6 +323,15 @@ def axis_names(data: Any) -> list[str]:
     return [str(name) for name in data.coords if data[name].dims and set(data[name].dims) <= sweep]
 
 
+ASKED = ("probe_", "reaction_", "theta_mean_", "von_mises_")
+"""How the names of numbers that `output.probes` and `output.quantities` ask for begin (data.on_request)."""
+
+
+def asked(data: Any) -> list[str]:
+    """Names of these numbers in a run's data, in the order of the file."""
+    return [str(name) for name in data.data_vars if str(name).startswith(ASKED)]
+
+
 def of_largest(data: Any) -> Any:
     """The table of a run with one number for what a level has once: of several geometries the largest."""
     if GEOMETRIES not in data.attrs:

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 import tcstudy
-from tcstudy.data.on_request import ASKED, asked
+from tcstudy.data.reading import ASKED, asked
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import StudyError
 from tcstudy.offline.level import Level

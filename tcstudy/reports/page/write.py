@@ -10,9 +10,8 @@ from importlib import resources
 from pathlib import Path
 
 from tcstudy.data.files import replace_file
-from tcstudy.data.on_request import asked
 from tcstudy.data.provenance import remarks_of, tell
-from tcstudy.data.reading import reading
+from tcstudy.data.reading import asked, reading
 from tcstudy.errors import PageError
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.history_part import history_content

@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from tcstudy.data.on_request import asked
-from tcstudy.data.reading import GEOMETRIES, Unreadable, axis_names, of_largest, probe, sweep_dims
+from tcstudy.data.reading import GEOMETRIES, Unreadable, asked, axis_names, of_largest, probe, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, UNBALANCED
 from tcstudy.data.store import open_results
