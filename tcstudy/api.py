@@ -312,8 +312,7 @@ def fit(study: Study | str | FilePath, output: str | FilePath | None = None, *, 
     The data hold `estimate`, `interval`, `covariance`, `residual` and more by parameter and datum, as of `tcstudy fit`.
     Raises StudyError, FitError (no such section, or data that do not decide), GeometryFailed, StoreError.
     """
-    from tcstudy.data.provenance import tell
-    from tcstudy.errors import FitError
+    from tcstudy.errors import FitError, tell
     from tcstudy.reports.terminal.fit import fit_doubts
     from tcstudy.study.fit import execute_fit
 

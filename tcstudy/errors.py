@@ -4,9 +4,14 @@ once: its text is printed without a traceback, the exit code is 2.
 
 from __future__ import annotations
 
+import inspect
+import os
 import unicodedata
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
 
 UNSEEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 """Unicode categories that print nothing, begin a line or steer a terminal."""
@@ -54,6 +59,22 @@ class Problem:
 
 class StudyWarning(UserWarning):
     """What one must know of a study or its results before using them; the work goes on, and the file keeps it."""
+
+
+def tell(found: Iterable[object]) -> None:
+    """Warn of each, at the line outside this package that asked for the work."""
+    frame, depth = inspect.currentframe(), 1
+    while frame is not None and (frame.f_code.co_filename.startswith(_PACKAGE) or _of_with(frame)):
+        frame, depth = frame.f_back, depth + 1
+    for one in found:
+        warnings.warn(str(one), StudyWarning, stacklevel=depth)
+
+
+_PACKAGE = f"{Path(__file__).parent}{os.sep}"
+
+
+def _of_with(frame: FrameType) -> bool:
+    return frame.f_globals.get("__name__") == "contextlib"
 
 
 class UserFault(Exception):

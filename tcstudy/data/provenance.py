@@ -11,14 +11,12 @@ readers: as a StudyWarning, which the command line prints on standard error.
 from __future__ import annotations
 
 import hashlib
-import inspect
 import json
 import os
 import platform
 import re
 import shlex
 import subprocess
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
@@ -28,7 +26,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, Literal, get_args
 
 from tcstudy.data.reading import attributes, is_foreign, refuse_changed
-from tcstudy.errors import StoreError, StudyWarning
+from tcstudy.errors import StoreError, tell
 from tcstudy.scene.study import Acceptance, Study
 
 CONVENTIONS = "CF-1.11"
@@ -44,7 +42,6 @@ GIT_TIMEOUT = 5.0
 WARNINGS, SHORTFALLS = "warnings", "shortfalls"
 """Global attributes: the warnings as a JSON list of objects, without one if there are none; what of a path is not as it
 was asked for, one sentence a line."""
-_PACKAGE = f"{Path(__file__).parents[1]}{os.sep}"
 
 
 @dataclass(frozen=True)
@@ -62,15 +59,6 @@ def remarks_of(attributes: Mapping[str, Any]) -> list[Remark]:
     """The warnings in the global attributes of a file; files from before there were any have none."""
     stored = [Remark(str(one["text"]), str(one["where"])) for one in json.loads(attributes.get(WARNINGS, "[]"))]
     return stored + [Remark(line) for line in str(attributes.get(SHORTFALLS, "")).splitlines()]
-
-
-def tell(found: Iterable[object]) -> None:
-    """Warn of each, at the line outside this package that asked for the work."""
-    frame, depth = inspect.currentframe(), 1
-    while frame is not None and frame.f_code.co_filename.startswith(_PACKAGE):
-        frame, depth = frame.f_back, depth + 1
-    for one in found:
-        warnings.warn(str(one), StudyWarning, stacklevel=depth)
 
 
 def tell_stored(path: Path) -> None:

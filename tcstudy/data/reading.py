@@ -26,7 +26,7 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from tcstudy.errors import StoreError
+from tcstudy.errors import StoreError, tell
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -263,10 +263,11 @@ def refuse_changed(path: Path) -> None:
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
     """For the time of a `with` that reads a result file: raises StoreError if the file is none, or if something fails
-    on one that has changed since tcstudy wrote it. What fails on a file that is whole passes as it is."""
-    if not change_of(path):
+    on one that has changed since tcstudy wrote it, which is told. What fails on a whole file passes as it is."""
+    if not (change := change_of(path)):
         yield
         return
+    tell([change])
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         try:

@@ -19,13 +19,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.provenance import Provenance, collect, holds, tell
+from tcstudy.data.provenance import Provenance, collect, holds
 from tcstudy.data.reading import PARTIAL
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.store import write
 from tcstudy.data.variants import write_variants
 from tcstudy.data.writer import axis_problems
-from tcstudy.errors import GeometryFailed, StoreError, UserFault
+from tcstudy.errors import GeometryFailed, StoreError, UserFault, tell
 from tcstudy.executors import Errand, in_order, unpacked
 from tcstudy.scene.study import Study, Variant
 from tcstudy.study.errands import errand, solve_geometry

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tcstudy.data.provenance import Kind, kind_of, remarks_of, tell
+from tcstudy.data.provenance import Kind, kind_of, remarks_of
 from tcstudy.data.reading import attributes, reading
-from tcstudy.errors import UsageError
+from tcstudy.errors import UsageError, tell
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.convergence_plot import plot_convergence
 from tcstudy.reports.figures.cost_plot import plot_cost

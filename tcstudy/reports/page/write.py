@@ -10,9 +10,9 @@ from importlib import resources
 from pathlib import Path
 
 from tcstudy.data.files import replace_file
-from tcstudy.data.provenance import remarks_of, tell
+from tcstudy.data.provenance import remarks_of
 from tcstudy.data.reading import asked, reading
-from tcstudy.errors import PageError
+from tcstudy.errors import PageError, tell
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.history_part import history_content
 from tcstudy.reports.page.law_part import law_part
