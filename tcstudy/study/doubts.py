@@ -58,7 +58,7 @@ def doubts(study: Study) -> list[str]:
         notes.append(f"{where}: u = 0 is a solution; give f, g, a pressure, a displacement or a temperature")
     if study.units == "SI":
         notes += [*_absolute(scenes), *_soft(scenes)]
-    return [*notes, *_unused(study)]
+    return [*notes, *unused(study)]
 
 
 def loaded(scenes: Sequence[Scene]) -> NDArray[np.bool_]:
@@ -140,7 +140,7 @@ def _soft(scenes: Sequence[Scene]) -> Iterator[str]:
         )
 
 
-def _unused(study: Study) -> list[str]:
+def unused(study: Study) -> list[str]:
     """Names under `parameters` that no number of the study uses, each with its line."""
     if "parameters" not in study.text and not any("parameters" in text for text in study.overrides):
         return []

@@ -192,7 +192,7 @@ class _Geometry:
             self.kept.write(self.file, self.study, self._provenance(command))
 
     def _provenance(self, command: Sequence[str]) -> Provenance:
-        return collect(self.study, command, remarks=warnings(self.study))
+        return collect(self.study, command, remarks=warnings(self.study, False))
 
 
 def _finished(file: Path, study: Study) -> bool:

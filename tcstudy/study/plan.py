@@ -24,7 +24,7 @@ from tcstudy.scene.points import FELT, count_points, distinct, idle_notes, needs
 from tcstudy.scene.records import Contact
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import body_area, boundary_lengths
-from tcstudy.study.doubts import built_faults, doubts, locking_notes
+from tcstudy.study.doubts import built_faults, doubts, locking_notes, unused
 from tcstudy.study.expected import meshing_seconds, of_run, rough_sizes, sizes
 from tcstudy.study.jobs import LevelForecast, Resources, forecast, refined
 
@@ -224,12 +224,17 @@ def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
         yield f"{down} of {len(scenes)} points have a law with down-jumps: solutions may not be unique"
 
 
-def warnings(study: Study) -> list[Remark]:
+def warnings(study: Study, text: bool = True) -> list[Remark]:
     """Notes that results have as well, since their numbers would mislead without them; with the geometry where there
-    are several. Raises GeometryFailed if a file has no such face."""
+    are several. Raises GeometryFailed if a file has no such face.
+
+    text: whether with those of the study's text, which all geometries share and which takes long to read
+    """
     if study.variants:
-        return once([(one.words, map(str, warnings(one.study))) for one in study.variants if one.study is not None])
-    return [Remark(text) for text in (*idle_notes(study), *doubts(study), *locking_notes(study.scenes))]
+        own = [(one.words, map(str, warnings(one.study, False))) for one in study.variants if one.study is not None]
+        return [*map(Remark, unused(study)), *once(own)]
+    seen = study if text else replace(study, text="", overrides=())
+    return [Remark(note) for note in (*idle_notes(seen), *doubts(seen), *locking_notes(seen.scenes))]
 
 
 def _other_commands(study: Study) -> Iterator[str]:

@@ -263,7 +263,7 @@ def into_file(
         # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
         known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
         finished = {(block.level, block.number): as_start(study, block) for block in known}
-        remarks = warnings(study)
+        remarks = warnings(study, alone)
         tell([*journal.warnings, *(remarks if alone else ())])
         watcher.begin(work_of(study, finished, kept))
         for record in run(study, finished, staff.blocks, kept):
