@@ -254,3 +254,42 @@ def test_commands_without_memory_refuse_a_history(tmp_path: Path) -> None:
     tree = tcstudy.history(study, tmp_path / "yes.nc")
     assert tree["step_name"].values.tolist() == ["start", "", "hot"]
     assert "load history" in " ".join(tcstudy.plan(study).notes)
+
+
+ONE_PEAK = """
+units: none
+body: {rectangle: {width: 2.1107, height: 0.76242}}
+boundary: {bottom: contact, top: {role: clamped, u_x: 0, u_y: 0}, left: free, right: free}
+material: {E: 1, nu: 0.2778, alpha_T: 1}
+heat: {theta: 0}
+friction: {law: piecewise-linear, points: [[0, 1], [0.07354257941696714, 1.15], [0.3712149246761198, 0.3]]}
+mesh: {maxh: 0.2638}
+"""
+TEETH = """
+units: none
+body: {rectangle: {width: 1.08956, height: 0.430234}}
+boundary: {bottom: contact, top: free, left: clamped, right: {role: traction, g: [0, 0]}}
+material: {E: 1, nu: 0.00283, alpha_T: 1}
+heat: {theta: 0}
+friction: {law: piecewise-linear, points: [[0, 0.8825473272048094], [0.6977681016822647, 0.6686009535835583],
+  [0.6977681016822647, 0.5907813321956964], [1.1284129204150661, 1.1778593313308234],
+  [1.1284129204150661, 0.7964924840990767], [1.518251580836163, 1.1460575475576724],
+  [1.604075297954592, 1.4483918853206894], [1.604075297954592, 1.022457010001309]]}
+mesh: {maxh: 0.1211}
+"""
+PEAKED = [
+    (ONE_PEAK, "{boundary.top.u_x: 3.3277545, theta: -1.9727693, in: COUNT}"),
+    (TEETH, "{boundary.right.g_x: -4.24761666988, in: COUNT}, {theta: -3.48743456743, in: COUNT}"),
+]
+
+
+@pytest.mark.parametrize(("study", "steps"), PEAKED, ids=["peak", "teeth"])
+def test_a_node_that_turns_back_as_another_passes_its_peak_rests(tmp_path: Path, study: str, steps: str) -> None:
+    """No energy is gained, and the end does not depend on the steps on the way there."""
+    ends = []
+    for count in ("1", "10"):
+        history = f"{{memory: friction, steps: [{steps.replace('COUNT', count)}]}}"
+        data = followed(tmp_path, study, history, name=f"{count}.nc")
+        assert float(data["closure"].min()) >= -1e-9 * float(data["dissipated"].sum())
+        ends.append([*data["u_T"].values[-1], float(data["released"].sum())])
+    assert ends[0] == pytest.approx(ends[1], rel=1e-8)

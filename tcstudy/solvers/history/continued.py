@@ -35,7 +35,7 @@ from tcstudy.solvers.path.walk import units_of
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.descent import escape, first_rest, new_state
 from tcstudy.solvers.separable.newton import Downhill
-from tcstudy.solvers.separable.pieces import factorise, integral
+from tcstudy.solvers.separable.pieces import energy_change, factorise, integral
 
 Array = NDArray[np.float64]
 
@@ -48,6 +48,7 @@ ASIDE = 0.05
 CREEPS = 40
 """Steps of a descent after which it is helped out of flat places, and how often."""
 MOST_PARTS = 1000
+UPHILL = "no state of less energy is found beyond a fold: the next one found has {gain:.2g} J/m more"
 HIDDEN = "the law's own way is not the one along straight pieces in the place of its curve"
 ENDED = "the path inside the step ends at {share:.3g} of it: {reason}; write substeps: 8, or make more steps"
 
@@ -126,7 +127,10 @@ class _Step:
         size = float(np.max(np.abs(self.load))) + float(np.max(np.abs(self.last.load)))
         share = max(AHEAD * (1.0 - self.t), DIGITS * size / float(np.max(np.abs(self.change))))
         ahead, self.fold, part = min(1.0, self.t + share + max(0.0, self.fold - self.t)), 0.0, self.part
-        found, w = self._descended(part.parametric.at(ahead), self.beyond - part.origin), part.w
+        problem, w, beyond = part.parametric.at(ahead), part.w, self.beyond - part.origin
+        xi = problem.xi(w)
+        falls = energy_change(problem, w, xi, beyond - w, problem.A_tilde @ (beyond - w)) < 0.0
+        found = self._descended(problem, beyond if falls else w)  # who turned back rests: it may bar the way beyond
         way = found - w
         back = self._path(found, ahead, "backward")
         if back is None:
@@ -199,6 +203,9 @@ class _Step:
                 break
         moved, forces = np.abs(step.state.v - state.v), np.abs(step.load) + np.abs(body.A_tilde) @ np.abs(step.state.v)
         rounding = np.sqrt(body.m) * np.finfo(float).eps * float(forces @ moved)
+        if step.energies.closure < -rounding:
+            self.reason = UPHILL.format(gain=-step.energies.closure)
+            return False
         lets_go = step.energies.closure > rounding and not self._held()
         released = step.energies.closure if lets_go else 0.0
         self.energies += replace(step.energies, closure=step.energies.closure - released, released=released)

@@ -195,7 +195,7 @@ def depart(walk: Walk, ray: Ray) -> None:
 
 
 MOST_TURNS = 12
-"""How often nodes are moved to the other side of their kinks before `onward` gives up."""
+"""How often nodes are moved to the other side of their kinks at once before they are released one by one."""
 
 
 def onward(walk: Walk) -> Ray | None:
@@ -203,25 +203,86 @@ def onward(walk: Walk) -> Ray | None:
 
     Every node that stands on a bound goes on on its piece or on the next one, whichever it then moves along: where all
     nodes wish otherwise than guessed they are moved at once (the semismooth Newton method for this linear
-    complementarity problem). With a definite matrix on all sides there is one answer.
+    complementarity problem). With a definite matrix on all sides there is one answer. Else that one may be unstable
+    where another is not: the energy of the rates is descended then, with all nodes at rest first.
     """
     at = np.flatnonzero((walk.x == walk.low) | (walk.x == walk.high))
-    try:
-        move(walk, None, 1.0)
-        if len(at):
-            c = corner(walk, at)
-            far = np.zeros(len(at), dtype=bool)
-            for _ in range(MOST_TURNS):
-                speed = walk.dx[at]
-                wrong = np.where(far, c.far_sign * speed < 0.0, c.near_sign * speed > 0.0)
-                if not np.any(wrong):
-                    break
-                far ^= wrong
-                walk.place(at[wrong].tolist(), np.where(far, c.far, c.near)[wrong].tolist())
-                move(walk, None, 1.0)
-            else:
-                return None
-    except SingularCellError:
+    if not len(at):
+        with suppress(SingularCellError):
+            move(walk, None, 1.0)
+            return _stable(walk)
         return None
+    c = corner(walk, at)
+    return _guessed(walk, c) or _Rates(walk, c).descended()
+
+
+def _stable(walk: Walk) -> Ray | None:
+    """Where the walk stands, if that way is stable."""
     walk.negatives = walk.tableau.negatives()
     return here(walk) if walk.stable else None
+
+
+def _guessed(walk: Walk, c: Corner) -> Ray | None:
+    """The way in the cell of the walk, or in that which all nodes wish."""
+    far = np.zeros(len(c.nodes), dtype=bool)
+    with suppress(SingularCellError):
+        move(walk, None, 1.0)
+        for _ in range(MOST_TURNS):
+            speed = walk.dx[c.nodes]
+            wrong = np.where(far, c.far_sign * speed < 0.0, c.near_sign * speed > 0.0)
+            if not np.any(wrong):
+                return _stable(walk)
+            far ^= wrong
+            walk.place(c.nodes[wrong].tolist(), np.where(far, c.far, c.near)[wrong].tolist())
+            move(walk, None, 1.0)
+    return None
+
+
+@dataclass
+class _Rates:
+    """The energy ½ u̇ᵀÃu̇ − l̃₁ᵀu̇ + Σ ½ c b′ u̇² of rates u̇ at a corner, b′ and which signs of u̇ there are by the cell."""
+
+    walk: Walk
+    c: Corner
+
+    def descended(self) -> Ray | None:
+        """A minimum of it by an active-set method, from rest on; None where it falls without end.
+
+        From cell to cell one node at a time, and along straight lines downhill, to the cell's stationary point or,
+        where that lies uphill, away from it: a node that softens does not carry those along which it would turn back.
+        """
+        walk, c = self.walk, self.c
+        graph, nodes = walk.graph, c.nodes
+        stiff = np.stack([np.where(graph.free[k], graph.slope[k], np.where(graph.sense[k] > 0, np.inf, -np.inf))
+                          for k in (c.near, c.far)])  # fmt: skip
+        far = stiff[1] > stiff[0]
+        walk.place(nodes.tolist(), np.where(far, c.far, c.near).tolist())
+        rate = np.zeros(len(walk.dx))
+        for _ in range(4 * len(nodes) + MOST_TURNS):
+            try:
+                move(walk, None, 1.0)
+            except SingularCellError:
+                return None
+            sign = np.where(far, -c.far_sign, c.near_sign)  # of speeds with which a node leaves its side
+            way = np.where(walk.free, walk.dx, 0.0) - rate
+            stiffness = walk.units.body.A @ way + np.where(walk.free, walk.tableau.k * way, 0.0)
+            uphill = float(way @ stiffness) < 0.0
+            way = -way if uphill else way
+            leaves = walk.free[nodes] & (sign * way[nodes] > 0.0)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                share = np.where(leaves, np.maximum(-rate[nodes] / way[nodes], 0.0), np.inf)
+            first = int(np.argmin(share))
+            if share[first] >= 1.0 and not uphill:
+                rate = rate + way
+                push = np.where(walk.free[nodes], 0.0, sign * walk.dx[nodes])
+                first = int(np.argmax(push))
+                if not push[first] > 0.0:
+                    return _stable(walk)
+            elif np.isfinite(share[first]):
+                rate = rate + share[first] * way
+                rate[nodes[first]] = 0.0
+            else:
+                return None
+            far[first] ^= True
+            walk.place([int(nodes[first])], [int((c.far if far[first] else c.near)[first])])
+        return None

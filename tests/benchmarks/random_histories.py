@@ -1,0 +1,175 @@
+"""Does a history depend on its steps, does its energy ever rise? `python -m tests.benchmarks.random_histories [N]`
+
+N random histories (2,000 unless given) of 3 to 30 nodes and 6 loads; three memories; laws that fall, jump down or up
+and climb to a peak, by up to 6 λ₁ where they do not jump. Each is followed along its path with its loads as they are
+and each in 100 equal steps (--parts). Told are steps that fail, closures below −1e-9 of what is dissipated, and end
+states apart by more than 1e-8 of the largest slip.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from tcstudy.matrices import law
+from tcstudy.scene.friction import FrictionLaw
+from tcstudy.scene.histories import Memory, UnfitLaw
+from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
+from tcstudy.solvers.history.steps import next_step
+from tcstudy.solvers.problem import least_eigenvalue
+from tests.solvers.contact_cases import half_laplacian
+
+Array = NDArray[np.float64]
+
+STEEPEST = 6.0
+"""Fall of a law, over λ₁."""
+CLOSED, SAME = 1e-9, 1e-8
+"""Of what is dissipated, and of the largest slip."""
+ROUNDING = 1e-14
+"""Of what bonds have stored, where nothing is dissipated."""
+
+
+def random_history(seed: int) -> tuple[HistoryProblem, list[Array]]:
+    """A body with three loads that come and go in 6 steps, and a film of one of the three memories."""
+    rng = np.random.default_rng([seed, 24])
+    m = int(rng.integers(3, 31))
+    A, c = _body(rng, m)
+    memory = ("friction", "damage", "elastic-plastic")[int(rng.integers(3))]
+    lambda_1 = least_eigenvalue(A, c)
+    while True:
+        film = _film(rng, lambda_1, memory)
+        stiffness = float(film.omega * rng.uniform(1.2, 4.0)) if memory == "elastic-plastic" else None
+        try:
+            body = HistoryProblem(A, c, film, Memory(memory, stiffness), substeps=None)  # type: ignore[arg-type]
+            _ = body.model
+        except UnfitLaw:
+            continue
+        break
+    reach = float(film.kinks[-1]) * lambda_1 + film.b_scale
+    ways = _shapes(rng, m) * c * reach * rng.uniform(0.2, 2.0)
+    return body, [rng.uniform(-1.0, 1.0, 3) @ ways for _ in range(6)]
+
+
+def _shapes(rng: np.random.Generator, m: int) -> Array:
+    """Three loads per length: of every node its own, or smooth along the line."""
+    if rng.uniform() < 0.4:
+        return rng.standard_normal((3, m)) + rng.choice([-2.0, 0.0, 2.0], (3, 1))
+    x = np.linspace(-1.0, 1.0, m)
+    return np.stack([np.polynomial.Polynomial(rng.standard_normal(4) * [1.0, 2.0, 1.0, 1.0])(x) for _ in range(3)])
+
+
+def _body(rng: np.random.Generator, m: int) -> tuple[Array, Array]:
+    """A random matrix, whose nodes push each other any way, a chain on springs, or the edge of a half-plane."""
+    c, kind = rng.uniform(0.2, 1.0, m), int(rng.integers(3))
+    if kind == 0:
+        A, c = half_laplacian(m, rng.uniform(0.3, 3.0))
+        return A, c
+    if kind == 1:
+        G = rng.standard_normal((m, m + 2))
+        return (G @ G.T / m + 0.2 * np.eye(m)) * rng.uniform(0.3, 3.0), c
+    chain = np.diag(np.full(m, 2.0)) - np.eye(m, k=1) - np.eye(m, k=-1)
+    return chain * rng.uniform(0.5, 5.0) + np.diag(rng.uniform(0.05, 1.0, m)), c
+
+
+def _film(rng: np.random.Generator, lambda_1: float, memory: str) -> FrictionLaw:
+    """Falling, with a peak, or of teeth with jumps; its steepest slope falls by up to STEEPEST λ₁."""
+    shape = ("falls", "peak", "teeth")[int(rng.integers(3))]
+    if shape == "teeth" and memory != "elastic-plastic":
+        points = [(0.0, float(rng.uniform(0.3, 1.0)))]
+        for _ in range(int(rng.integers(1, 4))):
+            s = points[-1][0] + rng.uniform(0.1, 0.6)
+            points.append((float(s), float(rng.uniform(0.1, 1.5))))
+            points.append((float(s), float(rng.uniform(0.1, 1.5))))
+        tau = np.array([b for _, b in points])
+        s = np.array([s for s, _ in points])
+        if memory == "damage":
+            tau = np.sort(tau)[::-1]
+    else:
+        n = int(rng.integers(2, 5))
+        s = np.concatenate([[0.0], np.cumsum(rng.uniform(0.1, 1.0, n))])
+        tau = np.sort(rng.uniform(0.0, 2.0, n + 1))[::-1].copy()
+        if shape == "peak":
+            tau[0] = tau[1] * rng.uniform(0.5, 0.95)
+    with np.errstate(divide="ignore"):
+        fall = np.max(-np.diff(tau)[np.diff(s) > 0.0] / np.diff(s)[np.diff(s) > 0.0], initial=0.0)
+    stretch = fall / (rng.uniform(0.5, STEEPEST) * lambda_1) if fall else 1.0
+    return law(points=[(float(x), float(y)) for x, y in zip(s * stretch, tau, strict=True)])
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What came of a history: its last step, and of all steps the least closure and what is dissipated and released."""
+
+    last: HistoryStep
+    closure: float
+    allowed: float
+    dissipated: float
+    released: float
+    jumps: int
+
+
+def followed(body: HistoryProblem, loads: list[Array], parts: int = 1) -> Followed:
+    """The history with every load in so many equal steps, as far as steps are solved."""
+    last, begin, steps = HistoryStep.virgin(body.m), np.zeros(body.m), list[HistoryStep]()
+    for load in loads:
+        for part in range(1, parts + 1):
+            last = next_step(body, last, load if part == parts else begin + (part / parts) * (load - begin))
+            steps.append(last)
+            if not last.solved:
+                break
+        if not last.solved:
+            break
+        begin = load
+    energies = [step.energies for step in steps]
+    dissipated = sum(e.dissipated for e in energies)
+    allowed = CLOSED * dissipated + ROUNDING * max(step.stored for step in steps)
+    closure, released = min(e.closure for e in energies), sum(e.released for e in energies)
+    return Followed(last, closure, allowed, dissipated, released, sum(step.jumps for step in steps))
+
+
+def judged(seed: int, parts: int = 100) -> tuple[list[str], str]:
+    """(what is wrong with a history, its numbers)."""
+    body, loads = random_history(seed)
+    one, many = followed(body, loads), followed(body, loads, parts)
+    found = []
+    for name, some in (("in 1", one), (f"in {parts}", many)):
+        if not some.last.solved:
+            found.append(f"{name} fails")
+        if some.closure < -some.allowed:
+            found.append(f"{name} uphill")
+    slips = [some.last.state.v for some in (one, many)]
+    apart = float(np.max(np.abs(slips[0] - slips[1]))) / (float(np.max(np.abs(slips[0]))) or 1.0)
+    if one.last.solved and many.last.solved and apart > SAME:
+        found.append("apart")
+    numbers = (
+        f"{body.memory.name}, m {body.m}, jumps {one.jumps} and {many.jumps}, released {one.released:.10g} and "
+        f"{many.released:.10g}, closure {one.closure:.1e} and {many.closure:.1e} of {one.dissipated:.3g}, apart "
+        f"{apart:.1e} {one.last.reason} {many.last.reason}"
+    )
+    return found, numbers
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """A line for every history with which something is wrong, and the counts."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("count", nargs="?", type=int, default=2000)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--parts", type=int, default=100)
+    options = parser.parse_args(arguments)
+    counts: Counter[str] = Counter()
+    with threadpool_limits(1, user_api="blas"):
+        for seed in range(options.first, options.first + options.count):
+            found, numbers = judged(seed, options.parts)
+            counts.update(found or ["well"])
+            if found:
+                print(f"{seed}: {', '.join(found)}; {numbers}", flush=True)
+    print(dict(counts))
+
+
+if __name__ == "__main__":
+    main()
