@@ -5,7 +5,8 @@ Names: `probe_<name>_u_x`, `_u_y`, `_theta`, `_sigma_xx`, `_sigma_yy`, `_sigma_x
 are asked for likewise, are `sensitivity_<quantity>_<number>`: ∂quantity/∂number at the solution of the point and level,
 the number's dots written as `_`, as in `sensitivity_friction_resultant_friction_delta`. They belong to the solution
 found while its nodes keep their pieces of b: at an event, where derivatives of two sides differ, they are missing, and
-`sensitivity_status` says so. (The command `tcstudy sensitivity` is something else: Sobol indices.)
+`sensitivity_status` says so. Those of steps of a history are differences of whole histories. (The command
+`tcstudy sensitivity` is something else: Sobol indices.)
 """
 
 from __future__ import annotations
@@ -66,8 +67,8 @@ def _of_edges(study: Study) -> Iterator[FileVariable]:
             yield result(f"theta_mean_{name}", "K", f"mean temperature of {name}", what)
 
 
-_VERDICTS = ("not_judged", "differentiable", "at_event", "at_fold", "turned_back")
-NOT_JUDGED, DIFFERENTIABLE, AT_EVENT, AT_FOLD, TURNED_BACK = range(5)
+_VERDICTS = ("not_judged", "differentiable", "at_event", "at_fold")
+NOT_JUDGED, DIFFERENTIABLE, AT_EVENT, AT_FOLD = range(4)
 STATUS, EVENTS = f"{SENSITIVITY}status", f"{SENSITIVITY}events"
 
 QUANTITIES = {
@@ -92,7 +93,7 @@ def name_of(quantity: str, number: str) -> str:
 def derivatives(numbers: Sequence[Sensitivity]) -> tuple[FileVariable, ...]:
     """The variables of a study that asks for these."""
     what = "where a node begins to slide, comes to rest or passes a kink, to 1e-9"
-    verdict = FileVariable(STATUS, "i1", "1", "verdict on derivatives", extra=flags(*_VERDICTS[:-1]))
+    verdict = FileVariable(STATUS, "i1", "1", "verdict on derivatives", extra=flags(*_VERDICTS))
     at_event = replace(count(EVENTS, "contact nodes at an event", extra=()), comment=what)
     return (verdict, at_event, *(_by(number, one, POINT_LEVEL) for number in numbers for one in QUANTITIES))
 
@@ -101,13 +102,21 @@ def step_derivatives(numbers: Sequence[Sensitivity]) -> tuple[FileVariable, ...]
     """The same at every step of a history; none without numbers."""
     dims = (SWEEP, "step")
     verdict = FileVariable(STATUS, "i1", "1", "verdict on derivatives", dims, extra=flags(*_VERDICTS))
-    return (verdict, *(_by(number, one, dims) for number in numbers for one in STEP_QUANTITIES)) if numbers else ()
+    what = "difference of whole histories; missing where both sides differ"
+    return (
+        (verdict, *(_by(number, one, dims, what) for number in numbers for one in STEP_QUANTITIES)) if numbers else ()
+    )
 
 
-def _by(number: Sensitivity, quantity: str, dims: tuple[str, ...]) -> FileVariable:
+def _by(
+    number: Sensitivity,
+    quantity: str,
+    dims: tuple[str, ...],
+    told: str = "at the solution, while its nodes keep their pieces of b",
+) -> FileVariable:
     units, what = QUANTITIES[quantity]
     name, over = name_of(quantity, number.name), quotient(units, number.units)
-    told, extra = "at the solution, while its nodes keep their pieces of b", (("ancillary_variables", STATUS),)
+    extra = (("ancillary_variables", STATUS),)
     return FileVariable(name, "f8", over, f"{what} by {number.name}", dims, extra=extra, comment=told)
 
 

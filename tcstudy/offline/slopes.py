@@ -11,7 +11,6 @@ Exact, each by how the number enters:
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +22,6 @@ from tcstudy.offline.whole_slopes import WholeBody, affine_scene, change_of
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.law_slopes import agreed, law_slopes, number_of
-from tcstudy.scene.nodal_laws import Law, each
 from tcstudy.scene.records import Clamped, Role, Scene
 from tcstudy.solvers.linearised import Linearised
 
@@ -67,12 +65,17 @@ def load_slope(level: Level, scene: Scene, by: Sensitivity, v: Array, whole: Who
     return LoadSlope(block.l_tilde[0], mean)
 
 
+def is_load(path: tuple[str, ...]) -> bool:
+    """Whether it is the load alone that a number changes, and is affine in it."""
+    return path[0] in ("load", "loads", "heat", "boundary") and path[-1] != "alpha" and path[-2:-1] != ("spring",)
+
+
 def _is_short(scene: Scene, path: tuple[str, ...]) -> bool:
     """Whether ∂Ã/∂p is Ã/p or 0 and ∂l̃/∂p a sum of basis loads."""
     if path[0] in ("material", "materials"):
         alone = {"E": not scene.springs, "alpha_T": True, "beta": True}
         return not scene.material.regions and alone.get(path[-1], False)
-    return path[-1] != "alpha" and path[-2:-1] != ("spring",)
+    return is_load(path)
 
 
 def _without(scene: Scene, *kept: type) -> tuple[tuple[str, Role], ...]:
@@ -99,38 +102,6 @@ def law_slope(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> tu
         if len(law.kinks):
             kinks[nodes] += np.where(law.on_kink(s), slopes.kinks[law.nearest_kink(s)], 0.0)
     return b, kinks
-
-
-def virgin_slope(level: Level, scene: Scene, by: Sensitivity) -> Callable[[Array, Index], tuple[Array, Array]] | None:
-    """(κ, piece) → ∂τ/∂p at κ on pieces of τ(κ) = b(s > 0), and ∂/∂p of where these begin, (m,) each, of all nodes;
-    None where p is no number of a law. Raises KeyError where no law has the parameter."""
-    if by.path[0] != "friction":
-        return None
-    own = [(one, law_slopes(one[0], number_of(by.path))) for one in _laws(level, scene, by.path)]
-    begins = _starts(level.law(scene))
-
-    def slopes(kappa: Array, piece: Index) -> tuple[Array, Array]:
-        tau, starts = np.zeros((2, len(kappa)))
-        begin = begins(piece)
-        for (law, nodes, factor), slope in own:
-            s = begin[nodes]
-            tau[nodes] += factor * slope.value(kappa[nodes], law.piece(s))
-            if len(law.kinks):
-                moved = (s > 0.0) & law.on_kink(s)
-                starts[nodes] += np.where(moved, slope.kinks[law.nearest_kink(s)], 0.0)
-        return tau, starts
-
-    return slopes
-
-
-def _starts(law: Law) -> Callable[[Index], Array]:
-    """piece → (m,) the slip at which pieces of every node's law for s > 0 begin, counted from 0."""
-
-    def of(own: FrictionLaw, piece: Index) -> Array:
-        starts = np.concatenate([[0.0], own.kinks[own.kinks > 0.0]])
-        return np.asarray(starts[np.minimum(piece, len(starts) - 1)])
-
-    return lambda piece: np.asarray(each(law, of, piece))
 
 
 def friction_energy(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> float:

@@ -163,6 +163,40 @@ def with_number(scene: Scene, by: Sensitivity, value: float) -> Scene:
     return path_scene(scene, by.path, value)
 
 
+def number_in(scene: Scene, by: Sensitivity) -> float:
+    """The value of a number that `with_number` puts in. Raises KeyError for one that the scene does not have."""
+    section, name = by.path[0], by.path[-1]
+    if section == "load":
+        return 1.0
+    if section == "friction":
+        edges, found = ("", *by.path), scene.friction
+        laws = [found] if isinstance(found, FrictionLaw) else [law for edge, law, _ in found.laws if edge in edges]
+        return _number_of_law(laws[0], number_of(by.path))
+    if section in ("material", "materials"):
+        own = scene.material if section == "material" else dict(scene.material.regions)[by.path[1]]
+        return float(own.beta / own.bulk if name == "alpha_T" else getattr(own, name))
+    if section != "boundary":
+        return _got(scene.heat if section == "heat" else scene, section, name)
+    role = dict(scene.boundary)[by.path[1]]
+    if isinstance(role, Clamped) and name in ("u_x", "u_y", "u_N", "u_T"):
+        return float(role.u[name in ("u_y", "u_T")])  # type: ignore[arg-type]
+    if name in rows("edge_heat"):
+        return _got(role.heat, "edge_heat", name)
+    if isinstance(role, Loaded) and name in rows("spring"):
+        return float(role.spring[name != "normal"])
+    return _got(role, "boundary", name)
+
+
+def _number_of_law(law: FrictionLaw, name: str) -> float:
+    made = law.made
+    if made is None:
+        raise KeyError(name)
+    if name == "strength":
+        return made.strength
+    value = made.values[POINTS][point_of(law, name)][1] if name.startswith(f"{POINTS}.") else made.values[name]
+    return float(value)
+
+
 def _law(law: FrictionLaw, name: str, value: float) -> FrictionLaw:
     made = law.made
     if made is None:
@@ -195,6 +229,15 @@ def _put(record: R, section: str, key: str, t: float) -> R:
             parts = zip(row.numbers, value if row.kind == "vector" else (value,), strict=True)
             new = tuple(t if name == key else part for name, part in parts)
             return replace(record, **{row.name: new if row.kind == "vector" else t})  # type: ignore[type-var]
+    raise KeyError(key)
+
+
+def _got(record: object, section: str, key: str) -> float:
+    """One number of a record. Raises KeyError where it has none of this name."""
+    for row in rows(section).values():
+        value = getattr(record, row.name, None)
+        if key in row.numbers and value is not None:
+            return float(value[row.numbers.index(key)] if row.kind == "vector" else value)
     raise KeyError(key)
 
 

@@ -1,6 +1,7 @@
-"""What a study says of measurements, for given numbers of it, with exact derivatives by these numbers.
+"""What a study says of measurements, for given numbers of it, with derivatives by these numbers.
 
-Of a history (`history_scene`) the steps are compared that were measured: one history an evaluation.
+Of a history (`history_scene`) the steps are compared that were measured: one history an evaluation, and one for every
+number, which is a little off, for differences. All other derivatives are exact.
 
 Vertical: the scene is solved at every datum, each from the solution before (the way a test goes: one solve a datum),
 and its results are compared; derivatives from the factor at each solution (`solvers.linearised`).
@@ -34,11 +35,14 @@ from tcstudy.solvers.loop import Status
 from tcstudy.solvers.path.follow import Follower, Path
 from tcstudy.solvers.path.record import WHOLE
 from tcstudy.study.fit_path import MovingPath
-from tcstudy.study.history_scene import STIFFNESS, moving_steps, with_stiffness
+from tcstudy.study.history_scene import STIFFNESS, with_stiffness
+from tcstudy.study.history_scene import followed as followed_steps
 from tcstudy.study.path_affine import affine_load, followed, straightened
 from tcstudy.study.sensitivities import Rates, rates_of
 
 Array = NDArray[np.float64]
+DIFFERENCE = 1e-6
+"""Of a number of a history, relative to its scale: one history a column of the Jacobian."""
 SCALARS = ("friction_resultant", "u_T_max", "theta_mean")
 
 
@@ -93,7 +97,7 @@ class FitModel:
         """The study with the numbers p against the data. Raises FitError where it has no solution."""
         scene = self.scene(p)
         if self.plan.history is not None:
-            return self._vertical(scene, self._steps(p, scene))
+            return self._vertical(scene, self._steps(p))
         found = self._vertical(scene) if self.plan.compare == "vertical" else self._orthogonal(scene)
         if self.plan.marks:
             found = self._marked(scene, found)
@@ -108,20 +112,28 @@ class FitModel:
             with_stiffness(self.plan.history, dict(zip(paths, p.tolist(), strict=True))) if self.plan.history else None
         )
 
-    def _steps(self, p: Array, scene: Scene) -> dict[int, tuple[Array, Array]]:
-        """What is compared at the measured steps of the history, with derivatives; the rest of it is not followed."""
-        wanted, found, plan = set(self.plan.at_steps), dict[int, tuple[Array, Array]](), self.plan_of(p)
+    def _steps(self, p: Array) -> dict[int, tuple[Array, Array]]:
+        """What is compared at the measured steps of the history, and its derivatives: differences inside the bounds."""
+        middle, columns = self._followed(p), list[dict[int, Array]]()
+        for j, one in enumerate(self.plan.parameters):
+            h = DIFFERENCE * (p[j] if one.log else max(abs(p[j]), 1e-3 * (one.high - one.low)))
+            q = p.copy()
+            q[j] += h if p[j] + h <= one.high else -h
+            columns.append({n: (x - middle[n]) / (q[j] - p[j]) for n, x in self._followed(q).items()})
+        return {n: (x, np.stack([column[n] for column in columns], axis=1)) for n, x in middle.items()}
+
+    def _followed(self, p: Array) -> dict[int, Array]:
+        """What is compared at the measured steps of the history; the rest of it is not followed."""
+        wanted, found, plan, scene = set(self.plan.at_steps), dict[int, Array](), self.plan_of(p), self.scene(p)
         assert plan is not None
-        numbers = [one.number for one in self.plan.parameters]
         try:
-            for n, at in enumerate(moving_steps(plan, self.level, scene, self.tolerance, numbers)):
+            for n, (step, mean) in enumerate(followed_steps(plan, self.level, scene, self.tolerance)):
                 self.solves += 1
-                reason = at.step.reason if not at.step.solved else next((m.reason for m in at.by if m.reason), "")
-                if reason:
-                    raise FitError(f"step {n} cannot be compared with the numbers tried: {reason}")
+                if not step.solved:
+                    raise FitError(f"step {n} cannot be compared with the numbers tried: {step.reason}")
                 if n in wanted:
-                    rates = [(m.v, m.xi, mean) for m, mean in zip(at.by, at.theta_mean, strict=True)]
-                    found[n] = self._results(at.scene, at.step.state.v, at.step.xi, rates)
+                    v = step.state.v
+                    found[n] = np.array([step.xi.sum(), np.max(np.abs(v)), mean, *v])
                 if n >= max(wanted):
                     break
         except (NotPositiveDefinite, UnfitLaw) as error:

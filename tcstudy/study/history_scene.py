@@ -1,39 +1,30 @@
-"""The load history of one scene: its problem and loads, and its steps with their derivatives, for fits and sensitivity.
+"""The load history of one scene: its problem and loads, its steps, and derivatives of these by numbers of the study.
 
-What the loads, the body and the law do with a number is `offline.slopes`, how the memory carries it on from step to
-step `solvers.history.moving`. Steps in equal parts are differentiated part by part, as they are solved.
+Derivatives are differences of whole histories on the same mesh (`solvers.history.differences`), all side by side.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.on_request import (
-    AT_EVENT,
-    AT_FOLD,
-    DIFFERENTIABLE,
-    STATUS,
-    STEP_QUANTITIES,
-    TURNED_BACK,
-    name_of,
-)
+from tcstudy.condense import NotPositiveDefinite
+from tcstudy.data.on_request import AT_EVENT, DIFFERENTIABLE, STATUS, STEP_QUANTITIES, name_of
 from tcstudy.offline.level import Level
-from tcstudy.offline.slopes import load_slope, virgin_slope
-from tcstudy.offline.whole_slopes import WholeBody
+from tcstudy.offline.slopes import is_load, load_slope
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.histories import HistoryPlan, Keys
-from tcstudy.scene.parameters import loaded_scene
+from tcstudy.scene.parameters import loaded_scene, number_in, with_number
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.solvers.history.moving import EVENT, FOLD, TURNED, Moved, StepSlope, moved
+from tcstudy.solvers.history.differences import HALFWAY, STEPS, one_sided, two_sided
 from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
-from tcstudy.solvers.history.steps import next_step
-from tcstudy.study.sensitivities import of_largest
+from tcstudy.solvers.history.steps import history
 
 Array = NDArray[np.float64]
 STIFFNESS = ("history", "stiffness")
@@ -66,85 +57,101 @@ def problem_of(
     return problem, loads
 
 
-@dataclass(frozen=True, eq=False)
-class MovingStep:
-    """A step, the scene with its loads, and by every number the derivatives of its state and of the mean θ."""
-
-    step: HistoryStep
-    scene: Scene
-    by: list[Moved]
-    theta_mean: list[float]
-
-
 def with_stiffness(plan: HistoryPlan, values: dict[Keys, float]) -> HistoryPlan:
     """The plan with the k of these values, if they have one."""
     stiffness = values.get(STIFFNESS, plan.memory.stiffness)
     return replace(plan, memory=replace(plan.memory, stiffness=stiffness))
 
 
-def moving_steps(
-    plan: HistoryPlan, level: Level, scene: Scene, tolerance: float | None, numbers: Sequence[Sensitivity]
-) -> Iterator[MovingStep]:
-    """Step 0 and all others; one that fails is the last.
+def followed(
+    plan: HistoryPlan, level: Level, scene: Scene, tolerance: float | None
+) -> Iterator[tuple[HistoryStep, float]]:
+    """Step 0 and all others with the mean θ of each; one that fails is the last.
 
-    Raises NotPositiveDefinite, UnfitLaw, and KeyError for a number that the scene does not have.
+    Raises NotPositiveDefinite, UnfitLaw, and KeyError for a load that the scene does not have.
     """
-    body, loads = problem_of(plan, level, scene, tolerance)
-    parts = 1 if body.follows_paths else body.substeps or 1
-    body = body if body.follows_paths else replace(body, substeps=1)
-    virgin = [virgin_slope(level, scene, number) for number in numbers]
-    last, old = HistoryStep.virgin(body.m), [Moved.virgin(body.m) for _ in numbers]
-    before: dict[Keys, float] = {}
-    for values, load in zip(_values(plan), loads, strict=True):
-        begin = last.load
-        for part in range(1, parts + 1):
-            share = part / parts
-            step = next_step(body, last, load if part == parts else begin + share * (load - begin))
-            between = {keys: before[keys] + share * (values[keys] - before[keys]) for keys in values if before}
-            here = loaded_scene(scene, values if part == parts or not before else between)
-            whole = 1.0 if before else share  # the loads of step 0 begin at nothing, whatever the scene says
-            if not step.solved:
-                yield MovingStep(step, here, old, [])
-                return
-            v = step.state.v / whole
-            extended = WholeBody(level, here, v)
-            slopes = [load_slope(level, here, number, v, extended) for number in numbers]
-            given = [
-                StepSlope(whole * slope.right, own, number.path == STIFFNESS)
-                for slope, own, number in zip(slopes, virgin, numbers, strict=True)
-            ]
-            old, last = moved(body, last, step, old, given), step
-        before = values
-        yield MovingStep(last, here, old, [slope.theta_mean for slope in slopes])
+    problem, loads = problem_of(plan, level, scene, tolerance)
+    at = [level.temperature(loaded_scene(scene, values)).mean for values in plan.stations()]
+    means = [at[0], *(at[i] + share * (at[j] - at[i]) for i, j, share, *_ in plan.schedule())]
+    yield from zip(history(problem, loads), means, strict=False)
 
 
 def step_derivatives(study: Study, level: Level, scene: Scene) -> Iterator[dict[str, float]]:
     """Of every step of a scene what its study asks for, by variable name; without what its law does not have.
 
-    They begin with step 0 wherever the history goes on, since files keep what nodes remember, but not its derivatives.
+    They begin with step 0 wherever the history goes on. Histories of other numbers that end early have no more of them.
     """
-    plan, numbers = study.history, []
-    assert plan is not None
+    varied = _Varied(study, level, scene)
+    middle, beside = varied.steps(None, 0.0), dict[str, tuple[float, list[Iterator[Array]]]]()
     for number in study.output.sensitivity:
         with suppress(KeyError):  # a law of the sweep that has no such parameter
-            virgin_slope(level, scene, number)
-            numbers.append(number)
-    for at in moving_steps(plan, level, scene, study.solver.tolerance, numbers):
-        reason = next((one.reason for one in at.by if one.reason), "")
-        found: dict[str, float] = {STATUS: VERDICTS[reason]}
-        for number, one, theta_mean in zip(numbers, at.by, at.theta_mean, strict=True):
-            values = of_largest(at.step.state.v, one.v), float(one.xi.sum()), theta_mean
-            found |= {name_of(q, number.name): x for q, x in zip(STEP_QUANTITIES, values, strict=True)}
+            beside[number.name] = varied.beside(number)
+    for row in middle:
+        found: dict[str, float] = {STATUS: DIFFERENTIABLE}
+        for name, (scale, others) in beside.items():
+            rows = np.array([next(other, np.full(len(row), np.nan)) for other in others])
+            one = one_sided(row, rows, scale) if len(rows) == 3 else two_sided(row, rows[:2], rows[2:], scale)
+            found |= {name_of(q, name): float(x) for q, x in zip(STEP_QUANTITIES, one, strict=True)}
+        if not np.all(np.isfinite(list(found.values()))):
+            found[STATUS] = AT_EVENT
         yield found
 
 
-VERDICTS = {"": DIFFERENTIABLE, EVENT: AT_EVENT, FOLD: AT_FOLD, TURNED: TURNED_BACK}
-"""What files call the reasons why there is no derivative."""
+@dataclass(frozen=True)
+class _Varied:
+    """A history of a scene with other numbers."""
 
+    study: Study
+    level: Level
+    scene: Scene
 
-def _values(plan: HistoryPlan) -> Iterator[dict[Keys, float]]:
-    """The loads of every step, by key path."""
-    at = plan.stations()
-    yield at[0]
-    for i, j, share, *_ in plan.schedule():
-        yield {keys: at[i][keys] + share * (at[j][keys] - at[i][keys]) for keys in at[i]} if share < 1.0 else at[j]
+    def steps(self, number: Sensitivity | None, value: float) -> Iterator[Array]:
+        """The STEP_QUANTITIES of all steps with this value of a number, as far as they are solved.
+
+        Raises ValueError (LawError, GrowthError, UnfitLaw) or NotPositiveDefinite where it cannot have the value.
+        """
+        plan, scene = self.study.history, self.scene
+        assert plan is not None
+        if number is not None and number.path == STIFFNESS:
+            plan = with_stiffness(plan, {STIFFNESS: value})
+        elif number is not None:
+            scene = with_number(scene, number, value)
+        for step, mean in followed(plan, self.level, scene, self.study.solver.tolerance):
+            if step.solved:
+                yield np.array([np.max(np.abs(step.state.v), initial=0.0), step.xi.sum(), mean])
+
+    def beside(self, number: Sensitivity) -> tuple[float, list[Iterator[Array]]]:
+        """The scale of a number, and the histories above and below it, or on the one side where it can be.
+
+        Raises KeyError for a number that the scene does not have.
+        """
+        value, scale = self._value(number)
+        up, down = ([self._begun(number, value + way * h * scale) for h in STEPS] for way in (1.0, -1.0))
+        if all(up) and all(down):
+            return scale, [one for one in (*up, *down) if one]
+        one, way = (up, 1.0) if all(up) else (down, -1.0)
+        third = self._begun(number, value + way * HALFWAY * scale)
+        return way * scale, [each or iter(()) for each in (*one, third)]
+
+    def _begun(self, number: Sensitivity, value: float) -> Iterator[Array] | None:
+        """Its steps; None where it cannot have this value."""
+        steps = self.steps(number, value)
+        try:
+            first = next(steps)
+        except (ValueError, NotPositiveDefinite, StopIteration):
+            return None
+        return chain([first], steps)
+
+    def _value(self, number: Sensitivity) -> tuple[float, float]:
+        """(value, scale) of a number; of a load at least that which is as much as friction bears."""
+        if number.path == STIFFNESS:
+            assert self.study.history is not None
+            value = float(self.study.history.memory.stiffness or 0.0)
+            return value, value
+        value, level, scene = number_in(self.scene, number), self.level, self.scene
+        law, units = level.law(scene), {"1": 1.0, "Pa": scene.laws[0].b_scale, "m": scene.laws[0].s_scale}
+        if is_load(number.path):
+            change = np.max(np.abs(load_slope(level, scene, number, np.zeros(level.line.m)).right), initial=0.0)
+            full = law.b_scale * float(np.max(level.condensed(scene).problem.c)) / change if change else abs(value)
+            return value, max(abs(value), full) or 1.0
+        return value, abs(value) or units.get(number.units, 0.0) or level.lambda_1(scene)

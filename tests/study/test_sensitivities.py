@@ -17,7 +17,7 @@ from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.summary import summary
 from tcstudy.scene.fits import Sensitivity
-from tcstudy.scene.parameters import with_number
+from tcstudy.scene.parameters import number_in, with_number
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.solvers.contact import solve_contact
@@ -231,6 +231,18 @@ def test_numbers_of_the_law_of_an_edge_and_its_strength() -> None:
         ends = [results(own, text, f"{name}={value * (1.0 + sign * h)!r}")[0] for sign in (1.0, -1.0)]
         exact = np.array([found[name_of(quantity, name)] for quantity in QUANTITIES])
         np.testing.assert_allclose(exact, (ends[0] - ends[1]) / (2.0 * h * value), rtol=1e-7, atol=1e-9)
+
+
+def test_the_value_of_every_kind_of_number_is_read_back() -> None:
+    law = "friction: {bottom: {law: piecewise-linear, points: [[0, 0.06], [0.03, 0.02]], strength: 0.8}}"
+    head, _, rest = BRACKET.partition("friction:")
+    by_edge = {"friction.bottom.points.1": 0.02, "friction.bottom.strength": 0.8}
+    texts = ((BRACKET, NUMBERS), (LAYERED.replace("PLANE", "strain"), OF_LAYERS), (RIGID, OF_RIGID),
+             (head + law + "\n" + rest.partition("\n")[2], by_edge))  # fmt: skip
+    for text, numbers in texts:
+        study = asking(text, *numbers)
+        found = [number_in(study.scenes[0], number) for number in study.output.sensitivity]
+        assert found == pytest.approx(list(numbers.values()), rel=1e-12)
 
 
 def test_no_derivative_at_an_event(level: Level) -> None:
