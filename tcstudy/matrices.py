@@ -106,7 +106,7 @@ def solve(
 
     solver:    "separable-newton" or "bundle-newton"
     tolerance: largest inclusion residual, strict; None for 1e-10 or what rounding to doubles allows
-    branch:    "lowest" (the least energy of all starts and a search for less), "continued" (from the neighbour) or
+    branch:    "lowest" (the lowest found from all starts and by a search for less), "continued" (from the neighbour) or
                "from-zero"
     neighbour: (m,) solution of a neighbouring problem [m], if there is one
 

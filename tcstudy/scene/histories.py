@@ -148,7 +148,7 @@ class HistoryPlan:
 
     lines:      one after the other, `repeat` times
     parameters: (key path, CF units, value in the scene) of every load that changes
-    branch:     which solution of a step: "continued" from the last state, or the one of least energy, "lowest"
+    branch:     which solution of a step: "continued" from the last state, or the lowest found, "lowest"
     substeps:   equal parts of every step, each solved by descent; None to follow the path inside the step
     level:      mesh level, None for the finest
     loose:      whether nothing but friction holds the body

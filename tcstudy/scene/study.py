@@ -202,7 +202,7 @@ class SolverPlan:
     names:          solvers; the first one's solution is stored, the others are compared with it
     tolerance:      largest inclusion residual of an accepted solution, strict; None for 1e-10 or what rounding allows
     max_iterations: iteration limit of the method, None for its own
-    branch:         which solution is stored where several are found: the one of lowest energy ("lowest": starts at
+    branch:         which solution is stored where several are found: the lowest found ("lowest": starts at
                     zero, at the frictionless solution and at the neighbouring sweep point), the one that continues
                     the neighbour's ("continued"), or the one from zero ("from-zero")
     """

@@ -89,7 +89,7 @@ def solve_contact(
     tolerance: largest inclusion residual, strict; None for 1e-10 or what rounding allows (scene/study.py)
     branch:    "lowest": of the solutions found from zero, from the frictionless solution, from the neighbour, beside
                the exact one and, unless the best of them seems global or the solver is bundle-newton, by the escape
-               phase the one with least energy; "continued": from the neighbour, without leaving its basin on purpose,
+               phase the lowest found; "continued": from the neighbour, without leaving its basin on purpose,
                and not moved at all if it is a solution; "from-zero": from zero. These two try zero, the frictionless
                solution and the neighbour, too, but only where theirs fails
     neighbour: (m,) a solution of a neighbouring problem, if there is one

@@ -285,7 +285,7 @@ def solver_table(data: Any) -> str:
         largest = number(_largest(apart), 2) if i else "–"
         rows.append([name, number(_largest(residual), 2), f"{steps[steps > 0].sum():.0f}", number(np.nansum(time), 2),
                      f"{least}/{int(known.sum())}", largest])  # fmt: skip
-    header = ["solver", "worst residual", "steps", "solve [s]", "least energy", "largest difference of u_T"]
+    header = ["solver", "worst residual", "steps", "solve [s]", "lowest found", "largest difference of u_T"]
     legend = f"  Solvers compared on all points and levels; the solutions stored are those of {names[0]}:"
     return legend + "\n\n" + plain_table(header, rows)
 

@@ -114,7 +114,7 @@ class HistoryProblem:
 
     A_tilde, c: as in `ContactProblem`, Ã only semidefinite for a body that nothing but friction holds
     law, memory: the scene's law and what is remembered of it
-    branch:     "lowest": least energy of the step from all starts; "continued": from the last state
+    branch:     "lowest": lowest found of the step from all starts; "continued": from the last state
     substeps:   of every step, equal parts of the load's change, each solved by descent from the state before; None to
                 follow the path inside the step (continued.py)
     tolerance:  of the inclusion residual, as in `solve_contact`
