@@ -40,6 +40,10 @@ AT_BOUND = 1e-6
 """Part of the range from a bound within which a parameter lies on it."""
 SAME = 1e-3
 """Difference in q, relative to the range, up to which two minima are one."""
+TOGETHER = 0.1
+"""Change of all predictions between two minima, in standard deviations of the noise, up to which they are one."""
+PROBABLE = 0.05
+"""Chance of a larger Σr² from which on a fit is as good as its noise lets expect."""
 
 
 ENDED = {
@@ -71,6 +75,11 @@ class Box:
     def rate(self, p: Array) -> Array:
         """dp/dq."""
         return np.where(self.log, p, 1.0)
+
+    @property
+    def span(self) -> Array:
+        """Range of q."""
+        return self.inner(self.high) - self.inner(self.low)
 
     def starts(self, first: Array, count: int, seed: int) -> list[Array]:
         """The first start and count − 1 others, a Latin hypercube in q."""
@@ -115,7 +124,7 @@ def minimise(
                 costs.append(cost)
         return known[key]
 
-    low, span = box.inner(box.low), box.inner(box.high) - box.inner(box.low)
+    low, span = box.inner(box.low), box.span
     margin = 1e-9
     found = optimize.least_squares(
         lambda z: at(low + z * span)[0],
@@ -147,13 +156,29 @@ def misfit(residual: Array, loss: str) -> float:
     return float(np.sum(_rho(residual**2, loss, 0)[0]))
 
 
-def different(minima: Sequence[Minimum], box: Box) -> list[Minimum]:
-    """The minima, the lowest first, each once."""
-    span, kept = box.inner(box.high) - box.inner(box.low), list[Minimum]()
+def different(minima: Sequence[Minimum], box: Box, known_noise: bool) -> list[list[Minimum]]:
+    """The minima, the lowest first, each with all those that are the same."""
+    found = list[list[Minimum]]()
     for one in sorted(minima, key=lambda minimum: minimum.cost):
-        if all(np.max(np.abs(box.inner(one.p) - box.inner(two.p)) / span) > SAME for two in kept):
-            kept.append(one)
-    return kept
+        for group in found:
+            if _same(group[0], one, box, known_noise):
+                group.append(one)
+                break
+        else:
+            found.append([one])
+    return found
+
+
+def _same(one: Minimum, two: Minimum, box: Box, known_noise: bool) -> bool:
+    """Whether two minima lie together, or predict the same in a valley along which the data say nothing."""
+    J, (n, k) = one.jacobian * box.rate(one.p) * box.span, one.jacobian.shape
+    apart, sigma = (box.inner(two.p) - box.inner(one.p)) / box.span, np.linalg.svd(J, compute_uv=False)
+    if np.max(np.abs(apart)) <= SAME:
+        return True
+    noise = 1.0 if known_noise else float(np.linalg.norm(one.residual)) / np.sqrt(max(n - k, 1))
+    tolerance = max(TOGETHER * noise, ROUNDING * sigma[0])
+    alike = float(np.linalg.norm(two.residual - one.residual)) <= tolerance
+    return alike and bool(float(np.linalg.norm(J @ apart)) <= tolerance or sigma[-1] <= WEAK * sigma[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,6 +207,11 @@ class Uncertainty:
     runs: int
     runs_p: float
     information: float
+
+    @property
+    def settled(self) -> bool:
+        """Whether Σr² is probable for a known noise and every number determined: no other start can say more."""
+        return self.fit_p >= PROBABLE and self.weak == 0 and bool(np.all(np.isfinite(self.standard_error)))
 
 
 def uncertainty(

@@ -172,3 +172,15 @@ class FitPlan:
         """Whether the noise of all that is compared is known."""
         columns = (*self.measured, *(self.given if self.compare == "orthogonal" else ()))
         return all(column.noise is not None for column in columns)
+
+    @property
+    def assumed_noise(self) -> str:
+        """What intervals assume of several columns whose noise is not all known; empty if nothing."""
+        columns = (*(self.given if self.compare == "orthogonal" else ()), *self.measured)
+        known, unknown = ([one.name for one in columns if (one.noise is None) is no] for no in (False, True))
+        if len(columns) < 2 or not unknown:
+            return ""
+        if known:
+            beside = f"1 % of its range where that of {' and '.join(known)} is as given"
+            return f"the noise of {' and '.join(unknown)} is {beside}"
+        return f"{' and '.join(unknown)} are measured equally well, in parts of their ranges"

@@ -1,8 +1,8 @@
 """Find numbers of a study from measurements: from several starts, with intervals and what is not determined.
 
 The models are those of `study.fit_models`, the statistics those of `accuracy.fitted`; here is what a fit does with
-them and what it keeps. Where no law falls as steeply as the body holds (ω < λ₁) every load has one solution, and other
-starts are not tried.
+them and what it keeps. One solution for every load is not one minimum of the squares: all starts are tried, or until
+one has a probable χ² with every number determined.
 
 A fit takes the mesh for the body. What that does to the numbers is measured at the end: on a mesh of half the size the
 residuals change by Δr, and the estimates by −(JᵀJ)⁻¹Jᵀ Δr, one step of Gauss and Newton. As much again may be left
@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 ESTIMATED = 0.01
-"""Noise of a column, of its range, that is assumed where it is estimated: only the ratio of two columns matters."""
+"""Noise of a column, of its range, that is assumed where it is not given: of several the ratio matters."""
 BLIND = 1e-10
 """Column of the Jacobian by ln p, of the largest, below which the data do not depend on a number."""
 LAW_PLACES = 400
@@ -61,18 +61,17 @@ def fit(study: Study, progress: Progress | None = None) -> FitRecord:
     model = model_of(study, plan)
     box = box_of(plan)
     try:
-        fits = _fits(model, box, progress)
+        fits, failures = _fits(model, box, progress)
     except (NotPositiveDefinite, LawError, GrowthError) as error:
         raise FitError(str(error)) from error
-    minima = different([one.minimum for one in fits], box)
-    best = minima[0]
-    smooth = next(one for one in fits if one.minimum is best)
+    smooth = min(fits, key=lambda one: one.minimum.cost)
+    best = smooth.minimum
     found = replace(model, law_error=DRAWN).compared(best.p)
     if found.early:
         raise FitError(f"the path that fits best ends early: {found.early}")
-    asked = (smooth.prior, smooth.numbers) if plan.smooth else (None, None)
-    said = uncertainty(best, box, groups_of(plan), plan.known_noise, *asked)
-    record = _record(plan, model, box, minima, found, said)
+    said = _uncertainty(plan, box, smooth)
+    minima = different([one.minimum for one in fits], box, plan.known_noise)
+    record = _record(plan, model, box, minima, failures, found, said)
     if progress is not None:
         progress("the same on a mesh of half the size")
     shift = mesh_shift(model, best, box, said, smooth.prior)
@@ -132,9 +131,9 @@ def groups_of(plan: FitPlan) -> list[NDArray[np.intp]]:
     return [np.arange(i * count, (i + 1) * count) for i in range(len(plan.measured))]
 
 
-def _fits(model: FitModel, box: Box, progress: Progress | None) -> list[Smoothed]:
-    """What the starts lead to."""
-    plan, found, failure = model.plan, list[Smoothed](), ""
+def _fits(model: FitModel, box: Box, progress: Progress | None) -> tuple[list[Smoothed], list[str]]:
+    """What the starts lead to, and why some lead nowhere."""
+    plan, found, failures = model.plan, list[Smoothed](), list[str]()
     first = np.array([one.start for one in plan.parameters])
     for number, start in enumerate(box.starts(first, plan.starts, plan.seed)):
         try:
@@ -144,25 +143,21 @@ def _fits(model: FitModel, box: Box, progress: Progress | None) -> list[Smoothed
                 one = Smoothed(minimise(model, start, box, plan.loss), np.zeros((0, len(start))), 0.0, len(start))
             _check_depends(plan, one.minimum, box)
         except FitError as error:
-            failure = failure or str(error)
+            failures.append(str(error))
             continue
         found.append(one)
         if progress is not None:
             progress(f"start {number + 1} of {plan.starts}: {one.minimum.evaluations} evaluations")
-        if number == 0 and _unique(model, one.minimum.p) and _unique(model, start):
+        if _uncertainty(plan, box, one).settled:
             break
     if not found:
-        raise FitError(failure if plan.starts == 1 else f"no start led to a result: {failure}")
-    return found
+        raise FitError(failures[0] if plan.starts == 1 else f"no start led to a result: {failures[0]}")
+    return found, failures
 
 
-def _unique(model: FitModel, p: Array) -> bool:
-    """Whether every load has one solution with these numbers."""
-    scene, history = model.scene(p), model.plan_of(p)
-    fall = max(law.omega for law in scene.laws)
-    if history is not None:
-        return not history.loose and history.memory.omega(fall) < model.level.lambda_1(scene)
-    return fall < model.level.lambda_1(scene)
+def _uncertainty(plan: FitPlan, box: Box, found: Smoothed) -> Uncertainty:
+    asked = (found.prior, found.numbers) if plan.smooth else (None, None)
+    return uncertainty(found.minimum, box, groups_of(plan), plan.known_noise, *asked)
 
 
 def _check_depends(plan: FitPlan, best: Minimum, box: Box) -> None:
@@ -176,9 +171,15 @@ def _check_depends(plan: FitPlan, best: Minimum, box: Box) -> None:
 
 
 def _record(
-    plan: FitPlan, model: FitModel, box: Box, minima: list[Minimum], found: Compared, said: Uncertainty
+    plan: FitPlan,
+    model: FitModel,
+    box: Box,
+    minima: list[list[Minimum]],
+    failures: list[str],
+    found: Compared,
+    said: Uncertainty,
 ) -> FitRecord:
-    best, names = minima[0], [one.number.name for one in plan.parameters]
+    best, names = minima[0][0], [one.number.name for one in plan.parameters]
     count = len(plan.measured[0].values)
     marks = plan.marks
     given = np.tile(plan.given[0].values if plan.given else np.arange(count, dtype=float), len(plan.measured))
@@ -206,9 +207,10 @@ def _record(
         "jacobian": best.jacobian * box.rate(best.p),
         "noise": model.noise,
         "cost": np.array(best.costs),
-        "start_cost": np.array([one.cost for one in minima]),
-        "start_estimate": np.array([one.p for one in minima]),
-        "start_evaluations": np.array([one.evaluations for one in minima], dtype=np.int32),
+        "start_cost": np.array([same[0].cost for same in minima]),
+        "start_estimate": np.array([same[0].p for same in minima]),
+        "start_evaluations": np.array([same[0].evaluations for same in minima], dtype=np.int32),
+        "start_count": np.array([len(same) for same in minima], dtype=np.int32),
         **_law(plan, model, best, said),
     }
     if found.path is not None:
@@ -236,6 +238,11 @@ def _record(
         "determined": ", ".join(product(row, names) for row in said.direction[: max(1, len(names) - said.weak)]),
         "solves": np.int32(model.solves),
         "evaluations": np.int32(best.evaluations),
+        "starts": np.int32(plan.starts),
+        "starts_tried": np.int32(sum(map(len, minima)) + len(failures)),
+        "starts_failed": np.int32(len(failures)),
+        "start_failure": failures[0] if failures else "",
+        "noise_assumed": plan.assumed_noise,
         "message": best.message,
     }
     return FitRecord(values, attributes)

@@ -225,7 +225,7 @@ def test_two_columns_of_a_heated_strip_find_its_expansion_and_its_film(tmp_path:
     evaluations = int(record.attributes["evaluations"])
     assert evaluations <= 12
     assert int(record.attributes["solves"]) <= 1.5 * 12 * (evaluations + 2)
-    assert record.values["start_cost"].shape == (1,)  # one solution for every load: no other start is tried
+    assert record.attributes["starts_tried"] == 1  # which the noise explains
 
 
 def test_two_numbers_of_which_only_the_product_acts_are_named(tmp_path: Path) -> None:

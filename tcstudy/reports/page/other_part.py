@@ -221,7 +221,8 @@ def fit_part(data: Any, box: Container) -> Json:
         "starts": _starts(data),
         "numbers": found,
         "words": {name: str(data.attrs.get(name, "")) for name in
-                  ("compare", "loss", "data_file", "data_sha256", "message", "not_determined", "determined")},
+                  ("compare", "loss", "data_file", "data_sha256", "message", "not_determined", "determined",
+                   "noise_assumed")},
         "doubts": fit_doubts(data),
         "band": BAND,
         "verdict": _fit_verdict(data),
@@ -259,10 +260,11 @@ def _fitted_law(data: Any, box: Container) -> Json | None:
 def _starts(data: Any) -> list[Json]:
     if "start_cost" not in data:
         return []
-    columns = (data[f"start_{key}"].values for key in ("cost", "estimate", "evaluations"))
+    count = data["start_count"] if "start_count" in data else data["start_cost"] ** 0  # a file from before counts one
+    columns = (*(data[f"start_{key}"].values for key in ("cost", "estimate", "evaluations")), count.values)
     return [
-        {"cost": float(cost), "estimate": estimate.tolist(), "evaluations": int(count)}
-        for cost, estimate, count in zip(*columns, strict=True)
+        {"cost": float(cost), "estimate": estimate.tolist(), "evaluations": int(evaluations), "count": int(count)}
+        for cost, estimate, evaluations, count in zip(*columns, strict=True)
     ]
 
 

@@ -16,13 +16,16 @@ WIDE = 1.0
 """Half width of an interval, of the estimate, above which the data hardly say anything of a number."""
 DOUBT = 0.05
 """Probability below which a fit is doubted."""
+RIVAL = 3.84
+"""Σr² above the least, in variances of the noise, up to which another minimum agrees with the data as well: 95 % of χ²
+of one number."""
 COARSE = 0.15
 """Change on a mesh of half the size, in standard errors, above which the mesh is too coarse: as much again may be left,
 and intervals of 95 % that lie 0.3 standard errors off hold the truth in 94 %, beyond it in fewer and fewer."""
 ABOUT = (
     *("compare", "loss", "data_file", "data_sha256", "known_noise", "chi_square", "degrees_of_freedom"),
     *("fit_probability", "runs", "runs_probability", "information_criterion", "not_determined", "determined"),
-    *("solves", "evaluations", "message"),
+    *("solves", "evaluations", "message", "starts", "starts_tried", "starts_failed", "start_failure", "noise_assumed"),
 )
 """Attributes of a file that are told of it as they are."""
 BAND = 1.96
@@ -55,7 +58,8 @@ def fit_brief(path: Path) -> dict[str, Any]:
     about = {key: data.attrs[key] for key in ABOUT if key in data.attrs}
     found = {"title": str(data.attrs["title"]), "verdict": "; ".join([", ".join(words), *doubts]), "parameters": told}
     lists = {key: data[key].values.tolist() for key in ("covariance", "singular_value", "singular_vector")}
-    starts = {key: data[key].values.tolist() for key in ("start_cost", "start_estimate", "start_evaluations")}
+    starts = ("start_cost", "start_count", "start_estimate", "start_evaluations")
+    starts = {key: data[key].values.tolist() for key in starts if key in data}
     return found | lists | starts | about
 
 
@@ -106,6 +110,9 @@ def fit_doubts(data: Any) -> list[tuple[str, bool]]:
     about = data.attrs
     freedom, square = int(about["degrees_of_freedom"]), float(about["chi_square"])
     found = []
+    if about.get("noise_assumed"):
+        told = f"the 95 % intervals assume that {about['noise_assumed']}; if not, they may be too narrow: give noise"
+        found.append((told, True))
     if about["not_determined"]:
         told = f"not determined: {about['not_determined']}; the data determine {about['determined']} only"
         found.append((told, True))
@@ -130,7 +137,7 @@ def fit_doubts(data: Any) -> list[tuple[str, bool]]:
     if "numbers_decided" in about:
         decided = f"{number(float(about['numbers_decided']), 3)} of {data.sizes['parameter']} numbers"
         found.append((f"smooth law, weight by generalised cross-validation: the data decide {decided}", False))
-    found += _mesh(data)
+    found += [*_tried(data), *_mesh(data)]
     p = float(about["runs_probability"])
     verdict = "the curve may be of the wrong shape" if p < DOUBT else "no trend"
     told = f"signs of the residuals: {int(about['runs'])} runs, probability {number(p, 2)}: {verdict}"
@@ -160,6 +167,28 @@ def _mesh(data: Any) -> list[tuple[str, bool]]:
     return [(f"mesh: half its size would move {told} standard errors: {verdict}", coarse)]
 
 
+def _tried(data: Any) -> list[tuple[str, bool]]:
+    """How many starts were tried, where they end, and whether another minimum is as good."""
+    about = data.attrs
+    if "starts_tried" not in about:
+        return []
+    asked, tried, failed = (int(about[key]) for key in ("starts", "starts_tried", "starts_failed"))
+    same, *others = data["start_count"].values.tolist()
+    told = f"starts: {tried} of {asked} tried"
+    told += ", the last has a probable χ² and every number determined" if tried < asked else ""
+    told += f"; {same} of {tried} {'ends' if same == 1 else 'end'} in this minimum" if tried > 1 else ""
+    told += f", {sum(others)} in {counted(len(others), 'other')}" if others else ""
+    told += f", {failed} in no result: {about['start_failure']}" if failed else ""
+    freedom = max(int(about["degrees_of_freedom"]), 1)
+    variance = 1.0 if int(about["known_noise"]) else float(about["chi_square"]) / freedom
+    least, *more = 2.0 * data["start_cost"].values
+    rivals = sum(square - least <= RIVAL * variance for square in more)
+    if not rivals:
+        return [(told, False)]
+    names = "another minimum agrees" if rivals == 1 else f"{rivals} other minima agree"
+    return [(told, False), (f"{names} with the data about as well as the lowest", True)]
+
+
 def _starts(data: Any) -> str:
     """Other minima, if several starts found any."""
     if data.sizes.get("start", 1) < 2:
@@ -167,6 +196,9 @@ def _starts(data: Any) -> str:
     rows = []
     for k in range(data.sizes["start"]):
         found = zip(data["start_estimate"].values[k], data["parameter_units"].values, strict=True)
-        rows.append([number(2.0 * float(data["start_cost"][k]), 4), *(with_unit(x, str(units)) for x, units in found)])
-    title = "  Other starts end in other minima; the first is the lowest:"
-    return f"{title}\n\n" + plain_table(["Σ r²", *map(str, data["parameter"].values)], rows)
+        count = [str(int(data["start_count"][k]))] if "start_count" in data else []
+        cost = number(2.0 * float(data["start_cost"][k]), 4)
+        rows.append([*count, cost, *(with_unit(x, str(units)) for x, units in found)])
+    title = "  Distinct minima that starts end in; the first is the lowest:"
+    header = [*(["starts"] if "start_count" in data else []), "Σ r²", *map(str, data["parameter"].values)]
+    return f"{title}\n\n" + plain_table(header, rows)

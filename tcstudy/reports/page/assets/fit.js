@@ -81,7 +81,8 @@ TC.fit = {
       const s = TC.scale([q.estimate], q.units), n = (v, k = 4) => TC.number(v / s.by, k), known = Number.isFinite(q.low) && !q.at_bound;
       return [TC.el("b", {}, q.symbol), q.name, `${n(q.estimate, 5)} ${s.unit}`, known ? `${n(q.standard_error, 2)} ${s.unit}` : "–", known ? `${n(q.low)} … ${n(q.high)} ${s.unit}` : q.at_bound ? "on its bound" : "not determined", `${n(q.parameter_start)} ${s.unit}`, `${n(q.within[0])} … ${n(q.within[1])} ${s.unit}`, TC.fit.bar(q)];
     });
-    return TC.wide(head, rows, (k) => k < 2 && "text");
+    const table = TC.wide(head, rows, (k) => k < 2 && "text"), assumed = f.words.noise_assumed;
+    return assumed ? TC.el("div", {}, table, TC.note(`the intervals assume that ${assumed}`)) : table;
   },
   bar(q) {
     const log = q.logarithmic && q.within[0] > 0, x = (v) => 4 + 132 * Math.min(1, Math.max(0, TC.Plot.map(v, q.within, 0, 1, log))), svg = TC.svgNode("svg", { width: 140, height: 14, role: "img", "aria-label": "interval" });
@@ -115,8 +116,8 @@ TC.fit = {
     const f = TC.data.fit, w = f.words, facts = [["data", w.data_file], ["compared", w.compare], ["loss", w.loss], ["evaluations", f.numbers.evaluations], [w.compare === "orthogonal" ? "paths followed" : "contact problems", f.numbers.solves], ["AICc", TC.number(f.numbers.information_criterion, 5)], ["ended", w.message]];
     host.append(TC.h3("How it was found"), TC.facts(facts));
     if (f.starts.length < 2) return;
-    const rows = f.starts.map((o) => [TC.number(2 * o.cost, 5), ...f.parameters.map((q, k) => TC.quantity(o.estimate[k], q.units)), o.evaluations]);
-    host.append(TC.h3("Other starts end in other minima; the first is the lowest"), TC.wide(["Σ r²", ...f.parameters.map((q) => q.symbol), "evaluations"], rows));
+    const rows = f.starts.map((o) => [o.count, TC.number(2 * o.cost, 5), ...f.parameters.map((q, k) => TC.quantity(o.estimate[k], q.units)), o.evaluations]);
+    host.append(TC.h3("Distinct minima that starts end in; the first is the lowest"), TC.wide(["starts", "Σ r²", ...f.parameters.map((q) => q.symbol), "evaluations"], rows));
   },
   table(host, rows) {
     const f = TC.data.fit, s = TC.state, d = f.data, one = f.measured.length === 1, units = one ? f.measured[0].units : "1", ys = one ? TC.scale(d.value, units) : { by: 1, unit: "" }, xs = f.given.length ? TC.scale(d.given, f.given[0].units) : null;
