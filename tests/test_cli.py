@@ -119,7 +119,7 @@ def test_plan_touches_nothing(folder: Path) -> None:
     assert "level  maxh " in result.stdout
     assert "about" not in result.stdout.split("left out")[0]  # sizes are counted
     assert "1 stiffness factorisation, no temperature field" in result.stdout
-    assert " s of one process on this machine when idle, about 0.3 GB\n" in result.stdout
+    assert " s of CPU time, about 0.3 GB\n" in result.stdout
     assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
     found = json.loads(tcstudy_command("plan", "block.yaml", "--json", cwd=folder).stdout)
     assert (found["points"], len(found["levels"]), found["factorisations"]) == (2, 2, 1)

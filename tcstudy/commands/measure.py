@@ -73,7 +73,7 @@ def cost(options: argparse.Namespace) -> int:
     from tcstudy.reports.select_point import describe, locate
     from tcstudy.reports.terminal.cost import cost_report
     from tcstudy.reports.terminal.progress import CostProgress
-    from tcstudy.study.cost import cost_to_file, geometry_at, unmeasured
+    from tcstudy.study.cost import cost_to_file, unmeasured
 
     points = sweep_points(study)
     where = locate(points, point, "study")
@@ -83,14 +83,7 @@ def cost(options: argparse.Namespace) -> int:
     if shared.is_there(options, "cost", study, path, point=words, runs=options.runs):
         failed = shared.stored(path)[1]
     else:
-        from tcstudy.reports.terminal.forecast import expected_words
-        from tcstudy.study.expected import of_cost
-        from tcstudy.study.plan import plan
-
-        one = geometry_at(study, tuple(where.values()))[0]
-        forecast = plan(one)
-        expected = of_cost(one, forecast.levels, bool(forecast.heat_solves), options.runs, len(study.solver.names))
-        note(options, f"expected: {expected_words(expected.seconds, expected.memory)}")
+        note(options, f"time unknown until the first of {options.runs} runs has measured it")
         with closing(CostProgress()) as bar:
             progress = (lambda what, left: None) if options.quiet else bar
             failed = cost_to_file(study, tuple(where.values()), words, options.runs, path, progress, options.words)

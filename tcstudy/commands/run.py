@@ -105,7 +105,7 @@ def plan(options: argparse.Namespace) -> int:
 
     forecast, expected = _planned(options, study)
     steps = study.history.steps if study.history is not None else 0
-    time = expected_words(expected.seconds, expected.memory, study.mesh.open_ended)
+    time = expected_words(**asdict(expected), at_most=study.mesh.open_ended)
     if options.json:
         print(_plan_json(study, output, forecast, expected))
     elif options.quiet:
@@ -120,7 +120,7 @@ def plan(options: argparse.Namespace) -> int:
 
 def _planned(options: argparse.Namespace, study: Study) -> tuple[Plan, Resources]:
     """The forecast of a study and what a run takes; of many geometries by workers where that pays."""
-    from tcstudy.study.plan import plan_and_resources
+    from tcstudy.study.trial import plan_and_resources
 
     if not study.variants:
         return plan_and_resources(study)

@@ -1,21 +1,17 @@
-"""What a run or a chart of costs may take: sizes of its meshes, time and memory, scaled to this machine by a probe.
+"""Sizes of the meshes of a run, and roughly what its geometries and histories take, for the choice of workers.
 
 Sizes are counted on the coarsest mesh, which takes milliseconds. Uniform refinement of a mesh with V nodes, T triangles
 and the Euler characteristic χ makes T' = 4T and V' = V + E with E = V + T − χ edges; what the boundary carries
 (constraints, contact unknowns) grows affinely in 2^level. Two meshes therefore tell the sizes of all. Other meshes are
 made as long as they are small, and predicted from the last one made.
 
-The stages' times are those of results/speed.md: t = c Nᵖ for N displacement unknowns, one thread of an idle machine.
-Left out: estimates of errors, the bundle method's many steps, and what other work on the machine costs.
+Times are those of results/speed.md, t = c Nᵖ for N displacement unknowns; what users are told is measured
+(`study.trial`).
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
-from functools import lru_cache
-
-import numpy as np
+from collections.abc import Sequence
 
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem.boundary import constrain, contact_line
@@ -25,7 +21,6 @@ from tcstudy.fem.study_meshes import Meshes
 from tcstudy.scene.records import Clamped, Contact, Scene
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.study.jobs import (
-    WORTH,
     LevelForecast,
     Resources,
     crew,
@@ -37,34 +32,14 @@ from tcstudy.study.jobs import (
 )
 from tcstudy.study.jobs import seconds as contact_seconds
 
-PROBES = (6.0e-3, 1.2e-2)
-"""Seconds of the two probes on the machine of results/speed.md: arithmetic, and scattered memory."""
-REPEATS = 7
 START, LEVEL = 2.0, 0.3
 """Seconds that starting takes, and a level whatever its size."""
-ASSEMBLY, FACTOR, HEAT, LOADS = (1.25e-6, 1.08), (8.6e-7, 1.12), (1.04e-6, 1.07), (1.05e-6, 1.08)
-"""(c, p) of the stages: mesh refinement with assembly, Ã, the heat problem, loads."""
+STAGES = (4.6e-6, 1.08)
+"""(c, p) of all stages of a level, from the refinement of its mesh to its loads, with a heat problem."""
 STEP = 75.0
 """Times as long as a point of a block takes a step of a history (13 ms with 40 nodes, 33 ms with 133)."""
 MEMORY, UNKNOWN = 270e6, 2700.0
 """Bytes of the program, and more for each unknown of the finest mesh (2.79 GB at N = 939,518)."""
-FAMILIES, REFERENCE = 3, 10.0
-"""Mesh families of a chart of costs, and how many times as many unknowns its reference has."""
-
-
-def of_run(
-    study: Study, levels: Sequence[LevelForecast], factorisations: int, heat_solves: int, start: float = START
-) -> Resources:
-    """What a run is expected to take; the most, where an estimate decides about meshes."""
-    all_levels = refined(levels, study.mesh)
-    spent = start + sum(_level(v.n_dof, factorisations, bool(heat_solves)) for v in all_levels)
-    spent = spent * slowness() + meshing_seconds(study.mesh, all_levels)
-    if (history := study.history) is not None:
-        one = history.of(all_levels)
-        spent += len(study.scenes) * of_history(study, one.n_dof, one.n_contact).seconds
-    else:
-        spent += sum(contact_seconds(study, v.n_contact) for v in all_levels)
-    return Resources(spent, MEMORY + UNKNOWN * max((v.n_dof for v in all_levels), default=0))
 
 
 def of_history(study: Study, n_dof: int, m: int) -> Resources:
@@ -76,7 +51,10 @@ def of_history(study: Study, n_dof: int, m: int) -> Resources:
 
 def of_geometry(study: Study) -> Resources:
     """What all points of a geometry of a sweep are expected to take, without a look at its meshes."""
-    return of_run(study, forecast(study), 1, 0, start=0.0)
+    levels, (c, p) = refined(forecast(study), study.mesh), STAGES
+    spent = sum(LEVEL + c * v.n_dof**p + contact_seconds(study, v.n_contact) for v in levels)
+    memory = MEMORY + UNKNOWN * max((v.n_dof for v in levels), default=0)
+    return Resources(spent + meshing_seconds(study.mesh, levels), memory)
 
 
 def work_words(study: Study, levels: Sequence[LevelForecast], jobs: int | None) -> str:
@@ -92,49 +70,7 @@ def work_words(study: Study, levels: Sequence[LevelForecast], jobs: int | None) 
             return ""
         return f"{len(each)} {what}, each whole by one of {count} worker processes (--jobs), {scheduler}"
     most = max((workers(study, level.n_contact, jobs) for level in levels), default=1)
-    took = sum(contact_seconds(study, level.n_contact) for level in levels)
-    about = f"contact problems: about {took:.1g} s of one process" if took >= WORTH else ""
-    who = f"solved by {most} worker processes (--jobs), {scheduler}"
-    if most == 1:
-        return about
-    return f"{about}, {who}" if about else f"contact problems {who}"
-
-
-def of_cost(study: Study, levels: Sequence[LevelForecast], heat: bool, runs: int, solvers: int) -> Resources:
-    """What a chart of costs is expected to take: every family to one refinement beyond the study, and the reference."""
-    sizes = [v.n_dof for v in refined(levels, study.mesh)]
-    sizes = [*sizes, 4 * max(sizes, default=0)]
-    reference = round(REFERENCE * max(sizes))
-    each, meshed = sum(_level(n, 1, heat) for n in sizes), meshing_seconds(study.mesh, levels)
-    # an adaptive reference passes meshes that double: twice its finest
-    times = runs * solvers * FAMILIES
-    spent = START + times * each + 2.0 * _level(reference, 1, heat)
-    return Resources(spent * slowness() + (times + 1) * meshed, MEMORY + UNKNOWN * reference)
-
-
-def _level(n_dof: int, factorisations: int, heat: bool) -> float:
-    """Seconds of one level from its mesh to the loads, on the machine of results/speed.md."""
-    spent = [(1, ASSEMBLY), (factorisations, FACTOR), (factorisations, LOADS), (int(heat), HEAT)]
-    return LEVEL + sum(count * c * float(n_dof) ** p for count, (c, p) in spent)
-
-
-@lru_cache(maxsize=1)
-def slowness() -> float:
-    """How many times as long this machine takes: the mean of two probes, the best of a few repeats each."""
-    rng = np.random.default_rng(0)
-    weights, places = rng.random(1_000_000), rng.integers(0, 1_000_000, 1_000_000)
-    taken = (_best(lambda: np.exp(weights)), _best(lambda: np.bincount(places, weights)))  # both use one thread
-    return float(np.mean(np.divide(taken, PROBES)))
-
-
-def _best(work: Callable[[], object]) -> float:
-    """The least processor time of some repeats: what other programs take does not count."""
-    least = np.inf
-    for _ in range(REPEATS):
-        begin = time.process_time()
-        work()
-        least = min(least, time.process_time() - begin)
-    return float(least)
+    return f"contact problems solved by {most} worker processes (--jobs), {scheduler}" if most > 1 else ""
 
 
 MOST_NODES = 5_000

@@ -119,10 +119,11 @@ def workers(study: Study, m: int, jobs: int | None = None) -> int:
 
 @dataclass(frozen=True)
 class Resources:
-    """Wall time [s] of one process on an idle machine, and peak memory [byte]."""
+    """CPU time [s] of one process and peak memory [byte]; unknown: why the time is not known, then NaN."""
 
     seconds: float
     memory: float
+    unknown: str = ""
 
 
 SHARE = 0.5

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -25,8 +25,8 @@ from tcstudy.scene.records import Contact
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import body_area, boundary_lengths
 from tcstudy.study.doubts import built_faults, doubts, locking_notes, unused
-from tcstudy.study.expected import meshing_seconds, of_run, rough_sizes, sizes
-from tcstudy.study.jobs import LevelForecast, Resources, forecast, refined
+from tcstudy.study.expected import meshing_seconds, rough_sizes, sizes
+from tcstudy.study.jobs import LevelForecast, forecast, refined
 
 
 @dataclass(frozen=True)
@@ -51,17 +51,13 @@ class Plan:
     bytes: int
 
 
-Plans = Callable[[Sequence[Study]], Iterable[Plan]]
-"""The forecasts of studies of one geometry each."""
-
-
 def plan(study: Study) -> Plan:
     """The forecast of a study that the reader has accepted.
 
     Raises GeometryFailed where a run would before it solves anything.
     """
     if study.variants:
-        return _of_geometries(study, [(one.study, plan(one.study)) for one in study.variants if one.study is not None])
+        return of_geometries(study, [(one.study, plan(one.study)) for one in study.variants if one.study is not None])
     ratios = {Level.ratio(s) for s in distinct(study.scenes, *of_stiffness(study.scenes))}
     heats = {
         (s.heat, tuple(one.k for one in s.material.all)) for s in distinct(study.scenes, *FELT) if needs_heat_solve(s)
@@ -78,16 +74,7 @@ def plan(study: Study) -> Plan:
     )
 
 
-def plan_and_resources(study: Study, plans: Plans = lambda studies: map(plan, studies)) -> tuple[Plan, Resources]:
-    """The same, and what a run takes; plans: who makes those of several geometries."""
-    geometries = [one.study for one in study.variants if one.study is not None] or [study]
-    found = list(zip(geometries, plans(geometries), strict=True))
-    spent = [of_run(own, plan.levels, plan.factorisations, plan.heat_solves) for own, plan in found]
-    whole = _of_geometries(study, found) if study.variants else found[0][1]
-    return whole, Resources(sum(one.seconds for one in spent), max(one.memory for one in spent))
-
-
-def _of_geometries(study: Study, found: Sequence[tuple[Study, Plan]]) -> Plan:
+def of_geometries(study: Study, found: Sequence[tuple[Study, Plan]]) -> Plan:
     """The forecast of all geometries from those of each that has a mesh, with the meshes of the largest."""
     words = [one.words for one in study.variants if one.study is not None]
     factors, meshes = sum(plan.factorisations for _, plan in found), sum(own.mesh.levels for own, _ in found)

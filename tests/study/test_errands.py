@@ -27,8 +27,8 @@ from tcstudy.study import expected, jobs
 from tcstudy.study.errands import errand, plans, solve_geometry
 from tcstudy.study.execute import execute
 from tcstudy.study.jobs import Staff
-from tcstudy.study.plan import plan_and_resources
 from tcstudy.study.run import LevelWork, Quiet, run
+from tcstudy.study.trial import plan_and_resources
 from tests.benchmarks.kills import assert_same, children
 from tests.executors.test_processes import CRUEL, gone
 from tests.executors.test_processes import assert_same as assert_blocks

@@ -112,10 +112,9 @@ def test_a_history_with_elements_much_longer_than_its_strip_is_high_is_told() ->
     assert not any("as long as" in n for n in plan(study_of(strip, "mesh={maxh: 2}")).notes)
 
 
-def test_a_tiny_study_takes_no_zero_seconds() -> None:
-    assert expected_words(0.3, 2e8).startswith("about 1 s of one process")
-    assert expected_words(0.3, 2e8, at_most=True).startswith("up to about 1 s of one process")
-    assert expected_words(2.2, 2e8, at_most=True).startswith("up to about 2 s of one process")
+def test_time_and_memory_in_words() -> None:
+    assert expected_words(2.2, 2e8) == "about 2 s of CPU time, about 0.2 GB"
+    assert expected_words(float("nan"), 2e8, "why", at_most=True) == "time unknown: why; up to about 0.2 GB"
 
 
 def test_dear_meshing_is_said_with_what_makes_it_cheap(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -58,8 +58,8 @@ def fit_brief(path: Path) -> dict[str, Any]:
     about = {key: data.attrs[key] for key in ABOUT if key in data.attrs}
     found = {"title": str(data.attrs["title"]), "verdict": "; ".join([", ".join(words), *doubts]), "parameters": told}
     lists = {key: data[key].values.tolist() for key in ("covariance", "singular_value", "singular_vector")}
-    starts = ("start_cost", "start_count", "start_estimate", "start_evaluations")
-    starts = {key: data[key].values.tolist() for key in starts if key in data}
+    kept = ("start_cost", "start_count", "start_estimate", "start_evaluations")
+    starts = {key: data[key].values.tolist() for key in kept if key in data}
     return found | lists | starts | about
 
 

@@ -44,11 +44,10 @@ def forecast_text(study: Study, plan: Any, more: Sequence[str], output: Path, wo
     return wrapped("\n".join(lines))
 
 
-def expected_words(seconds: float, memory: float, at_most: bool = False) -> str:
-    """Time and memory to expect, in words: rough figures."""
-    most = "up to " if at_most else ""
-    took = span(max(1.0, seconds))  # which the program itself takes to start
-    return f"{most}about {took} of one process on this machine when idle, {most}about {memory / 1e9:.1g} GB"
+def expected_words(seconds: float, memory: float, unknown: str = "", at_most: bool = False) -> str:
+    """CPU time and memory to expect, in words: rough figures; unknown: why the time is not known."""
+    room = f"{'up to ' if at_most else ''}about {memory / 1e9:.1g} GB"
+    return f"time unknown: {unknown}; {room}" if unknown else f"about {span(seconds)} of CPU time, {room}"
 
 
 def _count(value: int, level: Any) -> str:
