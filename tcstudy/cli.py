@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import gc
 import sys
 import warnings
@@ -58,6 +59,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _command(arguments: list[str]) -> int:
     """What the words ask for."""
     named = arguments[0] if arguments and arguments[0] in MODULES else None
+    if named is None and arguments and not arguments[0].startswith("-"):
+        word = arguments[0]
+        near = difflib.get_close_matches(word.lower(), MODULES, n=1, cutoff=0.55)
+        remedy = f"did you mean {near[0]!r}?" if near else f"use one of {', '.join(MODULES)}"
+        if word.endswith((".yaml", ".yml", ".nc")):
+            remedy = f"did you mean tcstudy {'show' if word.endswith('.nc') else 'run'} {word}?"
+        print(f"tcstudy: there is no command {word!r}; {remedy}", file=sys.stderr)
+        raise SystemExit(BAD_INPUT)
     options = parser_of(named).parse_args(arguments)
     options.words, options.parser_of = ["tcstudy", *arguments], parser_of
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
@@ -72,10 +73,7 @@ def _run(options: argparse.Namespace, study: Study, output: Path, staff: Staff) 
 
 def _say(options: argparse.Namespace, output: Path, points: int, failed: int, found: str) -> int:
     """The summary of a run, where its data are and what could be asked next."""
-    again = shlex.join(["tcstudy", "cost", str(options.study), *(f"--set={text}" for text in options.overrides)])
-    onward = "" if options.read.variants else f"\n  what accuracy costs here: {again} --plot cost.png"
-    if (design := options.read.design) is not None and design.mode == "saltelli":
-        onward = f"\n  which parameter decides: {shlex.join(['tcstudy', 'sensitivity', str(output)])}"
+    onward = "".join(f"\n  {why}: {shlex.join(words)}" for why, words in _onward(options, output, failed))
 
     def text() -> str:
         from tcstudy.reports.terminal.summary import MOST_ROWS, summary
@@ -87,6 +85,30 @@ def _say(options: argparse.Namespace, output: Path, points: int, failed: int, fo
 
     say(options, output, text)
     return SOME_FAILED if failed else OK
+
+
+def _onward(options: argparse.Namespace, output: Path, failed: int) -> Iterator[tuple[str, list[str]]]:
+    """What fits a run as the next command, with the reason."""
+    study: Study = options.read
+    again = [str(options.study), *(f"--set={text}" for text in options.overrides)]
+    if failed:
+        yield "what failed, and why", ["tcstudy", "show", str(output), "-v"]
+        return
+    if study.design is not None and study.design.mode == "saltelli":
+        yield "which parameter decides", ["tcstudy", "sensitivity", str(output)]
+    if not shared.proved_unique(output):
+        from tcstudy.read.plans import affine_parameters
+
+        if study.path is not None:
+            yield "whether a path has other solutions", ["tcstudy", "path", *again]
+        elif len(study.axes) == 1 and (axis := study.axes[0]).path in dict(affine_parameters(study.scenes[0])):
+            span = f"path={{parameter: {'.'.join(axis.path)}, from: {axis.values[0]}, to: {axis.values[-1]}}}"
+            yield "whether a path has other solutions", ["tcstudy", "path", *again, f"--set={span}"]
+    if study.mesh.levels > 1:
+        yield "how exact these are", ["tcstudy", "converge", *again]
+    elif not study.mesh.listed:
+        yield "how exact these are", ["tcstudy", "converge", *again, "--set=mesh.levels=3"]
+    yield "all of it on one page", ["tcstudy", "report", str(output)]
 
 
 @command(

@@ -265,6 +265,14 @@ def stored(output: Path) -> tuple[int, int]:
     return int(asked.size), int((asked != PointStatus.OK).sum())
 
 
+def proved_unique(output: Path) -> bool:
+    """Whether a file's solutions on the finest mesh are all proved to be the only ones."""
+    import netCDF4
+
+    with netCDF4.Dataset(output) as nc:
+        return "unique" in nc.variables and bool((nc["unique"][...][..., -1] == 1).all())
+
+
 def length_unit(study: Study) -> str:
     """The unit of lengths."""
     return "1" if study.units == "none" else "m"

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
 from tcstudy.expressions import expression as expressions
-from tcstudy.read.node import Collector, Node, hint, is_name, meant
+from tcstudy.read.node import Collector, Node, elsewhere, hint, is_name, meant
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import rows, short_of
 from tcstudy.scene.named import Named, expression_of
@@ -318,7 +318,7 @@ class Fields:
         free = [name for name in known if name not in node.value]
         near = {key: meant(key, free, known) for key in wrong}
         for key in wrong:
-            remedy = f"did you mean {near[key]!r}?" if near[key] else f"use one of the keys {', '.join(free or known)}"
+            remedy = elsewhere(key, node.path, near[key]) or f"use one of the keys {', '.join(free or known)}"
             if key[:1].isdigit():
                 remedy = "write decimals with a point: a comma begins the next entry"
             ctx.errors.at(node.value[key], "unknown key", remedy, on_key=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from tcstudy.errors import Problem, shortened
-from tcstudy.scene.keys import of_role, short_of
+from tcstudy.scene.keys import has_rows, of_role, rows, short_of
 
 Scalar: TypeAlias = "bool | int | float | str | None"
 Keys: TypeAlias = "tuple[str | int, ...]"
@@ -161,6 +161,28 @@ def meant(key: str, free: list[str], known: list[str]) -> str | None:
         return unused or best
     likeness = [difflib.SequenceMatcher(None, key, word).ratio() for word in (best, unused)]
     return best if likeness[0] > likeness[1] else unused
+
+
+OWN, LIKE = 0.6, 0.8
+"""Likeness from which on an unknown key is taken for one misspelt of its own section, though another has it as it is
+written, and for one misspelt of another section."""
+
+
+def elsewhere(key: str, path: str, near: str | None) -> str:
+    """Remedy for an unknown key of the section at a path: the nearest key there, or one of another section of the study.
+
+    near: the nearest key of its own section
+    """
+    like = difflib.SequenceMatcher(None, key, near).ratio() if near else 0.0
+    other = {name: rows(name) for name in rows("") if name != path.split(".")[0].split("[")[0] and has_rows(name)}
+    homes = [name for name, own in other.items() if key in own]
+    if like < OWN and (homes or (path and key in rows(""))):
+        return f"{key} belongs in {' or '.join(homes)}" if homes else f"{key} belongs at the top of the study"
+    if not near:
+        words = difflib.get_close_matches(key, {word for own in other.values() for word in own}, n=1, cutoff=LIKE)
+        homes = [name for name, own in other.items() if words and words[0] in own]
+        return f"did you mean {words[0]!r} of {' or '.join(homes)}?" if homes else ""
+    return f"did you mean {near!r}?"
 
 
 def hint(word: str, known: Iterable[str], otherwise: str) -> str:

@@ -307,6 +307,11 @@ def rows(section: str) -> dict[str, Key]:
     return _by_section()[section]
 
 
+def has_rows(section: str) -> bool:
+    """Whether there is a section of this name with keys of its own."""
+    return section in _by_section()
+
+
 def row(section: str, name: str) -> Key:
     """One row; raises KeyError."""
     return _by_section()[section][name]

@@ -1,0 +1,67 @@
+"""What the tool advises: the command that fits a run, the command and the key that were meant."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.commands import tcstudy_command
+from tests.test_cli import STUDY
+
+SOFTENING = ("friction={law: slip-weakening, tau_s: 0.02, tau_k: 0, delta: 0.001}", "sweep={g_x: [0.01, 0.02]}")
+PATH = "path={parameter: load, from: 0, to: 2}"
+HEATED = ("material.beta=1", "heat={theta: 0}", "sweep={theta: [0.001, 0.03]}", SOFTENING[0])
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ((), "how exact these are: tcstudy converge block.yaml\n"),
+        (("mesh.levels=1",), "converge block.yaml --set=mesh.levels=1 --set=mesh.levels=3\n"),
+        ((SOFTENING[0], "sweep=null", PATH), "whether a path has other solutions: tcstudy path block.yaml "),
+        (HEATED, "'--set=path={parameter: heat.theta, from: 0.001, to: 0.03}'\n"),
+        (("solver={name: separable-newton, tolerance: 1e-19}", "friction={law: exponential, a: 0.006, b: 0.004, "
+          "delta: 0.05}", "sweep={a: [0.006, 0.007]}"), "what failed, and why: tcstudy show results/block.nc -v\n"),
+    ],
+    ids=["levels", "one level", "path", "swept load", "failed"],
+)  # fmt: skip
+def test_a_run_ends_with_the_command_that_fits_it(tmp_path: Path, options: tuple[str, ...], told: str) -> None:
+    (tmp_path / "block.yaml").write_text(STUDY)
+    result = tcstudy_command("run", "block.yaml", *(f"--set={text}" for text in options), cwd=tmp_path)
+    assert told in result.stdout
+    assert ("whether a path" in result.stdout) == ("path" in told)
+
+
+@pytest.mark.parametrize(
+    ("word", "remedy"),
+    [
+        ("convrge", "did you mean 'converge'?"),
+        ("study.yaml", "did you mean tcstudy run study.yaml?"),
+        ("results/a.nc", "did you mean tcstudy show results/a.nc?"),
+        ("zzz", "use one of run, plan, merge"),
+    ],
+)
+def test_the_nearest_command_is_named(tmp_path: Path, word: str, remedy: str) -> None:
+    result = tcstudy_command(word, cwd=tmp_path)
+    assert result.returncode == 2
+    assert result.stderr.startswith(f"tcstudy: there is no command {word!r}; {remedy}")
+    assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("option", "remedy"),
+    [
+        ("solver.maxh=1", "solver.maxh: unknown key; maxh belongs in mesh"),
+        ("maxh2=1", "maxh2: unknown key; did you mean 'maxh' of mesh?"),
+        ("mesh.friction=tresca", "mesh.friction: unknown key; friction belongs at the top of the study"),
+        ("mesh.level=1", "mesh.level: unknown key; did you mean 'levels'?"),
+        ("material.toleranc=1", "material.toleranc: unknown key; did you mean 'tolerance' of mesh or solver?"),
+        ("mesh.zzz=1", "mesh.zzz: unknown key; use one of the keys "),
+    ],
+)
+def test_the_nearest_key_is_named_with_its_section(tmp_path: Path, option: str, remedy: str) -> None:
+    (tmp_path / "block.yaml").write_text(STUDY)
+    result = tcstudy_command("plan", "block.yaml", "--set", option, cwd=tmp_path)
+    assert result.returncode == 2
+    assert f"--set {option}: {remedy}" in result.stderr
