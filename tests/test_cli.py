@@ -96,7 +96,7 @@ def test_set_and_output(folder: Path) -> None:
         "run", "block.yaml", "--set", "mesh.levels=1", "--set", "sweep={tau: [0.02]}", "--output", "a.nc", cwd=folder
     )
     assert result.returncode == 0, result.stderr
-    assert "tcstudy cost block.yaml --set=mesh.levels=1 '--set=sweep={tau: [0.02]}' --plot cost.png" in result.stdout
+    assert "tcstudy converge block.yaml '--set=sweep={tau: [0.02]}' --set=mesh.levels=3\n" in result.stdout
     with tcstudy.open_results(folder / "a.nc") as tree:
         assert tree["status"].shape == (1, 1)
         assert tree["tau"].values.tolist() == [0.02]

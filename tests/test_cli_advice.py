@@ -18,7 +18,7 @@ HEATED = ("material.beta=1", "heat={theta: 0}", "sweep={theta: [0.001, 0.03]}", 
     ("options", "told"),
     [
         ((), "how exact these are: tcstudy converge block.yaml\n"),
-        (("mesh.levels=1",), "converge block.yaml --set=mesh.levels=1 --set=mesh.levels=3\n"),
+        (("mesh.levels=1",), "how exact these are: tcstudy converge block.yaml --set=mesh.levels=3\n"),
         ((SOFTENING[0], "sweep=null", PATH), "whether a path has other solutions: tcstudy path block.yaml "),
         (HEATED, "'--set=path={parameter: heat.theta, from: 0.001, to: 0.03}'\n"),
         (("solver={name: separable-newton, tolerance: 1e-19}", "friction={law: exponential, a: 0.006, b: 0.004, "

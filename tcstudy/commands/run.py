@@ -107,7 +107,8 @@ def _onward(options: argparse.Namespace, output: Path, failed: int) -> Iterator[
     if study.mesh.levels > 1:
         yield "how exact these are", ["tcstudy", "converge", *again]
     elif not study.mesh.listed:
-        yield "how exact these are", ["tcstudy", "converge", *again, "--set=mesh.levels=3"]
+        others = [word for word in again if not word.startswith("--set=mesh.levels=")]
+        yield "how exact these are", ["tcstudy", "converge", *others, "--set=mesh.levels=3"]
     yield "all of it on one page", ["tcstudy", "report", str(output)]
 
 

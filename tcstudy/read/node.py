@@ -169,7 +169,7 @@ written, and for one misspelt of another section."""
 
 
 def elsewhere(key: str, path: str, near: str | None) -> str:
-    """Remedy for an unknown key of the section at a path: the nearest key there, or one of another section of the study.
+    """Remedy for an unknown key of the section at a path: the nearest key there, or one of another section.
 
     near: the nearest key of its own section
     """
