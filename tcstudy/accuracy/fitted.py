@@ -1,7 +1,7 @@
 """Parameters from measurements: least squares in bounds, and what the data say of them and what not.
 
 Residuals r_i(p) = (model − datum)_i/σ_i; minimised is ½ Σ ρ(r_i²) by a trust region that stays inside the bounds, with
-the exact Jacobian, in q = ln p where a parameter has a logarithmic scale. At the minimum, with n data and k free
+the model's Jacobian, in q = ln p where a parameter has a logarithmic scale. At the minimum, with n data and k free
 parameters, the covariance of q is s²(JᵀJ)⁻¹, s² = 1 where the noise is known and RSS/(n − k) where it is estimated;
 intervals are Student's. A direction of J by ln p whose singular value is below WEAK of the largest, or whose interval
 is wider than a factor e, is one along which the data say nothing: named are the products that they do determine.
