@@ -1,33 +1,39 @@
-"""Corners of a body with the conditions that meet there, and how singular the elastic solution is in each.
+"""Places where the solution of a body may be singular, and how much: its corners, ends and kinks of interfaces.
 
 A contact edge holds u_N; where its last nodes stick it holds u_T as well. Stick and slip are told apart by the
 solution on the finest mesh, because the bound of the friction law, not the corner, decides between them.
 
-Exponents of the elastic solution in a corner: u ~ r^α with the smallest positive Re α.
+Exponents: u ~ r^α with the smallest positive Re α, θ ~ r^γ with the smallest positive γ.
 
-In the sector 0 < φ < ω Airy's stress function r^{α+1} F(φ), F = A cos(α+1)φ + B sin(α+1)φ + C cos(α−1)φ + D sin(α−1)φ,
-gives with κ = (λ+3μ)/(λ+μ)
+Around a place lie wedges, each of one material. In the wedge 0 < φ < ω Airy's stress function r^{α+1} F(φ),
+F = A cos(α+1)φ + B sin(α+1)φ + C cos(α−1)φ + D sin(α−1)φ, gives with κ = (λ+3μ)/(λ+μ)
 
     σ_φφ ∝ (α+1) F,  σ_rφ ∝ −F′,
-    2μ u_r = −(α+1) F + (κ+1)(C cos(α−1)φ + D sin(α−1)φ),  2μ u_φ = −F′ + (κ+1)(C sin(α−1)φ − D cos(α−1)φ);
+    2μ u_r = −(α+1) F + (κ+1)(C cos(α−1)φ + D sin(α−1)φ),  2μ u_φ = −F′ + (κ+1)(C sin(α−1)φ − D cos(α−1)φ).
 
-two homogeneous conditions on each side make a determinant whose zeros are the exponents.
-Literature: M. L. Williams, J. Appl. Mech. 19 (1952) 526–528.
+With M(φ) from (A, B, C, D) to s = (u_r, u_φ, σ_rφ, σ_φφ), M(ω) M(0)⁻¹ carries s through the wedge, and s goes on at an
+interface. So with T the product over the wedges, the exponents are the zeros of det(R₂ T N₁), N₁ a basis of the s that
+the condition of the first side allows and R₂ what that of the last side makes vanish; of det(T − 1) where the wedges
+close. Heat alike, with s = (θ, k ∂_φ θ/γ) and the rotation by γω.
+Literature: M. L. Williams, J. Appl. Mech. 19 (1952) 526–528; D. B. Bogy, J. Appl. Mech. 38 (1971) 377–386;
+R. B. Kellogg, Appl. Anal. 4 (1975) 101–129.
 Left out: exponents at which u is a polynomial (0, 1), and logarithms at double roots.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.records import Body, Clamped, Contact, Edge, Material, Point, Rigid, Role
-from tcstudy.shapes.edges import edge_normal
+from tcstudy.scene.edge_laws import EdgeLaws
+from tcstudy.scene.records import BODY, Clamped, Contact, Edge, Material, Point, Rigid, Role, Scene
+from tcstudy.shapes.edges import body_size, edge_arc, edge_at, edge_distance, edge_length, edge_normal
 
 Array = NDArray[np.float64]
 Sticks = Callable[[str, Point], bool]
@@ -47,20 +53,23 @@ def sticking_near(edges: Sequence[str], xy: Array, sticks: NDArray[np.bool_]) ->
 
 @dataclass(frozen=True)
 class Vertex:
-    """A corner of the body.
+    """A corner of the body, or a point where materials meet.
 
-    at:        its place;  angle: opening angle inside the body [rad]
-    edges:     names of the edges that meet;  words: their conditions in words
-    exponent:  u ~ r^exponent, SMOOTH if the corner leaves u smooth
-    contact:   one of the edges is in contact
+    at:       its place;  angle: opening angle inside the body [rad], 2π within it
+    words:    conditions of the edges that meet in words, none within the body
+    exponent: u ~ r^exponent, SMOOTH if the corner leaves u smooth;  heat: θ ~ r^heat, likewise
+    contact:  one of the edges is in contact;  steps: the shear stress has a step there, or may have
+    meeting:  regions around it, counter-clockwise, where materials differ
     """
 
     at: Point
     angle: float
-    edges: tuple[str, str]
-    words: tuple[str, str]
+    words: tuple[str, ...]
     exponent: float
-    contact: bool
+    heat: float
+    contact: bool = False
+    steps: bool = False
+    meeting: tuple[str, ...] = ()
 
     @property
     def half_turns(self) -> float:
@@ -76,37 +85,144 @@ class Side:
     away: Point
 
 
-def vertices(body: Body, boundary: tuple[tuple[str, Role], ...], material: Material, sticks: Sticks) -> list[Vertex]:
-    """All corners of a body given by edges; none for a body from a file, whose corners are not looked at."""
-    if body.outline is None:
-        return []
-    roles, found = dict(boundary), []
-    for loop, hole in [(body.outline, False), *((hole, True) for hole in body.holes)]:
-        for before, after in (*loop.corners[-1:], *loop.corners[:-1]):
-            # The body lies counter-clockwise of the edge at φ = 0: the one that leaves an outline's corner.
-            edges, at = (before, after) if hole else (after, before), after.start
-            zero, far = (Side(edge.name, _away(edge, at)) for edge in edges)
-            found.append(vertex(at, zero, far, roles, material, sticks))
+@dataclass
+class _Ray:
+    """What leaves a place in one direction: an edge of the body, by name, or an interface.
+
+    ahead:       a point on it a little further on;  after, before: regions counter-clockwise and clockwise of it
+    opens, ends: the body begins, or ends, counter-clockwise of it
+    """
+
+    side: Side
+    ahead: Array
+    after: str = BODY
+    before: str = BODY
+    opens: bool = False
+    ends: bool = False
+
+    @property
+    def angle(self) -> float:
+        return math.atan2(self.side.away[1], self.side.away[0])
+
+
+Wedge = tuple[float, str, Material]
+"""Opening angle [rad], region, material."""
+NEAR, AHEAD, THINNEST = 1e-8, 1e-2, 1e-3
+"""Distance in sizes of the body that is none, a little further on in lengths of the shortest edge, and an angle [rad]
+below which two edges meet in a cusp."""
+
+
+def vertices(scene: Scene, sticks: Sticks) -> list[Vertex] | None:
+    """All corners of a body given by edges, and all places where an interface ends, turns or meets another one; None
+    where they are not analysed: for a body from a file, and where edges meet without an angle.
+    """
+    if scene.body.outline is None:
+        return None
+    own, rest, found = dict(scene.material.regions), replace(scene.material, regions=()), []
+    edges = [
+        (edge, hole, "") for loop in scene.body.loops for edge in loop.edges for hole in [loop in scene.body.holes]
+    ]
+    edges += [(edge, False, r.name) for r in scene.body.regions if r.name in own for edge in r.loop.edges]
+    gap = NEAR * body_size(scene.body)
+    if any(_touches(a, b, gap) for a, _, _ in edges for b, _, name in edges if name and a is not b):
+        return None
+    ahead = AHEAD * min(edge_length(edge) for edge, _, _ in edges)
+    places: list[Point] = []
+    for edge, _, _ in edges:
+        if all(math.dist(edge.start, other) > gap for other in places):
+            places.append(edge.start)
+    for at in places:
+        rays = sorted(_rays(at, edges, gap, ahead), key=lambda ray: ray.angle)
+        first = next((i for i, ray in enumerate(rays) if ray.opens), 0)
+        rays = [*rays[first:], *rays[:first]]
+        within, last = not rays[0].opens, next((i for i, ray in enumerate(rays) if ray.ends), len(rays))
+        around = [*rays, rays[0]][: last + 1]
+        wedges = []
+        for ray, other in itertools.pairwise(around):
+            region = ray.after if ray.after != BODY else other.before
+            wedges.append((opening(ray.side, other.side), region, own.get(region, rest)))
+        if min(angle for angle, _, _ in wedges) < THINNEST:
+            return None
+        straight = len(wedges) == 2 and abs(wedges[0][0] - math.pi) < THINNEST
+        if within and (straight or len({material for _, _, material in wedges}) == 1):
+            continue
+        sides = () if within else (around[0].side, around[-1].side)
+        found.append(vertex(at, sides, wedges, scene, sticks))
     return found
 
 
-def vertex(at: Point, zero: Side, far: Side, roles: dict[str, Role], material: Material, sticks: Sticks) -> Vertex:
-    """The corner between two sides; the body lies counter-clockwise of `zero`."""
+def _touches(edge: Edge, other: Edge, gap: float) -> bool:
+    """Whether an arc comes as close to an interface, away from its ends, as where they touch in a cusp."""
+    distance = edge_distance(other, edge_at(edge, np.linspace(0.0, 1.0, 257)[1:-1]))
+    curved = edge.through is not None or other.through is not None
+    return bool(curved and distance.min() < 1e-4 * edge_length(edge) and np.count_nonzero(distance <= gap) < 3)
+
+
+def _rays(at: Point, edges: Sequence[tuple[Edge, bool, str]], gap: float, ahead: float) -> list[_Ray]:
+    """What leaves a place. Edges (edge, whether of a hole, region whose border it is) have their loop on their left; of
+    edges that run together there is one ray."""
+    rays: list[_Ray] = []
+    for edge, hole, region in edges:
+        if edge_distance(edge, [at])[0] > gap:
+            continue
+        n, length = edge_normal(edge, [at])[0], edge_length(edge)
+        here = _share(edge, at)
+        for forward, there in ((True, edge.end), (False, edge.start)):
+            if math.dist(at, there) <= gap:
+                continue
+            way = 1.0 if forward else -1.0
+            point = edge_at(edge, np.array([here + way * ahead / length]))[0]
+            ray = next((one for one in rays if np.linalg.norm(one.ahead - point) <= 10.0 * gap), None)
+            if ray is None:
+                ray = _Ray(Side("" if region else edge.name, (-way * float(n[1]), way * float(n[0]))), point)
+                rays.append(ray)
+            if not region:
+                ray.side = Side(edge.name, ray.side.away)
+                ray.opens, ray.ends = forward != hole, forward == hole
+            elif forward:
+                ray.after = region
+            else:
+                ray.before = region
+    return rays
+
+
+def _share(edge: Edge, at: Point) -> float:
+    """The share of the length of an edge at which a point on it lies."""
+    arc = edge_arc(edge)
+    if arc is None:
+        return math.dist(edge.start, at) / math.dist(edge.start, edge.end)
+    turned = math.atan2(at[1] - arc.center[1], at[0] - arc.center[0]) - arc.start
+    return (math.copysign(1.0, arc.sweep) * turned + 1e-6) % (2.0 * math.pi) / abs(arc.sweep)
+
+
+def opening(zero: Side, far: Side) -> float:
+    """The angle between two sides, counter-clockwise from the first; a full turn where they are one."""
     (a, b), (c, d) = zero.away, far.away
-    angle = (math.atan2(d, c) - math.atan2(b, a)) % (2 * math.pi)
-    angle = 2 * math.pi if angle < 1e-9 else angle
-    (first, said), (second, told) = (_condition(roles[side.name], side, at, sticks) for side in (zero, far))
-    kappa = (material.lam + 3 * material.mu) / (material.lam + material.mu)
-    exponent = corner_exponent(round(angle, 12), first, second, kappa)
-    contact = any(isinstance(roles[side.name], Contact) for side in (zero, far))
-    return Vertex(at, angle, (zero.name, far.name), (said, told), exponent, contact)
+    angle = (math.atan2(d, c) - math.atan2(b, a)) % (2.0 * math.pi)
+    return 2.0 * math.pi if angle < 1e-9 or (zero.name and angle > 2.0 * math.pi - 1e-9) else angle
 
 
-def _away(edge: Edge, at: Point) -> tuple[float, float]:
-    """Unit tangent of an edge at one of its ends, pointing away from the corner into the edge."""
-    n = edge_normal(edge, np.array([at]))[0]
-    forward = (-float(n[1]), float(n[0]))  # the normal lies to the right of the edge
-    return forward if edge.start == at else (-forward[0], -forward[1])
+def vertex(at: Point, sides: Sequence[Side], wedges: Sequence[Wedge], scene: Scene, sticks: Sticks) -> Vertex:
+    """The place where wedges meet, counter-clockwise from the first side to the last; no sides within the body."""
+    roles = dict(scene.boundary)
+    held = [_condition(roles[side.name], side, at, sticks) for side in sides]
+    words = tuple(said for _, said in held)
+    unit = wedges[0][2].mu
+    elastic = tuple((round(w, 12), m.mu / unit, (m.lam + 3 * m.mu) / (m.lam + m.mu)) for w, _, m in wedges)
+    exponent = corner_exponent(elastic, *(directions for directions, _ in held))
+    heat = SMOOTH
+    if scene.conducts and scene.heat.theta is None:
+        given = [(edge := roles[side.name].heat) is not None and edge.theta is not None for side in sides]
+        heat = heat_exponent(tuple((round(w, 12), m.k or 1.0) for w, _, m in wedges), *given)
+    meeting = tuple(region for _, region, _ in wedges) if len({m for _, _, m in wedges}) > 1 else ()
+    free = [m.beta / (m.lam + m.mu) for _, _, m in wedges]  # expansion, over θ/2
+    if (scene.conducts or scene.heat.theta) and max(free) - min(free) > 1e-12 * max(map(abs, free)):
+        exponent = min(exponent, 1.0)  # u ~ r log r
+    contact = any(isinstance(roles[side.name], Contact) for side in sides)
+    laws = isinstance(scene.friction, EdgeLaws) and len({side.name for side in sides}) > 1
+    steps = contact and (set(words) != {"slipping contact"} or bool(meeting) or laws)
+    angle = math.fsum(w for w, _, _ in wedges)
+    return Vertex(at, angle, words, exponent, heat, contact, steps, meeting)
 
 
 def _condition(role: Role, side: Side, at: Point, sticks: Sticks) -> tuple[tuple[Direction, ...], str]:
@@ -131,8 +247,11 @@ def _condition(role: Role, side: Side, at: Point, sticks: Sticks) -> tuple[tuple
 def corner_words(vertex: Vertex) -> str:
     """Which corner, in words."""
     x, y = vertex.at
-    first, second = vertex.words
-    return f"{first}–{second} corner of {180 * vertex.half_turns:.4g}° at ({x:.4g}, {y:.4g})"
+    where = f"at ({x:.4g}, {y:.4g})"
+    if not vertex.meeting:
+        return f"{'–'.join(vertex.words)} corner of {180 * vertex.half_turns:.4g}° {where}"
+    met = " and ".join(dict.fromkeys(vertex.meeting))
+    return f"{met} meeting {f'at a {chr(8211).join(vertex.words)} edge ' if vertex.words else ''}{where}"
 
 
 def describe(vertex: Vertex) -> str:
@@ -143,10 +262,12 @@ def describe(vertex: Vertex) -> str:
 Complex = NDArray[np.complex128]
 Direction = tuple[float, float]
 """A held direction in the polar frame (e_r, e_φ) of a side."""
+Held = tuple[Direction, ...]
+"""Directions held on a side: none where it is free, two where it is clamped."""
 
-FREE: tuple[Direction, ...] = ()
-CLAMPED: tuple[Direction, ...] = ((1.0, 0.0), (0.0, 1.0))
-SLIDING: tuple[Direction, ...] = ((0.0, 1.0),)
+FREE: Held = ()
+CLAMPED: Held = ((1.0, 0.0), (0.0, 1.0))
+SLIDING: Held = ((0.0, 1.0),)
 """u_N = 0 without (or with a bounded, smooth) tangential traction."""
 
 SMOOTH = 2.0
@@ -154,60 +275,96 @@ SMOOTH = 2.0
 
 
 @lru_cache(maxsize=256)
-def corner_exponent(angle: float, first: tuple[Direction, ...], second: tuple[Direction, ...], kappa: float) -> float:
-    """Smallest Re α in (0, SMOOTH) of a sector of the given opening angle, SMOOTH if there is none.
+def corner_exponent(wedges: tuple[tuple[float, float, float], ...], *sides: Held) -> float:
+    """Smallest Re α in (0, SMOOTH) of u ~ r^α, SMOOTH if there is none.
 
-    first, second: directions held at φ = 0 and φ = angle (none: free; two: clamped)
+    wedges: opening angle [rad], shear modulus, κ of each, counter-clockwise;  sides: what is held on the first and on
+    the last side, nothing where the wedges close
     """
-    roots = _roots(angle, first, second, kappa)
+
+    def determinant(alpha: Complex) -> Complex:
+        through = np.broadcast_to(np.eye(4, dtype=complex), (len(alpha), 4, 4))
+        for angle, mu, kappa in wedges:
+            through = _carried(alpha, angle, mu, kappa) @ through
+        if not sides:
+            return np.asarray(np.linalg.det(through - np.eye(4)))
+        start, end = _allowed(sides[0]), _vanishing(sides[1])
+        return np.asarray(np.linalg.det(end @ through @ start))
+
+    # a rotation of the whole is a zero at 1 of several orders where the wedges close, known to few digits
+    roots = _roots(determinant, SMOOTH, 1e-5 if sides else 1e-2)
     return float(min((root.real for root in roots), default=SMOOTH))
 
 
-def _determinant(
-    alpha: Complex, angle: float, first: Sequence[Direction], second: Sequence[Direction], kappa: float
-) -> Complex:
-    rows = [*_conditions(alpha, 0.0, first, kappa), *_conditions(alpha, angle, second, kappa)]
-    return np.asarray(np.linalg.det(np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)))
+@lru_cache(maxsize=256)
+def heat_exponent(wedges: tuple[tuple[float, float], ...], *given: bool) -> float:
+    """Smallest γ in (0, 1) of θ ~ r^γ, SMOOTH if there is none.
+
+    wedges: opening angle [rad], conductivity of each;  given: whether θ is, on the first and on the last side (else
+    the flux), nothing where the wedges close
+    """
+
+    def determinant(gamma: Complex) -> Complex:
+        through = np.broadcast_to(np.eye(2, dtype=complex), (len(gamma), 2, 2))
+        for angle, k in wedges:
+            c, s = np.cos(gamma * angle), np.sin(gamma * angle)
+            through = np.moveaxis(np.array([[c, s / k], [-k * s, c]]), -1, 0) @ through
+        if not given:
+            return np.asarray(np.linalg.det(through - np.eye(2)))
+        return np.asarray(through[:, 0 if given[1] else 1, 1 if given[0] else 0])
+
+    return float(min((root.real for root in _roots(determinant, 1.0, 1e-6)), default=SMOOTH))
 
 
-def _conditions(alpha: Complex, phi: float, held: Sequence[Direction], kappa: float) -> list[list[Complex]]:
-    """Two rows of coefficients of A, B, C, D that vanish on a side."""
-    plus, minus = (alpha + 1) * phi, (alpha - 1) * phi
+def _carried(alpha: Complex, angle: float, mu: float, kappa: float) -> Complex:
+    """(n, 4, 4) M(ω) M(0)⁻¹ of a wedge."""
+    plus, minus, zero = (alpha + 1) * angle, (alpha - 1) * angle, np.zeros_like(alpha)
     cos_m, sin_m = np.cos(minus), np.sin(minus)
-    F = [np.cos(plus), np.sin(plus), cos_m, sin_m]
-    dF = [-(alpha + 1) * F[1], (alpha + 1) * F[0], -(alpha - 1) * sin_m, (alpha - 1) * cos_m]
-    zero = np.zeros_like(alpha)
-    moved_r, moved_phi = [zero, zero, cos_m, sin_m], [zero, zero, sin_m, -cos_m]
-    u_r = [-(alpha + 1) * f + (kappa + 1) * g for f, g in zip(F, moved_r, strict=True)]
-    u_phi = [-f + (kappa + 1) * g for f, g in zip(dF, moved_phi, strict=True)]
-    stress_r, stress_phi = [-f for f in dF], [(alpha + 1) * f for f in F]
-    if len(held) == 2:
-        return [u_r, u_phi]
-    if not held:
-        return [stress_r, stress_phi]
+    F = np.array([np.cos(plus), np.sin(plus), cos_m, sin_m])
+    dF = np.array([-(alpha + 1) * F[1], (alpha + 1) * F[0], -(alpha - 1) * sin_m, (alpha - 1) * cos_m])
+    u_r = -(alpha + 1) * F + (kappa + 1) * np.array([zero, zero, cos_m, sin_m])
+    u_phi = -dF + (kappa + 1) * np.array([zero, zero, sin_m, -cos_m])
+    there = np.array([u_r / (2 * mu), u_phi / (2 * mu), -dF, (alpha + 1) * F])
+    one = np.ones_like(alpha) / (kappa + 1)
+    C = np.array([2 * mu * one, zero, zero, one])  # from u_r, u_φ, σ_rφ, σ_φφ at φ = 0
+    D = np.array([zero, -2 * mu * one, one, zero])
+    A = np.array([zero, zero, zero, 1 / (alpha + 1)]) - C
+    B = (np.array([zero, zero, -1 + zero, zero]) - (alpha - 1) * D) / (alpha + 1)
+    return np.asarray(np.einsum("ijn,jkn->nik", there, np.array([A, B, C, D])))
+
+
+def _allowed(held: Held) -> Array:
+    """(4, 2) basis of the (u_r, u_φ, σ_rφ, σ_φφ) that a side allows."""
+    if len(held) != 1:
+        return np.eye(4)[:, 2:] if held else np.eye(4)[:, :2]
     ((a, b),) = held
-    return [
-        [a * x + b * y for x, y in zip(u_r, u_phi, strict=True)],
-        [-b * x + a * y for x, y in zip(stress_r, stress_phi, strict=True)],
-    ]
+    return np.array([[-b, 0.0], [a, 0.0], [0.0, a], [0.0, b]])
 
 
-def _roots(angle: float, first: Sequence[Direction], second: Sequence[Direction], kappa: float) -> list[complex]:
-    """Zeros of the determinant in 0 < Re α < SMOOTH: Newton's method from a grid of starts."""
-    real, imaginary = np.meshgrid(np.linspace(0.05, SMOOTH, 40), np.linspace(0.0, 1.6, 9))
+def _vanishing(held: Held) -> Array:
+    """(2, 4) what of them vanishes on a side."""
+    if len(held) != 1:
+        return np.eye(4)[:2] if held else np.eye(4)[2:]
+    ((a, b),) = held
+    return np.array([[a, b, 0.0, 0.0], [0.0, 0.0, -b, a]])
+
+
+def _roots(function: Callable[[Complex], Complex], most: float, near: float) -> list[complex]:
+    """Zeros in 0 < Re α < most but 1, and not so near the ends: Newton's method from a grid of starts."""
+    real, imaginary = np.meshgrid(np.linspace(0.05, most, 40), np.linspace(0.0, 1.6, 9))
     alpha: Complex = (real + 1j * imaginary).ravel().astype(np.complex128)
-    step = np.full(alpha.shape, np.inf, dtype=complex)
-    eps = 1e-6
+    step, eps = np.full(alpha.shape, np.inf, dtype=complex), 1e-6
     with np.errstate(all="ignore"):
         for _ in range(60):
-            value, right, left = (_determinant(alpha + d, angle, first, second, kappa) for d in (0.0, eps, -eps))
-            step = value * 2 * eps / (right - left)
-            step = np.where(np.isfinite(step), step, 0.0)
-            alpha = alpha - step * np.minimum(1.0, 0.3 / np.maximum(np.abs(step), 1e-300))
-            alpha = np.where(np.abs(alpha) < 20, alpha, 20.0)
+            on = np.abs(step) > 1e-12
+            value, right, left = np.split(function(np.concatenate([alpha[on] + d for d in (0.0, eps, -eps)])), 3)
+            newton = value * 2 * eps / (right - left)
+            step[on] = newton = np.where(np.isfinite(newton), newton, 1.0)  # where the slope vanishes
+            moved = alpha[on] - newton * np.minimum(1.0, 0.3 / np.maximum(np.abs(newton), 1e-300))
+            alpha[on] = np.where(np.abs(moved) < 20, moved, 20.0)
     found: list[complex] = []
-    for root in alpha[np.abs(step) < 1e-8]:
-        inside = 1e-3 < root.real < SMOOTH - 1e-6 and abs(root.imag) < 3
-        if inside and abs(root - 1) > 1e-5 and all(abs(root - other) > 1e-6 for other in found):
+    for root in alpha[np.abs(step) < 1e-6]:
+        inside = 1e-3 < root.real < most - near and abs(root.imag) < 3
+        if inside and abs(root - 1) > near and all(abs(root - other) > 1e-6 for other in found):
             found.append(complex(root))
     return found

@@ -56,7 +56,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.corners import Side, Sticks, sticking_near, vertex
+from tcstudy.accuracy.corners import Side, Sticks, opening, sticking_near, vertex
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.estimators import own_strain
 from tcstudy.fem.meshes import CurveEnd, PlaneMesh, curve_ends
@@ -68,7 +68,7 @@ from tcstudy.refine.goals import dual, goal_value, lost, lumping, steps, torn
 from tcstudy.refine.halved import Halved, contributions
 from tcstudy.scene.nodal_laws import sticking
 from tcstudy.scene.points import needs_heat_solve
-from tcstudy.scene.records import Material, Scene
+from tcstudy.scene.records import BODY, Material, Scene
 from tcstudy.scene.study import Goal
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import Status
@@ -305,4 +305,6 @@ def _exponent(mesh: PlaneMesh, corner: CurveEnd, scene: Scene, sticks: Sticks) -
     before, after = (mesh.geometry.curves[i].name for i in corner.curves)
     x, y = mesh.points[corner.node]
     zero, far = Side(after, (-d, c)), Side(before, (b, -a))
-    return vertex((float(x), float(y)), zero, far, dict(scene.boundary), scene.material, sticks).exponent
+    return vertex(
+        (float(x), float(y)), (zero, far), [(opening(zero, far), BODY, scene.material)], scene, sticks
+    ).exponent

@@ -52,12 +52,11 @@ def orders_to_expect(study: Study, finest: SolvedLevel, solution: Solution, scen
 
     places = finest.mesh.points[finest.line.nodes]
     near = sticking_near(finest.edges if solution.ok else (), places, solution.sticks)
-    several = bool(scene.material.regions)  # whose corners are not analysed, as a note says
-    corners = [] if several else vertices(scene.body, scene.boundary, scene.material, near)
+    corners = vertices(scene, near)
     graded = graded_points(study)
     apart = 1e-6 * max((math.hypot(*point) for point, _ in graded), default=0.0)
-    mus = [next((mu for point, mu in graded if math.dist(point, one.at) <= apart), 1.0) for one in corners]
-    return expected_orders(smoothness(corners, mixed, mus))
+    mus = [next((mu for point, mu in graded if math.dist(point, one.at) <= apart), 1.0) for one in corners or ()]
+    return expected_orders(smoothness(corners, mixed, mus, loads=scene.material.expands))
 
 
 def _held_ends(finest: SolvedLevel, solution: Solution) -> HeldEnds:
@@ -78,8 +77,11 @@ def own_error(order: float) -> float:
     return math.log2((1 - 2 ** (-order * (GAP + 1))) / (1 - 2 ** (-order * GAP)))
 
 
-def verdict(fitted: Fit, expected: float, nested: bool, log: float = 0.0) -> str:
-    """What the rates say, see data.measured.VERDICTS; log: how far below `expected` a factor |log h| puts them."""
+def verdict(fitted: Fit, expected: float, nested: bool, log: float = 0.0, analysed: bool = True) -> str:
+    """What the rates say, see data.measured.VERDICTS.
+
+    log: how far below `expected` a factor |log h| puts them;  analysed: whether all that may lower it was looked at
+    """
     if fitted.exact:
         return "exact"
     if np.count_nonzero(np.isfinite(fitted.rates)) < 2:
@@ -89,7 +91,7 @@ def verdict(fitted: Fit, expected: float, nested: bool, log: float = 0.0) -> str
     margin = max(NEAR, 2 * fitted.standard_error if math.isfinite(fitted.standard_error) else 0.0)
     if -margin - log <= fitted.slope - expected <= margin + (own_error(expected) if nested else 0.0):
         return "as_expected"
-    return "faster" if fitted.slope > expected else "slower"
+    return "faster" if fitted.slope > expected else "slower" if analysed else "unknown"
 
 
 MIN_LEVELS = GAP + 2
@@ -228,7 +230,7 @@ def _error_series(
         slope=fitted.slope,
         slope_error=fitted.standard_error,
         first_level=fitted.first,
-        verdict=verdict(fitted, expected.order, nested, log),
+        verdict=verdict(fitted, expected.order, nested, log, expected.analysed),
         expected=expected.order,
         reason=expected.reason,
     )
@@ -260,10 +262,11 @@ def _notes(
                 f"The exact solution misses the friction law by {worst:.2g} of its scale: it does not solve this "
                 "problem, so errors will level off; check exact, friction and the loads."
             )
-    if study.exact is None and study.scenes[0].body.brep is not None:
-        yield "Corners of a body from a file are not analysed: expected orders are those of a smooth solution."
-    if study.scenes[0].material.regions:
-        yield "Where materials meet is not analysed: expected orders are those of smoothness in every region."
+    if study.exact is None and vertices(study.scenes[0], lambda edge, at: False) is None:
+        yield (
+            "Corners are not analysed (the body comes from a file, or edges meet without an angle): expected orders "
+            "are those of a smooth solution, and lower ones are not called slow."
+        )
     if isinstance(reference, NestedReference | FineReference):
         seen = ", ".join(f"{p:g} as {p + own_error(p):.2f}" for p in (0.5, 1.0, 2.0))
         yield f"The reference has an error of its own, so rates look larger: an order of {seen} at most."

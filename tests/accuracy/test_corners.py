@@ -1,11 +1,13 @@
 """Corner exponents against published values and independent characteristic equations."""
 
-from math import cos, pi, radians, sin
+from math import atan, cos, pi, radians, sin
 
+import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from tcstudy.accuracy.corners import CLAMPED, FREE, SLIDING, SMOOTH, corner_exponent
+from tcstudy.accuracy.corners import CLAMPED, FREE, SLIDING, SMOOTH, corner_exponent, heat_exponent, vertices
+from tcstudy.read.study import read_study_text
 
 KAPPA = 3 - 4 * 0.3
 
@@ -27,8 +29,8 @@ KAPPA = 3 - 4 * 0.3
     ],
 )
 def test_published_exponents(angle, first, second, exponent):
-    assert corner_exponent(radians(angle), first, second, KAPPA) == pytest.approx(exponent, abs=5e-5)
-    assert corner_exponent(radians(angle), second, first, KAPPA) == pytest.approx(exponent, abs=5e-5)
+    assert corner_exponent(((radians(angle), 1.0, KAPPA),), first, second) == pytest.approx(exponent, abs=5e-5)
+    assert corner_exponent(((radians(angle), 1.0, KAPPA),), second, first) == pytest.approx(exponent, abs=5e-5)
 
 
 @pytest.mark.parametrize("kappa", [1.2, 1.8, 2.6])
@@ -36,26 +38,127 @@ def test_characteristic_equations(kappa):
     """Clamped: κ sin αω = α|sin ω|;  clamped–free: 4κ sin²αω = (κ+1)² − 4α² sin²ω;  free: sin αω = −α sin ω."""
     w = 1.5 * pi
     root = brentq(lambda a: kappa * sin(a * w) + a * sin(w), 0.4, 0.9)
-    assert corner_exponent(w, CLAMPED, CLAMPED, kappa) == pytest.approx(root, rel=1e-9)
+    assert corner_exponent(((w, 1.0, kappa),), CLAMPED, CLAMPED) == pytest.approx(root, rel=1e-9)
     w = 0.4 * pi
     mixed = brentq(lambda a: 4 * kappa * sin(a * w) ** 2 - (kappa + 1) ** 2 + 4 * a**2 * sin(w) ** 2, 0.3, 1.2)
-    assert corner_exponent(w, CLAMPED, FREE, kappa) == pytest.approx(mixed, rel=1e-9)
+    assert corner_exponent(((w, 1.0, kappa),), CLAMPED, FREE) == pytest.approx(mixed, rel=1e-9)
     w = 1.25 * pi
     free = brentq(lambda a: sin(a * w) + a * sin(w), 0.45, 0.9)
-    assert corner_exponent(w, FREE, FREE, kappa) == pytest.approx(free, rel=1e-9)
+    assert corner_exponent(((w, 1.0, kappa),), FREE, FREE) == pytest.approx(free, rel=1e-9)
 
 
 def test_sliding_is_half_of_the_mirrored_corner():
     """Free–sliding over ω has the symmetric exponents of free–free over 2ω: those of sin 2αω + α sin 2ω = 0."""
     w = radians(135)
     symmetric = brentq(lambda a: sin(2 * a * w) + a * sin(2 * w), 0.45, 0.95)
-    assert corner_exponent(w, FREE, SLIDING, KAPPA) == pytest.approx(symmetric, rel=1e-9)
+    assert corner_exponent(((w, 1.0, KAPPA),), FREE, SLIDING) == pytest.approx(symmetric, rel=1e-9)
 
 
 def test_an_oblique_roller_turns_into_the_normal_one():
     angle = radians(70)
-    normal = corner_exponent(angle, CLAMPED, ((0.0, 1.0),), KAPPA)
-    oblique = corner_exponent(angle, CLAMPED, ((sin(0.5), cos(0.5)),), KAPPA)
-    almost = corner_exponent(angle, CLAMPED, ((sin(1e-7), cos(1e-7)),), KAPPA)
+    normal = corner_exponent(((angle, 1.0, KAPPA),), CLAMPED, ((0.0, 1.0),))
+    oblique = corner_exponent(((angle, 1.0, KAPPA),), CLAMPED, ((sin(0.5), cos(0.5)),))
+    almost = corner_exponent(((angle, 1.0, KAPPA),), CLAMPED, ((sin(1e-7), cos(1e-7)),))
     assert almost == pytest.approx(normal, abs=1e-5)
     assert oblique != pytest.approx(normal, abs=1e-3)
+
+
+def bogy(p, a, b, alpha, beta):
+    """Two bonded wedges with free sides: D. B. Bogy, J. Appl. Mech. 38 (1971), in Dundurs' parameters of the first."""
+    K = lambda x: np.sin(p * x) ** 2 - p**2 * np.sin(x) ** 2  # noqa: E731
+    A, B = 4 * K(a) * K(b), 2 * p**2 * (np.sin(a) ** 2 * K(b) + np.sin(b) ** 2 * K(a))
+    C = 4 * p**2 * (p**2 - 1) * np.sin(a) ** 2 * np.sin(b) ** 2 + K(a - b)
+    D = 2 * p**2 * (np.sin(a) ** 2 * np.sin(p * b) ** 2 - np.sin(b) ** 2 * np.sin(p * a) ** 2)
+    return A * beta**2 + 2 * B * alpha * beta + C * alpha**2 + 2 * D * beta + 2 * (K(b) - K(a) - D) * alpha + K(a + b)
+
+
+@pytest.mark.parametrize(("first", "second"), [(90, 90), (90, 180), (60, 90), (45, 135)])
+@pytest.mark.parametrize(("mu", "kappa"), [(3.0, 1.8), (0.2, 2.2), (50.0, 2.0)])
+def test_two_bonded_wedges(first, second, mu, kappa):
+    a, b = radians(first), radians(second)
+    whole = (KAPPA + 1) * mu + kappa + 1
+    dundurs = ((KAPPA + 1) * mu - kappa - 1) / whole, ((KAPPA - 1) * mu - kappa + 1) / whole
+    found = corner_exponent(((a, 1.0, KAPPA), (b, mu, kappa)), FREE, FREE)
+    p = np.linspace(0.02, 0.999, 2000)
+    signs = np.sign(bogy(p, a, b, *dundurs))
+    at = np.flatnonzero(signs[1:] != signs[:-1])
+    real = brentq(bogy, p[at[0]], p[at[0] + 1], args=(a, b, *dundurs), xtol=1e-14) if len(at) else None
+    assert found == pytest.approx(real, rel=1e-9) if real else found > 0.999
+
+
+@pytest.mark.parametrize(
+    ("ratio", "sides", "exponent"),
+    [
+        (1.0, (FREE, FREE), 0.5445),  # 90° and 180° of one material: an L
+        (1e8, (FREE, FREE), 0.7112),  # 90° on a rigid half-plane: clamped–free
+        (1e-8, (FREE, FREE), 0.5),  # a half-plane with a rigid corner on it: clamped–free, 180°
+        (1.0, (), SMOOTH),
+    ],
+)
+def test_limits_of_two_wedges(ratio, sides, exponent):
+    wedges = ((pi / 2, 1.0, KAPPA), (pi if sides else 1.5 * pi, ratio, KAPPA))
+    assert corner_exponent(wedges, *sides) == pytest.approx(exponent, abs=5e-5)
+
+
+def test_inclusions():
+    """A hole leaves an L; a straight interface leaves nothing; a rigid one turns with the body."""
+    soft = corner_exponent(((pi / 2, 1e-8, KAPPA), (1.5 * pi, 1.0, KAPPA)))
+    assert soft == pytest.approx(0.5445, abs=5e-5)
+    assert corner_exponent(((pi, 1e4, KAPPA), (pi, 1.0, 2.0))) == SMOOTH
+    rigid = brentq(lambda a: KAPPA * sin(1.5 * pi * a) - a, 0.55, 0.65)  # sin 270° = −1
+    assert corner_exponent(((pi / 2, 1e8, KAPPA), (1.5 * pi, 1.0, KAPPA))) == pytest.approx(rigid, abs=1e-5)
+
+
+def test_heat():
+    """π/ω, π/2ω where θ meets the flux; a checkerboard: Kellogg (1975), 161.4476… for 1/10."""
+    assert heat_exponent(((1.5 * pi, 3.0),), False, False) == pytest.approx(2 / 3)
+    assert heat_exponent(((1.5 * pi, 3.0),), True, False) == pytest.approx(1 / 3)
+    assert heat_exponent(((pi, 3.0),), False, True) == pytest.approx(1 / 2)
+    assert heat_exponent(((pi / 2, 3.0),), True, True) == SMOOTH
+    for ratio, exponent in ((161.4476387975881, 0.1), (4.0, 4 / pi * atan(1 / 2)), (1.0, SMOOTH)):
+        board = tuple((pi / 2, k) for k in (ratio, 1.0, ratio, 1.0))
+        assert heat_exponent(board) == pytest.approx(exponent, rel=1e-9)
+    # an interface that ends at an insulated edge at 90° to it leaves nothing; in an L it does not lie on a symmetry
+    assert heat_exponent(((pi / 2, 1.0), (pi / 2, 9.0)), False, False) == SMOOTH
+    lower = heat_exponent(((pi / 2, 1.0), (pi, 9.0)), False, False)
+    assert lower == pytest.approx(brentq(lambda g: np.tan(pi * g / 2) + 9 * np.tan(pi * g), 0.55, 0.95), rel=1e-9)
+
+
+BLOCK = """
+units: none
+body:
+  rectangle: {width: 4, height: 3}
+  regions: {coat: {rectangle: {corner: [0, 0], width: 4, height: 1}}, stud: {%s}}
+boundary: {bottom: contact, left: free, right: free, top: clamped}
+material: {E: 1, nu: 0.3, k: 1, alpha_T: 1}
+materials: {coat: {E: 5, nu: 0.2, k: 1, alpha_T: 1}, stud: {E: 9, nu: 0.3, k: 1, alpha_T: 1}}
+friction: {law: tresca, tau: 1}
+mesh: {maxh: 0.5}
+"""
+
+
+def places(stud):
+    scene = read_study_text(BLOCK % stud).scenes[0]
+    found = vertices(scene, lambda edge, at: False)
+    return None if found is None else {v.at: v for v in found}
+
+
+def test_places_where_materials_meet():
+    found = places("rectangle: {corner: [1, 1], width: 1, height: 1}")
+    assert len(found) == 4 + 2 + 4
+    end = found[0.0, 1.0]
+    assert (end.meeting, end.words, end.half_turns) == (("coat", "body"), ("traction", "traction"), pytest.approx(1))
+    assert found[1.0, 1.0].meeting == ("stud", "body", "coat")
+    assert found[2.0, 2.0].words == ()
+    assert found[2.0, 2.0].exponent < 1.0
+    assert found[0.0, 0.0].meeting == ()
+    assert end.exponent == pytest.approx(
+        corner_exponent(((pi / 2, 1.0, 1.8), (pi / 2, 5 / 1.2 * 1.3, 2.2)), FREE, FREE), rel=1e-9
+    )
+
+
+def test_a_circle_has_no_corner_and_a_cusp_is_not_analysed():
+    assert len(places("circle: {center: [2, 2], radius: 0.5}")) == 4 + 2
+    for touching in ("circle: {center: [2, 1.5], radius: 0.5}", "circle: {center: [0.5, 2], radius: 0.5}"):
+        assert places(touching) is None
+    assert places("circle: {center: [2, 1.6], radius: 0.5}") is not None

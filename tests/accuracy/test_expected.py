@@ -1,10 +1,15 @@
 """Corners of a body and the orders they let expect."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from tcstudy.accuracy.corners import vertices
 from tcstudy.accuracy.expected import HeldEnds, Singularity, expected_orders, smooth_up_to, smoothness
+from tcstudy.accuracy.rates import fit
 from tcstudy.read.study import read_study_text
+from tcstudy.study.convergence import verdict
 
 L_SHAPE = """
 units: none
@@ -17,8 +22,9 @@ body:
     - {from: [1, 2], edge: rest}
     - {from: [0, 2], edge: wall}
   holes: [{rectangle: {corner: [0.2, 0.2], width: 0.2, height: 0.2, edge: hole}}]
-boundary: {base: contact, rest: free, wall: {role: clamped, u_x: 0}, hole: free}
-material: {E: 1, nu: 0.3}
+boundary: {base: contact, rest: convection, wall: {role: clamped, u_x: 0}, hole: free}
+material: {E: 1, nu: 0.3, k: 1}
+heat: {alpha: 1, theta_bar: 1}
 friction: {law: tresca, tau: 1}
 mesh: {maxh: 0.5}
 """
@@ -26,7 +32,7 @@ mesh: {maxh: 0.5}
 
 def corners(sticks=False, text=L_SHAPE):
     scene = read_study_text(text).scenes[0]
-    return vertices(scene.body, scene.boundary, scene.material, lambda edge, at: sticks)
+    return vertices(scene, lambda edge, at: sticks)
 
 
 def test_angles_and_exponents_of_an_l_shape():
@@ -77,7 +83,7 @@ def test_arcs_join_smoothly():
         .replace("- {from: [2, 1], edge: rest}", "- {from: [3, 1], edge: rest}")
     )
     scene = read_study_text(half + L_SHAPE[L_SHAPE.index("boundary") :].replace(", hole: free", "")).scenes[0]
-    found = {v.at: v for v in vertices(scene.body, scene.boundary, scene.material, lambda edge, at: False)}
+    found = {v.at: v for v in vertices(scene, lambda edge, at: False)}
     assert found[2.0, 0.0].half_turns == pytest.approx(1.0)
     assert found[3.0, 1.0].half_turns == pytest.approx(0.5)
 
@@ -124,3 +130,26 @@ def test_what_is_added_to_an_exponent_is_divided_by_mu_too():
     graded = smoothness(found, False, [0.5 if v.at == (2.0, 0.0) else 1.0 for v in found])
     assert (graded.u_T.mu, graded.xi.mu) == (0.5, 0.5)
     assert graded.xi.exponent == pytest.approx(0.7112 - 1, abs=1e-4)
+
+
+def test_heat_limits_what_it_loads():
+    """θ ~ r^{2/3} errs by h^{4/3}, and r^{1/4} (360°, held beside insulated) by h^{1/2}, and so does u then."""
+    found = corners()
+    apart = expected_orders(smoothness(found, False))
+    assert apart["u_energy"].order == expected_orders(smoothness(found, False, loads=True))["u_energy"].order
+    weak = [replace(v, heat=0.25) if v.at == (1.0, 1.0) else v for v in found]
+    orders = expected_orders(smoothness(weak, False, loads=True))
+    assert [orders[n].order for n in ("theta_H1", "theta_L2", "u_energy", "u_L2", "xi_L2")] == [0.25] + 4 * [0.5]
+    assert "θ ~ r^0.250" in orders["u_energy"].reason
+    assert expected_orders(smoothness(weak, False))["u_energy"].order == apart["u_energy"].order
+
+
+def test_what_is_not_analysed_is_called_neither_smooth_nor_slow():
+    orders = expected_orders(smoothness(None, stick_slip=True))
+    assert orders["u_energy"].reason == "corners not analysed"
+    assert orders["xi_max"].reason.endswith("u ~ r^1.5; corners not analysed")
+    assert not orders["u_energy"].analysed
+    assert {e.reason for n, e in expected_orders(smoothness([], False)).items() if not e.log} == {"smooth"}
+    slow = fit(np.array([4.0, 2.0, 1.0]), np.array([1.0, 0.7, 0.49]), np.ones(3, dtype=bool))
+    assert verdict(slow, 1.0, nested=False) == "slower"
+    assert verdict(slow, 1.0, nested=False, analysed=False) == "unknown"
