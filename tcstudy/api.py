@@ -265,7 +265,7 @@ def cost(
 def path(
     study: Study | str | FilePath, output: str | FilePath | None = None, *, force: bool = False
 ) -> xarray.DataTree:
-    """All solutions along the parameter of the study's section `path`, through folds.
+    """The equilibria on the branch from rest, along the parameter of the study's section `path`, through folds.
 
     The data hold vertices (`parameter`, `u_T`, `xi`), `stable`, folds and the hysteresis loop, as of `tcstudy path`.
     It is of the scene outside the sweep. Raises StudyError, PathError (no such section, or a load that is not affine),

@@ -144,7 +144,7 @@ def follow(
     direction: Direction = "both",
     max_pieces: int = 20_000,
 ) -> Path:
-    """All solutions that are connected to v when the load is l̃ + t l_1: a polygon in (v, t), exact, through folds (§7).
+    """The solutions that are connected to v when the load is l̃ + t l_1: a polygon in (v, t), exact, through folds (§7).
 
     l_1:          (m,) load per unit of t [N/m]
     v:            (m,) solution at the parameter t (or the answer of `solve`) [m]

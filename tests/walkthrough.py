@@ -53,7 +53,7 @@ print("margin to uniqueness", certificate.margin)
 assert certificate.unique
 assert np.isclose(certificate.margin, 0.75, rtol=1e-12)
 
-# 6. A brittle film, twice: all equilibria under a growing load, through the fold where it lets go.
+# 6. A brittle film, twice: equilibria on the branch from rest, through the fold where it lets go.
 brittle = tcstudy.ContactProblem([[1.0]], [0.0], [1.0], tcstudy.law(points=[(0, 1), (0.5, 0)]))
 along = tcstudy.follow(brittle, [1.0], [0.0], t_max=2.0, direction="forward")
 print("load at the fold", along.t[1])

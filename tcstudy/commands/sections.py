@@ -33,10 +33,16 @@ def _checked(options: argparse.Namespace, kind: Literal["path", "history", "fit"
 
 
 @command(
-    "follow all solutions along one parameter", *STUDY, _OUTPUT["path"], _PLOT, shared.RESPONSE, *MANNER, shared.FORCE
+    "follow the equilibria on the branch from rest along one parameter",
+    *STUDY,
+    _OUTPUT["path"],
+    _PLOT,
+    shared.RESPONSE,
+    *MANNER,
+    shared.FORCE,
 )
 def path(options: argparse.Namespace) -> int:
-    """Follow all solutions along one parameter."""
+    """Follow the equilibria on the branch from rest along one parameter."""
     study, output = _checked(options, "path")
     from tcstudy.data.path_store import stored_shortfalls
     from tcstudy.reports.terminal.path_summary import path_summary

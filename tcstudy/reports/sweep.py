@@ -26,8 +26,8 @@ from tcstudy.reports.select_point import (
     parameter,
     quantity,
 )
+from tcstudy.reports.sentences import several
 from tcstudy.reports.text import axis_unit, counted, labels, named, study_unit
-from tcstudy.reports.verdict import different_energies
 
 Array = NDArray[np.float64]
 
@@ -112,6 +112,7 @@ def read_sweep(
         flat = {key: at[key].transpose(*dims, ...).values.reshape(len(keep), -1)[keep] for key in needed}
         by_point = labels_by_point(data)
         status = flat["status"][:, 0]
+        unique = flat["unique"][:, 0] == 1 if "unique" in flat else np.zeros(len(status), dtype=bool)
         values = flat[name][:, 0].astype(float)
         good = (status == PointStatus.OK) & np.isfinite(values) & ((values != -1) | (flat[name].dtype.kind == "f"))
         return SweepPicture(
@@ -124,8 +125,8 @@ def read_sweep(
             fixed=tuple(fixed),
             values=np.where(good, values, np.nan),
             status=status,
-            proved=flat["unique"][:, 0] == 1 if "unique" in flat else np.zeros(len(status), dtype=bool),
-            several=different_energies(flat.get("start_energy", np.zeros((len(status), 1)))) > 1,
+            proved=unique,
+            several=several(flat.get("start_energy", np.zeros((len(status), 1))), unique),
         )
 
 

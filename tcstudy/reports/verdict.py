@@ -1,7 +1,8 @@
-"""A run in one sentence: what was solved, what is proved, how exact it is, where the slip jumps.
+"""A run in one sentence: what was solved, what is proved, how exact it is, where the slip changes abruptly.
 
 It reads the few variables that it speaks of and, of a file, only their last levels, without the libraries of tables
-and pictures: the sentence of a file of a million points takes no longer than its bytes.
+and pictures: the sentence of a file of a million points takes no longer than its bytes. The words are those of
+`sentences`, with what must be true for them.
 """
 
 from __future__ import annotations
@@ -18,19 +19,20 @@ from numpy.typing import NDArray
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import UNBALANCED
 from tcstudy.errors import StoreError
-from tcstudy.reports.text import pretty, scaled_labels
+from tcstudy.reports import sentences
+from tcstudy.reports.text import pretty, scaled_labels, with_unit
 from tcstudy.scene.key import symbol
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 FEWEST, STEEP, NOTABLE = 4, 4.0, 0.25
-"""A jump is told from a slope where a line has so many points, a step is so many times the median of the others and
-so large a part of the largest value of the whole line."""
+"""A step is abrupt where a line has so many points, it is so many times the median of the others and so large a part
+of the largest value of the whole line."""
 PIECE = 2**16
 """Points that are looked at together."""
-SAME = 1e-9
-"""Relative difference of two energies that are one."""
+MOST = 256
+"""Points whose tractions are read together."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,8 @@ class RunSeen:
     dims:   sweep dimensions;  levels: how many;  mode: "grid" or "list"
     labels: values and attributes along a dimension, by name
     take:   values of a variable on one level, counted from the end, (*dims, …); None if the file has none
+    friction: ∫|ξ| on the last level at points, by their indices along the dimensions
+    units:  of the slip
     """
 
     dims: tuple[str, ...]
@@ -47,10 +51,17 @@ class RunSeen:
     mode: str
     labels: Callable[[str], tuple[NDArray[Any], Mapping[str, Any]]]
     take: Callable[[str, int], NDArray[Any] | None]
+    friction: Callable[[list[tuple[int, ...]]], Array] = lambda places: np.zeros(len(places))
+    units: str = "1"
 
     def ok(self, level: int = -1) -> Flags:
         """(*dims) which points have a solution on a level."""
         return np.asarray(self.take("status", level) == int(PointStatus.OK))
+
+    def flag(self, name: str, ok: Flags) -> Flags:
+        """(*dims) which solved points have a flag."""
+        values = self.take(name, -1)
+        return ok & (values == 1) if values is not None else np.zeros_like(ok)
 
 
 def verdict(path: Path) -> dict[str, Any]:
@@ -63,88 +74,109 @@ def verdict(path: Path) -> dict[str, Any]:
         if not {"status", "level"} <= {*nc.variables}:
             raise StoreError(f"{path} is no file of tcstudy run, converge, cost or path")
         nc.set_auto_maskandscale(False)
-        dims = tuple(d for d in nc["status"].dimensions if d != "level")
+        dims, levels = tuple(d for d in nc["status"].dimensions if d != "level"), int(nc.dimensions["level"].size)
 
         def take(name: str, level: int) -> NDArray[Any] | None:
             if name not in nc.variables:
                 return None
-            return np.asarray(nc[name][(slice(None),) * len(dims) + (nc.dimensions["level"].size + level,)])
+            return np.asarray(nc[name][(slice(None),) * len(dims) + (levels + level,)])
 
         def labels(dim: str) -> tuple[NDArray[Any], Mapping[str, Any]]:
             return np.asarray(nc[dim][...]), nc[dim].__dict__
 
-        return _told(RunSeen(dims, int(nc.dimensions["level"].size), str(nc.sweep_mode), labels, take))
+        def friction(places: list[tuple[int, ...]]) -> Array:
+            found = []
+            for place in places:
+                where, home = dict(zip(dims, place, strict=True)), nc
+                if "geometry" in nc.variables:
+                    own = tuple(where[d] for d in nc["geometry"].dimensions)
+                    home = nc.groups[f"geometry_{int(nc['geometry'][own])}"]
+                group = home.groups[f"level_{levels - 1}"]
+                xi = group["xi"][tuple(where[d] for d in group["xi"].dimensions[:-1])]
+                found.append(float(np.abs(xi) @ group["c"][...]))
+            return np.array(found)
+
+        units = str(nc["u_T_max"].units) if "u_T_max" in nc.variables else "1"
+        return _told(RunSeen(dims, levels, str(nc.sweep_mode), labels, take, friction, units))
 
 
 def _told(run: RunSeen) -> dict[str, Any]:
     ok = run.ok()
     total, solved = int(ok.size), int(ok.sum())
-    parts = [f"{solved} of {total} solved"]
-    unique, lowest = (_count(run, name, ok) for name in ("unique", "global_minimum"))
-    parts.append(f"{unique} proved unique" if unique else "none proved unique")
-    if lowest > unique:
-        parts.append(f"{lowest} proved to have the least energy")
-    if several := _several(run, ok):
-        parts.append(f"{several} with more than one solution found")
-    error, how = mesh_error(run, ok)
-    if error is not None:
-        parts.append(f"mesh error about {_percent(error)}")
-    if places := jumps(run, ok)[:2]:
-        parts.append(f"slip jumps {' and '.join(places)}")
+    unique = run.flag("unique", ok)
+    several = _several(run, ok, unique)
+    error, no_larger, estimated, how = mesh_error(run, ok)
     heat = [run.take("heat_status", i - run.levels) for i in range(run.levels)]
-    if bad := sum(int(np.count_nonzero(one == UNBALANCED)) for one in heat if one is not None):
-        parts.append(f"heat balance missed at {bad}")
-    return {"text": ", ".join(parts) + ".", "how": how, "ok": solved == total}
+    bad = sum(int(np.count_nonzero(one == UNBALANCED)) for one in heat if one is not None)
+    parts = [
+        f"{solved} of {total} solved",
+        sentences.proved(int(unique.sum()), int(run.flag("global_minimum", ok).sum())),
+        f"{int(several.sum())} with more than one solution found" if several.any() else "",
+        sentences.mesh_error(error, estimated, no_larger),
+        *abrupt(run, ok, several)[:2],
+        f"heat balance missed at {bad}" if bad else "",
+    ]
+    return {"text": ", ".join(filter(None, parts)) + ".", "how": how, "ok": solved == total}
 
 
-def _count(run: RunSeen, name: str, ok: Flags) -> int:
-    values = run.take(name, -1)
-    return int(np.count_nonzero(ok & (values == 1))) if values is not None else 0
-
-
-def _several(run: RunSeen, ok: Flags) -> int:
-    """Solved points at which starts led to different energies, counted piece by piece to save memory."""
+def _several(run: RunSeen, ok: Flags, unique: Flags) -> Flags:
+    """(*dims) solved points at which more than one solution was found, piece by piece to save memory."""
     starts = run.take("start_energy", -1)
     if starts is None:
-        return 0
-    rows, solved = starts.reshape(ok.size, -1), ok.ravel()
-    parts = (slice(first, first + PIECE) for first in range(0, ok.size, PIECE))
-    return sum(int(np.count_nonzero(solved[part] & (different_energies(rows[part]) > 1))) for part in parts)
+        return np.zeros_like(ok)
+    rows = starts.reshape(ok.size, -1)
+    parts = [slice(first, first + PIECE) for first in range(0, ok.size, PIECE)]
+    found = [sentences.several(rows[part], unique.ravel()[part]) for part in parts]
+    return np.asarray(ok & np.concatenate(found).reshape(ok.shape))
 
 
-def _percent(error: float) -> str:
-    return f"{100 * error:.0f} %" if error >= 0.1 else f"{100 * error:.2g} %" if error >= 1e-6 else f"{error:.1e}"
-
-
-def mesh_error(run: RunSeen, ok: Flags) -> tuple[float | None, str]:
-    """The largest relative mesh error of the solved points and how it is known; None if it is not."""
+def mesh_error(run: RunSeen, ok: Flags) -> tuple[float | None, int, bool, str]:
+    """The largest relative mesh error of the solved points (None if there is none), points whose goal is no larger than
+    its error, whether it is an estimate, and how it is known.
+    """
     goal, wide = run.take("goal", -1), run.take("goal_estimate", -1)
-    if goal is not None and wide is not None and np.any(known := ok & np.isfinite(wide) & (goal != 0.0)):
-        return float(np.max(wide[known] / np.abs(goal[known]))), "largest estimated error of the goal of the meshes"
+    if goal is not None and wide is not None and np.any(known := ok & np.isfinite(wide) & np.isfinite(goal)):
+        small = known & (wide > 0.0) & (wide >= np.abs(goal))
+        share = (wide[known & ~small] / np.where(goal == 0.0, 1.0, np.abs(goal))[known & ~small]).max(initial=0.0)
+        return float(share) or None, int(small.sum()), True, "mesh error: largest estimated error of the goal"
     estimates = run.take("error_estimate", -1)
     if estimates is not None and np.isfinite(estimates[ok]).any():
-        return float(np.nanmax(estimates[ok])), "largest estimated error of the displacement in the energy norm"
+        how = "mesh error: largest estimated error of the displacement in the energy norm"
+        return float(np.nanmax(estimates[ok])), 0, True, how
     if run.levels < 2 or not ok.any():
-        return None, "one mesh says nothing about its own error: add levels"
-    change = _change(run, "friction_resultant", ok)
+        return None, 0, False, "one mesh says nothing about its own error: add levels"
+    change = _change(run, ok)
     if change is None:
-        return None, "there is no friction to measure it by"
-    since = "from the level before; first order is assumed"
-    if change >= 1.0 and (slip := _change(run, "u_T_max", ok)) is not None:
-        return slip, f"largest change of max |u_T| {since}: the friction resultant all but cancels"
-    return change, f"largest change of the friction resultant {since}"
+        return None, 0, False, "no friction by which to measure the mesh error"
+    return change, 0, False, "change of ∫ξ: the largest of all points, of their ∫|ξ|"
 
 
-def _change(run: RunSeen, name: str, ok: Flags) -> float | None:
-    """Largest relative change of a number between the last two levels; None where it is 0 or not there."""
-    last, before, both = run.take(name, -1), run.take(name, -2), ok & run.ok(-2)
-    if last is None or before is None or not np.any(seen := both & (last != 0.0)):
+def _change(run: RunSeen, ok: Flags) -> float | None:
+    """Largest change of ∫ξ between the last two levels, relative to ∫|ξ|; None where there is no friction.
+
+    |∫ξ| ≤ ∫|ξ|, so that no point whose change relative to the first is less than what was found need be read.
+    """
+    last, before, both = run.take("friction_resultant", -1), run.take("friction_resultant", -2), ok & run.ok(-2)
+    if last is None or before is None:
         return None
-    return float(np.max(np.abs(last - before)[seen] / np.abs(last[seen])))
+    both &= np.isfinite(last) & np.isfinite(before)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        most = np.where(both, np.abs(last - before) / np.abs(last), -1.0)
+    most = np.where(both & (last == before), 0.0, most)
+    order, largest, seen = np.argsort(-most, axis=None), -1.0, False
+    for first in range(0, int(both.sum()), MOST):
+        some = [tuple(int(i) for i in np.unravel_index(k, most.shape)) for k in order[first : first + MOST]]
+        some = [place for place in some if both[place]]
+        if most[some[0]] <= largest:
+            break
+        for place, size in zip(some, run.friction(some), strict=True):
+            if size > 0.0:
+                largest, seen = max(largest, float(abs(last[place] - before[place]) / size)), True
+    return largest if seen else None
 
 
-def jumps(run: RunSeen, ok: Flags) -> list[str]:
-    """Places between two neighbouring values of a swept number where the slip changes abruptly, the largest first."""
+def abrupt(run: RunSeen, ok: Flags, several: Flags) -> list[str]:
+    """Sentences on where the slip changes abruptly between neighbouring values of a swept number, the largest first."""
     slip = run.take("u_T_max", -1)
     if run.mode != "grid" or slip is None:
         return []
@@ -164,7 +196,9 @@ def jumps(run: RunSeen, ok: Flags) -> list[str]:
         line = np.unravel_index(int(np.argmax(np.where(abrupt, largest, 0.0))), abrupt.shape)
         where = dict(zip([d for d in run.dims if d != name], (int(i) for i in line), strict=True))
         at = int(np.argmax(step[line]))
-        found.append((float(step[line][at]), _between(run, name, at, where)))
+        size_of, place = float(step[line][at]), _between(run, name, at, where)
+        seen = bool(np.moveaxis(several, axis, -1)[line][at : at + 2].any())
+        found.append((size_of, sentences.abrupt(with_unit(size_of, run.units, 2), place, seen)))
     return [text for _, text in sorted(found, reverse=True)]
 
 
@@ -187,10 +221,3 @@ def _shown(run: RunSeen, name: str) -> tuple[list[str], str]:
     values, attrs = run.labels(name)
     shown, unit = scaled_labels(values.tolist(), attrs)
     return shown, pretty(unit) if unit != "1" else ""
-
-
-def different_energies(energy: Array) -> NDArray[np.int_]:
-    """How many different energies the starts (last axis) of each point led to, relative to the largest."""
-    energy = np.sort(energy, axis=-1)
-    size = np.max(np.abs(np.where(np.isfinite(energy), energy, 0.0)), axis=-1, keepdims=True)
-    return np.asarray(1 + np.count_nonzero(np.diff(energy, axis=-1) > SAME * size, axis=-1))

@@ -122,7 +122,7 @@ ROWS: tuple[Key, ...] = (
             fixed="the exact solution belongs to one scene; write one study for each",
             of=("exact",),
         ),
-        Key("path", "section", "[all solutions along one parameter](#all-solutions-along-a-parameter)", of=("path",)),
+        Key("path", "section", "[equilibria on the branch from rest](#equilibria-along-a-parameter)", of=("path",)),
         Key(
             *("output", "section", "a path, or its keys"),
             fixed="the data of a study go to one place",
@@ -266,7 +266,7 @@ ROWS: tuple[Key, ...] = (
         Key("parameter", "text", "what varies, or `load`", example="theta_bar", required=True),
         Key("from", "quantity", "where the path starts", example="0 K", required=True),
         Key("to", "quantity", "the other end of the range", example="40 K", required=True),
-        Key("at", "quantities", "values at which all solutions are listed"),
+        Key("at", "quantities", "values at which the solutions on the branch are listed"),
         Key("within", "span", "how far it may leave the range"),
         Key("start", "choice", "solution that it starts from", words=get_args(Start), default=_PATH["start"]),
         Key("direction", "choice", "way from the start", words=get_args(Direction), default=_PATH["direction"]),

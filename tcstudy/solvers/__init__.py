@@ -5,7 +5,7 @@ contact             the door: a solver by name, all starts, the judgement
 separable/          the default method; bundle/ the general one; loop.py runs both
 search, hulls, moves  less energy than descent finds
 bounds, certificates  what is proved of a solution
-path/               all solutions along a parameter
+path/               equilibria on one branch along a parameter
 history/            steps of a load history with memory
 
 Not here: where Ã and l̃ come from (offline), many problems at once (online), files.

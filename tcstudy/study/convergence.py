@@ -289,7 +289,7 @@ def _notes(
         series = [point.errors["u_energy"].error for point in points if "u_energy" in point.errors]
         if stuck := sum(bool(len(e) > 1 and e[-1] > max(STUCK * e[0], ROUNDING)) for e in series):
             yield (
-                f"The error of u does not fall at {stuck} of {len(points)} points: the exact solution does not belong "
-                "to the loads, supports and material of the study. Check them, or let the loads follow from it with "
-                "loads: derived."
+                f"The error of u does not fall at {stuck} of {len(points)} points, as where the exact solution does "
+                "not belong to the loads, supports and material of the study. Check them, or let the loads follow "
+                "from it with loads: derived."
             )

@@ -1,4 +1,4 @@
-"""Follow a study's path: all solutions along one parameter, those at requested values, and the hysteresis loop,
+"""Follow a study's path: the equilibria on the branch from rest, those at requested values, and the hysteresis loop,
 into its file."""
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ def _curve(setting: _Setting, path: Path) -> Values:
 
 
 def _solutions(setting: _Setting, path: Path) -> Values:
-    """All solutions at the requested values; those of a smooth law by Newton's method from those of its stand-in."""
+    """Solutions on the path at the requested values; those of a smooth law by Newton's method from its stand-in's."""
     law, at = setting.true.law, setting.plan.at
     found: list[list[PathSolution]] = [
         solutions_at(path, t) if law.piecewise_linear else solutions_of(law, path, t) for t in at

@@ -1,4 +1,4 @@
-"""configs/pull_test.yaml: a strip on a linearly softening film, all equilibria in closed form (source in the study).
+"""configs/pull_test.yaml: a strip on a linearly softening film, its branch in closed form (source in the study).
 
 The closed form is that of a bar: as the strip gets thinner at the same stiffness D = E H the errors fall fourfold.
 """

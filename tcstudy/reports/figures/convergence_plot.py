@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tcstudy.data.measured import ERRORS, VERDICTS
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import load_root
+from tcstudy.reports import sentences
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.select_point import Value, describe, locate
@@ -79,7 +80,7 @@ def _marks(at: Any, names: list[str]) -> str:
     if any(_unsettled(at, name) for name in names):
         words.append("dashed: pre-asymptotic")
     if any(_two_points(at, name) for name in names):
-        words.append("pale: a rate of two levels")
+        words.append(f"pale: a guess ({sentences.GUESS}) from two levels")
     if (at["status"].values != int(PointStatus.OK)).any():
         words.append("hollow: did not converge")
     return ";  ".join(["relative errors", *words])
@@ -142,7 +143,7 @@ def _label(at: Any, name: str) -> str:
     slope, error = float(at[f"slope_{name}"]), float(at[f"slope_error_{name}"])
     text = math_symbol(_SYMBOLS[name])
     if np.isfinite(slope):
-        text += f": {slope:z.2f}" + (f" ± {error:.1g}" if np.isfinite(error) else "")
+        text += f": {slope:z.2f}" + (f" ± {error:.1g}" if np.isfinite(error) else sentences.GUESS)
     return text
 
 

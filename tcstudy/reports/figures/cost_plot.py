@@ -79,7 +79,7 @@ def _over_time(axes: Axes, data: Any, found: list[Setting]) -> None:
             _points(axes, own, color, opacity)
     if champion is not None:  # named in the corner that falling curves leave free
         how: dict[str, Any] = {"color": COLOURS[champion[0]], "fontweight": "bold", "fontsize": style.pt(8.5)}
-        axes.annotate(f"best: {', '.join(champion)}", (0.03, 0.04), xycoords="axes fraction", **how)
+        axes.annotate(f"fastest: {', '.join(champion)}", (0.03, 0.04), xycoords="axes fraction", **how)
     _star(axes, found, lambda s: s.time)
     axes.set_xlabel("wall time [s]: least of all runs, band to the upper quartile")
 

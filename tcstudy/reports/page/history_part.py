@@ -17,6 +17,7 @@ from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.point_part import geometry, shape
 from tcstudy.reports.page.run_part import FLAGS, ROOM_FOR_DOUBLES, level_numbers, reasons, sweep_of
 from tcstudy.reports.page.stored import Stored
+from tcstudy.reports.sentences import KINDS
 from tcstudy.reports.stored_study import at_rest
 from tcstudy.reports.terminal.history_summary import MOVES, last_change, motion
 from tcstudy.reports.text import counted, number
@@ -136,17 +137,10 @@ def _verdict(data: Any, solved: NDArray[np.bool_], changes: list[Any], reasons: 
     else:
         parts = [f"{whole} of {points} histories of {what} followed to their end"]
         kinds = [change.kind for change in changes if change.kind]
-        parts += [", ".join(f"{kinds.count(kind)} {_KINDS[kind]}" for kind in dict.fromkeys(kinds))] if kinds else []
+        parts += [", ".join(f"{kinds.count(kind)} {KINDS[kind]}" for kind in dict.fromkeys(kinds))] if kinds else []
     jumps = int(np.where(solved, data["jumps"].values.reshape(solved.shape), 0).sum())
     parts.append(counted(jumps, "jump") if jumps else "no jumps")
     worst = data["inclusion_residual"].values.reshape(solved.shape)[solved]
     if len(worst):
         parts.append(f"worst residual {number(float(worst.max()), 2)}")
     return {"text": "; ".join(parts) + ".", "how": "", "ok": whole == points}
-
-
-_KINDS = {
-    "shakedown": "shake down", "closed": "close their loop", "walking": "walk", "ratcheting": "ratchet",
-    "settling": "have not settled",
-}  # fmt: skip
-"""What histories of a sweep do, by `CycleChange.kind`."""

@@ -10,6 +10,7 @@ from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS
 from tcstudy.data.reading import by_point, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import DrawError
+from tcstudy.reports import sentences
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.point_part import geometry
 from tcstudy.reports.page.run_part import sweep_of
@@ -17,7 +18,7 @@ from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.terminal.cost import advice, measure_of, settings, stages
 from tcstudy.reports.terminal.fit import BAND, columns, correlation, fit_doubts, prediction_error
 from tcstudy.reports.terminal.path_summary import seen_folds
-from tcstudy.reports.text import counted, number, prefix, pretty
+from tcstudy.reports.text import number, prefix, pretty
 from tcstudy.scene.key import symbol
 
 PATH_BYTES = 4_000_000
@@ -41,11 +42,12 @@ def convergence_part(stored: Stored, box: Container) -> Json:
             "error": box.array(flat(f"error_{m.name}")),
             "rate": box.array(flat(f"rate_{m.name}")),
             **{part: flat(f"{part}_{m.name}") for part in ("slope", "slope_error", "expected", "first_level")},
-            "verdict": [VERDICTS[int(v)].replace("_", " ") for v in flat(f"verdict_{m.name}")],
+            "verdict": [sentences.VERDICTS[VERDICTS[int(v)]] for v in flat(f"verdict_{m.name}")],
+            "order": list(map(sentences.order, flat(f"slope_{m.name}"), flat(f"slope_error_{m.name}"))),
             "reason": [str(v) for v in flat(f"reason_{m.name}")],
         }
         for m in ERRORS
-        if f"error_{m.name}" in data and np.isfinite(flat(f"error_{m.name}")).any()
+        if _measured(data, m.name)
     ]
     numbers = [
         {
@@ -67,24 +69,20 @@ def convergence_part(stored: Stored, box: Container) -> Json:
         "status": box.array(flat("status"), "i1"),
         "errors": errors,
         "numbers": numbers,
-        "verdict": _convergence_verdict(errors, flat("status")),
+        "verdict": _convergence_verdict(data, flat("status")),
     }
 
 
-def _convergence_verdict(errors: list[Json], status: Any) -> Json:
-    told = [verdict for error in errors for verdict in error["verdict"]]
-    good = sum(verdict in ("as expected", "faster", "exact") for verdict in told)
-    unknown = sum(verdict in ("unknown", "too few levels") for verdict in told)
+def _convergence_verdict(data: Any, status: Any) -> Json:
+    found = [(m.symbol, VERDICTS[int(v)]) for m in ERRORS if _measured(data, m.name)
+             for v in by_point(data[f"verdict_{m.name}"], data)]  # fmt: skip
     solved = bool(np.all(status == int(PointStatus.OK)))
-    parts = [f"{good} of {len(told) - unknown} measured orders are as expected or better"]
-    early = sum(verdict == "pre asymptotic" for verdict in told)
-    parts += [f"{early} not yet settled (pre-asymptotic)"] if early else []
-    slow = sorted({str(error["symbol"]) for error in errors if "slower" in error["verdict"]})
-    parts += ["slower than expected: " + ", ".join(slow)] if slow else []
-    parts += [] if solved else ["some levels were not solved"]
-    if not told:
-        parts = ["nothing could be compared: there is no reference"]
-    return {"text": "; ".join(parts) + ".", "how": "", "ok": solved and not slow}
+    ok = solved and all(verdict != "slower" for _, verdict in found)
+    return {"text": sentences.orders(found, solved) + ".", "how": "", "ok": ok}
+
+
+def _measured(data: Any, name: str) -> bool:
+    return f"error_{name}" in data and bool(np.isfinite(data[f"error_{name}"]).any())
 
 
 def _notes(data: Any) -> list[str]:
@@ -181,19 +179,11 @@ def path_part(stored: Stored, box: Container) -> Json:
 
 
 def _path_verdict(data: Any, low: float, high: float, folds: Any, turns: int) -> Json:
-    t = data["parameter"].values
-    inside = int(np.count_nonzero((t[folds] >= min(low, high)) & (t[folds] <= max(low, high)))) if len(folds) else 0
-    pieces, stable = int(data.sizes["piece"]), int(data["stable"].sum())
-    folded = f"{counted(inside, 'fold')} in the range asked for"
-    parts = [f"One path of {pieces} pieces, {stable} of them stable, with {folded}"]
-    parts += [f"{turns} smaller turns of the parameter, as nodes let go one by one"] if turns else []
-    if data.sizes.get("at", 0):
-        most = int(data["solution_count"].max())
-        parts.append(f"up to {counted(most, 'solution')} at the values asked for")
-    if data.sizes.get("jump", 0):
-        parts.append(f"the body falls to another branch {data.sizes['jump']} times in a loop")
-    parts.append(f"worst residual {float(data['residual'].max()):.1e}")
-    return {"text": ", ".join(parts) + ".", "how": "other paths may exist that are not connected to it", "ok": True}
+    t = data["parameter"].values[folds]
+    inside = int(np.count_nonzero((t >= min(low, high)) & (t <= max(low, high))))
+    most = int(data["solution_count"].max()) if data.sizes.get("at", 0) else None
+    counts = int(data.sizes["piece"]), int(data["stable"].sum()), inside, turns, most, int(data.sizes.get("jump", 0))
+    return {"text": sentences.path(*counts, float(data["residual"].max())), "how": sentences.CONNECTED, "ok": True}
 
 
 def fit_part(data: Any, box: Container) -> Json:
@@ -284,5 +274,5 @@ def _fit_verdict(data: Any) -> Json:
         )
         parts.append(f"{told} {pretty(unit)}".removesuffix(" 1"))
     doubts = [words for words, doubt in fit_doubts(data) if doubt]
-    agree = "; ".join(doubts) if doubts else "the data agree with the study"
+    agree = "; ".join(doubts) if doubts else "nothing in the data speaks against the study"
     return {"text": f"{', '.join(parts)}; {agree}.", "how": "", "ok": not doubts}

@@ -13,6 +13,7 @@ from tcstudy.data.files import replace_file
 from tcstudy.data.provenance import remarks_of
 from tcstudy.data.reading import asked, reading
 from tcstudy.errors import PageError, tell
+from tcstudy.reports import sentences
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.history_part import history_content
 from tcstudy.reports.page.law_part import law_part
@@ -133,6 +134,7 @@ def _about(stored: Stored) -> Json:
         "unit_system": str(attrs["unit_system"]),
         "solver": str(attrs["solver"]),
         "states": STATES,
+        "proofs": sentences.PROVED,
         "symbols": {name: symbol(name) for name in names if name.partition("_")[0] in GREEK}
         | {name: name for name in asked(stored.data)},
         "tolerance": float(attrs["solver_tolerance"]),

@@ -13,6 +13,7 @@ from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS, Measure
 from tcstudy.data.reading import axis_names, each_point
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import load_root
+from tcstudy.reports import sentences
 from tcstudy.reports.select_point import Value, axis_labels, describe, locate
 from tcstudy.reports.terminal.tables import Heading, Part, Table, render
 from tcstudy.reports.text import headed, number, prefix
@@ -25,18 +26,10 @@ GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
 )
 """Errors that share a table and a panel of the plot."""
 
-VERDICT_WORDS = {
-    "unknown": "–",
-    "exact": "exact (rounding)",
-    "as_expected": "as expected",
-    "faster": "faster",
-    "slower": "SLOWER",
-    "pre_asymptotic": "PRE-ASYMPTOTIC",
-    "too_few_levels": "too few levels",
-}
 _BY_NAME = {measure.name: measure for measure in ERRORS}
 LEGEND = (
-    "factor, rate: from the level before. order: least-squares slope ± standard error over the levels named. "
+    "factor, rate: from the level before. order: least-squares slope ± standard error over the levels named; of two "
+    f"levels it is a guess ({sentences.GUESS}). "
     "PRE-ASYMPTOTIC: rates of the finest levels differ by more than 0.2. Values in (parentheses) did not converge "
     "and enter no fit. Errors are relative to the norm of the reference; H¹ is the seminorm; ξ is compared in L²(Γ_C) "
     "as a step function, and at the contact nodes."
@@ -85,11 +78,12 @@ def parts(data: Any, point: Mapping[str, Value] | None = None, full: bool = True
         yield f"Note: {note}"
 
 
-MARKS = {"exact": "exact", "slower": " <", "faster": " >", "pre_asymptotic": " ~"}
+MARKS = {"exact": "exact", "slower": " <", "faster": " >", "pre_asymptotic": " ~", "too_few_levels": sentences.GUESS}
 """What stands in place of an order that is rounding, and behind one that is not as expected."""
 OVERVIEW = (
     "Orders fitted over the levels. < slower and > faster than expected, ~ not yet settled (pre-asymptotic), exact: "
-    "all errors are rounding, (order): some level was not solved. Tables of a point: --at NAME=VALUE; of all: --full."
+    f"all errors are rounding, {sentences.GUESS}: a guess from two levels, (order): some level was not solved. "
+    "Tables of a point: --at NAME=VALUE; of all: --full."
 )
 _RANKS = {"u_H1": 1, "xi_L2": 2, "u_L2": 3, "theta_H1": 4, "u_energy": 5, "theta_L2": 6, "u_T_L2": 7, "xi_nodes": 8}
 """Importance of errors where there is no room for all."""
@@ -193,13 +187,18 @@ def _orders(at: Any, names: tuple[str, ...]) -> Table:
         first = int(at[f"first_level_{name}"])
         verdict = VERDICTS[int(at[f"verdict_{name}"])]
         finite = np.isfinite(slope)
-        order = f"{slope:z.3f}" + (f" ± {error:.3f}" if np.isfinite(error) else "") if finite else "–"
+        order = sentences.order(slope, error, 3)
         last = int(np.flatnonzero(np.isfinite(at[f"error_{name}"].values))[-1])
         fitted, expected = f"{first}–{last}" if finite else "–", _fixed(float(at[f"expected_{name}"]))
         reason = str(at[f"reason_{name}"].item())
-        rows.append((_BY_NAME[name].symbol, order, fitted, expected, VERDICT_WORDS[verdict], reason))
+        rows.append((_BY_NAME[name].symbol, order, fitted, expected, _word(verdict), reason))
     header = ("error", "order", "levels", "expected", "verdict", "reason of the expected order")
     return Table("Orders of convergence", header, tuple(rows), label="orders", ranks=(0, 0, 3, 2, 1, 4))
+
+
+def _word(verdict: str) -> str:
+    word = sentences.VERDICTS[verdict]
+    return word.upper() if verdict in ("slower", "pre_asymptotic") else word
 
 
 def _numbers(at: Any, measures: list[Measure]) -> Table:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +12,14 @@ from tcstudy.data.reading import each_point
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import load_root
 from tcstudy.reports.select_point import describe
+from tcstudy.reports.sentences import SAME, CycleChange, cycle_change
 from tcstudy.reports.terminal.tables import plain_table
-from tcstudy.reports.text import counted, digits_lost, headed, number, prefix, proved, with_unit
+from tcstudy.reports.text import counted, digits_lost, headed, number, prefix, proved
 
 Array = NDArray[np.float64]
 
 MOST_CYCLES, MOST_POINTS = 3, 20
 """Cycles of one point whose steps are listed, and points that have a line; the file has them all."""
-SAME = 1e-9
-"""Changes below this part of the largest slip are none; equal changes agree as well."""
 
 
 MOVES = ("rests", "slides along t", "slides back", "jumps")
@@ -41,51 +39,6 @@ def motion(u_T: Array, jumped: NDArray[np.int8] | None) -> NDArray[np.int8]:
 
 ROUNDING = 1e-10
 """What is smaller than this part of what the history reaches is rounding, and reads 0."""
-
-
-@dataclass(frozen=True)
-class CycleChange:
-    """What the last cycle has changed.
-
-    kind:  "shakedown", "closed", "walking", "ratcheting", "settling"; "" where there are less than two cycles
-    words: the same as a sentence
-    """
-
-    kind: str
-    words: str
-
-
-def cycle_change(
-    v: Array, dissipated: Array, units: tuple[str, str] = ("m", "J m-1"), rounding: float = 0.0
-) -> CycleChange:
-    """The change from cycle to cycle, from the slips at their ends.
-
-    v: (C + 1, m) at the start and the end of every cycle;  dissipated: (C,) in each;  units: of both
-    rounding: what rounding of the forces may move the slips by in a cycle
-    """
-    if len(v) < 3:
-        return CycleChange("", "")
-    size = float(np.max(np.abs(v))) or 1.0
-    last, before = v[-1] - v[-2], v[-2] - v[-3]
-    largest = float(np.max(np.abs(last)))
-    moved = with_unit(largest, units[0], 6)
-    same = max(SAME * size, rounding)
-    if largest <= same:
-        if dissipated[-1] <= SAME * float(np.max(dissipated)):
-            words = "shakedown: the last cycle leaves everything as it was and dissipates nothing"
-            return CycleChange("shakedown", words)
-        one, two = dissipated[-2:]
-        words = "the last two cycles dissipate the same and leave no slip behind"
-        if abs(two - one) > 1e-5 * max(one, two):
-            spent = [with_unit(float(each), units[1], 6) for each in (two, one)]
-            words = f"the last cycle leaves no slip behind; it dissipates {spent[0]}, the one before {spent[1]}"
-        return CycleChange("closed", f"a closed loop: {words}")
-    if np.max(np.abs(last - before)) > max(1e-6 * largest, rounding):
-        words = f"not settled: the last cycle changed slips by up to {moved}, unlike the one before"
-        return CycleChange("settling", words)
-    if np.ptp(last) <= max(1e-6 * largest, rounding):
-        return CycleChange("walking", f"walking: every cycle moves the whole contact line by {moved}")
-    return CycleChange("ratcheting", f"ratcheting: every cycle adds slips of up to {moved}")
 
 
 def history_summary(path: Path, every_row: bool = False) -> str:

@@ -1,4 +1,4 @@
-"""What `tcstudy sensitivity` says: which swept parameter a stored number comes from, on either side of a jump apart."""
+"""What `tcstudy sensitivity` says: which swept parameter a stored number comes from, on either side of a gap apart."""
 
 from __future__ import annotations
 
@@ -94,14 +94,14 @@ def tables(one: Sample) -> tuple[list[str], list[IndexTable]]:
     gap = None if one.unique else jump(f[:, :2].ravel(), one.resolution, f[:, 2:].ravel())
     if gap is None:
         why = "every solution is certified to be the only one" if one.unique else "no gap among the values"
-        said.append(f"no jump: {why}")
+        said.append(f"one side: {why}")
         first, total = sobol(f)
         return said, [IndexTable(f"Indices of {one.of}", {"first order": first, "total": total})]
     above = f > (gap[0] + gap[1]) / 2.0
     units = f" {one.units}" if one.units != "1" else ""
     share = above[:, :2].mean()
     said.append(
-        f"{one.of} jumps: {1 - share:.1%} of the points lie at {number(gap[0])}{units} or below, {share:.1%} at "
+        f"{one.of} leaves a gap: {1 - share:.1%} of the points lie at {number(gap[0])}{units} or below, {share:.1%} at "
         f"{number(gap[1])}{units} or above, none between; a mean over both sides is a value that no point has"
     )
     first, total = sobol(above.astype(float))

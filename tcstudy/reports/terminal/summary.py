@@ -134,7 +134,8 @@ def _points(data: Any, most: int | None) -> str:
     header = [headed(axis, labelled[axis][1]) for axis in axes]
     header += [headed(title, scales[name][1]) for name, title, _ in (*usual, *wanted)]
     refined = data.sizes["level"] > 1
-    header += ["certified", *(["Δ∫ξ to last level"] if refined else [])]
+    size, unit = scales.get("friction_resultant", (1.0, "1"))
+    header += ["certified", *([headed("Δ∫ξ to last level", unit)] if refined else [])]
     rows, failed = [], False
     for index in islice(np.ndindex(shape), most):
         where = dict(zip(dims, index, strict=True))
@@ -146,7 +147,8 @@ def _points(data: Any, most: int | None) -> str:
         row += cells if solved else [cell if cell == "–" else f"({cell})" for cell in cells]
         row.append(_certified(at))
         if refined:
-            row.append(_change(data["friction_resultant"].isel(where).values) if solved else "–")
+            ends = data["friction_resultant"].isel(where).values[-2:]
+            row.append(number(abs(ends[1] - ends[0]) / size, 2) if solved else "–")
         rows.append(row)
     level = int(fine["level"])
     more = int(np.prod(shape)) - len(rows)
@@ -170,14 +172,6 @@ def _certified(at: Any) -> str:
     if (status := PointStatus(int(at["status"]))) != PointStatus.OK:
         return "not run" if status == PointStatus.NOT_RUN else "failed"
     return proved(at)
-
-
-def _change(values: Any) -> str:
-    """Relative change between the last two levels."""
-    last, before = float(values[-1]), float(values[-2])
-    if not np.isfinite(last - before):
-        return "–"
-    return f"{abs(last - before) / abs(last):.1%}" if last != 0.0 else number(abs(before))
 
 
 def _derivatives(data: Any) -> str:
@@ -251,8 +245,9 @@ def _heat(data: Any) -> str:
     low, high = number(min(defects), 2), number(max(defects), 2)
     count, example = counted(len(places), "point"), "for example " if len(places) > 1 else ""
     return (
-        f"  heat balance {low if low == high else f'{low} to {high}'} at {count}: thin triangles cost the temperature "
-        f"its digits; remove slits and slivers of the body or refine towards them ({example}{_point(data, places[0])})"
+        f"  heat balance {low if low == high else f'{low} to {high}'} at {count}: as thin triangles cost the "
+        f"temperature its digits, remove slits and slivers of the body or refine towards them "
+        f"({example}{_point(data, places[0])})"
     )
 
 

@@ -1,4 +1,4 @@
-"""All solutions along a parameter: the piecewise-linear path of Ãu + ξ = l̃₀ + t l̃₁, ξ_i/c_i ∈ b̂(u_i), followed exactly.
+"""Equilibria on one branch: the piecewise-linear path of Ãu + ξ = l̃₀ + t l̃₁, ξ_i/c_i ∈ b̂(u_i), followed exactly.
 
 For a piecewise-linear law the filled graph of b̂ is a polygonal line at every node. While every node stays on its
 piece of the line, (u, ξ, t) moves along a straight line; at the end of it one node goes on to the next piece of its

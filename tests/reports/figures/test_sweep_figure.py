@@ -14,8 +14,8 @@ from tcstudy.errors import DrawError, UsageError
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.draw import Wanted, picture
 from tcstudy.reports.figures.sweep_figure import axis_title, curves_figure, map_figure
+from tcstudy.reports.sentences import different_energies
 from tcstudy.reports.sweep import SweepPicture, read_sweep
-from tcstudy.reports.verdict import different_energies
 from tests.reports.figures.draw_cases import crowded, png_size
 
 SMALL = style.Look(style.size_in_inches("8x6cm"), 7.0)

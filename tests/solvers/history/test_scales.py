@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tcstudy.matrices import law
-from tcstudy.reports.terminal.history_summary import cycle_change
+from tcstudy.reports.sentences import cycle_change
 from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.histories import Memory
 from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
@@ -127,9 +127,9 @@ def test_a_body_with_a_soft_way_never_jumps_under_a_constant_film(seed: int) -> 
 
 def test_a_cycle_that_changes_less_than_rounding_allows_is_closed() -> None:
     """The same changes are a closed loop, walking or not settled, by what rounding of the slips allows."""
-    ends = 6.0 + np.cumsum([[0.0, 0.0], [1e-6, 1e-6], [-2e-6, 1e-6]], axis=0)
+    ends = 6.0 + np.cumsum([[0.0, 0.0], [1e-5, 1e-5], [-2e-5, 1e-5]], axis=0)
     assert cycle_change(ends, np.ones(2)).kind == "settling"
-    closed = [cycle_change(ends, np.array(spent), rounding=1e-5) for spent in ([1.0, 1.0], [1.5, 1.0])]
+    closed = [cycle_change(ends, np.array(spent), rounding=1e-4) for spent in ([1.0, 1.0], [1.5, 1.0])]
     assert [one.kind for one in closed] == ["closed", "closed"]
     assert "the last two cycles dissipate the same" in closed[0].words
     assert closed[1].words.endswith("it dissipates 1 J m-1, the one before 1.5 J m-1")

@@ -1,7 +1,7 @@
 // The page of a load history: loops of its numbers, one step with what every node does, energies, cycles, all steps.
 TC.MOVES = ["--body", "--c6", "--c5", "--c2"];
 TC.history = {
-  PROOFS: { unique: "every step proved to be the only solution", global: "every step proved to have the least energy", local: "every step proved to be a local minimum only", nothing: "steps of which nothing is proved", failed: "ended before its last step" },
+  PROOFS: { unique: "every step proved to be the only solution", global: "every step proved to have the least energy", local: "every step proved to be a local minimum", nothing: "steps of which nothing is proved", failed: "ended before its last step" },
   setup(given) {
     const h = TC.data.history, s = TC.state, names = TC.history.names(), loads = h.loads.map((o) => o.name);
     s.lx = names.includes(given.lx) ? given.lx : loads[0];

@@ -108,11 +108,11 @@ TC.live = {
     const energies = TC.scale(all.map((o) => o.answer.energy), TC.data.run.numbers.energy ? TC.data.run.numbers.energy.units : "1");
     const list = TC.el("div", { class: "minima" }, all.map((o, k) => TC.el("button", { "aria-label": `minimum ${k}`, "aria-pressed": o.answer === TC.live.shown ? "true" : "false", onclick: () => { TC.live.shown = o.answer; TC.live.lowest = k === 0 ? undefined : false; TC.live.result(left, right, p, done, all, solved); } },
       `${k === 0 ? "L̃ = " + TC.number(o.answer.energy / energies.by, 6) : "+ " + TC.number((o.answer.energy - all[0].answer.energy) / energies.by, 4)} ${energies.unit}; from ${o.names.join(", ")}${o.answer.converged ? (o.answer.minimum ? "" : "; second-order test undecided") : "; NOT SOLVED: " + o.answer.reason}`)));
-    const says = !solved ? TC.el("span", { class: "badge bad" }, "no solution found") : unique ? TC.el("span", { class: "badge good" }, "only solution (ω < λ₁)") : TC.el("span", { class: "badge" }, all.length > 1 ? `${all.length} local minima found; there may be more` : "one local minimum found; there may be others");
+    const says = !solved ? TC.el("span", { class: "badge bad" }, "no solution found") : unique ? TC.el("span", { class: "badge good" }, "only solution (ω < λ₁)") : TC.el("span", { class: "badge" }, all.length > 1 ? `${all.length} solutions found; there may be more` : "one solution found; there may be others");
     const units = TC.data.unit_system === "none" ? "1" : "Pa m-1", law_ = TC.live.lawPanel(TC.width(right), drawn, cases, line);
     TC.fill(right, TC.el("p", {}, says, ` residual ${TC.number(TC.live.shown.residual, 2)}, ${TC.number(done.time, 2)} ms a solve, ${done.starts} starts`),
       TC.note(`λ₁ = ${TC.quantity(lambda.value, units)}, ω = ${law.omega === Infinity ? "∞" : TC.quantity(law.omega, units)}; largest |u_T| = ${TC.quantity(Math.max(...TC.live.shown.v.map(Math.abs)), line.u_T_units)}`),
-      TC.h3(all.length > 1 ? "Local minima found, by energy" : "Energy"), list, law_);
+      TC.h3(all.length > 1 ? "Solutions found, by energy" : "Energy"), list, law_);
   },
   // Whether the sliders stand where the stored point was solved.
   same: (p) => JSON.stringify(TC.live.base(p)) === JSON.stringify(TC.live.set),

@@ -12,11 +12,11 @@ TC.theme = function (name) {
 };
 TC.start = async function () {
   TC.data = await TC.decode(document.getElementById("data").textContent);
-  const d = TC.data, part = d[d.kind], given = TC.readState(), kinds = { run: "a parametric study", convergence: "convergence of a study", cost: "accuracy against cost", path: "all solutions along one parameter", history: "a load history", fit: "numbers from measurements" };
+  const d = TC.data, part = d[d.kind], given = TC.readState(), kinds = { run: "a parametric study", convergence: "convergence of a study", cost: "accuracy against cost", path: "equilibria on one branch", history: "a load history", fit: "numbers from measurements" };
   document.getElementById("kind").textContent = `tcstudy: ${kinds[d.kind]}`;
   const verdict = document.getElementById("verdict");
   verdict.classList.toggle("bad", !part.verdict.ok);
-  document.getElementById("how").textContent = part.verdict.how ? `Mesh error: ${part.verdict.how}.`.replace("Mesh error: other", "Other") : "";
+  document.getElementById("how").textContent = part.verdict.how ? `${part.verdict.how[0].toUpperCase()}${part.verdict.how.slice(1)}.` : "";
   if (given.theme) TC.theme(given.theme);
   if (d.run) TC.run.setup();
   else for (const key in given) TC.state[key] = /^-?\d+$/.test(given[key]) ? Number(given[key]) : given[key];

@@ -9,11 +9,11 @@ TC.others = {
     const plots = groups.map(([title, test]) => [title, c.errors.filter((e) => test.test(e.name))]).filter(([, es]) => es.length).map(([title, es]) => TC.panel(TC.h3(title), TC.others.loglog(half, c, es, p, L)));
     const head = ["error", "finest", "measured order", "expected", "verdict", "why that order is expected"], rows = c.errors.map((e) => {
       const errs = [...Array(L)].map((_, l) => e.error[p * L + l]), last = errs.filter(Number.isFinite).pop();
-      return [e.symbol, TC.number(last, 3), Number.isFinite(e.slope[p]) ? `${e.slope[p].toFixed(2)}${e.slope_error[p] !== null && Number.isFinite(e.slope_error[p]) ? ` ± ${e.slope_error[p].toFixed(2)}` : ""}` : "–", e.expected[p] === null ? "–" : Number(e.expected[p]).toFixed(2), e.verdict[p], e.reason[p]];
+      return [e.symbol, TC.number(last, 3), e.order[p], e.expected[p] === null ? "–" : Number(e.expected[p]).toFixed(2), e.verdict[p], e.reason[p]];
     });
     const table = TC.el("div", { style: "overflow:auto" }, TC.plain(head, rows, (i, t) => (i === 0 || i > 3) && (i === 4 && /slower|pre/.test(t) ? "text bad" : "text")));
     const nums = TC.el("div", { style: "overflow:auto" }, TC.others.numbers(c, p, L));
-    TC.fill(host, controls, TC.note(`Reference: ${c.reference}. Dashed: the expected order. Hollow: not converged.`), TC.el("div", { class: "columns" }, plots), TC.h3("Orders of convergence"), table, TC.h3("Numbers, extrapolated to h → 0"), nums, c.notes.map((n) => TC.note(n)));
+    TC.fill(host, controls, TC.note(`Reference: ${c.reference}. Dashed: the expected order. Hollow: not converged. An order with ? is a guess from two levels.`), TC.el("div", { class: "columns" }, plots), TC.h3("Orders of convergence"), table, TC.h3("Numbers, extrapolated to h → 0"), nums, c.notes.map((n) => TC.note(n)));
   },
   numbers(c, p, L) {
     const scale = (n) => TC.scale(n.value.slice(p * L, p * L + L), n.units), by = (n) => scale(n).by;
@@ -74,7 +74,7 @@ TC.others = {
     const kept = Array.from(c.kept), wanted = s.v === undefined ? (c.folds.find(within) ?? Math.floor(n / 2)) : Number(s.v);
     const v = kept.reduce((best, k, i) => (Math.abs(k - wanted) < Math.abs(kept[best] - wanted) ? i : best), 0);
     main.replaceChildren();
-    const over = TC.section("1  All solutions on the path"), width = TC.width(main), response = TC.others.RESPONSES.find((r) => r[0] === s.response) || TC.others.RESPONSES[0];
+    const over = TC.section("1  Equilibria on this path"), width = TC.width(main), response = TC.others.RESPONSES.find((r) => r[0] === s.response) || TC.others.RESPONSES[0];
     const ts = TC.scale(c.range, c.units.parameter), y = c.curve[response[0]], ys = TC.scale(Array.from(y), c.units[response[2]]);
     over.append(TC.el("div", { class: "controls noprint" }, TC.choice("response", TC.others.RESPONSES, response[0], (r) => TC.set({ response: r })), TC.slider("along the path", kept.map((k) => `${TC.symbol(name)} = ${TC.number(c.curve.parameter[k] / ts.by, 4)} ${ts.unit}`), v, (i) => TC.set({ v: kept[i] }))));
     const plot = new TC.Plot({ width: width > 760 ? Math.floor(width * 0.59) : width, height: 380, x: TC.pad(c.range.slice().sort((a, b) => a - b).map((t) => t / ts.by), 0.03), y: TC.pad(TC.others.inside(c, y).map((q) => q / ys.by)), xlabel: TC.titled(`${TC.symbol(name)}`, ts), ylabel: TC.titled(`${response[1]}`, ys) });

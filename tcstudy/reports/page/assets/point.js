@@ -23,7 +23,7 @@ TC.point = {
   draw(host) {
     const s = TC.state, p = TC.run.flat(s.at), level = s.level, d = TC.point.home(p);
     const r = TC.data.run, line = TC.point.line(p, level), proof = TC.run.proof(p, level), reason = r.reasons[r.reason[p * r.nlevels + level]];
-    const head = TC.el("p", {}, TC.el("b", {}, TC.run.words(s.at)), ` on level ${level}: `, TC.el("span", { class: `badge ${proof === "failed" ? "bad" : proof === "nothing" || proof === "local" ? "" : "good"}` }, TC.run.PROOFS[proof]), reason && proof === "failed" ? TC.el("span", { class: "bad" }, reason) : null);
+    const head = TC.el("p", {}, TC.el("b", {}, TC.run.words(s.at)), ` on level ${level}: `, TC.el("span", { class: `badge ${proof === "failed" ? "bad" : proof === "nothing" || proof === "local" ? "" : "good"}` }, TC.data.proofs[proof]), reason && proof === "failed" ? TC.el("span", { class: "bad" }, reason) : null);
     const buttons = TC.el("div", { class: "controls noprint" },
       TC.el("button", { "aria-pressed": s.vs ? "true" : "false", title: "keep this point and compare others with it (c)", "aria-label": "compare", onclick: () => TC.set({ vs: s.vs ? null : s.at.slice() }) }, s.vs ? "stop comparing" : "compare with …"),
       s.vs ? TC.el("button", { "aria-label": "swap", onclick: () => TC.set({ vs: s.at, at: s.vs }) }, "swap") : null,
@@ -312,7 +312,7 @@ TC.point = {
       const gap = o.v - least, same = gap <= 1e-9 * size, w = same ? 0 : (gap / most) * (width - 330);
       svg.append(TC.svgNode("text", { x: 104, y: k * 24 + 16, "text-anchor": "end", "font-weight": o.used ? 700 : 400 }, o.name), TC.svgNode("rect", { x: 112, y: k * 24 + 4, width: Math.max(2, w), height: 15, fill: o.used ? "var(--c1)" : "var(--c6)" }), TC.svgNode("text", { x: 120 + w, y: k * 24 + 16 }, same ? `${TC.quantity(o.v, units, 5)}${o.used ? ", stored" : ""}` : `+ ${TC.quantity(gap, units, 3)}${o.used ? ", stored" : ""}`));
     });
-    host.append(TC.h3("Energy of the solution that each start leads to"), svg, TC.note(most <= 1e-9 * size ? "All starts lead to the same energy." : "Different energies: there is more than one solution."));
+    host.append(TC.h3("Energy of the solution that each start leads to"), svg, TC.note(TC.run.several(p, level) > 1 ? "Different energies: more than one solution was found." : "All starts lead to the same energy."));
   },
   table(host, p, vs, level) {
     const r = TC.data.run, cell = (name, k) => TC.quantity(TC.run.value(name, k, level), r.numbers[name].units, 5), names = Object.keys(r.numbers).filter((n) => Number.isFinite(TC.run.value(n, p, level)) || TC.run.value(n, p, level) === Infinity);

@@ -55,6 +55,7 @@ TC.run = {
   count(p, level) {
     const e = TC.run.energies(p, level).filter(Number.isFinite).sort((a, b) => a - b), size = Math.max(...e.map(Math.abs), 0);
     let count = e.length ? 1 : 0;
+    if (TC.run.proof(p, level) === "unique") return count; // what differs then is rounding
     for (let i = 1; i < e.length; i++) if (e[i] - e[i - 1] > 1e-9 * size) count++;
     return count;
   },
@@ -70,8 +71,7 @@ TC.run = {
     return "nothing";
   },
   // What is said of a point: of a history of all its steps.
-  proofs: () => (TC.data.history ? TC.history.PROOFS : TC.run.PROOFS),
-  PROOFS: { unique: "proved to be the only solution", global: "proved to have the least energy", local: "proved to be a local minimum only", nothing: "a solution, nothing proved of it", failed: "no solution" },
+  proofs: () => (TC.data.history ? TC.history.PROOFS : TC.data.proofs),
 
   draw() {
     const host = TC.run.host || (TC.run.host = TC.run.layout());
@@ -277,6 +277,11 @@ TC.run = {
     if (TC.data.convergence) { const box = TC.el("div"); host.append(TC.h3("Measured convergence (tcstudy converge)"), box); TC.others.convergence(box, TC.data.convergence, true); }
     if (TC.data.cost) { const box = TC.el("div"); host.append(TC.h3("Accuracy against cost (tcstudy cost)"), box); TC.others.cost(box, TC.data.cost); }
   },
+  // Whether ∫ξ all but cancels, so that a change relative to it says nothing.
+  cancels(name, a, p, level) {
+    const line = name === "friction_resultant" && TC.point.line(p, level);
+    return line && Math.abs(a) <= 1e-3 * TC.point.contact(line, p).xi.reduce((t, x, i) => t + Math.abs(x) * line.c[i], 0);
+  },
   ROUNDING: 1e-12, // relative changes below it are none
   CONVERGED: ["u_T_max", "slip_length", "friction_resultant", "energy", "error_estimate"],
   changes(width, p) {
@@ -305,9 +310,9 @@ TC.run = {
       g.xs.forEach((x, i) => { if (g.ys[i] > 0) plot.over.append(TC.marker(TC.SHAPES[k % 4], plot.px(x), plot.py(g.ys[i]), 4, { fill: look.stroke })); });
       const n = g.ys.length, rate = n > 2 && (halved || g.name === "error_estimate") ? Math.log(g.ys[n - 2] / g.ys[n - 1]) / Math.log(g.xs[n - 2] / g.xs[n - 1]) : NaN;
       const shapes = [TC.dash(26, 6, look), TC.marker(TC.SHAPES[k % 4], 13, 6, 4, { fill: look.stroke })];
-      legend.append(TC.entry(26, 12, shapes, `${g.what}${Number.isFinite(rate) ? `: last order ${rate.toFixed(1).replace("-", "−")}` : ""}`, "vertical-align:-1px;margin-right:5px"));
+      legend.append(TC.entry(26, 12, shapes, `${g.what}${Number.isFinite(rate) ? `: last order ${rate.toFixed(1).replace("-", "−")}?` : ""}`, "vertical-align:-1px;margin-right:5px"));
     });
-    return [TC.h3("Convergence over the levels, of this point"), plot.svg, legend, TC.note("Expected where slip meets stick or an end is held: order 1 for ∫ξ and slip length, up to 2 for energy and slip on smooth data. The orders to expect at every corner: tcstudy converge.")];
+    return [TC.h3("Convergence over the levels, of this point"), plot.svg, legend, TC.note("Where slip meets stick or an end is held expect order 1 for ∫ξ and slip length, up to 2 for energy and slip without singular corners. ?: a guess from two steps. The orders to expect at every corner: tcstudy converge.")];
   },
   STAGES: [["time_mesh", "mesh"], ["time_assemble", "matrices"], ["time_condense", "condensing, all points"], ["time_solve", "contact, all points"]],
   costs(width, p) {
@@ -332,15 +337,15 @@ TC.run = {
     const stop = r.stop.filter(Boolean);
     if (stop.length) out.push(`Refinement ended because ${stop[stop.length - 1]}.`);
     if (last > 0 && r.numbers.friction_resultant) {
-      const change = (name) => { const a = TC.run.value(name, p, last), b = TC.run.value(name, p, last - 1); return Math.abs(a - b) / Math.abs(a); };
+      const change = (name) => { const a = TC.run.value(name, p, last), b = TC.run.value(name, p, last - 1); return TC.run.cancels(name, a, p, last) ? NaN : Math.abs(a - b) / Math.abs(a); };
       const most = ["friction_resultant", "u_T_max", "energy"].filter((n) => r.numbers[n] && Number.isFinite(change(n))).sort((m, n) => change(n) - change(m))[0], e = most ? change(most) : NaN, what = `At this point the ${TC.symbol(most || "energy").replace(/ ∫ξ$/, "")}`;
-      if (e > 0.01) out.push(`${what} still changed by ${TC.percent(e)}: one more level (mesh.levels: ${last + 2}) should halve that at about four times the unknowns; graded or adaptive meshes reach it with fewer (tcstudy cost shows how many).`);
-      else if (Number.isFinite(e)) out.push(`${what} changed by ${TC.percent(e)} with the last level, and nothing else by more; one level less would save most of the time and leave about ${TC.percent(2 * e)}.`);
+      if (e > 0.01) out.push(`${what} still changed by ${TC.percent(e)}: one more level (mesh.levels: ${last + 2}) halves that if errors fall like h, at about four times the unknowns; tcstudy cost shows what graded and adaptive meshes need.`);
+      else if (Number.isFinite(e)) out.push(`${what} changed by ${TC.percent(e)} with the last level, and nothing else by more; one level less takes about a quarter of the unknowns.`);
     }
     const open = [...Array(r.points).keys()].filter((k) => TC.run.proof(k, last) === "local" || TC.run.proof(k, last) === "nothing").length;
-    if (open) out.push(`For ${open} of ${r.points} points other solutions with less energy are not excluded: tcstudy path follows all solutions along one parameter.`);
+    if (open) out.push(`For ${open} of ${r.points} points other solutions with less energy are not excluded: tcstudy path follows the equilibria on the branch from rest.`);
     const several = [...Array(r.points).keys()].filter((k) => TC.run.several(k, last) > 1).length;
-    if (several) out.push(`For ${several} points different starts led to different solutions; the stored one is that of ${TC.data.yaml.includes("branch:") ? "the branch that the study asks for" : "least energy among those found"}.`);
+    if (several) out.push(`For ${several} points different starts led to different solutions; the stored one is that of ${TC.data.yaml.includes("branch:") ? "the branch that the study asks for" : "the least energy found"}.`);
     if (!TC.point.home(p).body) out.push("With output: {fields: true} the page also shows the body's temperature and deformation.");
     if (TC.data.homes) out.push("A page of one geometry can solve in the browser: tcstudy export FILE.nc --geometry --at NAME=VALUE -o ONE.nc, then tcstudy report ONE.nc, of a run with output: {live: true}.");
     else if (!TC.data.live) out.push("With output: {live: true} the contact problem can be solved here, in the browser, while sliders move.");

@@ -1,0 +1,209 @@
+"""What reports say of results in words: a function a sentence, on plain values, and what must be true for it.
+
+A sentence whose condition does not hold is "" or a weaker one. Reports of all kinds take their words from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.reports.text import counted, number, with_unit
+
+Array = NDArray[np.float64]
+
+SAME = 1e-9
+"""Relative difference of two energies that are one, and change of slips, relative to the largest, that is none."""
+EQUAL = 1e-6
+"""Relative difference of the changes of two cycles that are equal; part of the slips below which they are settled."""
+SPENT = 1e-5
+"""Relative difference of what two cycles dissipate that is none."""
+
+PROVED = {
+    "unique": "proved to be the only solution",
+    "global": "proved to have the least energy",
+    "local": "proved to be a local minimum",
+    "nothing": "a solution, nothing proved of it",
+    "failed": "no solution",
+}
+"""By `text.PROOFS`: what the flag of a solution, the strongest that it has, says of it."""
+VERDICTS = {
+    "unknown": "not judged",
+    "exact": "exact (rounding)",
+    "as_expected": "as expected",
+    "faster": "faster",
+    "slower": "slower",
+    "pre_asymptotic": "pre-asymptotic",
+    "too_few_levels": "too few levels",
+}
+"""By data.measured.VERDICTS, whose conditions are those of study.convergence.verdict; no order is called slow where
+corners were not analysed or errors are rounding."""
+GUESS = "?"
+"""Stands behind an order of two levels, whose own error nothing tells."""
+
+
+def percent(share: float) -> str:
+    """A share that is known to one or two digits."""
+    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %" if share >= 1e-6 else f"{share:.1e}"
+
+
+# -- runs --------------------------------------------------------------------------------------------------------------
+
+
+def proved(unique: int, least: int) -> str:
+    """How many solutions are proved unique, and how many, these included, of least energy."""
+    said = f"{unique} proved unique" if unique else "none proved unique"
+    return f"{said}, {least} proved to have the least energy" if least > unique else said
+
+
+def several(energy: Array, unique: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(P,) more than one solution was found: starts (P, s) led to energies that differ by more than rounding, and no
+    proof says that this is all that it can be.
+    """
+    return np.asarray((different_energies(energy) > 1) & ~unique)
+
+
+def different_energies(energy: Array) -> NDArray[np.int_]:
+    """How many different energies the starts (last axis) of each point led to, relative to the largest."""
+    energy = np.sort(energy, axis=-1)
+    size = np.max(np.abs(np.where(np.isfinite(energy), energy, 0.0)), axis=-1, keepdims=True)
+    return np.asarray(1 + np.count_nonzero(np.diff(energy, axis=-1) > SAME * size, axis=-1))
+
+
+def abrupt(change: str, place: str, seen: bool) -> str:
+    """A step of the slip between two neighbouring values of a swept number, so large beside those around it that it is
+    worth a word. It is called a jump only if two solutions were seen at one of them: a solution that is unique all the
+    way (ω < λ₁) changes steeply, but continuously, and two points do not tell a steep change from a jump.
+    """
+    return f"slip jumps {place}" if seen else f"slip changes by {change} {place}"
+
+
+def mesh_error(error: float | None, estimated: bool, no_larger: int = 0) -> str:
+    """The largest error, relative to a number that it is smaller than: estimated, or else what the last level changed.
+
+    error:     None where nothing is known of it, or where there is nothing that it could be relative to
+    no_larger: points whose number is no larger than its estimated error, so that it is relative to nothing there
+    """
+    said = []
+    if error is not None and error < 1.0:
+        share = percent(error)
+        said.append(f"mesh error about {share}" if estimated else f"∫ξ changed by {share} with the last level")
+    elif error is not None:
+        said.append("mesh too coarse for the order of magnitude")
+    said += [f"the goal no larger than its mesh error at {no_larger}"] if no_larger else []
+    return ", ".join(said)
+
+
+# -- convergence -------------------------------------------------------------------------------------------------------
+
+
+def order(slope: float, error: float, digits: int = 2) -> str:
+    """A measured order ± its standard error; of two levels it has none and is marked as a guess."""
+    if not np.isfinite(slope):
+        return "–"
+    return f"{slope:z.{digits}f}" + (f" ± {error:.{digits}f}" if np.isfinite(error) else GUESS)
+
+
+def orders(verdicts: Iterable[tuple[str, str]], solved: bool) -> str:
+    """All measured orders in a sentence; verdicts: (symbol of the error, of VERDICTS), which an order has that was
+    measured; what is not judged counts neither way.
+    """
+    told = list(verdicts)
+    if not told:
+        return "nothing could be compared: there is no reference"
+    count = {name: sum(verdict == name for _, verdict in told) for name in VERDICTS}
+    judged = len(told) - count["unknown"] - count["too_few_levels"]
+    good = count["as_expected"] + count["faster"] + count["exact"]
+    parts = [f"{good} of {judged} measured orders are as expected or better"]
+    parts += [f"{count['pre_asymptotic']} not yet settled (pre-asymptotic)"] if count["pre_asymptotic"] else []
+    parts += [f"{count['too_few_levels']} of two levels"] if count["too_few_levels"] else []
+    parts += [f"{count['unknown']} not judged, as corners were not analysed"] if count["unknown"] else []
+    slow = sorted({symbol for symbol, verdict in told if verdict == "slower"})
+    parts += ["slower than expected: " + ", ".join(slow)] if slow else []
+    return "; ".join(parts if solved else [*parts, "some levels were not solved"])
+
+
+# -- histories ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class CycleChange:
+    """What the last cycle has changed.
+
+    kind:  "shakedown", "closed", "settled", "walking", "ratcheting", "settling"; "" where there are less than two
+    words: the same as a sentence
+    """
+
+    kind: str
+    words: str
+
+
+def cycle_change(
+    v: Array, dissipated: Array, units: tuple[str, str] = ("m", "J m-1"), rounding: float = 0.0
+) -> CycleChange:
+    """The change from cycle to cycle, from the slips at their ends.
+
+    shakedown:  the last cycle changed no slip and dissipated nothing
+    closed:     it changed no slip;  walking, ratcheting: it changed slips as the one before did
+    settled:    it changed them otherwise, but by no more than EQUAL of the largest;  settling: by more
+
+    v: (C + 1, m) at the start and the end of every cycle;  dissipated: (C,) in each;  units: of both
+    rounding: what rounding of the forces may move the slips by in a cycle
+    """
+    if len(v) < 3:
+        return CycleChange("", "")
+    size = float(np.max(np.abs(v))) or 1.0
+    last, before = v[-1] - v[-2], v[-2] - v[-3]
+    largest, same = float(np.max(np.abs(last))), max(SAME * size, rounding)
+    moved = with_unit(largest, units[0], 6)
+    if largest <= same:
+        if dissipated[-1] <= SAME * float(np.max(dissipated)):
+            words = "shakedown: the last cycle leaves the slips as they were and dissipates nothing"
+            return CycleChange("shakedown", words)
+        one, two = dissipated[-2:]
+        if abs(two - one) <= SPENT * max(one, two) and float(np.max(np.abs(before))) <= same:
+            words = "the last two cycles dissipate the same and leave no slip behind"
+        else:
+            spent = [with_unit(float(each), units[1], 6) for each in (two, one)]
+            words = f"the last cycle leaves no slip behind; it dissipates {spent[0]}, the one before {spent[1]}"
+        return CycleChange("closed", f"a closed loop: {words}")
+    if np.max(np.abs(last - before)) > max(EQUAL * largest, rounding):
+        if largest <= EQUAL * size:
+            share = f"{largest / size:.0e}"
+            return CycleChange("settled", f"settled to {share} of the slip, by which the last cycle changed it at most")
+        words = f"not settled: the last cycle changed slips by up to {moved}, unlike the one before"
+        return CycleChange("settling", words)
+    if np.ptp(last) <= max(EQUAL * largest, rounding):
+        return CycleChange("walking", f"walking: the last two cycles each moved the whole contact line by {moved}")
+    return CycleChange("ratcheting", f"ratcheting: the last two cycles each added slips of up to {moved}")
+
+
+KINDS = {
+    "shakedown": "shake down", "closed": "close their loop", "settled": "have settled", "walking": "walk",
+    "ratcheting": "ratchet", "settling": "have not settled",
+}  # fmt: skip
+"""What the histories of a sweep do, by `CycleChange.kind`."""
+
+
+# -- paths -------------------------------------------------------------------------------------------------------------
+
+
+def path(pieces: int, stable: int, folds: int, turns: int, most: int | None, falls: int, residual: float) -> str:
+    """A path in a sentence: counts of what is on it.
+
+    folds: within the range asked for;  turns: steps back of the parameter too small to be seen
+    most:  solutions at one of the values asked for, None if none was
+    """
+    parts = [f"One path of {counted(pieces, 'piece')}, {stable} of them stable"]
+    parts[0] += f", with {counted(folds, 'fold')} in the range asked for"
+    parts += [f"{turns} smaller turns of the parameter"] if turns else []
+    parts += [f"up to {counted(most, 'solution')} on it at the values asked for"] if most is not None else []
+    parts += [f"the body falls to another part of it {counted(falls, 'time')} in a loop"] if falls else []
+    return ", ".join([*parts, f"worst residual {number(residual, 2)}"]) + "."
+
+
+CONNECTED = "other paths may exist that are not connected to it"
+"""Said of every path."""

@@ -1,0 +1,108 @@
+"""Every sentence where it is true and where it nearly is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tcstudy.data import measured
+from tcstudy.reports import sentences as said
+from tcstudy.reports.text import PROOFS
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("sentence", "words"),
+    [
+        (said.proved(3, 3), "3 proved unique"),
+        (said.proved(3, 4), "3 proved unique, 4 proved to have the least energy"),
+        (said.proved(0, 0), "none proved unique"),
+        (said.abrupt("2 mm", "between 1 and 2 K", seen=True), "slip jumps between 1 and 2 K"),
+        (said.abrupt("2 mm", "between 1 and 2 K", seen=False), "slip changes by 2 mm between 1 and 2 K"),
+        (said.mesh_error(0.03, estimated=True), "mesh error about 3 %"),
+        (said.mesh_error(0.03, estimated=False), "∫ξ changed by 3 % with the last level"),
+        (said.mesh_error(0.99, estimated=True), "mesh error about 99 %"),
+        (said.mesh_error(1.0, estimated=True), "mesh too coarse for the order of magnitude"),
+        (said.mesh_error(None, estimated=True, no_larger=2), "the goal no larger than its mesh error at 2"),
+        (said.mesh_error(None, estimated=False), ""),
+        (said.order(1.234, 0.05), "1.23 ± 0.05"),
+        (said.order(1.234, NAN), "1.23?"),
+        (said.order(NAN, NAN), "–"),
+        (said.orders([("u", "as_expected"), ("θ", "exact")], True), "2 of 2 measured orders are as expected or better"),
+        (
+            said.orders([("u", "slower")], True),
+            "0 of 1 measured orders are as expected or better; slower than expected: u",
+        ),
+        (
+            said.orders([("u", "unknown")], False),
+            "0 of 0 measured orders are as expected or better; 1 not judged, as corners were not analysed; "
+            "some levels were not solved",
+        ),
+        (said.orders([], True), "nothing could be compared: there is no reference"),
+        (
+            said.path(3, 2, 1, 0, None, 0, 1e-15),
+            "One path of 3 pieces, 2 of them stable, with 1 fold in the range asked for, worst residual 1e-15.",
+        ),
+        (
+            said.path(3, 2, 1, 4, 3, 1, 1e-15),
+            "One path of 3 pieces, 2 of them stable, with 1 fold in the range asked for, 4 smaller turns of the "
+            "parameter, up to 3 solutions on it at the values asked for, the body falls to another part of it 1 time "
+            "in a loop, worst residual 1e-15.",
+        ),
+    ],
+)
+def test_words(sentence: str, words: str) -> None:
+    assert sentence == words
+
+
+@pytest.mark.parametrize(
+    ("energy", "unique", "seen"),
+    [
+        ([-1.0, -1.1], False, True),
+        ([-1.0, -1.0 - 1e-10], False, False),  # rounding
+        ([-1.0, -1.1], True, False),  # a proof outweighs what a start left over
+        ([-1.0, NAN], False, False),
+    ],
+)
+def test_more_than_one_solution(energy: list[float], unique: bool, seen: bool) -> None:
+    assert said.several(np.array([energy]), np.array([unique])).tolist() == [seen]
+
+
+@pytest.mark.parametrize(
+    ("ends", "spent", "kind", "words"),
+    [
+        ([1.0, 1.0, 1.0], [0.0, 0.0], "shakedown", "shakedown: the last cycle leaves the slips as they were"),
+        ([1.0, 1.0, 1.0], [1.0, 1.0], "closed", "a closed loop: the last two cycles dissipate the same and leave no"),
+        ([1.0, 1.2, 1.2], [1.0, 1.0], "closed", "a closed loop: the last cycle leaves no slip behind"),  # the first did
+        (
+            [1.0, 1.1, 1.2],
+            [1.0, 1.0],
+            "walking",
+            "walking: the last two cycles each moved the whole contact line by 0.1",
+        ),
+        ([1.0, 1.1, 1.3], [1.0, 1.0], "settling", "not settled: the last cycle changed slips by up to 0.2"),
+        ([1.0, 1.1, 1.1 + 1e-7], [1.0, 1.0], "settled", "settled to 9e-08 of the slip"),
+        ([1.0, 1.1, 1.1 + 3e-6], [1.0, 1.0], "settling", "not settled"),
+        ([1.0, 1.0 + 1e-7, 1.0 + 2e-7], [1.0, 1.0], "walking", "walking"),  # small, but the same in every cycle
+        ([1.0, 1.1], [1.0], "", ""),
+    ],
+)
+def test_what_cycles_change(ends: list[float], spent: list[float], kind: str, words: str) -> None:
+    found = said.cycle_change(np.array(ends)[:, None] * np.ones(2), np.array(spent), ("1", "1"), rounding=1e-12)
+    assert found.kind == kind
+    assert found.words.startswith(words)
+    assert not kind or kind in said.KINDS
+
+
+def test_ratcheting_is_not_walking() -> None:
+    ends = np.array([[1.0, 1.0], [1.1, 1.2], [1.2, 1.4]])
+    assert (
+        said.cycle_change(ends, np.ones(2), ("1", "1")).words
+        == "ratcheting: the last two cycles each added slips of up to 0.2"
+    )
+
+
+def test_every_flag_and_verdict_has_its_words() -> None:
+    assert set(said.PROVED) == {word for _, word in PROOFS} | {"nothing", "failed"}
+    assert set(said.VERDICTS) == set(measured.VERDICTS)
