@@ -23,6 +23,9 @@ SETTLED = 0.2
 """Rates that differ by no more than this belong to one asymptotic range."""
 ROUNDING = 1e-11
 """Relative error below which a solution is called exact: what is left is rounding and has no rate."""
+CONDITION = 64.0
+"""Condition of a stiffness matrix over (size of the body/h)²: rounding grows like it. On patch tests, whose errors are
+nothing else, errors come to 0.01 to 12 of it."""
 STEADY = 1e-12
 """Relative change of a number below which it does not depend on the level: what is left is rounding."""
 NAN = float("nan")
@@ -48,16 +51,21 @@ class Fit:
     exact: bool
 
 
-def fit(h: Array, error: Array, usable: NDArray[np.bool_], rounding: float = ROUNDING) -> Fit:
+def rounding_level(h: Array, tolerance: float = 0.0) -> Array:
+    """(levels,) relative error that may be rounding, on meshes of size h over that of the body; more than `tolerance`."""
+    return np.asarray(np.maximum(max(ROUNDING, tolerance), CONDITION * np.finfo(float).eps / h**2))
+
+
+def fit(h: Array, error: Array, usable: NDArray[np.bool_], rounding: Array | float = ROUNDING) -> Fit:
     """Rates and slope of relative errors (levels,) on meshes of size h, from the usable levels alone.
 
-    rounding: error at which rates end, for example the tolerance of the solver
+    rounding: error (levels,) at which rates end, for example the tolerance of the solver
     """
     good = usable & np.isfinite(error)
     rates = np.full(len(h), NAN)
     if not good.any():
         return Fit(rates, NAN, NAN, -1, False, False)
-    if np.max(error[good]) <= rounding:
+    if np.all((error <= rounding)[good]):
         return Fit(rates, NAN, NAN, int(np.flatnonzero(good)[0]), True, True)
     good &= error > rounding
     levels = np.flatnonzero(good)

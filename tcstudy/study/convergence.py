@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.accuracy.corners import sticking_near, vertices
 from tcstudy.accuracy.expected import Expected, HeldEnds, expected_orders, smooth_up_to, smoothness
-from tcstudy.accuracy.rates import ROUNDING, Fit, fit, log_share, richardson
+from tcstudy.accuracy.rates import ROUNDING, Fit, fit, log_share, richardson, rounding_level
 from tcstudy.accuracy.transfer import NotNested
 from tcstudy.data.measured import (
     ERRORS,
@@ -221,7 +221,7 @@ def _error_series(
     if size == 0.0:
         return None
     error = np.array([pair[0] / size if pair is not None else np.nan for pair in found])
-    fitted = fit(h, error, usable, max(ROUNDING, tolerance))
+    fitted = fit(h, error, usable, rounding_level(h, tolerance))
     log = log_share(h[usable & (np.arange(len(h)) >= fitted.first)]) if expected.log else 0.0
     return ErrorSeries(
         error=error,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import linregress
 
-from tcstudy.accuracy.rates import dominated, fit, log_share, richardson
+from tcstudy.accuracy.rates import dominated, fit, log_share, richardson, rounding_level
 
 H = 0.5 ** np.arange(6)
 ALL = np.ones(6, dtype=bool)
@@ -57,6 +57,17 @@ def test_rounding_is_no_rate():
     assert np.isnan(found.slope)
     assert np.isnan(fit(H, np.full(6, np.nan), ALL).slope)
     assert np.isnan(fit(H[:1], np.ones(1), ALL[:1]).slope)
+
+
+def test_errors_that_grow_like_rounding_are_rounding():
+    """As on patch tests, eps/h²: beyond 1e-11 on fine meshes they used to be rates of −2; seven times more are none."""
+    h = 0.5 ** np.arange(3, 10)
+    error, usable = 12 * np.finfo(float).eps / h**2, np.ones(7, dtype=bool)
+    assert error[-1] > 1e-11
+    assert fit(h, error, usable, rounding_level(h)).exact
+    assert fit(h, 7 * error, usable, rounding_level(h)).slope == pytest.approx(-2.0)
+    levelled = fit(h, np.maximum(1e-6 * h**2, error), usable, rounding_level(h))
+    assert (levelled.slope, levelled.exact) == (pytest.approx(2.0), False)
 
 
 def test_richardson_finds_limit_and_order():
