@@ -52,7 +52,7 @@ class Fit:
 
 
 def rounding_level(h: Array, tolerance: float = 0.0) -> Array:
-    """(levels,) relative error that may be rounding, on meshes of size h over that of the body; more than `tolerance`."""
+    """(levels,) relative error that may be rounding, h being over the size of the body; `tolerance` at least."""
     return np.asarray(np.maximum(max(ROUNDING, tolerance), CONDITION * np.finfo(float).eps / h**2))
 
 

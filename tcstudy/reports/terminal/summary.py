@@ -153,7 +153,7 @@ def _points(data: Any, most: int | None) -> str:
     level = int(fine["level"])
     more = int(np.prod(shape)) - len(rows)
     title = f"  Level {level}, the finest:" + (f" first {len(rows)} of {len(rows) + more} points" if more > 0 else "")
-    legend = "  certified: what is proved of the solution (unique, global or local minimum of the energy)"
+    legend = "  certified: what is proved of the solution on its mesh (unique, global or local minimum of the energy)"
     if failed:
         legend += "\n  failed: no solution; the numbers in (parentheses) are those of the last step"
     ranks, below = (*(0 for _ in axes), *(rank for _, _, rank in usual), 1, 4), ""

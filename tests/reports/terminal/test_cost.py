@@ -200,7 +200,7 @@ def test_the_chart(file: Path, suffix: str) -> None:
     assert target.read_bytes() == first
     if suffix == "svg":
         text = first.decode()
-        assert "best:" in text
+        assert "fastest:" in text
         assert "own settings" in text
     with pytest.raises(DrawError, match=r"\.png"):
         picture(file, file.with_name("a.txt"))
