@@ -33,7 +33,7 @@ def _checked(options: argparse.Namespace, kind: Literal["path", "history", "fit"
 
 
 @command(
-    "follow the equilibria on the branch from rest along one parameter",
+    "follow the equilibria on the branch from rest",
     *STUDY,
     _OUTPUT["path"],
     _PLOT,
@@ -42,7 +42,7 @@ def _checked(options: argparse.Namespace, kind: Literal["path", "history", "fit"
     shared.FORCE,
 )
 def path(options: argparse.Namespace) -> int:
-    """Follow the equilibria on the branch from rest along one parameter."""
+    """Follow the equilibria on the branch from rest."""
     study, output = _checked(options, "path")
     from tcstudy.data.path_store import stored_shortfalls
     from tcstudy.reports.terminal.path_summary import path_summary

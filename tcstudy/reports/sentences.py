@@ -97,6 +97,16 @@ def mesh_error(error: float | None, estimated: bool, no_larger: int = 0) -> str:
     return ", ".join(said)
 
 
+HOW = {
+    "goal": "mesh error: largest estimated error of the goal",
+    "energy": "mesh error: largest estimated error of the displacement in the energy norm",
+    "change": "change of ∫ξ: the largest of all points, of their ∫|ξ|",
+    "no friction": "no friction by which to measure the mesh error",
+    "one mesh": "one mesh says nothing about its own error: add levels",
+}
+"""How the number of `mesh_error` is known, or why there is none."""
+
+
 # -- convergence -------------------------------------------------------------------------------------------------------
 
 
@@ -118,12 +128,18 @@ def orders(verdicts: Iterable[tuple[str, str]], solved: bool) -> str:
     judged = len(told) - count["unknown"] - count["too_few_levels"]
     good = count["as_expected"] + count["faster"] + count["exact"]
     parts = [f"{good} of {judged} measured orders are as expected or better"]
-    parts += [f"{count['pre_asymptotic']} not yet settled (pre-asymptotic)"] if count["pre_asymptotic"] else []
-    parts += [f"{count['too_few_levels']} of two levels"] if count["too_few_levels"] else []
-    parts += [f"{count['unknown']} not judged, as corners were not analysed"] if count["unknown"] else []
+    parts += [f"{count[name]} {words}" for name, words in OPEN.items() if count[name]]
     slow = sorted({symbol for symbol, verdict in told if verdict == "slower"})
     parts += ["slower than expected: " + ", ".join(slow)] if slow else []
     return "; ".join(parts if solved else [*parts, "some levels were not solved"])
+
+
+OPEN = {
+    "pre_asymptotic": "not yet settled (pre-asymptotic)",
+    "too_few_levels": "of two levels",
+    "unknown": "not judged, as corners were not analysed",
+}
+"""Orders that are neither as expected nor not."""
 
 
 # -- histories ---------------------------------------------------------------------------------------------------------
@@ -197,8 +213,8 @@ def path(pieces: int, stable: int, folds: int, turns: int, most: int | None, fal
     folds: within the range asked for;  turns: steps back of the parameter too small to be seen
     most:  solutions at one of the values asked for, None if none was
     """
-    parts = [f"One path of {counted(pieces, 'piece')}, {stable} of them stable"]
-    parts[0] += f", with {counted(folds, 'fold')} in the range asked for"
+    folded = f"with {counted(folds, 'fold')} in the range asked for"
+    parts = [f"One path of {counted(pieces, 'piece')}, {stable} of them stable, {folded}"]
     parts += [f"{turns} smaller turns of the parameter"] if turns else []
     parts += [f"up to {counted(most, 'solution')} on it at the values asked for"] if most is not None else []
     parts += [f"the body falls to another part of it {counted(falls, 'time')} in a loop"] if falls else []

@@ -23,7 +23,6 @@ from tcstudy.reports import sentences
 from tcstudy.reports.text import pretty, scaled_labels, with_unit
 from tcstudy.scene.key import symbol
 
-Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 FEWEST, STEEP, NOTABLE = 4, 4.0, 0.25
@@ -31,8 +30,6 @@ FEWEST, STEEP, NOTABLE = 4, 4.0, 0.25
 of the largest value of the whole line."""
 PIECE = 2**16
 """Points that are looked at together."""
-MOST = 256
-"""Points whose tractions are read together."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +39,7 @@ class RunSeen:
     dims:   sweep dimensions;  levels: how many;  mode: "grid" or "list"
     labels: values and attributes along a dimension, by name
     take:   values of a variable on one level, counted from the end, (*dims, …); None if the file has none
-    friction: ∫|ξ| on the last level at points, by their indices along the dimensions
+    friction: ∫|ξ| on the last level at a point, by its indices along the dimensions
     units:  of the slip
     """
 
@@ -51,7 +48,7 @@ class RunSeen:
     mode: str
     labels: Callable[[str], tuple[NDArray[Any], Mapping[str, Any]]]
     take: Callable[[str, int], NDArray[Any] | None]
-    friction: Callable[[list[tuple[int, ...]]], Array] = lambda places: np.zeros(len(places))
+    friction: Callable[[tuple[int, ...]], float] = lambda place: 0.0
     units: str = "1"
 
     def ok(self, level: int = -1) -> Flags:
@@ -84,17 +81,13 @@ def verdict(path: Path) -> dict[str, Any]:
         def labels(dim: str) -> tuple[NDArray[Any], Mapping[str, Any]]:
             return np.asarray(nc[dim][...]), nc[dim].__dict__
 
-        def friction(places: list[tuple[int, ...]]) -> Array:
-            found = []
-            for place in places:
-                where, home = dict(zip(dims, place, strict=True)), nc
-                if "geometry" in nc.variables:
-                    own = tuple(where[d] for d in nc["geometry"].dimensions)
-                    home = nc.groups[f"geometry_{int(nc['geometry'][own])}"]
-                group = home.groups[f"level_{levels - 1}"]
-                xi = group["xi"][tuple(where[d] for d in group["xi"].dimensions[:-1])]
-                found.append(float(np.abs(xi) @ group["c"][...]))
-            return np.array(found)
+        def friction(place: tuple[int, ...]) -> float:
+            where, home = dict(zip(dims, place, strict=True)), nc
+            if "geometry" in nc.variables:
+                home = nc[f"geometry_{int(nc['geometry'][tuple(where[d] for d in nc['geometry'].dimensions)])}"]
+            group = home[f"level_{levels - 1}"]
+            xi = group["xi"][tuple(where[d] for d in group["xi"].dimensions[:-1])]
+            return float(np.abs(xi) @ group["c"][...])
 
         units = str(nc["u_T_max"].units) if "u_T_max" in nc.variables else "1"
         return _told(RunSeen(dims, levels, str(nc.sweep_mode), labels, take, friction, units))
@@ -138,17 +131,14 @@ def mesh_error(run: RunSeen, ok: Flags) -> tuple[float | None, int, bool, str]:
     if goal is not None and wide is not None and np.any(known := ok & np.isfinite(wide) & np.isfinite(goal)):
         small = known & (wide > 0.0) & (wide >= np.abs(goal))
         share = (wide[known & ~small] / np.where(goal == 0.0, 1.0, np.abs(goal))[known & ~small]).max(initial=0.0)
-        return float(share) or None, int(small.sum()), True, "mesh error: largest estimated error of the goal"
+        return float(share) or None, int(small.sum()), True, sentences.HOW["goal"]
     estimates = run.take("error_estimate", -1)
     if estimates is not None and np.isfinite(estimates[ok]).any():
-        how = "mesh error: largest estimated error of the displacement in the energy norm"
-        return float(np.nanmax(estimates[ok])), 0, True, how
+        return float(np.nanmax(estimates[ok])), 0, True, sentences.HOW["energy"]
     if run.levels < 2 or not ok.any():
-        return None, 0, False, "one mesh says nothing about its own error: add levels"
+        return None, 0, False, sentences.HOW["one mesh"]
     change = _change(run, ok)
-    if change is None:
-        return None, 0, False, "no friction by which to measure the mesh error"
-    return change, 0, False, "change of ∫ξ: the largest of all points, of their ∫|ξ|"
+    return change, 0, False, sentences.HOW["no friction" if change is None else "change"]
 
 
 def _change(run: RunSeen, ok: Flags) -> float | None:
@@ -160,19 +150,16 @@ def _change(run: RunSeen, ok: Flags) -> float | None:
     if last is None or before is None:
         return None
     both &= np.isfinite(last) & np.isfinite(before)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        most = np.where(both, np.abs(last - before) / np.abs(last), -1.0)
-    most = np.where(both & (last == before), 0.0, most)
-    order, largest, seen = np.argsort(-most, axis=None), -1.0, False
-    for first in range(0, int(both.sum()), MOST):
-        some = [tuple(int(i) for i in np.unravel_index(k, most.shape)) for k in order[first : first + MOST]]
-        some = [place for place in some if both[place]]
-        if most[some[0]] <= largest:
+    change = np.abs(last - before)
+    most = np.divide(change, np.abs(last), out=np.where(change > 0.0, np.inf, 0.0), where=last != 0.0)
+    largest: float | None = None
+    for k in np.argsort(-np.where(both, most, -1.0), axis=None)[: both.sum()]:
+        place = tuple(int(i) for i in np.unravel_index(k, most.shape))
+        if largest is not None and most[place] <= largest:
             break
-        for place, size in zip(some, run.friction(some), strict=True):
-            if size > 0.0:
-                largest, seen = max(largest, float(abs(last[place] - before[place]) / size)), True
-    return largest if seen else None
+        if (size := run.friction(place)) > 0.0:
+            largest = max(largest or 0.0, float(change[place] / size))
+    return largest
 
 
 def abrupt(run: RunSeen, ok: Flags, several: Flags) -> list[str]:
@@ -196,9 +183,9 @@ def abrupt(run: RunSeen, ok: Flags, several: Flags) -> list[str]:
         line = np.unravel_index(int(np.argmax(np.where(abrupt, largest, 0.0))), abrupt.shape)
         where = dict(zip([d for d in run.dims if d != name], (int(i) for i in line), strict=True))
         at = int(np.argmax(step[line]))
-        size_of, place = float(step[line][at]), _between(run, name, at, where)
-        seen = bool(np.moveaxis(several, axis, -1)[line][at : at + 2].any())
-        found.append((size_of, sentences.abrupt(with_unit(size_of, run.units, 2), place, seen)))
+        change, seen = float(step[line][at]), bool(np.moveaxis(several, axis, -1)[line][at : at + 2].any())
+        told = sentences.abrupt(with_unit(change, run.units, 2), _between(run, name, at, where), seen)
+        found.append((change, told))
     return [text for _, text in sorted(found, reverse=True)]
 
 

@@ -73,7 +73,7 @@ def test_a_mesh_error_is_relative_to_what_there_is(
     run = RunSeen(
         *((), 2, "grid", lambda name: (np.zeros(0), {})),
         lambda name, level: held[name][level] if name in held else None,
-        lambda places: np.full(len(places), friction),
+        lambda place: friction,
     )
     found, no_larger, _, how = mesh_error(run, run.ok())
     assert found == (pytest.approx(error) if error is not None else None)

@@ -263,15 +263,10 @@ def _fit_verdict(data: Any) -> Json:
     parts = []
     for one in _found_numbers(data):
         divisor, unit = prefix([one["estimate"]], one["units"])
-        told = f"{one['symbol']} = {number(one['estimate'] / divisor)}"
         known = np.isfinite(one["standard_error"]) and not one["at_bound"]
-        told += (
-            f" ± {number(one['standard_error'] / divisor, 2)}"
-            if known
-            else " (on its bound)"
-            if one["at_bound"]
-            else " (not determined)"
-        )
+        lost = " (on its bound)" if one["at_bound"] else " (not determined)"
+        spread = f" ± {number(one['standard_error'] / divisor, 2)}" if known else lost
+        told = f"{one['symbol']} = {number(one['estimate'] / divisor)}{spread}"
         parts.append(f"{told} {pretty(unit)}".removesuffix(" 1"))
     doubts = [words for words, doubt in fit_doubts(data) if doubt]
     agree = "; ".join(doubts) if doubts else "nothing in the data speaks against the study"

@@ -15,6 +15,7 @@ from tcstudy.data.measured import MEASURES, OWN, STAGES
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import load_root
 from tcstudy.errors import DrawError
+from tcstudy.reports.sentences import percent
 from tcstudy.reports.terminal.tables import Heading, Part, Table, render
 from tcstudy.scene.families import FAMILIES
 
@@ -235,11 +236,6 @@ def _stretch(one: Stretch) -> str:
     family = "the study's meshes" if one.family == "study" else f"{one.family} meshes"
     start, end = percent(one.start), percent(one.end)
     return f"{family} with {one.solver} for errors " + (f"of {end}" if start == end else f"from {start} to {end}")
-
-
-def percent(error: float) -> str:
-    """A relative error in per cent, "3.1 %"; small ones as a power of ten."""
-    return f"{100 * error:.2g} %" if error >= 1e-5 else f"{error:.1e}"
 
 
 def seconds(time: float) -> str:
