@@ -248,10 +248,11 @@ def corner_words(vertex: Vertex) -> str:
     """Which corner, in words."""
     x, y = vertex.at
     where = f"at ({x:.4g}, {y:.4g})"
+    corner = f"{'–'.join(vertex.words)} corner of {180 * vertex.half_turns:.4g}°"
     if not vertex.meeting:
-        return f"{'–'.join(vertex.words)} corner of {180 * vertex.half_turns:.4g}° {where}"
+        return f"{corner} {where}"
     met = " and ".join(dict.fromkeys(vertex.meeting))
-    return f"{met} meeting {f'at a {chr(8211).join(vertex.words)} edge ' if vertex.words else ''}{where}"
+    return f"{met} meeting {f'in a {corner} ' if vertex.words else ''}{where}"
 
 
 def describe(vertex: Vertex) -> str:

@@ -33,13 +33,7 @@ def _checked(options: argparse.Namespace, kind: Literal["path", "history", "fit"
 
 
 @command(
-    "follow the equilibria on the branch from rest",
-    *STUDY,
-    _OUTPUT["path"],
-    _PLOT,
-    shared.RESPONSE,
-    *MANNER,
-    shared.FORCE,
+    "follow equilibria on the branch from rest", *STUDY, _OUTPUT["path"], _PLOT, shared.RESPONSE, *MANNER, shared.FORCE
 )
 def path(options: argparse.Namespace) -> int:
     """Follow the equilibria on the branch from rest."""

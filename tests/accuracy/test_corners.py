@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from tcstudy.accuracy.corners import CLAMPED, FREE, SLIDING, SMOOTH, corner_exponent, heat_exponent, vertices
+from tcstudy.accuracy.corners import (
+    CLAMPED,
+    FREE,
+    SLIDING,
+    SMOOTH,
+    corner_exponent,
+    corner_words,
+    heat_exponent,
+    vertices,
+)
 from tcstudy.read.study import read_study_text
 
 KAPPA = 3 - 4 * 0.3
@@ -148,7 +157,9 @@ def test_places_where_materials_meet():
     assert len(found) == 4 + 2 + 4
     end = found[0.0, 1.0]
     assert (end.meeting, end.words, end.half_turns) == (("coat", "body"), ("traction", "traction"), pytest.approx(1))
+    assert corner_words(end) == "coat and body meeting in a traction–traction corner of 180° at (0, 1)"
     assert found[1.0, 1.0].meeting == ("stud", "body", "coat")
+    assert corner_words(found[1.0, 1.0]) == "stud and body and coat meeting at (1, 1)"
     assert found[2.0, 2.0].words == ()
     assert found[2.0, 2.0].exponent < 1.0
     assert found[0.0, 0.0].meeting == ()
