@@ -212,7 +212,7 @@ def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, st
         file = f"--set {option}"
         key, equals, text = (part.strip() for part in option.partition("="))
         key = short.get(key, key)
-        keys: Keys | None = split_path(key) if equals else None
+        keys = (_of_sweep(root, key) or split_path(key)) if equals else None
         if keys is None or not text:
             remedy = "write --set key.path=value, for example --set heat.alpha=25"
             errors.at_mark(Mark(file, 0, 0), "", "this option is not key=value", remedy)
@@ -231,6 +231,18 @@ def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, st
         except KeyError as error:
             errors.at_mark(Mark(file, 0, 0), key, str(error.args[0]), "set a key that the study can have there")
     return root
+
+
+def _of_sweep(root: Node, key: str) -> Keys | None:
+    """The place of sweep.PARAMETER, whose key in the sweep may be a path or a short name; None if it has none yet."""
+    sweep, rest = root.child("sweep"), key.removeprefix("sweep.")
+    if rest == key or sweep is None or not isinstance(sweep.value, Mapping):
+        return None
+    for own in sorted(sweep.value, key=len, reverse=True):
+        if rest == own or (rest.startswith(f"{own}.") and split_path(rest[len(own) + 1 :])):
+            return ("sweep", own, *(split_path(rest[len(own) + 1 :]) or ()))
+    same = [own for own in sweep.value if SHORT.get(own, own) == SHORT.get(rest, rest) or own.endswith(f".{rest}")]
+    return ("sweep", same[0]) if len(same) == 1 else None
 
 
 def with_sweep(overrides: Sequence[str], sweep: Mapping[str, object]) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge
 from tcstudy.read.plans import read_mesh, read_output, read_path, read_solver
 from tcstudy.read.scenes import SECTIONS, SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, records
+from tcstudy.scene.histories import short_names
 from tcstudy.scene.keys import row, rows
 from tcstudy.scene.parameters import SHORT, sweepable
 from tcstudy.scene.records import Scene
@@ -134,17 +135,33 @@ def _read_sweep(ctx: Context, root: Node, overrides: tuple[str, ...]) -> Sweep:
     sweep = _of_sections(ctx, root, read_sweep(ctx, node, known, friction) or Sweep())
     if ctx.named:
         check_swept_names(ctx, root, sweep, (*SECTIONS, "materials", "body", "mesh"))
-    for option in (text for text in overrides if "=" in text):
-        key = option.partition("=")[0].strip()
-        key = SHORT.get(key, key)
-        keys = split_path(key) or ()
-        for axis in sweep.axes:
-            path = axis.parameter.path
-            if keys[: len(path)] == path:
-                what = f"{axis.key} is swept, so this value would not be used"
-                remedy = f"set sweep.{axis.key} instead, or remove the sweep by --set sweep=null"
-                ctx.errors.at_mark(Mark(f"--set {option}", 0, 0), key, what, remedy)
+    _check_options(ctx, root, sweep, overrides)
     return sweep
+
+
+def _check_options(ctx: Context, root: Node, sweep: Sweep, overrides: Sequence[str]) -> None:
+    """A value of an option that the sweep replaces would be lost without a word."""
+    named = zip(sweep.axes, short_names([axis.parameter.path for axis in sweep.axes]), strict=True)
+    swept = [(axis.key, name, axis.parameter.path, axis.parameter.is_whole) for axis, name in named]
+    if sweep.h is not None and isinstance(sweep.h.value, tuple):
+        swept.append(("h", "maxh", ("mesh", "maxh"), False))
+    for option in (text for text in overrides if "=" in text):
+        key, _, value = (part.strip() for part in option.partition("="))
+        keys, place = split_path(SHORT.get(key, key)) or (), f"--set {option}"
+        for name, short, words, whole in swept:
+            path = split_path(".".join(words)) or ()
+            same = keys == path or (key == short and key not in rows(""))
+            # its value comes of the option; names and the body must have one that a sweep can replace
+            above = path[: len(keys)] == keys and holds(root, path) and path[0] not in ("parameters", "body")
+            above = above and deepest(root, path).mark.file == place
+            if same or above or keys[: len(path)] == path:
+                what = (
+                    f"{name} is swept, so {'this value' if same or not above else 'its value here'} would not be used"
+                )
+                listed = f', --set "sweep.{name}=[{value}]"' if same and sweep.mode == "grid" and not whole else ""
+                remedy = f"give the sweep other values{listed}, or remove it by --set sweep=null"
+                where = ".".join(map(str, path if same or above else keys))
+                ctx.errors.at_mark(Mark(place, 0, 0), where, what, remedy)
 
 
 def _regions(root: Node, sweep: Node) -> tuple[str, ...]:

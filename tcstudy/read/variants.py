@@ -89,7 +89,7 @@ def read_variants(
         try:
             found = _read_one(ctx, one, read, one.words)
         except StudyError:
-            raise StudyError(_said_where(ctx, one, geometries, read)) from None
+            raise StudyError([*ctx.errors.problems, *_said_where(ctx, one, geometries, read)]) from None
         study, reason = (None, found) if isinstance(found, str) else (found, "")
         variants.append(Variant(one.words, one.index, one.places, study, reason))
     first = next((one.study for one in variants if one.study is not None), None)
@@ -101,6 +101,7 @@ def read_variants(
         what = "changes the body or its meshes, and with a tolerance or adaptive meshes each would end on another level"
         remedy = "use a uniform or graded family, or write one study for each geometry"
         ctx.errors.at(sweep.axes[outer[0]].node, what, remedy, on_key=True)
+    if ctx.errors.problems:
         raise StudyError(ctx.errors.problems)
     return replace(
         first,

@@ -231,6 +231,41 @@ def test_faults_of_options_are_reported_at_the_option(option: str, line: str) ->
     assert problem.startswith(line)
 
 
+GEOMETRIES = BASE[: BASE.index("sweep:")].replace("maxh: 0.2, levels: 2", "maxh: size") + "parameters: {size: 0.2}\n"
+LAW = "{law: slip-weakening, tau_s: 20 MPa, tau_k: 5 MPa"
+
+
+@pytest.mark.parametrize(
+    ("text", "option", "said"),
+    [
+        (
+            BASE,
+            "friction.delta=5 um",
+            "friction.delta: delta is swept, so this value would not be used; give the sweep",
+        ),
+        (BASE, f"friction={LAW}, delta: 3 um}}", "friction.delta: delta is swept, so its value here would not be used"),
+        (BASE, "sweep={friction: {a: {law: tresca, tau: 1 MPa}}}|delta=3 um", "friction is swept, so this value"),
+        (BASE, "mesh={refine: 0}|sweep={h: [0.2, 0.1]}|mesh.maxh=0.3", "mesh.maxh: h is swept"),
+        (GEOMETRIES, "sweep={parameters.size: [0.2, 0.3]}|parameters.size=0.1", '--set "sweep.parameters.size=[0.1]"'),
+        (GEOMETRIES, "sweep={parameters.size: [0.2, 0.3]}|size=0.1", "parameters.size is swept, so this value"),
+        (GEOMETRIES, "sweep={parameters.size: [0.2, 0.3]}|nonsense", "this option is not key=value"),
+    ],
+)
+def test_an_option_for_what_a_sweep_replaces_names_the_sweep(text: str, option: str, said: str) -> None:
+    lines = problems(text, *option.split("|"))
+    assert said in lines[0]
+    assert lines[0].startswith(f"--set {option.rpartition('|')[2]}: ")
+
+
+@pytest.mark.parametrize("key", ["sweep.delta", "sweep.friction.delta", "sweep.parameters.size", "sweep.size"])
+def test_the_values_of_a_sweep_are_set_by_path_or_short_name(key: str) -> None:
+    text, value = f"{GEOMETRIES}sweep: {{friction.delta: [1 um, 2 um], parameters.size: [0.2, 0.3]}}\n", "[3]"
+    study = read_study_text(text, "study.yaml", [f"{key}={value if 'delta' in key else '[0.5]'}"])
+    assert study.shape == ((1, 2) if "delta" in key else (2, 1))
+    kept = f"friction={LAW}}}"  # without the swept key, so that nothing of it is lost
+    assert read_study_text(text, "study.yaml", [kept, "sweep.size=null"]).shape == (2,)
+
+
 @pytest.mark.parametrize("parameter", ["tau: [1 MPa, 2 MPa]", "friction.tau: [1 MPa]", "friction.delta: [1 um]"])
 def test_a_swept_parameter_of_no_law_misses_the_section(parameter: str) -> None:
     text = re.sub(r"friction: .*\n", "", BASE[: BASE.index("sweep:")])
