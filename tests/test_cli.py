@@ -194,7 +194,7 @@ def test_a_command_loads_no_other(folder: Path) -> None:
 
 
 def test_failed_points_are_exit_code_1(folder: Path) -> None:
-    smooth = "friction={law: exponential, a: 0.006, b: 0.004, delta: 0.05}"
+    smooth = "friction={law: exponential, b: 0.004, delta: 0.05}"
     strict = "solver={name: separable-newton, tolerance: 1e-19}"  # below rounding, so that it cannot be met
     result = tcstudy_command(
         "run", "block.yaml", "--set", smooth, "--set", strict, "--set", "sweep={a: [0.006, 0.007]}", cwd=folder

@@ -147,7 +147,7 @@ FORMS = ("vtu", *TABLES)
     Option("--csv", action="store_true", help="a row a point and level, columns `name [unit]`"),
     Option("--json", action="store_true", help="the same rows as objects"),
     Option("--geometry", action="store_true", help="of a sweep over geometries the run of one, named by --at"),
-    Option("-o", "--output", type=Path, metavar="TARGET", help=_OUTPUT),
+    Option("-o", "--output", type=shared.named, metavar="TARGET", help=_OUTPUT),
     at("only points with this value (may be repeated)"),
     Option("--level", type=int, metavar="N", help="mesh level of --vtu (default: the finest)"),
 )
@@ -193,19 +193,22 @@ def exported(
             fail(f"{table}: a table of this form has a name that ends in .{form}; what else is there stays")
         rows = (write_csv if form == "csv" else write_json)(file, table, point)
         return table, [counted(rows, "row")]
+    from tcstudy.data.files import check_writable
     from tcstudy.reports.export.export_fields import write_fields
 
     folder = target if target is not None else file.with_suffix("")
     if folder.exists() and not folder.is_dir():
         fail(f"{folder} is a file; name a folder with -o")
+    if faults := check_writable(folder / file.name):
+        fail("; ".join(faults))
     written = write_fields(file, folder, point, -1 if level is None else level)
     return written.path, [counted(written.points, "point"), *written.lacks]
 
 
 @command(
     "say what differs between two result files: exit code 0 for nothing, 1 for something",
-    Option("first", type=Path, metavar="A.nc"),
-    Option("second", type=Path, metavar="B.nc"),
+    Option("first", type=shared.named, metavar="A.nc"),
+    Option("second", type=shared.named, metavar="B.nc"),
     Option("--rtol", type=float, default=1e-9, metavar="R", help=_RTOL),
     *MANNER,
 )

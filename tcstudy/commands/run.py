@@ -167,7 +167,7 @@ def _plan_json(study: Study, output: Path, forecast: Plan, expected: Resources) 
 
 @command(
     "join result files of one study that have different points of its sweep",
-    Option("files", type=Path, nargs="+", metavar="FILE.nc"),
+    Option("files", type=shared.named, nargs="+", metavar="FILE.nc"),
     Option("-o", "--output", type=shared.file_name, required=True, metavar="FILE", help="the file of all points"),
     *MANNER,
     Option("--force", action="store_true", help="replace the output if it is there"),

@@ -73,6 +73,13 @@ def file_name(text: str) -> Path:
     """The name of a file to write; a Path would forget that the text named a folder."""
     if text.endswith(("/", os.sep)):
         raise argparse.ArgumentTypeError(f"{text} is a folder; give the name of a file in it")
+    return named(text)
+
+
+def named(text: str) -> Path:
+    """A path, which is not empty."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("the name is empty; give the name of a file")
     return Path(text)
 
 
@@ -95,10 +102,10 @@ MANNER = (
 """How a command prints what it has to say."""
 FULL = Option("--full", action="store_true", help="the tables of every sweep point, not the orders alone")
 STUDY = (
-    Option("study", type=Path, metavar="STUDY.yaml"),
+    Option("study", type=named, metavar="STUDY.yaml"),
     Option("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides", help=_SET),
 )
-FILE = Option("file", type=Path, metavar="FILE.nc")
+FILE = Option("file", type=named, metavar="FILE.nc")
 FORMAT = Option("--format", choices=("text", "markdown", "latex"), default="text", help="form of the tables")
 FORCE = Option("--force", action="store_true", help=_FORCE)
 DASK = Option("--dask", metavar="ADDRESS", help=_DASK)

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import errno
 import os
+import platform
+import re
 import shutil
 import stat
 import tempfile
+import zlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -67,7 +70,7 @@ def replace_file(path: Path, make: Callable[[Path], object], kept: str = "", sea
 def aside_of(path: Path) -> Path:
     """Where this process writes the file that is to take the place of `path`."""
     target = Path(os.path.realpath(path))
-    return target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    return target.with_name(f".{target.name}.{_host()}-{os.getpid()}.tmp")
 
 
 def check_writable(path: Path, expected_bytes: int | None = None) -> list[str]:
@@ -123,6 +126,10 @@ def _place_faults(path: Path) -> list[str]:
 def _name_fault(path: Path) -> str:
     """Why no file can have this name, or why none beside it can have the longer names of what is written aside."""
     shown = printable(str(path))
+    if path.name in ("", ".."):
+        return f"{shown} is a directory; give the name of a file in it"
+    if shown.startswith("~"):  # netCDF would write to the home directory, other libraries beside the study
+        return f"{shown} begins with ~, which only a shell knows as a home directory; write the directory out"
     if "\0" in str(path):
         return f"{shown} has a NUL character, as no file name can; choose another output"
     try:
@@ -148,13 +155,35 @@ def special_file(path: Path) -> str:
     return next((name for is_kind, name in kinds.items() if is_kind(mode)), "")
 
 
-def remove_stale(path: Path) -> None:
-    """Remove what a killed writer of `path` left aside. Only for the holder of the journal's lock."""
+def remove_stale(path: Path, alone: bool = False) -> None:
+    """Remove what killed writers of `path` on this machine left aside; of any writer for the holder of its lock."""
     target = Path(os.path.realpath(path))
-    for name in os.listdir(target.parent):
-        if name.startswith(f".{target.name}.") and name.endswith(".tmp"):
+    left = re.compile(rf"\.{re.escape(target.name)}\.(?:([0-9a-f]{{8}})-)?([0-9]{{1,10}})(?:\.\w{{8}})?\.tmp")
+    for name in os.listdir(target.parent) if target.parent.is_dir() else ():
+        if (match := left.fullmatch(name)) and (
+            alone or (match[1] in (None, _host()) and not _is_alive(int(match[2])))
+        ):
+            stale = target.with_name(name)
             with suppress(OSError):
-                (target.parent / name).unlink()
+                shutil.rmtree(stale) if stale.is_dir() and not stale.is_symlink() else stale.unlink()
+
+
+def _host() -> str:
+    """Eight signs for this machine, as process numbers of others say nothing here."""
+    return f"{zlib.crc32(platform.node().encode()):08x}"
+
+
+def _is_alive(process: int) -> bool:
+    """Whether a process of this number works on this machine; true where the system cannot be asked."""
+    if os.name == "nt":  # to ask there is to end it
+        return True
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 def sync_directory(directory: Path) -> None:
@@ -202,6 +231,7 @@ def write_dataset(
             nc.setncattr(FINISHED, np.int32(1))
             stamp(nc)
 
+    remove_stale(path)
     replace_file(path, make, kept)
 
 

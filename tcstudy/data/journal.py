@@ -84,7 +84,7 @@ class Journal:
             connection, why = connect(path, header, check)
         if connection is None or why:
             raise StoreError(f"cannot start the journal {path}: {why}. Choose another output")
-        remove_stale(output)
+        remove_stale(output, alone=True)
         sync_directory(path.parent)
         journal = cls(path, connection, warnings)
         places = connection.execute("SELECT level, place FROM record WHERE kind = 'block'")

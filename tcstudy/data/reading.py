@@ -205,6 +205,8 @@ def is_foreign(file: Path) -> bool:
 
 def attributes(path: Path) -> dict[str, Any]:
     """The global attributes of a complete result file. Raises StoreError if it is none, or damaged."""
+    if str(path).startswith("~"):  # which netCDF would look for elsewhere
+        raise StoreError(f"{path} begins with ~, which only a shell knows as a home directory; write the directory out")
     if path.is_dir():
         raise StoreError(f"{path} is a directory; name a file in it")
     if not path.exists():

@@ -23,12 +23,16 @@ from tcstudy.errors import Problem, StudyError
 from tcstudy.read.node import Collector, Keys, Mark, Node, Scalar, deepest, holds, put, split_path
 from tcstudy.scene.parameters import SHORT
 from tcstudy.scene.study import Study
+from tcstudy.scene.units import LONGEST
 
 MAX_NODES = 500_000
 MAX_DEPTH = 40
+MAX_BYTES = 16_000_000
+"""Of a study, or a table beside it; MAX_NODES numbers with their keys take less."""
 TAG = "tag:yaml.org,2002:"
 TEXT_TAGS = {TAG + "str", TAG + "timestamp", TAG + "merge", TAG + "value"}
-SCALAR_TAGS = {TAG + "null", TAG + "bool", TAG + "int", TAG + "float"} | TEXT_TAGS
+NUMBER_TAGS = {TAG + "int", TAG + "float"}
+SCALAR_TAGS = {TAG + "null", TAG + "bool"} | NUMBER_TAGS | TEXT_TAGS
 
 
 class _TooDeep(MarkedYAMLError):
@@ -54,7 +58,14 @@ def load_text(path: Path) -> str:
     """The text of a study file; raises StudyError if it cannot be had."""
     file = str(path)
     try:
-        return path.read_bytes().decode("utf-8")
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise _refusal(file, "this is a device or a pipe, no file", "save the text in a file and name it")
+        with open(path, "rb") as stream:
+            content = stream.read(MAX_BYTES + 1)
+        if len(content) > MAX_BYTES:
+            what = f"the file has more than {MAX_BYTES // 10**6} MB"
+            raise _refusal(file, what, "check the name; a sweep of many points can be several studies")
+        return content.decode("utf-8")
     except FileNotFoundError:
         raise _refusal(file, "there is no such file", "check the path; see configs/ for examples") from None
     except IsADirectoryError:
@@ -156,6 +167,10 @@ class _Builder:
         if isinstance(node, MappingNode) and tag == TAG + "map":
             return self.mapping(node, path)
         if isinstance(node, ScalarNode) and tag in SCALAR_TAGS:
+            if tag in NUMBER_TAGS and len(node.value) > LONGEST:
+                what = f"is a number of {len(node.value)} characters, of which at most {LONGEST} are read"
+                self.errors.unreadable(mark, path, what, "round it, or write it with an exponent")
+                return None
             try:
                 return _scalar(tag, str(node.value))
             except ValueError:
@@ -224,8 +239,9 @@ def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, st
             errors.at_mark(Mark(file, 0, 0), key, what, "give every key once, a section before its keys")
             continue
         try:
-            new = compose(text, file, errors, key, option=True)
-            root = put(root, keys, None if new.value is None else new)
+            before, new = len(errors), compose(text, file, errors, key, option=True)
+            if new.value is not None or len(errors) == before:
+                root = put(root, keys, None if new.value is None else new)
         except StudyError as error:
             errors.problems.extend(error.problems)
         except KeyError as error:

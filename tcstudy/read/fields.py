@@ -23,7 +23,7 @@ from tcstudy.scene.key import Key
 from tcstudy.scene.keys import rows, short_of
 from tcstudy.scene.named import Named, expression_of
 from tcstudy.scene.records import Point, Scalar
-from tcstudy.scene.units import LENGTH, NUMBER, TRACTION, Dimension, UnitError, split_quantity, to_si
+from tcstudy.scene.units import LENGTH, LONGEST, NUMBER, TRACTION, Dimension, UnitError, split_quantity, to_si
 from tcstudy.shapes.faults import LARGEST, SMALLEST
 
 P = ParamSpec("P")
@@ -89,6 +89,9 @@ class Context:
 
     def _from_text(self, node: Node, text: str, dimension: Dimension, varies: bool) -> Scalar:
         """The value of a text: number and unit, or an expression."""
+        if len(text) > LONGEST:
+            what = f"is a text of {len(text)} characters, of which at most {LONGEST} are read"
+            return self._none(node, what, "round it, or shorten the expression")
         parts = split_quantity(text)
         if parts and self.units == "none":
             remedy = "write the plain number, or drop `units: none`"

@@ -140,7 +140,12 @@ def read_output(ctx: Context, node: Node | None) -> OutputPlan:
         return OutputPlan()
     fields = Fields(ctx, node, "output")  # the last two are judged where the scenes are known
     given = fields.given(key for key in fields.rows if key not in ("sensitivity", "probes"))
-    return OutputPlan(**(given | {"path": Path(given["path"])} if "path" in given else given))
+    if (where := fields["path"]) is None:
+        return OutputPlan(**given)
+    path = Path(text := given["path"])
+    if text and (path.name in ("", "..") or text.endswith("/") or text.startswith("~")):
+        ctx.errors.at(where, f"{where.brief()!r} names no file", "write a name such as results/study.nc")
+    return OutputPlan(**(given | {"path": path}))
 
 
 @dataclass(frozen=True)

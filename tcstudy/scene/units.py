@@ -55,6 +55,8 @@ USUAL = ("nm", "um", "mm", "cm", "m", "Pa", "kPa", "MPa", "GPa", "N", "kN", "mW"
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 QUANTITY = re.compile(rf"\s*({NUMBER})\s*(?![eE][+-]?[0-9])((?:[A-Za-zµμΩΩ°%]|(?<=\s)[0-9(]).*?)\s*", re.DOTALL)
 UNIT = re.compile(r"[A-Za-zµμΩΩ°%*/^()\s0-9_-]{1,60}")
+LONGEST = 2000
+"""Characters of the longest text that may be a number with a unit."""
 RAISED = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+", strict=True))
 """Raised signs of exponents, as in W·m⁻²·K⁻¹."""
 SIGNS = str.maketrans({**dict.fromkeys("·⋅∙×", "*"), **dict.fromkeys("−–", "-"), "∕": "/", "⁄": "/"})
@@ -77,7 +79,7 @@ class UnitError(ValueError):
 
 def split_quantity(text: str) -> tuple[str, str] | None:
     """The number and the unit of a text like "210 GPa"; None if it is not of that form (an expression, say)."""
-    match = QUANTITY.fullmatch(text)
+    match = QUANTITY.fullmatch(text) if len(text) <= LONGEST else None  # which takes the square of the length
     return (match[1], match[2]) if match else None
 
 

@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.files import check_writable
+from tcstudy.data.files import aside_of, check_writable
 from tcstudy.data.provenance import Provenance, collect, program, study_sha256, tell_stored
 from tcstudy.data.reading import attributes, refuse_changed
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
@@ -256,7 +256,7 @@ def _join_geometries(study: Study, runs: Sequence[StoredRun], output: Path, comm
     whole = _owned(study, runs, [run.places_in(study) for run in runs])
     lost = [block for one in whole for block in one.without_geometry(study)]
     files: list[Path | None] = []
-    with TemporaryDirectory(prefix=f"{output.name}.", dir=output.parent) as name:
+    with TemporaryDirectory(prefix=f"{aside_of(output).stem}.", suffix=".tmp", dir=output.parent) as name:
         found = [one.of_geometries(study, Path(name)) for one in whole]
         for number, variant in enumerate(study.variants):
             having = [own[number].file for own in found if len(own[number].places)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -219,6 +220,37 @@ def test_names_that_no_result_can_have(tmp_path: Path, name: str, part: str) -> 
     assert part in problem
     assert problem.isprintable()
     problem.encode()
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "~nobody/x.nc", "file/below.nc"])
+def test_outputs_that_name_no_file_are_one_sentence(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").touch()
+    (said,) = check_writable(Path(name))
+    assert re.search("is a directory; give|write the directory out|is a file, so", said)
+
+
+def test_what_killed_writers_left_goes_and_what_others_write_stays(
+    output: Path, study: Study, provenance: Provenance
+) -> None:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    host = files.aside_of(output).name.split(".")[-2].partition("-")[0]
+    output.parent.mkdir()
+    dead = [f".{output.name}.{host}-{ended.pid}.tmp", f".{output.name}.{ended.pid}.tmp"]
+    others = [
+        f".{output.name}.{host}-{os.getppid()}.tmp",
+        f".{output.name}.00000000-{ended.pid}.tmp",
+        f".{output.name}.more.nc.{host}-{ended.pid}.tmp",
+        f"{output.name}.{ended.pid}.tmp",
+    ]
+    for name in (*dead, *others):
+        (output.parent / name).touch()
+    folder = output.parent / f".{output.name}.{host}-{ended.pid}.abcd_123.tmp"
+    folder.mkdir()
+    (folder / "0.nc").touch()
+    write(output, study, [], [], provenance)
+    assert sorted(os.listdir(output.parent)) == sorted([output.name, *others])
 
 
 def test_the_longest_name_is_written(output: Path, study: Study, provenance: Provenance) -> None:

@@ -1,6 +1,8 @@
 """Bad studies: each gives one error, at its place, that says what is wrong."""
 
+import os
 import re
+import time
 from pathlib import Path
 
 import pytest
@@ -317,3 +319,30 @@ def test_a_geometry_file_with_a_name_that_no_system_takes_is_told_in_one_line(tm
     (tmp_path / "study.yaml").write_text(body + BASE[BASE.index("boundary:") :])
     with pytest.raises(StudyError, match=r"study\.yaml:1:21: body\.file\.path: there is no file 'a"):
         read_study(tmp_path / "study.yaml")
+
+
+@pytest.mark.parametrize("name", [".", "..", "~nobody/x.nc", "results/"])
+def test_an_output_that_names_no_file_is_told_at_its_key(name: str) -> None:
+    [problem] = problems(f"{BASE}output: {{path: {name}}}\n")
+    assert problem.startswith(f"study.yaml:{BASE.count(chr(10)) + 1}:16: output.path: {name!r} names no file; write")
+
+
+@pytest.mark.parametrize("number", ["1" * 10_000, "0." + "0" * 10_000, "0x" + "f" * 10_000, "-" + "1" * 10_000])
+@pytest.mark.parametrize("form", ["{}", "{} GPa", "{}*x", "{}^{}"])
+def test_numbers_of_ten_thousand_digits_are_refused_at_once(number: str, form: str) -> None:
+    start = time.process_time()
+    [problem] = problems(BASE, "material.E=" + form.replace("{}", number))
+    assert "at most 2000" in problem
+    assert len(problem) < 400
+    assert time.process_time() - start < 1.0
+
+
+def test_devices_pipes_and_endless_files_are_no_studies(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with open(tmp_path / "large.yaml", "wb") as file:
+        file.truncate(10**9)
+    for name, said in (("/dev/zero", "a device or a pipe"), ("pipe", "a device or a pipe"), ("large.yaml", "16 MB")):
+        with pytest.raises(StudyError, match=said):
+            read_study(tmp_path / name)
+        [problem] = problems(BASE, f"sweep={{mode: list, points: {tmp_path / name}}}")
+        assert said in problem or "no such file" in problem

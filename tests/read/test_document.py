@@ -95,7 +95,7 @@ def test_aliases_get_paths_of_their_own() -> None:
         ("".join(" " * i + "-\n" for i in range(700)), 42, 42, "nested too deeply"),
         ("a: " + "[" * 60 + "]" * 60, 1, 44, "nested too deeply"),
         ("", 0, 0, "the file is empty"),
-        ("a: " + "9" * 5000, 1, 4, "is not a number"),
+        ("a: " + "9" * 5000, 1, 4, "at most 2000 are read"),
     ],
 )
 def test_faults_of_the_text(text: str, line: int, column: int, part: str) -> None:

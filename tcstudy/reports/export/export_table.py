@@ -22,12 +22,12 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.files import replace_file
+from tcstudy.data.files import check_writable, replace_file
 from tcstudy.data.provenance import kind_of, remarks_of
 from tcstudy.data.reading import attributes, reading
 from tcstudy.data.store import open_results
 from tcstudy.data.writer import CHUNK, tile_shape, tiles
-from tcstudy.errors import UsageError
+from tcstudy.errors import StoreError, UsageError
 from tcstudy.reports.page.container import plain
 from tcstudy.reports.select_point import Value, matching
 from tcstudy.reports.text import headed
@@ -112,6 +112,8 @@ def _write(path: Path, target: Path, point: Mapping[str, Value] | None, fill: An
     """Open the result file, put what `fill` makes of it into the target; returns the number of rows."""
     import netCDF4
 
+    if faults := check_writable(target):
+        raise StoreError("; ".join(faults))
     written = 0
     with reading(path):
         kind = kind_of(path)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
-from tcstudy.data.files import replace_file
+from tcstudy.data.files import check_writable, replace_file
 from tcstudy.data.provenance import remarks_of
 from tcstudy.data.reading import asked, reading
 from tcstudy.errors import PageError, tell
@@ -61,10 +61,10 @@ def write_page(path: Path, target: Path, left_out: tuple[str, ...] = ()) -> Writ
     Raises StoreError if `path` is no complete result file or `target` cannot be written, PageError if the page would
     be larger than MOST or something else than a page would be lost.
     """
+    if faults := check_writable(target):
+        raise PageError("; ".join(faults))
     if target.is_file() and not target.read_bytes()[:200].lstrip().lower().startswith(b"<!doctype html"):
         raise PageError(f"{target} exists and is no page; it would be lost: choose another name with -o")
-    if target.is_dir():
-        raise PageError(f"{target} is a directory; give the name of a file in it")
     without = list(left_out)
     with reading(path):
         stored = read(path)
