@@ -135,12 +135,14 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
             what = "what the edge does to heat" if edge in own else "a convection edge"
             ctx.errors.once(node, f"{what} has no meaning, because {why}", remedy)
         return
+    held = [edge for edge, role in boundary if role.heat is not None and role.heat.theta is not None]
+    if not (passing or held or own) and heat.q == 0.0:  # no heat comes or goes: an alpha then is a doubt, no fault
+        return
     places = (("material",), *(("materials", name) for name, _ in material.regions))
     for place, one in zip(places, material.all, strict=True):
         if one.k is None:
             node = deepest(root, place)
             ctx.errors.once(node, "is missing, but heat needs it", "add k: 45 W/(m*K)", key=f"{'.'.join(place)}.k")
-    held = [edge for edge, role in boundary if role.heat is not None and role.heat.theta is not None]
     if not passing and not held and (own or heat.alpha > 0.0):
         node = deepest(root, ("heat", "alpha") if heat.alpha > 0.0 else ("boundary", own[0]))
         remedy = "give the role convection to the edges that exchange heat, or give a known temperature theta"
@@ -163,9 +165,7 @@ def _check_section(ctx: Context, root: Node, heat: Heat, boundary: Boundary, own
                     ctx.errors.once(place, what, f"add {example}", key=f"boundary.{edge}.heat.{key}")
         return
     users = [role for _, role in boundary if exchanges(role) and (role.heat is None or role.heat.alpha is None)]
-    if own and section.child("alpha") and not users:
-        ctx.errors.once(node, "every edge that exchanges heat has its own alpha, so this one acts nowhere", "remove it")
-    elif own and users and heat.alpha == 0.0:
+    if own and users and heat.alpha == 0.0:
         what = "with alpha = 0 the edges that have none of their own exchange nothing"
         ctx.errors.once(node, what, "give alpha > 0, or make those edges free or traction")
     elif not own and heat.alpha == 0.0 and heat.q != 0.0:

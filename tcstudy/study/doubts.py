@@ -29,7 +29,7 @@ from tcstudy.read.document import Found, located, tree_of
 from tcstudy.read.node import Collector
 from tcstudy.read.parameters import users, words_in
 from tcstudy.scene.points import combinations, distinct
-from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Traction, resultant
+from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Traction, exchanges, resultant
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import edge_length, edge_normal, loop_area
 from tcstudy.shapes.faults import TOLERANCE
@@ -58,7 +58,7 @@ def doubts(study: Study) -> list[str]:
         notes.append(f"{where}: u = 0 is a solution; give f, g, a pressure, a displacement or a temperature")
     if study.units == "SI":
         notes += [*_absolute(scenes), *_soft(scenes)]
-    return [*notes, *unused(study)]
+    return [*notes, *_idle_alpha(scenes), *unused(study)]
 
 
 def loaded(scenes: Sequence[Scene]) -> NDArray[np.bool_]:
@@ -138,6 +138,16 @@ def _soft(scenes: Sequence[Scene]) -> Iterator[str]:
             f"E = {least:g} Pa: {what} of {stress:.3g} Pa would strain the body by {stress / least:.2g}, and strains "
             "are meant to be small; a number without a unit is in Pa, so write MPa or GPa if that was meant"
         )
+
+
+def _idle_alpha(scenes: Sequence[Scene]) -> list[str]:
+    """Where the section heat has an α that no edge takes from it."""
+    found = set()
+    for scene in distinct(scenes, "heat", "boundary"):
+        of_edges = [None if role.heat is None else role.heat.alpha for _, role in scene.boundary if exchanges(role)]
+        if scene.heat.alpha > 0.0 and None not in of_edges:
+            found.add("every edge that exchanges heat has its own" if of_edges else "no edge has the role convection")
+    return [f"heat.alpha acts nowhere, as {why}; remove it" for why in sorted(found)]
 
 
 def unused(study: Study) -> list[str]:

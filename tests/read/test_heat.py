@@ -78,12 +78,6 @@ def test_one_temperature_everywhere_is_no_heat_problem() -> None:
             "has no meaning, because the temperature theta",
         ),
         ('"2*h", theta_bar: 20 K', '"2*h"', "heat: {q: 5}\n", "heat.theta_bar: is missing; add theta_bar: 20 K"),
-        (
-            "top: free",
-            "top: free",
-            "heat: {alpha: 3}\n",
-            "heat.alpha: every edge that exchanges heat has its own alpha",
-        ),
         ("top: free", "top: convection", "heat: {alpha: 0, theta_bar: 1 K}\n", "heat.alpha: with alpha = 0 the edges"),
         ("k: 45 W/(m*K), ", "", "", "material.k: is missing, but heat needs it"),
         (

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from netgen import occ
 
+import tcstudy
 from tcstudy.errors import StudyError
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study, read_study_text
@@ -287,3 +288,27 @@ def test_a_history_brings_its_loads() -> None:
     study = read_study(Path(__file__).parents[2] / "configs" / "cyclic_pull.yaml")
     assert not loaded(study.scenes).any()
     assert not [note for note in doubts(study) if "nothing loads" in note]
+
+
+def test_an_alpha_that_acts_nowhere_is_a_doubt_and_changes_nothing(tmp_path: Path) -> None:
+    text = """
+body: {rectangle: {width: 200 mm, height: 40 mm}}
+boundary: {bottom: contact, left: free, right: clamped, top: {role: traction, g: [5 MPa, -1 MPa]}}
+material: {E: 210 GPa, nu: 0.3, alpha_T: 12e-6 1/K}
+friction: {law: linear, k: 1e11 Pa/m}
+mesh: {maxh: 20 mm}
+"""
+    slips = []
+    for number, heat in enumerate(("", "heat: {alpha: 100, theta_bar: 20 K}\n")):
+        study = read_study_text(text + heat)
+        assert [note for note in warnings(study) if "heat.alpha" in note] == (
+            ["heat.alpha acts nowhere, as no edge has the role convection; remove it"] if heat else []
+        )
+        slips.append(tcstudy.run(study, tmp_path / f"{number}.nc")["level_0"]["u_T"].values)
+    assert (slips[0] == slips[1]).all()
+    assert slips[0].any()
+    own = text.replace("left: free", "left: {role: convection, alpha: 5, theta_bar: 3 K}").replace(
+        "nu:", "k: 45, nu:"
+    )
+    (note,) = (note for note in warnings(read_study_text(own + "heat: {alpha: 3, theta_bar: 1}\n")) if "alpha" in note)
+    assert note == "heat.alpha acts nowhere, as every edge that exchanges heat has its own; remove it"
