@@ -23,7 +23,7 @@ from tests.benchmarks.problems import cases
 from tests.benchmarks.summary import markdown
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"
-PACKAGES = ("numpy", "scipy", "daqp", "ngsolve", "tcstudy")
+PACKAGES = ("numpy", "scipy", "ngsolve", "tcstudy")
 MEMORY = 10 * 2**30
 """Bytes that the command may take; a method that wants more is recorded as out of memory."""
 

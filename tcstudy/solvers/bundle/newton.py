@@ -2,7 +2,7 @@
 
 Problem:    min f(x), x ∈ Rⁿ;  f(x), one subgradient g ∈ ∂f(x), a symmetric G of second derivatives of the active piece
 Model:      model.py (damped quadratic pieces, subgradient locality measures)
-Subproblem: simplex_qp.py (dual on the simplex)
+Subproblem: simplex_qp.py (dual active set on orthogonal factors)
 Literature: Lukšan & Vlček, A bundle-Newton method for nonsmooth unconstrained minimization,
             Math. Programming 83 (1998) 373–391
 
@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.solvers.bundle.model import (
+    INNER,
     DiagonalShift,
     Hessian,
     Model,
@@ -54,7 +55,7 @@ class BundleNewton:
     """Options of the method; `tcstudy.solvers.loop.iterate(BundleNewton(), oracle, x0)` runs it.
 
     tolerance:      predicted decrease relative to |f| (+ 10⁻³ of the decrease so far) at which to stop
-    max_iterations: limit of steps, each with at most one evaluation
+    max_iterations: limit of steps, each with at most one evaluation and INNER quadratic programmes on average
     x_unit:         length by which to bound the first step (None: ‖x0‖; from f, g and G if x0 = 0)
     gamma:          weight γ of the distance in the locality measure
     """
@@ -175,6 +176,13 @@ class BundleNewton:
                 )
                 return Status.STALLED, reason
             return None
+        if state.factorisations > INNER * self.max_iterations:
+            reason = (
+                f"{state.factorisations} quadratic programmes, more than {INNER} for each of {self.max_iterations} "
+                f"iterations, at a predicted decrease of {state.accuracy:.1e} of |f|; allow more (max_iterations) or a "
+                "larger tolerance"
+            )
+            return Status.ITERATION_LIMIT, reason
         if state.radius > 1e12 * state.unit:
             reason = f"f still falls at a distance of {state.radius:.1e}: it may be unbounded below; check its growth"
             return Status.UNBOUNDED, reason

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from tcstudy.solvers.bundle.contact import contact_method, contact_oracle
 from tcstudy.solvers.bundle.model import DiagonalShift, Stack
-from tcstudy.solvers.bundle.simplex_qp import direction, positive_definite
+from tcstudy.solvers.bundle.simplex_qp import direction, dual_decrease, positive_definite
 from tests.solvers import contact_cases as cases
+
+from .scalable import hilbert
 
 Array = NDArray[np.float64]
 
@@ -68,6 +70,26 @@ def test_the_subproblem_has_no_duality_gap() -> None:
         assert primal == pytest.approx(c @ lam - 0.5 * slope @ np.linalg.solve(W, slope), rel=1e-8, abs=1e-8)
         assert lam.min() >= 0.0
         assert lam.sum() == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["Hilbert", "low rank", "repeated"])
+def test_the_gap_is_rounding_where_slopes_are_numerically_dependent(kind: str) -> None:
+    """Primal minus dual value, relative to the decrease of the primal from q = 0, whatever the guess."""
+    rng = np.random.default_rng(6)
+    for _ in range(60):
+        n, N = int(rng.integers(2, 60)), int(rng.integers(2, 100))
+        A = rng.choice([-1.0, 1.0], (N, 1)) * hilbert(N, n)
+        if kind == "low rank":
+            A = rng.standard_normal((N, 2)) @ rng.standard_normal((2, n))
+        elif kind == "repeated":
+            A = rng.standard_normal((N, n))[rng.integers(0, 1 + N // 3, N)]
+        metric = positive_definite(np.diag(10.0 ** rng.uniform(-9, 0, n)), 0.0, 1e-8, 0.0)
+        c = -(10.0 ** rng.uniform(-8, 1)) * rng.random(N)
+        lam, q = direction(c, A, np.zeros(n), metric, rng.random(N) * (rng.random(N) < 0.4))
+        primal = float(0.5 * q @ metric.matrix @ q + np.max(c + A @ q))
+        gap = primal + dual_decrease(c, A, lam, metric)
+        slope = float(np.max(np.linalg.norm(metric.whiten(A), axis=1)))
+        assert abs(gap) <= 1e-9 * (np.max(c) - primal) + 1e-14 * np.max(np.abs(c)) + (1e-12 * slope) ** 2
 
 
 def test_dense_and_structured_oracle_give_the_same_run() -> None:
