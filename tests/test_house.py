@@ -179,12 +179,6 @@ def test_a_room_says_what_belongs_in_it(room: str) -> None:
     assert "Not here:" in text
 
 
-def test_files_tell_one_story() -> None:
-    """80 to 350 lines, few up to 500; longer ones would be corridors."""
-    long = {str(p.relative_to(PACKAGE)): len(p.read_text(encoding="utf-8").splitlines()) for _, p in modules()}
-    assert not {name: lines for name, lines in long.items() if lines > 500}
-
-
 DOOR = ("api", "matrices")
 """The public door: its Study and ContactProblem stand for those of the rooms behind it, under the name users know."""
 

@@ -101,7 +101,9 @@ def _outline(ctx: Context, node: Node) -> Loop:
     if len(starts) == 2 and middles == [None, None]:
         ctx.errors.at(node, "two straight edges enclose nothing", "give a third edge, or an arc by `through: [x, y]`")
     ends = [*starts[1:], *starts[:1]]
-    return Loop(tuple(Edge(a, b, n, c) for a, b, n, c in zip(starts, ends, names, middles, strict=True)))
+    return body_faults.turned(
+        Loop(tuple(Edge(a, b, n, c) for a, b, n, c in zip(starts, ends, names, middles, strict=True)))
+    )
 
 
 def _block(ctx: Context, node: Node) -> Loop:
@@ -165,7 +167,7 @@ def read_region(ctx: Context, node: Node, name: str) -> Region:
     """A region given as {circle: ...}, {rectangle: ...} or {polygon: ...}."""
     kind, inner = _one_shape(ctx, node, "region") or ("", node)
     if kind == "polygon":
-        return Region(name, shapes.polygon_loop(ctx.value(inner, rows("region")["polygon"]), name))
+        return Region(name, body_faults.turned(shapes.polygon_loop(ctx.value(inner, rows("region")["polygon"]), name)))
     return Region(name, _simple_shape(ctx, kind, inner, edge=name) if kind else Loop(()))
 
 

@@ -6,7 +6,7 @@ Symbols follow Šestak & Jovanović (2010): alpha, theta_bar, q, omega (the sour
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -35,9 +35,13 @@ class Edge:
 
 @dataclass(frozen=True)
 class Loop:
-    """A closed chain of edges, counter-clockwise (outlines, holes and regions alike)."""
+    """A closed chain of edges, counter-clockwise (outlines, holes and regions alike).
+
+    turned: whether the study gives it clockwise
+    """
 
     edges: tuple[Edge, ...]
+    turned: bool = field(default=False, compare=False)
 
     @property
     def corners(self) -> tuple[tuple[Edge, Edge], ...]:

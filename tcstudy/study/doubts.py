@@ -58,7 +58,7 @@ def doubts(study: Study) -> list[str]:
         notes.append(f"{where}: u = 0 is a solution; give f, g, a pressure, a displacement or a temperature")
     if study.units == "SI":
         notes += [*_absolute(scenes), *_soft(scenes)]
-    return [*notes, *_idle_alpha(scenes), *unused(study)]
+    return [*notes, *_turned(body), *_idle_alpha(scenes), *unused(study)]
 
 
 def loaded(scenes: Sequence[Scene]) -> NDArray[np.bool_]:
@@ -138,6 +138,14 @@ def _soft(scenes: Sequence[Scene]) -> Iterator[str]:
             f"E = {least:g} Pa: {what} of {stress:.3g} Pa would strain the body by {stress / least:.2g}, and strains "
             "are meant to be small; a number without a unit is in Pa, so write MPa or GPa if that was meant"
         )
+
+
+def _turned(body: Body) -> list[str]:
+    """Loops that the study gives clockwise."""
+    loops = {f"body.holes[{i}]": hole for i, hole in enumerate(body.holes)}
+    loops |= {f"body.regions.{region.name}": region.loop for region in body.regions}
+    loops |= {"body.outline": body.outline} if body.outline is not None else {}
+    return [f"{place} runs clockwise and is taken the other way round" for place, loop in loops.items() if loop.turned]
 
 
 def _idle_alpha(scenes: Sequence[Scene]) -> list[str]:

@@ -307,8 +307,43 @@ mesh: {maxh: 20 mm}
         slips.append(tcstudy.run(study, tmp_path / f"{number}.nc")["level_0"]["u_T"].values)
     assert (slips[0] == slips[1]).all()
     assert slips[0].any()
-    own = text.replace("left: free", "left: {role: convection, alpha: 5, theta_bar: 3 K}").replace(
-        "nu:", "k: 45, nu:"
-    )
+    own = text.replace("left: free", "left: {role: convection, alpha: 5, theta_bar: 3 K}").replace("nu:", "k: 45, nu:")
     (note,) = (note for note in warnings(read_study_text(own + "heat: {alpha: 3, theta_bar: 1}\n")) if "alpha" in note)
     assert note == "heat.alpha acts nowhere, as every edge that exchanges heat has its own; remove it"
+
+
+def test_clockwise_loops_are_turned_and_said() -> None:
+    given = """
+body:
+  outline: [{from: [0, 0], edge: a}, {from: [4, 0], edge: b}, {from: [4, 2], edge: c, through: [2, 3]},
+    {from: [0, 2], edge: d}]
+  holes: [outline: [{from: [1, 1], edge: h}, {from: [1.5, 1], edge: i}, {from: [1.5, 1.5], edge: j}]]
+  regions: {r: {polygon: [[2, 0.5], [3, 0.5], [3, 1]]}}
+"""
+    clockwise = """
+body:
+  outline: [{from: [0, 0], edge: d}, {from: [0, 2], edge: c, through: [2, 3]}, {from: [4, 2], edge: b},
+    {from: [4, 0], edge: a}]
+  holes: [outline: [{from: [1, 1], edge: j}, {from: [1.5, 1.5], edge: i}, {from: [1.5, 1], edge: h}]]
+  regions: {r: {polygon: [[2, 0.5], [3, 1], [3, 0.5]]}}
+"""
+    rest = """
+units: none
+boundary: {a: contact, d: clamped, b: free, c: free, h: free, i: free, j: free}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: 1}
+mesh: {maxh: 0.5}
+"""
+    one, other = read_study_text(given + rest), read_study_text(clockwise + rest)
+    first, second = one.scenes[0].body, other.scenes[0].body
+    assert first.outline is not None
+    assert second.outline is not None
+    loops = [(first.outline, second.outline), (first.holes[0], second.holes[0])]
+    loops.append((first.regions[0].loop, second.regions[0].loop))
+    assert all({*a.edges} == {*b.edges} for a, b in loops)
+    assert not [note for note in warnings(one) if "clockwise" in note]
+    assert [note.split()[0] for note in warnings(other) if "clockwise" in note] == [
+        "body.holes[0]",
+        "body.regions.r",
+        "body.outline",
+    ]
