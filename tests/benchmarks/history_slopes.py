@@ -3,7 +3,7 @@
 N random histories (100 unless given) of `random_histories` with up to 12 nodes and falls above λ₁, each by four or five
 numbers: the body's stiffness, a load that has come with all others, height and length of the law, k of elastic-plastic
 bonds. Derivatives of max |v| and Σξ at all six steps are compared with differences of fourth order at other steps.
-Told are those off by more than 1e-5, relative to them or to a hundredth of the quantity over the number.
+Told are those off by more than 1e-5, relative to them or to a hundredth of the largest quantity over the number.
 """
 
 from __future__ import annotations
@@ -61,7 +61,8 @@ def compared(seed: int) -> Iterator[tuple[str, Array, Array, Array]]:
         own = two_sided(middle, up, down, 1.0)
         far, near, back, last = (varied(body, loads, number, k * OTHER) for k in (2.0, 1.0, -1.0, -2.0))
         other = (8.0 * (near - back) - (far - last)) / (12.0 * OTHER)
-        yield number, own, other, np.maximum(np.abs(own), 1e-2 * np.abs(middle))
+        largest = np.tile(np.nanmax(np.abs(middle.reshape(-1, 2)), axis=0), len(loads))
+        yield number, own, other, np.maximum(np.abs(own), 1e-2 * largest)
 
 
 def main(arguments: list[str] | None = None) -> None:
