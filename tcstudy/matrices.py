@@ -18,9 +18,10 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.errors import ProblemError
-from tcstudy.scene.friction import FrictionLaw, GrowthError
-from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.nodal_laws import Law, NodalLaws, nodal
+from tcstudy.laws.composed import nodal
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import GrowthError
+from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.study import BRANCHES, SOLVERS, Branch, Direction
 from tcstudy.solvers import certificates
 from tcstudy.solvers.certificates import Certificate
@@ -36,7 +37,7 @@ ASYMMETRY = 1e-10
 """Largest |Ã_ij − Ã_ji|/√(Ã_ii Ã_jj) that counts as rounding of a condensation; it is averaged away."""
 
 
-def law(name: str = "piecewise-linear", **parameters: Any) -> FrictionLaw:
+def law(name: str = "piecewise-linear", **parameters: Any) -> Laws:
     """A friction law b by its name and parameters, or by its points.
 
         law("slip-weakening", tau_s=2e7, tau_k=5e6, delta=4e-5)
@@ -166,14 +167,12 @@ def follow(
         raise ProblemError(f"no path: {error}") from error
 
 
-def _law(given: object, m: int) -> Law:
+def _law(given: object, m: int) -> Laws:
     """The law, or the laws of the nodes."""
-    if isinstance(given, FrictionLaw):
-        return given
-    if isinstance(given, NodalLaws) and len(given) == m:
+    if isinstance(given, Laws) and (given.one or np.shape(given.index) == (m,)):
         return given
     laws = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else []
-    wrong = next((law for law in laws if not isinstance(law, FrictionLaw)), None)
+    wrong = next((law for law in laws if not (isinstance(law, Laws) and law.one)), None)
     if wrong is not None or not laws:
         kind = type(given if wrong is None else wrong).__name__
         raise ProblemError(f"law is a {kind}; make it by tcstudy.law(name, …), or give a list of such, one a node")

@@ -31,7 +31,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.edge_laws import EdgeLaws
+from tcstudy.laws.composed import EdgeLaws
 from tcstudy.scene.records import BODY, Clamped, Contact, Edge, Material, Point, Rigid, Role, Scene
 from tcstudy.shapes.edges import body_size, edge_arc, edge_at, edge_distance, edge_length, edge_normal
 

@@ -256,7 +256,7 @@ JOINTS: tuple[FileVariable, ...] = (
     FileVariable("joint_edge", "i1", "1", "the edge before the node", ("joint",)),
     FileVariable("joint_share", "f8", "1", "part of its contact length on the edge before", ("joint",)),
 )
-"""Nodes with the friction of two edges (`tcstudy.scene.edge_laws`); a level of one contact edge has none."""
+"""Nodes with the friction of two edges (`tcstudy.laws.composed`); a level of one contact edge has none."""
 
 _MESH_NODE = ("mesh_node",)
 _AT_MESH = (("coordinates", "node_x node_y"), ("mesh", "mesh"), ("location", "node"), *JUDGED)

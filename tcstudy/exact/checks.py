@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from tcstudy.exact.fields import body_edges, edge_samples, kinks, sides
 from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.expressions.expression import Expression
-from tcstudy.scene.edge_laws import law_along
+from tcstudy.laws.composed import law_along
 from tcstudy.scene.records import Body, Clamped, Contact, Convection, Free, Loaded, Scalar, Scene
 from tcstudy.scene.study import Exact
 from tcstudy.shapes.edges import INWARD, body_size, inside

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.norms import LineFunction, Triangles
 from tcstudy.exact.fields import body_edges, outward
 from tcstudy.expressions.derivative import value_and_gradient
-from tcstudy.scene.edge_laws import law_along
-from tcstudy.scene.friction import UP, FrictionLaw
-from tcstudy.scene.nodal_laws import Law, each
+from tcstudy.laws.composed import each, law_along
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import UP
 from tcstudy.scene.records import Body, Contact, Edge, Loaded, Scalar, Scene
 from tcstudy.scene.study import Exact, Goal
 from tcstudy.shapes.edges import Arc, body_size, edge_arc, edge_at, edge_distance, edge_length
@@ -79,7 +79,7 @@ def exact_slip_length(exact: Exact, scene: Scene) -> float:
     at = [edge_at(edge, _places()) for edge, _ in edges]
     size = max((float(np.max(np.abs(_at(u, *points.T)))) for points in at for u in exact.u), default=0.0)
 
-    def rests(law: FrictionLaw, u_T: Array) -> NDArray[np.bool_]:
+    def rests(law: Laws, u_T: Array) -> NDArray[np.bool_]:
         return np.any(np.abs(u_T[:, None] - law.kinks[law.kinds == UP]) <= STICKS * size, axis=1)
 
     def slips(edge: Edge, hole: bool, places: Array) -> NDArray[np.bool_]:
@@ -90,7 +90,7 @@ def exact_slip_length(exact: Exact, scene: Scene) -> float:
     return sum(edge_length(edge) * _share(partial(slips, edge, hole)) for edge, hole in edges)
 
 
-def _law(scene: Scene, edge: Edge, points: Array) -> Law:
+def _law(scene: Scene, edge: Edge, points: Array) -> Laws:
     """The law at points of a contact edge."""
     return law_along(scene.friction, (edge.name,), np.zeros(len(points), dtype=np.intp), points)
 

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from tcstudy.errors import UserFault
 
 if TYPE_CHECKING:  # at work only: who just starts others begins without it
-    from tcstudy.online import BlockAnswers, CondensedBody, Options, RowLaws
+    from tcstudy.laws.laws import Laws
+    from tcstudy.online import BlockAnswers, CondensedBody, Options
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -95,7 +96,7 @@ class Task:
 
     body: CondensedBody
     loads: Array
-    laws: RowLaws
+    laws: Laws
     options: Options
     neighbours: Array | None = None
     exact: Array | None = None

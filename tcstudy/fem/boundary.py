@@ -22,7 +22,7 @@ from tcstudy.errors import GeometryFailed
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.meshes import EDGES, SMOOTH, Frames, PlaneMesh
 from tcstudy.fem.rigid import with_ties
-from tcstudy.scene.edge_laws import NO_JOINTS, Joints
+from tcstudy.laws.composed import NO_JOINTS, Joints
 from tcstudy.scene.records import Clamped, Contact, Point, Rigid, Role, Scalar, Symmetry
 
 Array = NDArray[np.float64]

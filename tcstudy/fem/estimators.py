@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import ContactLine, values_at
 from tcstudy.fem.recovery import ElementGeometry
-from tcstudy.scene.edge_laws import EdgeLaws, law_along
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.laws.composed import EdgeLaws, law_along
+from tcstudy.laws.laws import Laws
 from tcstudy.scene.records import Clamped, Contact, Convection, Rigid, Role, Scene, Traction, resultant
 
 Array = NDArray[np.float64]
@@ -236,7 +236,7 @@ class ContactTraction:
 
 
 def contact_traction(
-    triangles: ElementGeometry, line: ContactLine, law: FrictionLaw | EdgeLaws, u_T: Array, xi: Array, u: Array
+    triangles: ElementGeometry, line: ContactLine, law: Laws | EdgeLaws, u_T: Array, xi: Array, u: Array
 ) -> ContactTraction:
     """ξ_h between the nodes from u_T (m,) and the tractions ξ_i/c_i (m,); u (2n,) gives u_T of held nodes."""
     mesh = triangles.mesh

@@ -16,6 +16,8 @@ from tcstudy.fem.forms import ElasticForms, Moduli, Springs
 from tcstudy.fem.heat_forms import HeatForms
 from tcstudy.fem.meshes import Frames, PlaneMesh
 from tcstudy.fem.rigid import couple
+from tcstudy.laws.composed import EdgeLaws, law_along
+from tcstudy.laws.laws import Laws
 from tcstudy.offline.conduction import BATCH
 from tcstudy.offline.elastic import Elastic, LoadMaker, ratio_and_scale, swept_parts
 from tcstudy.offline.loads import (
@@ -34,9 +36,6 @@ from tcstudy.offline.loads import (
     mechanical_terms,
 )
 from tcstudy.offline.thermal import Temperature, Temperatures
-from tcstudy.scene.edge_laws import EdgeLaws, law_along
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.nodal_laws import Law
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Clamped, Contact, Rigid, Scene
 from tcstudy.solvers.problem import ContactProblem
@@ -126,7 +125,7 @@ class Level:
         self.temperatures = Temperatures(self.heat, mesh.points, scenes, MEMORY)
         self._groups = _groups(scenes)
         self._frames: dict[Hashable, Frames] = {}
-        self._laws: dict[EdgeLaws, Law] = {}
+        self._laws: dict[EdgeLaws, Laws] = {}
         self._plan: EliminationPlan | None = None
         self._known: Known | None = None
         self._changing = self._changing_rows(scenes) if scene.material.regions else None
@@ -170,13 +169,13 @@ class Level:
         problem = ContactProblem(body.A_tilde(mu), l_tilde, self.line.c, self.law(scene), body.lambda_1_error)
         return Condensed(problem, constant, terms, time.perf_counter() - start)
 
-    def law(self, scene: Scene) -> Law:
+    def law(self, scene: Scene) -> Laws:
         """The friction law of Γ_C, or of every contact node where it differs along Γ_C.
 
         Raises ValueError for a strength below 0.
         """
         friction, line = scene.friction, self.line
-        if isinstance(friction, FrictionLaw):
+        if isinstance(friction, Laws):
             return friction
         if friction not in self._laws:
             self._laws[friction] = law_along(friction, line.edge_names, line.edge, line.xy, line.joints)

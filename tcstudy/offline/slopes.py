@@ -5,7 +5,7 @@ Exact, each by how the number enters:
 - θ̄, θ, q, f, g, pressure, prescribed u: l̃ is affine, so ∂l̃/∂p is the l̃ of the scene with p = 1 and no other load;
 - E: Ã and what prescribed displacements load grow with it, so does heat where alpha_T is given (β ∝ E): l̃/E of these;
 - alpha_T, beta: heat alone;
-- a number of a law, or its strength: by the numbers that the law is made of (`scene.law_slopes`);
+- a number of a law, or its strength: by the numbers that the law is made of (`laws.derivatives`);
 - ν, k, α, springs, all of materials by region: by the whole body (`offline.whole_slopes`).
 """
 
@@ -16,12 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.laws.derivatives import agreed, law_slopes, number_of
+from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import unloaded
 from tcstudy.offline.whole_slopes import WholeBody, affine_scene, change_of
 from tcstudy.scene.fits import Sensitivity
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.law_slopes import agreed, law_slopes, number_of
 from tcstudy.scene.records import Clamped, Role, Scene
 from tcstudy.solvers.linearised import Linearised
 
@@ -143,10 +143,10 @@ def omega_slope(level: Level, scene: Scene, by: Sensitivity) -> float:
     return agreed(np.array(found))
 
 
-def _laws(level: Level, scene: Scene, path: tuple[str, ...]) -> list[tuple[FrictionLaw, Index, Array]]:
+def _laws(level: Level, scene: Scene, path: tuple[str, ...]) -> list[tuple[Laws, Index, Array]]:
     """(law, its nodes, its factor in their laws) of the laws that a parameter belongs to."""
     friction = scene.friction
-    if isinstance(friction, FrictionLaw):
+    if isinstance(friction, Laws):
         nodes = np.arange(level.line.m, dtype=np.intp)
         return [(friction, nodes, np.ones(len(nodes)))]
     line = level.line

@@ -5,15 +5,11 @@ Not here: meshes, scenes, files. The single problem (solve) is its oracle.
 
 from tcstudy.online.block import Options, solve_block
 from tcstudy.online.problems import BlockAnswers, Certificates, CondensedBody
-from tcstudy.online.row_laws import RowLaws
-from tcstudy.scene.law_tables import LawTables
 
 __all__ = [
     "BlockAnswers",
     "Certificates",
     "CondensedBody",
-    "LawTables",
     "Options",
-    "RowLaws",
     "solve_block",
 ]

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.laws.laws import Laws
 from tcstudy.online.certify import (
     definite,
     global_minimum,
@@ -26,7 +27,6 @@ from tcstudy.online.certify import (
 )
 from tcstudy.online.descent import TOLERANCE, Descended, descend, descend_nested, hull_starts, move_starts
 from tcstudy.online.problems import BlockAnswers, Certificates, CondensedBody, Judged, Rows, judge
-from tcstudy.online.row_laws import RowLaws
 from tcstudy.scene.study import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NAMES, ZERO, Acceptance, Branch
 from tcstudy.solvers.bounds import least_slopes
 from tcstudy.solvers.contact import TIE, Answer, solve_contact
@@ -61,7 +61,7 @@ class Options:
 def solve_block(
     body: CondensedBody,
     loads: Array,
-    laws: RowLaws,
+    laws: Laws,
     options: Options | None = None,
     neighbours: Array | None = None,
     exact: Array | None = None,
@@ -96,10 +96,10 @@ class _Block:
         self.solved = np.zeros(count, dtype=bool)
         self.start, self.energies = np.zeros(count, dtype=np.int8), np.full((count, len(START_NAMES)), np.nan)
         self.steps = np.zeros(count, dtype=np.intp)
-        self.omega = rows.laws.omega()
+        self.omega = rows.laws.omega_by_row
         self.convex = self.omega < (1.0 - MARGIN) * kept(rows.body.A_error) * rows.body.lambda_1
         self.margin = np.full(count, np.nan)
-        if rows.laws.by_node:
+        if rows.laws.index.shape[1] > 1:
             self.margin = margins(rows)
             self.convex |= self.margin > rows.body.shift
         self.unique = self.convex.copy()
@@ -112,7 +112,7 @@ class _Block:
         open_ = np.flatnonzero(~self.convex)
         rows = self.rows.take(open_)
         self.low[open_], self.high[open_] = low, high = solution_boxes(rows)
-        self.unique[open_] = definite(rows.body, least_slopes(rows.laws.tables, rows.laws.law, low, high))
+        self.unique[open_] = definite(rows.body, least_slopes(rows.laws, rows.laws.index, low, high))
 
     def descend(self) -> None:
         """The first descent: from the neighbour where the branch is continued, else from zero."""

@@ -18,10 +18,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import UP
 from tcstudy.online.newton import slopes
 from tcstudy.online.problems import CondensedBody, Rows
-from tcstudy.online.row_laws import RowLaws
-from tcstudy.scene.friction import UP
 from tcstudy.solvers.bounds import FEW, PARTS, bends, boxes_of, largest_push, value_range
 from tcstudy.solvers.problem import kept, least_lowered
 from tcstudy.solvers.separable.pieces import factor_free, negative_curvature
@@ -86,18 +86,17 @@ _LEAST = 1e-9
 def solution_boxes(rows: Rows) -> tuple[Array, Array]:
     """(low, high), (R, m) each: every solution lies between them [m]."""
     body, laws = rows.body, rows.laws
-    tables, known = laws.tables, (body.c, kept(body.A_error) * body.lambda_1, body.inverse, body.rounding)
-    push = np.max(largest_push(tables)[laws.law], axis=1)
-    return boxes_of(rows.loads[None], push, known, lambda at, *box: value_range(tables, laws.law[at], *box))
+    known = (body.c, kept(body.A_error) * body.lambda_1, body.inverse, body.rounding)
+    push = np.max(largest_push(laws)[laws.index], axis=1)
+    return boxes_of(rows.loads[None], push, known, lambda at, *box: value_range(laws, laws.index[at], *box))
 
 
 def margins(rows: Rows) -> Array:
     """(R,) λ_min(C^{−½}ÃC^{−½} − diag ω_i) of rows with laws by node, once for rows of the same falls [Pa/m]."""
     body = rows.body
-    different, row = np.unique(rows.laws.tables.omega[rows.laws.law], axis=0, return_inverse=True)
-    return np.array([least_lowered(kept(body.A_error) * body.A_tilde, body.c, omega) for omega in different])[
-        row.reshape(-1)
-    ]
+    different, row = np.unique(rows.laws.falls[rows.laws.index], axis=0, return_inverse=True)
+    A_tilde = kept(body.A_error) * body.A_tilde
+    return np.array([least_lowered(A_tilde, body.c, omega) for omega in different])[row.reshape(-1)]
 
 
 def global_minimum(rows: Rows, v: Array, low: Array, high: Array) -> Flags:
@@ -106,9 +105,9 @@ def global_minimum(rows: Rows, v: Array, low: Array, high: Array) -> Flags:
     A few parts of exponential pieces prove most rows, and lower bounds of D refute most others; nodes of what is left
     whose bounds lie apart are bounded again with more parts.
     """
-    zeta = np.clip(rows.xi(v) / rows.body.c, *rows.laws.interval(v, rows.laws.locate(v)))
+    zeta = np.clip(rows.xi(v) / rows.body.c, *rows.laws.interval(v))
     low, high = np.minimum(low, v), np.maximum(high, v)
-    few = PARTS if rows.laws.tables.linear else FEW
+    few = PARTS if rows.laws.piecewise_linear else FEW
     upper, lower = bends_below_tangent(rows.laws, v, zeta, low, high, few)
     proved = np.all(np.isfinite(upper), axis=1)
     open_ = np.flatnonzero(proved)
@@ -133,7 +132,7 @@ def strict_minimum(rows: Rows, v: Array) -> Flags:
     noise = 1e3 * np.finfo(float).eps * (np.diagonal(body.A_tilde) * np.abs(v) + np.abs(xi))
     on_up = rows.laws.kind(s.at) == UP
     held = on_up & (s.left < -noise) & (s.right > noise)
-    least = np.minimum(rows.laws.tables.slope(v, s.at.piece), rows.laws.tables.slope(v, s.at.piece + s.at.on))
+    least = np.minimum(rows.laws.slope(v, s.at.piece), rows.laws.slope(v, s.at.piece + s.at.on))
     added = body.c * (least - body.shift) / kept(body.A_error)
     proved = ~np.any(s.jump & ~on_up, axis=1)
     for i in np.flatnonzero(proved):
@@ -143,13 +142,13 @@ def strict_minimum(rows: Rows, v: Array) -> Flags:
 
 
 def bends_below_tangent(
-    laws: RowLaws, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS
+    laws: Laws, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS
 ) -> tuple[Array, Array]:
     """(upper, lower) bounds of D (R, m) for slips between low and high [Pa/m]; inf where v_i sits on a down-jump.
 
     zeta: elements of b̂(v), exactly b(v) off the kinks [Pa]
     """
-    law = np.broadcast_to(laws.law, v.shape).ravel()
-    sides = bends(laws.tables, law, v.ravel(), zeta.ravel(), low.ravel(), high.ravel(), parts)
+    law = np.broadcast_to(laws.index, v.shape).ravel()
+    sides = bends(laws, law, v.ravel(), zeta.ravel(), low.ravel(), high.ravel(), parts)
     upper, lower = zip(*sides, strict=True)
     return np.maximum(*upper).reshape(v.shape), np.maximum(*lower).reshape(v.shape)

@@ -17,10 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.laws.pieces import Place
 from tcstudy.online.newton import BlockSlopes, directions, leave_saddles, slopes
 from tcstudy.online.problems import Rows
-from tcstudy.online.row_laws import RowLaws
-from tcstudy.scene.law_tables import Place
 from tcstudy.solvers.hulls import proximal_hulls
 from tcstudy.solvers.moves import best_places, follow, relaxed_stiffness
 from tcstudy.solvers.search import GROWTH, LOOSE, PROMISES
@@ -124,7 +123,7 @@ def _step(rows: Rows, v: Array, xi: Array, s: BlockSlopes, careful: bool) -> tup
     """(next v, whether the change of energy was within rounding, whether it went node by node) of every row."""
     d = _newton(rows, v, s, careful)
     first_order = np.where(d > 0.0, s.right, s.left)
-    stop = rows.laws.tables.next_up_jump(s.at, d)
+    stop = rows.laws.next_up_jump(s.at, d)
     new, level, node_by_node = v.copy(), np.zeros(len(v), dtype=bool), np.zeros(len(v), dtype=bool)
     todo = np.arange(len(v))
     for halving in range(_HALVINGS + 1):
@@ -151,7 +150,7 @@ def _step(rows: Rows, v: Array, xi: Array, s: BlockSlopes, careful: bool) -> tup
 def _newton(rows: Rows, v: Array, s: BlockSlopes, careful: bool) -> Array:
     """(R, m) Newton directions; nodes on a jump that would go uphill stay."""
     free = s.free
-    stiffness = np.where(free, rows.body.c * rows.laws.tables.slope(v, s.piece), 0.0)
+    stiffness = np.where(free, rows.body.c * rows.laws.slope(v, s.piece), 0.0)
     d = directions(rows.body, free, stiffness, s.descent, careful)
     d[s.jump & (np.where(d > 0.0, s.right, -s.left) > 0.0)] = 0.0
     return d
@@ -168,13 +167,13 @@ def hull_starts(rows: Rows, v: Array) -> tuple[Array, Flags]:
     lowest = np.zeros(len(v), dtype=bool)
     found, at, kappa, nested = v.copy(), np.arange(len(v)), _BELOW * rows.body.lambda_1, True
     stiffest = float(np.max(np.diagonal(rows.body.A_tilde) / rows.body.c))
-    ceiling = np.minimum(rows.laws.omega(), stiffest)
+    ceiling = np.minimum(rows.laws.omega_by_row, stiffest)
     while len(at):
         laws = rows.laws.in_use()
-        hulls, bridges = proximal_hulls(laws.tables, kappa, passes=1)
-        smooth = Rows(rows.body, RowLaws(hulls, laws.law), rows.loads)
+        hulls, bridges = proximal_hulls(laws, kappa, passes=1)
+        smooth = Rows(rows.body, hulls.at(laws.index), rows.loads)
         ended = descend_nested(smooth, v, LOOSE, coarse=LOOSE) if nested else descend(smooth, v, LOOSE, minima=True)
-        on_bridge = np.any(bridges.cover(laws.law, ended.v), axis=1)
+        on_bridge = np.any(bridges.cover(laws.index, ended.v), axis=1)
         found[at] = ended.v
         if nested:
             lowest[at] = ~on_bridge & (ended.residual <= LOOSE)
@@ -191,7 +190,7 @@ def move_starts(rows: Rows, v: Array) -> tuple[Array, Index, Index]:
     """
     body, xi = rows.body, rows.xi(v)
     s = slopes(rows, v, xi)
-    free, added = s.free, body.c * rows.laws.tables.slope(v, s.piece)
+    free, added = s.free, body.c * rows.laws.slope(v, s.piece)
     stiffness, factors = np.full(v.shape, np.nan), {}
     for i in range(len(v)):
         nodes = np.flatnonzero(free[i])
@@ -201,8 +200,8 @@ def move_starts(rows: Rows, v: Array) -> tuple[Array, Index, Index]:
             factors[i] = nodes, factor
     known = np.array(sorted(factors), dtype=np.intp)
     c = body.c
-    laws = rows.laws.take(known)
-    gain, place = best_places(laws.tables, laws.law, v[known], xi[known] / c, stiffness[known] / c)
+    laws = rows.laws.of_nodes(known)
+    gain, place = best_places(laws, laws.index, v[known], xi[known] / c, stiffness[known] / c)
     gain = gain * c
     starts, owners, promises = [], [], []
     for i, own_gain, own_place in zip(known, gain, place, strict=True):

@@ -21,9 +21,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.laws.pieces import BEND, Place
 from tcstudy.online.problems import CondensedBody, Rows
-from tcstudy.scene.friction import BEND
-from tcstudy.scene.law_tables import Place
 from tcstudy.solvers.separable.descent import ROUNDINGS, off_saddle
 from tcstudy.solvers.separable.pieces import negative_curvature, with_diagonal
 
@@ -78,10 +77,10 @@ def slopes(rows: Rows, v: Array, xi: Array) -> BlockSlopes:
     """Slopes c b(v∓0) − ξ of rows."""
     body, laws = rows.body, rows.laws
     at = laws.locate(v)
-    left = body.c * laws.tables.value(v, at.piece) - xi
+    left = body.c * laws.value(v, at.piece) - xi
     right, jump = left, np.zeros(v.shape, dtype=bool)
     if np.any(at.on):
-        right = np.where(at.on, body.c * laws.tables.value(v, at.piece + at.on) - xi, left)
+        right = np.where(at.on, body.c * laws.value(v, at.piece + at.on) - xi, left)
         jump = laws.kind(at) != BEND
     climb_right, climb_left = np.maximum(-right, 0.0), np.maximum(left, 0.0)
     descent = np.where(jump, np.where(climb_right >= climb_left, -climb_right, climb_left), right)
@@ -181,7 +180,7 @@ def _on_held(body: CondensedBody, held: Index, k: Array, y: Array, trusted: bool
 def leave_saddles(rows: Rows, v: Array, xi: Array, s: BlockSlopes) -> tuple[Array, Flags]:
     """(points of less energy where there are such, whether), for stationary points v (R, m)."""
     body, free = rows.body, s.free
-    added = np.where(free, body.c * rows.laws.tables.slope(v, s.piece), 0.0)
+    added = np.where(free, body.c * rows.laws.slope(v, s.piece), 0.0)
     new, left = v.copy(), np.zeros(len(v), dtype=bool)
     for i in np.flatnonzero(np.any(added < 0.0, axis=1)):
         nodes = np.flatnonzero(free[i])
@@ -195,7 +194,7 @@ def leave_saddles(rows: Rows, v: Array, xi: Array, s: BlockSlopes) -> tuple[Arra
 
 def _lower_along(row: Rows, v: Array, xi: Array, s: BlockSlopes, direction: Array) -> tuple[Array, bool]:
     """(the point towards the first kink along ±direction, True) if it is lower, else (v, False)."""
-    ends = row.laws.tables.lower.take(s.piece[0]), row.laws.tables.upper.take(s.piece[0])
+    ends = row.laws.lower.take(s.piece[0]), row.laws.upper.take(s.piece[0])
     for step in off_saddle(v, direction, (s.left[0], s.right[0]), ends):
         change, work = row.energy_change(v[None], xi[None], (v + step)[None], s.at)
         if change[0] < -ROUNDINGS * np.finfo(float).eps * work[0]:

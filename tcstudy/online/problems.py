@@ -16,9 +16,8 @@ import scipy.linalg
 import scipy.sparse
 from numpy.typing import NDArray
 
-from tcstudy.online.row_laws import RowLaws
-from tcstudy.scene.friction import BEND
-from tcstudy.scene.law_tables import Place
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import BEND, Place
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.problem import ContactProblem, distance_bound, inverse_rounding, least_eigenvalue, pivot_shift
 from tcstudy.solvers.separable.finish import extended
@@ -89,17 +88,17 @@ class Rows:
     """R contact problems on one body: loads l̃ (R, m) [N/m] and laws."""
 
     body: CondensedBody
-    laws: RowLaws
+    laws: Laws
     loads: Array
 
     def take(self, rows: Index) -> Rows:
         """The named rows."""
-        return Rows(self.body, self.laws.take(rows), self.loads[rows])
+        return Rows(self.body, self.laws.of_nodes(rows), self.loads[rows])
 
     @cached_property
     def _own_scale(self) -> tuple[Array, Index]:
         """(R,) the laws' own scale of b [Pa], and the rows in which they have none."""
-        scale = np.max(self.laws.tables.b_scale[self.laws.law], axis=1)
+        scale = np.max(self.laws.scales[self.laws.index], axis=1)
         return scale, np.flatnonzero(scale == 0.0)
 
     def scale(self, xi: Array) -> Array:
@@ -108,8 +107,8 @@ class Rows:
         if not len(bare):
             return scale
         forces = np.max(np.maximum(np.abs(self.loads[bare]), np.abs(xi[bare])) / self.body.c, axis=1, initial=0.0)
-        zero, own = np.zeros((len(bare), self.body.m)), self.laws.take(bare)
-        at_0 = np.maximum(*(np.max(np.abs(b), axis=1, initial=0.0) for b in own.interval(zero, own.locate(zero))))
+        zero, own = np.zeros((len(bare), self.body.m)), self.laws.of_nodes(bare)
+        at_0 = np.maximum(*(np.max(np.abs(b), axis=1, initial=0.0) for b in own.interval(zero)))
         scale = scale.copy()
         scale[bare] = np.where(forces > 0.0, forces, np.where(at_0 > 0.0, at_0, 1.0))
         return scale
@@ -117,7 +116,11 @@ class Rows:
     def coarse(self) -> Rows | None:
         """The same problems on the body's coarse copy, if it has one."""
         copy = self.body.coarse
-        return None if copy is None else Rows(copy, self.laws.every_second(), self.loads @ self.body.P)
+        return (
+            None
+            if copy is None
+            else Rows(copy, self.laws.of_nodes((slice(None), slice(None, None, 2))), self.loads @ self.body.P)
+        )
 
     def single(self, row: int) -> ContactProblem:
         """One row as the single solve takes it."""
@@ -130,7 +133,7 @@ class Rows:
     def energy(self, v: Array) -> Array:
         """(R,) L̃(v) [J/m]."""
         zero = np.zeros(v.shape)
-        friction = self.laws.tables.integral(zero, v, self.laws.locate(zero), self.laws.locate(v))
+        friction = self.laws.integral(zero, v)
         return np.asarray(friction @ self.body.c - 0.5 * np.einsum("ri,ri->r", v, self.loads + self.xi(v)))
 
     def energy_change(self, x: Array, xi: Array, target: Array, at: Place) -> tuple[Array, Array]:
@@ -140,7 +143,7 @@ class Rows:
         """
         move = target - x
         work = xi * move
-        friction = self.body.c * self.laws.tables.integral(x, target, at, self.laws.locate(target))
+        friction = self.body.c * self.laws.integral(x, target, at)
         change = np.sum(friction - work + 0.5 * move * (move @ self.body.A_tilde), axis=1)
         return change, np.abs(work).sum(axis=1)
 
@@ -201,14 +204,14 @@ def judge(rows: Rows, v: Array, acceptance: Acceptance) -> Judged:
     body, laws, xi = rows.body, rows.laws, rows.xi(v)
     scale, at = rows.scale(xi), laws.locate(v)
     size = (np.abs(rows.loads) + np.abs(v) @ np.abs(body.A_tilde)) / body.c
-    terms, slope = laws.tables.terms(v, at.piece), np.abs(laws.tables.slope(v, at.piece) * v)
+    terms, slope = laws.terms(v, at.piece), np.abs(laws.slope(v, at.piece) * v)
     if len(on := at.on.nonzero()[0]):
         node = at.on.nonzero()[1]
         s, right = v[on, node], at.piece[on, node] + 1
-        terms[on, node] = np.maximum(terms[on, node], laws.tables.terms(s, right))
-        bends = laws.tables.kind_above.take(right - 1) == BEND
-        slope[on, node] = np.where(bends, np.maximum(slope[on, node], np.abs(laws.tables.slope(s, right) * s)), 0.0)
-    residual = distance_bound(xi / body.c, *laws.interval(v, at), size, terms) / scale
+        terms[on, node] = np.maximum(terms[on, node], laws.terms(s, right))
+        bends = laws.kind_above.take(right - 1) == BEND
+        slope[on, node] = np.where(bends, np.maximum(slope[on, node], np.abs(laws.slope(s, right) * s)), 0.0)
+    residual = distance_bound(xi / body.c, *laws.interval(v, at=at), size, terms) / scale
     rounding = np.sqrt(body.m) * np.finfo(float).eps * np.max(size + slope, axis=1, initial=0.0) / scale
     for i in np.flatnonzero(~(residual <= acceptance.aim)):
         known = extended(rows.single(int(i)), v[i])

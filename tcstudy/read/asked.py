@@ -18,15 +18,14 @@ from itertools import islice
 import numpy as np
 
 from tcstudy.expressions.expression import Expression
+from tcstudy.laws.composed import EdgeLaws
+from tcstudy.laws.derivatives import POINTS
 from tcstudy.read.checks import corner_faults
 from tcstudy.read.fields import Context
 from tcstudy.read.node import Node, hint
 from tcstudy.read.plans import affine_parameters, path_of
-from tcstudy.scene.edge_laws import EdgeLaws
 from tcstudy.scene.fits import Sensitivity
-from tcstudy.scene.keys import row
-from tcstudy.scene.law_slopes import POINTS
-from tcstudy.scene.laws import SHAPES
+from tcstudy.scene.keys import law_rows, row
 from tcstudy.scene.parameters import SHORT, path_scene, sweepable
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Body, Contact, Convection, Loaded, Rigid, Scene, exchanges
@@ -159,7 +158,7 @@ def _of_laws(scene: Scene) -> Iterator[tuple[Keys, tuple[Dimension, str]]]:
     for edge, law, strength in laws:
         place = ("friction", edge) if edge else ("friction",)
         values = law.made.values if law.made else {}
-        for key in SHAPES[law.made.shape].parameters if law.made else ():
+        for key in law_rows(law.made.shape) if law.made else ():
             if isinstance(values[key.name], float) and key.kind != "integer":
                 yield (*place, key.name), (key.dimension, "")
         for i in range(len(values.get(POINTS, ()))):

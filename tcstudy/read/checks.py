@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
+from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.fields import Context
 from tcstudy.read.heat import Boundary, value_at
 from tcstudy.read.node import Node, deepest
-from tcstudy.scene.edge_laws import EdgeLaws
 from tcstudy.scene.records import Body, Clamped, Contact, Edge, Loaded, Point, Rigid, Role, Symmetry
 from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_normal, edge_points, loop_size

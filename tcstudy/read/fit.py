@@ -16,6 +16,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from tcstudy.laws.derivatives import POINTS
+from tcstudy.laws.pieces import GrowthError
+from tcstudy.laws.shapes import LawError
 from tcstudy.read.asked import differentiable, named_number
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.history import check_fit
@@ -23,10 +26,7 @@ from tcstudy.read.node import Node, hint
 from tcstudy.read.plans import affine_parameters, level_of, path_of
 from tcstudy.read.points import table_lines
 from tcstudy.scene.fits import PLACE, RESULTS, STEP, FitColumn, FitMark, FitParameter, FitPlan, Sensitivity
-from tcstudy.scene.friction import GrowthError
 from tcstudy.scene.histories import HistoryPlan, Memory, UnfitLaw
-from tcstudy.scene.law_slopes import POINTS
-from tcstudy.scene.laws import LawError
 from tcstudy.scene.parameters import with_number
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import MeshPlan

@@ -12,15 +12,15 @@ from dataclasses import replace
 from typing import Literal
 
 from tcstudy.expressions.expression import Expression
+from tcstudy.laws.composed import EdgeLaws
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import GrowthError
+from tcstudy.laws.shapes import SHAPES, LawError
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.heat import HEAT_KEYS, Boundary, read_edge_heat
 from tcstudy.read.node import COMPONENTS, Node, hint, nearest
-from tcstudy.scene.edge_laws import EdgeLaws
-from tcstudy.scene.friction import FrictionLaw, GrowthError
 from tcstudy.scene.key import LOADED
-from tcstudy.scene.keys import of_role, row, rows
-from tcstudy.scene.laws import SHAPES, LawError
-from tcstudy.scene.nodal_laws import times
+from tcstudy.scene.keys import law_rows, of_role, row, rows
 from tcstudy.scene.records import Clamped, Contact, Convection, Free, Material, Rigid, Role, Scalar, Symmetry, Traction
 
 ROLES = row("boundary", "role").words
@@ -258,7 +258,7 @@ def laws_by_edge(node: Node | None) -> dict[str, Node]:
 
 
 @none_after_fault
-def read_friction(ctx: Context, node: Node) -> FrictionLaw | EdgeLaws | None:
+def read_friction(ctx: Context, node: Node) -> Laws | EdgeLaws | None:
     """The friction law, or the laws of the contact edges; None after a fault."""
     by_edge = laws_by_edge(node)
     if not by_edge:
@@ -268,7 +268,7 @@ def read_friction(ctx: Context, node: Node) -> FrictionLaw | EdgeLaws | None:
     return EdgeLaws(tuple((edge, law, strength) for edge, law, strength in laws if law is not None))
 
 
-def _read_law(ctx: Context, node: Node) -> tuple[FrictionLaw | None, Scalar]:
+def _read_law(ctx: Context, node: Node) -> tuple[Laws | None, Scalar]:
     """A law, None after a fault, and its strength where that varies: a number is made part of the law."""
     word, before = node.child("law"), len(ctx.errors)
     if word is None:
@@ -278,7 +278,7 @@ def _read_law(ctx: Context, node: Node) -> tuple[FrictionLaw | None, Scalar]:
     if len(ctx.errors) > before:
         return None, 1.0
     shape = SHAPES[name]
-    own = (row("friction", "law"), row("friction", "strength"), *shape.parameters)
+    own = (row("friction", "law"), row("friction", "strength"), *law_rows(name))
     fields = Fields(ctx, node, {one.name: one for one in own})
     values, strength = fields.given(), fields.value("strength")
     if isinstance(strength, float) and strength < 0.0:
@@ -290,7 +290,7 @@ def _read_law(ctx: Context, node: Node) -> tuple[FrictionLaw | None, Scalar]:
         law = shape.build(**{key: values[key] for key in values if key not in ("law", "strength")})
         if isinstance(strength, Expression):
             return law, strength
-        return law if strength == 1.0 else times(law, strength), 1.0
+        return law if strength == 1.0 else law.times(strength), 1.0
     except LawError as error:
         what, _, remedy = error.message.partition("; ")
         ctx.errors.at(node.child(error.parameter) or node, what, remedy or f"the law {name}: {shape.summary}")

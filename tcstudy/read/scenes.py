@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.body import check_shape, read_body
 from tcstudy.read.checks import check_corners, check_finite, check_laws, check_straight, supports, supports_fault
 from tcstudy.read.fields import Context
@@ -22,7 +23,6 @@ from tcstudy.read.node import Node, put
 from tcstudy.read.parameters import read_parameters, users, words_in
 from tcstudy.read.physics import read_boundary, read_friction, read_loads, read_materials
 from tcstudy.read.sweep import Sweep, SweptAxis
-from tcstudy.scene.edge_laws import EdgeLaws
 from tcstudy.scene.named import Named
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Body, Scene

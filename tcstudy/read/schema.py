@@ -12,10 +12,10 @@ import json
 from collections.abc import Callable, Iterator
 from typing import Any, get_args
 
+from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.plans import IN_SWEEP
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import law_rows, of_role, row, rows
-from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.parameters import EDGE, SHORT, WHOLE, sweepable
 from tcstudy.scene.study import Quantity
 from tcstudy.scene.units import NONE

@@ -10,13 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.fields import Context
 from tcstudy.read.node import Node, hint, nearest
 from tcstudy.read.points import draw, only_key, read_design, read_table
 from tcstudy.scene import keys as table
 from tcstudy.scene.designs import DESIGNS, Design
 from tcstudy.scene.histories import short_names
-from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.parameters import FIXED, NUMBERS, SHORT, Keys, Parameter
 from tcstudy.scene.study import Axis
 from tcstudy.scene.units import Dimension, common_unit

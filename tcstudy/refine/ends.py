@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.scene.friction import UP, FrictionLaw
-from tcstudy.scene.nodal_laws import sticking
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import UP
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ def end_cells(line: ContactLine, problem: ContactProblem, v: Array, u: Array) ->
         return []
     own, across = line.unknowns, u.reshape(2, -1)
     along = line.ends[:, 1] - line.ends[:, 0]
-    width, stick = np.linalg.norm(along, axis=1), sticking(problem.law, v)
+    width, stick = np.linalg.norm(along, axis=1), problem.law.sticking(v)
     traction, noise, found = problem.xi(v) / problem.c, ROUNDINGS * float(np.abs(u).max()), []
     for i in np.flatnonzero(own.min(axis=1) < 0):
         node, held = int(own[i].max()), int(line.segments[i, np.argmin(own[i])])
@@ -77,7 +77,7 @@ def end_cells(line: ContactLine, problem: ContactProblem, v: Array, u: Array) ->
     return found
 
 
-def _most(law: FrictionLaw, given: float, slip: float, traction: float) -> tuple[float, bool]:
+def _most(law: Laws, given: float, slip: float, traction: float) -> tuple[float, bool]:
     """Largest |b − traction| between a given slip and that of the next node, and whether a hidden zone may stick."""
     between = (law.kinks > min(given, slip)) & (law.kinks < max(given, slip))
     values = [*law.b_left[between], *law.b_right[between], float(law.b(given, 1 if slip > given else -1))]

@@ -25,8 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import ContactLine
-from tcstudy.scene.friction import UP
-from tcstudy.scene.nodal_laws import sticking
+from tcstudy.laws.pieces import UP
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -63,7 +62,7 @@ def fronts(line: ContactLine, problem: ContactProblem, v: Array) -> list[SlipFro
     """All fronts of a contact solution v (m,), hidden ones last; an end of Γ_C is none."""
     if not len(problem.law.kinks):
         return []
-    stick = sticking(problem.law, v)
+    stick = problem.law.sticking(v)
     ends = line.unknowns
     held = ends == HELD
     sticks = stick[ends] & ~held
@@ -77,7 +76,7 @@ def fronts(line: ContactLine, problem: ContactProblem, v: Array) -> list[SlipFro
 def slip_length(line: ContactLine, problem: ContactProblem, v: Array) -> tuple[float, float]:
     """Length of Γ_C that does not stick, fronts taken where they are found within their cells, and their doubt [m]."""
     found = fronts(line, problem, v)
-    nodal = float(problem.c[~sticking(problem.law, v)].sum())
+    nodal = float(problem.c[~problem.law.sticking(v)].sum())
     return nodal + sum(front.more for front in found), sum(front.doubt for front in found)
 
 

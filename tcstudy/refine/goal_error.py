@@ -66,7 +66,6 @@ from tcstudy.refine.ends import end_cells
 from tcstudy.refine.fronts import fronts, slip_length
 from tcstudy.refine.goals import dual, goal_value, lost, lumping, steps, torn
 from tcstudy.refine.halved import Halved, contributions
-from tcstudy.scene.nodal_laws import sticking
 from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import BODY, Material, Scene
 from tcstudy.scene.study import Goal
@@ -123,7 +122,7 @@ def goal_error(
     hides = float(hidden.sum() + stepped.sum())
     shares += _at_segments(halved.coarse, triangles, stepped)
     places = _places(goal, halved.coarse, condensed, v)
-    parted = regions(halved, scene, sticking(condensed.problem.law, v), places, stepped > 0.0)
+    parted = regions(halved, scene, condensed.problem.law.sticking(v), places, stepped > 0.0)
     if goal.quantity == "slip_length":
         own, _ = slip_length(line, condensed.problem, v)
         better, doubt = slip_length(fine.line, finer.problem, answer.v)

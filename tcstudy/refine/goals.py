@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.recovery import ElementGeometry
+from tcstudy.laws.composed import each
+from tcstudy.laws.laws import Laws
 from tcstudy.refine.fronts import slopes
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.nodal_laws import each, sticking
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal
 from tcstudy.solvers.problem import ContactProblem
@@ -39,7 +39,7 @@ def goal_value(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array)
     if goal.quantity == "friction_resultant":
         return float(problem.xi(v).sum())
     if goal.quantity == "slip_length":
-        return float(problem.c[~sticking(problem.law, v)].sum())
+        return float(problem.c[~problem.law.sticking(v)].sum())
     if goal.quantity == "u_T":
         assert goal.at is not None
         return float(point_weights(line, goal.at) @ v)
@@ -62,7 +62,7 @@ def lost(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
     ξ_i of a sticking node is what its hat function sees, ½ t·width less than the traction t carries there. A slipping
     node's cell c_i reaches up to the held node.
     """
-    stick, xi = sticking(problem.law, v), problem.xi(v)
+    stick, xi = problem.law.sticking(v), problem.xi(v)
     own = line.unknowns
     node, width = own.max(axis=1), np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1)
     at_held = (own.min(axis=1) < 0) & stick[node]
@@ -81,11 +81,11 @@ def torn(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
     own = line.unknowns
     low, high = np.sort(v[own], axis=1).T
     free = np.all(own >= 0, axis=1)
-    unsaid = each(problem.law.of(own.max(axis=1)), _unsaid, low, high, free)
+    unsaid = each(problem.law.of_nodes(own.max(axis=1)), _unsaid, low, high, free)
     return np.asarray(0.5 * np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1) * unsaid)
 
 
-def _unsaid(law: FrictionLaw, low: Array, high: Array, free: NDArray[np.bool_]) -> Array:
+def _unsaid(law: Laws, low: Array, high: Array, free: NDArray[np.bool_]) -> Array:
     """How far b leaves its chord between the slips of two neighbours, above and below together (n,) [Pa]."""
     first, last = law.b(low, 1), law.b(high, -1)
     above, below = np.zeros(len(low)), np.zeros(len(low))
@@ -106,12 +106,12 @@ def steps(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
     parts of both laws, and nothing steps.
     """
     law, own = problem.law, line.unknowns
-    if isinstance(law, FrictionLaw):
+    if law.one:
         return np.zeros(len(own))
-    (p, q), slips = own.T, ~sticking(law, v)
+    (p, q), slips = own.T, ~law.sticking(v)
     slip = np.where(slips[p], v[p], v[q])
     known = (own.min(axis=1) >= 0) & (slips[p] | slips[q]) & ~np.isin(own, line.joints.node).any(axis=1)
-    apart = np.where(known, np.abs(law.of(p).b(slip) - law.of(q).b(slip)), 0.0)
+    apart = np.where(known, np.abs(law.of_nodes(p).b(slip) - law.of_nodes(q).b(slip)), 0.0)
     beside = np.maximum(np.append(0.0, apart[:-1]), np.append(apart[1:], 0.0))
     return np.where(apart > 2.0 * beside, apart, 0.0)
 
@@ -128,7 +128,7 @@ def dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Ar
         w = slopes(line, problem, v)
     else:
         raise ValueError(f"the {goal.quantity} has no dual problem")
-    stick = sticking(problem.law, v)
+    stick = problem.law.sticking(v)
     slip = ~stick
     tangent = problem.c * problem.law.slope(v, problem.law.piece(v))
     z = np.where(stick, a, 0.0)

@@ -34,7 +34,6 @@ from tcstudy.fem.forms import Springs
 from tcstudy.fem.meshes import PlaneMesh, refine_uniformly
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
-from tcstudy.scene.nodal_laws import sticking
 from tcstudy.scene.records import Material, Scene
 from tcstudy.scene.study import Goal
 from tcstudy.solvers.problem import ContactProblem
@@ -186,7 +185,7 @@ def contributions(
     by_node[nodes] += rest[nodes] * problems[1].xi(v[1])
     weight = 1.0 if goal.quantity == "friction_resultant" else 0.0
     lacks = weight - local(z)[nodes]
-    law, slips = problems[1].law, ~sticking(problems[1].law, v[1])
+    law, slips = problems[1].law, ~problems[1].law.sticking(v[1])
     lumped = lacks * fine.line.c * law.value(local(u[0])[nodes], law.piece(v[1]))
     # on the nodes of the level, where both sums of friction all but cancel one by one
     by_node[: halved.coarse.mesh.n_points] += halved.restricted(np.where(slips, lumped, 0.0))

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from tcstudy.data.reading import refuse_geometries, sweep_dims
 from tcstudy.data.schema import STICKS
 from tcstudy.data.store import open_results
+from tcstudy.laws.composed import NO_JOINTS, Joints
 from tcstudy.reports.select_point import Value, check_solved, describe, labels, level_number, locate
 from tcstudy.reports.stored_study import NamedEdge, joints_of, outline, scene_at, sources, stored_study
-from tcstudy.scene.edge_laws import NO_JOINTS, Joints
 from tcstudy.scene.records import Scene
 
 Array = NDArray[np.float64]

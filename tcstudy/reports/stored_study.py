@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from tcstudy.data.schema import JOINTS
 from tcstudy.data.writer import axis_order
 from tcstudy.errors import StudyError
+from tcstudy.laws.composed import NO_JOINTS, EdgeLaws, Joints, law_along
+from tcstudy.laws.laws import Laws
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.edge_laws import NO_JOINTS, EdgeLaws, Joints, law_along
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.nodal_laws import Law
 from tcstudy.scene.records import Clamped, Convection, Role, Scene, Traction, resultant
 from tcstudy.scene.study import Study
 
@@ -65,7 +64,7 @@ def scene_at(study: Study, index: Sequence[int]) -> Scene:
     return study.scenes[file_order(study)[number]]
 
 
-def law_of_nodes(friction: FrictionLaw | EdgeLaws, group: Any) -> Law:
+def law_of_nodes(friction: Laws | EdgeLaws, group: Any) -> Laws:
     """The law of the contact line of a stored level, or of its nodes."""
     names = str(group["edge"].attrs.get("flag_meanings", "")).split()
     xy = np.stack([group["x"].values, group["y"].values], axis=1)

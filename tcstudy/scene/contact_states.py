@@ -11,7 +11,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tcstudy.scene.friction import BEND, DOWN, FrictionLaw
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import BEND, DOWN
 
 
 class ContactState(IntEnum):
@@ -29,7 +30,7 @@ class ContactState(IntEnum):
     """on a part of b that does not fall, beyond one that does"""
 
 
-def contact_states(law: FrictionLaw) -> NDArray[np.int8]:
+def contact_states(law: Laws) -> NDArray[np.int8]:
     """(2K+1,) ContactState by code of the law's parts; a piece with an exponential part falls where it decays."""
     states = np.full(2 * len(law.kinks) + 1, ContactState.STICK, dtype=np.int8)
     inner = np.concatenate([law.kinks[:1], 0.5 * (law.kinks[1:] + law.kinks[:-1]), law.kinks[-1:]])
@@ -43,7 +44,7 @@ def contact_states(law: FrictionLaw) -> NDArray[np.int8]:
     return states
 
 
-def node_states(law: FrictionLaw, u_T: ArrayLike, sticks: ArrayLike) -> NDArray[np.int8]:
+def node_states(law: Laws, u_T: ArrayLike, sticks: ArrayLike) -> NDArray[np.int8]:
     """(m,) ContactState of nodes with these tangential displacements [m]; sticks: those known to rest on an up-jump.
 
     A bend counts to the piece beyond it, seen from s = 0.

@@ -16,9 +16,9 @@ from typing import Literal, TypeVar, get_args
 
 import numpy as np
 
-from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import UP
 from tcstudy.scene.key import Key, in_section
-from tcstudy.scene.nodal_laws import Law
 from tcstudy.scene.units import STIFFNESS
 
 MemoryName = Literal["friction", "elastic-plastic", "damage"]
@@ -50,9 +50,9 @@ class Memory:
     stiffness: float | None = None
     healing: bool = False
 
-    def check(self, law: Law) -> None:
+    def check(self, law: Laws) -> None:
         """Raise UnfitLaw unless the memory can be made of every node's law."""
-        for own in [law] if isinstance(law, FrictionLaw) else [one for one, _ in law.groups]:
+        for own in law.laws:
             if own.vanishes:
                 continue
             _check_virgin(own)
@@ -67,7 +67,7 @@ class Memory:
             return omega
         return self.stiffness * omega / (self.stiffness - omega)
 
-    def _check_spring(self, law: FrictionLaw) -> None:
+    def _check_spring(self, law: Laws) -> None:
         """Backward Euler needs a return map with one answer: the law falls less steeply than the spring."""
         k = self.stiffness
         if k is None or not (np.isfinite(k) and k > 0.0):
@@ -83,7 +83,7 @@ class Memory:
                            "stiffer spring or a law that falls more slowly")  # fmt: skip
 
 
-def is_odd(law: FrictionLaw) -> bool:
+def is_odd(law: Laws) -> bool:
     """Whether b(−s) = −b(s) to the bit, as every shape but a one-sided piecewise-linear one is made."""
     mirror = slice(None, None, -1)
     pieces = law.b_0 == -law.b_0[mirror], law.q == law.q[mirror], law.a == -law.a[mirror]
@@ -92,7 +92,7 @@ def is_odd(law: FrictionLaw) -> bool:
     return bool(np.array_equal(law.kinks, -law.kinks[mirror]) and np.all([*pieces, anchors, rates]))
 
 
-def _check_virgin(law: FrictionLaw) -> None:
+def _check_virgin(law: Laws) -> None:
     """Raise UnfitLaw unless the law is odd and opposes slip everywhere."""
     if not is_odd(law):
         raise UnfitLaw(f"a history needs an odd law, b(-s) = -b(s), and {law.name} is not: what is remembered has no "
@@ -105,7 +105,7 @@ def _check_virgin(law: FrictionLaw) -> None:
                        "let it end at 0")  # fmt: skip
 
 
-def _check_secant(law: FrictionLaw) -> None:
+def _check_secant(law: Laws) -> None:
     """Raise UnfitLaw where τ(κ)/κ rises: such a film would heal by being pulled."""
     ups = law.kinks[(law.kinds == UP) & (law.kinks > 0.0)]
     if len(ups):
@@ -114,7 +114,7 @@ def _check_secant(law: FrictionLaw) -> None:
     first = int(law.piece(0.0, +1))
     starts = np.concatenate([[0.0], law.kinks[law.kinks > 0.0]])
     for piece, start, end in zip(range(first, len(law.q)), starts, [*starts[1:], np.inf], strict=True):
-        last = end if np.isfinite(end) else start + 40.0 / (abs(float(law.r[piece])) or 1.0)
+        last = end if np.isfinite(end) else start + 40.0 / (float(law.rate[piece]) or 1.0)
         for s in (float(start), float(last)):
             value, slope = float(law.value(s, piece)), float(law.slope(s, piece))
             if value - slope * s < -1e-12 * max(abs(value), abs(slope * s), law.b_scale):

@@ -5,7 +5,7 @@ its dimension and bounds (`read.fields`); to `--set`; to the table in configs/RE
 (`read.schema`). With `swept=True` a sweep may vary it, by its path and by its last word, and data carry its units; with
 `affine=True` a path may run along it (`scene.parameters`). What a row cannot say is where the key acts: the record of
 its section gets a field, the reader of its section fills it, and something uses it. Parameters of laws stand with them
-(`scene.laws.SHAPES`), the keys of `history` in `scene.histories`.
+(`laws.shapes.SHAPES`), the keys of `history` in `scene.histories`.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from __future__ import annotations
 from functools import cache
 from typing import get_args
 
+from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene import units as u
 from tcstudy.scene.designs import DESIGNS, DISTRIBUTIONS
 from tcstudy.scene.families import FAMILIES
 from tcstudy.scene.fits import FITS
 from tcstudy.scene.histories import HISTORY
 from tcstudy.scene.key import EDGE_ROWS, Key, in_section
-from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.study import BRANCHES, MOST_REFINE, SOLVERS, Direction, MeshPlan, PathPlan, SolverPlan, Start
 
 
@@ -289,6 +289,9 @@ ROWS: tuple[Key, ...] = (
 """All keys but the parameters of laws, in the order in which they are shown."""
 
 
+_OF_LAWS = {one.si: one for one in (u.NONE, u.LENGTH, u.TRACTION, u.STIFFNESS)}
+
+
 @cache
 def _by_section() -> dict[str, dict[str, Key]]:
     found: dict[str, dict[str, Key]] = {}
@@ -297,9 +300,19 @@ def _by_section() -> dict[str, dict[str, Key]]:
     return found
 
 
+@cache
 def law_rows(law: str) -> tuple[Key, ...]:
     """The rows of a law's parameters."""
-    return SHAPES[law].parameters
+    return tuple(
+        Key(
+            *(one.name, one.kind, one.meaning, _OF_LAWS[one.dimension], one.example, "friction"),
+            required=one.required,
+            default=one.default,
+            least=one.least,
+            swept=True,
+        )
+        for one in SHAPES[law].parameters
+    )
 
 
 def rows(section: str) -> dict[str, Key]:

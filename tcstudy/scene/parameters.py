@@ -13,14 +13,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
 from tcstudy.expressions.expression import Expression, parse
-from tcstudy.scene.edge_laws import EdgeLaws
+from tcstudy.laws.composed import EdgeLaws
+from tcstudy.laws.derivatives import POINTS, number_of, point_of
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.fits import Sensitivity
-from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import ROWS, law_rows, rows
-from tcstudy.scene.law_slopes import POINTS, number_of, point_of
-from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.nodal_laws import times
 from tcstudy.scene.records import Clamped, Loaded, Material, Rigid, Role, Scalar, Scene, resultant
 
 Keys = tuple[str, ...]
@@ -147,7 +146,7 @@ def with_number(scene: Scene, by: Sensitivity, value: float) -> Scene:
     section, name = by.path[0], by.path[-1]
     if section == "friction":
         name, friction = number_of(by.path), scene.friction
-        if isinstance(friction, FrictionLaw):
+        if isinstance(friction, Laws):
             return replace(scene, friction=_law(friction, name, value))
         edges = ("", *by.path)
         laws = ((edge, _law(law, name, value) if edge in edges else law, at) for edge, law, at in friction.laws)
@@ -170,7 +169,7 @@ def number_in(scene: Scene, by: Sensitivity) -> float:
         return 1.0
     if section == "friction":
         edges, found = ("", *by.path), scene.friction
-        laws = [found] if isinstance(found, FrictionLaw) else [law for edge, law, _ in found.laws if edge in edges]
+        laws = [found] if isinstance(found, Laws) else [law for edge, law, _ in found.laws if edge in edges]
         return _number_of_law(laws[0], number_of(by.path))
     if section in ("material", "materials"):
         own = scene.material if section == "material" else dict(scene.material.regions)[by.path[1]]
@@ -187,7 +186,7 @@ def number_in(scene: Scene, by: Sensitivity) -> float:
     return _got(role, "boundary", name)
 
 
-def _number_of_law(law: FrictionLaw, name: str) -> float:
+def _number_of_law(law: Laws, name: str) -> float:
     made = law.made
     if made is None:
         raise KeyError(name)
@@ -197,18 +196,18 @@ def _number_of_law(law: FrictionLaw, name: str) -> float:
     return float(value)
 
 
-def _law(law: FrictionLaw, name: str, value: float) -> FrictionLaw:
+def _law(law: Laws, name: str, value: float) -> Laws:
     made = law.made
     if made is None:
         raise KeyError(name)
     shape = SHAPES[made.shape]
     if name == "strength":
-        return times(shape.build(**made.values), value)
+        return shape.build(**made.values).times(value)
     if name.startswith(f"{POINTS}."):
         points = list(made.values[POINTS])
         points[point_of(law, name)] = (points[point_of(law, name)][0], value)
         name, value = POINTS, points  # type: ignore[assignment]
-    return times(shape.build(**{**made.values, name: value}), made.strength)
+    return shape.build(**{**made.values, name: value}).times(made.strength)
 
 
 def affine_numbers(record: object, section: str) -> Iterator[tuple[Key, str, Scalar]]:

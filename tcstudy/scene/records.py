@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
-from tcstudy.scene.edge_laws import EdgeLaws
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.laws.composed import EdgeLaws
+from tcstudy.laws.laws import Laws
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
@@ -259,7 +259,7 @@ class Scene:
     material: Material
     f: tuple[Scalar, Scalar]
     heat: Heat
-    friction: FrictionLaw | EdgeLaws
+    friction: Laws | EdgeLaws
 
     @property
     def pieces(self) -> tuple[tuple[Where, Material], ...]:
@@ -272,22 +272,22 @@ class Scene:
         return ((rest, self.material), *(((name,), material) for name, material in own))
 
     @property
-    def laws(self) -> tuple[FrictionLaw, ...]:
+    def laws(self) -> tuple[Laws, ...]:
         """The friction law, or those of the edges."""
         friction = self.friction
         return tuple(law for _, law, _ in friction.laws) if isinstance(friction, EdgeLaws) else (friction,)
 
     @property
-    def one_law(self) -> FrictionLaw:
+    def one_law(self) -> Laws:
         """The law of all of Γ_C. Raises ValueError where it differs along Γ_C."""
         if isinstance(self.friction, EdgeLaws):
             raise ValueError("the friction law differs along the contact line")
         return self.friction
 
-    def with_laws(self, change: Callable[[FrictionLaw], FrictionLaw]) -> Scene:
+    def with_laws(self, change: Callable[[Laws], Laws]) -> Scene:
         """The same scene with every friction law changed, strengths as they are."""
         friction = self.friction
-        if isinstance(friction, FrictionLaw):
+        if isinstance(friction, Laws):
             return replace(self, friction=change(friction))
         return replace(self, friction=EdgeLaws(tuple((edge, change(law), by) for edge, law, by in friction.laws)))
 

@@ -18,15 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import DOWN, FrictionLaw
-from tcstudy.scene.law_tables import LawTables
-from tcstudy.scene.nodal_laws import Law
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import DOWN
 from tcstudy.solvers.problem import ContactProblem, inverse_rounding, kept
 
 Array = NDArray[np.float64]
@@ -36,11 +34,13 @@ FEW, PARTS = 6, 48
 """Parts of an exponential piece: for a first try, which proves most of what can be proved, and of the careful bound."""
 _ROUNDS, _SHRINKS = 30, 0.01
 """Improvements of a box at most, and by which part of its size one must shrink it."""
+_HALVINGS = 60
+"""Of the interval in which b′ of two exponentials vanishes."""
 _DECAY, _ROUNDINGS = 16.0, 64.0
 """Decay lengths that the parts cover (one more takes the rest), and roundings of j by which every D is enlarged."""
 
 
-def bend_below_tangent(law: Law, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS) -> Array:
+def bend_below_tangent(law: Laws, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS) -> Array:
     """Upper bounds of D_i for slips between low and high (m,) [Pa/m]; inf where v_i sits on a down-jump.
 
     zeta:  (m,) elements of b̂(v), exactly b(v) off the kinks [Pa]
@@ -49,14 +49,14 @@ def bend_below_tangent(law: Law, v: Array, zeta: Array, low: Array, high: Array,
     return np.maximum(*bends_by_side(law, v, zeta, low, high, parts))
 
 
-def bends_by_side(law: Law, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS) -> tuple[Array, Array]:
+def bends_by_side(law: Laws, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS) -> tuple[Array, Array]:
     """(right, left): the same with s > v_i and with s < v_i alone, −∞ where the box has no such s."""
     right, left = bends(*tables_of(law, len(v)), v, zeta, low, high, parts, below=False)
     return right[0], left[0]
 
 
 def bends(
-    tables: LawTables, law: Index, v: Array, zeta: Array, low: Array, high: Array, parts: int, below: bool = True
+    tables: Laws, law: Index, v: Array, zeta: Array, low: Array, high: Array, parts: int, below: bool = True
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """(upper, lower) bounds of D_i with s > v_i alone and with s < v_i alone, (n,) each; law: of every slip (n,).
 
@@ -75,7 +75,7 @@ class _March:
     """
 
     below: bool
-    tables: LawTables
+    tables: Laws
     v: Array
     zeta: Array
     at: Array
@@ -91,7 +91,7 @@ class _March:
         value, slope = tables.value_and_slope(at, piece)
         excess = np.where(at == v, start_excess(value, zeta), zeta - value)
         start = -slope
-        concave = tables.a.take(piece) < 0.0
+        concave = tables.concave.take(piece)
         if np.any(concave):
             chord = (tables.value(at + width, piece) - value) / np.where(width > 0.0, width, 1.0)
             slope = np.where(concave & (width > 0.0), np.minimum(chord, slope), slope)
@@ -117,9 +117,9 @@ class _March:
         return quotient
 
 
-def _one_side(tables: LawTables, law: Index, v: Array, zeta: Array, high: Array, parts: int, below: bool) -> _March:
+def _one_side(tables: Laws, law: Index, v: Array, zeta: Array, high: Array, parts: int, below: bool) -> _March:
     """Bounds of the sup of the quotient over s ∈ (v, high] (−∞ where that is empty)."""
-    at = tables.locate(law, v)
+    at = tables.locate(v, law)
     begin = at.piece + at.on
     none = np.full(len(v), -np.inf)
     march = _March(below, tables, v, zeta, v.copy(), np.zeros(len(v)), none, none.copy(), np.abs(zeta))
@@ -129,23 +129,36 @@ def _one_side(tables: LawTables, law: Index, v: Array, zeta: Array, high: Array,
         active = ((begin <= piece) & (march.at < end)).nonzero()[0]
         if not len(active):
             continue
-        bent = tables.a.take(piece[active]) != 0.0
+        bent = tables.bent.take(piece[active])
         for nodes, count in ((active[~bent], 1), (active[bent], parts)):
             if len(nodes):
-                for width in _parts(tables.r.take(piece[nodes]), end[nodes] - march.at[nodes], count):
+                for width in _parts(tables, piece[nodes], end[nodes] - march.at[nodes], count):
                     march.advance(nodes, piece[nodes], width)
                 march.at[nodes] = end[nodes]
     return march
 
 
-def _parts(rate: Array, width: Array, count: int) -> list[Array]:
-    """Widths of the parts into which [at, at + width] is cut: fine on the side where b changes fast."""
+def _parts(tables: Laws, piece: Index, width: Array, count: int) -> list[Array]:
+    """Widths of the parts into which [at, at + width] is cut: fine on the side where b changes fast.
+
+    Of two exponentials the slower one has parts of its own behind those of the faster.
+    """
     if count == 1:
         return [width]
+    rates = [np.where(a.take(piece) != 0.0, r.take(piece), 0.0) for a, r in tables.exponentials]
+    rate = rates[0] if len(rates) == 1 else np.where(rates[0] != 0.0, rates[0], rates[1])
+    inner, covered = [], np.zeros(len(width))
     with np.errstate(divide="ignore"):
-        fine = np.minimum(width, _DECAY / np.abs(rate))
-    rest, inner = width - fine, [fine / count] * count
-    return [np.where(rate < 0.0, rest, 0.0), *inner, np.where(rate > 0.0, rest, 0.0)]
+        for fine in np.sort([np.minimum(width, _DECAY / np.abs(one)) for one in rates], axis=0):
+            inner += [(fine - covered) / count] * count
+            covered = fine
+    ahead, behind = (np.where(way * rate > 0.0, width - covered, 0.0) for way in (-1.0, 1.0))
+    return [ahead, *(inner if len(rates) == 1 else _turned(inner, rate < 0.0)), behind]
+
+
+def _turned(parts: list[Array], back: NDArray[np.bool_]) -> list[Array]:
+    """The parts in the opposite order where `back` is True."""
+    return [np.where(back, last, first) for first, last in zip(parts, reversed(parts), strict=True)]
 
 
 def start_excess(value: Array, zeta: Array) -> Array:
@@ -250,25 +263,17 @@ def energy_reach(load: float | Array, push: float | Array, c: Array, lambda_1: f
     return np.asarray((1.0 + 1e-6) * (load + push * np.sqrt(c.sum())) / lambda_1 / np.sqrt(c))
 
 
-def least_slope(law: Law, low: Array, high: Array) -> Array:
+def least_slope(law: Laws, low: Array, high: Array) -> Array:
     """inf (b(s₁)−b(s₂))/(s₁−s₂) over [low, high]: −∞ with a down-jump in it (m,) [Pa/m]."""
     return least_slopes(*tables_of(law, len(low)), low, high)
 
 
-def tables_of(law: Law, m: int) -> tuple[LawTables, Index]:
+def tables_of(law: Laws, m: int) -> tuple[Laws, Index]:
     """The tables of one law for all of m nodes or of a law a node, and which of them every node has (m,)."""
-    if isinstance(law, FrictionLaw):
-        return _tables(law), np.zeros(m, dtype=np.intp)
-    return law.table, law.index
+    return law.tables, law.node_index(m)
 
 
-@lru_cache(maxsize=64)
-def _tables(law: FrictionLaw) -> LawTables:
-    """Cached, since a sweep or a path asks of few laws many times."""
-    return LawTables.of([law])
-
-
-def value_range(tables: LawTables, law: Index, low: Array, high: Array) -> tuple[Array, Array]:
+def value_range(tables: Laws, law: Index, low: Array, high: Array) -> tuple[Array, Array]:
     """(least, largest) value of the filled graph of b on [low, high] (shape of low); law broadcasts with low [Pa]."""
     least, largest = np.full(low.shape, np.inf), np.full(low.shape, -np.inf)
 
@@ -277,7 +282,7 @@ def value_range(tables: LawTables, law: Index, low: Array, high: Array) -> tuple
         np.maximum(largest, value, out=largest, where=inside)
 
     for s in (low, high):
-        at = tables.locate(law, s)
+        at = tables.locate(s, law)
         meet(True, tables.value(s, at.piece))
         if np.any(at.on):
             meet(at.on, tables.value(s, at.piece + at.on))
@@ -288,7 +293,7 @@ def value_range(tables: LawTables, law: Index, low: Array, high: Array) -> tuple
             s, piece = np.where(np.isfinite(s), s, 0.0), tables.first + kink
             meet(inside, tables.value(s, piece)[law])
             meet(inside, tables.value(s, piece + 1)[law])
-    if not tables.linear:
+    if not tables.piecewise_linear:
         turning, value = _turning_points(tables)
         for column in np.flatnonzero(np.any(np.isfinite(turning), axis=0)):
             s = turning[:, column][law]
@@ -296,8 +301,10 @@ def value_range(tables: LawTables, law: Index, low: Array, high: Array) -> tuple
     return least, largest
 
 
-def _turning_points(tables: LawTables) -> tuple[Array, Array]:
+def _turning_points(tables: Laws) -> tuple[Array, Array]:
     """(L, K+1) slip where b′ = q − a r exp(−r (s − s_0)) vanishes inside a piece, NaN where it does not; b there."""
+    if tables.a_2 is not None:
+        return _bisected_turning_points(tables)
     with np.errstate(divide="ignore", invalid="ignore"):
         s = tables.s_0 - np.log(tables.q / (tables.a * tables.r)) / tables.r
         s = np.where(np.isfinite(s) & (tables.lower < s) & (s < tables.upper), s, np.nan)
@@ -305,13 +312,27 @@ def _turning_points(tables: LawTables) -> tuple[Array, Array]:
     return s, tables.value(np.where(np.isnan(s), 0.0, s), piece)
 
 
-def least_slopes(tables: LawTables, law: Index, low: Array, high: Array) -> Array:
+def _bisected_turning_points(tables: Laws) -> tuple[Array, Array]:
+    """The same of pieces with two exponentials, whose b′ is monotone."""
+    reach = far(tables)[:, None]
+    piece = tables.first[:, None] + np.arange(tables.q.shape[1])
+    low, high = np.clip(tables.lower, -reach, reach), np.clip(tables.upper, -reach, reach)
+    begins = tables.slope(low, piece) < 0.0
+    turns = tables.bent & (low < high) & (begins != (tables.slope(high, piece) < 0.0))
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        before = (tables.slope(middle, piece) < 0.0) == begins
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return np.where(turns, low, np.nan), tables.value(low, piece)
+
+
+def least_slopes(tables: Laws, law: Index, low: Array, high: Array) -> Array:
     """inf (b(s₁) − b(s₂))/(s₁ − s₂) over [low, high]: −∞ with a down-jump in it (shape of low) [Pa/m]."""
     least = np.full(low.shape, np.inf)
     for piece in range(tables.q.shape[1]):
         first, last = (tables.lower[:, piece])[law], (tables.upper[:, piece])[law]
         met = (low <= last) & (first <= high)
-        if tables.linear:
+        if tables.piecewise_linear:
             np.minimum(least, tables.q[:, piece][law], out=least, where=met)
         elif np.any(met):
             address = np.broadcast_to((tables.first + piece)[law], low.shape)[met]
@@ -323,7 +344,7 @@ def least_slopes(tables: LawTables, law: Index, low: Array, high: Array) -> Arra
     return least
 
 
-def largest_push(tables: LawTables) -> Array:
+def largest_push(tables: Laws) -> Array:
     """(L,) sup over s of −sign(s) b(s), at least 0: how hard friction may push slip on (finite by (15)) [Pa]."""
     reach, every = far(tables), np.arange(len(tables.q), dtype=np.intp)
     least, _ = value_range(tables, every, np.zeros(len(reach)), reach)
@@ -331,8 +352,8 @@ def largest_push(tables: LawTables) -> Array:
     return np.maximum(0.0, np.maximum(-least, largest))
 
 
-def far(tables: LawTables) -> Array:
+def far(tables: Laws) -> Array:
     """(L,) slip beyond which a law has no kink and its exponentials have decayed [m]."""
     kinks = np.where(np.isfinite(tables.kinks), np.abs(tables.kinks), 0.0)
-    decays = np.divide(40.0, np.abs(tables.r), out=np.zeros(tables.r.shape), where=tables.r != 0.0)
+    decays = np.divide(40.0, tables.rate, out=np.zeros(tables.q.shape), where=tables.rate > 0.0)
     return np.asarray(2.0 * np.max(kinks, axis=1) + np.max(decays, axis=1))

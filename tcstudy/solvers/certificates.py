@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.laws.pieces import UP
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.bounds import FEW, PARTS, bend_below_tangent, least_slope, solution_box
 from tcstudy.solvers.problem import MARGIN, ContactProblem, kept, least_lowered, pivot_shift
@@ -107,9 +107,9 @@ def uniqueness_margin(problem: ContactProblem, lambda_1: float) -> float:
     Where Ã has lost digits it is that of the softer body (`kept`).
     """
     share = kept(problem.A_error)
-    if isinstance(problem.law, FrictionLaw):
+    if problem.law.one:
         return share * lambda_1 - problem.law.omega
-    return least_lowered(share * problem.A_tilde, problem.c, problem.law.omega_by_node)
+    return least_lowered(share * problem.A_tilde, problem.c, problem.law.falls[problem.law.index])
 
 
 def positive_definite(
@@ -143,7 +143,7 @@ def _strict_minimum(problem: ContactProblem, v: Array, lambda_1: float) -> bool:
     if np.any(s.at_jump & ~on_up):
         return False
     free = np.flatnonzero(~held)
-    own, at = law.of(free), v[free]
+    own, at = law.of_nodes(free), v[free]
     slope = np.minimum(own.slope(at, own.piece(at, -1)), own.slope(at, own.piece(at, +1)))
     return positive_definite(problem, slope, lambda_1, free)
 

@@ -72,23 +72,26 @@ def friction_defect(
 ) -> tuple[Array, Array]:
     """(c b(v) − ξ, rounded once, and what the rounding of exponentials leaves open in it), (m,) each [N/m].
 
-    parts: (s_0, b_0, q, a, r) of every node's piece;  v, xi: sums of two doubles
+    parts: (s_0, b_0, q, a, r, …) of every node's piece;  v, xi: sums of two doubles
     """
-    s_0, b_0, q, a, r = parts
+    s_0, b_0, q, *exponentials = parts
     apart, low = two_sum(v[0], -s_0)
     apart, low = two_sum(apart, low + v[1])
     linear, rest = two_product(q, apart)
     total, error = two_sum(b_0, linear)
     rest = rest + error + q * low
-    exponent, more = two_product(r, apart)
-    with np.errstate(over="ignore", invalid="ignore"):
-        decay = np.where(a == 0.0, 0.0, a * np.exp(-exponent))
-        decay_rest = np.where(a == 0.0, 0.0, -decay * (more + r * low))
-    total, error = two_sum(total, decay)
-    rest = rest + error + decay_rest
+    decays = np.zeros_like(total)
+    for a, r in zip(exponentials[::2], exponentials[1::2], strict=True):
+        exponent, more = two_product(r, apart)
+        with np.errstate(over="ignore", invalid="ignore"):
+            decay = np.where(a == 0.0, 0.0, a * np.exp(-exponent))
+            decay_rest = np.where(a == 0.0, 0.0, -decay * (more + r * low))
+        total, error = two_sum(total, decay)
+        rest = rest + error + decay_rest
+        decays += np.abs(decay)
     force, error = two_product(c, total)
     high, other = two_sum(force, -xi[0])
-    return high + (other + (error + c * rest - xi[1])), 4.0 * np.finfo(float).eps * c * np.abs(decay)
+    return high + (other + (error + c * rest - xi[1])), 4.0 * np.finfo(float).eps * c * decays
 
 
 def _slices(rows: Array, bits: int) -> list[Array]:

@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import DOWN
-from tcstudy.scene.law_tables import LawTables
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import DOWN
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -58,12 +58,12 @@ class Bridges(NamedTuple):
         return covered
 
 
-def proximal_hulls(tables: LawTables, kappa: float, passes: int = PASSES) -> tuple[LawTables, Bridges]:
+def proximal_hulls(tables: Laws, kappa: float, passes: int = PASSES) -> tuple[Laws, Bridges]:
     """(tables of b_κ, the bridges); κ > 0 [Pa/m]. Laws that nowhere fall faster than κ stay as they are.
 
     passes: over the samples at most; one alone overlooks more and costs half
     """
-    if not np.any(tables.omega > kappa):
+    if not np.any(tables.falls > kappa):
         none = np.empty(0)
         return tables, Bridges(np.empty(0, dtype=np.intp), none, none, none)
     bridges = _refined(tables, kappa, _chords(tables, kappa, passes))
@@ -89,10 +89,10 @@ class _Chords(NamedTuple):
         return _Chords(*(column[which] for column in columns))
 
 
-def _chords(tables: LawTables, kappa: float, passes: int) -> tuple[_Chords, Array]:
+def _chords(tables: Laws, kappa: float, passes: int) -> tuple[_Chords, Array]:
     """The segments of every law that falls faster than κ, once nothing dips below them; the samples of all laws."""
-    rows = np.flatnonzero(tables.omega > kappa)
-    own, found = tables.take(rows), []
+    rows = np.flatnonzero(tables.falls > kappa)
+    own, found = tables.rows(rows), []
     s = _samples(own, kappa)
     samples = np.full((len(tables.q), s.shape[1]), np.nan)
     samples[rows] = s
@@ -105,21 +105,21 @@ def _chords(tables: LawTables, kappa: float, passes: int) -> tuple[_Chords, Arra
         if not len(again):
             break
         s = _with_more(vertices[again], np.searchsorted(again, law), dips)
-        rows, own = rows[again], own.take(again)
+        rows, own = rows[again], own.rows(again)
     chords = _Chords(*(np.concatenate(column) for column in zip(*found, strict=True)))
     return chords.take(np.lexsort((chords.left, chords.law))), samples
 
 
-def _samples(tables: LawTables, kappa: float) -> Array:
+def _samples(tables: Laws, kappa: float) -> Array:
     """(L, S) growing slips at which a hull may touch j, NaN behind: kinks where b does not fall, and inside pieces."""
     count = np.count_nonzero(np.isfinite(tables.kinks), axis=1)
     rows, has = np.arange(len(count)), count > 0
     first = np.where(has, tables.kinks[:, 0], 0.0)
     last = np.where(has, tables.kinks[rows, np.maximum(count - 1, 0)], 0.0)
-    decay = np.divide(4.0, np.abs(tables.r), out=np.zeros(tables.r.shape), where=tables.r != 0.0)
-    outer = (2.0 * tables.b_scale / kappa + decay.max(axis=1))[:, None] * 0.5 ** np.arange(_HALVINGS)
+    decay = np.divide(4.0, tables.rate, out=np.zeros(tables.q.shape), where=tables.rate > 0.0)
+    outer = (2.0 * tables.scales / kappa + decay.max(axis=1))[:, None] * 0.5 ** np.arange(_HALVINGS)
     low, high = tables.lower[:, 1:-1, None], tables.upper[:, 1:-1, None]
-    steep = (tables.a[:, 1:-1] == 0.0) & (tables.q[:, 1:-1] + kappa <= 0.0)  # concave: the hull cannot touch inside
+    steep = ~tables.bent[:, 1:-1] & (tables.q[:, 1:-1] + kappa <= 0.0)  # concave: the hull cannot touch inside
     inside = np.isfinite(high) & ~steep[:, :, None]
     part = np.arange(1, _SAMPLES + 1) / (_SAMPLES + 1)
     with np.errstate(invalid="ignore"):
@@ -129,7 +129,7 @@ def _samples(tables: LawTables, kappa: float) -> Array:
     return _packed(np.concatenate(columns, axis=1))
 
 
-def _beside_down_jumps(tables: LawTables, kappa: float) -> Array:
+def _beside_down_jumps(tables: Laws, kappa: float) -> Array:
     """(L, 2K) ends of the bridge over every down-jump by itself, exact for linear pieces; NaN where there is none."""
     down = tables.kinds == DOWN
     kink = np.where(down, tables.kinks, 0.0)
@@ -159,14 +159,14 @@ def _packed(s: Array) -> Array:
     return s[:, : int(np.max(np.count_nonzero(np.isfinite(s), axis=1), initial=0))]
 
 
-def _segments(tables: LawTables, kappa: float, s: Array) -> tuple[_Chords, Array]:
+def _segments(tables: Laws, kappa: float, s: Array) -> tuple[_Chords, Array]:
     """Segments of the lower hulls of (s, j + ½κ s²) on which b + κ s does not rise; vertices (L, H), NaN behind.
 
     Inside a piece on which b + κ s rises the hull is the law itself, however many samples rounding leaves out.
     """
     row, count = np.arange(len(s), dtype=np.intp)[:, None], np.count_nonzero(np.isfinite(s), axis=1)
     known, zero = np.where(np.isnan(s), 0.0, s), np.zeros(s.shape)
-    height = tables.integral(zero, known, tables.locate(row, zero), tables.locate(row, known)) + 0.5 * kappa * s * s
+    height = tables.integral(zero, known, tables.locate(zero, row), tables.locate(known, row)) + 0.5 * kappa * s * s
     hulls = [lower_hull(x[:n].tolist(), y[:n].tolist()) for x, y, n in zip(s, height, count, strict=True)]
     size = np.array([len(hull) for hull in hulls])
     law, k = np.repeat(row[:, 0], size), np.concatenate([np.arange(n) for n in size])
@@ -176,11 +176,11 @@ def _segments(tables: LawTables, kappa: float, s: Array) -> tuple[_Chords, Array
     left, right = vertices[law, k - 1], vertices[law, k]
     before = vertices[law, np.maximum(k - 2, 0)]
     after = np.where(np.isnan(vertices[law, k + 1]), right, vertices[law, k + 1])
-    at = tables.locate(law, left)
+    at = tables.locate(left, law)
     piece = at.piece + at.on
     falls = (tables.slope(left, piece) + kappa <= 0.0) | (tables.slope(right, piece) + kappa <= 0.0)
     chords = _Chords(law, left, right, before, after)
-    return chords.take((piece != tables.locate(law, right).piece) | falls), vertices
+    return chords.take((piece != tables.locate(right, law).piece) | falls), vertices
 
 
 def lower_hull(x: list[float], height: list[float]) -> list[int]:
@@ -196,7 +196,7 @@ def lower_hull(x: list[float], height: list[float]) -> list[int]:
     return hull
 
 
-def _dips(tables: LawTables, kappa: float, chords: _Chords, known: Array) -> tuple[Index, Array]:
+def _dips(tables: Laws, kappa: float, chords: _Chords, known: Array) -> tuple[Index, Array]:
     """(law, slip) where j + ½κ s² lies lowest below a chord, one for each piece on which it does.
 
     A chord is looked at as far as the vertices beside it, since it may cut through the arc that it should touch.
@@ -211,11 +211,11 @@ def _dips(tables: LawTables, kappa: float, chords: _Chords, known: Array) -> tup
     piece, middle = tables.first[law] + column, 0.5 * (left + right)
     mean = _mean(tables, law, left, right)  # b + κ s = σ in terms that do not cancel: b + κ (s − middle) = mean
     s = 0.5 * (low + high)
-    for _ in range(1 if tables.linear else _REFINEMENTS):
+    for _ in range(1 if tables.piecewise_linear else _REFINEMENTS):
         slope = tables.slope(s, piece) + kappa
         excess = tables.value(s, piece) - mean + kappa * (s - middle)
         s = np.clip(s - np.where(slope > 0.0, excess / np.where(slope > 0.0, slope, 1.0), 0.0), low, high)
-    friction = tables.integral(left, s, tables.locate(law, left), tables.locate(law, s))
+    friction = tables.integral(left, s, tables.locate(left, law), tables.locate(s, law))
     straight, bend = mean * (s - left), 0.5 * kappa * (s - left) * (right - s)
     noise = _DIP * (np.abs(friction) + np.abs(straight) + np.abs(bend))
     below = (low < s) & (s < high) & (friction - straight - bend < -noise)
@@ -224,7 +224,7 @@ def _dips(tables: LawTables, kappa: float, chords: _Chords, known: Array) -> tup
     return law[below][order], s[below][order]
 
 
-def _refined(tables: LawTables, kappa: float, found: tuple[_Chords, Array]) -> Bridges:
+def _refined(tables: Laws, kappa: float, found: tuple[_Chords, Array]) -> Bridges:
     """The common tangents, each end kept between the samples beside its own."""
     (law, left, right, before, after), samples = found
     near = samples[law]
@@ -253,15 +253,15 @@ def _next(samples: Array, s: Array) -> Array:
     return np.fmin.reduce(np.where(samples > s[:, None], samples, np.nan), axis=1)
 
 
-def _mean(tables: LawTables, law: Index, left: Array, right: Array) -> Array:
+def _mean(tables: Laws, law: Index, left: Array, right: Array) -> Array:
     """(n,) mean of b between left and right [Pa]; with ½κ (left + right) the slope of the chord of j + ½κ s²."""
-    integral = tables.integral(left, right, tables.locate(law, left), tables.locate(law, right))
+    integral = tables.integral(left, right, tables.locate(left, law), tables.locate(right, law))
     return np.asarray(integral / (right - left))
 
 
-def _tangent(tables: LawTables, kappa: float, law: Index, s: Array, sigma: Array) -> Array:
+def _tangent(tables: Laws, kappa: float, law: Index, s: Array, sigma: Array) -> Array:
     """(n,) one Newton step for b + κ s = σ on the piece at the side where the solution lies; s itself on an up-jump."""
-    moved, at = s.copy(), tables.locate(law, s)
+    moved, at = s.copy(), tables.locate(s, law)
     for side, piece in ((-1, at.piece), (1, at.piece + at.on)):
         excess = tables.value(s, piece) + kappa * s - sigma
         slope = tables.slope(s, piece) + kappa
@@ -271,13 +271,13 @@ def _tangent(tables: LawTables, kappa: float, law: Index, s: Array, sigma: Array
     return moved
 
 
-def _assembled(tables: LawTables, kappa: float, bridges: Bridges) -> LawTables:
+def _assembled(tables: Laws, kappa: float, bridges: Bridges) -> Laws:
     """Tables of the laws that are σ − κ s on the bridges, each hung on its end nearer to 0, and else as they were."""
     L, K = tables.kinks.shape
     own = np.repeat(np.arange(L, dtype=np.intp), K)
     kinks, pieces = tables.kinks.ravel(), (tables.first[:, None] + 1 + np.arange(K)).ravel()
     kept = np.isfinite(kinks) & ~_from_bridge(tables, bridges)
-    ends = tables.locate(bridges.law, bridges.right)
+    ends = tables.locate(bridges.right, bridges.law)
     resumes = np.ones(len(bridges.law), dtype=bool)
     resumes[:-1] = (bridges.law[1:] != bridges.law[:-1]) | (bridges.left[1:] != bridges.right[:-1])
     resumes &= ~(ends.on & kept[np.minimum(ends.piece - bridges.law, len(kept) - 1)])
@@ -287,7 +287,7 @@ def _assembled(tables: LawTables, kappa: float, bridges: Bridges) -> LawTables:
     zero, fall = np.zeros(len(bridges.law)), 0.5 * kappa * (bridges.right - bridges.left)
     near = np.abs(bridges.left) <= np.abs(bridges.right)
     start, value = np.where(near, bridges.left, bridges.right), bridges.mean + np.where(near, fall, -fall)
-    tangent = (start, value, zero - kappa, zero, zero)
+    tangent = (start, value, zero - kappa, *[zero] * (len(tables.pieces) - 3))
     n = np.count_nonzero(kept)
     order = np.lexsort((at, law))
     rank = _rank(law[order])
@@ -300,11 +300,11 @@ def _assembled(tables: LawTables, kappa: float, bridges: Bridges) -> LawTables:
         table = np.repeat(values[:, :1], new_kinks.shape[1] + 1, axis=1)
         table[law[order], rank + 1] = moved
         columns.append(table)
-    noise = _CONTINUOUS * tables.b_scale[:, None]
-    return LawTables.of_arrays(new_kinks, columns, tables.b_scale, tables.omega, noise)
+    hulls = Laws(tables.name, new_kinks, *columns).known(scales=tables.scales, falls=tables.falls)
+    return hulls.smooth_to(_CONTINUOUS * tables.scales[:, None])
 
 
-def _from_bridge(tables: LawTables, bridges: Bridges) -> Flags:
+def _from_bridge(tables: Laws, bridges: Bridges) -> Flags:
     """(L·K,) kinks of the laws that a bridge replaces: s₁ ≤ kink < s₂."""
     replaced = np.zeros(tables.kinks.shape, dtype=bool)
     for column, kinks in enumerate(tables.kinks.T):

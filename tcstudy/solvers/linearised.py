@@ -19,7 +19,6 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.nodal_laws import sticking
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -51,7 +50,7 @@ class Linearised:
     @classmethod
     def at(cls, problem: ContactProblem, v: Array) -> Linearised:
         """The problem linearised at its solution v."""
-        rests = sticking(problem.law, v)
+        rests = problem.law.sticking(v)
         free, rest = np.flatnonzero(~rests), np.flatnonzero(rests)
         piece = np.asarray(problem.law.piece(v), dtype=np.intp)
         H = problem.A_tilde[np.ix_(free, free)]

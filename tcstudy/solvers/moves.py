@@ -15,8 +15,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import UP
-from tcstudy.scene.law_tables import LawTables
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import UP
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -53,15 +53,15 @@ def follow(A: Array, free: Index, factor: Array, node: int, move: float) -> Arra
     return step
 
 
-def best_places(tables: LawTables, law: Index, v: Array, force: Array, k: Array) -> tuple[Array, Array]:
+def best_places(tables: Laws, law: Index, v: Array, force: Array, k: Array) -> tuple[Array, Array]:
     """(φ, s), shape of v: the least φ, 0 where nothing is gained, and where it is taken [Pa·m, m]."""
-    gain, place, at = np.zeros(v.shape), v.copy(), tables.locate(law, v)
+    gain, place, at = np.zeros(v.shape), v.copy(), tables.locate(v, law)
 
     def consider(s: Array) -> None:
         known = np.isfinite(s)
         s = np.where(known, s, v)
         move = s - v
-        parts = 0.5 * k * move**2, -force * move, tables.integral(v, s, at, tables.locate(law, s))
+        parts = 0.5 * k * move**2, -force * move, tables.integral(v, s, at, tables.locate(s, law))
         phi = parts[0] + parts[1] + parts[2]
         size = np.abs(parts[0]) + np.abs(parts[1]) + np.abs(parts[2])
         better = known & (phi < -_NO_GAIN * size) & (phi < gain)
@@ -77,7 +77,7 @@ def best_places(tables: LawTables, law: Index, v: Array, force: Array, k: Array)
     return gain, place
 
 
-def _stationary(tables: LawTables, law: Index, column: int, v: Array, force: Array, k: Array) -> list[Array]:
+def _stationary(tables: Laws, law: Index, column: int, v: Array, force: Array, k: Array) -> list[Array]:
     """Stationary slips of φ inside one piece of every law, NaN where there is none or v is on that piece.
 
     Newton begins at the end of the piece that is nearest to v. A law that falls like an exponential is steepest there
@@ -87,7 +87,7 @@ def _stationary(tables: LawTables, law: Index, column: int, v: Array, force: Arr
     low, high = tables.lower.take(piece), tables.upper.take(piece)
     elsewhere = ((v <= low) | (v >= high)) & (low < high)
     starts, steps = [np.clip(v, low, high)], 1
-    if np.any(tables.a[:, column]):
+    if np.any(tables.bent[:, column]):
         with np.errstate(divide="ignore", invalid="ignore"):
             q = tables.q.take(piece)
             beyond = (force + k * v - tables.b_0.take(piece) + q * tables.s_0.take(piece)) / (q + k)

@@ -14,32 +14,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import BEND
-from tcstudy.scene.nodal_laws import Law
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import BEND
 from tcstudy.solvers.extended import extended_residual
 
 Array = NDArray[np.float64]
-
-
-def integral(law: Law, x: Array, y: Array) -> Array:
-    """j(y) − j(x) = ∫_x^y b(s) ds without cancellation (shape of x) [Pa·m]."""
-    rising = y >= x
-    first = np.where(rising, law.piece(x, +1), law.piece(x, -1))
-    last = np.where(rising, law.piece(y, -1), law.piece(y, +1))
-    last = np.where(x == y, first, last)
-    total = law.piece_integral(first, x, np.where(first == last, y, x))
-    crossed = np.flatnonzero(first != last)
-    if not len(crossed):
-        return total
-    law, up, start, end = law.of(crossed), rising[crossed], first[crossed], last[crossed]
-    leave = np.where(up, start, start - 1)
-    enter = np.where(up, end - 1, end)
-    total[crossed] = (
-        law.piece_integral(start, x[crossed], law.kink(leave))
-        + law.between_kinks(leave, enter)
-        + law.piece_integral(end, law.kink(enter), y[crossed])
-    )
-    return total
 
 
 @dataclass(frozen=True)
@@ -49,14 +28,14 @@ class ContactProblem:
     A_tilde: (m, m) symmetric positive definite, condensed stiffness [Pa]
     l_tilde: (m,) condensed load [N/m]
     c:       (m,) segment lengths meas(S_i) > 0 [m]
-    law:     friction law b [Pa] of the slip [m], or the laws of the nodes (scene/nodal_laws.py)
+    law:     friction law b [Pa] of the slip [m], or the laws of the nodes (tcstudy/laws)
     A_error: relative error of Ã in its softest direction, and so of λ₁: proofs hold for (1 − A_error) Ã, too
     """
 
     A_tilde: Array
     l_tilde: Array
     c: Array
-    law: Law
+    law: Laws
     A_error: float = 0.0
 
     @property
@@ -66,7 +45,7 @@ class ContactProblem:
 
     def energy(self, v: Array) -> float:
         """L̃(v) [J/m]."""
-        stored = integral(self.law, np.zeros_like(v), v)
+        stored = self.law.integral(np.zeros_like(v), v)
         return float(0.5 * v @ (self.A_tilde @ v) - self.l_tilde @ v + self.c @ stored)
 
     def xi(self, v: Array) -> Array:

@@ -23,14 +23,12 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.nodal_laws import NodalLaws
 from tcstudy.solvers.bounds import bend_below_tangent, first_box, tables_of
 from tcstudy.solvers.certificates import positive_definite
 from tcstudy.solvers.hulls import proximal_hulls
 from tcstudy.solvers.loop import Outcome
 from tcstudy.solvers.moves import best_places, follow, relaxed_stiffness
-from tcstudy.solvers.problem import ContactProblem, integral
+from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.pieces import energy_change, factor_free, slopes
 
 Array = NDArray[np.float64]
@@ -115,7 +113,7 @@ def _lower(problem: ContactProblem, v: Array, w: Array) -> bool:
     """Whether L̃(w) < L̃(v), beyond the rounding of the terms of their difference."""
     step, xi = w - v, problem.xi(v)
     A_step = problem.A_tilde @ step
-    terms = problem.c * integral(problem.law, v, w), -xi * step, 0.5 * step * A_step
+    terms = problem.c * problem.law.integral(v, w), -xi * step, 0.5 * step * A_step
     size = sum(float(np.sum(np.abs(term))) for term in terms)
     return energy_change(problem, v, xi, step, A_step) < -_ROUNDING * size
 
@@ -137,7 +135,7 @@ def hull_start(
     tables, index = tables_of(problem.law, problem.m)
     while True:
         hulls, bridges = _hulls(tables, kappa)
-        law = hulls.laws[0] if isinstance(problem.law, FrictionLaw) else NodalLaws(hulls, index)
+        law = hulls.laws[0] if problem.law.one else hulls.at(index)
         outcome = solve(replace(problem, law=law), v)
         v, kappa = outcome.x, GROWTH * kappa
         settled = not np.any(bridges.cover(index, v))

@@ -24,7 +24,7 @@ from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import CostError, GeometryFailed, StoreError
 from tcstudy.exact.numbers import exact_friction_resultant
-from tcstudy.scene.edge_laws import EdgeLaws
+from tcstudy.laws.composed import EdgeLaws
 from tcstudy.scene.families import TO_TOLERANCE
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Scene

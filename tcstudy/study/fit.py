@@ -27,11 +27,11 @@ from tcstudy.data.provenance import collect, tell
 from tcstudy.errors import FitError, GeometryFailed
 from tcstudy.fem.meshes import refine_uniformly
 from tcstudy.fem.study_meshes import Meshes
+from tcstudy.laws.derivatives import law_slopes, number_of
+from tcstudy.laws.pieces import GrowthError
+from tcstudy.laws.shapes import LawError
 from tcstudy.offline.level import Level
 from tcstudy.scene.fits import FitPlan
-from tcstudy.scene.friction import GrowthError
-from tcstudy.scene.law_slopes import law_slopes, number_of
-from tcstudy.scene.laws import LawError
 from tcstudy.scene.study import Study
 from tcstudy.study.fit_models import Compared, FitModel
 from tcstudy.study.fit_smooth import Smoothed, smoothed

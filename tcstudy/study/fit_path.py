@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.curve_distance import Feet, feet
 from tcstudy.errors import FitError
+from tcstudy.laws.derivatives import LawSlopes, law_slopes, number_of
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import load_slope
 from tcstudy.offline.whole_slopes import WholeBody
 from tcstudy.scene.fits import Sensitivity
-from tcstudy.scene.law_slopes import LawSlopes, PointSlopes, law_slopes, number_of
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
 from tcstudy.solvers.path.follow import Path
@@ -30,7 +30,7 @@ from tcstudy.solvers.path.smooth import CurvePoint, Goal, SmoothPath
 Array = NDArray[np.float64]
 TEETH = 1e-2
 """Part by which straight pieces may be wrong about which of several extremes is the highest."""
-Laws = list[LawSlopes | PointSlopes | None]
+Slopes = list[LawSlopes | None]
 """Derivatives of the law by each number, None where that is no number of it."""
 
 
@@ -133,13 +133,13 @@ class MovingPath:
         return side, share, -1, (*path.along(side), -1)
 
     @property
-    def _laws(self) -> Laws:
+    def _laws(self) -> Slopes:
         return [
             law_slopes(self.scene.one_law, number_of(one.path)) if one.path[0] == "friction" else None
             for one in self.numbers
         ]
 
-    def _derivative(self, laws: Laws, codes: NDArray[np.intp], v: Array, t: float, held: Held) -> Array:
+    def _derivative(self, laws: Slopes, codes: NDArray[np.intp], v: Array, t: float, held: Held) -> Array:
         """(2, k) ∂(t, R)/∂p at v and t, all nodes on the pieces of `codes`, row·v + time·t held, or its kink's."""
         problem, law, (row, time, kink) = self.path.problem, self.scene.one_law, held
         free, m, piece = np.flatnonzero(codes % 2 == 0), problem.m, codes // 2

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.fitted import Box, Minimum, minimise, misfit
-from tcstudy.scene.edge_laws import EdgeLaws
+from tcstudy.laws.composed import EdgeLaws
+from tcstudy.laws.derivatives import POINTS
 from tcstudy.scene.fits import FitPlan
-from tcstudy.scene.law_slopes import POINTS
 
 Array = NDArray[np.float64]
 Model = Callable[[Array], tuple[Array, Array]]

@@ -19,7 +19,6 @@ from tcstudy.data.schema import BALANCED, HEAT_BOUND, LIMITED, MET, NOT_JUDGED, 
 from tcstudy.offline.level import Condensed, CondensedBlock, Level
 from tcstudy.offline.thermal import Temperature
 from tcstudy.online import BlockAnswers, Certificates
-from tcstudy.scene.nodal_laws import sticking
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.solvers.certificates import Certificate, certify
@@ -74,7 +73,7 @@ def solve_point(
             answer.v,
             xi / level.line.c,
             level.fields(scene, condensed, answer.v) if study.output.fields else {},
-            sticking(problem.law, answer.v).astype(np.int8),
+            problem.law.sticking(answer.v).astype(np.int8),
         )
     except NotPositiveDefinite as error:
         status, reason = PointStatus.SINGULAR, str(error)
@@ -136,7 +135,7 @@ def _numbers(
     values = _results(answer, certificate, xi, condensed.constant, 1.0) | {
         "iterations": answer.iterations,
         "evaluations": answer.evaluations,
-        "slip_length": problem.c[~sticking(problem.law, answer.v)].sum(),
+        "slip_length": problem.c[~problem.law.sticking(answer.v)].sum(),
         "lambda_1": certificate.lambda_1,
         "lambda_1_error": certificate.lambda_1_error,
         "uniqueness_margin": certificate.margin,

@@ -31,7 +31,7 @@ from tcstudy.accuracy.transfer import (
 )
 from tcstudy.exact.numbers import exact_u_T, exact_xi
 from tcstudy.expressions.derivative import value_and_gradient
-from tcstudy.scene.edge_laws import law_along
+from tcstudy.laws.composed import law_along
 from tcstudy.scene.records import Scalar, Scene
 from tcstudy.scene.study import Exact
 from tcstudy.study.solved_levels import Solution, SolvedLevel

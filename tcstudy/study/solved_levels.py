@@ -12,7 +12,6 @@ from tcstudy.accuracy.norms import Line, Modulus, Triangles
 from tcstudy.data.records import PointRecord, PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level
-from tcstudy.scene.nodal_laws import sticking
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.solvers.contact import TIE
@@ -153,5 +152,5 @@ def solution_of(study: Study, level: Level, scene: Scene, record: PointRecord) -
     if study.exact is not None and study.exact.theta is not None:  # also where it does not load the body
         theta = level.temperature(scene).theta
     numbers = {name: value for name, value in record.numbers.items() if not isinstance(value, tuple)}
-    sticks = sticking(level.law(scene), record.u_T)
+    sticks = level.law(scene).sticking(record.u_T)
     return Solution(record.status, record.reason, u, theta, record.u_T, record.xi, sticks, numbers)

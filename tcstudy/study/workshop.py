@@ -23,11 +23,12 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.on_request import variables
 from tcstudy.data.records import BlockRecord, PointRecord, PointStatus, block_of
 from tcstudy.executors import Executor, Here, Solved, Task, WorkersFailed
+from tcstudy.laws.composed import row_laws
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import UP
 from tcstudy.offline.level import CondensedBlock, Level
-from tcstudy.online import CondensedBody, Options, RowLaws
-from tcstudy.online.row_laws import row_laws
+from tcstudy.online import CondensedBody, Options
 from tcstudy.refine.survey import Survey
-from tcstudy.scene.friction import UP
 from tcstudy.scene.points import combinations, of_stiffness
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
@@ -176,7 +177,7 @@ class Workshop:
         self,
         block: Block,
         condensed: CondensedBlock,
-        laws: RowLaws,
+        laws: Laws,
         vanishing: NDArray[np.bool_],
         future: Future[Solved],
     ) -> BlockRecord:

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from tcstudy.online import BlockAnswers, CondensedBody, LawTables, RowLaws, solve_block
+from tcstudy.laws.laws import Laws
+from tcstudy.online import BlockAnswers, CondensedBody, solve_block
 from tcstudy.solvers.certificates import Certificate, certify
 from tcstudy.solvers.contact import TIE, Answer, solve_contact
 from tcstudy.solvers.loop import Status
@@ -80,7 +81,7 @@ def compare(groups: Iterable[Group]) -> Counter[str]:
     counts: Counter[str] = Counter()
     for group in groups:
         body = CondensedBody.of(group[0].A_tilde, group[0].c)
-        laws = RowLaws(LawTables.of([group[0].law]), np.zeros((len(group), 1), dtype=np.intp))
+        laws = Laws.of([group[0].law], np.zeros((len(group), 1)))
         answers = solve_block(body, np.stack([problem.l_tilde for problem in group]), laws)
         for p, problem in enumerate(group):
             counts.update(("points", *differences(answers, p, problem, solved_alone(body, problem))))

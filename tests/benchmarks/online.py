@@ -33,10 +33,10 @@ from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect
 from tcstudy.data.store import write
 from tcstudy.executors.protocol import keep_freed_memory
-from tcstudy.online import BlockAnswers, CondensedBody, LawTables
+from tcstudy.laws import shapes
+from tcstudy.laws.laws import Laws
+from tcstudy.online import BlockAnswers, CondensedBody
 from tcstudy.reports.figures.style import INK, WIDTH, inches, save, styled
-from tcstudy.scene import laws as shapes
-from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.study import Study
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.study.run import Stage, stages
@@ -68,7 +68,7 @@ class Sweep:
 
     body: CondensedBody
     loads: Array
-    laws: list[FrictionLaw]
+    laws: list[Laws]
     law: Index
 
     def problem(self, point: int) -> ContactProblem:
@@ -77,7 +77,7 @@ class Sweep:
 
     def now(self) -> BlockAnswers:
         """All points at once."""
-        return solve_points(self.body, self.loads, LawTables.of(self.laws), self.law)
+        return solve_points(self.body, self.loads, Laws.of(self.laws), self.law)
 
 
 def bodies(levels: Sequence[int] = LEVELS) -> Iterator[tuple[CondensedBody, Array]]:
@@ -98,7 +98,7 @@ def bodies(levels: Sequence[int] = LEVELS) -> Iterator[tuple[CondensedBody, Arra
             yield CondensedBody.of(problems[0].A_tilde, problems[0].c), np.array([p.l_tilde for p in problems])
 
 
-def laws_of(name: str) -> list[FrictionLaw]:
+def laws_of(name: str) -> list[Laws]:
     """The laws of a sweep; tractions and slips about those of the quickstart."""
     if name == "softening":
         return [shapes.slip_weakening(40e6, 10e6, delta) for delta in np.linspace(20e-6, 60e-6, 10)]
@@ -108,7 +108,7 @@ def laws_of(name: str) -> list[FrictionLaw]:
     return [_law(n % 4, rng.uniform(30e6, 50e6), rng.uniform(5e6, 20e6), rng.uniform(2e-5, 6e-5)) for n in range(1000)]
 
 
-def _law(shape: int, peak: float, rest: float, slip: float) -> FrictionLaw:
+def _law(shape: int, peak: float, rest: float, slip: float) -> Laws:
     if shape == 0:
         return shapes.tresca(peak)
     if shape == 1:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.laws.laws import Laws
 from tcstudy.solvers.problem import ContactProblem, least_eigenvalue
 from tests.solvers.contact_cases import half_laplacian, sawtooth, slip_weakening
 
@@ -78,7 +78,7 @@ def cases(sizes: tuple[int, ...] = SIZES, loads: int = LOADS, body_levels: int =
         yield _body(loads, body_levels)
 
 
-def weakening(ratio: float, lambda_1: float, peak: float = 1.0) -> FrictionLaw:
+def weakening(ratio: float, lambda_1: float, peak: float = 1.0) -> Laws:
     """Slip weakening from `peak` to half of it at the rate ω = ratio·λ₁."""
     return slip_weakening(peak, 0.5 * peak, 0.5 * peak / (ratio * lambda_1))
 

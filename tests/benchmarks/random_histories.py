@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
-from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.histories import Memory, UnfitLaw
 from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
 from tcstudy.solvers.history.steps import next_step
@@ -76,7 +76,7 @@ def _body(rng: np.random.Generator, m: int) -> tuple[Array, Array]:
     return chain * rng.uniform(0.5, 5.0) + np.diag(rng.uniform(0.05, 1.0, m)), c
 
 
-def _film(rng: np.random.Generator, lambda_1: float, memory: str) -> FrictionLaw:
+def _film(rng: np.random.Generator, lambda_1: float, memory: str) -> Laws:
     """Falling, with a peak, or of teeth with jumps; its steepest slope falls by up to STEEPEST λ₁."""
     shape = ("falls", "peak", "teeth")[int(rng.integers(3))]
     if shape == "teeth" and memory != "elastic-plastic":

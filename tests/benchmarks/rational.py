@@ -16,10 +16,9 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online import CondensedBody, RowLaws, solve_block
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.law_tables import LawTables
-from tcstudy.scene.laws import piecewise_linear
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import piecewise_linear
+from tcstudy.online import CondensedBody, solve_block
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.problem import ContactProblem
@@ -60,14 +59,14 @@ def exact_residual(problem: ContactProblem, v: Array, v_low: Array) -> float:
     return float(worst / (Fraction(law.b_scale) or max(forces))) if worst else 0.0
 
 
-def _value(law: FrictionLaw, k: int, s: Fraction) -> Fraction:
+def _value(law: Laws, k: int, s: Fraction) -> Fraction:
     return Fraction(law.b_0[k]) + Fraction(law.q[k]) * (s - Fraction(law.s_0[k]))
 
 
 def stated(problem: ContactProblem) -> list[tuple[str, float, float]]:
     """(engine and outcome, stated residual, the one in rational arithmetic) of both engines."""
     one = solve_contact(problem)
-    laws = RowLaws(LawTables.of([problem.law.single(0)]), np.zeros((1, 1), dtype=np.intp))
+    laws = Laws.of([problem.law.single(0)], np.zeros((1, 1)))
     block = solve_block(CondensedBody.of(problem.A_tilde, problem.c), problem.l_tilde[None], laws)
     found = []
     for engine, v, v_low, residual, limited, status in (

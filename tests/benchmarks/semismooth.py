@@ -20,7 +20,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import UP
 from tcstudy.solvers.loop import Outcome, Status
 from tcstudy.solvers.problem import ContactProblem
 
@@ -109,7 +110,7 @@ class SemismoothNewton:
         return f"{iteration:4d}  at rest = {int(np.sum(state.branch % 2)):5d}"
 
 
-def breakpoints(law: FrictionLaw, weight: float) -> Array:
+def breakpoints(law: Laws, weight: float) -> Array:
     """(2K,) values of t at which the branch changes, two for every kink."""
     middle = 0.5 * (law.b_left + law.b_right)
     up = law.kinds == UP

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.laws.laws import Laws
 from tcstudy.solvers.problem import ContactProblem, least_eigenvalue
 from tests.benchmarks.problems import weakening
 from tests.solvers.contact_cases import half_laplacian, linear_law, rescaled
@@ -97,21 +97,21 @@ def synthetic(grid: Grid) -> Iterator[Case]:
                 yield Case(UNITS, slip, traction, load, rescaled(own, 10.0**slip, 10.0**traction, 1.0))
 
 
-def down_jumps(height: float, teeth: int, reach: float = REACH) -> FrictionLaw:
+def down_jumps(height: float, teeth: int, reach: float = REACH) -> Laws:
     """Odd: 1 on the first tooth, then b rises from 1 − height to 1 and falls down again at the end of every tooth."""
     inner = np.arange(1, teeth + 1) * reach / teeth
     high, low = np.ones(teeth), np.full(teeth, 1.0 - height)
     return _odd("down-jumps", inner, high, low)
 
 
-def up_jumps(height: float, teeth: int, reach: float = REACH) -> FrictionLaw:
+def up_jumps(height: float, teeth: int, reach: float = REACH) -> Laws:
     """Odd: on every tooth b falls from 1 to 1 − height, ω = height·teeth/reach, and jumps up to 1 at its end."""
     inner = np.arange(1, teeth + 1) * reach / teeth
     high, low = np.ones(teeth), np.full(teeth, 1.0 - height)
     return _odd("up-jumps", inner, low, high)
 
 
-def _odd(name: str, kinks: Array, left: Array, right: Array) -> FrictionLaw:
+def _odd(name: str, kinks: Array, left: Array, right: Array) -> Laws:
     """The odd law with the stick interval [−1, 1] at 0 and these limits at the kinks s > 0, constant at the end."""
     return linear_law(
         name,
@@ -127,7 +127,7 @@ def waves(rng: np.random.Generator) -> tuple[float, list[tuple[int, float, float
     return rng.normal(), [(k, rng.normal() / k, rng.uniform(0, 2 * np.pi)) for k in range(1, 6)]
 
 
-def _loaded(A_tilde: Array, c: Array, law: FrictionLaw, load: int) -> ContactProblem:
+def _loaded(A_tilde: Array, c: Array, law: Laws, load: int) -> ContactProblem:
     """The problem under the random load of this number."""
     m = len(c)
     rng = np.random.default_rng([load, m])

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import UP
+from tcstudy.laws.pieces import UP
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import Status, iterate
 from tcstudy.solvers.path.follow import Follower, ParametricProblem, PathStatus

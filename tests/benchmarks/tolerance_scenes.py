@@ -3,7 +3,7 @@
 Outline:   rectangle, L, block between oblique sides, block with a hole, block under an arc; any size from mm to km
 Held:      one or two of the sides beside or above Γ_C, with displacement 0 or given
 Load:      tractions that vary along an edge, body force, heat from the sides and inside
-Law:       its height a random part of the traction that a body that sticks everywhere has, so that part of Γ_C slips;
+Laws:       its height a random part of the traction that a body that sticks everywhere has, so that part of Γ_C slips;
            its softening 0.1 to 0.9 of λ₁, so that there is one solution to converge to
 """
 
@@ -20,7 +20,6 @@ from ruamel.yaml import YAML
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import Family
-from tcstudy.scene.nodal_laws import sticking
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal, Study
 from tcstudy.solvers.contact import solve_contact
@@ -174,13 +173,13 @@ def _law(rng: Draw, data: Data) -> bool:
         elif name == "points":
             data["friction"][name] = [[_digits(x) for x in point] for point in value]
     _, problem, v, _ = _solved(data)
-    return kind == "linear" or not bool(np.all(sticking(problem.law, v)))
+    return kind == "linear" or not bool(np.all(problem.law.sticking(v)))
 
 
 def _goals(rng: Draw, data: Data) -> tuple[Goal, ...]:
     """What may be asked: ∫ξ unless it cancels, u_T where it slips, the slip length where there are fronts."""
     level, problem, v, _ = _solved(data)
-    xi, stick, line = problem.xi(v), sticking(problem.law, v), level.line
+    xi, stick, line = problem.xi(v), problem.law.sticking(v), level.line
     goals = []
     if abs(float(xi.sum())) > CANCELS * float(np.abs(xi).sum()):
         goals.append(Goal("friction_resultant"))

@@ -27,7 +27,7 @@ from tcstudy.data.provenance import (
     without_paths,
 )
 from tcstudy.data.records import LevelRecord, PointRecord
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.laws.laws import Laws
 from tcstudy.scene.records import Body, BrepFace, Heat, Material, Scene
 from tcstudy.scene.study import Study
 from tests.data.by_points import write
@@ -138,7 +138,7 @@ def test_checksum_is_that_of_the_file_and_changes_with_overrides(study: Study) -
 
 def test_checksum_changes_with_the_geometry_file(study: Study, tmp_path: Path) -> None:
     step = tmp_path / "body.step"
-    law = FrictionLaw("none", *(np.zeros(n) for n in (0, 1, 1, 1, 1, 1)))
+    law = Laws("none", *(np.zeros(n) for n in (0, 1, 1, 1, 1, 1)))
     body = Body(outline=None, brep=BrepFace(step, 0, 1.0, (), None))
     scene = Scene(body, (), Material(1.0, 1.0, 0.0, None, 1.0, 0.0, "strain"), (0.0, 0.0), Heat(), law)
     found = {study_sha256(replace(study, scenes=(scene, scene)))}

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from tcstudy.executors import protocol, worker
-from tcstudy.online import RowLaws
+from tcstudy.laws.laws import Laws
 
 WHAT, TAU, FILE = sys.argv[1], float(sys.argv[2]), Path(sys.argv[3])
 original = protocol.solve_block
@@ -35,8 +35,8 @@ def happen(what: str) -> None:
         np.ones(2**36)  # 512 GB
 
 
-def cruel(body: object, loads: object, laws: RowLaws, *more: object) -> object:
-    if np.any(laws.tables.b_scale[laws.law] == TAU):
+def cruel(body: object, loads: object, laws: Laws, *more: object) -> object:
+    if np.any(laws.scales[laws.index] == TAU):
         before = FILE.exists()
         with FILE.open("a") as file:
             file.write(f"{os.getpid()}\n")

@@ -8,8 +8,8 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.online import BlockAnswers, Certificates, CondensedBody, LawTables, Options, RowLaws, solve_block
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.laws.laws import Laws
+from tcstudy.online import BlockAnswers, Certificates, CondensedBody, Options, solve_block
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.study.workshop import ENOUGH, ENTRIES, MOST, POINTS
 from tests.solvers import contact_cases as cases
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
-def some_laws() -> list[FrictionLaw]:
+def some_laws() -> list[Laws]:
     """One law of every kind: softening, smooth, without kinks, with down-jumps, and two random ones."""
     rng = np.random.default_rng(7)
     return [
@@ -31,9 +31,7 @@ def some_laws() -> list[FrictionLaw]:
     ]
 
 
-def block(
-    m: int, laws: Sequence[FrictionLaw], points: int, seed: int = 0
-) -> tuple[CondensedBody, Array, LawTables, Index]:
+def block(m: int, laws: Sequence[Laws], points: int, seed: int = 0) -> tuple[CondensedBody, Array, Laws, Index]:
     """(body, loads (P, m), tables, law of every point): waves of 0.4 to 2.5 times the size of b."""
     rng = np.random.default_rng([seed, m])
     body = CondensedBody.of(*cases.half_laplacian(m))
@@ -44,16 +42,16 @@ def block(
         shape = rng.normal() + sum(waves)
         size = laws[law[p]].b_scale or 1.0
         loads[p] = body.c * shape * rng.uniform(0.4, 2.5) * size / np.max(np.abs(shape))
-    return body, loads, LawTables.of(laws), law
+    return body, loads, Laws.of(laws), law
 
 
-def single(body: CondensedBody, load: Array, law: FrictionLaw) -> ContactProblem:
+def single(body: CondensedBody, load: Array, law: Laws) -> ContactProblem:
     """One point as the single solve takes it."""
     return ContactProblem(body.A_tilde, load, body.c, law)
 
 
 def solve_points(
-    body: CondensedBody, loads: Array, tables: LawTables, law: Index, options: Options | None = None
+    body: CondensedBody, loads: Array, tables: Laws, law: Index, options: Options | None = None
 ) -> BlockAnswers:
     """Any number of points, sorted by law and cut into blocks of the size that a study has; answers in their order."""
     size = max(1, min(POINTS, max(ENTRIES // max(1, body.m), min(ENOUGH, MOST // max(1, body.m)))))
@@ -61,7 +59,7 @@ def solve_points(
     parts = []
     for own in np.array_split(order, -(-len(order) // size)):
         used, rows = np.unique(law[own], return_inverse=True)
-        parts.append(solve_block(body, loads[own], RowLaws(tables.take(used), rows.reshape(-1, 1)), options))
+        parts.append(solve_block(body, loads[own], tables.at(used[rows].reshape(-1, 1)), options))
     return reordered(parts, np.argsort(order, kind="stable"))
 
 

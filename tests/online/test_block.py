@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.online import BlockAnswers, CondensedBody, LawTables, Options, RowLaws, solve_block
+from tcstudy.laws.composed import nodal, row_laws
+from tcstudy.laws.laws import NONE, Laws
+from tcstudy.online import BlockAnswers, CondensedBody, Options, solve_block
 from tcstudy.online.certify import solution_boxes
 from tcstudy.online.problems import Rows
-from tcstudy.online.row_laws import row_laws
-from tcstudy.scene.nodal_laws import NONE, nodal
 from tcstudy.scene.study import NEIGHBOUR
 from tcstudy.solvers.bounds import solution_box
 from tcstudy.solvers.certificates import certify
@@ -48,7 +48,7 @@ def test_the_least_energy_of_all_is_found(m: int, by_node: bool) -> None:
         problem = small_problem(seed, m)
         body = CondensedBody.of(problem.A_tilde, problem.c)
         law = np.arange(m)[None] % 2 if by_node else np.zeros((1, 1), dtype=np.intp)  # the same law twice
-        answers = solve_block(body, problem.l_tilde[None], RowLaws(LawTables.of([problem.law] * 2), law))
+        answers = solve_block(body, problem.l_tilde[None], Laws.of([problem.law] * 2, law))
         least = least_energy(problem)
         slack = 1e-10 * (abs(least) + float(problem.c @ np.abs(problem.law.j(answers.v[0]))))
         found += answers.energy[0] <= least + slack
@@ -70,15 +70,15 @@ def test_a_block_is_the_same_to_the_bit_whoever_solves_it() -> None:
     assert same_bits(first, solve_points(body, loads, tables, law))
     own = np.argsort(law, kind="stable")
     used, rows = np.unique(law[own], return_inverse=True)
-    alone = solve_block(body, loads[own], RowLaws(tables.take(used), rows.reshape(-1, 1)))
+    alone = solve_block(body, loads[own], tables.at(used[rows].reshape(-1, 1)))
     assert same_bits(reordered([first], own), alone)
 
 
 def test_laws_by_node_agree_with_laws_by_row() -> None:
     laws = some_laws()
     body, loads, tables, law = block(20, laws, 30)
-    by_row = solve_block(body, loads, RowLaws(tables, law[:, None]))
-    by_node = solve_block(body, loads, RowLaws(tables, np.repeat(law[:, None], body.m, axis=1)))
+    by_row = solve_block(body, loads, tables.at(law[:, None]))
+    by_node = solve_block(body, loads, tables.at(np.repeat(law[:, None], body.m, axis=1)))
     np.testing.assert_allclose(by_node.energy, by_row.energy, rtol=1e-11, atol=1e-14)
     assert np.array_equal(by_node.certificates.global_minimum, by_row.certificates.global_minimum)
 
@@ -86,7 +86,7 @@ def test_laws_by_node_agree_with_laws_by_row() -> None:
 def test_branch_continued_begins_from_its_neighbours() -> None:
     laws = [cases.slip_weakening(1.0, 0.2, 0.05)]
     body, loads, tables, _ = block(20, laws, 1)
-    rows, v = RowLaws(tables, np.zeros((1, 1), dtype=np.intp)), None
+    rows, v = tables.at([[0]]), None
     for p, size in enumerate(np.linspace(0.2, 3.0, 12)):
         near = None if v is None else v[None]
         answers = solve_block(body, size * loads, rows, Options(branch="continued"), near)
@@ -120,7 +120,7 @@ def test_what_rounding_hides_is_judged_and_reported() -> None:
 def test_a_body_without_load_or_friction_is_at_rest() -> None:
     body, loads, _, _ = block(5, [cases.spring()], 2)
     nothing = cases.spring(0.0)
-    answers = solve_points(body, 0.0 * loads, LawTables.of([nothing]), np.zeros(2, dtype=np.intp))
+    answers = solve_points(body, 0.0 * loads, Laws.of([nothing]), np.zeros(2, dtype=np.intp))
     assert np.all(answers.v == 0.0)
     assert np.all(answers.status == Status.CONVERGED)
     assert np.all(answers.certificates.unique)
@@ -176,7 +176,7 @@ def test_boxes_of_ill_conditioned_bodies_are_as_narrow_as_those_of_one_problem()
     A_tilde, c, law = d[:, None] * A_tilde * d, c * d * d, cases.slip_weakening(1.0, 0.4, 0.15)
     problem = ContactProblem(A_tilde, 2.0 * c * np.random.default_rng(0).normal(size=20), c, law)
     body = CondensedBody.of(A_tilde, c)
-    laws = RowLaws(LawTables.of([law]), np.zeros((1, 1), dtype=np.intp))
+    laws = Laws.of([law], [[0]])
     low, high = solution_boxes(Rows(body, laws, problem.l_tilde[None]))
     own_low, own_high = solution_box(problem, body.lambda_1, inverse=body.inverse)
     np.testing.assert_allclose((high - low)[0], own_high - own_low, rtol=1e-6)

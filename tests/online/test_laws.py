@@ -5,17 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.online import LawTables, RowLaws
+from tcstudy.laws.laws import Laws
 from tcstudy.online.certify import bends_below_tangent
-from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solvers import bounds
 from tcstudy.solvers.bounds import largest_push, least_slopes, tables_of, value_range
 from tcstudy.solvers.hulls import proximal_hulls
-from tcstudy.solvers.separable import pieces as nodal_pieces
 from tests.online.rows import some_laws
 
 LAWS = some_laws()
-TABLES = LawTables.of(LAWS)
+TABLES = Laws.of(LAWS)
 
 
 def slips(rng: np.random.Generator, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -36,21 +34,6 @@ def by_law(law: np.ndarray, *arguments: np.ndarray, of) -> np.ndarray:
         mine = law == k
         result[mine] = of(own, *(x[mine] for x in arguments))
     return result
-
-
-def test_values_slopes_and_primitives_are_those_of_the_laws() -> None:
-    rng = np.random.default_rng(1)
-    law, x = slips(rng, (8, 40))
-    _, y = slips(rng, (8, 40))
-    at, end = TABLES.locate(law, x), TABLES.locate(law, y)
-    for side, piece in ((-1, at.piece), (1, at.piece + at.on)):
-        assert np.array_equal(TABLES.value(x, piece), by_law(law, x, of=lambda b, s, side=side: b.b(s, side)))
-        slope = by_law(law, x, of=lambda b, s, side=side: b.slope(s, b.piece(s, side)))
-        np.testing.assert_allclose(TABLES.slope(x, piece), slope, rtol=1e-14)
-    expected = by_law(law, x, y, of=nodal_pieces.integral)
-    np.testing.assert_allclose(TABLES.integral(x, y, at, end), expected, rtol=1e-12, atol=1e-14)
-    towards = rng.normal(size=x.shape)
-    assert np.array_equal(TABLES.next_up_jump(at, towards), by_law(law, x, towards, of=FrictionLaw.next_up_jump))
 
 
 def test_ranges_and_least_slopes_are_those_of_the_laws() -> None:
@@ -75,7 +58,7 @@ def test_bends_are_those_of_the_laws_and_few_parts_never_less() -> None:
     law, v = law[0], v[0]
     low, high = v - rng.exponential(0.5, len(v)), v + rng.exponential(0.5, len(v))
     zeta = by_law(law, v, of=lambda b, s: np.mean(b.interval(s), axis=0))
-    given = (RowLaws(TABLES, law[None]), v[None], zeta[None], low[None], high[None])
+    given = (TABLES.at(law[None]), v[None], zeta[None], low[None], high[None])
     exact = bends_below_tangent(*given, 400)[0]
     expected = by_law(law, v, zeta, low, high, of=bounds.bend_below_tangent)
     finite = np.isfinite(expected)
@@ -93,11 +76,11 @@ def test_hulls_of_many_laws_are_those_of_each_alone(kappa: float) -> None:
     hulls, bridges = proximal_hulls(TABLES, kappa)
     s = np.linspace(-1.2, 1.2, 501)
     for k, law in enumerate(LAWS):
-        alone, own = proximal_hulls(LawTables.of([law]), kappa)
-        expected, ends = alone.law(0), np.column_stack([own.left, own.right])
+        alone, own = proximal_hulls(Laws.of([law]), kappa)
+        expected, ends = alone.laws[0], np.column_stack([own.left, own.right])
         np.testing.assert_allclose(np.column_stack([bridges.left, bridges.right])[bridges.law == k], ends, rtol=1e-6)
         index = np.full(s.shape, k)
-        at = hulls.locate(index, s)
+        at = hulls.locate(s, index)
         np.testing.assert_allclose(hulls.value(s, at.piece), expected.b(s, -1), rtol=1e-6, atol=1e-6)
         inside = np.any((ends[:, :1] < s) & (s < ends[:, 1:]), axis=0) if len(ends) else np.zeros(s.shape, dtype=bool)
         assert np.array_equal(bridges.cover(index[:, None], s[:, None])[:, 0], inside)

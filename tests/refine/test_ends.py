@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tcstudy.laws.laws import Laws
 from tcstudy.refine.ends import end_cells
-from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solvers.problem import ContactProblem
 from tests.refine.test_fronts import TRESCA, line_of
 
 ZERO = np.zeros(4)
-FALL = FrictionLaw(
+FALL = Laws(
     "falls",
     np.array([-1.0, 0.0, 1.0]),
     np.array([-1.0, 0.0, 0.0, 1.0]),
@@ -23,7 +23,7 @@ FALL = FrictionLaw(
 """5 at 0+, 2 from 1 on, odd."""
 
 
-def cells(law: FrictionLaw, slip: float, given: float = 0.0, held: tuple[int, ...] = (0,)):  # type: ignore[no-untyped-def]
+def cells(law: Laws, slip: float, given: float = 0.0, held: tuple[int, ...] = (0,)):  # type: ignore[no-untyped-def]
     """End cells of four cells of length 1 whose free nodes have one slip, in equilibrium."""
     line = line_of(4, held)
     v = np.full(line.m, slip)

@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import ContactLine
+from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.refine.fronts import fronts, slip_length, slopes
-from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.study import MeshPlan
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.problem import ContactProblem
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 ZERO = np.zeros(2)
-TRESCA = FrictionLaw("tresca", np.zeros(1), ZERO, np.array([-1.0, 1.0]), ZERO, ZERO, ZERO)
+TRESCA = Laws("tresca", np.zeros(1), ZERO, np.array([-1.0, 1.0]), ZERO, ZERO, ZERO)
 
 
 def line_of(m: int, held: tuple[int, ...] = ()) -> ContactLine:
@@ -95,7 +95,7 @@ def test_all_stick_or_all_slip_has_no_front() -> None:
     problem = problem_of(line)
     assert fronts(line, problem, np.zeros(line.m)) == []
     assert fronts(line, problem, np.ones(line.m)) == []
-    spring = FrictionLaw("linear", np.empty(0), np.zeros(1), np.zeros(1), np.ones(1), np.zeros(1), np.zeros(1))
+    spring = Laws("linear", np.empty(0), np.zeros(1), np.zeros(1), np.ones(1), np.zeros(1), np.zeros(1))
     assert fronts(line, replace(problem, law=spring), np.ones(line.m)) == []
 
 

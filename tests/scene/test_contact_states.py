@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.contact_states import ContactState, node_states
-from tcstudy.scene.laws import SHAPES
 
 
 def test_states_of_nodes() -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.laws import linear, piecewise_linear, tresca
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import linear, piecewise_linear, tresca
 from tcstudy.scene.study import LOST, TOLERANCE, Acceptance
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import Status
@@ -52,7 +52,7 @@ def test_rounding_has_no_unit(factor: float) -> None:
     [piecewise_linear([(0.0, 0.05), (1.0, 1.05)], False, None, [1.0, 1.0]), linear(2.0)],
     ids=["shifted", "spring"],
 )
-def test_law_without_scale_and_no_load(law: FrictionLaw) -> None:
+def test_law_without_scale_and_no_load(law: Laws) -> None:
     """A straight law without corners has no scale of its own; without load the residual is that of b itself."""
     problem = ContactProblem(np.array([[2.0, -1.0], [-1.0, 3.0]]), np.zeros(2), np.ones(2), law)
     answer = solve_contact(problem)

@@ -11,15 +11,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.laws.laws import Laws
 from tcstudy.solvers.problem import ContactProblem, least_eigenvalue
 
 Array = NDArray[np.float64]
 
 
-def linear_law(
-    name: str, kinks: list[float], left: list[float], right: list[float], ends: tuple[float, float]
-) -> FrictionLaw:
+def linear_law(name: str, kinks: list[float], left: list[float], right: list[float], ends: tuple[float, float]) -> Laws:
     """Piecewise-linear law through given one-sided values at its kinks; `ends` are the two outer slopes."""
     s, low, high = (np.array(x, dtype=float) for x in (kinks, left, right))
     inner = (low[1:] - high[:-1]) / np.diff(s)
@@ -27,18 +25,18 @@ def linear_law(
     inward = np.concatenate([[False], np.abs(s[:-1]) <= np.abs(s[1:]), [True]])  # the left end is nearer to s = 0
     s_0 = np.where(inward, np.append(s[0], s), np.append(s, s[-1]))
     b_0 = np.where(inward, np.append(low[0], high), np.append(low, high[-1]))
-    return FrictionLaw(name, s, s_0, b_0, q, np.zeros(len(q)), np.zeros(len(q)))
+    return Laws(name, s, s_0, b_0, q, np.zeros(len(q)), np.zeros(len(q)))
 
 
-def slip_weakening(mu_s: float = 1.0, mu_k: float = 0.5, d: float = 0.1) -> FrictionLaw:
+def slip_weakening(mu_s: float = 1.0, mu_k: float = 0.5, d: float = 0.1) -> Laws:
     """Odd stick law that falls linearly from mu_s to mu_k over the slip d."""
     return linear_law("slip weakening", [-d, 0.0, d], [-mu_k, -mu_s, mu_k], [-mu_k, mu_s, mu_k], (0.0, 0.0))
 
 
-def exponential_decay(mu_s: float = 1.0, mu_k: float = 0.5, d: float = 0.1) -> FrictionLaw:
+def exponential_decay(mu_s: float = 1.0, mu_k: float = 0.5, d: float = 0.1) -> Laws:
     """Odd stick law b(s) = mu_k + (mu_s − mu_k) exp(−s/d) for s > 0."""
     drop = mu_s - mu_k
-    return FrictionLaw(
+    return Laws(
         "exponential decay",
         np.array([0.0]),
         np.zeros(2),
@@ -49,7 +47,7 @@ def exponential_decay(mu_s: float = 1.0, mu_k: float = 0.5, d: float = 0.1) -> F
     )
 
 
-def sawtooth(mu: float = 1.0, d: float = 0.1, slope: float = 5.0, drop: float = 0.5) -> FrictionLaw:
+def sawtooth(mu: float = 1.0, d: float = 0.1, slope: float = 5.0, drop: float = 0.5) -> Laws:
     """Stick at 0, then rising teeth that end in down-jumps, odd (delamination in steps)."""
     starts = [mu, mu * drop, mu * drop**2, mu * drop**3]
     kinks = [-3 * d, -2 * d, -d, 0.0, d, 2 * d, 3 * d]
@@ -60,10 +58,10 @@ def sawtooth(mu: float = 1.0, d: float = 0.1, slope: float = 5.0, drop: float = 
     return linear_law("sawtooth", kinks, left, right, (0.0, 0.0))
 
 
-def spring(stiffness: float = 1.0) -> FrictionLaw:
+def spring(stiffness: float = 1.0) -> Laws:
     """b(s) = stiffness · s, a law without kinks."""
     zero = np.zeros(1)
-    return FrictionLaw("spring", np.zeros(0), zero, zero, np.array([stiffness]), zero, zero)
+    return Laws("spring", np.zeros(0), zero, zero, np.array([stiffness]), zero, zero)
 
 
 def half_laplacian(m: int, stiffness: float = 1.0) -> tuple[Array, Array]:
@@ -84,7 +82,7 @@ def random_stiffness(rng: np.random.Generator, m: int) -> tuple[Array, Array]:
     return A_tilde, c
 
 
-def random_law(rng: np.random.Generator, lambda_1: float, max_kinks: int = 41, smooth: bool = False) -> FrictionLaw:
+def random_law(rng: np.random.Generator, lambda_1: float, max_kinks: int = 41, smooth: bool = False) -> Laws:
     """Random law of unit size: up- and down-jumps, pieces that fall by up to 100 λ₁, growth (15), (16) kept."""
     count = int(rng.integers(1, max_kinks + 1))
     steepest = lambda_1 * 10.0 ** rng.uniform(-1.0, 2.0)
@@ -104,7 +102,7 @@ def random_law(rng: np.random.Generator, lambda_1: float, max_kinks: int = 41, s
     return _bent(rng, law) if smooth else law
 
 
-def _bent(rng: np.random.Generator, law: FrictionLaw) -> FrictionLaw:
+def _bent(rng: np.random.Generator, law: Laws) -> Laws:
     """Some pieces turned into exponentials with the same values at their ends (outer pieces: a decaying part)."""
     s, b_0, q = law.kinks, law.b_0.copy(), law.q.copy()
     a, r = np.zeros(len(q)), np.zeros(len(q))
@@ -121,7 +119,7 @@ def _bent(rng: np.random.Generator, law: FrictionLaw) -> FrictionLaw:
         if rng.random() < 0.5:
             r[k] = sign * min(10.0 ** rng.uniform(0.0, 1.5), fastest)
             a[k] = sign * rng.uniform(0.0, 1.0)
-    return FrictionLaw("random smooth", s, law.s_0, b_0, q, a, r)
+    return Laws("random smooth", s, law.s_0, b_0, q, a, r)
 
 
 def random_problem(rng: np.random.Generator, m: int, max_kinks: int = 41, smooth: bool = False) -> ContactProblem:

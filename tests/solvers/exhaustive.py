@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import ESCAPE
 from tcstudy.solvers.certificates import Certificate, certify
 from tcstudy.solvers.contact import solve_contact
@@ -23,7 +23,7 @@ from tests.solvers import contact_cases as cases
 Array = NDArray[np.float64]
 
 
-def primitive(law: FrictionLaw, s: Array) -> Array:
+def primitive(law: Laws, s: Array) -> Array:
     """∫₀ˢ b by adding the trapezia of all pieces between 0 and s (exact for linear pieces)."""
     low, high, total = np.minimum(s, 0.0), np.maximum(s, 0.0), np.zeros_like(s)
     ends = [-np.inf, *law.kinks, np.inf]
@@ -105,7 +105,7 @@ PLACES = {1: 30, 2: 16, 3: 10, 4: 7, 5: 5, 6: 4, 7: 3, 8: 3}
 """Most pieces and up-jumps that a law of `any_problem` has with m nodes, so that at most 6,561 choices are tried."""
 
 
-def any_law(rng: np.random.Generator, places: int) -> FrictionLaw:
+def any_law(rng: np.random.Generator, places: int) -> Laws:
     """Any law that grows as (15) asks for: it may push the slip on, be odd or not, jump and fall as it likes."""
     while True:
         odd = bool(rng.random() < 0.3)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.laws import piecewise_linear, tresca
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import piecewise_linear, tresca
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -21,7 +21,7 @@ def body(rng: np.random.Generator, m: int, condition: float) -> Array:
     return np.asarray(0.5 * (A + A.T))
 
 
-def random_law(rng: np.random.Generator, odd: bool, monotone: bool = False) -> FrictionLaw:
+def random_law(rng: np.random.Generator, odd: bool, monotone: bool = False) -> Laws:
     """Two to eight points, some with one slip (jumps up and down), outer slopes that oppose the slip or vanish."""
     count = int(rng.integers(2, 9))
     gap = np.where(rng.random(count) < 0.3, 0.0, rng.uniform(0.05, 1.0, count))

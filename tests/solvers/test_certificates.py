@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.laws.laws import Laws
 from tcstudy.solvers.bounds import bend_below_tangent, least_slope, quotient, solution_box, tables_of, value_range
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.loop import iterate
-from tcstudy.solvers.problem import ContactProblem, integral
+from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.finish import ActivePieces, solve_on
 from tcstudy.solvers.separable.newton import SeparableNewton
 from tests.solvers import contact_cases as cases
 from tests.solvers import exhaustive
 
 
-def one_node(law: FrictionLaw, load: float) -> ContactProblem:
+def one_node(law: Laws, load: float) -> ContactProblem:
     return ContactProblem(np.eye(1), np.array([load]), np.ones(1), law)
 
 
@@ -71,7 +71,7 @@ def test_bend_bounds_every_sampled_quotient(smooth: bool) -> None:
         for v, zeta, bend in zip(slips, law.b(slips), bends, strict=True):
             kinks = law.kinks[(np.abs(law.kinks - v) > 3e-5) & (np.abs(law.kinks - v) < 2.0)]
             u = np.concatenate([reach, kinks - v])
-            gap = zeta * u - integral(law, np.full(len(u), v), v + u)
+            gap = zeta * u - law.integral(np.full(len(u), v), v + u)
             sampled = np.max(2.0 * gap / u**2)
             assert sampled <= bend + 1e-6 * (1.0 + abs(sampled))
             assert not 0.1 < bend < np.inf or sampled >= bend * (0.9 if smooth else 0.99)
@@ -86,7 +86,7 @@ def test_integral_of_the_law(smooth: bool) -> None:
         points = np.unique(np.concatenate([rng.uniform(law.kinks[0] - 1.0, law.kinks[-1] + 1.0, 12), law.kinks]))
         j = quadrature(law, points)
         x, y = (a.ravel() for a in np.meshgrid(np.arange(len(points)), np.arange(len(points))))
-        assert np.allclose(integral(law, points[x], points[y]), j[y] - j[x], rtol=0.0, atol=1e-9)
+        assert np.allclose(law.integral(points[x], points[y]), j[y] - j[x], rtol=0.0, atol=1e-9)
 
 
 def test_mirrored_law() -> None:
@@ -94,10 +94,10 @@ def test_mirrored_law() -> None:
     s = np.linspace(-2.0, 2.0, 101)
     tables, index = tables_of(law, len(s))
     mirrored = tables.mirrored
-    assert np.allclose(mirrored.value(s, mirrored.locate(index, s).piece), -law.b(-s, +1), rtol=1e-12, atol=1e-12)
+    assert np.allclose(mirrored.value(s, mirrored.locate(s, index).piece), -law.b(-s, +1), rtol=1e-12, atol=1e-12)
 
 
-def quadrature(law: FrictionLaw, points: np.ndarray) -> np.ndarray:
+def quadrature(law: Laws, points: np.ndarray) -> np.ndarray:
     """∫₀ˢ b at increasing points by Gauss–Legendre between neighbours, cut at the kinks."""
     cuts = np.unique(np.concatenate([points, law.kinks, [0.0]]))
     x, w = np.polynomial.legendre.leggauss(12)

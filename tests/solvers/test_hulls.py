@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from tcstudy.scene.friction import DOWN, FrictionLaw
-from tcstudy.scene.law_tables import LawTables
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import DOWN
 from tcstudy.solvers.hulls import proximal_hulls
 from tests.solvers import contact_cases as cases
 from tests.solvers import exhaustive
 
 
-def proximal_hull(law: FrictionLaw, kappa: float) -> tuple[FrictionLaw, np.ndarray]:
-    hulls, bridges = proximal_hulls(LawTables.of([law]), kappa)
-    return hulls.law(0), np.column_stack([bridges.left, bridges.right])
+def proximal_hull(law: Laws, kappa: float) -> tuple[Laws, np.ndarray]:
+    hulls, bridges = proximal_hulls(Laws.of([law]), kappa)
+    return hulls.laws[0], np.column_stack([bridges.left, bridges.right])
 
 
 def test_slip_weakening_in_closed_form() -> None:
@@ -49,7 +49,7 @@ def test_a_law_that_falls_no_faster_is_its_own_hull() -> None:
     assert proximal_hull(cases.spring(), 1.0)[0].omega == 0.0
 
 
-def sampled_hull(law: FrictionLaw, kappa: float, s: np.ndarray, j: np.ndarray) -> np.ndarray:
+def sampled_hull(law: Laws, kappa: float, s: np.ndarray, j: np.ndarray) -> np.ndarray:
     """conv(j + ½κ s²) − ½κ s² at the samples, as the largest of all their supporting lines (brute force)."""
     height = j + 0.5 * kappa * s**2
     slopes = np.unique(np.diff(height) / np.diff(s))

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.law_slopes import law_slopes
-from tcstudy.scene.laws import SHAPES
+from tcstudy.laws.derivatives import law_slopes
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import SHAPES
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.linearised import Linearised
 from tcstudy.solvers.problem import ContactProblem
@@ -18,7 +18,7 @@ from tests.solvers import contact_cases as cases
 Array = np.ndarray
 
 
-def softening(tau_s: float = 1.0, tau_k: float = 0.4, delta: float = 0.5) -> FrictionLaw:
+def softening(tau_s: float = 1.0, tau_k: float = 0.4, delta: float = 0.5) -> Laws:
     return SHAPES["slip-weakening"].build(tau_s=tau_s, tau_k=tau_k, delta=delta)
 
 
@@ -53,7 +53,7 @@ def test_against_differences_with_pieces_that_stay(seed: int) -> None:
     assert at.events == 0
     load = np.sin(np.arange(problem.m)) * problem.c
 
-    def solved(l_tilde: Array, law: FrictionLaw, A_tilde: Array) -> Array:
+    def solved(l_tilde: Array, law: Laws, A_tilde: Array) -> Array:
         other = Linearised.at(replace(problem, l_tilde=l_tilde, law=law, A_tilde=A_tilde), v)
         for _ in range(3):  # Newton on the same pieces, which is exact
             p = other.problem

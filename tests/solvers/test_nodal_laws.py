@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.law_tables import LawTables
-from tcstudy.scene.laws import tresca
-from tcstudy.scene.nodal_laws import NONE, NodalLaws, nodal
+from tcstudy.laws.composed import nodal
+from tcstudy.laws.laws import NONE, Laws
+from tcstudy.laws.shapes import tresca
 from tcstudy.scene.study import SOLVERS
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import solve_contact
@@ -29,8 +28,8 @@ Array = NDArray[np.float64]
 def in_two_rows(problem: ContactProblem) -> ContactProblem:
     """The same problem with its law twice in a table, every second node having the second."""
     law = problem.law
-    assert isinstance(law, FrictionLaw)
-    return replace(problem, law=NodalLaws(LawTables.of((law, law, NONE)), np.arange(problem.m) % 2))
+    assert isinstance(law, Laws)
+    return replace(problem, law=Laws.of((law, law, NONE), np.arange(problem.m) % 2))
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -75,13 +74,13 @@ def test_all_nodes_alike_are_one_law() -> None:
     assert nodal([law, cases.sawtooth()], [0, 1, 0]) is law
     assert nodal([law], [0, 0], 0.0) == NONE
     twice = nodal([law], [0, 0, 0], 2.0)
-    assert isinstance(twice, FrictionLaw)
+    assert isinstance(twice, Laws)
     assert np.array_equal(twice.b_0, 2.0 * law.b_0)
     with pytest.raises(ValueError, match="strength"):
         nodal([law], [0, 0], [1.0, -1.0])
 
 
-def least_energy(problem: ContactProblem, laws: Sequence[FrictionLaw]) -> tuple[float, int]:
+def least_energy(problem: ContactProblem, laws: Sequence[Laws]) -> tuple[float, int]:
     """(least energy, number of solutions) by trying every piece and kink of every node's own law."""
     m, least, found = problem.m, np.inf, []
     for places in product(*(range(2 * len(law.kinks) + 1) for law in laws)):
@@ -198,17 +197,3 @@ def test_strength_two_is_the_law_times_two() -> None:
         v, w = solve_contact(one), solve_contact(two)
         np.testing.assert_allclose(v.v, w.v, rtol=1e-12, atol=1e-14)
         assert v.status == w.status == Status.CONVERGED
-
-
-@pytest.mark.parametrize("smooth", [False, True])
-def test_a_table_holds_what_its_laws_say_of_themselves(smooth: bool) -> None:
-    laws = [cases.random_problem(np.random.default_rng([seed, 9]), 4, seed, smooth).law for seed in range(1, 8)]
-    table = LawTables.of((*laws, NONE, cases.spring(2.0)))  # type: ignore[arg-type]
-    for row, law in enumerate(table.laws):
-        count = len(law.kinks)
-        assert np.array_equal(table.kinds[row], np.append(law.kinds, np.zeros(table.kinks.shape[1] - count)))
-        for rows, own in zip(
-            (*table.limits, table.primitive[1][:, :-1]), (law.b_left, law.b_right, law.from_first), strict=True
-        ):
-            assert np.array_equal(rows[row, :count], own)
-            assert np.all(np.isfinite(rows))

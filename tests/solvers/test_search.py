@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.laws import SHAPES
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.study import ESCAPE, Branch
 from tcstudy.solvers import search as escape_module
 from tcstudy.solvers.contact import Answer, solve_contact
@@ -135,7 +135,7 @@ def test_convexified_start_knows_when_it_is_the_lowest() -> None:
     A_tilde, c = cases.half_laplacian(30)
     x = np.linspace(0.0, 1.0, 30)
 
-    def start(law: FrictionLaw) -> bool:
+    def start(law: Laws) -> bool:
         problem = ContactProblem(A_tilde, c * (1.4 + 0.6 * np.sin(7 * x)), c, law)
         loose = SeparableNewton(1e-3)
         v, lowest = hull_start(problem, np.zeros(30), estimate_lambda_1(problem), lambda p, x0: iterate(loose, p, x0))

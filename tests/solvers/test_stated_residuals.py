@@ -7,7 +7,7 @@ from decimal import Decimal, localcontext
 import numpy as np
 import pytest
 
-from tcstudy.scene.laws import piecewise_linear
+from tcstudy.laws.shapes import piecewise_linear
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.extended import friction_defect

@@ -20,7 +20,7 @@ from tcstudy.cli import main
 from tcstudy.data.journal import COMMIT_SECONDS
 from tcstudy.data.records import PointStatus
 from tcstudy.executors import protocol
-from tcstudy.online import RowLaws
+from tcstudy.laws.laws import Laws
 from tests.verification.scenes import RECTANGLE
 
 TEXT = RECTANGLE.replace("maxh: 0.1, levels: 3", "maxh: 0.5, levels: 2").replace(
@@ -60,9 +60,9 @@ class Counted:
         self.points = 0
         original = protocol.solve_block
 
-        def solve(body: object, loads: np.ndarray, laws: RowLaws, *options: object) -> object:
+        def solve(body: object, loads: np.ndarray, laws: Laws, *options: object) -> object:
             self.points += len(loads)
-            if np.any(laws.tables.b_scale[laws.law] == fail_at):
+            if np.any(laws.scales[laws.index] == fail_at):
                 raise ArithmeticError("made to fail")
             return original(body, loads, laws, *options)  # type: ignore[arg-type]
 

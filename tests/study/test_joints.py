@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 import tcstudy
 from tcstudy.data.on_request import name_of
 from tcstudy.fem.study_meshes import Meshes
+from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.histories import Memory, MemoryName
-from tcstudy.scene.nodal_laws import NodalLaws
 from tcstudy.scene.records import Scene
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.history.memory import MemoryModel, NodeState
@@ -134,7 +134,7 @@ def test_a_ring_of_two_edges_has_two_joints() -> None:
     assert sorted(line.xy[joints.node, 0].tolist()) == pytest.approx([0.3, 0.7])
     assert np.all(np.abs(joints.share - 0.5) < 0.1)
     law = level.law(scene)
-    assert isinstance(law, NodalLaws)
+    assert isinstance(law, Laws)
     for node, edge, share in zip(*joints, strict=True):
         own, before = (scene.laws[("upper", "lower").index(line.edge_names[k])] for k in (line.edge[node], edge))
         assert law.single(int(node)).b(0.3) == pytest.approx(share * before.b(0.3) + (1 - share) * own.b(0.3))

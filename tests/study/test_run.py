@@ -18,8 +18,8 @@ from tcstudy.data.journal import COMMIT_SECONDS
 from tcstudy.data.records import PointStatus
 from tcstudy.executors import protocol
 from tcstudy.fem import heat_forms as heat
+from tcstudy.laws.laws import Laws
 from tcstudy.offline import elastic as elastic_module
-from tcstudy.online import RowLaws
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.study import workshop
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
@@ -97,8 +97,8 @@ def test_a_constant_temperature_loads_the_body(tmp_path: Path) -> None:
 def test_a_failing_point_is_recorded_and_the_rest_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     original = protocol.solve_block
 
-    def fail_once(body: object, loads: object, laws: RowLaws, *options: object) -> object:
-        if np.any(laws.tables.b_scale[laws.law] == 0.01):
+    def fail_once(body: object, loads: object, laws: Laws, *options: object) -> object:
+        if np.any(laws.scales[laws.index] == 0.01):
             raise ArithmeticError("made to fail")
         return original(body, loads, laws, *options)  # type: ignore[arg-type]
 

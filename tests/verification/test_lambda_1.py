@@ -7,8 +7,9 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from tcstudy.online import CondensedBody, LawTables, RowLaws, solve_block
-from tcstudy.scene.laws import slip_weakening
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import slip_weakening
+from tcstudy.online import CondensedBody, solve_block
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.problem import ContactProblem, least_eigenpair
 from tests.verification.scenes import RECTANGLE, levels_of, study_of
@@ -72,7 +73,7 @@ def test_proofs_do_not_lean_on_lost_digits() -> None:
         problem = ContactProblem(np.array([[1.0]]), load, np.ones(1), law, error)
         proof = certify(problem, np.zeros(1), 1.0)
         body = CondensedBody.of(np.array([[1.0]]), np.ones(1), error)
-        laws = RowLaws(LawTables.of([law]), np.zeros((1, 1), dtype=np.intp))
+        laws = Laws.of([law], np.zeros((1, 1)))
         block = solve_block(body, load[None], laws).certificates
         assert proof.convex == block.convex[0] == unique
         assert proof.unique == block.unique[0] == unique

@@ -29,12 +29,12 @@ from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import STICKS
 from tcstudy.data.store import open_results
 from tcstudy.errors import UsageError
+from tcstudy.laws.composed import each
 from tcstudy.reports.export.vtk_files import SYMMETRIC, Grid, Values, write_collection, write_lines, write_mesh
 from tcstudy.reports.picture import BodyFields, body_fields, contact_line
 from tcstudy.reports.select_point import Value, labels, level_number, matching
 from tcstudy.reports.stored_study import file_order, law_of_nodes, stored_study
 from tcstudy.scene.contact_states import ContactState, node_states
-from tcstudy.scene.nodal_laws import each
 from tcstudy.scene.records import Material
 from tcstudy.scene.study import Study
 

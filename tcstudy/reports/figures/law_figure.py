@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.laws.composed import EdgeLaws, laws_along
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import DOWN, UP
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.picture import Picture, read_picture
 from tcstudy.reports.select_point import Value
 from tcstudy.reports.text import DIGITS, axis_unit, counted, number, pretty
-from tcstudy.scene.edge_laws import EdgeLaws, laws_along
-from tcstudy.scene.friction import DOWN, UP, FrictionLaw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,7 +47,7 @@ class LawPicture:
     """
 
     point: Picture
-    laws: tuple[tuple[str, FrictionLaw], ...]
+    laws: tuple[tuple[str, Laws], ...]
     index: NDArray[np.intp]
     strength: Array
 
@@ -61,7 +62,7 @@ def read_law(path: Path, point: Mapping[str, Value] | None, level: int) -> LawPi
     if picture.scene is None:
         raise style.DrawError("the study in the file cannot be read any more, so its friction laws are not known")
     friction, line = picture.scene.friction, picture.line
-    if isinstance(friction, FrictionLaw):
+    if isinstance(friction, Laws):
         friction = EdgeLaws((("", friction, 1.0),))
     xy = np.stack([line.x, line.y], axis=1)
     laws, index, strength = laws_along(friction, line.edge_names, line.edge, xy, line.joints)
@@ -108,7 +109,7 @@ def _facts(picture: LawPicture) -> list[str]:
     return [",  ".join(words), steep if np.isfinite(point.lambda_1) else ""]
 
 
-def slip_window(law: FrictionLaw, u_T: Array) -> tuple[float, float]:
+def slip_window(law: Laws, u_T: Array) -> tuple[float, float]:
     """Slips between which a law is drawn: the nodes and, if it is not too far away, all that the law does."""
     largest, reach = float(np.abs(u_T).max(initial=0.0)), slip_range(law)
     span = ROOM * max(largest, min(reach, BEYOND * largest)) or reach or 1.0
@@ -118,7 +119,7 @@ def slip_window(law: FrictionLaw, u_T: Array) -> tuple[float, float]:
 
 
 def draw_law(
-    axes: Axes, law: FrictionLaw, window: tuple[float, float], slip: float, stress: float, colour: dict[str, str]
+    axes: Axes, law: Laws, window: tuple[float, float], slip: float, stress: float, colour: dict[str, str]
 ) -> None:
     """The pieces of a law as curves, each jump as the vertical interval that fills it; in units of slip and stress."""
     for s, b in curves(law, max(abs(window[0]), abs(window[1]))):
@@ -134,20 +135,20 @@ def draw_law(
     axes.margins(y=0.12)
 
 
-def slip_range(law: FrictionLaw, decays: float = 4.0) -> float:
+def slip_range(law: Laws, decays: float = 4.0) -> float:
     """Largest |s| that matters to a law: past the outermost kink and some decay lengths; 0 for a law without either."""
     reach = float(np.abs(law.kinks).max(initial=0.0))
-    decay = float((1.0 / np.abs(law.r[law.r != 0.0])).max(initial=0.0))
+    decay = float((1.0 / law.rate[law.rate > 0.0]).max(initial=0.0))
     return max(1.4 * reach, decays * decay)
 
 
-def curves(law: FrictionLaw, reach: float, samples: int = SAMPLES) -> list[tuple[Array, Array]]:
+def curves(law: Laws, reach: float, samples: int = SAMPLES) -> list[tuple[Array, Array]]:
     """(s, b) along each piece of the law as far as it lies within −reach … reach."""
     ends = np.clip(np.concatenate([[-reach], law.kinks, [reach]]), -reach, reach)
     found = []
     for piece in range(len(law.q)):
         if ends[piece] < ends[piece + 1]:
-            s = np.linspace(ends[piece], ends[piece + 1], samples if law.a[piece] else 2)
+            s = np.linspace(ends[piece], ends[piece + 1], samples if law.bent[piece] else 2)
             found.append((s, law.value(s, piece)))
     return found
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from tcstudy.laws.composed import EdgeLaws
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import DOWN, UP
+from tcstudy.laws.shapes import SHAPES, STIFFNESS, TRACTION
 from tcstudy.reports.figures.law_figure import curves, slip_range
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.picture import LineFields
 from tcstudy.reports.stored_study import file_order
-from tcstudy.scene.edge_laws import EdgeLaws
-from tcstudy.scene.friction import DOWN, UP, FrictionLaw
-from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.study import Study
-from tcstudy.scene.units import STIFFNESS, TRACTION
 
 SAMPLES, DECAYS = 60, 6.0
 """Points on a curved piece, and how many decay lengths of a law are drawn."""
@@ -25,7 +25,7 @@ def law_part(study: Study | None) -> Json | None:
     """
     if study is None:
         return None
-    numbers: dict[FrictionLaw, int] = {}
+    numbers: dict[Laws, int] = {}
     index: list[Json] = []
     edges: Json = {}
     for friction in (study.scenes[i].friction for i in file_order(study)):
@@ -55,7 +55,7 @@ def node_part(study: Study | None, line: LineFields, box: Container) -> Json:
     return {"of_law": box.array(of_law, "i1"), "strengths": box.rows(rows), "strength_of": which.ravel()[of].tolist()}
 
 
-def drawn(law: FrictionLaw) -> Json:
+def drawn(law: Laws) -> Json:
     """A law as polylines and jumps; `spec` has its parameters, None if they cannot be told."""
     reach = slip_range(law, DECAYS)
     # a law without a length of its own is straight as far as one looks
@@ -68,7 +68,7 @@ def drawn(law: FrictionLaw) -> Json:
     return {"name": law.name, "omega": law.omega, "reach": reach, "curves": drawn, "jumps": jumps, "spec": spec(law)}
 
 
-def spec(law: FrictionLaw) -> Json | None:
+def spec(law: Laws) -> Json | None:
     """{"law": shape, parameters} as `lawOf` in laws.js takes them; None for what it cannot build."""
     made = law.made
     if made is None:

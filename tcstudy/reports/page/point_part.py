@@ -11,6 +11,8 @@ import numpy as np
 
 from tcstudy.data.reading import by_point
 from tcstudy.data.schema import STICKS
+from tcstudy.laws.composed import EdgeLaws, each
+from tcstudy.laws.laws import Laws
 from tcstudy.reports.figures.body_panel import boundary_edges
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.law_part import node_part
@@ -18,9 +20,6 @@ from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.picture import BodyFields, contact_line, ends_held
 from tcstudy.reports.stored_study import at_rest, file_order, law_of_nodes, nearest, outline, sources
 from tcstudy.scene.contact_states import ContactState, node_states
-from tcstudy.scene.edge_laws import EdgeLaws
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.nodal_laws import each
 from tcstudy.scene.study import Study
 
 MOST_NODES = 8_000
@@ -83,7 +82,7 @@ def _states(stored: Stored, group: Any, u_T: Any) -> Any:
     sticks = by_point(group["sticks"], stored.data) == STICKS
     states = np.where(sticks, np.int8(ContactState.STICK), np.int8(ContactState.SLIP))
     solved = np.isfinite(u_T).all(axis=1)
-    laws: dict[FrictionLaw | EdgeLaws, Any] = {}
+    laws: dict[Laws | EdgeLaws, Any] = {}
     for p, i in enumerate([] if stored.study is None else file_order(stored.study)):
         friction = stored.study.scenes[i].friction  # type: ignore[union-attr]
         if solved[p]:

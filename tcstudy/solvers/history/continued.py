@@ -35,7 +35,7 @@ from tcstudy.solvers.path.walk import units_of
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.descent import escape, first_rest, new_state
 from tcstudy.solvers.separable.newton import Downhill
-from tcstudy.solvers.separable.pieces import energy_change, factorise, integral
+from tcstudy.solvers.separable.pieces import energy_change, factorise
 
 Array = NDArray[np.float64]
 
@@ -162,7 +162,7 @@ class _Step:
                 break
             state = new_state(problem, outcome.x)
             free = np.flatnonzero(~state.slopes.at_rest)
-            slope = problem.law.of(free).slope(state.v[free], state.piece[free])
+            slope = problem.law.of_nodes(free).slope(state.v[free], state.piece[free])
             system = factorise(problem, free, slope)
             w = escape(problem, state, system).v
             if system.curvature is None:
@@ -265,7 +265,7 @@ class _Step:
         friction = 0.5 * float(np.sum((xi[1:] + xi[:-1]) * slips))
         if body.law.piecewise_linear:
             return work, friction
-        missed = float(body.c @ integral(self.part.law, ws[0], answer.v)) - friction
+        missed = float(body.c @ self.part.law.integral(ws[0], answer.v)) - friction
         allowed = 4.0 * LAW_ERROR * body.law.b_scale * float(np.sum(np.abs(slips) @ body.c))
         return (work + missed, friction + missed) if abs(missed) <= allowed else None
 

@@ -21,7 +21,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.nodal_laws import Law
+from tcstudy.laws.laws import Laws
 from tcstudy.solvers.history.memory import NARROW
 from tcstudy.solvers.path.problem import ParametricProblem
 from tcstudy.solvers.path.record import Events, Path, PathEnd, PathStatus
@@ -40,7 +40,7 @@ AT_LIMIT = 1e-9
 """Part of the scale of b by which the path's rounding may keep a node from the limit that it has reached."""
 
 
-def folds_beside(path: Path, vertex: int, law: Law, slip: float) -> Iterator[tuple[float, Array]]:
+def folds_beside(path: Path, vertex: int, law: Laws, slip: float) -> Iterator[tuple[float, Array]]:
     """(t, w) of folds of the law near a vertex of the path on straight pieces, that of the path's own kind first.
 
     A fold beyond the step is none: it is the end of the step then, on the stable side.
@@ -68,7 +68,7 @@ def ended(path: Path, t: float, w: Array) -> tuple[Path, int]:
 class _Beside:
     path: Path
     vertex: int
-    law: Law
+    law: Laws
     slip: float
 
     @cached_property
@@ -89,7 +89,7 @@ class _Beside:
     @cached_property
     def piece(self) -> Index:
         """(n,) pieces of the law of the free nodes."""
-        own, at = self.law.of(self.free), self.middle[self.free]
+        own, at = self.law.of_nodes(self.free), self.middle[self.free]
         return np.where(self.path.traction[self.vertex][self.free] < 0.0, own.piece(at, -1), own.piece(at, +1))
 
     @cached_property
@@ -117,13 +117,16 @@ class _Beside:
     def _matrix(self, w: Array) -> Array:
         """(n, n) H in its unit."""
         p, free = self.path.problem, self.free
-        return with_diagonal(p.A_tilde, free, p.c[free] * self.law.of(free).slope(w[free], self.piece)) / self.stiffness
+        return (
+            with_diagonal(p.A_tilde, free, p.c[free] * self.law.of_nodes(free).slope(w[free], self.piece))
+            / self.stiffness
+        )
 
     @np.errstate(over="ignore", invalid="ignore")  # far off an exponential passes all numbers; such a step ends it
     def _newton(self, equation: Equation, begin: Array) -> tuple[float, Array] | None:
         """The fold; None where Newton's method ends nowhere, or far off, or before the path."""
         p, free = self.path.problem, self.free
-        own, c, l_1 = self.law.of(free), p.c[free], p.l_1[free] / (self.stiffness * self.slip)
+        own, c, l_1 = self.law.of_nodes(free), p.c[free], p.l_1[free] / (self.stiffness * self.slip)
         w, t, before = begin.copy(), float(self.path.t[self.vertex]), np.inf
         for _ in range(NEWTON):
             H = self._matrix(w)
@@ -148,13 +151,13 @@ class _Beside:
 
     def _stable(self, w: Array) -> bool:
         """Whether H has no negative eigenvalue, but for rounding."""
-        p, slope = self.path.problem, self.law.of(self.free).slope(w[self.free], self.piece)
+        p, slope = self.path.problem, self.law.of_nodes(self.free).slope(w[self.free], self.piece)
         added = p.c[self.free] * slope + ROOT * self.stiffness
         return factor_free(p.A_tilde, self.free, added)[1] == 0
 
     def _smooth(self) -> Iterator[Equation]:
         """Of a singular H; β its softest way at the fold of the straight pieces."""
-        own, c, n = self.law.of(self.free), self.path.problem.c[self.free], len(self.free)
+        own, c, n = self.law.of_nodes(self.free), self.path.problem.c[self.free], len(self.free)
         _, border = scipy.linalg.eigh(self._matrix(self.path.u[self.vertex]), subset_by_index=[0, 0])
 
         def singular(w: Array, _t: float, H: Array) -> tuple[float, Array, float]:

@@ -19,13 +19,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.laws.composed import each
+from tcstudy.laws.laws import Laws
 from tcstudy.scene.histories import Memory
-from tcstudy.scene.law_tables import PARTS
-from tcstudy.scene.nodal_laws import Law, each
 from tcstudy.solvers.history.rows import HalfRows, laws_of
 from tcstudy.solvers.path.chords import piecewise_linear
-from tcstudy.solvers.problem import integral
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -68,7 +66,7 @@ class Bonds:
 
 @dataclass(frozen=True)
 class Virgin:
-    """τ(κ) of one law: pieces (5, J) from the slips `starts` (J,) on, the first 0.
+    """τ(κ) of one law: pieces (5 or 7, J) from the slips `starts` (J,) on, the first 0.
 
     curve: what the pieces are chords of; None where they are the law's own. A node begins on the curve itself
     """
@@ -78,20 +76,19 @@ class Virgin:
     curve: Virgin | None = None
 
     @classmethod
-    def of(cls, law: FrictionLaw) -> Virgin:
+    def of(cls, law: Laws) -> Virgin:
         """The law for s > 0."""
         first = int(law.piece(0.0, +1))
         starts = np.concatenate([[0.0], law.kinks[law.kinks > 0.0]])
-        return cls(starts, np.stack([np.asarray(getattr(law, part))[first:] for part in PARTS]))
+        return cls(starts, np.stack([part[first:] for part in law.pieces]))
 
     @classmethod
-    def straight(cls, law: FrictionLaw) -> Virgin:
+    def straight(cls, law: Laws) -> Virgin:
         """The same in straight pieces between points of the law, which miss it by LAW_ERROR of its scale at most."""
         own = cls.of(law)
         if law.piecewise_linear:
             return own
-        decays = law.a != 0.0
-        reach = float(np.max(own.starts)) + FADED / float(np.min(np.abs(law.r[decays])))
+        reach = float(np.max(own.starts)) + FADED / float(np.min(law.rate[law.bent]))
         kinks = piecewise_linear(law, 0.5 * LAW_ERROR, reach).kinks
         starts = np.concatenate([[0.0], kinks[kinks > 0.0]])
         piece = own.piece(starts)
@@ -105,9 +102,11 @@ class Virgin:
 
     def value(self, kappa: Array, piece: Index) -> Array:
         """τ(κ) on the named pieces."""
-        s_0, b_0, q, a, r = self.pieces[:, piece]
+        s_0, b_0, q, *decays = self.pieces[:, piece]
         apart = kappa - s_0
-        return np.asarray(b_0 + q * apart + a * np.exp(-r * apart))
+        return np.asarray(
+            b_0 + q * apart + sum(a * np.exp(-r * apart) for a, r in zip(decays[::2], decays[1::2], strict=True))
+        )
 
     def tau(self, kappa: Array) -> Array:
         """τ(κ), from the left at a kink."""
@@ -144,17 +143,16 @@ class MemoryModel:
     """
 
     memory: Memory
-    law: Law
+    law: Laws
     m: int
 
     def __post_init__(self) -> None:
         self.memory.check(self.law)
 
     @cached_property
-    def laws(self) -> list[tuple[FrictionLaw, Index]]:
+    def laws(self) -> list[tuple[Laws, Index]]:
         """Every law with its nodes."""
-        law = self.law
-        return [(law, np.arange(self.m, dtype=np.intp))] if isinstance(law, FrictionLaw) else law.groups
+        return self.law.groups(self.m)
 
     @cached_property
     def groups(self) -> list[tuple[Index, Virgin]]:
@@ -183,7 +181,7 @@ class MemoryModel:
         """(m,) a: slips from which w is counted [m]."""
         return {"friction": state.v, "elastic-plastic": state.plastic, "damage": np.zeros(self.m)}[self.memory.name]
 
-    def next_law(self, state: NodeState, straight: bool = False) -> Law:
+    def next_law(self, state: NodeState, straight: bool = False) -> Laws:
         """The law of w = v − a in the step from this state, or straight pieces in its place."""
         straight = straight and not self.law.piecewise_linear
         if self.unchanged and not straight:
@@ -234,7 +232,7 @@ class MemoryModel:
             flow, force = self._flow(state, w)
             stored, plastic = 0.5 * force**2 / self._stiffness, plastic + np.sign(w) * flow
         kappa = begin if self.memory.healing else begin + flow
-        return Bonds(NodeState(v, kappa, plastic), stored, integral(self.law, begin, begin + flow))
+        return Bonds(NodeState(v, kappa, plastic), stored, self.law.integral(begin, begin + flow))
 
     def _flow(self, state: NodeState, w: Array) -> tuple[Array, Array]:
         """(Δp, force), (m,) each, of the return map: from the piece on which |w| lies."""
@@ -259,7 +257,7 @@ class MemoryModel:
         kappa = np.where(reached > np.maximum(state.kappa, least), reached, state.kappa)
         tau, before = self.law.b(kappa, -1), self.law.b(state.kappa, -1)
         tau, before = np.where(kappa > 0.0, tau, 0.0), np.where(state.kappa > 0.0, before, 0.0)
-        lost = integral(self.law, state.kappa, kappa) - 0.5 * (tau * kappa - before * state.kappa)
+        lost = self.law.integral(state.kappa, kappa) - 0.5 * (tau * kappa - before * state.kappa)
         secant = tau / np.where(kappa > 0.0, kappa, 1.0)
         grown = np.where(kappa > state.kappa, np.maximum(lost, 0.0), 0.0)
         return Bonds(NodeState(v, kappa, state.plastic), 0.5 * secant * v**2, grown)

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.nodal_laws import Law
+from tcstudy.laws.laws import Laws
 from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
 from tcstudy.solvers.path.follow import ParametricProblem, Path
 from tcstudy.solvers.problem import ContactProblem
@@ -32,7 +32,7 @@ class StepPart:
         self.w, self.pushed = now.state.v - self.origin, body.A_tilde @ self.origin
 
     @cached_property
-    def law(self) -> Law:
+    def law(self) -> Laws:
         """That of the part."""
         return self.body.model.next_law(self.state)
 

@@ -18,8 +18,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.laws.laws import Laws
 from tcstudy.scene.histories import HistoryBranch, Memory
-from tcstudy.scene.nodal_laws import Law
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.bounds import far, least_slope, tables_of
 from tcstudy.solvers.certificates import certify, positive_definite
@@ -127,7 +127,7 @@ class HistoryProblem:
 
     A_tilde: Array
     c: Array
-    law: Law
+    law: Laws
     memory: Memory
     branch: HistoryBranch = "continued"
     substeps: int | None = 1
@@ -168,7 +168,7 @@ class HistoryProblem:
         noise = 8.0 * self.m * np.finfo(float).eps * largest
         return self.held and self.margin > max(MARGIN * self.stiffness, noise)
 
-    def one_solution(self, law: Law) -> bool:
+    def one_solution(self, law: Laws) -> bool:
         """Whether a step with these laws, as the memory has moved them, has one solution or a connected set of them."""
         if self.convex or self.monotone:
             return True
@@ -273,6 +273,6 @@ def _strict(body: HistoryProblem, problem: ContactProblem, w: Array) -> bool:
     s = slopes(problem, w, problem.xi(w))
     slack = Acceptance(body.tolerance).aim * problem.traction_scale * problem.c
     free = np.flatnonzero(~(s.at_rest & (s.left < -slack) & (s.right > slack)))
-    own, at = problem.law.of(free), w[free]
+    own, at = problem.law.of_nodes(free), w[free]
     slope = np.minimum(own.slope(at, own.piece(at, -1)), own.slope(at, own.piece(at, +1)))
     return positive_definite(problem, slope, body.stiffness, free)

@@ -7,13 +7,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.laws.composed import total
+from tcstudy.laws.laws import Laws
 
 MAX_CELLS = 100_000
 """Cells of one piece; a finer approximation than this is a mistake in the tolerance."""
 
 
-def piecewise_linear(law: FrictionLaw, tolerance: float, s_max: float) -> FrictionLaw:
+def piecewise_linear(law: Laws, tolerance: float, s_max: float) -> Laws:
     """The law with every exponential piece replaced by chords, |b − b_h| ≤ tolerance · b_scale on [−s_max, s_max].
 
     tolerance: relative to law.b_scale
@@ -31,7 +32,18 @@ def piecewise_linear(law: FrictionLaw, tolerance: float, s_max: float) -> Fricti
         raise ValueError(f"tolerance and s_max must be positive and finite, not {tolerance:g} and {s_max:g}")
     if law.piecewise_linear:
         return law
-    allowed = tolerance * law.b_scale
+    result = _polygon(law, tolerance * law.b_scale, s_max)
+    result.check_growth()
+    return result
+
+
+def _polygon(law: Laws, allowed: float, s_max: float) -> Laws:
+    """The same with an error in Pa; of two exponentials a piece the sum of those of each, with half the error."""
+    if law.a_2 is not None and law.r_2 is not None:
+        zero = np.zeros(len(law.q))
+        one = Laws(law.name, law.kinks, law.s_0, law.b_0, law.q, law.a, law.r)
+        two = Laws(law.name, law.kinks, law.s_0, zero, zero, law.a_2, law.r_2)
+        return total(_polygon(one, 0.5 * allowed, s_max), _polygon(two, 0.5 * allowed, s_max))
     ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
     kinks: list[float] = []
     pieces: list[tuple[float, float, float]] = []
@@ -41,15 +53,13 @@ def piecewise_linear(law: FrictionLaw, tolerance: float, s_max: float) -> Fricti
         pieces += _sides(law, k, nodes, offsets)
     s_0, b_0, q = (np.array(column) for column in zip(*pieces, strict=True))
     zero = np.zeros(len(q))
-    result = FrictionLaw(f"{law.name}, piecewise linear", np.array(kinks), s_0, b_0, q, zero, zero)
-    result.check_growth()
-    return result
+    return Laws(f"{law.name}, piecewise linear", np.array(kinks), s_0, b_0, q, zero, zero)
 
 
 Corners = tuple[list[float], list[float]]
 
 
-def _nodes(law: FrictionLaw, k: int, left: float, right: float, s_max: float, allowed: float) -> Corners:
+def _nodes(law: Laws, k: int, left: float, right: float, s_max: float, allowed: float) -> Corners:
     """Ends of the sides of piece k, its own ends included (±∞ where it has none), and how far |b| is below there."""
     a, r, anchor = abs(float(law.a[k])), float(law.r[k]), float(law.s_0[k])
     if a == 0.0 or r == 0.0:
@@ -126,7 +136,7 @@ def _excess(h: float, z_0: float, z_1: float) -> float:
     return -z_0 - fall * where - math.expm1(-where)
 
 
-def _sides(law: FrictionLaw, k: int, nodes: list[float], offsets: list[float]) -> list[tuple[float, float, float]]:
+def _sides(law: Laws, k: int, nodes: list[float], offsets: list[float]) -> list[tuple[float, float, float]]:
     """(anchor, value there, slope) of the lines between consecutive nodes, each hung on its end nearer to s = 0.
 
     Beyond the first and last finite node it is the linear part that goes on.

@@ -5,7 +5,7 @@ the order in which the line runs from s = −∞ to s = +∞: piece 2k is the se
 piece 2k+1 the vertical side at kink k (absent where b only bends). On a segment the coordinate that moves is s, on a
 vertical side it is ξ/c.
 
-Where nodes have laws of their own (scene/nodal_laws.py) the pieces of all of them are numbered through, law after
+Where nodes have laws of their own (tcstudy/laws) the pieces of all of them are numbered through, law after
 law, so that a piece's code says of which law it is and whatever is asked by code needs no law.
 """
 
@@ -20,9 +20,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import BEND, DOWN, FrictionLaw
-from tcstudy.scene.law_tables import LawTables
-from tcstudy.scene.nodal_laws import Law
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import BEND, DOWN
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -36,7 +35,7 @@ class ParametricProblem:
     l_0:     (m,) load at t = 0 [N/m]
     l_1:     (m,) load per unit of t [N/m per unit of t], not zero
     c:       (m,) segment lengths > 0 [m]
-    law:     friction law b [Pa] of the slip [m], or the laws of the nodes (scene/nodal_laws.py)
+    law:     friction law b [Pa] of the slip [m], or the laws of the nodes (tcstudy/laws)
     span:    two values of t whose loads are the scale of residuals where the law has none
     A_error: as in `ContactProblem`
 
@@ -47,7 +46,7 @@ class ParametricProblem:
     l_0: Array
     l_1: Array
     c: Array
-    law: Law
+    law: Laws
     span: tuple[float, float] = (0.0, 1.0)
     A_error: float = 0.0
 
@@ -73,7 +72,7 @@ class ParametricProblem:
         """The problem of one t."""
         return ContactProblem(self.A_tilde, self.load(t), self.c, self.law, self.A_error)
 
-    def with_law(self, law: Law) -> ParametricProblem:
+    def with_law(self, law: Laws) -> ParametricProblem:
         """The same body and loads under another law."""
         return replace(self, law=law)
 
@@ -189,19 +188,15 @@ class LawGraph:
         return np.asarray(self.start[codes] + self.slope[codes] * (s - self.anchor[codes]))
 
 
-def by_code(law: Law, answer: Callable[[FrictionLaw], NDArray[Any]]) -> NDArray[Any]:
+def by_code(law: Laws, answer: Callable[[Laws], NDArray[Any]]) -> NDArray[Any]:
     """What `answer` says of the pieces (2K+1,) of a law, by the codes of its graph."""
-    table = _table(law)
+    table = law.tables
     rows = [answer(own) for own in table.laws]
     width = 2 * table.kinks.shape[1] + 1
     return np.concatenate([np.append(row, np.repeat(row[-1:], width - len(row))) for row in rows])
 
 
-def _table(law: Law) -> LawTables:
-    return LawTables.of([law]) if isinstance(law, FrictionLaw) else law.table
-
-
-def law_graph(law: Law) -> LawGraph:
+def law_graph(law: Laws) -> LawGraph:
     """The graph of a piecewise-linear law, or of the laws of nodes; raises ValueError for exponential pieces.
 
     All laws have as many codes as the one with most kinks; nothing leads to those that a law does not need.
@@ -210,7 +205,7 @@ def law_graph(law: Law) -> LawGraph:
         raise ValueError(
             f"the law {law.name} is not piecewise linear; replace it by path.chords.piecewise_linear(law, …) first"
         )
-    table = _table(law)
+    table = law.tables
     laws, count = table.kinks.shape
     shape, real = (laws, 2 * count + 1), np.isfinite(table.kinks)
     free, codes = np.zeros(shape, dtype=bool), np.arange(laws * shape[1], dtype=np.int32).reshape(shape)
@@ -218,7 +213,7 @@ def law_graph(law: Law) -> LawGraph:
     free[:, 0::2] = True
     low[:, 0::2], high[:, 0::2] = table.lower, table.upper
     anchor[:, 0::2], start[:, 0::2], slope[:, 0::2] = table.pieces[:3]
-    low[:, 1::2], high[:, 1::2] = np.minimum(*table.limits), np.maximum(*table.limits)
+    low[:, 1::2], high[:, 1::2] = (f(table.b_left, table.b_right) for f in (np.minimum, np.maximum))
     kink[:, 1::2] = np.where(real, table.kinks, 0.0)
     sense = np.ones(shape, dtype=np.int8)
     sense[:, 1::2] = np.where(table.kinds == DOWN, -1, 1)
@@ -229,6 +224,6 @@ def law_graph(law: Law) -> LawGraph:
     before[:, 0] = after[np.arange(laws), 2 * np.count_nonzero(real, axis=1)] = -1
     falls = sense < 0
     low_after, high_after = np.where(falls, after, before), np.where(falls, before, after)
-    first = codes[:1, 0] if isinstance(law, FrictionLaw) else codes[law.index, 0]
+    first = codes[:1, 0] if law.one else codes[law.index, 0]
     moving = (free.ravel(), low.ravel(), high.ravel(), sense.ravel(), low_after.ravel(), high_after.ravel())
     return LawGraph(*moving, slope.ravel(), anchor.ravel(), start.ravel(), kink.ravel(), first)

@@ -19,8 +19,6 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.nodal_laws import each
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.bounds import bends_by_side, solution_box
 from tcstudy.solvers.certificates import positive_definite, uniqueness_margin
@@ -67,7 +65,7 @@ def _middles(path: Path, low: Lowest, acceptance: Acceptance) -> tuple[States, F
     share = (t - path.t[k]) / (path.t[k + 1] - path.t[k])
     v = path.u[k] + share[:, None] * (path.u[k + 1] - path.u[k])
     traction = (p.l_0 + t[:, None] * p.l_1 - v @ p.A_tilde) / p.c
-    zeta = np.clip(traction, *(side.T for side in each(p.law, FrictionLaw.interval, v.T)))
+    zeta = np.clip(traction, *p.law.interval(v))
     residual = np.max(np.abs(traction - zeta), axis=1) / p.traction_scale
     solved = residual <= acceptance.aim
     for i in np.flatnonzero(~solved):
@@ -106,7 +104,7 @@ def _bends(states: States, group: slice, lambda_1: float, inverse: Array) -> tup
     problem = states.problem.at(float(states.t[group][0]))
     end = states.problem.load(float(states.t[group][-1]))[None, :]
     node, v, zeta = _stays(states, group)
-    law = problem.law.of(node)
+    law = problem.law.of_nodes(node)
     least, largest = np.full(problem.m, np.inf), np.full(problem.m, -np.inf)
     for common in (True, False):
         low, high = solution_box(problem, lambda_1, inverse=inverse, others=end, common=common)

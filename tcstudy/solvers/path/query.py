@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.nodal_laws import Law
+from tcstudy.laws.laws import Laws
 from tcstudy.solvers.path.record import Path
 from tcstudy.solvers.separable.finish import ActivePieces, finish, solve_on
 
@@ -138,7 +138,7 @@ def folds(path: Path) -> list[Fold]:
     ]
 
 
-def solutions_of(law: Law, path: Path, t: float, newton_steps: int = 12) -> list[PathSolution]:
+def solutions_of(law: Laws, path: Path, t: float, newton_steps: int = 12) -> list[PathSolution]:
     """The solutions of the law that the path's law approximates, by Newton's method from those of the path.
 
     Each node keeps its place: on the same jump, or on the piece of `law` in which it lies. A solution that does not
@@ -157,7 +157,7 @@ def solutions_of(law: Law, path: Path, t: float, newton_steps: int = 12) -> list
     return found
 
 
-def _pieces(law: Law, path: Path, solution: PathSolution) -> ActivePieces:
+def _pieces(law: Laws, path: Path, solution: PathSolution) -> ActivePieces:
     """Places of the nodes in terms of the true law; extra kinks of the approximation are none."""
     codes, graph = path.codes[solution.piece], path.problem.graph
     free = graph.free[codes]

@@ -136,8 +136,7 @@ class Path:
         p = self.problem
         load = p.l_0[None, :] + self.t[:, None] * p.l_1[None, :]
         force = load - self.traction * p.c  # = Ãu up to the residual
-        stored = np.ascontiguousarray(p.law.j(self.u.T).T)  # laws by node take a row a node
-        return np.asarray(np.sum((0.5 * force - load) * self.u, axis=1) + stored @ p.c)
+        return np.asarray(np.sum((0.5 * force - load) * self.u, axis=1) + p.law.j(self.u) @ p.c)
 
     @cached_property
     def curve(self) -> Array:

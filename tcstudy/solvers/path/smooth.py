@@ -20,7 +20,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.laws.laws import Laws
 from tcstudy.solvers.path.record import Path
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ class SmoothPath:
     """The curve of a law beside a path on straight pieces in its place, which have its kinks."""
 
     path: Path
-    law: FrictionLaw
+    law: Laws
 
     @cached_property
     def codes(self) -> NDArray[np.intp]:
@@ -109,8 +109,7 @@ class SmoothPath:
         ahead = np.zeros(len(free) + 1)
         ahead[-1] = scale
         one = scipy.linalg.lu_solve(factor, ahead)
-        a, r = law.a[piece], law.r[piece]
-        bend = a * r**2 * np.exp(-r * (v[free] - law.s_0[piece]))
+        bend = law.bend(v[free], piece)
         two = scipy.linalg.lu_solve(factor, np.append(-c * bend * one[:-1] ** 2, 0.0))
         weight = p.A_tilde[free].sum(axis=1)
         x = np.array([t, (p.load(t) - p.A_tilde @ v).sum()])

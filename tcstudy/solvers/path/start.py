@@ -87,13 +87,14 @@ def _codes(problem: ParametricProblem, units: Units, v: Array, t: float, ways: A
     With `ways`, where two pieces meet, the one in that sense.
     """
     law, graph = problem.law, problem.graph
-    codes = (graph.first + 2 * law.piece(v)).astype(np.int32)
+    row = law.node_index(len(v))  # the graph has 2K + 1 codes where the law has K + 1 pieces
+    codes = (2 * law.piece(v) - row).astype(np.int32)
     if not law.kinks.size:
         return codes
     near = law.nearest_kink(v)
     kink = law.kink(near)
     on = np.isfinite(kink) & (np.abs(v - kink) <= NEAR * (np.abs(v) + units.slip))
-    side = np.where(on, graph.first + 2 * near + 1, codes).astype(np.int32)
+    side = np.where(on, 2 * near + 1 - row, codes).astype(np.int32)
     jumps = graph.after_high[side - 1] == side  # a side that only bends is passed over
     left, right = law.limits(near)
     margin, height = NEAR * units.traction, np.abs(right - left)

@@ -26,8 +26,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import UP, FrictionLaw
-from tcstudy.scene.nodal_laws import NodalLaws
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import UP
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.pieces import cholesky
 
@@ -63,11 +63,11 @@ class _Elements:
         return np.asarray(self.slope * v + np.sum(self.sign * np.where(self.gamma > 0.0, ramp, jump), axis=0))
 
 
-def _elements(law: FrictionLaw) -> tuple[list[tuple[float, float, float, float, int]], float]:
+def _elements(law: Laws) -> tuple[list[tuple[float, float, float, float, int]], float]:
     """(s, h, γ, sign and kink of every element, least slope) of a law; exponential pieces rise from end to end."""
     kinks, last = law.kinks, len(law.kinks)
     rise = np.maximum(law.q, 0.0)
-    for piece in np.flatnonzero(law.a):
+    for piece in np.flatnonzero(law.bent):
         if 0 < piece < last:
             ends = law.value(kinks[piece - 1 : piece + 1], np.full(2, piece))
             rise[piece] = max(0.0, float(ends[1] - ends[0]) / float(kinks[piece] - kinks[piece - 1]))
@@ -84,12 +84,12 @@ def _elements(law: FrictionLaw) -> tuple[list[tuple[float, float, float, float, 
     return rows, least
 
 
-def _rises(law: FrictionLaw) -> bool:
+def _rises(law: Laws) -> bool:
     """Whether b has an up-jump or pieces that rise unlike each other."""
     return bool(np.any(law.kinds == UP) or np.ptp(np.maximum(law.q, 0.0)) > 0.0)
 
 
-def _by_node(laws: Sequence[FrictionLaw], index: Index, b_scale: float) -> _Elements:
+def _by_node(laws: Sequence[Laws], index: Index, b_scale: float) -> _Elements:
     """The elements of every node's law, with some of sign 0 and of the scale of b where others have more."""
     own = [_elements(law) for law in laws]
     padded = np.tile(
@@ -109,11 +109,11 @@ def convex_step(problem: ContactProblem, v: Array, piece: Index) -> tuple[Array,
     Nodes on an up-jump at the minimum are put on it bitwise.
     """
     law, c = problem.law, problem.c
-    laws, index = (law.table.laws, law.index) if isinstance(law, NodalLaws) else ((law,), np.zeros(problem.m, np.intp))
+    laws, index = law.laws, law.node_index(problem.m)
     if not any(_rises(laws[k]) for k in np.unique(index)):
         return None
     elements = _by_node(laws, index, law.b_scale)
-    rest = law.value(v, piece) - elements.force(v, piece)
+    rest = law.value(v, piece) - elements.force(v, piece - law.tables.first[index] if not law.one else piece)
     return _InteriorPoint(problem, elements, problem.l_tilde - c * rest).minimum(v)
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.laws.laws import Laws
 from tcstudy.solvers.loop import Status
-from tcstudy.solvers.problem import ContactProblem, integral
+from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.convex_step import convex_step
 from tcstudy.solvers.separable.pieces import FreeSystem, Slopes, energy_change, slopes
 
@@ -87,7 +87,7 @@ def new_state(problem: ContactProblem, v: Array) -> SeparableState:
     terms = np.diagonal(problem.A_tilde) * np.abs(v) + np.abs(problem.l_tilde) + np.abs(xi)
     residual = problem.relative(s.descent / problem.c, xi)
     rounding = problem.relative(np.finfo(float).eps * terms / problem.c, xi)
-    f = float(-0.5 * v @ (xi + problem.l_tilde) + problem.c @ integral(problem.law, np.zeros(problem.m), v))
+    f = float(-0.5 * v @ (xi + problem.l_tilde) + problem.c @ problem.law.integral(np.zeros(problem.m), v))
     second_order = "every node rests" if np.all(s.at_rest) else None
     return SeparableState(v, xi, s, piece, residual, rounding, f, second_order=second_order)
 
@@ -99,7 +99,7 @@ def along_path(problem: ContactProblem, state: SeparableState, system: FreeSyste
     direction[system.free] = -system.solve(s.descent[system.free])
     uphill = np.where(direction > 0.0, s.right, -s.left) > 0.0
     direction[s.at_jump & uphill] = 0.0
-    stop = problem.law.next_up_jump(state.v, direction)
+    stop = problem.law.next_up_jump(problem.law.locate(state.v), direction)
     slope = np.where(direction > 0.0, s.right, s.left)
     for halving in range(HALVINGS + 1):
         target = state.v + 0.5**halving * direction
@@ -144,16 +144,17 @@ def first_rest(problem: ContactProblem, state: SeparableState, target: Array) ->
     law, c, v, step = problem.law, problem.c, state.v, target - state.v
     piece = np.where(step > 0.0, law.piece(v, +1), law.piece(v, -1))
     moving = np.flatnonzero(step)
-    kinks = np.broadcast_to(law.kinks, (problem.m, law.kinks.shape[-1]))[moving]
+    tables, index = law.tables, law.node_index(problem.m)
+    kinks = tables.kinks[index[moving]]
     shares = (kinks - v[moving, None]) / step[moving, None]
     row, kink = np.nonzero((shares > 0.0) & (shares < 1.0))
     order = np.argsort(shares[row, kink], kind="stable")
     row, kink = row[order], kink[order]
     node, s, at = moving[row], kinks[row, kink], shares[row, kink]
-    own, on = law.of(node), (step[node] > 0.0).astype(np.intp)
+    kink, on = tables.first[index[node]] + kink, (step[node] > 0.0).astype(np.intp)
     weight = c[node] * step[node]
-    jump = weight * (own.value(s, kink + on) - own.value(s, kink + 1 - on))
-    bend = weight * step[node] * (own.slope(s, kink + on) - own.slope(s, kink + 1 - on))
+    jump = weight * (tables.value(s, kink + on) - tables.value(s, kink + 1 - on))
+    bend = weight * step[node] * (tables.slope(s, kink + on) - tables.slope(s, kink + 1 - on))
     begins = np.append(0.0, at)
     curvature = step @ (problem.A_tilde @ step + c * law.slope(v, piece) * step) + np.append(0.0, np.cumsum(bend))
     rise = curvature * np.diff(np.append(begins, 1.0))
@@ -262,7 +263,7 @@ class NodeEnergy:
     s_0 [m], traction ξ/c at s₀ [Pa], stiffness k = Ã_ii/c_i [Pa/m]
     """
 
-    law: FrictionLaw
+    law: Laws
     s_0: float
     traction: float
     stiffness: float
@@ -293,7 +294,7 @@ class NodeEnergy:
         The curvature k + b′ is monotone on a piece, so its larger end bounds it and no step passes a zero.
         """
         far = float(self.law.slope(end, piece)) if np.isfinite(end) else float(self.law.q[piece])
-        for _ in range(1 if self.law.a[piece] == 0.0 else _MAJORANT_STEPS):
+        for _ in range(_MAJORANT_STEPS if self.law.bent[piece] else 1):
             bound = self.stiffness + max(float(self.law.slope(s, piece)), far)
             downhill = -sign * self.derivative(s, piece)
             if downhill <= 0.0:

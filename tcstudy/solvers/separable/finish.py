@@ -22,8 +22,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import BEND, UP, FrictionLaw
-from tcstudy.scene.nodal_laws import each
+from tcstudy.laws.pieces import BEND, UP
 from tcstudy.solvers.extended import extended_residual, friction_defect, two_sum
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.pieces import Slopes, factor_free, slopes_of, with_diagonal
@@ -36,8 +35,8 @@ Index = NDArray[np.intp]
 class ActivePieces:
     """Where every node sits.
 
-    kink:  (m,) index of the up-jump a node rests on, −1 for a free node
-    piece: (m,) index of the smooth piece of a free node (for a resting node the piece to its right)
+    kink:  (m,) address of the up-jump a node rests on, −1 for a free node
+    piece: (m,) address of the smooth piece of a free node (for a resting node the piece to its right)
     """
 
     kink: Index
@@ -56,37 +55,25 @@ def identify(problem: ContactProblem, v: Array) -> ActivePieces:
     and the two adjacent up-jumps s with c b⁻ ≤ ξ_i − Ã_ii (s − v_i) ≤ c b⁺, where the node's own energy has a
     minimum. The nearest wins; without any the node stays on its piece, on a kink on the descending side's.
     """
-    kink, piece = each(problem.law, _identified, v, problem.c, problem.xi(v), np.diagonal(problem.A_tilde))
-    return ActivePieces(kink, piece)
-
-
-def _identified(law: FrictionLaw, v: Array, c: Array, xi: Array, diagonal: Array) -> tuple[Index, Index]:
-    """(kink, piece) of nodes with one law."""
-    piece = np.where(c * law.b(v, +1) < xi, law.piece(v, +1), law.piece(v, -1))
-    kink = np.full(len(v), -1, dtype=np.intp)
-    ups = np.flatnonzero(law.kinds == UP)
-    if not len(ups):
-        return kink, piece
-    nearest = _distance_on_piece(law, v, c, xi, diagonal, piece)
-    above = np.searchsorted(law.kinks[ups], v)
-    for offset in (0, -1):
-        candidate = ups[np.clip(above + offset, 0, len(ups) - 1)]
-        move = law.kinks[candidate] - v
-        force = xi - diagonal * move
-        rests = (c * law.b_left[candidate] <= force) & (force <= c * law.b_right[candidate])
-        closer = rests & (np.abs(move) < nearest)
-        kink = np.where(closer, candidate, kink)
-        nearest = np.where(closer, np.abs(move), nearest)
-    return kink, np.where(kink >= 0, kink + 1, piece)
-
-
-def _distance_on_piece(law: FrictionLaw, v: Array, c: Array, xi: Array, diagonal: Array, piece: Index) -> Array:
-    """How far one Newton step moves each node on its own piece; inf if that leaves the piece (m,)."""
+    law, c, xi, diagonal = problem.law, problem.c, problem.xi(v), np.diagonal(problem.A_tilde)
+    at = law.locate(v)
+    piece = at.toward(c * law.value(v, at.piece + at.on) < xi)
     left, right = law.ends(piece)
     with np.errstate(divide="ignore", invalid="ignore"):
         move = (xi - c * law.value(v, piece)) / (diagonal + c * law.slope(v, piece))
         inside = (left <= v + move) & (v + move <= right)
-    return np.where(inside, np.abs(move), np.inf)
+    nearest, kink = np.where(inside, np.abs(move), np.inf), np.full(len(v), -1, dtype=np.intp)
+    here = at.on & (law.kind(at) == UP)
+    for s in (np.where(here, v, law.next_up_jump(at, 1.0)), law.next_up_jump(at, -1.0)):
+        known = np.isfinite(s)
+        if np.any(known):
+            s = np.where(known, s, v)
+            move = s - v
+            candidate, force = law.locate(s).piece, xi - diagonal * move
+            low, high = law.limits(candidate)
+            closer = known & (c * low <= force) & (force <= c * high) & (np.abs(move) < nearest)
+            kink, nearest = np.where(closer, candidate, kink), np.where(closer, np.abs(move), nearest)
+    return ActivePieces(kink, np.where(kink >= 0, kink + 1, piece))
 
 
 def solve_on(problem: ContactProblem, active: ActivePieces, v: Array, newton_steps: int) -> Array | None:
@@ -98,7 +85,7 @@ def solve_on(problem: ContactProblem, active: ActivePieces, v: Array, newton_ste
     resting = active.kink >= 0
     v = np.where(resting, problem.law.kink(active.kink), v) if np.any(resting) else v.copy()
     free = np.flatnonzero(~resting)
-    law, c, piece, solver = problem.law.of(free), problem.c[free], active.piece[free], None
+    law, c, piece, solver = problem.law.of_nodes(free), problem.c[free], active.piece[free], None
     for _ in range(newton_steps if len(free) else 0):
         # Outside its piece an exponential may overflow; the test on finite numbers catches it.
         with np.errstate(over="ignore", invalid="ignore"):
@@ -221,7 +208,7 @@ def _step(problem: ContactProblem, at: Refined) -> Refined | None:
         return None
     right = (at.v_low > 0.0) | ((at.v_low == 0.0) & (s.descent <= 0.0))
     piece = np.where(right, law.piece(at.v, +1), law.piece(at.v, -1))[free]
-    slope = c[free] * law.of(free).slope(at.v[free], piece)
+    slope = c[free] * law.of_nodes(free).slope(at.v[free], piece)
     solve = linear_solver(problem, free, slope)
     if solve is None:
         return None
@@ -230,6 +217,6 @@ def _step(problem: ContactProblem, at: Refined) -> Refined | None:
     if not np.all(np.isfinite(direction)):
         return None
     v, v_low = two_sum(at.v, at.v_low + direction)
-    stop = law.next_up_jump(at.v, direction)
+    stop = law.next_up_jump(law.locate(at.v), direction)
     reached = (direction != 0.0) & np.where(direction > 0.0, v >= stop, v <= stop)
     return extended(problem, np.where(reached, stop, v), np.where(reached, 0.0, v_low))

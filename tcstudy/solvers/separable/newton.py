@@ -99,7 +99,7 @@ class SeparableNewton:
             return x0
         P = interpolation(problem.m)
         A_coarse, c = galerkin(problem.A_tilde, problem.c, P)
-        coarse = ContactProblem(A_coarse, P.T @ problem.l_tilde, c, problem.law.of(slice(None, None, 2)))
+        coarse = ContactProblem(A_coarse, P.T @ problem.l_tilde, c, problem.law.of_nodes(slice(None, None, 2)))
         start = self._coarse_start(coarse, x0[::2])
         interpolated = P @ iterate(replace(self, coarsest=0), coarse, start).x
         step = interpolated - x0
@@ -109,7 +109,7 @@ class SeparableNewton:
     def step(self, problem: ContactProblem, state: SeparableState) -> SeparableState:
         """One Newton step along the clipped path, or one pass node by node, or the last refinement."""
         free = np.flatnonzero(~state.slopes.at_rest)
-        q = problem.law.of(free).slope(state.v[free], state.piece[free])
+        q = problem.law.of_nodes(free).slope(state.v[free], state.piece[free])
         try:
             system = factorise(problem, free, q)
         except IndefiniteSystem:

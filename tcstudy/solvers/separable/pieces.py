@@ -17,8 +17,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import BEND
-from tcstudy.solvers.problem import ContactProblem, integral
+from tcstudy.laws.pieces import BEND
+from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -47,9 +47,10 @@ class Slopes:
 def slopes(problem: ContactProblem, v: Array, xi: Array) -> Slopes:
     """One-sided slopes c b(v∓0) − ξ of L̃ and the descending one of both."""
     law = problem.law
-    left = problem.c * law.b(v, -1) - xi
-    right = problem.c * law.b(v, +1) - xi
-    return slopes_of(left, right, law.kind_at(v) != BEND)
+    at = law.locate(v)
+    left = problem.c * law.value(v, at.piece) - xi
+    right = problem.c * law.value(v, at.piece + at.on) - xi
+    return slopes_of(left, right, law.kind(at) != BEND)
 
 
 def slopes_of(left: Array, right: Array, at_jump: NDArray[np.bool_]) -> Slopes:
@@ -61,7 +62,7 @@ def slopes_of(left: Array, right: Array, at_jump: NDArray[np.bool_]) -> Slopes:
 
 def energy_change(problem: ContactProblem, v: Array, xi: Array, step: Array, A_step: Array) -> float:
     """L̃(v + step) − L̃(v), summed from the small terms −ξᵀstep + ½ stepᵀÃ step + Σ c_i ∫ b [J/m]."""
-    friction = problem.c * integral(problem.law, v, v + step)
+    friction = problem.c * problem.law.integral(v, v + step)
     return float(np.sum(friction - xi * step + 0.5 * step * A_step))
 
 

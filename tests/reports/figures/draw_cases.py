@@ -10,11 +10,11 @@ import numpy as np
 
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import SHAPES
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.point_figure import point_figure
 from tcstudy.reports.picture import LineFields, Picture
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.laws import SHAPES
 from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
 from tests.data.by_points import write
 
@@ -188,7 +188,7 @@ def png_size(path: Path) -> tuple[int, int]:
     return width, height
 
 
-def example_laws() -> tuple[FrictionLaw, ...]:
+def example_laws() -> tuple[Laws, ...]:
     """One law of every named shape, with parameters near 1."""
     parameters: dict[str, dict[str, object]] = {
         "tresca": {"tau": 1.0},

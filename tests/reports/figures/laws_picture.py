@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tcstudy.laws.laws import Laws
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.law_figure import CURVE_STYLE, DOWN_STYLE, UP_STYLE, draw_law, slip_range
 from tcstudy.reports.text import number
-from tcstudy.scene.friction import FrictionLaw
 from tests.reports.figures.draw_cases import example_laws
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ HIGH, FOOT = 2.1, 0.5
 """Height of a row and of the key below all [inch]."""
 
 
-def laws_figure(laws: Sequence[FrictionLaw]) -> Figure:
+def laws_figure(laws: Sequence[Laws]) -> Figure:
     """A panel for each law, with ω."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D

@@ -12,6 +12,8 @@ import xarray as xr
 pytest.importorskip("matplotlib")
 
 from tcstudy.errors import DrawError
+from tcstudy.laws.composed import each
+from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.boundary_roles import runs, words
@@ -20,8 +22,6 @@ from tcstudy.reports.figures.mesh_figure import MeshPicture, mesh_figure, read_m
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.stored_study import NamedEdge, law_of_nodes
 from tcstudy.scene.contact_states import ContactState, node_states
-from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.nodal_laws import each
 from tcstudy.study.execute import execute
 from tests.reports.figures.draw_cases import HEIGHT, WIDTH, crowded, example_laws, result
 from tests.reports.figures.laws_picture import laws_figure

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 import tcstudy
+from tcstudy.laws import along
+from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.page.container import Container
 from tcstudy.reports.page.law_part import drawn, node_part, spec
 from tcstudy.reports.picture import read_picture
-from tcstudy.scene import edge_laws
-from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.nodal_laws import times
 
 LAWS = [
     {"law": "tresca", "tau": 4e7},
@@ -42,7 +41,7 @@ def test_points_with_a_jump_are_told() -> None:
 
 
 def test_a_strength_scales_tractions_alone() -> None:
-    law = times(SHAPES["slip-weakening"].build(tau_s=4e7, tau_k=1e7, delta=4e-5), 0.5)
+    law = SHAPES["slip-weakening"].build(tau_s=4e7, tau_k=1e7, delta=4e-5).times(0.5)
     assert spec(law) == {"law": "slip-weakening", "tau_s": 2e7, "tau_k": 5e6, "delta": 4e-5}
 
 
@@ -77,7 +76,7 @@ def test_strengths_by_point_and_a_joint_which_has_none(tmp_path: Path, monkeypat
     study = read_study_text(EDGES)
     tcstudy.run(study, tmp_path / "out.nc")
     line = read_picture(tmp_path / "out.nc", {"boundary_top_u_x": 0.2, "strength": 0.5}, 0).line
-    monkeypatch.setattr(edge_laws, "total", None)  # no mixture is made for what is not drawn
+    monkeypatch.setattr(along, "total", None)  # no mixture is made for what is not drawn
     kept: list[np.ndarray] = []
     monkeypatch.setattr(Container, "array", lambda _, values, kind="": kept.append(np.array(values)))
     monkeypatch.setattr(Container, "rows", lambda _, rows: np.array(rows))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.laws.laws import Laws
 from tcstudy.solvers.bundle.contact import contact_method, contact_oracle, solve_with_bundle
 from tcstudy.solvers.loop import iterate
 from tcstudy.solvers.problem import ContactProblem
@@ -14,8 +14,8 @@ from tcstudy.solvers.problem import ContactProblem
 Array = NDArray[np.float64]
 
 
-def law(name: str, kinks: list[float], p: list[float], q: list[float], a: list[float], r: list[float]) -> FrictionLaw:
-    found = FrictionLaw(name, *(np.array(x, dtype=float) for x in (kinks, [0.0] * len(p), p, q, a, r)))
+def law(name: str, kinks: list[float], p: list[float], q: list[float], a: list[float], r: list[float]) -> Laws:
+    found = Laws(name, *(np.array(x, dtype=float) for x in (kinks, [0.0] * len(p), p, q, a, r)))
     found.check_growth()
     return found
 
@@ -28,7 +28,7 @@ LAWS = {
 }
 
 
-def contact_problem(m: int, shape: FrictionLaw, seed: int, s: float = 1.0, b: float = 1.0) -> ContactProblem:
+def contact_problem(m: int, shape: Laws, seed: int, s: float = 1.0, b: float = 1.0) -> ContactProblem:
     """A body like an elastic half plane (stiffness ~ |wave number|), slips of order s, tractions of order b."""
     random = np.random.default_rng(seed)
     k = np.arange(1, m + 1)

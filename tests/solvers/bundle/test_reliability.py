@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import UP
 from tcstudy.solvers.bundle.contact import contact_method, contact_oracle, solve_with_bundle
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import Status, iterate
@@ -54,7 +55,7 @@ class Row:
     excess: float
 
 
-def law_of(kind: str, ratio: float, lambda_1: float) -> FrictionLaw:
+def law_of(kind: str, ratio: float, lambda_1: float) -> Laws:
     """A law with peak 1 that falls by 0.6 (saw-tooth: 0.2 in a down-jump after each tooth) at the slope ratio·λ₁.
 
     tresca does not depend on the ratio; linear rises with that slope; saw-tooth and jumps fall in down-jumps, so the

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
-from tcstudy.scene.friction import FrictionLaw
 from tests.solvers import contact_cases as cases
 
 Array = NDArray[np.float64]
@@ -37,6 +37,6 @@ def coupled_line(m: int) -> tuple[Array, Array, Array]:
     return A, c, c * np.linspace(0.2, 1.0, m) * 5e7
 
 
-def softening() -> FrictionLaw:
+def softening() -> Laws:
     """A film that falls by 3.75 GPa/m, less steeply than λ₁ of the coupled line (π GPa/m · …) rises."""
     return law("slip-weakening", tau_s=2e7, tau_k=1.4e7, delta=4e-3)

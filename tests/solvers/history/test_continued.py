@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
-from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.histories import Memory
 from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
 from tcstudy.solvers.history.steps import history
@@ -61,7 +61,7 @@ def test_a_strip_pulled_off_and_let_go() -> None:
     assert body.margin < 0.0
 
 
-CASES: list[tuple[Memory, FrictionLaw]] = [
+CASES: list[tuple[Memory, Laws]] = [
     (Memory("friction"), law("tresca", tau=2e7)),
     (Memory("friction"), softening()),
     (Memory("elastic-plastic", 3e10), softening()),
@@ -70,7 +70,7 @@ CASES: list[tuple[Memory, FrictionLaw]] = [
 
 
 @pytest.mark.parametrize(("memory", "film"), CASES, ids=lambda x: getattr(x, "name", None))
-def test_a_step_in_which_nodes_turn_back_is_the_limit_of_many_small_ones(memory: Memory, film: FrictionLaw) -> None:
+def test_a_step_in_which_nodes_turn_back_is_the_limit_of_many_small_ones(memory: Memory, film: Laws) -> None:
     """Two loads at different places, one taken off as the other grows: some nodes turn round, others start to slip."""
     A, c, load = coupled_line(30)
     place = np.linspace(0.0, 1.0, 30)

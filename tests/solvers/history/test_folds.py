@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
-from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.histories import Memory
 from tcstudy.solvers.history.problem import HistoryProblem
 from tests.solvers.contact_cases import half_laplacian
@@ -18,12 +18,12 @@ Array = NDArray[np.float64]
 MEMORIES = pytest.mark.parametrize("memory", [Memory("friction"), Memory("damage")], ids=lambda memory: memory.name)
 
 
-def concave(d: float) -> FrictionLaw:
+def concave(d: float) -> Laws:
     """τ(s) = 3 − exp(s/d) to s = d, then 3 − e: it falls more and more steeply, by 1/d at first and e/d in the end."""
     end, none = 3.0 - np.e, np.zeros(4)
     kinks, s_0 = np.array([-d, 0.0, d]), np.array([-d, 0.0, 0.0, d])
     a, r = np.array([0.0, 1.0, -1.0, 0.0]), np.array([0.0, 1.0, -1.0, 0.0]) / d
-    return FrictionLaw("concave", kinks, s_0, np.array([-end, -3.0, 3.0, end]), none, a, r)
+    return Laws("concave", kinks, s_0, np.array([-end, -3.0, 3.0, end]), none, a, r)
 
 
 @MEMORIES
@@ -48,7 +48,7 @@ def test_a_block_on_a_spring_lets_go_where_the_film_falls_as_the_spring_rises(
     assert max(abs(step.energies.closure) for step in steps) <= 1e-15 * load
 
 
-def settled(A: Array, c: Array, film: FrictionLaw, load: Array, v: Array) -> Array:
+def settled(A: Array, c: Array, film: Laws, load: Array, v: Array) -> Array:
     """v ≥ 0 downhill from v: Newton's steps where the energy is convex, else those of its majorant linear in τ."""
     for _ in range(10_000):
         force = load - A @ v - c * film.b(v, 1)
@@ -64,7 +64,7 @@ def settled(A: Array, c: Array, film: FrictionLaw, load: Array, v: Array) -> Arr
     raise AssertionError("it creeps")
 
 
-def first_jump(A: Array, c: Array, film: FrictionLaw, load: Array, begin: float, step: float) -> tuple[float, float]:
+def first_jump(A: Array, c: Array, film: Laws, load: Array, begin: float, step: float) -> tuple[float, float]:
     """(factor of the load, energy released) at the first jump by more than 0.02, by small steps, the last halved."""
 
     def energy(v: Array) -> float:
@@ -86,7 +86,7 @@ FILMS = [(concave(0.3), 2.4), (law("exponential", a=3.0, b=0.3, delta=0.1), 2.9)
 
 @MEMORIES
 @pytest.mark.parametrize(("film", "begin"), FILMS, ids=["softest way", "next node"])
-def test_a_line_lets_go_as_by_small_steps(film: FrictionLaw, begin: float, memory: Memory) -> None:
+def test_a_line_lets_go_as_by_small_steps(film: Laws, begin: float, memory: Memory) -> None:
     """20 nodes: where sliding nodes lose their hold together, and where the next one begins to slide."""
     A, c = half_laplacian(20)
     load = c * np.linspace(0.2, 1.0, 20)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tcstudy.laws.composed import nodal
+from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
-from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.histories import Memory, UnfitLaw
-from tcstudy.scene.nodal_laws import Law, nodal
 from tcstudy.solvers.history.memory import MemoryModel, NodeState
 from tcstudy.solvers.path.problem import law_graph
 
@@ -17,7 +17,7 @@ DECAYING = law("exponential", a=3.0, b=1.0, delta=2.0)
 BENT = law(points=[(0.0, 3.0), (0.5, 2.0), (1.0, 1.9), (2.5, 0.0)])
 HARDENING = law(points=[(0.0, 0.0), (1.0, 2.0), (2.0, 2.0)])
 KAPPA = np.array([0.0, 0.3, 1.0, 2.0, 2.0 * (1.0 - 1e-15), 2.0 + 1e-15, 7.0])
-CASES: list[tuple[Memory, Law]] = [
+CASES: list[tuple[Memory, Laws]] = [
     (Memory("friction"), SOFTENING),
     (Memory("friction"), DECAYING),
     (Memory("friction"), HARDENING),
@@ -31,7 +31,7 @@ CASES: list[tuple[Memory, Law]] = [
 
 
 @pytest.mark.parametrize(("memory", "law"), CASES, ids=lambda x: getattr(x, "name", None))
-def test_the_law_of_a_step_is_the_derivative_of_its_energy(memory: Memory, law: Law) -> None:
+def test_the_law_of_a_step_is_the_derivative_of_its_energy(memory: Memory, law: Laws) -> None:
     """j = stored + dissipated, whatever is remembered; j and b of a row are those of the row as a law of its own."""
     m, rng = len(KAPPA), np.random.default_rng(3)
     model = MemoryModel(memory, law, m)
@@ -49,7 +49,7 @@ def test_the_law_of_a_step_is_the_derivative_of_its_energy(memory: Memory, law: 
             assert own.j(w[i]) == pytest.approx(rows.j(w)[i], rel=1e-14)
             assert np.array_equal(own.kinds, rows.kinds[i][: len(own.kinds)])
             own.check_growth()
-    assert all(rows.single(k).omega <= rows.omega_by_node[k] * (1.0 + 1e-12) for k in range(m))
+    assert all(rows.single(k).omega <= rows.falls[rows.index][k] * (1.0 + 1e-12) for k in range(m))
 
 
 def test_what_has_slipped_so_far_moves_along_the_law() -> None:
@@ -94,13 +94,13 @@ def test_healing_forgets_at_every_step() -> None:
         (Memory("elastic-plastic", 9.0), law(points=[(0, 1), (1, 1), (1, 2)]), "without up-jumps"),
     ],
 )
-def test_laws_that_cannot_be_remembered_are_refused(memory: Memory, law: FrictionLaw, said: str) -> None:
+def test_laws_that_cannot_be_remembered_are_refused(memory: Memory, law: Laws, said: str) -> None:
     with pytest.raises(UnfitLaw, match=said):
         MemoryModel(memory, law, 3)
 
 
 @pytest.mark.parametrize(("memory", "law"), [case for case in CASES if case[1].piecewise_linear])
-def test_the_graph_of_all_rows_is_that_of_their_laws(memory: Memory, law: Law) -> None:
+def test_the_graph_of_all_rows_is_that_of_their_laws(memory: Memory, law: Laws) -> None:
     """Code by code as the path follower makes it law by law; rows may have more codes, which none reaches."""
     m = len(KAPPA)
     rows = MemoryModel(memory, law, m).next_law(NodeState(np.zeros(m), KAPPA, np.zeros(m)))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
 from tcstudy.reports.sentences import cycle_change
-from tcstudy.scene.friction import FrictionLaw
 from tcstudy.scene.histories import Memory
 from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
 from tcstudy.solvers.history.steps import history
@@ -79,7 +79,7 @@ def test_a_stiff_block_on_a_spring_never_jumps(stiffness: float, ratio: float, m
         assert u == pytest.approx([exact, exact, -exact, exact] * 2, abs=10.0 * error * exact)
 
 
-FILMS: list[tuple[FrictionLaw, bool]] = [
+FILMS: list[tuple[Laws, bool]] = [
     (law("tresca", tau=1.0), True),
     (law(points=[(0.0, 1.0), (0.4, 0.8)]), True),
     (law(points=[(0.0, 1.0), (0.4, 0.2)]), False),
@@ -90,7 +90,7 @@ FILMS: list[tuple[FrictionLaw, bool]] = [
 
 
 @pytest.mark.parametrize(("film", "proved"), FILMS)
-def test_no_state_can_let_go_once_the_film_has_fallen(film: FrictionLaw, proved: bool) -> None:
+def test_no_state_can_let_go_once_the_film_has_fallen(film: Laws, proved: bool) -> None:
     """Of a block on a spring of 1: at first where the law falls by less than 1, after a long way whatever it was."""
     body = HistoryProblem(np.eye(1), np.ones(1), film, Memory("friction"), substeps=None)
     first, last = HistoryStep.virgin(1), next(history(body, [np.array([9.0])]))

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.laws.laws import Laws
 from tcstudy.solvers.loop import iterate
 from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path
 from tcstudy.solvers.separable.newton import SeparableNewton
@@ -21,7 +21,7 @@ def follow(problem: ParametricProblem, v: Array, t: float, t_min: float = -np.in
     return Follower(t_min=t_min, t_max=t_max).follow(problem, v, t)
 
 
-def pieces_of(law: FrictionLaw) -> list[tuple[int, str]]:
+def pieces_of(law: Laws) -> list[tuple[int, str]]:
     """Segments ("s", k) and vertical sides ("v", k) of the filled graph."""
     jumps = [k for k in range(len(law.kinks)) if law.kinds[k] != 0]
     return [(k, "s") for k in range(len(law.kinks) + 1)] + [(k, "v") for k in jumps]
@@ -50,7 +50,7 @@ def all_solutions(problem: ParametricProblem, t: float) -> list[tuple[Array, boo
     return found
 
 
-def _holds(place: tuple[FrictionLaw, int], free: bool, s: float, traction: float) -> bool:
+def _holds(place: tuple[Laws, int], free: bool, s: float, traction: float) -> bool:
     """Whether a node is on the piece that it was put on."""
     law, i = place
     if free:
@@ -81,6 +81,6 @@ def softening_line(m: int, d: float = 0.02, mu_k: float = 0.2, seed: int = 0) ->
     return ParametricProblem(A_tilde, np.zeros(m), c * (0.5 + 0.5 * x + noise), c, law)
 
 
-def one_node(law: FrictionLaw, stiffness: float = 1.0) -> ParametricProblem:
+def one_node(law: Laws, stiffness: float = 1.0) -> ParametricProblem:
     """Ã = stiffness, c = 1, l̃ = t."""
     return ParametricProblem(np.array([[stiffness]]), np.zeros(1), np.ones(1), np.ones(1), law)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.scene import laws
-from tcstudy.scene.nodal_laws import nodal
+from tcstudy.laws import shapes as laws
+from tcstudy.laws.composed import nodal
 from tcstudy.solvers.path.follow import ParametricProblem
 from tcstudy.solvers.path.hysteresis import hysteresis
 from tests.solvers import contact_cases as cases

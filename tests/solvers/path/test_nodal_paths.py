@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tcstudy.scene.friction import FrictionLaw
-from tcstudy.scene.law_tables import LawTables
-from tcstudy.scene.laws import tresca
-from tcstudy.scene.nodal_laws import NONE, NodalLaws, nodal
+from tcstudy.laws.composed import nodal
+from tcstudy.laws.laws import NONE, Laws
+from tcstudy.laws.shapes import tresca
 from tcstudy.scene.study import Acceptance
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.path.chords import piecewise_linear
@@ -27,9 +26,9 @@ SHARED = (cases.slip_weakening(1.0, 0.3, 0.4), tresca(0.7), cases.sawtooth(1.0, 
 
 def in_two_rows(problem: ParametricProblem) -> ParametricProblem:
     """The same problem with its law twice in a table that holds another one as well."""
-    assert isinstance(problem.law, FrictionLaw)
-    table = LawTables.of((NONE, problem.law, SHARED[0], problem.law))
-    return problem.with_law(NodalLaws(table, 1 + 2 * (np.arange(problem.m) % 2)))
+    assert isinstance(problem.law, Laws)
+    table = Laws.of((NONE, problem.law, SHARED[0], problem.law))
+    return problem.with_law(table.at(1 + 2 * (np.arange(problem.m) % 2)))
 
 
 def test_one_law_given_by_node_is_that_law_to_the_bit() -> None:
@@ -47,7 +46,7 @@ def test_one_law_given_by_node_is_that_law_to_the_bit() -> None:
 
 
 @pytest.mark.parametrize("law", [cases.slip_weakening(1.0, 0.2, 0.02), cases.sawtooth(1.0, 0.03, 5.0, 0.5)])
-def test_slips_measured_by_a_scale_and_an_origin_of_every_node_change_nothing(law: FrictionLaw) -> None:
+def test_slips_measured_by_a_scale_and_an_origin_of_every_node_change_nothing(law: Laws) -> None:
     """w solves Aw + c b(w) = t l; u = σw + a then solves (A/σσ)(u − a) + c β b((u − a)/σ) = t l/σ with β = 1/σ."""
     m, rng = 30, np.random.default_rng(7)
     plain = replace(softening_line(m), law=law)
@@ -131,7 +130,7 @@ def test_every_point_is_a_solution_and_the_stable_ones_are_those_of_enumeration(
 def test_straight_stand_ins_and_newton_steps_take_every_node_to_its_own_law() -> None:
     m = 20
     laws = nodal([cases.exponential_decay(1.0, 0.4, 0.1), tresca(0.6)], np.arange(m) // 12, np.linspace(0.5, 1.5, m))
-    assert isinstance(laws, NodalLaws)
+    assert isinstance(laws, Laws)
     true = softening_line(m).with_law(laws)
     straight = true.with_law(laws.mapped(lambda law: piecewise_linear(law, 1e-2, 2.0)))
     path = follow(straight, np.zeros(m), 0.0, 0.0, 1.4)
@@ -145,7 +144,7 @@ def test_straight_stand_ins_and_newton_steps_take_every_node_to_its_own_law() ->
 def test_codes_name_pieces_of_the_nodes_own_laws() -> None:
     problem = random_nodal(1, 6)
     laws = problem.law
-    assert isinstance(laws, NodalLaws)
+    assert isinstance(laws, Laws)
     slopes = by_code(laws, lambda law: np.insert(law.q, np.arange(1, len(law.q)), np.nan))
     graph = problem.graph
     assert np.array_equal(slopes[graph.free], graph.slope[graph.free])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.scene.laws import SHAPES
+from tcstudy.laws.shapes import SHAPES
 from tcstudy.solvers.path.chords import piecewise_linear
 from tcstudy.solvers.path.query import solutions_at, solutions_of
 from tests.solvers import contact_cases as cases

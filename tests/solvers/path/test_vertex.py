@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tcstudy.fem.geometry import build
+from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
-from tcstudy.scene.friction import FrictionLaw
 from tcstudy.solvers.path.follow import Follower, ParametricProblem, PathStatus
 from tcstudy.solvers.path.query import solutions_at
 from tests.solvers import contact_cases as cases
@@ -85,7 +85,7 @@ def test_mirror_symmetry_is_kept() -> None:
         assert other.t == pytest.approx(path.t, abs=1e-10)
 
 
-def integer_law(rng: np.random.Generator) -> FrictionLaw:
+def integer_law(rng: np.random.Generator) -> Laws:
     count = int(rng.integers(1, 5))
     kinks = np.sort(rng.choice(np.arange(-3, 4), count, replace=False)).astype(float)
     left, right = (rng.integers(-2, 3, count).astype(float) for _ in range(2))

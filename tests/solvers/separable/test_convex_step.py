@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.scene.laws import linear, piecewise_linear, tresca
+from tcstudy.laws.shapes import linear, piecewise_linear, tresca
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import Status
 from tcstudy.solvers.problem import ContactProblem

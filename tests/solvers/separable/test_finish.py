@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tcstudy.scene.friction import UP, FrictionLaw
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import UP
 from tcstudy.solvers.loop import iterate
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.finish import ActivePieces, finish, identify, solve_on
@@ -11,7 +12,7 @@ from tcstudy.solvers.separable.newton import SeparableNewton
 from tests.solvers import contact_cases as cases
 
 
-def one_node(law: FrictionLaw, load: float, stiffness: float = 1.0) -> ContactProblem:
+def one_node(law: Laws, load: float, stiffness: float = 1.0) -> ContactProblem:
     return ContactProblem(np.array([[stiffness]]), np.array([load]), np.array([1.0]), law)
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.scene.friction import DOWN, UP
-from tcstudy.scene.laws import SHAPES
+from tcstudy.laws.pieces import DOWN, UP
+from tcstudy.laws.shapes import SHAPES
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import Status

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tcstudy.scene.friction import FrictionLaw
+from tcstudy.laws.laws import Laws
 from tcstudy.solvers.loop import Outcome, Status, iterate
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.separable.descent import descend_nodes
@@ -16,7 +16,7 @@ def solve(problem: ContactProblem, x0: np.ndarray | None = None, **options: floa
     return iterate(SeparableNewton(**options), problem, np.zeros(problem.m) if x0 is None else x0)
 
 
-def one_node(law: FrictionLaw, load: float) -> ContactProblem:
+def one_node(law: Laws, load: float) -> ContactProblem:
     return ContactProblem(np.eye(1), np.array([load]), np.ones(1), law)
 
 

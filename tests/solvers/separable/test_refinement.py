@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.online import CondensedBody, LawTables
-from tcstudy.scene.laws import slip_weakening, tresca
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import slip_weakening, tresca
+from tcstudy.online import CondensedBody
 from tcstudy.scene.study import TOLERANCE, Acceptance
 from tcstudy.solvers.certificates import certify
 from tcstudy.solvers.contact import solve_contact
@@ -95,7 +96,7 @@ def test_what_rounding_limits_is_a_solution_by_default_only() -> None:
 
 def test_blocks_refine_as_single_solves_do() -> None:
     problem = rail(400, 9.137e-2)
-    tables, law = LawTables.of([problem.law]), np.zeros(1, dtype=np.intp)
+    tables, law = Laws.of([problem.law]), np.zeros(1, dtype=np.intp)
     answers = solve_points(CondensedBody.of(problem.A_tilde, problem.c), problem.l_tilde[None], tables, law)
     assert answers.status[0] == Status.CONVERGED
     assert not answers.limited[0]

@@ -1,4 +1,4 @@
-// Friction laws as records of kinks and pieces, as in tcstudy/scene: piece k is b0 + q (s − s0) + a exp(−r (s − s0)).
+// Friction laws as records of kinks and pieces, as in tcstudy/laws: piece k is b0 + q (s − s0) + a exp(−r (s − s0)).
 TC.Law = class {
   constructor(name, kinks, pieces) {
     // a kink between two pieces that are one and the same is none

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.scene.dual import Dual
-from tcstudy.scene.law_slopes import law_slopes
-from tcstudy.scene.laws import SHAPES
-from tcstudy.scene.nodal_laws import times
+from tcstudy.laws.derivatives import law_slopes
+from tcstudy.laws.dual import Dual
+from tcstudy.laws.shapes import SHAPES
 
 LAWS = {
     "tresca": {"tau": 3.0},
@@ -97,14 +96,14 @@ def test_the_steepest_fall_between_points() -> None:
 
 
 def test_strength_is_a_factor_and_others_are_refused() -> None:
-    law = times(SHAPES["slip-weakening"].build(**LAWS["slip-weakening"]), 0.5)
+    law = SHAPES["slip-weakening"].build(**LAWS["slip-weakening"]).times(0.5)
     piece = law.piece(0.1)
     assert law_slopes(law, "strength").value(0.1, piece) == pytest.approx(law.value(0.1, piece) / 0.5)
     assert law_slopes(law, "tau_s").value(0.1, piece) == pytest.approx(0.5 * (1.0 - 0.1 / 0.2))
     for name in ("tau", "teeth"):
         with pytest.raises(KeyError, match=name):
             law_slopes(law, name)
-    assert law == times(SHAPES["slip-weakening"].build(**LAWS["slip-weakening"]), 0.5)
+    assert law == SHAPES["slip-weakening"].build(**LAWS["slip-weakening"]).times(0.5)
 
 
 def test_a_dual_number_is_a_number() -> None:

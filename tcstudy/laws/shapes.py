@@ -18,16 +18,14 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from tcstudy.scene.dual import Dual
-from tcstudy.scene.friction import FrictionLaw, Made
-from tcstudy.scene.key import Key, Kind
-from tcstudy.scene.units import LENGTH, NONE, STIFFNESS, TRACTION, Dimension
+from tcstudy.laws.dual import Dual, slope_of
+from tcstudy.laws.laws import Laws, Made
 
 MAX_TEETH = 10_000
 ROUNDING = 2 * float(np.finfo(float).eps)
 """Corners nearer than this to the straight line between their neighbours, relative to b there, are none."""
 
-Builder = TypeVar("Builder", bound=Callable[..., FrictionLaw])
+Builder = TypeVar("Builder", bound=Callable[..., Laws])
 
 
 class LawError(ValueError):
@@ -60,50 +58,64 @@ class _Piece(NamedTuple):
 
     def goes_on_as(self, other: _Piece) -> bool:
         """True if both are the same function; a constant has no anchor."""
-        return self[1:] == other[1:] and (self.s_0 == other.s_0 or (self.q == 0.0 and self.a == 0.0))
+        same = self[1:] == other[1:] and (self.s_0 == other.s_0 or (self.q == 0.0 and self.a == 0.0))
+        return same and all(slope_of(x) == slope_of(y) for x, y in zip(self[1:], other[1:], strict=True))
 
 
-def _law(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> FrictionLaw:
+def _law(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> Laws:
     """A law from its kinks and pieces; a kink between two equal pieces is none and is left out."""
     keep = [i for i in range(len(kinks)) if not pieces[i].goes_on_as(pieces[i + 1])]
     kept = [pieces[0], *(pieces[i + 1] for i in keep)]
     kind = object if any(isinstance(x, Dual) for piece in kept for x in piece) else float
     columns = (np.array(column, dtype=kind) + 0.0 for column in zip(*kept, strict=True))
-    return FrictionLaw(name, np.array([kinks[i] for i in keep], dtype=kind), *columns)
+    return Laws(name, np.array([kinks[i] for i in keep], dtype=kind), *columns)
 
 
-def _odd(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> FrictionLaw:
+def _odd(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> Laws:
     """The odd law whose kinks and pieces for s > 0 are given."""
     left = [piece.mirrored() for piece in reversed(pieces)]
     return _law(name, [*(-s for s in reversed(kinks)), 0.0, *kinks], [*left, *pieces])
 
 
-def _parameter(
-    name: str, meaning: str, dimension: Dimension = NONE, example: str = "", kind: Kind = "number", **more: Any
-) -> Key:
-    """The row of a parameter that every law of the shape needs, unless `required` is false."""
-    return Key(name, kind, meaning, dimension, example, "friction", **{"required": True, "swept": True, **more})
+@dataclass(frozen=True)
+class LawParameter:
+    """A parameter of a shape.
+
+    dimension: SI unit of its numbers;  meaning: in a line;  example: a value as it is suggested, "" that of the unit
+    kind:      "number", "integer", "flag", "numbers" or "law points"
+    default:   what stands for it if it is not given and not required;  least: of a number
+    """
+
+    name: str
+    meaning: str
+    dimension: str = ""
+    example: str = ""
+    kind: str = "number"
+    required: bool = True
+    default: object = None
+    least: float | None = None
 
 
-_TAU = _parameter("tau", "traction, of a saw-tooth its first peak", TRACTION)
-_DELTA = _parameter("delta", "slip over which b falls, of a saw-tooth the width of a tooth", LENGTH, "40 um")
-_optional = partial(_parameter, required=False)
+LENGTH, TRACTION, STIFFNESS = "m", "Pa", "Pa/m"
+_TAU = LawParameter("tau", "traction, of a saw-tooth its first peak", TRACTION)
+_DELTA = LawParameter("delta", "slip over which b falls, of a saw-tooth the width of a tooth", LENGTH, "40 um")
+_optional = partial(LawParameter, required=False)
 
 
 @dataclass(frozen=True)
 class Shape:
     """A family of laws under one name.
 
-    parameters: their rows in the table of keys, in the order of the documentation
+    parameters: in the order of the documentation
     summary:    the formula for s > 0
     """
 
     name: str
-    parameters: tuple[Key, ...]
+    parameters: tuple[LawParameter, ...]
     summary: str
-    builder: Callable[..., FrictionLaw]
+    builder: Callable[..., Laws]
 
-    def build(self, **values: object) -> FrictionLaw:
+    def build(self, **values: object) -> Laws:
         """The law with these parameters (consistent units).
 
         Raises LawError for a missing, unknown or meaningless parameter, GrowthError unless (15) and (16) hold.
@@ -119,7 +131,7 @@ class Shape:
         return law
 
 
-def _checked(shape: str, parameter: Key, value: object) -> Any:
+def _checked(shape: str, parameter: LawParameter, value: object) -> Any:
     """The value of a parameter as its kind asks for, or its default."""
     name = parameter.name
     if value is None:
@@ -164,7 +176,7 @@ SHAPES: dict[str, Shape] = {}
 """The shapes by name, as a study writes them."""
 
 
-def _shape(*parameters: Key) -> Callable[[Builder], Builder]:
+def _shape(*parameters: LawParameter) -> Callable[[Builder], Builder]:
     """Puts a builder of laws among the shapes, under its name; its docstring is the summary."""
 
     def register(builder: Builder) -> Builder:
@@ -176,22 +188,22 @@ def _shape(*parameters: Key) -> Callable[[Builder], Builder]:
 
 
 @_shape(_TAU)
-def tresca(tau: float) -> FrictionLaw:
+def tresca(tau: float) -> Laws:
     """b = tau"""
     _not_negative(tau=tau)
     return _odd("tresca", [], [_Piece(0.0, tau)])
 
 
-@_shape(_parameter("tau_s", "traction of rest", TRACTION), _parameter("tau_k", "of slip", TRACTION), _DELTA)
-def slip_weakening(tau_s: float, tau_k: float, delta: float) -> FrictionLaw:
+@_shape(LawParameter("tau_s", "traction of rest", TRACTION), LawParameter("tau_k", "of slip", TRACTION), _DELTA)
+def slip_weakening(tau_s: float, tau_k: float, delta: float) -> Laws:
     """b falls linearly from tau_s to tau_k over the slip delta (rises if tau_k > tau_s), then b = tau_k"""
     _not_negative(tau_s=tau_s, tau_k=tau_k)
     _positive(delta=delta)
     return _odd("slip-weakening", [delta], [_Piece(0.0, tau_s, (tau_k - tau_s) / delta), _Piece(delta, tau_k)])
 
 
-@_shape(_parameter("a", "traction of rest", TRACTION), _parameter("b", "of much slip", TRACTION), _DELTA)
-def exponential(a: float, b: float, delta: float) -> FrictionLaw:
+@_shape(LawParameter("a", "traction of rest", TRACTION), LawParameter("b", "of much slip", TRACTION), _DELTA)
+def exponential(a: float, b: float, delta: float) -> Laws:
     """b = (a - b) exp(-s/delta) + b"""
     _not_negative(a=a, b=b)
     _positive(delta=delta)
@@ -202,11 +214,11 @@ def exponential(a: float, b: float, delta: float) -> FrictionLaw:
 @_shape(
     _TAU,
     _DELTA,
-    _parameter("teeth", "their number", example="3", kind="integer", least=1),
-    _parameter("drop", "share of its peak that b falls by after a tooth", example="0.5"),
+    LawParameter("teeth", "their number", example="3", kind="integer", least=1),
+    LawParameter("drop", "share of its peak that b falls by after a tooth", example="0.5"),
     _optional("decay", "each peak over the one before", example="0.5", default=1.0),
 )
-def saw_tooth(tau: float, delta: float, teeth: int, drop: float, decay: float) -> FrictionLaw:
+def saw_tooth(tau: float, delta: float, teeth: int, drop: float, decay: float) -> Laws:
     """teeth i = 0, 1, ... of width delta: b rises linearly from (1 - drop) tau decay^i to tau decay^i and falls down at
     the end; after the last tooth b = (1 - drop) tau decay^teeth
     """
@@ -232,14 +244,14 @@ class _Vertex(NamedTuple):
 
 
 @_shape(
-    _parameter("points", "[s, b]", NONE, "[[0 um, 20 MPa], [40 um, 5 MPa]]", "law points"),
+    LawParameter("points", "[s, b]", "", "[[0 um, 20 MPa], [40 um, 5 MPa]]", "law points"),
     _optional("odd", "given for s >= 0 and mirrored", example="true", kind="flag", default=True),
     _optional("slope", "beyond the last point", STIFFNESS),
     _optional("slopes", "beyond both ends where odd is false", STIFFNESS, "[0, 0]", "numbers"),
 )
 def piecewise_linear(
     points: list[tuple[float, float]], odd: bool, slope: float | None, slopes: list[float] | None
-) -> FrictionLaw:
+) -> Laws:
     """b straight between the points [s, b], a jump where two have the same s, then on with the slope(s), by default 0;
     odd: given for s >= 0 and mirrored
     """
@@ -291,9 +303,11 @@ def _polygon(vertices: list[_Vertex], left: float | None, right: float) -> tuple
     outer = [] if left is None else [(first, _Piece(first.s, first.left, left))]
     pieces = [line for _, line in outer] + lines + [_Piece(last.s, last.right, right)]
     kinks = [corner.s for corner in (corners if outer else corners[1:])]
-    if len(pieces) > 1 and last.left == last.right and pieces[-2].q == right:  # a slope goes on beyond its end
+    # a slope goes on beyond its end
+    fixed = not isinstance(first.right, Dual) and not isinstance(right, Dual)
+    if fixed and len(pieces) > 1 and last.left == last.right and pieces[-2].q == right:
         del pieces[-1], kinks[-1]
-    if outer and len(pieces) > 1 and first.left == first.right and pieces[1].q == left:
+    if fixed and outer and len(pieces) > 1 and first.left == first.right and pieces[1].q == left:
         del pieces[0], kinks[0]
     return kinks, pieces
 
@@ -306,6 +320,8 @@ def _corners(vertices: list[_Vertex]) -> list[_Vertex]:
     left out costs no other vertex anything.
     """
     corners, at = [vertices[0]], 0
+    if isinstance(vertices[0].right, Dual):  # of one that moves alone nothing is straight
+        return vertices
     while at + 1 < len(vertices):
         begin, low, high, end = vertices[at], -math.inf, math.inf, at + 1
         for i in range(at + 1, len(vertices)):
@@ -325,13 +341,13 @@ def _corners(vertices: list[_Vertex]) -> list[_Vertex]:
 def _line(a: _Vertex, b: _Vertex) -> _Piece:
     """The line between two vertices, anchored at the one nearer to s = 0, so that mirror images stay mirror images."""
     slope = (b.left - a.right) / (b.s - a.s)
-    if a.s == -b.s and a.right == -b.left:
+    if a.s == -b.s and a.right == -b.left and not isinstance(a.right, Dual):
         return _Piece(0.0, 0.0, slope)
     return _Piece(a.s, a.right, slope) if abs(a.s) <= abs(b.s) else _Piece(b.s, b.left, slope)
 
 
-@_shape(_parameter("k", "stiffness", STIFFNESS))
-def linear(k: float) -> FrictionLaw:
+@_shape(LawParameter("k", "stiffness", STIFFNESS))
+def linear(k: float) -> Laws:
     """b = k s, a spring"""
     _not_negative(k=k)
     return _law("linear", [], [_Piece(0.0, 0.0, k)])

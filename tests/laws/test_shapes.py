@@ -12,11 +12,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tcstudy.scene.friction import BEND, DOWN, UP, FrictionLaw, GrowthError
-from tcstudy.scene.laws import MAX_TEETH, SHAPES, LawError
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import BEND, DOWN, UP, GrowthError
+from tcstudy.laws.shapes import MAX_TEETH, SHAPES, LawError
 
 
-def build(name: str, **values: Any) -> FrictionLaw:
+def build(name: str, **values: Any) -> Laws:
     return SHAPES[name].build(**values)
 
 
@@ -122,17 +123,6 @@ def test_slope_beyond_the_last_point_is_kept_exactly() -> None:
     assert law.b(1e9) == last
 
 
-def test_law_over_all_slips() -> None:
-    points = [[-2, -1], [0, -0.5], [0, 2], [1, 1]]
-    law = build("piecewise-linear", points=points, odd=False, slopes=[0.5, 3])
-    assert law.kinks.tolist() == [-2, 0, 1]
-    assert law.kinds.tolist() == [BEND, UP, BEND]
-    assert law.b([-6, -3, -1, 0.5, 3]).tolist() == [-3, -1.5, -0.75, 1.5, 7]
-    assert [float(end) for end in law.interval(0.0)] == [-0.5, 2.0]
-    one = build("piecewise-linear", points=[[1, -1]], odd=False, slopes=[1, 2])
-    assert one.b([0, 1, 2]).tolist() == [-2, -1, 1]
-
-
 def test_both_ways_to_write_the_sticking_jump_mean_the_same() -> None:
     plain = build("piecewise-linear", points=[[0, 2], [1, 1]])
     assert plain == build("piecewise-linear", points=[[0, 0], [0, 2], [1, 1]])
@@ -210,8 +200,6 @@ def test_parameters_are_described() -> None:
         assert shape.name == name
         assert shape.summary
         for parameter in shape.parameters:
-            assert parameter.section == "friction"
-            assert parameter.swept
             assert parameter.meaning
             assert parameter.kind in ("number", "integer", "law points", "flag", "numbers")
             assert parameter.required or parameter.name in ("decay", "odd", "slope", "slopes")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.scene.friction import BEND, DOWN, UP, FrictionLaw
-from tcstudy.scene.laws import SHAPES
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import BEND, DOWN, UP
+from tcstudy.laws.shapes import SHAPES
 from tests.solvers import contact_cases as cases
 
 
@@ -75,7 +76,7 @@ def test_a_symmetric_law_written_out_is_odd_to_the_bit() -> None:
     assert np.array_equal(law.b(s), -law.b(-s))
 
 
-def narrow_laws() -> list[FrictionLaw]:
+def narrow_laws() -> list[Laws]:
     """Odd polygons with close points and bent laws far from s = 0."""
     polygons = [close_points(np.random.default_rng([seed, 1]), True) for seed in range(30)]
     return [SHAPES["piecewise-linear"].build(points=points) for points in polygons]
@@ -96,6 +97,6 @@ def test_other_units_keep_the_values_at_the_ends_of_narrow_pieces() -> None:
 def test_exponential_pieces_far_from_zero_keep_their_digits() -> None:
     """exp(−r (s − s_0)) hangs on the piece's end: a rate of 1e4 at s = 1 would overflow as a exp(−r s)."""
     law = cases.exponential_decay(1.0, 0.5, 1e-4)
-    moved = FrictionLaw("moved", law.kinks + 1.0, law.s_0 + 1.0, law.b_0, law.q, law.a, law.r)
+    moved = Laws("moved", law.kinks + 1.0, law.s_0 + 1.0, law.b_0, law.q, law.a, law.r)
     s = np.linspace(-3e-4, 3e-4, 13)
     np.testing.assert_allclose(moved.b(1.0 + s), law.b((1.0 + s) - 1.0), rtol=1e-15)

@@ -1,0 +1,217 @@
+"""Laws by node and by row made of laws for all; friction that differs along Γ_C, and what acts where two edges meet.
+
+At a joint node i has the friction c' b'(s) + c'' b''(s), c' and c'' the parts of c_i on the two edges; so its law is
+b = (c' b' + c'' b'')/c_i: the trapezoidal rule on either side of the step in ∫_{Γ_C} j(x, u_T), of second order.
+With all of c_i given to one of the laws it is of first order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tcstudy.expressions.expression import Expression
+from tcstudy.laws.laws import NONE, Laws
+from tcstudy.laws.pieces import Array
+
+
+def each(law: Laws, answer: Callable[..., Any], *arrays: Any) -> Any:
+    """answer(law, *arrays) for what is independent node by node: of laws by node, asked of each on its own nodes.
+
+    arrays: (m, …); answer gives an array (nodes, …) or a tuple of such
+    """
+    if law.one:
+        return answer(law, *arrays)
+    m = len(law.index)
+    parts = [(nodes, answer(own, *(x[nodes] for x in arrays))) for own, nodes in law.groups(m)]
+    if not parts:
+        return answer(NONE, *arrays)
+
+    def joined(column: Sequence[Array]) -> Array:
+        whole = np.empty((m, *column[0].shape[1:]), dtype=column[0].dtype)
+        for (nodes, _), part in zip(parts, column, strict=True):
+            whole[nodes] = part
+        return whole
+
+    if isinstance(parts[0][1], tuple):
+        return tuple(joined(column) for column in zip(*(part for _, part in parts), strict=True))
+    return joined([part for _, part in parts])
+
+
+def nodal(
+    laws: Sequence[Laws],
+    index: ArrayLike,
+    stronger: ArrayLike = 1.0,
+    stretched: ArrayLike = 1.0,
+    moved: ArrayLike = 0.0,
+) -> Laws:
+    """The laws b_i(s) = β_i b((s − a_i)/σ_i) of nodes; the law itself where all nodes have the same.
+
+    laws:      the shared laws b, each one for all
+    index:     (m,) which of them a node has
+    stronger:  strength β_i ≥ 0, 0 for a gap in the bond
+    stretched: σ_i > 0;  moved: a_i [m];  all (m,) or one number
+
+    Raises ValueError for a strength below 0, a stretch that is not above 0, or numbers that are not finite.
+    """
+    index = np.asarray(index, dtype=np.intp)
+    beta, sigma, a = (np.broadcast_to(np.asarray(x, dtype=float), index.shape) for x in (stronger, stretched, moved))
+    if not (np.all(np.isfinite([beta, sigma, a])) and np.all(beta >= 0.0) and np.all(sigma > 0.0)):
+        raise ValueError("a node's law needs finite numbers, a strength of at least 0 and a stretch above 0")
+    same: dict[Laws, int] = {}
+    first = np.array([same.setdefault(law, k) for k, law in enumerate(laws)], dtype=np.intp)
+    gap = (beta == 0.0) | np.array([law.vanishes for law in laws])[index]
+    rows = np.stack([np.where(gap, -1, first[index]), *(np.where(gap, 1.0, x) for x in (beta, sigma, a))], axis=1)
+    used, at = np.unique(rows, axis=0, return_inverse=True)
+    distinct = [NONE if k < 0 else laws[int(k)].placed(b, s, shift) for k, b, s, shift in used.tolist()]
+    return distinct[0] if len(distinct) == 1 else Laws.of(distinct, at.reshape(-1))
+
+
+def total(one: Laws, two: Laws) -> Laws:
+    """The law b' + b'', of two that have at most one exponential a piece; an odd one of odd ones, to the bit.
+
+    It has the kinks of both, and one where b″ of two exponentials changes its sign.
+    """
+    ends = np.concatenate([[-np.inf], np.union1d(one.kinks, two.kinks), [np.inf]])
+    kinks: list[float] = []
+    rows: list[tuple[float, ...]] = []
+    for left, right in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+        s_0 = min(max(0.0, left), right)
+        inside = left if np.isfinite(left) else right if np.isfinite(right) else 0.0
+        side = 1 if np.isfinite(left) else -1
+        pieces = [(law, int(law.piece(inside, side))) for law in (one, two)]
+        b_0 = sum(float(law.b_0[k] + law.q[k] * (s_0 - law.s_0[k])) for law, k in pieces)
+        decays: dict[float, float] = {}
+        for law, k in pieces:
+            if law.a[k]:
+                a = float(law.a[k] * np.exp(-law.r[k] * (s_0 - law.s_0[k])))
+                decays[float(law.r[k])] = decays.get(float(law.r[k]), 0.0) + a
+        (r, a), (r_2, a_2) = (*sorted(decays.items(), key=lambda x: abs(x[0])), (0.0, 0.0), (0.0, 0.0))[:2]
+        row = (s_0, b_0, sum(float(law.q[k]) for law, k in pieces), a, r, a_2, r_2)
+        ratio = -(a_2 * r_2**2) / (a * r**2) if a and a_2 else 0.0
+        turn = s_0 + float(np.log(ratio)) / (r_2 - r) if ratio > 0.0 else np.nan
+        kinks += [left, *([turn] if left < turn < right else [])]
+        rows += [row] * (2 if left < turn < right else 1)
+    name = " and ".join(dict.fromkeys(law.name for law in (one, two) if not law.vanishes))
+    columns = [np.array(column) for column in zip(*rows, strict=True)]
+    return Laws(name, np.array(kinks[1:]), *(columns if np.any(columns[5]) else columns[:5]))
+
+
+def row_laws(laws: Sequence[Laws], factor: Array) -> Laws:
+    """The laws of a block, each scaled by the row's stiffness over that of the body; by node where one has them so."""
+    known: dict[tuple[int, float], int] = {}  # by identity: a sweep shares its laws, and equal ones only cost time
+    rows = [known.setdefault((id(law), f), len(known)) for law, f in zip(laws, factor.tolist(), strict=True)]
+    own = [(laws[row], float(factor[row])) for row in np.unique(rows, return_index=True)[1]]
+    scaled = [law if f == 1.0 else law.scaled(1.0, f) for law, f in own]
+    m = max((len(law.index) for law in scaled if not law.one), default=1)
+    tables: list[Laws] = []
+    index = np.empty((len(scaled), m), dtype=np.intp)
+    for row, law in zip(index, scaled, strict=True):
+        row[:] = len(tables) + law.index
+        tables += law.laws
+    return Laws.of(tables, index[np.array(rows, dtype=np.intp)])
+
+
+class Joints(NamedTuple):
+    """The nodes whose cells lie on two edges of Γ_C: where one ends and the next begins.
+
+    node: (j,) which of the nodes, whose own edge is the one after it (along t);  edge: (j,) number of the edge before
+    share: (j,) part of c_i on that edge
+    """
+
+    node: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+    edge: NDArray[np.integer] = np.zeros(0, dtype=np.intp)
+    share: Array = np.zeros(0)
+
+
+NO_JOINTS = Joints()
+
+
+@dataclass(frozen=True)
+class EdgeLaws:
+    """Friction that differs along Γ_C: b(s) of an edge's law times its strength in x and y, 0 where the bond has a gap.
+
+    laws: (edge, law, strength); the edge "" is all of Γ_C
+    """
+
+    laws: tuple[tuple[str, Laws, float | Expression], ...]
+
+    def along(self, names: Sequence[str], edge: NDArray[np.integer], xy: Array) -> tuple[NDArray[np.intp], Array]:
+        """(m,) which of the laws a point has, and its strength there; of points at xy (m, 2) on edges by number.
+
+        Raises ValueError for a strength below 0 or one that is no number.
+        """
+        own = [name for name, _, _ in self.laws]
+        index = np.array([own.index(name) if name in own else 0 for name in names], dtype=np.intp)[edge]
+        strength = np.empty(len(index))
+        for k, (_, _, factor) in enumerate(self.laws):
+            x, y = xy[index == k].T
+            strength[index == k] = factor.evaluate(x, y) if isinstance(factor, Expression) else factor
+        if np.any(wrong := ~((strength >= 0.0) & np.isfinite(strength))):
+            k = int(np.argmax(wrong))
+            x, y = xy[k]
+            raise ValueError(f"the strength of friction is {strength[k]:g} at ({x:g}, {y:g}); it must be 0 or more")
+        return index, strength
+
+    def factors(self, names: Sequence[str], edge: NDArray[np.integer], xy: Array, joints: Joints) -> Array:
+        """(L, m) the factor of every law in that of a node: its strength, at a joint times its part of c_i.
+
+        NaN where a node has nothing of a law. Arguments and Raises as `along`.
+        """
+        index, strength = self.along(names, edge, xy)
+        found = np.full((len(self.laws), len(index)), np.nan)
+        found[index, np.arange(len(index))] = strength
+        before, weaker = self.along(names, joints.edge, xy[joints.node])
+        for node, k, beta, share in zip(joints.node, before, weaker, joints.share, strict=True):
+            own = strength[node]
+            if k == index[node]:
+                found[k, node] = own + share * (beta - own)
+            else:
+                found[index[node], node], found[k, node] = (1.0 - share) * own, share * beta
+        return found
+
+    @property
+    def vanishes(self) -> bool:
+        """True if b ≡ 0 everywhere."""
+        return all(law.vanishes for _, law, _ in self.laws)
+
+
+def law_along(
+    friction: Laws | EdgeLaws,
+    names: Sequence[str],
+    edge: NDArray[np.integer],
+    xy: Array,
+    joints: Joints = NO_JOINTS,
+) -> Laws:
+    """The law of the contact line, or of points xy (m, 2) on it, which lie on the edges `names` by number (m,).
+
+    Raises ValueError for a strength below 0.
+    """
+    if isinstance(friction, Laws):
+        return friction
+    laws, index, strength = laws_along(friction, names, edge, xy, joints)
+    return nodal([law for _, law in laws], index, strength)
+
+
+def laws_along(
+    friction: EdgeLaws, names: Sequence[str], edge: NDArray[np.integer], xy: Array, joints: Joints
+) -> tuple[list[tuple[str, Laws]], NDArray[np.intp], Array]:
+    """(edge, law) of the edges and after them of joints, (m,) which of them a node has, and its strength.
+
+    A joint has (c' b' + c'' b'')/c_i of the edges that meet there, whose names its law has both.
+    Raises ValueError for a strength below 0.
+    """
+    factors = friction.factors(names, edge, xy, joints)
+    has = ~np.isnan(factors)
+    laws, index = [(name, law) for name, law, _ in friction.laws], np.argmax(has, axis=0)
+    strength = factors[index, np.arange(len(index))]
+    for node in np.flatnonzero(has.sum(axis=0) > 1).tolist():
+        meet = np.flatnonzero(has[:, node])
+        one, two = (laws[k][1].times(float(factors[k, node])) for k in meet)
+        index[node], strength[node] = len(laws), 1.0
+        laws.append((" and ".join(laws[k][0] for k in meet), total(one, two)))
+    return laws, index, strength

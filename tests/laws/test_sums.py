@@ -1,0 +1,120 @@
+"""Sums of laws: values, primitives, kinks and symmetry of every pair of shapes, and what exponentials cost."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations_with_replacement
+
+import numpy as np
+import pytest
+
+from tcstudy.laws.composed import total
+from tcstudy.laws.laws import NONE, Laws
+from tcstudy.laws.pieces import BEND, DOWN, UP
+from tcstudy.laws.shapes import SHAPES
+from tcstudy.scene.histories import Memory, is_odd
+from tcstudy.solvers.bounds import bend_below_tangent, least_slopes, value_range
+from tcstudy.solvers.history.memory import MemoryModel, NodeState
+from tcstudy.solvers.path.chords import piecewise_linear
+
+
+def law(shape: str, **parameters: object) -> Laws:
+    return SHAPES[shape].build(**parameters)
+
+
+LAWS = (
+    law("tresca", tau=2.0),
+    law("slip-weakening", tau_s=3.0, tau_k=1.0, delta=0.4),
+    law("exponential", a=2.0, b=0.5, delta=0.3),
+    law("saw-tooth", tau=2.0, delta=0.25, teeth=3, drop=0.5, decay=0.9),
+    law("piecewise-linear", points=[(0.0, 0.0), (0.1, 2.0), (float(np.nextafter(0.1, 1.0)), 0.5), (2.0, 0.7)]),
+    law("piecewise-linear", points=[(-1.0, -3.0), (-0.2, -1.0), (0.3, 2.0)], odd=False),
+    law("linear", k=3.0),
+    NONE,
+)
+SLIPS = np.concatenate([np.linspace(-3.0, 3.0, 2001), *(one.kinks for one in LAWS)])
+
+
+@pytest.mark.parametrize(("one", "two"), list(combinations_with_replacement(LAWS, 2)), ids=lambda one: one.name)
+def test_a_sum_has_the_values_and_primitives_of_both(one: Laws, two: Laws) -> None:
+    one, two = one.times(0.3), two.times(0.7)
+    both = total(one, two)
+    both.check_growth()
+    assert {*one.kinks, *two.kinks} <= set(both.kinks)
+    assert is_odd(both) == (is_odd(one) and is_odd(two))
+    for side in (-1, 1):
+        np.testing.assert_allclose(both.b(SLIPS, side), one.b(SLIPS, side) + two.b(SLIPS, side), atol=1e-13)
+    np.testing.assert_allclose(both.j(SLIPS), one.j(SLIPS) + two.j(SLIPS), atol=1e-13)
+    assert both.omega <= one.omega + two.omega or np.isinf(one.omega + two.omega)
+
+
+def test_what_jumps_up_and_down_at_one_slip_does_what_remains() -> None:
+    up = law("piecewise-linear", points=[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (2.0, 1.0)])
+    for height, kind in ((0.5, UP), (1.0, BEND), (1.5, DOWN)):
+        down = law("piecewise-linear", points=[(0.0, height), (1.0, height), (1.0, 0.0), (2.0, 0.0)])
+        assert total(up, down).kinds[-1] == kind
+
+
+def test_exponentials_of_different_decay_add_up_exactly() -> None:
+    rng = np.random.default_rng(7)
+    for case in range(200):
+        delta, ratio = 10.0 ** rng.uniform(-6, 3), 10.0 ** rng.uniform(-2, 2) if case % 5 else 1.0 + 1e-9
+        a, b, c, d = rng.uniform(0.0, 2.0, 4)
+        one, two = law("exponential", a=a, b=b, delta=delta), law("exponential", a=c, b=d, delta=ratio * delta)
+        both = total(one, two)
+        both.check_growth()
+        assert is_odd(both)
+        assert np.all(both.kinds[both.kinks != 0.0] == BEND)
+        s = np.concatenate([x * np.linspace(-40.0, 40.0, 501) for x in (delta, ratio * delta)])
+        np.testing.assert_allclose(both.b(s), one.b(s) + two.b(s), rtol=0.0, atol=1e-13)
+        np.testing.assert_allclose(both.j(s), one.j(s) + two.j(s), rtol=1e-12, atol=1e-13 * delta * ratio)
+        slopes = both.slope(s, both.piece(s))
+        assert both.omega >= -np.min(slopes) * (1.0 - 1e-12)
+        assert both.omega <= max(-np.min(both.end_slopes), 0.0)
+        least, largest = value_range(both.tables, np.zeros(1, dtype=np.intp), np.array([s.min()]), np.array([s.max()]))
+        assert least[0] <= np.min(both.b(s)) <= np.max(both.b(s)) <= largest[0]
+
+
+def test_exponentials_that_decay_alike_stay_one() -> None:
+    one, two = law("exponential", a=2.0, b=0.5, delta=0.3), law("exponential", a=1.0, b=3.0, delta=0.3)
+    both = total(one, two)
+    assert list(both.kinks) == [0.0]
+    np.testing.assert_allclose(both.b(SLIPS), one.b(SLIPS) + two.b(SLIPS), atol=1e-14)
+
+
+TWO = total(law("exponential", a=2.0, b=0.5, delta=0.3), law("exponential", a=0.4, b=1.4, delta=0.05))
+"""Falls and rises again: b″ changes its sign, b′ too."""
+
+
+def test_chords_of_two_exponentials_miss_them_by_the_tolerance_at_most() -> None:
+    chords = piecewise_linear(TWO, 1e-3, 3.0)
+    assert is_odd(chords)
+    missed = np.abs(chords.b(SLIPS) - TWO.b(SLIPS))
+    assert 1e-4 * TWO.b_scale < np.max(missed) <= (1.0 + 1e-9) * 1e-3 * TWO.b_scale
+
+
+def test_bounds_hold_for_two_exponentials() -> None:
+    """Of the bend below a tangent, and of b and b′ over a box, against many samples."""
+    rng = np.random.default_rng(11)
+    v, index = rng.uniform(-0.6, 0.6, 40), np.zeros(40, dtype=np.intp)
+    low, high = v - rng.uniform(0.01, 0.8, 40), v + rng.uniform(0.01, 0.8, 40)
+    s = np.linspace(low, high, 2001)
+    inside = np.abs(s - v) > 1e-6
+    below = TWO.j(v) + TWO.b(v) * (s - v) - TWO.j(s)
+    sampled = np.max(np.where(inside, 2.0 * below / np.where(inside, s - v, 1.0) ** 2, -np.inf), axis=0)
+    bound = bend_below_tangent(TWO, v, TWO.b(v), low, high)
+    assert np.all(bound >= sampled - 1e-6)
+    assert np.median(bound - sampled) < 0.05 * np.median(np.abs(sampled))
+    least, largest = value_range(TWO.tables, index, low, high)
+    assert np.all((least <= TWO.b(s).min(axis=0)) & (largest >= TWO.b(s).max(axis=0)))
+    assert np.all(least_slopes(TWO.tables, index, low, high) <= TWO.slope(s, TWO.piece(s)).min(axis=0) + 1e-12)
+
+
+def test_a_memory_of_two_exponentials_goes_on_along_their_sum() -> None:
+    model = MemoryModel(Memory("friction"), TWO, 3)
+    state = replace(NodeState.virgin(3), kappa=np.array([0.0, 0.02, 0.7]))
+    ahead, w = model.next_law(state), np.array([0.01, 0.3, 0.2])
+    np.testing.assert_allclose(ahead.b(w), TWO.b(state.kappa + w), rtol=1e-14)
+    np.testing.assert_allclose(ahead.b(-w), -TWO.b(state.kappa + w), rtol=1e-14)
+    chords = model.next_law(state, straight=True)
+    np.testing.assert_allclose(chords.b(w), ahead.b(w), atol=1e-4 * TWO.b_scale)
