@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tcstudy.data.checksums import stamp
 from tcstudy.data.reading import FINISHED, is_foreign, put_seal
+from tcstudy.data.writer import stamp
 from tcstudy.errors import StoreError, printable, shortened
 
 if TYPE_CHECKING:

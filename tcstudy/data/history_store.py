@@ -33,8 +33,7 @@ from tcstudy.data.schema import (
     flag,
     result,
 )
-from tcstudy.data.store import load_root
-from tcstudy.data.windows import missing
+from tcstudy.data.store import load_root, missing
 from tcstudy.data.writer import axis_name, in_file_order, put, put_all, put_axes, put_edges
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.histories import START

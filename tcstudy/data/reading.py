@@ -31,7 +31,7 @@ from tcstudy.errors import StoreError, tell
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tcstudy.data.checksums import Changes
+    from tcstudy.data.writer import Changes
 
 SECONDS = 60.0
 """For reading; an ordinary file takes a fraction of one."""
@@ -73,7 +73,7 @@ def _probe(file: str, *_stamp: int) -> tuple[dict[str, Any], Changes]:
         raise Unreadable("the netCDF library cannot read it") from error
     if done.returncode:
         raise Unreadable(str(answer))
-    from tcstudy.data.checksums import Changes
+    from tcstudy.data.writer import Changes
 
     found, changed = answer
     return dict(found), Changes(*map(tuple, changed))
@@ -83,7 +83,7 @@ def read_all(file: str) -> tuple[dict[str, Any], Changes]:
     """The global attributes and what has changed, after every attribute and value of the file has been read once."""
     import netCDF4
 
-    from tcstudy.data.checksums import changes
+    from tcstudy.data.writer import changes
 
     with netCDF4.Dataset(file) as nc:
         nc.set_auto_maskandscale(False)

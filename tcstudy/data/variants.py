@@ -22,9 +22,8 @@ from tcstudy.data.provenance import Provenance, global_attributes
 from tcstudy.data.reading import GEOMETRIES, refuse_changed
 from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import POINT, SWEEP, FileVariable
-from tcstudy.data.store import KEPT, Filling, root_variables
+from tcstudy.data.store import KEPT, Filling, missing, root_variables
 from tcstudy.data.stored import opened, read_blocks
-from tcstudy.data.windows import missing
 from tcstudy.data.writer import (
     COMPRESSED,
     SMALL,

@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.optimize
@@ -68,8 +68,8 @@ class Best:
 class Watched(ContactProblem):
     """A contact problem with a deadline; it remembers the best point that a method asked the energy of."""
 
-    deadline: float
-    best: Best
+    deadline: float = np.inf
+    best: Best = field(default_factory=lambda: Best(np.zeros(0)))
 
     def check(self) -> None:
         """Raise OutOfTimeError after the deadline."""
@@ -91,7 +91,7 @@ class Watched(ContactProblem):
 
 def watched(problem: ContactProblem, x0: Array, deadline: float) -> Watched:
     """The problem under watch from a start on."""
-    return Watched(problem.A_tilde, problem.l_tilde, problem.c, problem.law, deadline, Best(x0))
+    return Watched(problem.A_tilde, problem.l_tilde, problem.c, problem.law, deadline=deadline, best=Best(x0))
 
 
 def separable(problem: ContactProblem, x0: Array, deadline: float) -> Attempt:

@@ -64,7 +64,7 @@ class Watch(Quiet):
         self.work: list[LevelWork] = []
         self.levels, self.points, self.blocks, self.after, self.do = 0, 0, 0, after, do
 
-    def begin(self, work: Sequence[LevelWork], warnings: Sequence[str]) -> None:
+    def begin(self, work: Sequence[LevelWork]) -> None:
         self.work += work
 
     def level(self, record: LevelRecord, geometry: str = "") -> None:

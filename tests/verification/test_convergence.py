@@ -15,6 +15,7 @@ from tcstudy.scene.study import Study
 from tcstudy.study.convergence import own_error
 from tcstudy.study.convergence_run import converge
 from tcstudy.study.doubts import MEASURED, locking_note
+from tcstudy.study.plan import warnings
 from tests.verification import closed_forms
 from tests.verification import manufactured as smooth
 from tests.verification.patch import Case, patch_study
@@ -216,8 +217,9 @@ def test_few_levels_give_numbers_only() -> None:
 def test_locking_is_measured_and_warned_about() -> None:
     """On a solution that does not depend on ν the error grows with λ; the figures of the warning are these."""
     poissons = tuple(MEASURED)
-    found = converge(closed_forms.incompressible(4, poissons))
-    assert any("P1 elements lock" in note for note in found.notes)
+    study = closed_forms.incompressible(4, poissons)
+    assert any("P1 elements lock" in str(note) for note in warnings(study))
+    found = converge(study)
     errors = {nu: p.errors for nu, p in zip(poissons, found.points, strict=True)}
     for nu, (energy, slip) in MEASURED.items():
         assert 100 * errors[nu]["u_energy"].error[-1] == pytest.approx(energy, rel=0.05)
