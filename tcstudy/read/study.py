@@ -151,15 +151,15 @@ def _check_options(ctx: Context, root: Node, sweep: Sweep, overrides: Sequence[s
         for name, short, words, whole in swept:
             path = split_path(".".join(words)) or ()
             same = keys == path or (key == short and key not in rows(""))
-            # its value comes of the option; names and the body must have one that a sweep can replace
-            above = path[: len(keys)] == keys and holds(root, path) and path[0] not in ("parameters", "body")
-            above = above and deepest(root, path).mark.file == place
+            # its value comes of the option
+            above = path[: len(keys)] == keys and holds(root, path) and deepest(root, path).mark.file == place
             if same or above or keys[: len(path)] == path:
                 what = (
                     f"{name} is swept, so {'this value' if same or not above else 'its value here'} would not be used"
                 )
                 listed = f', --set "sweep.{name}=[{value}]"' if same and sweep.mode == "grid" and not whole else ""
-                remedy = f"give the sweep other values{listed}, or remove it by --set sweep=null"
+                others = "" if same or not above else "set the others here by keys of their own, "
+                remedy = f"{others}give the sweep other values{listed}, or remove it by --set sweep=null"
                 where = ".".join(map(str, path if same or above else keys))
                 ctx.errors.at_mark(Mark(place, 0, 0), where, what, remedy)
 

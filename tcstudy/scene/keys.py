@@ -132,7 +132,7 @@ ROWS: tuple[Key, ...] = (
     ),
     *in_section(
         "body",
-        Key("outline", "sections", "its edges, a list, counter-clockwise", of=("outline",), least=2),
+        Key("outline", "sections", "a list of its edges in their order around the body", of=("outline",), least=2),
         Key("rectangle", "section", "with the edges bottom, right, top, left", of=("block",)),
         Key("file", "section", "a plane face of a STEP or BREP file", of=("file",)),
         Key("holes", "sections", "a list of shapes, each with the name of its edge", of=("hole",)),

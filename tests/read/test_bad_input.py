@@ -251,6 +251,11 @@ LAW = "{law: slip-weakening, tau_s: 20 MPa, tau_k: 5 MPa"
         (GEOMETRIES, "sweep={parameters.size: [0.2, 0.3]}|parameters.size=0.1", '--set "sweep.parameters.size=[0.1]"'),
         (GEOMETRIES, "sweep={parameters.size: [0.2, 0.3]}|size=0.1", "parameters.size is swept, so this value"),
         (GEOMETRIES, "sweep={parameters.size: [0.2, 0.3]}|nonsense", "this option is not key=value"),
+        (
+            GEOMETRIES,
+            "sweep={parameters.size: [0.2, 0.3]}|parameters={size: 0.1}",
+            "parameters.size is swept, so its value here would not be used; set the others here by keys of their own",
+        ),
     ],
 )
 def test_an_option_for_what_a_sweep_replaces_names_the_sweep(text: str, option: str, said: str) -> None:
