@@ -177,13 +177,16 @@ def _turn_faults(loop: Loop, place: str, _: float) -> Iterator[Fault]:
 
 def turned(loop: Loop) -> Loop:
     """The loop with its edges the other way round if it is clockwise and nothing else is wrong with it."""
-    if not loop.edges or coordinate_faults(loop, "") or loop_area(loop) >= 0.0:
+    if not loop.edges or coordinate_faults(loop, ""):
+        return loop
+    size = rough_size(loop)
+    if [*_chain_faults(loop, "", size), *_edge_faults(loop, "", size)] or loop_area(loop) >= 0.0:
         return loop
     edges = (replace(edge, start=edge.end, end=edge.start) for edge in reversed(loop.edges))
     other = Loop(tuple(edges), turned=True)
     straight = Loop(tuple(replace(edge, through=None) for edge in loop.edges))
     wrong_arc = len(loop.edges) > 2 and loop_area(straight) > 0.0
-    return loop if wrong_arc or loop_faults(other, "", rough_size(other)) else other
+    return loop if wrong_arc or loop_faults(other, "", size) else other
 
 
 def check_body(body: Body) -> list[Fault]:
