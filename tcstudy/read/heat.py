@@ -7,6 +7,7 @@ flux, a temperature that is held. An edge that exchanges heat leaves to the sect
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.read.body import REGION_SHAPES, read_region
@@ -14,6 +15,7 @@ from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, deepest, hint
 from tcstudy.scene.keys import rows
 from tcstudy.scene.records import Body, EdgeHeat, Heat, Material, Point, Role, Scalar, exchanges
+from tcstudy.shapes.snapping import snapped
 
 Boundary = tuple[tuple[str, Role], ...]
 
@@ -45,15 +47,15 @@ INLINE = "omega"
 
 
 def read_inline_region(ctx: Context, heat: Node | None, body: Body) -> Body:
-    """The body with the region that `heat.omega` describes in place, if it does."""
+    """The body with the region that `heat.omega` describes in place, if it does, and all regions on what they meet."""
     node = heat.child("omega") if heat else None
     if node is None or not isinstance(node.value, Mapping):
-        return body
+        return snapped(body) if body.regions else body
     if any(region.name == INLINE for region in body.regions):
         remedy = f"write omega: {INLINE}, or give the region under body.regions another name"
         ctx.errors.at(node, f"the body already has a region {INLINE!r}", remedy)
         return body
-    return Body(body.outline, body.holes, (*body.regions, read_region(ctx, node, INLINE)), body.brep)
+    return snapped(replace(body, regions=(*body.regions, read_region(ctx, node, INLINE))))
 
 
 def needed_of_heat(boundary: Node | None) -> tuple[str, ...]:

@@ -51,10 +51,14 @@ class Loop:
 
 @dataclass(frozen=True)
 class Region:
-    """A named part of the body, for heat sources."""
+    """A named part of the body, for heat sources and materials.
+
+    moved: how far a corner was moved onto an edge that it nearly met [m]
+    """
 
     name: str
     loop: Loop
+    moved: float = field(default=0.0, compare=False)
 
 
 @dataclass(frozen=True)

@@ -175,18 +175,22 @@ def _turn_faults(loop: Loop, place: str, _: float) -> Iterator[Fault]:
     yield Fault(place, what, remedy)
 
 
+def has_edges(loop: Loop) -> bool:
+    """Whether every edge of a loop has a length and every arc a circle, whatever the loop encloses."""
+    if not loop.edges or coordinate_faults(loop, ""):
+        return False
+    return not [fault for kind in (_chain_faults, _edge_faults) for fault in kind(loop, "", rough_size(loop))]
+
+
 def turned(loop: Loop) -> Loop:
     """The loop with its edges the other way round if it is clockwise and nothing else is wrong with it."""
-    if not loop.edges or coordinate_faults(loop, ""):
-        return loop
-    size = rough_size(loop)
-    if [*_chain_faults(loop, "", size), *_edge_faults(loop, "", size)] or loop_area(loop) >= 0.0:
+    if not has_edges(loop) or loop_area(loop) >= 0.0:
         return loop
     edges = (replace(edge, start=edge.end, end=edge.start) for edge in reversed(loop.edges))
     other = Loop(tuple(edges), turned=True)
     straight = Loop(tuple(replace(edge, through=None) for edge in loop.edges))
     wrong_arc = len(loop.edges) > 2 and loop_area(straight) > 0.0
-    return loop if wrong_arc or loop_faults(other, "", size) else other
+    return loop if wrong_arc or loop_faults(other, "", rough_size(other)) else other
 
 
 def check_body(body: Body) -> list[Fault]:

@@ -58,7 +58,7 @@ def doubts(study: Study) -> list[str]:
         notes.append(f"{where}: u = 0 is a solution; give f, g, a pressure, a displacement or a temperature")
     if study.units == "SI":
         notes += [*_absolute(scenes), *_soft(scenes)]
-    return [*notes, *_turned(body), *_idle_alpha(scenes), *unused(study)]
+    return [*notes, *_turned(body), *_moved(body), *_idle_alpha(scenes), *unused(study)]
 
 
 def loaded(scenes: Sequence[Scene]) -> NDArray[np.bool_]:
@@ -146,6 +146,16 @@ def _turned(body: Body) -> list[str]:
     loops |= {f"body.regions.{region.name}": region.loop for region in body.regions}
     loops |= {"body.outline": body.outline} if body.outline is not None else {}
     return [f"{place} runs clockwise and is taken the other way round" for place, loop in loops.items() if loop.turned]
+
+
+def _moved(body: Body) -> list[str]:
+    """Regions whose corners were meant to lie on an edge."""
+    return [
+        f"corners of body.regions.{region.name} miss the edges that they nearly meet by up to {region.moved:.2g} "
+        "and are moved onto them; give them more digits"
+        for region in body.regions
+        if region.moved > 0.0
+    ]
 
 
 def _idle_alpha(scenes: Sequence[Scene]) -> list[str]:

@@ -43,9 +43,8 @@ def test_a_swept_name_acts_in_every_section_that_uses_it() -> None:
 
 
 def test_a_name_that_follows_from_a_swept_one_follows_it() -> None:
-    more = '{height: 1 m, width: 2 m, load: 2 MPa, share: 0.5, other: "load/4"}'
     study = of(
-        f"parameters={more}",
+        "parameters.other=load/4",
         "friction.tau=other",
         "sweep={parameters.load: {uniform: [1 MPa, 2 MPa]}, mode: random, points: 3}",
     )

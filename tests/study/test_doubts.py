@@ -6,11 +6,14 @@ import math
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 from netgen import occ
 
 import tcstudy
 from tcstudy.errors import StudyError
+from tcstudy.fem.geometry import build
+from tcstudy.fem.meshes import doubled_areas, mesh_at
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.refine.family import Family
@@ -301,14 +304,14 @@ mesh: {maxh: 20 mm}
     slips = []
     for number, heat in enumerate(("", "heat: {alpha: 100, theta_bar: 20 K}\n")):
         study = read_study_text(text + heat)
-        assert [note for note in warnings(study) if "heat.alpha" in note] == (
+        assert [note for note in doubts(study) if "heat.alpha" in note] == (
             ["heat.alpha acts nowhere, as no edge has the role convection; remove it"] if heat else []
         )
         slips.append(tcstudy.run(study, tmp_path / f"{number}.nc")["level_0"]["u_T"].values)
     assert (slips[0] == slips[1]).all()
     assert slips[0].any()
     own = text.replace("left: free", "left: {role: convection, alpha: 5, theta_bar: 3 K}").replace("nu:", "k: 45, nu:")
-    (note,) = (note for note in warnings(read_study_text(own + "heat: {alpha: 3, theta_bar: 1}\n")) if "alpha" in note)
+    (note,) = (note for note in doubts(read_study_text(own + "heat: {alpha: 3, theta_bar: 1}\n")) if "alpha" in note)
     assert note == "heat.alpha acts nowhere, as every edge that exchanges heat has its own; remove it"
 
 
@@ -341,9 +344,39 @@ mesh: {maxh: 0.5}
     loops = [(first.outline, second.outline), (first.holes[0], second.holes[0])]
     loops.append((first.regions[0].loop, second.regions[0].loop))
     assert all({*a.edges} == {*b.edges} for a, b in loops)
-    assert not [note for note in warnings(one) if "clockwise" in note]
-    assert [note.split()[0] for note in warnings(other) if "clockwise" in note] == [
+    assert not [note for note in doubts(one) if "clockwise" in note]
+    assert [note.split()[0] for note in doubts(other) if "clockwise" in note] == [
         "body.holes[0]",
         "body.regions.r",
         "body.outline",
     ]
+
+
+def test_regions_are_moved_onto_the_edges_that_they_nearly_meet(tmp_path: Path) -> None:
+    """Six digits on slanted edges and on one another: the mesh is conforming, its areas are those meant."""
+    text = """
+units: none
+body:
+  outline: [{from: [0, 0], edge: bottom}, {from: [2, 0], edge: right}, {from: [3, 1], edge: top},
+    {from: [0, 1], edge: left}]
+  regions:
+    hot: {polygon: [[1, 0.000005], [2.000005, 0], [2.333333, 0.333334], [1, 0.5]]}
+    cold: {polygon: [[1, 0], [1.00001, 0.50001], [0.3, 0.2]]}
+    rest: {polygon: [[0, 0], [0.3, 0.2], [1, 0.5], [2.333333, 0.333333], [3, 1], [0, 1]]}
+boundary: {bottom: contact, top: {role: clamped, u_x: 0.1}, left: free, right: free}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: 0.01}
+mesh: {maxh: 0.3}
+"""
+    study = read_study_text(text)
+    said = [note for note in doubts(study) if "are moved onto them" in note]
+    assert [note.split()[2] for note in said] == ["body.regions.hot", "body.regions.cold", "body.regions.rest"]
+    mesh = mesh_at(build(study.scenes[0].body), study.mesh, 0, None)
+    meant = {"hot": 0.5, "cold": 0.175, "rest": 1.725}
+    areas = {name: 0.5 * doubled_areas(mesh.points[mesh.triangles[mesh.inside((name,))]]).sum() for name in meant}
+    assert areas == pytest.approx(meant, abs=3e-5)
+    sides = np.sort(np.concatenate([mesh.triangles[:, [i, (i + 1) % 3]] for i in range(3)]), axis=1)
+    outer = np.unique(sides, axis=0, return_counts=True)[1] == 1
+    assert np.count_nonzero(outer) == len(mesh.segments)
+    exact = read_study_text(text[: text.index("  regions:")] + text[text.index("boundary:") :])
+    assert not [note for note in doubts(exact) if "are moved onto them" in note]
