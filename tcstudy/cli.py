@@ -9,7 +9,7 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from typing import Any
+from typing import Any, NoReturn
 
 from tcstudy.commands.shared import BAD_INPUT, OK
 from tcstudy.errors import StudyWarning, UserFault, printable
@@ -119,9 +119,16 @@ def _memory_is_short(error: Exception) -> bool:
     return False
 
 
+class _Parser(argparse.ArgumentParser):
+    """Bad usage is said in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(BAD_INPUT, f"{self.prog}: {printable(message)}; see {self.prog} --help\n")
+
+
 def parser_of(named: str | None = None) -> argparse.ArgumentParser:
     """The parser with one command, or with all of them, of which only one is needed to do it."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="tcstudy",
         description="Parametric studies of thermoelastic contact with nonmonotone, multivalued friction.",
         epilog=_EPILOG,

@@ -162,6 +162,24 @@ def test_unwritable_output(folder: Path) -> None:
         assert "Traceback" not in result.stderr
 
 
+@pytest.mark.parametrize("name", ["/dev/null", "x" * 300, "a\nb", "", "d/", "a\x1b[1m"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(f"{name} block.yaml --output=" for name in ("run", "plan", "converge", "cost", "path", "history", "fit")),
+        *(f"{name} block.yaml --plot=" for name in ("converge", "cost", "path", "fit")),
+        *("draw block.nc ", "report block.nc --output=", "export block.nc --csv --output=", "init "),
+        "merge a.nc b.nc --output=",
+    ],
+)
+def test_what_cannot_name_an_output_is_refused_in_one_line(words: str, name: str, folder: Path) -> None:
+    *before, last = words.split(" ")
+    refused = tcstudy_command(*before, last + name, cwd=folder)
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
+    assert "usage:" not in refused.stderr
+
+
 def test_usage_errors(folder: Path) -> None:
     assert tcstudy_command(cwd=folder).returncode == 2
     assert tcstudy_command("fly", cwd=folder).returncode == 2

@@ -147,7 +147,7 @@ FORMS = ("vtu", *TABLES)
     Option("--csv", action="store_true", help="a row a point and level, columns `name [unit]`"),
     Option("--json", action="store_true", help="the same rows as objects"),
     Option("--geometry", action="store_true", help="of a sweep over geometries the run of one, named by --at"),
-    Option("-o", "--output", type=shared.named, metavar="TARGET", help=_OUTPUT),
+    Option("-o", "--output", type=shared.target, metavar="TARGET", help=_OUTPUT),
     at("only points with this value (may be repeated)"),
     Option("--level", type=int, metavar="N", help="mesh level of --vtu (default: the finest)"),
 )

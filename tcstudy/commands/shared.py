@@ -6,12 +6,12 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from tcstudy.errors import UsageError
+from tcstudy.errors import UsageError, printable
 
 if TYPE_CHECKING:
     from tcstudy.data.provenance import Kind
@@ -73,7 +73,20 @@ def file_name(text: str) -> Path:
     """The name of a file to write; a Path would forget that the text named a folder."""
     if text.endswith(("/", os.sep)):
         raise argparse.ArgumentTypeError(f"{text} is a folder; give the name of a file in it")
-    return named(text)
+    return target(text)
+
+
+def target(text: str) -> Path:
+    """The name of a file or folder to write, which takes one line wherever it is named."""
+    path = named(text)
+    if printable(text) != text:
+        raise argparse.ArgumentTypeError(f"{text} has characters that no line shows; give a name without them")
+    with suppress(ValueError):  # of names that files.check_writable refuses
+        try:
+            path.exists()
+        except OSError as error:
+            raise argparse.ArgumentTypeError(f"{text[:60]}: {error.strerror}; give another name") from None
+    return path
 
 
 def named(text: str) -> Path:

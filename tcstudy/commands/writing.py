@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-from tcstudy.commands.shared import OK, Option, command, fail, file_name, named
+from tcstudy.commands.shared import OK, Option, command, fail, file_name, named, target
 
 SCHEMA = "study.schema.json"
 SHELLS = ("bash", "zsh", "tcsh")
@@ -100,7 +100,7 @@ def completion(options: argparse.Namespace) -> int:
 
     parser = options.parser_of()
     for action in _actions(parser):
-        if action.type in (named, file_name):
+        if action.type in (named, file_name, target):
             action.complete = shtab.FILE  # type: ignore[attr-defined]  # where shtab looks for it
     print(shtab.complete(parser, shell=options.shell))
     return OK

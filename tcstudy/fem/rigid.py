@@ -102,6 +102,9 @@ def _rows_along(
     wrong = np.flatnonzero((np.abs(np.abs(sign) - 1.0) > SMOOTH) | fixed[row])
     if len(wrong):
         x, y = mesh.points[nodes[wrong[0]]]
+        if not fixed[row[wrong[0]]]:  # u_N = 0 on an inclined line, along which alone the edge could move
+            what = f"the rigid edge {name} meets an edge that holds it in a slanted direction at ({x:g}, {y:g})"
+            raise GeometryFailed(f"{what}; give it the role clamped, or let a free edge lie between the two", EDGES)
         what = f"the rigid edge {name} cannot move in {'xy'[c]}: another edge holds it at ({x:g}, {y:g})"
         raise GeometryFailed(f"{what}; give it u_{'xy'[c]}: 0", EDGES)
     return row, np.sign(sign)
