@@ -21,10 +21,17 @@ HEATED = ("material.beta=1", "heat={}", "sweep={theta: [0.001, 0.03]}", SOFTENIN
         (("mesh.levels=1",), "how exact these are: tcstudy converge block.yaml --set=mesh.levels=3\n"),
         ((SOFTENING[0], "sweep=null", PATH), "whether a path has other solutions: tcstudy path block.yaml "),
         (HEATED, "'--set=path={parameter: heat.theta, from: 0.001, to: 0.03}'\n"),
-        (("solver={name: separable-newton, tolerance: 1e-19}", "friction={law: exponential, b: 0.004, delta: 0.05}", "sweep={a: [0.006, 0.007]}"), "what failed, and why: tcstudy show results/block.nc -v\n"),
+        (
+            (
+                "solver={name: separable-newton, tolerance: 1e-19}",
+                "friction={law: exponential, b: 0.004, delta: 0.05}",
+                "sweep={a: [0.006, 0.007]}",
+            ),
+            "what failed, and why: tcstudy show results/block.nc -v\n",
+        ),
     ],
     ids=["levels", "one level", "path", "swept load", "failed"],
-)  # fmt: skip
+)
 def test_a_run_ends_with_the_command_that_fits_it(tmp_path: Path, options: tuple[str, ...], told: str) -> None:
     (tmp_path / "block.yaml").write_text(STUDY)
     result = tcstudy_command("run", "block.yaml", *(f"--set={text}" for text in options), cwd=tmp_path)

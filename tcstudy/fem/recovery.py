@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.fem.meshes import PlaneMesh, doubled_areas
-from tcstudy.scene.records import Where
+from tcstudy.scene.records import Scene, Where
 
 Array = NDArray[np.float64]
 
@@ -42,6 +42,13 @@ class ElementGeometry:
         """(t,) triangles in some regions."""
         inside = self.mesh.inside(where)
         return inside if self.part is None else inside[self.part]
+
+    def of_material(self, scene: Scene, name: str) -> Array:
+        """(t,) a number of the material of each triangle, 0 where it is not given."""
+        found = np.zeros(len(self.mesh.triangles))
+        for where, material in scene.pieces:
+            found[self.inside(where)] = getattr(material, name) or 0.0
+        return found
 
     @cached_property
     def corners(self) -> Array:

@@ -29,7 +29,7 @@ from tcstudy.scene.keys import law_rows, row
 from tcstudy.scene.parameters import SHORT, path_scene, sweepable
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Body, Contact, Convection, Loaded, Rigid, Scene, exchanges
-from tcstudy.scene.study import Exact, MeshPlan, OutputPlan, Probe
+from tcstudy.scene.study import Exact, OutputPlan, Probe
 from tcstudy.scene.units import NONE, STIFFNESS, TRACTION, Dimension
 from tcstudy.shapes.edges import body_size, edge_distance, loop_polygon, loop_size
 
@@ -196,13 +196,10 @@ def _check_corner(ctx: Context, item: Node, base: Scene, path: Keys) -> None:
 Why = tuple[str, str]
 """Why something is excluded, what to do."""
 
-GOALS = ("errors of goals are not estimated then", "estimate the energy norm, or use tcstudy converge")
-
 
 def _one(what: str) -> dict[str, Why]:
     """Exclusions of a scene that has several of what others have one of."""
     return {
-        "goals": GOALS,
         "exact": (f"an exact solution takes one {what}", f"remove exact, or write one {what}"),
         "live": (f"a live page takes one {what}", "remove live: true"),
     }
@@ -250,16 +247,14 @@ def check_together(
     ctx: Context,
     root: Node,
     scenes: Sequence[Scene],
-    mesh: MeshPlan | None,
     output: OutputPlan | None,
     exact: Exact | None,
 ) -> None:
     """Report what a feature of the scenes excludes and the study asks for.
 
-    mesh, output, exact: what it asks for beside its scenes; None for what it does not, or has faults in
+    output, exact: what it asks for beside its scenes; None for what it does not, or has faults in
     """
     wanted = {
-        "goals": ("mesh", bool(mesh and mesh.estimates and mesh.goal.quantity != "energy")),
         "exact": ("exact", exact is not None),
         "derived": ("exact", bool(exact and exact.derived)),
         "live": ("output", bool(output and output.live)),

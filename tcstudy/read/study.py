@@ -260,6 +260,6 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
     if exact or fit or (mesh and mesh.estimates) or (output and (output.live or output.sensitivity)):
         from tcstudy.read.asked import check_together
 
-        check_together(ctx, root, scenes, mesh, output, exact)
+        check_together(ctx, root, scenes, output, exact)
     found = {"mesh": mesh, "solver": solver, "output": output, "exact": exact}
     return found | {"path": path, "history": history, "fit": fit}

@@ -36,7 +36,10 @@ Why not the dual weighted residual itself: products of recovered gradients gave 
             Recovery is not superconvergent on bisected meshes, and where displacements are given beside Γ_C their
             interpolation carried most of the error of ∫ξ, weighted with the recovered stress of a dual solution that
             jumps there
-Left out:   data that oscillate within half an element, and sticking zones shorter than that away from held nodes,
+Materials:  moduli, β and k are those of each triangle, and interfaces are edges of both meshes, so that the products of
+            strains need no recovery; where interfaces end, turn or meet, λ is that of the wedges there
+Left out:   these places in bodies from files and where edges meet in a cusp, whose corners count with λ = 1/2;
+            data that oscillate within half an element, and sticking zones shorter than that away from held nodes,
             escape both meshes
 
 By how much the change from h to h/2 is smaller than the error, corner by corner.
@@ -56,7 +59,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.corners import Side, Sticks, opening, sticking_near, vertex
+from tcstudy.accuracy.corners import Side, Sticks, opening, sticking_near, vertex, vertices
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.estimators import own_strain
 from tcstudy.fem.meshes import CurveEnd, PlaneMesh, curve_ends
@@ -67,7 +70,7 @@ from tcstudy.refine.fronts import fronts, slip_length
 from tcstudy.refine.goals import dual, goal_value, lost, lumping, steps, torn
 from tcstudy.refine.halved import Halved, contributions
 from tcstudy.scene.points import needs_heat_solve
-from tcstudy.scene.records import BODY, Material, Scene
+from tcstudy.scene.records import BODY, Scene
 from tcstudy.scene.study import Goal
 from tcstudy.solvers.contact import solve_contact
 from tcstudy.solvers.loop import Status
@@ -197,33 +200,34 @@ def _parts(
 
     v, u: solutions of both levels, the displacements on the finer mesh (2n_f,);  z_T: (m_f,) the dual solution
     """
-    fine, line, material = halved.level, halved.coarse.line, scene.material
+    fine, line = halved.level, halved.coarse.line
     z = fine.extension(scene, z_T)
     parts = contributions(goal, halved, scene, (condensed[0].problem, condensed[1].problem), v, u, z)
     e = u[1] - u[0]
     rest = own_strain(halved.triangles, z - halved.interpolated(z))
     moved = own_strain(halved.triangles, e)
-    energies = (halved.gathered(_work(halved.triangles, a, a, material)) for a in (moved, rest))
+    energies = (halved.gathered(_work(halved.triangles, a, a, scene)) for a in (moved, rest))
     shares = np.sqrt(math.prod(energies))
     frames = fine.frames
     lift = own_strain(halved.triangles, frames.cartesian(np.where(frames.fixed, frames.rows(e), 0.0)))
-    shares += np.abs(halved.gathered(_work(halved.triangles, lift, own_strain(halved.triangles, z), material)))
+    shares += np.abs(halved.gathered(_work(halved.triangles, lift, own_strain(halved.triangles, z), scene)))
     xi = condensed[0].problem.xi(v[0]) / line.c
     shares += triangles.from_segments(np.abs(lumping(triangles, line, xi, halved.at_coarse(z_T))))
-    if material.beta != 0.0:
+    if scene.material.expands:
         shares += _heat_shares(halved, scene, z)
     return shares, parts
 
 
-def _work(triangles: ElementGeometry, a: Array, b: Array, material: Material) -> Array:
+def _work(triangles: ElementGeometry, a: Array, b: Array, scene: Scene) -> Array:
     """(t,) ∫_K a:c b of strains that are constant on K (t, 3) [J/m]."""
-    density = material.lam * (a[:, 0] + a[:, 1]) * (b[:, 0] + b[:, 1])
-    return triangles.area * (density + 2.0 * material.mu * ((a * b) @ np.array([1.0, 1.0, 2.0])))
+    lam, mu = (triangles.of_material(scene, name) for name in ("lam", "mu"))
+    density = lam * (a[:, 0] + a[:, 1]) * (b[:, 0] + b[:, 1])
+    return triangles.area * (density + 2.0 * mu * ((a * b) @ np.array([1.0, 1.0, 2.0])))
 
 
 def _heat_shares(halved: Halved, scene: Scene, z: Array) -> Array:
     """(t,) k‖∇(θ_{h/2} − θ_h)‖_K ‖∇(ζ − I_h ζ)‖_K, or |β∫_K(θ_{h/2} − θ_h) div z| of a known θ."""
-    fine, triangles, material = halved.level, halved.triangles, scene.material
+    fine, triangles = halved.level, halved.triangles
     known = scene.heat.theta
     if known is not None and not isinstance(known, Expression):
         return np.zeros(len(halved.coarse.mesh.triangles))
@@ -231,15 +235,14 @@ def _heat_shares(halved: Halved, scene: Scene, z: Array) -> Array:
     if not needs_heat_solve(scene):
         slope = triangles.gradient(z.reshape(2, -1).T)
         mean = e[halved.level.mesh.triangles].mean(axis=1)
-        work = material.beta * triangles.area * mean * (slope[:, 0, 0] + slope[:, 1, 1])
+        work = triangles.of_material(scene, "beta") * triangles.area * mean * (slope[:, 0, 0] + slope[:, 1, 1])
         return np.abs(halved.gathered(work))
     zeta = halved.dual_temperature(scene, z)
     squares = [
-        halved.gathered(triangles.area * np.sum(triangles.gradient(w) ** 2, axis=1))
+        halved.gathered(triangles.of_material(scene, "k") * triangles.area * np.sum(triangles.gradient(w) ** 2, axis=1))
         for w in (e, zeta - halved.interpolated(zeta))
     ]
-    assert material.k is not None
-    return material.k * np.sqrt(squares[0] * squares[1])
+    return np.sqrt(squares[0] * squares[1])
 
 
 def _cells(halved: Halved, triangles: ElementGeometry, condensed: Condensed, v: Array) -> Array:
@@ -281,14 +284,14 @@ def regions(
     stepped: (s,) segments of Γ_C of the level on which the law steps
     """
     coarse, fine, line = halved.coarse.mesh, halved.level.mesh, halved.coarse.line
-    found, factors = curve_ends(coarse), np.full(fine.n_points, SMOOTH)
-    places = np.concatenate([coarse.points[[corner.node for corner in found]], more])
-    region = np.argmin(np.linalg.norm(fine.points[:, None] - places[None], axis=2), axis=1)
+    factors = np.full(fine.n_points, SMOOTH)
     near = sticking_near([line.edge_names[i] for i in line.edge], line.xy, sticks)
-    for corner in found:
-        exponent = _exponent(coarse, corner, scene, near)
+    singular = _singular(coarse, scene, near)
+    places = np.concatenate([coarse.points[[node for node, _ in singular]], more])
+    region = np.argmin(np.linalg.norm(fine.points[:, None] - places[None], axis=2), axis=1)
+    for node, exponent in singular:
         if exponent < 1.0:
-            around = fine.triangles[np.any(coarse.triangles == corner.node, axis=1)[halved.parent]]
+            around = fine.triangles[np.any(coarse.triangles == node, axis=1)[halved.parent]]
             factors[around] = np.maximum(factors[around], 1.0 / (1.0 - 2.0 ** (-2.0 * exponent)))
             region[around] = region.max() + 1
     if stepped is not None and np.any(stepped):
@@ -296,6 +299,17 @@ def regions(
         factors[around] = np.maximum(factors[around], FIRST)
         region[around] = region.max() + 1
     return Regions(factors, region)
+
+
+def _singular(mesh: PlaneMesh, scene: Scene, near: Sticks) -> list[tuple[int, float]]:
+    """Ends of curves and places where materials meet: their nodes, and λ of u ~ r^λ, 1/2 where it is not analysed."""
+    ends = curve_ends(mesh)
+    if not scene.material.regions:
+        return [(corner.node, _exponent(mesh, corner, scene, near)) for corner in ends]
+    if (known := vertices(scene, near)) is None:
+        return [(corner.node, 0.5) for corner in ends]
+    at = {int(np.argmin(np.linalg.norm(mesh.points - vertex.at, axis=1))): vertex.exponent for vertex in known}
+    return list(({corner.node: 1.0 for corner in ends} | at).items())
 
 
 def _exponent(mesh: PlaneMesh, corner: CurveEnd, scene: Scene, sticks: Sticks) -> float:

@@ -30,11 +30,11 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.transfer import prolongation
 from tcstudy.fem.estimators import own_strain
-from tcstudy.fem.forms import Springs
+from tcstudy.fem.forms import Conductivity, Springs
 from tcstudy.fem.meshes import PlaneMesh, refine_uniformly
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
-from tcstudy.scene.records import Material, Scene
+from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Goal
 from tcstudy.solvers.problem import ContactProblem
 
@@ -57,7 +57,7 @@ class Halved:
         self._prolong = prolongation(mesh.points, fine.points, fine.triangles)
         self.parent = _parents(mesh, fine, self._prolong.matrix)
         self._springs: tuple[Springs, sp.csr_array] = (), sp.csr_array((0, 0))
-        self._heat: dict[tuple[tuple[float, ...], float], scipy.sparse.linalg.SuperLU] = {}
+        self._heat: dict[tuple[tuple[float, ...], Conductivity], scipy.sparse.linalg.SuperLU] = {}
 
     def carry(self, values: Array) -> Array:
         """Nodal values (n,) or displacements (2n,) of the level as those of the finer one."""
@@ -116,8 +116,7 @@ class Halved:
 
     def dual_temperature(self, scene: Scene, z: Array) -> Array:
         """ζ (n_f,) with c(ζ, φ) = β∫φ div z for all φ: the change of a goal with the heat that goes in."""
-        heat, k = self.level.heat, scene.material.k
-        assert k is not None
+        heat, k = self.level.heat, tuple((where, material.k or 0.0) for where, material in scene.pieces)
         alphas = {edge: alpha for edge, alpha, _ in scene.exchange}
         free = np.setdiff1d(np.arange(self.level.mesh.n_points), heat.mesh.nodes_on(*heat.held))
         key = (tuple(alphas.values()), k)
@@ -126,13 +125,14 @@ class Halved:
             weighted = max(alphas.values()) * heat.robin_mass if one else heat.exchange(alphas)
             nodes, robin = heat.kept_nodes, sp.coo_array(weighted)
             at = (nodes[robin.row], nodes[robin.col])
-            on_boundary = sp.coo_array((robin.data, at), shape=heat.conduction.shape)
-            matrix = sp.csc_array(k * heat.conduction + on_boundary)[free][:, free]
+            inside = heat.gradients.conduction(k)
+            matrix = sp.csc_array(inside + sp.coo_array((robin.data, at), shape=inside.shape))[free][:, free]
             self._heat = {key: scipy.sparse.linalg.splu(matrix)}  # one factor at a time: they are large
         own = self.triangles.gradient(z.reshape(2, -1).T)
-        dilation = (own[:, 0, 0] + own[:, 1, 1]) * self.triangles.area / 3.0
+        beta = self.triangles.of_material(scene, "beta")
+        dilation = beta * (own[:, 0, 0] + own[:, 1, 1]) * self.triangles.area / 3.0
         zeta = np.zeros(self.level.mesh.n_points)
-        zeta[free] = self._heat[key].solve(scene.material.beta * (self.triangles.incidence @ dilation)[free])
+        zeta[free] = self._heat[key].solve((self.triangles.incidence @ dilation)[free])
         return zeta
 
 
@@ -178,7 +178,7 @@ def contributions(
     nodes, local = fine.line.nodes, fine.frames.rows
     rest = np.where(fine.frames.fixed, 0.0, local(z - halved.interpolated(z)))
     e = u[1] - u[0]
-    forces = local(_nodal_forces(halved.triangles, e, scene.material))
+    forces = local(_nodal_forces(halved.triangles, e, scene))
     if scene.springs:
         forces += halved.springs(scene) @ local(e)
     by_node = np.sum((rest * forces).reshape(2, -1), axis=0)
@@ -193,11 +193,11 @@ def contributions(
     return by_node
 
 
-def _nodal_forces(triangles: ElementGeometry, u: Array, material: Material) -> Array:
+def _nodal_forces(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
     """(2n,) a(u, φ_j) of the hat functions in x and y [N/m]."""
     strain = own_strain(triangles, u)
-    stress = 2.0 * material.mu * strain
-    stress[:, :2] += material.lam * (strain[:, 0] + strain[:, 1])[:, None]
+    stress = 2.0 * triangles.of_material(scene, "mu")[:, None] * strain
+    stress[:, :2] += (triangles.of_material(scene, "lam") * (strain[:, 0] + strain[:, 1]))[:, None]
     rows = stress[:, [[0, 2], [2, 1]]] * triangles.area[:, None, None]
     forces = np.einsum("tcd,tkd->ctk", rows, triangles.slopes)
     at, n = triangles.mesh.triangles.ravel(), triangles.mesh.n_points

@@ -112,6 +112,17 @@ BRACKET = (
     .replace("{maxh: 0.2, levels: 2}", "{maxh: 0.4, levels: 1}")
 )
 """The bracket heated all over, with Tresca friction."""
+LAYERED = """
+units: none
+body: {rectangle: {width: 2, height: 1}, regions: {r: {polygon: [[0, 0.4], [2, 0.5], [2, 1], [0, 1]]}}}
+boundary: {bottom: contact, left: clamped, top: {role: convection, g: ["0.02*x", -0.01]}, right: free}
+material: {E: 1, nu: 0.3, alpha_T: 0.02, k: 1}
+materials: {r: {E: 5, nu: 0.2, alpha_T: 0.04, k: 0.2}}
+heat: {alpha: 1, theta_bar: "0.5*(1 + x)", q: 0.3, omega: r}
+friction: {law: slip-weakening, tau_s: 0.012, tau_k: 0.008, delta: 0.1}
+mesh: {maxh: 0.5, levels: 1}
+"""
+"""A heated block of two layers that differ in all numbers."""
 OBTUSE: Point = (1.0, -0.3)
 
 

@@ -27,6 +27,7 @@ from tests.verification.goal_scenes import (
     FILM,
     GRADED,
     HEATED,
+    LAYERED,
     OBTUSE,
     PATCH,
     PATCH_AT_NODE,
@@ -101,6 +102,12 @@ def test_numbers_of_a_heated_block() -> None:
     """Thermal load, softening, two fronts, oblique sides; the known value is a much finer solution's."""
     study, goal = scene_of(HEATED), Goal("u_T", (1.4, 0.0))
     check(table(study, goal, fine_value(HEATED, goal), "adaptive", 20, FEWER))
+
+
+def test_numbers_of_two_materials() -> None:
+    """Nothing is recovered across the interface; with under 45 unknowns the estimate is up to 11 times too large."""
+    study = scene_of(LAYERED)
+    check(table(study, RESULTANT, fine_value(LAYERED, RESULTANT), "adaptive", 20, FEWER), first=4)
 
 
 def test_numbers_of_a_softening_film() -> None:
