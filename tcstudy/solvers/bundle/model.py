@@ -106,8 +106,9 @@ DAMPING = 5.0
 """Decrease of ρ_j per relative overestimate of f(x) by the piece's curvature."""
 INNER, INNER_TOLERANCE = 40, 1e-3
 """Quadratic programmes per minimisation of the model at most; the relative change at which that counts as minimised."""
-PIVOT, LEAST_CURVATURE = 1e-8, 1e-2
-"""Smallest eigenvalue of W relative to its largest and, where no piece is curved, to (largest slope)/(first length)."""
+PIVOT, LEAST_CURVATURE, LOOSER = 1e-8, 1e-2, 0.25
+"""Smallest eigenvalue of W relative to its largest and, where no piece is curved, to (largest slope)/(first length);
+factor of the latter after each full step, as W must not hold back steps along pieces much flatter than the steepest."""
 
 
 @dataclass(frozen=True)
@@ -265,6 +266,7 @@ def minimise(model: Model, lam: Array, shift: float, unit: float, limit: float) 
                 break
             continue
         d = d + t * q
+        least *= LOOSER if t == 1.0 else 1.0
         small = t * np.linalg.norm(q) <= INNER_TOLERANCE * np.linalg.norm(d)
         flat = best - trial <= INNER_TOLERANCE * abs(trial)
         best = trial

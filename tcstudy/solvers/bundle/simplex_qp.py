@@ -88,8 +88,9 @@ def direction(c: Array, A: Array, h: Array, metric: Metric, likely: Array) -> tu
     h: (n,) slope of the smooth part
     likely: (N,) guess of the multipliers
 
-    Ends where no piece lies above the active ones by more than rounding, or can no longer enter for rounding; the
-    answer is the one of least duality gap on the way.
+    The piece that lies above the active ones by the longest distance (value over slope) enters next. Ends where none
+    does by more than rounding or, since the last exchange, could enter for rounding; the answer is the one of least
+    duality gap on the way.
     """
     start = np.flatnonzero(likely > ACTIVE)
     start = start if len(start) else np.array([int(np.argmax(c))])
@@ -106,12 +107,15 @@ def direction(c: Array, A: Array, h: Array, metric: Metric, likely: Array) -> tu
             least, q = gap, trial
         excess = values - np.max(values[working.index]) - working.rounding(trial)
         excess[refused] = excess[working.index] = -np.inf
-        worst = int(np.argmax(excess))
+        worst = int(np.argmax(excess / working.scales))
         if not excess[worst] > 0.0:
             break
         working.enter(worst)
         trial, values = working.minimum()
-        refused[worst] = worst not in working.index
+        if worst in working.index:
+            refused[:] = False
+        else:
+            refused[worst] = True
     return lam, q
 
 
@@ -125,6 +129,8 @@ class WorkingSet:
     def __init__(self, c: Array, A: Array, h: Array, metric: Metric) -> None:
         self.c, self.A, self.metric, self.h_white = c, A, metric, metric.whiten(h)
         self.sizes = np.linalg.norm(A, axis=1)
+        # slopes to divide by, none 0
+        self.scales = np.maximum(self.sizes, EPS * float(np.max(self.sizes)) or 1.0)
 
     def rounding(self, q: Array) -> Array:
         """(N,) what rounding leaves of c_j + a_jᵀq."""

@@ -92,6 +92,24 @@ def test_the_gap_is_rounding_where_slopes_are_numerically_dependent(kind: str) -
         assert abs(gap) <= 1e-9 * (np.max(c) - primal) + 1e-14 * np.max(np.abs(c)) + (1e-12 * slope) ** 2
 
 
+def test_the_gap_is_rounding_where_rows_span_twelve_decades() -> None:
+    """Bound: what doubles leave of c + Aq at q, and of ‖Tᵀλ‖² where λ is rounded."""
+    eps = np.finfo(float).eps
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        n, N = int(rng.integers(2, 60)), int(rng.integers(2, 100))
+        A = rng.standard_normal((N, n)) * 10.0 ** rng.uniform(-6, 6, (N, 1))
+        metric = positive_definite(np.diag(10.0 ** rng.uniform(-9, 0, n)), 0.0, 1e-8, 0.0)
+        c = -(10.0 ** rng.uniform(-8, 1)) * rng.random(N)
+        lam, q = direction(c, A, np.zeros(n), metric, rng.random(N) * (rng.random(N) < 0.4))
+        primal = float(0.5 * q @ metric.matrix @ q + np.max(c + A @ q))
+        values = np.max(np.abs(c)) + np.max(np.linalg.norm(A[lam > 0.0], axis=1)) * np.linalg.norm(q)
+        white = lam[:, None] * metric.whiten(A)
+        slope = np.linalg.norm(white.sum(axis=0)) * np.max(np.linalg.norm(white, axis=1))
+        gap = primal + dual_decrease(c, A, lam, metric)
+        assert gap <= 1e-9 * (np.max(c) - primal) + 16 * eps * (values + slope)
+
+
 def test_dense_and_structured_oracle_give_the_same_run() -> None:
     problem = cases.random_problem(np.random.default_rng(5), 12)
     oracle = contact_oracle(problem)
