@@ -19,7 +19,7 @@ rounding they span few dimensions (15 to 30), however many values of α there ar
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -38,27 +38,33 @@ BATCH = 16
 
 @dataclass
 class _Family:
-    """Modal data of a family: its right-hand side, its columns, and where variations stand among them.
+    """Modal data of a family: its right-hand side r₀ + a r₁, its columns, and where variations stand among them.
 
-    moments: (f,) w_kᵀq̃, w_kᵀg̃ or −w_kᵀS_Kθ_D
-    heat:    heat that is put in [W/m];  moved: Σ_i |∫ q φ_i| [W/m];  load: the source or flux, None without
-    given:   (r,) g̃ or θ_D, or 0;  coupling: (f,) −w_kᵀMθ_D, None without θ_D
-    modal:   values of the columns on Γ_θ in the w_k, (f,) each;  loaded: whether a column carries the load or θ_D
-    basis:   (f, s) orthonormal, the last s of the columns made at the start; empty if every a has a column of its own
-    listed:  number of columns made at the start, which are computed together;  at: a → number of its own column
+    load:   the source or flux, None without;  held: (r,) θ_D, None without
+    heat:   heat that is put in [W/m];  moved: Σ_i |∫ q φ_i| [W/m]
+    right:  (2, r) r₀ and r₁: l̃ and 0 of a load, 0 and g̃ of surroundings, −S_K θ_D and −M θ_D of what is held
+    moments: (2, f) of both in the w_k
+    modal:  values of the columns on Γ_θ in the w_k, (f,) each;  loaded: whether a column carries the load or θ_D
+    basis:  (f, s) orthonormal, the last s of the columns made at the start; empty if every a has a column of its own
+    listed: number of columns made at the start, which are computed together;  at: a → number of its own column
     """
 
-    moments: Array
+    load: HeatLoad | None
+    held: Array | None
     heat: float
     moved: float
-    load: HeatLoad | None
-    given: Array
-    coupling: Array | None
-    modal: list[Array]
-    loaded: list[bool]
+    right: Array
+    moments: Array
     basis: Array
-    listed: int
-    at: dict[float, int]
+    modal: list[Array] = field(default_factory=list)
+    loaded: list[bool] = field(default_factory=list)
+    listed: int = 0
+    at: dict[float, int] = field(default_factory=dict)
+
+    @property
+    def carries(self) -> bool:
+        """Whether its fields have a part that does not depend on a: that of the load, or of θ_D."""
+        return self.load is not None or self.held is not None
 
 
 class Conduction:
@@ -112,46 +118,27 @@ class Conduction:
     # -- parts -------------------------------------------------------------------------------------
 
     def part(self, key: FamilyKey, alpha: float, k: float) -> Part:
-        """θ of one family, all other data being 0: α is that of the edges with ratio 1."""
+        """θ of one family, all other data being 0: α is that of the edges with ratio 1.
+
+        α = 0 gives the limit of surroundings, the mean of θ̄. Where edges hold temperatures, the heat that leaves is
+        counted on Γ_θ and at the nodes that are held.
+        """
+        family, a, (mu, W) = self._family(key), alpha / k, self._spectrum
+        r_0, r_1 = family.right
+        theta, heat = (1.0 / k, 1.0) if key.heats else (1.0, k)
+        columns = self._columns(key, family, a) if a > 0.0 or not self._free.all() else []
+        shares = tuple((column, theta * factor) for column, factor in columns)
         if not self._free.all():
-            return self._beside_held(key, alpha, k)
-        return self._heated(key, alpha, k) if key.heats else self._surroundings(key, alpha, k)
-
-    def _heated(self, key: FamilyKey, alpha: float, k: float) -> Part:
-        """θ for θ̄ = 0: heated by q or a flux, cooled to 0 through Γ_θ."""
-        family, a = self._family(key), alpha / k
-        constant = float(family.moments[0] * self._spectrum[1][0, 0]) / alpha
-        columns = tuple((column, factor / k) for column, factor in self._columns(key, family, a))
-        modes = sum((factor * family.modal[column.number] for column, factor in columns), np.zeros(len(family.moments)))
-        modes[0] = constant / self._spectrum[1][0, 0]
-        return Part(constant, columns, alpha * float(self._integrals @ modes), family.moved)
-
-    def _surroundings(self, key: FamilyKey, alpha: float, k: float) -> Part:
-        """θ without heat: surroundings at θ̄; α = 0 gives the limit, the mean of θ̄."""
-        family, a = self._family(key), alpha / k
-        mu, W = self._spectrum
-        constant = float(family.moments[0] * W[0, 0])
-        # θ − θ̄ mode by mode, so that a large α does not multiply the rounding of a difference
-        excess = -mu[1:] * family.moments[1:] / (mu[1:] + a)
-        out = alpha * float(self._integrals[1:] @ excess)
-        through = alpha * float(np.linalg.norm(excess)) / float(W[0, 0])  # ∫|θ − θ̄| ≤ |Γ_θ|^½ ‖θ − θ̄‖
-        return Part(constant, tuple(self._columns(key, family, a)) if a > 0.0 else (), out, through)
-
-    def _beside_held(self, key: FamilyKey, alpha: float, k: float) -> Part:
-        """θ where other edges hold 0; the heat that leaves is counted on Γ_θ and at the nodes that are held."""
-        family, a, free = self._family(key), alpha / k, self._free
-        columns = self._columns(key, family, a)
-        x = np.zeros(len(free))
-        x[free] = self._spectrum[1] @ sum((f * family.modal[c.number] for c, f in columns), np.zeros(int(free.sum())))
-        x += family.given if family.coupling is not None else 0.0
-        inside, away = self._S @ x, a * (self._M @ x)
-        if family.load is not None:
-            inside -= family.load.l_tilde
-        elif family.coupling is None:
-            away -= a * family.given
-        flows, unit = np.where(free, away, -inside), 1.0 if key.heats else k
-        shares = tuple((column, factor / k if key.heats else factor) for column, factor in columns)
-        return Part(0.0, shares, unit * float(flows.sum()), unit * float(np.abs(flows).sum()))
+            x = np.zeros(len(r_0))
+            x[self._free] = W @ sum((f * family.modal[c.number] for c, f in columns), np.zeros(len(mu)))
+            flows = heat * np.where(self._free, a * (self._M @ x - r_1), r_0 - self._S @ x)
+            return Part(0.0, shares, float(flows.sum()), float(np.abs(flows).sum()))
+        m_0, m_1 = family.moments
+        constant = theta * float(m_0[0] / a if key.heats else m_1[0]) * float(W[0, 0])
+        # a(θ − θ̄) mode by mode, so that a large α does not multiply the rounding of a difference
+        flows = np.append(m_0[0], a * (m_0 - mu * m_1)[1:] / (mu[1:] + a))
+        through = family.moved if key.heats else heat * float(np.linalg.norm(flows) / W[0, 0])  # ∫|·| ≤ |Γ_θ|^½ ‖·‖
+        return Part(constant, shares, heat * float(self._integrals @ flows), through)
 
     def heat_in(self, key: FamilyKey) -> float:
         """∫_ω q, or the integral of the flux [W/m]."""
@@ -171,44 +158,37 @@ class Conduction:
         """The family with its first columns: one for each a of the sweep, or a basis if that has fewer."""
         if key in self._families:
             return self._families[key]
-        family = self._new_family(key)
+        family = self._families[key] = self._new_family(key)
         ratios = [a for a in sorted(self.wanted.get(key, ())) if a > 0.0]
-        rows = np.array([self._variation(family, a) for a in ratios]).reshape(len(ratios), len(family.moments))
-        basis, carries = basis_of(rows), _carries(family)
-        if basis.shape[1] + carries < len(ratios):
+        rows = np.array([self._variation(family, a) for a in ratios]).reshape(len(ratios), len(family.moments[0]))
+        basis = basis_of(rows)
+        if basis.shape[1] + family.carries < len(ratios):
             family.basis = basis
-            if carries:  # the field of the source with θ = 0 on Γ_θ belongs to every a
-                family.modal, family.loaded = [np.zeros(len(family.moments))], [True]
-            family.modal += list(basis.T)
-            family.loaded += [False] * basis.shape[1]
+            # the field of the load with θ = 0 on Γ_θ belongs to every a
+            family.modal = [np.zeros(len(basis))] * family.carries + list(basis.T)
+            family.loaded = [True] * family.carries + [False] * basis.shape[1]
         else:
             for a in ratios:
                 self._own_column(family, a)
         family.listed = len(family.modal)
-        self._families[key] = family
         return family
 
     def _new_family(self, key: FamilyKey) -> _Family:
-        """The right-hand side of a family, without columns."""
-        W, free = self._spectrum[1], self._free
-        given, load, coupling, heat, moved = np.zeros(len(free)), None, None, 0.0, 0.0
+        forms, W, zero = self._forms, self._spectrum[1], np.zeros(len(self._free))
+        load, held, heat, moved = None, None, 0.0, 0.0
         if key.heats:
-            source = (
-                self._forms.source(key.data, key.omega)
-                if key.kind == "source"
-                else self._forms.flux(key.data, key.edges)
-            )
+            source = forms.source(key.data, key.omega) if key.kind == "source" else forms.flux(key.data, key.edges)
             heat, moved = float(source.sum()), float(np.abs(source).sum())
             load = self._new_factor().load(source)
-            right = load.l_tilde
+            right = load.l_tilde, zero
         elif key.kind == "surroundings":
             ratio = self._ratios[key.edges[0]] if self._ratios else 1.0
-            right = given = ratio * self._forms.surroundings(key.data, key.edges)
+            right = zero, ratio * forms.surroundings(key.data, key.edges)
         else:
-            given = self._held(key)
-            right, coupling = -(self._S @ given), -(W.T @ (self._M @ given)[free])
-        moments = W.T @ (right if free.all() else right[free])
-        return _Family(moments, heat, moved, load, given, coupling, [], [], np.zeros((len(moments), 0)), 0, {})
+            held = self._held(key)
+            right = -(self._S @ held), -(self._M @ held)
+        moments = np.array([W.T @ part[self._free] for part in right])
+        return _Family(load, held, heat, moved, np.array(right), moments, np.zeros((moments.shape[1], 0)))
 
     def _held(self, key: FamilyKey) -> Array:
         """(r,) the temperatures that an edge holds; a corner of two such edges belongs to the first."""
@@ -219,36 +199,27 @@ class Conduction:
         return values
 
     def _variation(self, family: _Family, a: float) -> Array:
-        """(f,) the variation on Γ_θ in the w_k, for k = 1; the constant part, where there is one, is zero."""
-        values, first = np.zeros(len(family.moments)), int(self._free.all())
-        values[first:] = family.moments[first:] / (self._spectrum[0][first:] + a)
-        if family.coupling is not None:
-            values = values + a * family.coupling / (self._spectrum[0] + a)
-        elif family.load is None:
-            values = a * values
-        return values if first and not self._ratios else self._corrected(family, a, values)
+        """(f,) the variation on Γ_θ in the w_k, for k = 1; the constant part, where there is one, is zero.
 
-    def _corrected(self, family: _Family, a: float, values: Array) -> Array:
-        """A variation after a step of refinement: modes of edges whose α differ by decades lack digits."""
+        After a step of refinement where modes lack digits: of edges whose α differ by decades, or that hold θ_D.
+        """
         (mu, W), free = self._spectrum, self._free
-        right = np.zeros(len(free)) if family.load is None else family.load.l_tilde
-        if family.coupling is not None:
-            right = -(self._S @ family.given) - a * (self._M @ family.given)
-        elif family.load is None:
-            right = a * family.given
-        x = np.zeros(len(free))
-        x[free] = W @ values
-        step = W.T @ (right - self._S @ x - a * (self._M @ x))[free] / (mu + a)
-        if free.all():
-            step[0] = 0.0
-        return values + step
+        (m_0, m_1), (r_0, r_1), first = family.moments, family.right, int(free.all())
+        values = np.zeros(len(mu))
+        values[first:] = (m_0 + a * m_1)[first:] / (mu[first:] + a)
+        if self._ratios or not first:
+            x = np.zeros(len(free))
+            x[free] = W @ values
+            step = W.T @ (r_0 + a * r_1 - self._S @ x - a * (self._M @ x))[free] / (mu + a)
+            values[first:] += step[first:]
+        return values
 
     def _own_column(self, family: _Family, a: float) -> int:
         """The number of the column that is the variation for a."""
         if a not in family.at:
             family.at[a] = len(family.modal)
             family.modal.append(self._variation(family, a))
-            family.loaded.append(_carries(family))
+            family.loaded.append(family.carries)
         return family.at[a]
 
     def _columns(self, key: FamilyKey, family: _Family, a: float) -> list[tuple[Column, float]]:
@@ -284,20 +255,13 @@ class Conduction:
             return found
         batch = self.together(column)
         family = self._family(column.family)
-        on_line = self._spectrum[1] @ np.column_stack([family.modal[c.number] for c in batch])
         carries = np.array([float(family.loaded[c.number]) for c in batch])
-        if not self._free.all():
-            on_free, on_line = on_line, np.zeros((len(self._free), len(batch)))
-            on_line[self._free] = on_free
-            if family.coupling is not None:
-                on_line += np.outer(family.given, carries)
+        on_line = np.zeros((len(self._free), len(batch)))
+        on_line[self._free] = self._spectrum[1] @ np.column_stack([family.modal[c.number] for c in batch])
+        if family.held is not None:
+            on_line += np.outer(family.held, carries)
         values = self._new_factor().expand(on_line, family.load, carries)
         for c, one in zip(batch, values.T, strict=True):
             if self._fields.find(c) is None:
                 self._fields.put(c, one.copy())
         return values[:, batch.index(column)].copy()
-
-
-def _carries(family: _Family) -> bool:
-    """Whether a field of the family has a part that does not depend on a: that of the load, or of θ_D."""
-    return family.load is not None or family.coupling is not None

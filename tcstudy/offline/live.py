@@ -6,26 +6,22 @@ For every point whose elastic ratio and load shapes are those of the first point
 
 with φ a factor of all mechanical loads, s and t the condensed loads of the temperatures of a unit source (times α) and
 of unit surroundings. In a = α/k both are rational with real negative poles (tcstudy.offline.thermal); they are kept in
-barycentric form, Σ_j w_j f_j/(a − a_j) / Σ_j w_j/(a − a_j), with the fewest nodes a_j that reproduce samples over the
-range of the sweep, widened by RANGE, to ACCURACY. Every point is put to the test: `valid` says for which of them the
-formula gives the problem of `Level.condensed` to AGREEMENT.
-Literature: Nakatsukasa, Sète & Trefethen, SIAM J. Sci. Comput. 40 (2018) A1494–A1522 (the AAA algorithm, here for
-vectors). Left out: more than one λ/μ, more than one shape of q or θ̄, α = 0.
+barycentric form, Σ_j w_j f_j/(a − a_j) / Σ_j w_j/(a − a_j), over the range of the sweep, widened by RANGE. Every point
+is put to the test: `valid` says for which of them the formula gives the problem of `Level.condensed` to AGREEMENT.
+Left out: more than one λ/μ, more than one shape of q or θ̄, α = 0.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from types import UnionType
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.offline.level import Level
-from tcstudy.offline.loads import split, unloaded
-from tcstudy.scene.records import Clamped, Convection, Heat, Scalar, Scene, Traction
+from tcstudy.offline.loads import loaded_by, split
+from tcstudy.scene.records import Heat, Scalar, Scene
 from tcstudy.scene.study import Study
 from tcstudy.solvers.problem import ContactProblem
 
@@ -37,7 +33,6 @@ MOST_LOADS = 64
 """Different mechanical or prescribed loads that are kept; points with further ones are not valid."""
 RANGE = 4.0
 """How far the range of α/k goes beyond that of the sweep, as a factor at either end."""
-SAMPLES = 33
 ACCURACY = 1e-13
 AGREEMENT = 1e-11
 
@@ -72,9 +67,10 @@ def live_arrays(study: Study, level: Level) -> dict[str, NDArray[np.generic]]:
     mechanical, held = _Distinct(), _Distinct()
     points: list[dict[str, float]] = []
     for scene in study.scenes:
-        loaded = _only(scene, first, Traction | Convection, f=scene.f)
+        cold, rigid = replace(scene.material, beta=0.0), replace(first.material, beta=0.0)
+        loaded = replace(loaded_by(scene, loads=True), material=rigid, heat=Heat(), friction=first.friction)
         # the load of given displacements goes with the stiffness
-        moved = _only(scene, first, Clamped, material=replace(scene.material, beta=0.0))
+        moved = replace(loaded_by(scene, moves=True), material=cold, heat=Heat(), friction=first.friction)
         found = _coefficients(scene, first, (mechanical.number(loaded, level), held.number(moved, level)))
         problem = level.condensed(scene).problem
         valid = _agrees(problem, found, base.A_tilde, (mechanical, held), source, surroundings)
@@ -97,9 +93,9 @@ class _Distinct:
         self._numbers: dict[Scene, int] = {}
         self.loads: list[Array] = []
 
-    def number(self, scene: Scene | None, level: Level) -> int:
+    def number(self, scene: Scene, level: Level) -> int:
         """Which load it is; −1 for none, −2 for one too many."""
-        if scene is None:
+        if loaded_by(scene) == scene:
             return -1
         if scene not in self._numbers:
             if len(self.loads) == MOST_LOADS:
@@ -111,21 +107,6 @@ class _Distinct:
     def rows(self, m: int) -> Array:
         """(loads, m) all of them."""
         return np.array(self.loads).reshape(-1, m)
-
-
-def _bare(scene: Scene, first: Scene) -> Scene:
-    """The scene without any load, heat or given displacement, and with the material and the law of the first one."""
-    boundary = tuple((name, unloaded(role)) for name, role in scene.boundary)
-    material = replace(first.material, beta=0.0)
-    return Scene(scene.body, boundary, material, (0.0, 0.0), Heat(), first.friction)
-
-
-def _only(scene: Scene, first: Scene, kinds: type | UnionType, **kept: Any) -> Scene | None:
-    """The bare scene with the roles of these kinds and what else is kept; None if that loads nothing."""
-    bare, own = _bare(scene, first), dict(scene.boundary)
-    boundary = tuple((name, own[name] if isinstance(own[name], kinds) else role) for name, role in bare.boundary)
-    loaded = replace(bare, boundary=boundary, **kept)
-    return None if (loaded.boundary, loaded.f) == (bare.boundary, bare.f) else loaded
 
 
 def _coefficients(scene: Scene, first: Scene, loads: tuple[int, int]) -> dict[str, float]:
@@ -150,8 +131,8 @@ def _heat(study: Study, level: Level) -> tuple[Rational | None, Rational | None]
     if not scenes:
         return None, None
     scene = next((s for s in scenes if split(s.heat.q)[1] != 0.0), scenes[0])
-    unit = _bare(scene, study.scenes[0])
-    unit = replace(unit, material=replace(unit.material, beta=1.0, k=scene.material.k))
+    unit = loaded_by(scene)
+    unit = replace(unit, material=replace(study.scenes[0].material, beta=1.0, k=scene.material.k))
     if scene.heat.theta is not None:
         load = level.condensed(replace(unit, heat=replace(scene.heat, theta=split(scene.heat.theta)[0])))
         return None, _constant(load.problem.l_tilde)
@@ -165,45 +146,28 @@ def _heat(study: Study, level: Level) -> tuple[Rational | None, Rational | None]
         return level.condensed(replace(unit, heat=heat)).problem.l_tilde
 
     q, theta_bar = split(scene.heat.q), split(scene.heat.theta_bar)
-    source = fit(lambda a: a * k * at(a, q[0], 0.0), bounds) if q[1] != 0.0 else None
+    source = interpolated(lambda a: a * k * at(a, q[0], 0.0), bounds) if q[1] != 0.0 else None
     if theta_bar[0] == 1.0:
         return source, _constant(at(ratios[0], 0.0, 1.0))
-    return source, fit(lambda a: at(a, 0.0, theta_bar[0]), bounds)
+    return source, interpolated(lambda a: at(a, 0.0, theta_bar[0]), bounds)
 
 
 def _constant(load: Array) -> Rational:
     return Rational(np.zeros(1), np.ones(1), load[None])
 
 
-def fit(function: Callable[[float], Array], bounds: tuple[float, float]) -> Rational:
-    """A rational function through samples of `function` over bounds, by the AAA algorithm.
+def interpolated(function: Callable[[float], Array], bounds: tuple[float, float]) -> Rational:
+    """The function of a through Chebyshev's points of x = (a − a₀)/(a + a₀), a₀² the product of the bounds.
 
-    Of SAMPLES points, geometrically spaced, those at which the function so far is farthest off become nodes, until it
-    is nowhere off by more than ACCURACY of the largest value at that point, or half of them are nodes.
+    Its poles in x are real, beyond ±1: the error falls like ρ⁻ⁿ, ρ = (R + 1)/(R − 1) with R⁴ the ratio of the bounds.
+    1/(x − x_j) is proportional to (a_j + a₀)/(a − a_j) (Berrut & Trefethen, SIAM Rev. 46 (2004) 501–517).
     """
-    points = np.geomspace(*bounds, SAMPLES)
-    values = np.array([function(float(a)) for a in points])
-    size = np.maximum(np.max(np.abs(values), axis=1), np.finfo(float).tiny)
-    chosen = [0]
-    while True:
-        weights = _weights(points, values, size, chosen)
-        rational = Rational(points[chosen], weights, values[chosen])
-        found = np.array([rational(float(a)) for a in points])
-        error = np.max(np.abs(found - values), axis=1) / size
-        worst = int(np.argmax(error))  # at nodes it is zero
-        if error[worst] <= ACCURACY or len(chosen) > SAMPLES // 2:
-            return rational
-        chosen.append(worst)
-
-
-def _weights(points: Array, values: Array, size: Array, chosen: list[int]) -> Array:
-    """Barycentric weights that fit the samples beside the nodes best: least singular vector of Loewner's matrix."""
-    rest = [i for i in range(len(points)) if i not in chosen]
-    gaps = (values[rest][:, None, :] - values[chosen][None, :, :]) / (points[rest][:, None] - points[chosen])[
-        :, :, None
-    ]
-    loewner = (gaps / size[rest][:, None, None]).transpose(0, 2, 1).reshape(-1, len(chosen))
-    return np.asarray(np.linalg.svd(loewner, full_matrices=False)[2][-1])
+    middle, R = np.sqrt(bounds[0] * bounds[1]), (bounds[1] / bounds[0]) ** 0.25
+    n = int(np.ceil(np.log(1.0 / ACCURACY) / np.log((R + 1.0) / (R - 1.0))))
+    x = np.cos(np.pi * np.arange(n + 1) / n) * (R**2 - 1.0) / (R**2 + 1.0)
+    nodes, weights = middle * (1.0 + x) / (1.0 - x), (-1.0) ** np.arange(n + 1)
+    weights[[0, -1]] *= 0.5
+    return Rational(nodes, weights * (nodes + middle), np.array([function(float(a)) for a in nodes]))
 
 
 def _agrees(

@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.forms import Conductivity
-from tcstudy.scene.records import Clamped, Convection, Rigid, Role, Scalar, Scene, Traction, Where, resultant
+from tcstudy.scene.records import Clamped, Convection, EdgeHeat, Rigid, Role, Scalar, Scene, Traction, Where, resultant
 
 Roles = tuple[tuple[str, Role], ...]
 
@@ -169,14 +169,25 @@ class Part:
         return Part(factor * self.constant, fields, factor * self.heat_out, abs(factor) * self.through)
 
 
-def unloaded(role: Role) -> Role:
-    """The role without its load, and with displacements of 0 where it prescribes any."""
-    if isinstance(role, Clamped):
-        x, y = (None if one is None else 0.0 for one in role.u)
-        role = replace(role, u=(x, y))
-        return replace(role, force=(0.0, 0.0), moment=role.moment and 0.0) if isinstance(role, Rigid) else role
-    none = (0.0, 0.0)
-    return replace(role, g=none, pressure=0.0, force=none) if isinstance(role, Traction | Convection) else role
+def loaded_by(scene: Scene, *, loads: bool = False, moves: bool = False, heat: bool = False) -> Scene:
+    """The scene with its mechanical loads, prescribed displacements or heat alone; without heat θ = 0."""
+    boundary, none, body = [], (0.0, 0.0), scene.heat
+    for name, role in scene.boundary:
+        kept: Role = role
+        if isinstance(kept, Clamped) and not moves:
+            x, y = (None if one is None else 0.0 for one in kept.u)
+            kept = replace(kept, u=(x, y))
+        if isinstance(kept, Rigid) and not loads:
+            kept = replace(kept, force=none, moment=kept.moment and 0.0)
+        elif isinstance(kept, Traction | Convection) and not loads:
+            kept = replace(kept, g=none, pressure=0.0, force=none)
+        if (own := kept.heat) is not None and not heat:
+            theta, theta_bar = (None if one is None else 0.0 for one in (own.theta, own.theta_bar))
+            kept = replace(kept, heat=EdgeHeat(theta, 0.0, own.alpha, theta_bar))
+        boundary.append((name, kept))
+    if not heat:
+        body = replace(body, theta=0.0) if body.theta is not None else replace(body, theta_bar=0.0, q=0.0)
+    return replace(scene, boundary=tuple(boundary), f=scene.f if loads else none, heat=body)
 
 
 def exchange_level(scene: Scene) -> tuple[float, Ratios]:

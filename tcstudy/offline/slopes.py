@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from tcstudy.laws.derivatives import agreed, law_slopes, number_of
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
-from tcstudy.offline.loads import unloaded
+from tcstudy.offline.loads import loaded_by
 from tcstudy.offline.whole_slopes import WholeBody, affine_scene, change_of
 from tcstudy.scene.fits import Sensitivity
-from tcstudy.scene.records import Clamped, Role, Scene
+from tcstudy.scene.records import Scene
 from tcstudy.solvers.linearised import Linearised
 
 Array = NDArray[np.float64]
@@ -49,16 +49,13 @@ def load_slope(level: Level, scene: Scene, by: Sensitivity, v: Array, whole: Who
     if not _is_short(scene, path):
         change = change_of(level, scene, by)
         return LoadSlope((whole or WholeBody(level, scene, v)).right_side(change), change.theta_mean)
-    material, factor = scene.material, 1.0
+    material = scene.material
     if path == ("material", "E"):
-        factor, beta = 1.0 / material.E, material.beta if by.heat_grows else 0.0
-        linear = replace(scene, boundary=_without(scene, Clamped), f=(0.0, 0.0), material=replace(material, beta=beta))
-        stiff = level.condensed(scene).problem.A_tilde @ v
-        return LoadSlope(factor * (level.block([linear]).l_tilde[0] - stiff), 0.0)
+        grown = level.block([loaded_by(scene, moves=True, heat=by.heat_grows)]).l_tilde[0]
+        return LoadSlope((grown - level.condensed(scene).problem.A_tilde @ v) / material.E, 0.0)
     if path[0] == "material":
         one = replace(material, beta=material.bulk if path[1] == "alpha_T" else 1.0)
-        linear = replace(scene, boundary=_without(scene), f=(0.0, 0.0), material=one)
-        return LoadSlope(level.block([linear]).l_tilde[0], 0.0)
+        return LoadSlope(level.block([replace(loaded_by(scene, heat=True), material=one)]).l_tilde[0], 0.0)
     linear = affine_scene(scene, path)
     block = level.block([linear])
     mean = float(block.theta_mean[0]) if path[0] == "heat" or linear.heat_by_edge else 0.0
@@ -76,16 +73,6 @@ def _is_short(scene: Scene, path: tuple[str, ...]) -> bool:
         alone = {"E": not scene.springs, "alpha_T": True, "beta": True}
         return not scene.material.regions and alone.get(path[-1], False)
     return is_load(path)
-
-
-def _without(scene: Scene, *kept: type) -> tuple[tuple[str, Role], ...]:
-    """The boundary without loads; kept: roles that keep the displacements that they prescribe."""
-
-    def bare(role: Role) -> Role:
-        own = unloaded(role)
-        return replace(own, u=role.u) if isinstance(role, kept) and isinstance(role, Clamped) else own  # type: ignore[arg-type]
-
-    return tuple((name, bare(role)) for name, role in scene.boundary)
 
 
 def law_slope(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ Left out: the geometry, which moves the mesh.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -23,41 +23,17 @@ from numpy.typing import NDArray
 
 from tcstudy.fem.forms import Moduli, Springs
 from tcstudy.offline.level import Level
-from tcstudy.offline.loads import unloaded
+from tcstudy.offline.loads import loaded_by
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.parameters import moduli_slope, path_scene
-from tcstudy.scene.records import Convection, EdgeHeat, Rigid, Role, Scene, Traction, exchanges
+from tcstudy.scene.records import Scene, exchanges
 
 Array = NDArray[np.float64]
 
 
-def bare(scene: Scene, *kept: type) -> Scene:
-    """The scene without any load, those of edges of the kept roles apart; its temperature is 0."""
-    heat = scene.heat
-    cold = replace(heat, theta=0.0) if heat.theta is not None else replace(heat, theta_bar=0.0, q=0.0)
-    boundary = tuple((name, _unloaded(role, isinstance(role, kept))) for name, role in scene.boundary)
-    return replace(scene, boundary=boundary, f=(0.0, 0.0), heat=cold)
-
-
-def _unloaded(role: Role, kept: bool) -> Role:
-    """The role without load, prescribed displacement and heat; kept: without heat alone."""
-    if (own := role.heat) is not None:
-        cold = EdgeHeat(None if own.theta is None else 0.0, 0.0, own.alpha, None if own.theta_bar is None else 0.0)
-        role = replace(role, heat=cold)
-    return role if kept else unloaded(role)
-
-
 def affine_scene(scene: Scene, path: tuple[str, ...]) -> Scene:
     """The scene whose load is the derivative by a number in which the load is affine."""
-    if path != ("load",):
-        return path_scene(bare(scene), path, 1.0)
-    loads = replace(bare(scene, Traction, Convection), f=scene.f)
-    given = {name: role for name, role in scene.boundary if isinstance(role, Rigid)}
-    boundary = (
-        (name, replace(role, force=given[name].force, moment=given[name].moment) if isinstance(role, Rigid) else role)
-        for name, role in loads.boundary
-    )
-    return replace(loads, boundary=tuple(boundary))
+    return loaded_by(scene, loads=True) if path == ("load",) else path_scene(loaded_by(scene), path, 1.0)
 
 
 @dataclass(frozen=True, eq=False)

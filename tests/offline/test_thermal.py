@@ -22,8 +22,7 @@ def swept(*overrides: str) -> tuple[Study, PlaneMesh]:
 
 
 class Columns:
-    """Counts the columns that go back through a factor, among them the two that tell whether the mesh is sound
-    and how many digits λ₁ has."""
+    """Counts the columns that go back through a factor, among them the one that tells whether the mesh is sound."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.count = 0
@@ -64,8 +63,8 @@ def test_few_alpha_have_a_column_each(monkeypatch: pytest.MonkeyPatch) -> None:
     columns = Columns(monkeypatch)
     level = Level(mesh, study.scenes[0], study.scenes)
     for scene in study.scenes:
-        level.condensed(scene)
-    assert columns.count == 2 * 3 + 2
+        level.temperature(scene)
+    assert columns.count == 2 * 3 + 1
 
 
 def test_an_alpha_outside_the_sweep_is_as_exact() -> None:
