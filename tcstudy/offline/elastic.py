@@ -175,31 +175,23 @@ class Elastic:
         return self._products[key]
 
     def _bases(self, loads: Sequence[BasisLoad], make: LoadMaker) -> list[_Basis]:
-        """Basis loads condensed, from the cache or made with their companions.
+        """Basis loads condensed, from the cache or eliminated at once with their companions.
 
         A load always goes with the same companions, so that its digits do not depend on what was asked for before.
         """
         found: dict[BasisLoad, _Basis] = {}
         for load in loads:
             known = self._basis.find(load)
-            if known is not None:
+            if known is None and load not in found:
+                together = make.together(load)
+                F = np.column_stack([make.local(one) for one in together])
+                forward = self.condensation.forward(F)
+                for i, one in enumerate(together):
+                    found[one] = _Basis(forward.l_tilde[:, i].copy(), forward.rows[:, i].copy(), F[self._held, i])
+                    self._basis.put(one, found[one])
+            elif known is not None:
                 found[load] = known
-            elif load not in found:
-                found |= self._eliminate(make.together(load), make)
         return [found[load] for load in loads]
-
-    def _eliminate(self, loads: Sequence[BasisLoad], make: LoadMaker) -> dict[BasisLoad, _Basis]:
-        """Eliminate some basis loads at once and keep them."""
-        F = np.column_stack([make.local(load) for load in loads])
-        forward = self.condensation.forward(F)
-        made = {}
-        for i, load in enumerate(loads):
-            known = self._basis.find(load)
-            if known is None:
-                known = _Basis(forward.l_tilde[:, i].copy(), forward.rows[:, i].copy(), F[self._held, i])
-                self._basis.put(load, known)
-            made[load] = known
-        return made
 
     def condensed(self, load: Array) -> Array:
         """(m,) a load in local rows (2n,), condensed."""

@@ -37,7 +37,7 @@ from tcstudy.offline.loads import (
 )
 from tcstudy.offline.thermal import Temperature, Temperatures
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Clamped, Contact, Rigid, Scene
+from tcstudy.scene.records import Clamped, Contact, Rigid, Role, Scene
 from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
@@ -87,13 +87,13 @@ class CondensedBlock:
 
 def _held(boundary: Roles) -> Roles:
     """The part of the boundary that constrains displacements, as a key."""
-    return tuple((name, _constraint(role)) for name, role in boundary if isinstance(role, Clamped | Contact))
-
-
-def _constraint(role: Clamped | Contact) -> Clamped | Contact:
-    if isinstance(role, Rigid):
-        role = replace(role, force=(0.0, 0.0), moment=role.moment and 0.0)
-    return replace(role, heat=None)
+    found: list[tuple[str, Role]] = []
+    for name, role in boundary:
+        if isinstance(role, Rigid):
+            role = replace(role, force=(0.0, 0.0), moment=role.moment and 0.0)
+        if isinstance(role, Clamped | Contact):
+            found.append((name, replace(role, heat=None)))
+    return tuple(found)
 
 
 def _groups(scenes: Sequence[Scene]) -> dict[BasisLoad, list[BasisLoad]]:
@@ -165,7 +165,7 @@ class Level:
         """
         start = time.perf_counter()
         l_tilde, constant, terms = self._condensed_load(scene)
-        body, mu = self._body(scene, self._frames_of(scene.boundary))
+        body, mu, _ = self._body(scene)
         problem = ContactProblem(body.A_tilde(mu), l_tilde, self.line.c, self.law(scene), body.lambda_1_error)
         return Condensed(problem, constant, terms, time.perf_counter() - start)
 
@@ -183,8 +183,8 @@ class Level:
 
     def condensed_of(self, scene: Scene, load: Array) -> Array:
         """(m,) l̃ of a load (2n,) in x and y on the body of a scene [N/m]: one forward elimination."""
-        frames = self._frames_of(scene.boundary)
-        return self._body(scene, frames)[0].condensed(frames.local(load))
+        body, _, frames = self._body(scene)
+        return body.condensed(frames.local(load))
 
     def held_values(self, scene: Scene) -> Array:
         """(2n,) the displacements that a scene prescribes, in local rows [m]."""
@@ -192,10 +192,9 @@ class Level:
 
     def _condensed_load(self, scene: Scene) -> tuple[Array, float, tuple[LoadTerm, ...]]:
         """l̃ (m,) [N/m], what the energy has beside L̃ [J/m], and the basis terms of the load."""
-        frames = self._frames_of(scene.boundary)
         # heat first: its factor may go before the elastic one comes
         terms = (*mechanical_terms(scene.f, scene.boundary), *self.temperatures.terms(scene))
-        body, mu = self._body(scene, frames)
+        body, mu, frames = self._body(scene)
         loads = len(terms)
         if np.any(frames.values):
             terms = (*terms, LoadTerm(Prescribed(_held(scene.boundary)), mu))
@@ -217,7 +216,7 @@ class Level:
         if len({self.ratio(scenes[i]) for i in first}) > 1:
             raise ValueError("the scenes of a block differ in λ/μ")
         loads = [self._loads(scenes[i]) for i in first]
-        body, _ = self._body(scenes[0], self._frames_of(scenes[0].boundary))
+        body = self._body(scenes[0])[0]
         l_tilde, constant, mean, balance = (np.array(column) for column in zip(*loads, strict=True))
         mu = np.array([scene.material.mu for scene in scenes])
         return CondensedBlock(
@@ -235,15 +234,15 @@ class Level:
 
     def _loads(self, scene: Scene) -> tuple[Array, float, float, float]:
         """l̃, the energy's constant, mean of θ and heat balance of a scene, kept for the next block."""
-        key = (scene.f, scene.boundary, scene.heat, scene.material)
-        return self._rows.get(key, lambda: self._new_loads(scene))
 
-    def _new_loads(self, scene: Scene) -> tuple[Array, float, float, float]:
-        l_tilde, constant, _ = self._condensed_load(scene)
-        if not scene.material.expands:
-            return l_tilde, constant, float("nan"), float("nan")
-        theta = self.temperature(scene)
-        return l_tilde, constant, theta.mean, theta.heat_balance
+        def made() -> tuple[Array, float, float, float]:
+            l_tilde, constant, _ = self._condensed_load(scene)
+            if not scene.material.expands:
+                return l_tilde, constant, float("nan"), float("nan")
+            theta = self.temperature(scene)
+            return l_tilde, constant, theta.mean, theta.heat_balance
+
+        return self._rows.get((scene.f, scene.boundary, scene.heat, scene.material), made)
 
     @staticmethod
     def ratio(scene: Scene) -> tuple[Moduli, Springs]:
@@ -252,18 +251,17 @@ class Level:
 
     def lambda_1(self, scene: Scene) -> float:
         """λ₁ of the body on this mesh (method §5) [Pa/m], once per λ/μ."""
-        body, mu = self._body(scene, self._frames_of(scene.boundary))
+        body, mu, _ = self._body(scene)
         return mu * body.lambda_1
 
     def A_inverse(self, scene: Scene) -> Array:
         """Ã⁻¹ of a scene's body [1/Pa], once per E, for the certificates."""
-        body, mu = self._body(scene, self._frames_of(scene.boundary))
+        body, mu, _ = self._body(scene)
         return body.A_inverse(mu)
 
     def displacement(self, scene: Scene, condensed: Condensed, u_T: Array) -> Array:
         """The whole displacement in x and y (2n,) from the contact solution, eq. (20)."""
-        frames = self._frames_of(scene.boundary)
-        body, mu = self._body(scene, frames)
+        body, mu, frames = self._body(scene)
         w = body.displacement(mu, u_T, condensed.terms, self._maker(body, frames))
         return frames.cartesian(w + frames.values)
 
@@ -275,8 +273,8 @@ class Level:
 
     def extension(self, scene: Scene, u_T: Array) -> Array:
         """The displacement in x and y (2n,) of a body without load whose contact nodes are moved by u_T (m,)."""
-        frames = self._frames_of(scene.boundary)
-        return frames.cartesian(self._body(scene, frames)[0].extension(u_T))
+        body, _, frames = self._body(scene)
+        return frames.cartesian(body.extension(u_T))
 
     def load(self, scene: Scene) -> Array:
         """l_θ in x and y (2n,) [N/m]: mechanical and thermal loads, without prescribed displacements."""
@@ -295,13 +293,12 @@ class Level:
 
     def reactions(self, scene: Scene, u: Array) -> Array:
         """(2n,) Au + Su − l_θ in x and y [N/m]: what supports do, at a solution u (2n,)."""
-        return self.forces(u, tuple((at, one.lam, one.mu) for at, one in scene.pieces), scene.springs) - self.load(
-            scene
-        )
+        moduli = tuple((at, one.lam, one.mu) for at, one in scene.pieces)
+        return self.forces(u, moduli, scene.springs) - self.load(scene)
 
-    def _body(self, scene: Scene, frames: Frames) -> tuple[Elastic, float]:
-        """The body of this λ/μ, factorised, and μ."""
-        ratio, mu = ratio_and_scale(scene)
+    def _body(self, scene: Scene) -> tuple[Elastic, float, Frames]:
+        """The body of this λ/μ, factorised, μ, and its local frames with what is prescribed."""
+        (ratio, mu), frames = ratio_and_scale(scene), self._frames_of(scene.boundary)
         body = self._bodies.find(ratio)
         if body is None:
             self._bodies.clear()
@@ -311,7 +308,7 @@ class Level:
             )
             self._plan, self._known = body.condensation.plan, body.condensation.known
             self._bodies.put(ratio, body)
-        return body, mu
+        return body, mu, frames
 
     def _maker(self, body: Elastic, frames: Frames) -> LoadMaker:
         """How the basis loads of a body are made."""

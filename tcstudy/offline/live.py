@@ -15,13 +15,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import loaded_by, split
-from tcstudy.scene.records import Heat, Scalar, Scene
+from tcstudy.scene.records import Heat, Scene
 from tcstudy.scene.study import Study
 from tcstudy.solvers.problem import ContactProblem
 
@@ -33,6 +34,8 @@ MOST_LOADS = 64
 """Different mechanical or prescribed loads that are kept; points with further ones are not valid."""
 RANGE = 4.0
 """How far the range of α/k goes beyond that of the sweep, as a factor at either end."""
+NONE, TOO_MANY = -1.0, -2.0
+"""In place of a load's number."""
 ACCURACY = 1e-13
 AGREEMENT = 1e-11
 
@@ -61,99 +64,73 @@ def live_arrays(study: Study, level: Level) -> dict[str, NDArray[np.generic]]:
     """
     if not 0 < level.line.m <= MOST_NODES:
         return {}
-    first = study.scenes[0]
-    base = level.condensed(first).problem
-    source, surroundings = _heat(study, level)
-    mechanical, held = _Distinct(), _Distinct()
+    first, heat = study.scenes[0], _heat(study, level)
+    A_tilde = level.condensed(first).problem.A_tilde
+    loads: dict[str, dict[Scene, Array]] = {"mechanical": {}, "held": {}}
     points: list[dict[str, float]] = []
     for scene in study.scenes:
         cold, rigid = replace(scene.material, beta=0.0), replace(first.material, beta=0.0)
-        loaded = replace(loaded_by(scene, loads=True), material=rigid, heat=Heat(), friction=first.friction)
+        loaded, moved = loaded_by(scene, loads=True), loaded_by(scene, moves=True)
+        found = _coefficients(scene, first)
         # the load of given displacements goes with the stiffness
-        moved = replace(loaded_by(scene, moves=True), material=cold, heat=Heat(), friction=first.friction)
-        found = _coefficients(scene, first, (mechanical.number(loaded, level), held.number(moved, level)))
-        problem = level.condensed(scene).problem
-        valid = _agrees(problem, found, base.A_tilde, (mechanical, held), source, surroundings)
-        points.append(found | {"valid": float(valid)})
-    arrays: dict[str, NDArray[np.generic]] = {
-        "A_tilde": base.A_tilde,
-        "mechanical_load": mechanical.rows(level.line.m),
-        "held_load": held.rows(level.line.m),
-        **_named("source", source),
-        **_named("surroundings", surroundings),
-        **{name: np.array([point[name] for point in points]).reshape(study.shape) for name in points[0]},
-    }
+        for name, one, material in (("mechanical", loaded, rigid), ("held", moved, cold)):
+            own, known = replace(one, material=material, heat=Heat(), friction=first.friction), loads[name]
+            if one == loaded_by(one):
+                found[name] = NONE
+            elif own not in known and len(known) == MOST_LOADS:
+                found[name] = TOO_MANY
+            else:
+                if own not in known:
+                    known[own] = level.condensed(own).problem.l_tilde
+                found[name] = float(list(known).index(own))
+        points.append(found | {"valid": float(_agrees(level.condensed(scene).problem, found, A_tilde, loads, heat))})
+    arrays: dict[str, NDArray[np.generic]] = {"A_tilde": A_tilde}
+    arrays |= {f"{name}_load": np.array(list(own.values())).reshape(-1, level.line.m) for name, own in loads.items()}
+    for name, function in heat.items():
+        arrays |= {f"{name}_node": function.nodes, f"{name}_weight": function.weights, f"{name}_load": function.values}
+    arrays |= {name: np.array([point[name] for point in points]).reshape(study.shape) for name in points[0]}
     return {f"live_{name}": values for name, values in arrays.items()}
 
 
-class _Distinct:
-    """The different loads of a sweep, condensed once each."""
-
-    def __init__(self) -> None:
-        self._numbers: dict[Scene, int] = {}
-        self.loads: list[Array] = []
-
-    def number(self, scene: Scene, level: Level) -> int:
-        """Which load it is; −1 for none, −2 for one too many."""
-        if loaded_by(scene) == scene:
-            return -1
-        if scene not in self._numbers:
-            if len(self.loads) == MOST_LOADS:
-                return -2
-            self._numbers[scene] = len(self.loads)
-            self.loads.append(level.condensed(scene).problem.l_tilde)
-        return self._numbers[scene]
-
-    def rows(self, m: int) -> Array:
-        """(loads, m) all of them."""
-        return np.array(self.loads).reshape(-1, m)
-
-
-def _coefficients(scene: Scene, first: Scene, loads: tuple[int, int]) -> dict[str, float]:
+def _coefficients(scene: Scene, first: Scene) -> dict[str, float]:
     """The numbers that make up a point's problem."""
-    heat = scene.heat
-    known = heat.theta is not None
+    heat, known, nan = scene.heat, scene.heat.theta is not None, float("nan")
     return {
         "stiffness": scene.material.mu / first.material.mu,
-        "mechanical": float(loads[0]),
-        "held": float(loads[1]),
         "beta": scene.material.beta,
-        "alpha": float("nan") if known else heat.alpha,
-        "k": float("nan") if known or scene.material.k is None else scene.material.k,
+        "alpha": nan if known else heat.alpha,
+        "k": nan if known or scene.material.k is None else scene.material.k,
         "q": 0.0 if known else split(heat.q)[1],
         "theta_bar": split(heat.theta_bar if heat.theta is None else heat.theta)[1],
     }
 
 
-def _heat(study: Study, level: Level) -> tuple[Rational | None, Rational | None]:
+def _heat(study: Study, level: Level) -> dict[str, Rational]:
     """α × load of a unit source, and load of unit surroundings (or of the known temperature), over α/k."""
     scenes = [scene for scene in study.scenes if scene.material.beta != 0.0]
     if not scenes:
-        return None, None
+        return {}
     scene = next((s for s in scenes if split(s.heat.q)[1] != 0.0), scenes[0])
-    unit = loaded_by(scene)
-    unit = replace(unit, material=replace(study.scenes[0].material, beta=1.0, k=scene.material.k))
+    unit = replace(loaded_by(scene), material=replace(study.scenes[0].material, beta=1.0, k=scene.material.k))
+
+    def load(**heat: Any) -> Array:
+        return level.condensed(replace(unit, heat=replace(scene.heat, **heat))).problem.l_tilde
+
+    def constant(load: Array) -> Rational:
+        return Rational(np.zeros(1), np.ones(1), load[None])
+
     if scene.heat.theta is not None:
-        load = level.condensed(replace(unit, heat=replace(scene.heat, theta=split(scene.heat.theta)[0])))
-        return None, _constant(load.problem.l_tilde)
+        return {"surroundings": constant(load(theta=split(scene.heat.theta)[0]))}
     ratios = [s.heat.alpha / s.material.k for s in scenes if s.material.k and s.heat.alpha > 0.0]
     if not ratios:
-        return None, None
-    k, bounds = float(scene.material.k or 1.0), (min(ratios) / RANGE, max(ratios) * RANGE)
-
-    def at(a: float, q: Scalar, theta_bar: Scalar) -> Array:
-        heat = replace(scene.heat, alpha=a * k, q=q, theta_bar=theta_bar)
-        return level.condensed(replace(unit, heat=heat)).problem.l_tilde
-
-    q, theta_bar = split(scene.heat.q), split(scene.heat.theta_bar)
-    source = interpolated(lambda a: a * k * at(a, q[0], 0.0), bounds) if q[1] != 0.0 else None
-    if theta_bar[0] == 1.0:
-        return source, _constant(at(ratios[0], 0.0, 1.0))
-    return source, interpolated(lambda a: at(a, 0.0, theta_bar[0]), bounds)
-
-
-def _constant(load: Array) -> Rational:
-    return Rational(np.zeros(1), np.ones(1), load[None])
+        return {}
+    k, bounds, found = float(scene.material.k or 1.0), (min(ratios) / RANGE, max(ratios) * RANGE), {}
+    (q, heated), (theta_bar, _) = split(scene.heat.q), split(scene.heat.theta_bar)
+    if heated != 0.0:
+        found["source"] = interpolated(lambda a: a * k * load(alpha=a * k, q=q, theta_bar=0.0), bounds)
+    if theta_bar == 1.0:
+        return found | {"surroundings": constant(load(alpha=ratios[0] * k, q=0.0, theta_bar=1.0))}
+    return found | {"surroundings": interpolated(lambda a: load(alpha=a * k, q=0.0, theta_bar=theta_bar), bounds)}
 
 
 def interpolated(function: Callable[[float], Array], bounds: tuple[float, float]) -> Rational:
@@ -174,31 +151,23 @@ def _agrees(
     problem: ContactProblem,
     found: dict[str, float],
     A_tilde: Array,
-    loads: tuple[_Distinct, _Distinct],
-    source: Rational | None,
-    surroundings: Rational | None,
+    loads: dict[str, dict[Scene, Array]],
+    heat: dict[str, Rational],
 ) -> bool:
     """Whether the formula gives the point's problem; its numbers decide, so that no shape of a load is trusted."""
-    numbers = found["mechanical"], found["held"]
-    if -2 in numbers:
+    if TOO_MANY in (found["mechanical"], found["held"]):
         return False
     total = np.zeros(problem.m)
-    for distinct, number in zip(loads, numbers, strict=True):
-        if number >= 0:
-            total = total + distinct.loads[int(number)]
+    for name, known in loads.items():
+        if found[name] != NONE:
+            total = total + list(known.values())[int(found[name])]
     if found["beta"] != 0.0:
         a = found["alpha"] / found["k"] if found["alpha"] > 0.0 else 0.0
-        if source is not None and found["q"] != 0.0:
-            total = total + found["beta"] * found["q"] / found["alpha"] * source(a)
-        if surroundings is not None:
-            total = total + found["beta"] * found["theta_bar"] * surroundings(a)
+        if "source" in heat and found["q"] != 0.0:
+            total = total + found["beta"] * found["q"] / found["alpha"] * heat["source"](a)
+        if "surroundings" in heat:
+            total = total + found["beta"] * found["theta_bar"] * heat["surroundings"](a)
     size = float(np.max(np.abs(problem.l_tilde), initial=0.0))
     same = bool(np.max(np.abs(total - problem.l_tilde), initial=0.0) <= AGREEMENT * size)
     stiffness = np.max(np.abs(found["stiffness"] * A_tilde - problem.A_tilde))
     return same and bool(stiffness <= AGREEMENT * np.max(np.abs(problem.A_tilde)))
-
-
-def _named(name: str, function: Rational | None) -> dict[str, NDArray[np.generic]]:
-    if function is None:
-        return {}
-    return {f"{name}_node": function.nodes, f"{name}_weight": function.weights, f"{name}_load": function.values}

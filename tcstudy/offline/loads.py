@@ -265,7 +265,9 @@ class Recent(Generic[T]):
         return self._entries[key]
 
     def put(self, key: Hashable, value: T) -> None:
-        """Keep a value under a key that is not there; the oldest entries make room for it."""
+        """Keep a value under a key; the oldest entries make room for it."""
+        if key in self._entries:
+            self._total -= self._size(self._entries.pop(key))
         self._entries[key] = value
         self._total += self._size(value)
         while self._total > self._budget and len(self._entries) > 1:
