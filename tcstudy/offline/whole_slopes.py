@@ -54,48 +54,35 @@ class Change:
 def change_of(level: Level, scene: Scene, by: Sensitivity) -> Change:
     """∂A/∂p, ∂l/∂p and ∂w_D/∂p. Raises KeyError for a number that there is not."""
     path, none = by.path, np.zeros(2 * level.mesh.n_points)
+    load, mean, heat = none, 0.0, level.temperatures
+
+    def heated(put_in: Array) -> tuple[Array, float]:
+        """The load and the mean of the temperature that heat at the nodes (n,) makes."""
+        theta = heat.response(scene, put_in)
+        loads = (own.beta * level.elastic.expansion(theta, where) for where, own in scene.pieces if own.beta != 0.0)
+        return np.asarray(sum(loads, none)), heat.mean_of(theta)
+
     if path[0] == "friction":
         return Change((), (), none, none, 0.0)
     if path[0] in ("material", "materials"):
-        return _by_material(level, scene, by)
+        where, own = next(one for one in scene.pieces if path[0] == "material" or one[0] == (path[1],))
+        slope = moduli_slope(own, path[-1], by.heat_grows)
+        if slope.beta:
+            load = slope.beta * level.elastic.expansion(level.temperature(scene).theta, where)
+        if slope.k and scene.heat.theta is None and scene.conducts:
+            more, mean = heated(-(level.elastic.conduction(((where, 1.0),)) @ level.temperature(scene).theta))
+            load = load + more
+        return Change(((where, slope.lam, slope.mu),) if slope.lam or slope.mu else (), (), load, none, mean)
     if path[-2:-1] == ("spring",):
-        normal, tangential = (float(path[-1] == name) for name in ("normal", "tangential"))
-        return Change((), ((path[1], normal, tangential),), none, none, 0.0)
+        return Change((), ((path[1], float(path[-1] == "normal"), float(path[-1] == "tangential")),), none, none, 0.0)
     if path[-1] == "alpha":
-        theta = level.temperatures.response(scene, level.temperatures.exchanged(scene, exchanging(scene, path)))
-        return Change((), (), _heated(level, scene, theta), none, level.temperatures.mean_of(theta))
+        # of one edge, or of all without an α of their own
+        others = (name for name, role in scene.boundary if exchanges(role) and not (role.heat and role.heat.alpha))
+        load, mean = heated(heat.exchanged(scene, (path[1],) if path[0] == "boundary" else tuple(others)))
+        return Change((), (), load, none, mean)
     linear = affine_scene(scene, path)
-    values = level.held_values(linear)
-    theta_mean = level.temperature(linear).mean if path[0] == "heat" or linear.heat_by_edge else 0.0
-    return Change((), (), level.load(linear), values, theta_mean)
-
-
-def exchanging(scene: Scene, path: tuple[str, ...]) -> tuple[str, ...]:
-    """The edges whose α a number is: one, or all without an α of their own."""
-    if path[0] == "boundary":
-        return (path[1],)
-    return tuple(name for name, role in scene.boundary if exchanges(role) and not (role.heat and role.heat.alpha))
-
-
-def _by_material(level: Level, scene: Scene, by: Sensitivity) -> Change:
-    none, pieces = np.zeros(2 * level.mesh.n_points), scene.pieces
-    where, own = pieces[0] if by.path[0] == "material" else next(one for one in pieces if one[0] == (by.path[1],))
-    slope = moduli_slope(own, by.path[-1], by.heat_grows)
-    moduli: Moduli = ((where, slope.lam, slope.mu),) if slope.lam or slope.mu else ()
-    load, mean = none, 0.0
-    if slope.beta:
-        load = slope.beta * level.elastic.expansion(level.temperature(scene).theta, where)
-    if slope.k and scene.heat.theta is None and scene.conducts:
-        flows = level.elastic.conduction(((where, 1.0),)) @ level.temperature(scene).theta
-        theta = level.temperatures.response(scene, -flows)
-        load, mean = load + _heated(level, scene, theta), level.temperatures.mean_of(theta)
-    return Change(moduli, (), load, none, mean)
-
-
-def _heated(level: Level, scene: Scene, theta: Array) -> Array:
-    """(2n,) the load of a temperature at the nodes."""
-    loads = (own.beta * level.elastic.expansion(theta, where) for where, own in scene.pieces if own.beta != 0.0)
-    return np.asarray(sum(loads, np.zeros(2 * level.mesh.n_points)))
+    mean = level.temperature(linear).mean if path[0] == "heat" or linear.heat_by_edge else 0.0
+    return Change((), (), level.load(linear), level.held_values(linear), mean)
 
 
 @dataclass(frozen=True)
