@@ -48,11 +48,19 @@ class Requested:
         if self.output.probes or "von_mises" in wanted:
             sigma = self._stress(scene, u, theta)
             found |= self._probes(u, theta if warm else theta + np.nan, sigma)
-            found |= self._largest(sigma) if "von_mises" in wanted else {}
+            if "von_mises" in wanted:
+                xx, yy, xy, zz = sigma.T
+                size = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2)
+                x, y = self._triangles.corners[worst := int(np.argmax(size))].mean(axis=0)
+                found |= {"von_mises_max": float(size[worst]), "von_mises_x": float(x), "von_mises_y": float(y)}
         if "reactions" in wanted:
             found |= self._reactions(scene, u)
         if "theta_edges" in wanted and warm:
-            found |= {f"theta_mean_{name}": self._mean(name, theta) for name, _ in scene.boundary}
+            mesh = level.mesh
+            for name, _ in scene.boundary:
+                ends = mesh.segments[mesh.on(name)]
+                length = np.hypot(*(mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]]).T)
+                found[f"theta_mean_{name}"] = float(length @ theta[ends].mean(axis=1) / length.sum())
         return found
 
     def _stress(self, scene: Scene, u: Array, theta: Array) -> Array:
@@ -71,33 +79,21 @@ class Requested:
         return sigma
 
     def _probes(self, u: Array, theta: Array, sigma: Array) -> dict[str, float]:
-        found: dict[str, float] = {}
-        components = u.reshape(2, -1)
+        level, components, found = self.level, u.reshape(2, -1), dict[str, float]()
         for probe, (triangle, weights) in self._places.items():
-            nodes, start = self.level.mesh.triangles[triangle], f"probe_{probe.name}"
+            nodes, start = level.mesh.triangles[triangle], f"probe_{probe.name}"
             if triangle < 0:
                 continue
             at = components[:, nodes] @ weights
             found |= {f"{start}_u_x": at[0], f"{start}_u_y": at[1], f"{start}_theta": theta[nodes] @ weights}
             found |= {f"{start}_sigma_{c}": sigma[triangle, i] for i, c in enumerate(("xx", "yy", "xy"))}
             if probe.on_contact:
-                found[f"{start}_u_T"] = self._along(probe, components)
+                # the contact line's ends may be held, so that u_T is that of the segment that is nearest
+                k, share = level.line.nearest(probe.at)
+                (first, second), along = level.line.segments[k], level.line.ends[k, 1] - level.line.ends[k, 0]
+                value: Array = (1.0 - share) * components[:, first] + share * components[:, second]
+                found[f"{start}_u_T"] = float(value @ along) / float(np.hypot(*along))
         return {name: float(value) for name, value in found.items()}
-
-    def _along(self, probe: Probe, u: Array) -> float:
-        """u_T at a point of the contact line, whose ends may be held: from the segment that is nearest."""
-        line = self.level.line
-        k, s = line.nearest(probe.at)
-        (first, second), along = line.segments[k], line.ends[k, 1] - line.ends[k, 0]
-        value: Array = (1.0 - s) * u[:, first] + s * u[:, second]
-        return float(value @ along) / float(np.hypot(*along))
-
-    def _largest(self, sigma: Array) -> dict[str, float]:
-        xx, yy, xy, zz = sigma.T
-        size = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2)
-        worst = int(np.argmax(size))
-        x, y = self._triangles.corners[worst].mean(axis=0)
-        return {"von_mises_max": float(size[worst]), "von_mises_x": float(x), "von_mises_y": float(y)}
 
     def _reactions(self, scene: Scene, u: Array) -> dict[str, float]:
         """Force of every support on the body, x and y; a node where two meet counts to the first, clamped before
@@ -114,13 +110,6 @@ class Requested:
                 x, y = rest.reshape(2, -1)[:, nodes].sum(axis=1)
                 found |= {f"reaction_{name}_x": float(x), f"reaction_{name}_y": float(y)}
         return found
-
-    def _mean(self, name: str, theta: Array) -> float:
-        """Mean of θ over an edge."""
-        mesh = self.level.mesh
-        ends = mesh.segments[mesh.on(name)]
-        length = np.hypot(*(mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]]).T)
-        return float(length @ theta[ends].mean(axis=1) / length.sum())
 
 
 def _place(triangles: ElementGeometry, at: Array) -> tuple[int, Array]:

@@ -59,7 +59,7 @@ class Temperatures:
     """θ of every scene of a study on one mesh, and the load β∫θ tr ε(v) that it makes, as basis terms."""
 
     def __init__(self, forms: HeatForms, points: Array, scenes: Sequence[Scene], memory: float) -> None:
-        """points: (n, 2) nodes;  scenes: all to come, if known;  memory: bytes of fields kept, of either kind."""
+        """points: (n, 2) nodes;  scenes: all to come, if known;  memory: bytes of fields kept."""
         self._forms: dict[Conductivity, HeatForms] = {(): forms}
         self._points, self._wanted = points, _wanted(scenes)
         self._memory = memory / max(1, len({k for k, _ in self._wanted}))
@@ -67,7 +67,6 @@ class Temperatures:
         self._factors: dict[Conductivity, HeatFactor] = {}
         self._fields: Recent[Array] = Recent(memory, lambda field: field.nbytes)
         self._means: dict[Field, float] = {}
-        self._known: Recent[Array] = Recent(memory, lambda theta: theta.nbytes)
         self._last: tuple[Scene, list[Part], float] | None = None
         self._prepared: set[Conductivity] = set()
 
@@ -140,7 +139,7 @@ class Temperatures:
         """Nodal values (n,) of a field."""
         if isinstance(name, Column):
             return self.conduction(name.family.k, name.family.ratios).field(name)
-        return self._known.get(name, lambda: values_at(name, self._points))
+        return self._fields.get(name, lambda: values_at(name, self._points))
 
     def mean(self, name: Field) -> float:
         """Mean of a field over the body."""
@@ -173,24 +172,21 @@ class Temperatures:
 
         Nothing is solved for what is constant or unused.
         """
-        if self._last is None or self._last[0] is not scene:
-            self._last = scene, *self._new_parts(scene)
-        return self._last[1:]
-
-    def _new_parts(self, scene: Scene) -> tuple[list[Part], float]:
-        given = scene.heat.theta
+        if self._last is not None and self._last[0] is scene:
+            return self._last[1:]
+        parts, put_in, given = list[Part](), float("nan"), scene.heat.theta
         if given is not None:
-            return [Part(0.0, ((given, 1.0),)) if isinstance(given, Expression) else Part(float(given))], float("nan")
-        if not scene.conducts:
-            return [], float("nan")
-        uniform, shares = heat_shares(scene)
-        alpha, ratios = exchange_level(scene)
-        k, conduction = scene.material.k or 1.0, self.conduction(relative_k(scene), ratios)
-        parts = [Part(uniform)] if uniform != 0.0 else []
-        parts += [conduction.part(key, alpha, k).times(factor) for key, factor in shares]
-        put_in = [factor * conduction.heat_in(key) for key, factor in shares if key.heats]
-        judged = put_in or (shares and scene.heat_by_edge)
-        return parts, sum(put_in) if judged else float("nan")
+            parts = [Part(0.0, ((given, 1.0),)) if isinstance(given, Expression) else Part(float(given))]
+        elif scene.conducts:
+            (uniform, shares), (alpha, ratios) = heat_shares(scene), exchange_level(scene)
+            k, conduction = scene.material.k or 1.0, self.conduction(relative_k(scene), ratios)
+            parts = [Part(uniform)] if uniform != 0.0 else []
+            parts += [conduction.part(key, alpha, k).times(factor) for key, factor in shares]
+            sources = [factor * conduction.heat_in(key) for key, factor in shares if key.heats]
+            if sources or (shares and scene.heat_by_edge):
+                put_in = sum(sources)
+        self._last = scene, parts, put_in
+        return parts, put_in
 
 
 def _wanted(scenes: Sequence[Scene]) -> dict[tuple[Conductivity, Ratios], dict[FamilyKey, dict[float, None]]]:
