@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Modulus = float | Array
 """λ or μ: of the whole body, or (t,) of every triangle."""
+Linear = tuple[Array, Array]
+"""Values at the centres (t,) and gradients (t, 2) of a function that is linear on every triangle."""
 Function = Callable[[Array, Array], tuple[Array, Array]]
 """x, y (…) → value (…) and gradient (2, …)."""
 
@@ -60,25 +62,11 @@ class Triangles:
         at = np.einsum("qk,tkd->tqd", _RULE, self.points[self.triangles])
         return at[..., 0], at[..., 1], self.areas[:, None] * _WEIGHTS
 
-    # -- norms of P1 functions ---------------------------------------------------------------------
+    # -- norms of functions that are linear on every triangle, jumping between them or not ---------
 
-    def l2(self, *components: Array) -> float:
-        """‖v‖ of one or more components (n,), exact."""
-        total = 0.0
-        for v in components:
-            nodal = v[self.triangles]
-            total += float(self.areas @ ((nodal**2).sum(axis=1) + nodal.sum(axis=1) ** 2)) / 12
-        return float(np.sqrt(total))
-
-    def h1(self, *components: Array) -> float:
-        """|v|₁ of one or more components (n,), exact."""
-        return self.h1_linear([self.gradient(v) for v in components])
-
-    def energy(self, u_x: Array, u_y: Array, lam: Modulus, mu: Modulus) -> float:
-        """‖u‖_a of a displacement (n,), (n,), exact."""
-        return self.energy_linear([self.gradient(u_x), self.gradient(u_y)], lam, mu)
-
-    # -- norms of functions that are linear on every triangle, jumping between them ----------------
+    def linear(self, v: Array) -> Linear:
+        """A P1 function (n,)."""
+        return v[self.triangles].mean(axis=1), self.gradient(v)
 
     @property
     def areas(self) -> Array:
@@ -97,8 +85,8 @@ class Triangles:
         sums = np.stack([(x * x).sum(axis=1), (y * y).sum(axis=1), 2.0 * (x * y).sum(axis=1)], axis=1)
         return np.asarray(sums * (self.areas / 12)[:, None])
 
-    def l2_linear(self, parts: list[tuple[Array, Array]]) -> float:
-        """‖v‖ over components given by their values at the centres (t,) and gradients (t, 2), exact."""
+    def l2(self, *parts: Linear) -> float:
+        """‖v‖ over components, exact."""
         xx, yy, xy = self._moments.T
         total = 0.0
         for value, gradient in parts:
@@ -106,13 +94,13 @@ class Triangles:
             total += float(self.areas @ value**2 + xx @ a**2 + yy @ b**2 + xy @ (a * b))
         return float(np.sqrt(total))
 
-    def h1_linear(self, gradients: list[Array]) -> float:
-        """|v|₁ over components given by their gradients (t, 2), exact."""
-        return float(np.sqrt(sum(float(self.areas @ (g**2).sum(axis=1)) for g in gradients)))
+    def h1(self, *parts: Linear) -> float:
+        """|v|₁ over components, exact."""
+        return float(np.sqrt(sum(float(self.areas @ (gradient**2).sum(axis=1)) for _, gradient in parts)))
 
-    def energy_linear(self, gradients: list[Array], lam: Modulus, mu: Modulus) -> float:
-        """‖u‖_a of a displacement given by the gradients (t, 2) of both components, exact."""
-        return float(np.sqrt(self.areas @ _strain_energy(gradients[0].T, gradients[1].T, lam, mu)))
+    def energy(self, u_x: Linear, u_y: Linear, lam: Modulus, mu: Modulus) -> float:
+        """‖u‖_a of a displacement, exact."""
+        return float(np.sqrt(self.areas @ _strain_energy(u_x[1].T, u_y[1].T, lam, mu)))
 
     def integral(self, density: Callable[[Array, Array], Array]) -> float:
         """∫ of a function of x and y, by the seven-point rule."""

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tcstudy.accuracy.norms import Function, Line, LineFunction
+from tcstudy.accuracy.norms import Function, Line, Linear, LineFunction, Modulus, Triangles
 from tcstudy.accuracy.transfer import (
     Prolongation,
     check_halved,
@@ -129,11 +129,11 @@ class NestedReference:
         best, own = finest.solutions[index], self._levels[level].solutions[index]
         if best.u is None or own.u is None or not best.ok:
             return {}
-        theta = None
-        if own.theta is not None and best.theta is not None:
-            theta = self._prolonged(own.theta, level) - best.theta
-        found = _norms(finest, self._prolonged(own.u, level) - best.u, theta, scene)
-        return _over(found, _norms(finest, best.u, best.theta, scene)) | self._on_line(own, best, level)
+        pairs, linear, moduli = _pairs(own, best), finest.mesh.linear, finest.moduli(scene)
+        found = _norms(finest.mesh, [linear(self._prolonged(v, level) - w) for v, w in pairs], moduli)
+        return _over(found, _norms(finest.mesh, [linear(w) for _, w in pairs], moduli)) | self._on_line(
+            own, best, level
+        )
 
     def _prolonged(self, values: Array, level: int) -> Array:
         for step in self._steps[level:]:
@@ -158,11 +158,19 @@ class NestedReference:
         }
 
 
-def _norms(level: SolvedLevel, u: Array, theta: Array | None, scene: Scene) -> dict[str, float]:
-    """Norms of a displacement (2, n) and of a temperature (n,), if there is one, on the mesh of a level."""
-    mesh = level.mesh
-    found = {"u_energy": mesh.energy(u[0], u[1], *level.moduli(scene)), "u_H1": mesh.h1(*u), "u_L2": mesh.l2(*u)}
-    return found if theta is None else found | {"theta_L2": mesh.l2(theta), "theta_H1": mesh.h1(theta)}
+def _pairs(own: Solution, best: Solution) -> list[tuple[Array, Array]]:
+    """Components of the displacement of both, and their temperatures if both have one."""
+    assert own.u is not None
+    assert best.u is not None
+    pairs = list(zip(own.u, best.u, strict=True))
+    return pairs if own.theta is None or best.theta is None else [*pairs, (own.theta, best.theta)]
+
+
+def _norms(mesh: Triangles, parts: list[Linear], moduli: tuple[Modulus, Modulus]) -> dict[str, float]:
+    """Norms of a displacement, and of a temperature behind it, if there is one."""
+    u, theta = parts[:2], parts[2:]
+    found = {"u_energy": mesh.energy(u[0], u[1], *moduli), "u_H1": mesh.h1(*u), "u_L2": mesh.l2(*u)}
+    return found if not theta else found | {"theta_L2": mesh.l2(*theta), "theta_H1": mesh.h1(*theta)}
 
 
 def _over(errors: dict[str, float], sizes: dict[str, float]) -> Errors:
@@ -201,24 +209,15 @@ class FineReference:
         own, best = one.solutions[index], self._fine.solutions[index]
         if own.u is None or best.u is None or not best.ok:
             return {}
-        mesh = self._fine.mesh
+        mesh, pairs, moduli = self._fine.mesh, _pairs(own, best), self._fine.moduli(scene)
         if index not in self._sizes:
-            self._sizes[index] = _norms(self._fine, best.u, best.theta, scene)
-        pairs = list(zip(own.u, best.u, strict=True))
-        if own.theta is not None and best.theta is not None:
-            pairs.append((own.theta, best.theta))
+            self._sizes[index] = _norms(mesh, [mesh.linear(w) for _, w in pairs], moduli)
         at, weights = located(one.mesh, mesh.centres)
-        value = [np.einsum("qk,qk->q", weights, v[one.mesh.triangles[at]]) for v, _ in pairs]
-        value = [own - best[mesh.triangles].mean(axis=1) for own, (_, best) in zip(value, pairs, strict=True)]
-        slope = [one.mesh.gradient(v)[at] - mesh.gradient(w) for v, w in pairs]
-        e = list(zip(value, slope, strict=True))
-        found = {
-            "u_energy": mesh.energy_linear(slope[:2], *self._fine.moduli(scene)),
-            "u_H1": mesh.h1_linear(slope[:2]),
-            "u_L2": mesh.l2_linear(e[:2]),
-        }
-        if len(e) == 3:
-            found |= {"theta_L2": mesh.l2_linear(e[2:]), "theta_H1": mesh.h1_linear(slope[2:])}
+        coarse = [
+            (np.einsum("qk,qk->q", weights, v[one.mesh.triangles[at]]), one.mesh.gradient(v)[at]) for v, _ in pairs
+        ]
+        fine = [mesh.linear(w) for _, w in pairs]
+        found = _norms(mesh, [(a - c, b - d) for (a, b), (c, d) in zip(coarse, fine, strict=True)], moduli)
         return _over(found, self._sizes[index]) | self._on_line(one, own, best)
 
     def number(self, name: str, index: tuple[int, ...] = ()) -> float:
