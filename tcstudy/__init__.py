@@ -5,8 +5,8 @@
     tree = tcstudy.run(study.with_(friction_delta="60 um"), "coarse.nc")  # xarray.DataTree; also written to the file
     tree["level_1"]["u_T"]                                                # tangential displacements on the second mesh
 
-Studies:  init, schema, load, Study (from_dict, with_), plan, run, converge, cost, path, history, fit
-Results:  open_results, draw, report, export, compare, merge
+Studies:  init, load, Study (from_dict, with_), plan, run, converge, cost
+Results:  open_results, draw, report, export
 Matrices: ContactProblem, law, solve, certify, follow
 
     problem = tcstudy.ContactProblem(A_tilde, l_tilde, c, tcstudy.law("tresca", tau=1.0))
@@ -35,7 +35,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tcstudy.api import Study, converge, cost, fit, history, init, load, merge, path, plan, run, schema
+    from tcstudy.api import Study, converge, cost, init, load, plan, run
     from tcstudy.errors import (
         ConvergenceError,
         CostError,
@@ -53,20 +53,20 @@ if TYPE_CHECKING:
         UserFault,
     )
     from tcstudy.matrices import ContactProblem, certify, follow, law, solve
-    from tcstudy.results import compare, draw, export, open_results, report
+    from tcstudy.results import draw, export, open_results, report
 
     __version__: str
 
 __all__ = [
     "ContactProblem", "ConvergenceError", "CostError", "DrawError", "FitError", "GeometryFailed", "HistoryError",
     "PageError", "PathError", "ProblemError", "StoreError", "Study", "StudyError", "StudyWarning", "UsageError",
-    "UserFault", "__version__", "certify", "compare", "converge", "cost", "draw", "export", "fit", "follow", "history",
-    "init", "law", "load", "merge", "open_results", "path", "plan", "report", "run", "schema", "solve",
+    "UserFault", "__version__", "certify", "converge", "cost", "draw", "export", "follow",
+    "init", "law", "load", "open_results", "plan", "report", "run", "solve",
 ]  # fmt: skip
 
 _FILES = {
     **dict.fromkeys(("ContactProblem", "certify", "follow", "law", "solve"), "matrices"),
-    **dict.fromkeys(("compare", "draw", "export", "open_results", "report"), "results"),
+    **dict.fromkeys(("draw", "export", "open_results", "report"), "results"),
 }
 """Files of names that stand neither in errors nor in api."""
 

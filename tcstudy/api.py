@@ -15,7 +15,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from tcstudy.commands.shared import usual_output
-from tcstudy.errors import StoreError, UsageError
+from tcstudy.errors import UsageError
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.scene import study as records
 from tcstudy.scene.keys import rows
@@ -123,13 +123,6 @@ def init(file: str | FilePath = "study.yaml") -> FilePath:
     return starter(FilePath(file))
 
 
-def schema() -> dict[str, Any]:
-    """The JSON Schema (draft 2020-12) of a study file: what it refuses `load` and `Study.from_dict` refuse, too."""
-    from tcstudy.read.schema import schema as whole
-
-    return dict(whole())
-
-
 def load(path: str | FilePath, overrides: Changes = ()) -> Study:
     """Read and check a study file.
 
@@ -147,11 +140,11 @@ def _study(study: records.Study | str | FilePath) -> records.Study:
 def plan(study: Study | str | FilePath) -> Plan:
     """What a run would do, found out without doing it: points, factorisations, sizes, what is left out and why.
 
-    Raises StudyError, GeometryFailed.
+    A function of its own, as it returns no results. Raises StudyError, GeometryFailed.
     """
     from tcstudy.study.plan import plan as forecast
 
-    return forecast(_study(study))
+    return forecast(_outside_the_sweep(_study(study)))
 
 
 def run(
@@ -163,56 +156,110 @@ def run(
     jobs: int | None = None,
     dask: str | None = None,
     append: bool = False,
-    retry: bool = False,
 ) -> xarray.DataTree:
-    """Run a study (or a study file), write its netCDF file and return its data, loaded into memory.
+    """Do what a study (or a study file) asks, write its netCDF file and return its data, loaded into memory.
 
-    progress: show progress on stderr;  force: compute again what the file holds already, replace what else it holds
+    A study with a section `fit` is fitted, else one with `history` is followed step by step, else one with `path` along
+    its equilibria; of every other one the points of the sweep are solved. `study.kind` says which; `with_(path=None)`
+    takes a section away.
+
+    progress: show progress of a sweep on stderr;  force: compute again what the file holds already, replace what else
+              it holds
     jobs:     worker processes, None for as many as pay (`plan` of the command line says how many); same numbers
     dask:     "tcp://host:port" of a dask scheduler, or "local", whose workers solve the contact problems instead
     append:   keep the points that the file has of the study with another sweep, and add those of this one
-    retry:    keep the solutions that the file has, and solve its points without one again
-    Points that fail have a status and a reason in the data. Raises StudyError, GeometryFailed, or StoreError, for
-    example where the file holds the results of another study.
+    Points that fail have a status and a reason in the data; those that broke down are tried again by the next run. Of a
+    path the data hold vertices (`parameter`, `u_T`, `xi`), `stable`, folds and the hysteresis loop; of a history the
+    dimension `step` with its loads, `cycle` and `step_name`, to which more steps are added; of a fit `estimate`,
+    `interval`, `covariance`, `residual` by parameter and datum.
+    Raises StudyError, GeometryFailed, PathError, HistoryError, FitError, or StoreError, for example where the file
+    holds the results of another study.
     """
-    from tcstudy.data.provenance import tell_stored
+    asked = _study(study)
+    if force and append:
+        raise UsageError("force computes all points again, append keeps them; give one of these")
+    if append and asked.kind != "run":
+        raise UsageError(f"append adds points of a sweep, and the study has a section {asked.kind}; leave it out")
+    if dask is not None and asked.kind in ("path", "fit"):
+        raise UsageError(f"dask: a {asked.kind} has no work for others; leave it out")
+    match asked.kind:
+        case "path":
+            return _path(asked, output, force)
+        case "history":
+            return _history(asked, output, force, jobs, dask)
+        case "fit":
+            return _fit(asked, output, force)
+    return _sweep(asked, output, progress, force, jobs, dask, append)
+
+
+def _sweep(
+    asked: records.Study,
+    output: str | FilePath | None,
+    progress: bool,
+    force: bool,
+    jobs: int | None,
+    dask: str | None,
+    append: bool,
+) -> xarray.DataTree:
+    """The points of a sweep; those that the file lacks, where it has others."""
+    from tcstudy.data.provenance import holds, tell_stored
     from tcstudy.reports.terminal.progress import progress as terminal
     from tcstudy.study.execute import execute
+    from tcstudy.study.grow import all_but_broken, appended
 
-    asked = _study(study)
-    if force + append + retry > 1:
-        raise UsageError("force computes all points again, append and retry keep them; give one of these")
-
-    def work(target: FilePath) -> None:
-        whole, kept = asked, None
-        if append or retry:
-            from tcstudy.study.grow import appended, retried
-
-            whole, kept = (appended if append else retried)(target, asked)
-            if not kept.todo.any():
-                tell_stored(target)
-                return
-        with closing(terminal()) if progress else nullcontext() as watcher:
-            execute(whole, target, watcher, ("tcstudy.run",), jobs, dask, kept)
-
-    return _loaded(_made("run", asked, output, force or append or retry, work))
-
-
-def merge(files: Sequence[str | FilePath], output: str | FilePath, *, force: bool = False) -> xarray.DataTree:
-    """The points of several result files of one study with different sweeps, in one file and loaded into memory.
-
-    The sweep becomes the grid of all values, or the list of all points where one of the files has a list; a point of
-    the grid that no file has keeps the status "not_run". Of a point that several have, the first solution is kept.
-    Raises StoreError where the studies differ in more than their sweeps, files have other numbers for one point, or
-    the output is there (force replaces it).
-    """
-    from tcstudy.study.grow import merge as join
-
-    target = FilePath(output)
-    if target.exists() and not force:
-        raise StoreError(f"{target} exists; give another output, or force=True to replace it")
-    join([FilePath(file) for file in files], target)
+    target = FilePath(output) if output is not None else usual_output("run", asked)
+    whole, kept, there = asked, None, False
+    if append:
+        whole, kept = appended(target, asked)
+        there = not kept.todo.any()
+    elif not force and holds(target, "run", asked):
+        kept = all_but_broken(target, asked)
+        there = kept is None
+    if there:
+        tell_stored(target)
+        return _loaded(target)
+    with closing(terminal()) if progress else nullcontext() as watcher:
+        execute(whole, target, watcher, ("tcstudy.run",), jobs, dask, kept)
     return _loaded(target)
+
+
+def _path(asked: records.Study, output: str | FilePath | None, force: bool) -> xarray.DataTree:
+    """The equilibria on the branch from rest of the scene outside the sweep, through folds."""
+    from tcstudy.study.path_run import execute_path
+
+    swept = [axis.name for axis in asked.axes]
+    asked = _outside_the_sweep(asked)
+    work = lambda target: execute_path(asked, target, None, ("tcstudy.run",), swept)  # noqa: E731
+    return _loaded(_made("path", asked, output, force, work))
+
+
+def _outside_the_sweep(study: records.Study) -> records.Study:
+    """The study of a path, without geometries that its sweep varies."""
+    return _opened(study).with_(sweep=None) if study.kind == "path" and study.variants else study
+
+
+def _history(
+    asked: records.Study, output: str | FilePath | None, force: bool, jobs: int | None, dask: str | None
+) -> xarray.DataTree:
+    """The load history of every sweep point, step by step; what the file has already is kept."""
+    from tcstudy.study.history_run import execute_history
+
+    target = FilePath(output) if output is not None else usual_output("history", asked)
+    execute_history(asked, target, None, ("tcstudy.run",), force, jobs, dask)
+    return _loaded(target)
+
+
+def _fit(asked: records.Study, output: str | FilePath | None, force: bool) -> xarray.DataTree:
+    """Numbers of the study from measurements, with intervals; what they do not say is warned of."""
+    from tcstudy.errors import tell
+    from tcstudy.reports.terminal.fit import fit_doubts
+    from tcstudy.study.fit import execute_fit
+
+    assert asked.fit is not None
+    work = lambda target: execute_fit(asked, target, None, ("tcstudy.run",))  # noqa: E731
+    found = _loaded(_made("fit", asked, output, force, work, data_sha256=asked.fit.sha256))
+    tell(words for words, doubt in fit_doubts(found) if doubt)
+    return found
 
 
 def converge(
@@ -260,69 +307,6 @@ def cost(
         cost_to_file(asked, index, words, runs, target, lambda what, left: None, ("tcstudy.cost",))
 
     return _loaded(_made("cost", asked, output, force, work, point=words, runs=runs))
-
-
-def path(
-    study: Study | str | FilePath, output: str | FilePath | None = None, *, force: bool = False
-) -> xarray.DataTree:
-    """The equilibria on the branch from rest, along the parameter of the study's section `path`, through folds.
-
-    The data hold vertices (`parameter`, `u_T`, `xi`), `stable`, folds and the hysteresis loop, as of `tcstudy path`.
-    It is of the scene outside the sweep. Raises StudyError, PathError (no such section, or a load that is not affine),
-    GeometryFailed, StoreError.
-    """
-    from tcstudy.errors import PathError
-    from tcstudy.study.path_run import execute_path
-
-    asked = _study(study)
-    swept = [axis.name for axis in asked.axes]
-    asked = _opened(asked).with_(sweep=None) if asked.variants else asked
-    if asked.path is None:
-        raise PathError("the study has no section path; add path: {parameter: theta_bar, from: 0 K, to: 40 K}")
-    work = lambda target: execute_path(asked, target, None, ("tcstudy.path",), swept)  # noqa: E731
-    return _loaded(_made("path", asked, output, force, work))
-
-
-def history(
-    study: Study | str | FilePath,
-    output: str | FilePath | None = None,
-    *,
-    force: bool = False,
-    jobs: int | None = None,
-    dask: str | None = None,
-) -> xarray.DataTree:
-    """The load history of every sweep point, step by step, as `tcstudy history` follows it.
-
-    The data have the dimension `step` with its loads, `cycle` and `step_name`; what the file has already is kept, and
-    more steps or cycles are added to it (force computes all again). A history that ends early has its `reason`.
-    jobs, dask: who follows the points of a sweep, as in `run`.
-    Raises StudyError, HistoryError (no such section), GeometryFailed, StoreError.
-    """
-    from tcstudy.study.history_run import execute_history
-
-    asked = _study(study)
-    target = FilePath(output) if output is not None else usual_output("history", asked)
-    execute_history(asked, target, None, ("tcstudy.history",), force, jobs, dask)
-    return _loaded(target)
-
-
-def fit(study: Study | str | FilePath, output: str | FilePath | None = None, *, force: bool = False) -> xarray.DataTree:
-    """Numbers of the study from measurements, as its section `fit` asks, with intervals.
-
-    The data hold `estimate`, `interval`, `covariance`, `residual` and more by parameter and datum, as of `tcstudy fit`.
-    Raises StudyError, FitError (no such section, or data that do not decide), GeometryFailed, StoreError.
-    """
-    from tcstudy.errors import FitError, tell
-    from tcstudy.reports.terminal.fit import fit_doubts
-    from tcstudy.study.fit import execute_fit
-
-    asked = _study(study)
-    if asked.fit is None:
-        raise FitError("the study has no section fit; add fit: {data: {file: ..., columns: ...}, parameters: ...}")
-    work = lambda target: execute_fit(asked, target, None, ("tcstudy.fit",))  # noqa: E731
-    found = _loaded(_made("fit", asked, output, force, work, data_sha256=asked.fit.sha256))
-    tell(words for words, doubt in fit_doubts(found) if doubt)
-    return found
 
 
 def _made(

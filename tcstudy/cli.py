@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import difflib
 import gc
+import shlex
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -16,14 +17,21 @@ from tcstudy.errors import StudyWarning, UserFault, printable
 from tcstudy.reports.terminal.outlet import guarded_streams, is_lost
 
 MODULES = {
-    **dict.fromkeys(("run", "plan", "merge"), "run"),
-    **dict.fromkeys(("path", "history", "fit"), "sections"),
-    "show": "results",
+    "run": "run",
     **dict.fromkeys(("converge", "cost"), "measure"),
-    **dict.fromkeys(("draw", "report", "sensitivity", "export", "compare"), "results"),
-    **dict.fromkeys(("init", "schema", "completion"), "writing"),
+    **dict.fromkeys(("show", "draw", "report", "export"), "results"),
+    "init": "writing",
 }
 """Which module of `commands` has which command, in the order of the list."""
+FORMER = {
+    "plan": "tcstudy run {} --dry-run",
+    **dict.fromkeys(("path", "history", "fit"), "tcstudy run {}, which does what the study asks"),
+    "sensitivity": "tcstudy show {}, which has the indices of a design",
+    **dict.fromkeys(("merge", "compare"), "xarray's work: see 'Files that grow' in results/README.md"),
+    "schema": "tcstudy init, which writes study.schema.json beside the starter",
+    "completion": "shtab's work: see 'Commands' in README.md",
+}
+"""What to type in place of commands that there were; {} for what stood after them."""
 NO_ROOM, INTERRUPTED = 3, 130
 
 _EPILOG = (
@@ -61,6 +69,10 @@ def _command(arguments: list[str]) -> int:
     named = arguments[0] if arguments and arguments[0] in MODULES else None
     if named is None and arguments and not arguments[0].startswith("-"):
         word = arguments[0]
+        if word in FORMER:
+            rest = shlex.join(arguments[1:]) or "FILE"
+            print(f"tcstudy: {word} is now: {FORMER[word].format(rest)}", file=sys.stderr)
+            raise SystemExit(BAD_INPUT)
         near = difflib.get_close_matches(word.lower(), MODULES, n=1, cutoff=0.55)
         remedy = f"did you mean {near[0]!r}?" if near else f"use one of {', '.join(MODULES)}"
         if word.endswith((".yaml", ".yml", ".nc")):

@@ -1,4 +1,4 @@
-"""The public functions on result files, as `tcstudy` offers them: open, draw, report, export, compare.
+"""The public functions on result files, as `tcstudy` offers them: open, draw, report, export.
 
 Every function takes the name of a file that run, converge, cost or path wrote. What the user can mend is a kind of
 tcstudy.UserFault. Left out: making result files (`tcstudy.api`).
@@ -14,8 +14,6 @@ from tcstudy.errors import UsageError
 
 if TYPE_CHECKING:
     import xarray
-
-    from tcstudy.study.compare import Comparison
 
 
 def open_results(path: str | FilePath) -> xarray.DataTree:
@@ -104,14 +102,3 @@ def export(
     if form not in FORMS:
         raise UsageError(f"there is no form {form!r}; choose of {', '.join(FORMS)}")
     return exported(FilePath(file), form, None if target is None else FilePath(target), at, level)[0]
-
-
-def compare(first: str | FilePath, second: str | FilePath, rtol: float = 1e-9) -> Comparison:
-    """What differs between two files of one command: study, versions, points, numbers beyond the tolerance.
-
-    rtol: relative to the largest value of a kind on its level. `equal`, `verdict` and `text` of what is returned say
-    it in short and at length. Raises StoreError, UsageError.
-    """
-    from tcstudy.study.compare import compare_files
-
-    return compare_files(FilePath(first), FilePath(second), rtol)

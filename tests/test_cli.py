@@ -112,7 +112,7 @@ def test_a_key_that_is_set_twice_is_refused(folder: Path) -> None:
 
 
 def test_plan_touches_nothing(folder: Path) -> None:
-    result = tcstudy_command("plan", "block.yaml", cwd=folder)
+    result = tcstudy_command("run", "block.yaml", "--dry-run", cwd=folder)
     assert result.returncode == 0, result.stderr
     assert "2 points × 2 levels = 4 solutions" in result.stdout
     assert "left out: heat problem: " in result.stdout
@@ -121,19 +121,20 @@ def test_plan_touches_nothing(folder: Path) -> None:
     assert "1 stiffness factorisation, no temperature field" in result.stdout
     assert " s of CPU time, about 0.3 GB\n" in result.stdout
     assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
-    found = json.loads(tcstudy_command("plan", "block.yaml", "--json", cwd=folder).stdout)
+    found = json.loads(tcstudy_command("run", "block.yaml", "--dry-run", "--json", cwd=folder).stdout)
     assert (found["points"], len(found["levels"]), found["factorisations"]) == (2, 2, 1)
 
 
 def test_plan_says_what_it_predicts(folder: Path) -> None:
-    large = tcstudy_command("plan", "block.yaml", "--set", "mesh={maxh: 0.004, levels: 2}", cwd=folder).stdout
+    words = ("run", "block.yaml", "--dry-run", "--set")
+    large = tcstudy_command(*words, "mesh={maxh: 0.004, levels: 2}", cwd=folder).stdout
     assert "about 290000 " in large
     assert "about 500" in large
-    bounded = tcstudy_command("plan", "block.yaml", "--set", "mesh={maxh: 0.3, tolerance: 1e-2}", cwd=folder).stdout
+    bounded = tcstudy_command(*words, "mesh={maxh: 0.3, tolerance: 1e-2}", cwd=folder).stdout
     assert 0.5 < float(bounded.split("(up to about ")[1].split(" MB")[0]) < 5.0
 
 
-@pytest.mark.parametrize("command", ["run", "plan"])
+@pytest.mark.parametrize("dry", [[], ["--dry-run"]], ids=["run", "dry run"])
 @pytest.mark.parametrize(
     ("old", "new", "line"),
     [
@@ -143,9 +144,9 @@ def test_plan_says_what_it_predicts(folder: Path) -> None:
         ("nu: 0.3", "nu: 0.5", "block.yaml:4:22: material.nu: "),
     ],
 )
-def test_bad_input_is_one_line_and_exit_code_2(folder: Path, command: str, old: str, new: str, line: str) -> None:
+def test_bad_input_is_one_line_and_exit_code_2(folder: Path, dry: list[str], old: str, new: str, line: str) -> None:
     (folder / "block.yaml").write_text(STUDY.replace(old, new))
-    result = tcstudy_command(command, "block.yaml", cwd=folder)
+    result = tcstudy_command("run", "block.yaml", *dry, cwd=folder)
     assert result.returncode == 2
     assert line in result.stderr
     assert "Traceback" not in result.stderr
@@ -155,8 +156,8 @@ def test_bad_input_is_one_line_and_exit_code_2(folder: Path, command: str, old: 
 
 def test_unwritable_output(folder: Path) -> None:
     (folder / "taken").write_text("a file, not a directory")
-    for command in ("run", "plan"):
-        result = tcstudy_command(command, "block.yaml", "--output", "taken/out.nc", cwd=folder)
+    for dry in ([], ["--dry-run"]):
+        result = tcstudy_command("run", "block.yaml", "--output", "taken/out.nc", *dry, cwd=folder)
         assert result.returncode == 2
         assert "taken" in result.stderr
         assert "Traceback" not in result.stderr
@@ -186,7 +187,7 @@ def test_usage_errors(folder: Path) -> None:
     missing = tcstudy_command("run", "missing.yaml", cwd=folder)
     assert missing.returncode == 2
     assert missing.stderr.count("\n") == 1
-    for command in ("run", "plan", "cost"):
+    for command in ("run", "cost"):
         slashed = tcstudy_command(command, "block.yaml", "--output", "new/", cwd=folder)
         assert slashed.returncode == 2
         assert "new/ is a folder; give the name of a file in it" in slashed.stderr
@@ -232,7 +233,7 @@ def test_help_and_faults_load_nothing_heavy(folder: Path) -> None:
         "light = {'numpy', 'scipy', 'shapely', 'pint', 'ruamel'} & set(sys.modules)\n"
         "print('HEAVY', sorted(heavy), 'LIGHT', sorted(light))"
     )
-    for words, light in ((["--help"], "[]"), (["run", "--help"], "[]"), (["plan", "bad.yaml"], None)):
+    for words, light in ((["--help"], "[]"), (["run", "--help"], "[]"), (["run", "bad.yaml", "--dry-run"], None)):
         result = subprocess.run([sys.executable, "-c", code, *words], cwd=folder, text=True, capture_output=True)
         assert "HEAVY []" in result.stdout, result.stdout + result.stderr
         if light is not None:
@@ -265,7 +266,7 @@ def test_a_finished_study_ends_at_once_and_another_one_asks(folder: Path) -> Non
     assert file.read_bytes() == before
     cases = (([], "holds these results already; a run ends at once"), (["--set", "sweep={}"], "a run would stop here"))
     for words, said in cases:
-        planned = tcstudy_command("plan", "block.yaml", *words, cwd=folder)
+        planned = tcstudy_command("run", "block.yaml", "--dry-run", *words, cwd=folder)
         assert planned.returncode == 0
         assert said in planned.stdout
     forced = tcstudy_command("run", "block.yaml", "--set", "sweep={}", "--force", cwd=folder)
@@ -274,13 +275,15 @@ def test_a_finished_study_ends_at_once_and_another_one_asks(folder: Path) -> Non
         assert tree["status"].shape == (2,)
 
 
+PATH = "path={parameter: load, from: 0, to: 1}"
+
+
 @pytest.mark.parametrize(
     ("command", "options"),
-    [("converge", []), ("cost", ["--runs", "1"]), ("path", [])],
+    [("converge", []), ("cost", ["--runs", "1"]), ("run", ["--set", PATH])],
 )
 def test_other_commands_are_not_done_twice_either(folder: Path, command: str, options: list[str]) -> None:
-    section = 'path: {parameter: "load", from: 0, to: 1}\n' if command == "path" else ""
-    (folder / "block.yaml").write_text(STUDY.replace("maxh: 0.3", "maxh: 0.6") + section)
+    (folder / "block.yaml").write_text(STUDY.replace("maxh: 0.3", "maxh: 0.6"))
     first = tcstudy_command(command, "block.yaml", *options, cwd=folder)
     again = tcstudy_command(command, "block.yaml", *options, cwd=folder)
     assert (first.returncode, again.returncode) == (0, 0), first.stderr + again.stderr

@@ -10,7 +10,6 @@ from tests.commands import tcstudy_command
 from tests.test_cli import STUDY
 
 SOFTENING = ("friction={law: slip-weakening, tau_s: 0.02, tau_k: 0, delta: 0.001}", "sweep={g_x: [0.01, 0.02]}")
-PATH = "path={parameter: load, from: 0, to: 2}"
 HEATED = ("material.beta=1", "heat={}", "sweep={theta: [0.001, 0.03]}", SOFTENING[0])
 
 
@@ -19,7 +18,6 @@ HEATED = ("material.beta=1", "heat={}", "sweep={theta: [0.001, 0.03]}", SOFTENIN
     [
         ((), "how exact these are: tcstudy converge block.yaml\n"),
         (("mesh.levels=1",), "how exact these are: tcstudy converge block.yaml --set=mesh.levels=3\n"),
-        ((SOFTENING[0], "sweep=null", PATH), "whether a path has other solutions: tcstudy path block.yaml "),
         (HEATED, "'--set=path={parameter: heat.theta, from: 0.001, to: 0.03}'\n"),
         (
             (
@@ -30,13 +28,13 @@ HEATED = ("material.beta=1", "heat={}", "sweep={theta: [0.001, 0.03]}", SOFTENIN
             "what failed, and why: tcstudy show results/block.nc -v\n",
         ),
     ],
-    ids=["levels", "one level", "path", "swept load", "failed"],
+    ids=["levels", "one level", "swept load", "failed"],
 )
 def test_a_run_ends_with_the_command_that_fits_it(tmp_path: Path, options: tuple[str, ...], told: str) -> None:
     (tmp_path / "block.yaml").write_text(STUDY)
     result = tcstudy_command("run", "block.yaml", *(f"--set={text}" for text in options), cwd=tmp_path)
     assert told in result.stdout
-    assert ("whether a path" in result.stdout) == ("path" in told)
+    assert ("whether a path" in result.stdout) == ("path={" in told)
 
 
 @pytest.mark.parametrize(
@@ -45,13 +43,29 @@ def test_a_run_ends_with_the_command_that_fits_it(tmp_path: Path, options: tuple
         ("convrge", "did you mean 'converge'?"),
         ("study.yaml", "did you mean tcstudy run study.yaml?"),
         ("results/a.nc", "did you mean tcstudy show results/a.nc?"),
-        ("zzz", "use one of run, plan, merge"),
+        ("zzz", "use one of run, converge, cost, show, draw, report, export, init"),
     ],
 )
 def test_the_nearest_command_is_named(tmp_path: Path, word: str, remedy: str) -> None:
     result = tcstudy_command(word, cwd=tmp_path)
     assert result.returncode == 2
     assert result.stderr.startswith(f"tcstudy: there is no command {word!r}; {remedy}")
+    assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "now"),
+    [
+        (("plan", "study.yaml", "--set", "E=1"), "plan is now: tcstudy run study.yaml --set E=1 --dry-run"),
+        (("path", "a b.yaml"), "path is now: tcstudy run 'a b.yaml', which does what the study asks"),
+        (("sensitivity", "a.nc"), "sensitivity is now: tcstudy show a.nc, which"),
+        (("merge",), "merge is now: xarray's work: see 'Files that grow' in results/README.md"),
+    ],
+)
+def test_a_former_command_says_what_to_type_now(words: tuple[str, ...], now: str) -> None:
+    result = tcstudy_command(*words)
+    assert result.returncode == 2
+    assert result.stderr.startswith(f"tcstudy: {now}")
     assert result.stderr.count("\n") == 1
 
 
@@ -68,6 +82,6 @@ def test_the_nearest_command_is_named(tmp_path: Path, word: str, remedy: str) ->
 )
 def test_the_nearest_key_is_named_with_its_section(tmp_path: Path, option: str, remedy: str) -> None:
     (tmp_path / "block.yaml").write_text(STUDY)
-    result = tcstudy_command("plan", "block.yaml", "--set", option, cwd=tmp_path)
+    result = tcstudy_command("run", "block.yaml", "--dry-run", "--set", option, cwd=tmp_path)
     assert result.returncode == 2
     assert f"--set {option}: {remedy}" in result.stderr

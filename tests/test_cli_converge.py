@@ -34,7 +34,7 @@ def test_the_shipped_study(tmp_path: Path) -> None:
 def test_the_study_with_derived_loads(tmp_path: Path) -> None:
     """Its plan says what was derived, its report has the exact numbers."""
     config = CONFIGS / "manufactured.yaml"
-    planned = tcstudy_command("plan", config, cwd=tmp_path)
+    planned = tcstudy_command("run", config, "--dry-run", cwd=tmp_path)
     assert planned.returncode == 0, planned.stderr
     said = "derived from the exact solution: f, u_x and u_y on top, g on left, g on right, q, theta_bar on left, right"
     assert said in planned.stdout
@@ -48,7 +48,7 @@ def test_the_study_with_derived_loads(tmp_path: Path) -> None:
 
 
 def test_a_load_that_would_be_derived_is_refused(tmp_path: Path) -> None:
-    result = tcstudy_command("plan", CONFIGS / "manufactured.yaml", "--set", "heat.q=1", cwd=tmp_path)
+    result = tcstudy_command("run", CONFIGS / "manufactured.yaml", "--dry-run", "--set", "heat.q=1", cwd=tmp_path)
     assert result.returncode == 2
     assert result.stderr.count("\n") == 1
     assert "--set heat.q=1: heat.q: is given, but exact.loads: derived" in result.stderr

@@ -1,4 +1,4 @@
-"""`tcstudy history` as a user types it."""
+"""`tcstudy run` of a study with a history, as a user types it."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_history_writes_a_file_and_a_table_and_goes_on(folder: Path) -> None:
-    result = tcstudy_command("history", "strip.yaml", cwd=folder)
+    result = tcstudy_command("run", "strip.yaml", cwd=folder)
     assert (result.returncode, result.stderr) == (0, "")
     assert "History of theta: 8 steps in 2 cycles; memory friction" in result.stdout
     assert "a closed loop: the last cycle leaves no slip behind; it dissipates " in result.stdout
     assert "data in results/strip-history.nc" in result.stdout
     shown = tcstudy_command("show", "results/strip-history.nc", cwd=folder)
     assert shown.stdout.strip() in result.stdout
-    again = tcstudy_command("history", "strip.yaml", "-q", cwd=folder)
+    again = tcstudy_command("run", "strip.yaml", "-q", cwd=folder)
     assert again.stdout == "results/strip-history.nc: all steps solved\n"
-    more = tcstudy_command("history", "strip.yaml", "--set", "history.repeat=3", cwd=folder)
+    more = tcstudy_command("run", "strip.yaml", "--set", "history.repeat=3", cwd=folder)
     assert more.returncode == 0
     assert "held 9 steps; the others were added" in more.stderr
     exported = tcstudy_command("export", "results/strip-history.nc", "--csv", cwd=folder)
@@ -58,10 +58,11 @@ def test_history_writes_a_file_and_a_table_and_goes_on(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (("history", "strip.yaml", "--set", "history=null"), "strip.yaml: history: the study has no section history"),
-        (("run", "strip.yaml"), "strip.yaml: history: the study is a load history, and tcstudy run has no memory"),
-        (("converge", "strip.yaml"), "tcstudy converge has no memory"),
-        (("history", "strip.yaml", "--set", "history.steps=[]"), "history.steps: must"),
+        (
+            ("converge", "strip.yaml"),
+            "converge has no memory; use tcstudy run, or --set history=null",
+        ),
+        (("run", "strip.yaml", "--set", "history.steps=[]"), "history.steps: must"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(folder: Path, words: tuple[str, ...], line: str) -> None:
@@ -73,7 +74,7 @@ def test_bad_input_is_one_line_and_exit_code_2(folder: Path, words: tuple[str, .
 
 
 def test_a_history_has_a_page(folder: Path) -> None:
-    tcstudy_command("history", "strip.yaml", "--set", "history.repeat=1", cwd=folder)
+    tcstudy_command("run", "strip.yaml", "--set", "history.repeat=1", cwd=folder)
     result = tcstudy_command("report", "results/strip-history.nc", cwd=folder)
     assert result.returncode == 0
     assert result.stdout.startswith("results/strip-history.html: ")
@@ -81,7 +82,7 @@ def test_a_history_has_a_page(folder: Path) -> None:
 
 def test_plan_tells_of_the_file_of_a_history(folder: Path) -> None:
     """Its name, how large it gets without compression; nothing that a history refuses is offered."""
-    said = tcstudy_command("plan", "strip.yaml", cwd=folder).stdout
+    said = tcstudy_command("run", "strip.yaml", "--dry-run", cwd=folder).stdout
     assert "strip-history.nc" in said
     assert "output.fields" not in said
     study = read_study(folder / "strip.yaml", ["history.repeat=30"])

@@ -1,4 +1,4 @@
-"""`tcstudy init`, `schema` and `completion`: what a newcomer starts from."""
+"""`tcstudy init`: what a newcomer starts from."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tcstudy.cli import MODULES, main
+from tcstudy.cli import main
 
 
 def test_the_starter_is_planned_and_solved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -16,7 +16,7 @@ def test_the_starter_is_planned_and_solved(tmp_path: Path, capsys: pytest.Captur
     assert f"{study} written" in capsys.readouterr().out
     assert study.read_text(encoding="utf-8").startswith("# yaml-language-server: $schema=study.schema.json\n")
     assert json.loads((tmp_path / "study.schema.json").read_text(encoding="utf-8"))["title"] == "A study of tcstudy"
-    assert main(["plan", str(study)]) == 0
+    assert main(["run", str(study), "--dry-run"]) == 0
     assert main(["run", str(study), "--output", str(tmp_path / "out.nc"), "--set", "mesh.levels=2"]) == 0
     assert "12 of 12 solutions found" in capsys.readouterr().out
 
@@ -34,17 +34,3 @@ def test_init_keeps_what_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[
     with pytest.raises(SystemExit) as stop:
         main(["init", str(tmp_path / "none" / "study.yaml")])
     assert stop.value.code == 2
-
-
-def test_the_schema_and_the_table_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["schema"]) == 0
-    assert json.loads(capsys.readouterr().out)["$schema"].endswith("2020-12/schema")
-    assert main(["schema", "--format", "markdown"]) == 0
-    assert "| `material` |" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
-def test_shells_complete_every_command(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["completion", shell]) == 0
-    script = capsys.readouterr().out
-    assert all(name in script for name in MODULES)

@@ -1,4 +1,4 @@
-"""`tcstudy path` as a user types it."""
+"""`tcstudy run` of a study with a path, as a user types it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_path_writes_a_file_a_table_and_a_picture(folder: Path) -> None:
-    result = tcstudy_command("path", "block.yaml", "--plot", "a.png", "--response", "friction", cwd=folder)
+    result = tcstudy_command("run", "block.yaml", "--plot", "a.png", cwd=folder)
     assert result.returncode == 0, result.stderr
     assert result.stderr == "warning: a path is of one scene, that outside the sweep; the values of tau are not used\n"
     assert "data in results/block-path.nc" in result.stdout
@@ -28,7 +28,7 @@ def test_path_writes_a_file_a_table_and_a_picture(folder: Path) -> None:
     assert (folder / "a.png").read_bytes()[:4] == b"\x89PNG"
     with xr.open_dataset(folder / "results" / "block-path.nc") as data:
         assert data.sizes["solution"] == 2
-        assert "tcstudy path block.yaml" in data.attrs["history"]
+        assert "tcstudy run block.yaml" in data.attrs["history"]
     shown = tcstudy_command("show", "results/block-path.nc", cwd=folder)
     assert shown.returncode == 0
     assert shown.stdout.partition("  warning")[0].strip() in result.stdout
@@ -37,7 +37,7 @@ def test_path_writes_a_file_a_table_and_a_picture(folder: Path) -> None:
 
 
 def test_an_early_end_is_exit_code_1(folder: Path) -> None:
-    result = tcstudy_command("path", "block.yaml", "--set", "path.max_pieces=1", cwd=folder)
+    result = tcstudy_command("run", "block.yaml", "--set", "path.max_pieces=1", cwd=folder)
     assert result.returncode == 1, result.stderr
     assert "raise max_pieces" in result.stdout
 
@@ -45,7 +45,8 @@ def test_an_early_end_is_exit_code_1(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (("--set", "path=null"), "block.yaml: path: the study has no section path"),
+        (("--append",), "--append adds points of a sweep, and block.yaml has a section path; leave it out, or run"),
+        (("--dask", "local"), "--dask: a path has no work for others; leave it out"),
         (("--set", "path.parameter=tau"), "path.parameter: the load is not affine in friction.tau"),
         (("--set", "path.to=0"), "path.to: is the same value as from"),
         (("--plot", "a.gif"), "a.gif: a picture's name ends in .png, .svg, .pdf"),
@@ -53,7 +54,7 @@ def test_an_early_end_is_exit_code_1(folder: Path) -> None:
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(folder: Path, words: tuple[str, ...], line: str) -> None:
-    result = tcstudy_command("path", "block.yaml", *words, cwd=folder)
+    result = tcstudy_command("run", "block.yaml", *words, cwd=folder)
     assert result.returncode == 2
     assert line in result.stderr
     assert result.stderr.count("\n") == 1
@@ -61,22 +62,28 @@ def test_bad_input_is_one_line_and_exit_code_2(folder: Path, words: tuple[str, .
     assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
 
 
-def test_run_leaves_the_path_alone(folder: Path) -> None:
-    result = tcstudy_command("run", "block.yaml", cwd=folder)
+def test_without_its_section_the_points_of_the_sweep_are_solved(folder: Path) -> None:
+    planned = tcstudy_command("run", "block.yaml", "--dry-run", cwd=folder).stdout
+    assert "\n  path along load from 0 to 2\n" in planned
+    assert "for the points of the sweep add --set path=null" in planned
+    assert "block-path.nc\n  time unknown: a path takes as many steps" in planned
+    result = tcstudy_command("run", "block.yaml", "--set", "path=null", cwd=folder)
+    assert "results/block.nc" in result.stdout
     assert result.returncode == 0, result.stderr
     assert "4 of 4 solutions found" in result.stdout
 
 
 def test_the_example(tmp_path: Path) -> None:
-    result = tcstudy_command("path", CONFIGS / "path.yaml", "--set", "mesh.levels=2", cwd=tmp_path)
+    result = tcstudy_command("run", CONFIGS / "path.yaml", "--set", "mesh.levels=2", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "falls at 1.129 mm (rising)" in result.stdout
 
 
 def test_a_swept_key_of_the_scene_outside_the_sweep_may_be_set(folder: Path) -> None:
-    assert "swept" in tcstudy_command("plan", "block.yaml", "--set", "tau=0.03", cwd=folder).stderr
+    words = ("--set", "tau=0.03", "--set", "path=null")
+    assert "swept" in tcstudy_command("run", "block.yaml", "--dry-run", *words, cwd=folder).stderr
     for tau in ("0.01", "0.03"):
-        result = tcstudy_command("path", "block.yaml", "--set", f"tau={tau}", "--output", f"{tau}.nc", cwd=folder)
+        result = tcstudy_command("run", "block.yaml", "--set", f"tau={tau}", "--output", f"{tau}.nc", cwd=folder)
         assert result.returncode == 0, result.stderr
     weak, strong = (xr.open_dataset(folder / f"{tau}.nc") for tau in ("0.01", "0.03"))
     with weak, strong:
@@ -87,12 +94,12 @@ def test_a_swept_key_of_the_scene_outside_the_sweep_may_be_set(folder: Path) -> 
 def test_a_study_with_a_path_runs_on_adaptive_meshes(folder: Path, mesh: str) -> None:
     """A run needs no path; the path, which is of one mesh, says which meshes to give it."""
     asked = ("block.yaml", "--set", f"mesh={mesh}")
-    assert tcstudy_command("run", *asked, cwd=folder).returncode == 0
-    result = tcstudy_command("path", *asked, cwd=folder)
+    assert tcstudy_command("run", *asked, "--set", "path=null", cwd=folder).returncode == 0
+    result = tcstudy_command("run", *asked, cwd=folder)
     assert result.returncode == 2
     assert "block.yaml: path: the path is of one mesh, and adaptive meshes follow from the solutions of a run" in (
         result.stderr
     )
     remedy = ("--set", "mesh={maxh: 0.3, levels: 2}")
     assert remedy[1].split("=")[0] in result.stderr
-    assert tcstudy_command("path", *asked[:1], *remedy, cwd=folder).returncode == 0
+    assert tcstudy_command("run", *asked[:1], *remedy, cwd=folder).returncode == 0

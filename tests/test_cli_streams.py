@@ -59,7 +59,7 @@ def test_a_summary_in_another_encoding(tmp_path: Path, encoding: str, monkeypatc
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
-@pytest.mark.parametrize("words", ["plan block.yaml", "--help"])
+@pytest.mark.parametrize("words", ["run block.yaml --dry-run", "--help"])
 def test_what_could_not_be_printed_is_no_success(tmp_path: Path, words: str) -> None:
     result = shell(f"TC {words} >/dev/full", tmp_path)
     assert result.returncode == cli.NO_ROOM
@@ -69,8 +69,8 @@ def test_what_could_not_be_printed_is_no_success(tmp_path: Path, words: str) -> 
 
 def test_no_control_character_reaches_the_terminal(tmp_path: Path) -> None:
     (tmp_path / "block.yaml").write_text(STUDY)
-    planned = tcstudy_command("plan", "block.yaml", cwd=tmp_path)
-    refused = tcstudy_command("plan", "block.yaml", "--set", "tile=\x1b[31m", cwd=tmp_path)
+    planned = tcstudy_command("run", "block.yaml", "--dry-run", cwd=tmp_path)
+    refused = tcstudy_command("run", "block.yaml", "--dry-run", "--set", "tile=\x1b[31m", cwd=tmp_path)
     assert (planned.returncode, refused.returncode) == (0, 2)
     assert "\x1b" not in "".join((*planned[1:], *refused[1:]))
     assert planned.stdout.startswith("\\x1b[31mred\\x1b]0;own\\x07\n")

@@ -47,6 +47,6 @@ def test_run(study: str, tmp_path: Path) -> None:
 
 def test_path(tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").write_text(HEATED + "path: {parameter: theta_bar, from: 0, to: 1, level: 1}\n")
-    result = tcstudy_command("path", "scene.yaml", cwd=tmp_path)
+    result = tcstudy_command("run", "scene.yaml", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "Warning" not in result.stderr + result.stdout

@@ -18,10 +18,12 @@ def test_there_are_some() -> None:
 
 @pytest.mark.parametrize("config", SHIPPED, ids=lambda path: path.stem)
 def test_planned(config: Path, tmp_path: Path) -> None:
-    points = len(read_study(config).scenes)
-    said = tcstudy_command("plan", config, cwd=tmp_path)
+    study = read_study(config)
+    points = len(study.scenes)
+    said = tcstudy_command("run", config, "--dry-run", cwd=tmp_path)
     assert said.returncode == 0, said.stderr
     assert points > 0
-    assert f"{points} point" in said.stdout
+    does = {"path": "  path along ", "fit": "  fit of "}.get(study.kind, f"{points} point")
+    assert does in said.stdout
     assert " GB\n" in said.stdout
     assert not list(tmp_path.iterdir())

@@ -1,24 +1,31 @@
-"""tcstudy show, draw, report, sensitivity, export, compare: what result files say, in any form."""
+"""tcstudy show, draw, report, export: what result files say, in any form."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from tcstudy.commands import shared
-from tcstudy.commands.shared import FILE, MANNER, OK, SOME_FAILED, Option, at, check_manner, command, fail, point_of
+from tcstudy.commands.shared import FILE, MANNER, OK, Option, at, check_manner, command, fail, point_of
 from tcstudy.errors import StoreError, UsageError
 
 _OUTPUT = "folder of the fields (default: FILE), or the table (default: FILE.csv, FILE.json)"
-_RTOL = "largest difference of numbers that is none, relative to the largest value of its kind (default: 1e-9)"
 _TABLES = "of a convergence file: the point whose tables to show"
+_INDICES = "of a run with mode: saltelli: the number whose Sobol indices to show (default: slip_length)"
 _WITHOUT = "leave out what makes a page large: levels, live, body, memory or lines (may be repeated)"
 
 
-@command("print the summary of a result file", FILE, *MANNER, at(_TABLES), shared.FULL)
+@command(
+    "print the summary of a result file",
+    FILE,
+    *MANNER,
+    at(_TABLES),
+    shared.FULL,
+    Option("--of", metavar="NUMBER", help=_INDICES),
+)
 def show(options: argparse.Namespace) -> int:
     """Print again what run, converge, cost or path said; of another file with data, what it is."""
     check_manner(options)
@@ -37,26 +44,35 @@ def show(options: argparse.Namespace) -> int:
 
 def _show(options: argparse.Namespace, file: Path) -> None:
     from tcstudy.data.provenance import kind_of
+    from tcstudy.data.reading import attributes
     from tcstudy.reports.terminal.convergence import convergence_report
     from tcstudy.reports.terminal.cost import cost_report
     from tcstudy.reports.terminal.fit import fit_summary
     from tcstudy.reports.terminal.history_summary import history_summary
+    from tcstudy.reports.terminal.indices import indices_json, indices_text
     from tcstudy.reports.terminal.path_summary import path_summary
     from tcstudy.reports.terminal.summary import MOST_ROWS, summary
     from tcstudy.reports.terminal.tables import wrapped
+    from tcstudy.scene.designs import SALTELLI
 
     point, full, kind = point_of(options), options.full or options.verbose, kind_of(file)
     if (point or options.full) and kind != "convergence":
         fail("--at and --full choose tables of a file of tcstudy converge, which this is not; leave them out")
+    drawn = kind == "run" and attributes(file).get("design_mode") == SALTELLI
+    if options.of is not None and not drawn:
+        remedy = f"run its study with sweep: {{mode: {SALTELLI}, points: 256, PARAMETER: {{uniform: [a, b]}}}}"
+        fail(f"--of: the points of {file} are no design for indices; {remedy}")
+    of = (options.of or "slip_length") if drawn else None
+    rows = None if options.verbose else MOST_ROWS
     texts = {
-        "run": lambda: summary(file, None if options.verbose else MOST_ROWS),
+        "run": lambda: summary(file, rows) + (f"\n\n{indices_text(file, of)}" if of else ""),
         "path": lambda: wrapped(path_summary(file)),
         "history": lambda: wrapped(history_summary(file, options.verbose)),
         "convergence": lambda: convergence_report(file, "text", point, full),
         "cost": lambda: cost_report(file),
         "fit": lambda: wrapped(fit_summary(file)),
     }
-    shared.say(options, file, texts[kind])
+    shared.say(options, file, texts[kind], {"indices": indices_json(file, of)} if of and options.json else {})
 
 
 @command(
@@ -111,28 +127,6 @@ def report(options: argparse.Namespace) -> int:
     if target.suffix.lower() not in (".html", ".htm"):
         fail(f"{target}: a page's name ends in .html; choose such a name")
     print(write_page(options.file, target, tuple(options.without)).words)
-    return OK
-
-
-@command(
-    "say which swept parameter a number comes from: Sobol indices of a sweep with mode: saltelli",
-    FILE,
-    Option("--of", metavar="NUMBER", default="slip_length", help="of what (default: slip_length)"),
-    *MANNER,
-)
-def sensitivity(options: argparse.Namespace) -> int:
-    """Say which swept parameter a number of a run comes from."""
-    from tcstudy.reports.export.brief import json_text
-    from tcstudy.reports.terminal.sensitivity import sensitivity_json, sensitivity_line, sensitivity_text
-
-    check_manner(options)
-    if options.json:
-        print(json_text(sensitivity_json(options.file, options.of)))
-    elif options.quiet:
-        print(sensitivity_line(options.file, options.of))
-    else:
-        with shared.spoken(options):
-            print(sensitivity_text(options.file, options.of))
     return OK
 
 
@@ -203,28 +197,3 @@ def exported(
         fail("; ".join(faults))
     written = write_fields(file, folder, point, -1 if level is None else level)
     return written.path, [counted(written.points, "point"), *written.lacks]
-
-
-@command(
-    "say what differs between two result files: exit code 0 for nothing, 1 for something",
-    Option("first", type=shared.named, metavar="A.nc"),
-    Option("second", type=shared.named, metavar="B.nc"),
-    Option("--rtol", type=float, default=1e-9, metavar="R", help=_RTOL),
-    *MANNER,
-)
-def compare(options: argparse.Namespace) -> int:
-    """Say what differs between two result files."""
-    from tcstudy.study.compare import compare_files
-
-    if not options.rtol >= 0.0:
-        fail(f"--rtol: {options.rtol:g} is no tolerance; give 0 or more")
-    check_manner(options)
-    found = compare_files(options.first, options.second, options.rtol)
-    if options.json:
-        from tcstudy.reports.export.brief import json_text
-
-        about = {"kind": "comparison", "equal": found.equal, "verdict": found.verdict, **asdict(found)}
-        print(json_text({**about, "files": [str(file) for file in found.files]}))
-    else:
-        print(found.verdict if options.quiet else found.text)
-    return OK if found.equal else SOME_FAILED

@@ -1,4 +1,4 @@
-"""tcstudy run, plan, merge: all points on all levels into a netCDF file; what that would be; several files in one."""
+"""tcstudy run: all points on all levels into a netCDF file, or what another section asks for; or what that would be."""
 
 from __future__ import annotations
 
@@ -20,44 +20,63 @@ if TYPE_CHECKING:
 
 KEPT = "finished points are kept, the same command goes on from there"
 """What becomes of the work of a run that is stopped."""
-_RETRY = "keep the result file's solutions and solve again only its points without one"
 _APPEND = "keep the points of the result file and add those that the study's sweep has beside them"
+_DRY_RUN = "make every check and say what a run would do, and about what it takes; writes nothing"
 
 
 @command(
-    "run a study and write its netCDF file",
+    "do what a study asks: solve its sweep, or follow its path or history, or find its fit; writes a netCDF file",
     *STUDY,
-    shared.output_option("result file (default: results/<study>.nc)"),
+    shared.output_option("result file (default: results/<study>.nc; of a path results/<study>-path.nc, and so on)"),
+    shared.plot_option("also draw it"),
     *MANNER,
     shared.FORCE,
     shared.JOBS,
     shared.DASK,
-    Option("--retry", choices=("failed",), help=_RETRY),
     Option("--append", action="store_true", help=_APPEND),
+    Option("--dry-run", action="store_true", help=_DRY_RUN),
     kept=KEPT,
 )
 def run(options: argparse.Namespace) -> int:
-    """Run a study and write its netCDF file."""
-    if options.force and (options.append or options.retry):
-        fail("--force computes all points again, --append and --retry keep them; give one of these")
+    """Do what a study asks, or say what that would be."""
+    if options.force and options.append:
+        fail("--force computes all points again, --append keeps them; give one of these")
+    if options.dry_run:
+        return _dry_run(options)
     from tcstudy.study.jobs import Staff
 
     with closing(Staff(options.jobs, options.dask)) as staff:
-        study, output = checked(options, at_once=staff.early)
-        return _run(options, study, output, staff)
+        study, output = checked(options, at_once=lambda study: staff.early(study) if study.kind == "run" else None)
+        if study.kind == "run":
+            return _run(options, study, output, staff)
+    options.kept = (
+        "finished steps are kept, the same command goes on from there" if study.history else "nothing was written"
+    )
+    if options.append:
+        way = f"run it with --set {study.kind}=null"
+        fail(f"--append adds points of a sweep, and {options.study} has a section {study.kind}; leave it out, or {way}")
+    if options.dask is not None and study.kind != "history":
+        fail(f"--dask: a {study.kind} has no work for others; leave it out")
+    from tcstudy.commands import sections
+
+    return int(getattr(sections, study.kind)(options, study, output))
 
 
 def _run(options: argparse.Namespace, study: Study, output: Path, staff: Staff) -> int:
     """The same with a study that was found usable, and those who work."""
-    kept = None
-    if options.append or options.retry:
-        from tcstudy.study.grow import appended, retried
+    kept, there = None, False
+    if options.append:
+        from tcstudy.study.grow import appended
 
-        study, kept = (appended if options.append else retried)(output, study)
-    there = shared.is_there(options, "run", study, output) if kept is None else not kept.todo.any()
-    if there and kept is not None:
-        note(options, f"{output} {'has all these points' if options.append else 'has no failed point'}")
+        study, kept = appended(output, study)
+        there = not kept.todo.any()
+    elif shared.is_there(options, "run", study, output, noted=False):
+        from tcstudy.study.grow import all_but_broken
+
+        kept = all_but_broken(output, study)
+        there = kept is None
     if there:
+        note(options, f"{output} {'has all these points' if options.append else shared.THERE}")
         points, failed = shared.stored(output)
         return _say(options, output, points, failed, "found before")
     from tcstudy.data.writer import sweep_points
@@ -80,9 +99,10 @@ def _say(options: argparse.Namespace, output: Path, points: int, failed: int, fo
 
         return (
             f"{summary(output, None if options.verbose else MOST_ROWS)}\n\n"
-            f"  {points - failed} of {points} solutions {found}; data in {output}" + onward
+            f"  {points - failed} of {points} solutions {found}; data in {output}{drawn}{onward}"
         )
 
+    drawn = "".join(f"\n  {line}" for line in shared.plotted(options, output))
     say(options, output, text)
     return SOME_FAILED if failed else OK
 
@@ -90,20 +110,19 @@ def _say(options: argparse.Namespace, output: Path, points: int, failed: int, fo
 def _onward(options: argparse.Namespace, output: Path, failed: int) -> Iterator[tuple[str, list[str]]]:
     """What fits a run as the next command, with the reason."""
     study: Study = options.read
-    again = [str(options.study), *(f"--set={text}" for text in options.overrides)]
+    kept = [text for text in options.overrides if not (text.startswith("path=") and study.path is None)]
+    again = [str(options.study), *(f"--set={text}" for text in kept)]
     if failed:
         yield "what failed, and why", ["tcstudy", "show", str(output), "-v"]
         return
     if study.design is not None and study.design.mode == "saltelli":
-        yield "which parameter decides", ["tcstudy", "sensitivity", str(output)]
+        yield "which parameter decides", ["tcstudy", "show", str(output), "--of=friction_resultant"]
     if not shared.proved_unique(output):
         from tcstudy.read.plans import affine_parameters
 
-        if study.path is not None:
-            yield "whether a path has other solutions", ["tcstudy", "path", *again]
-        elif len(study.axes) == 1 and (axis := study.axes[0]).path in dict(affine_parameters(study.scenes[0])):
+        if len(study.axes) == 1 and (axis := study.axes[0]).path in dict(affine_parameters(study.scenes[0])):
             span = f"path={{parameter: {'.'.join(axis.path)}, from: {axis.values[0]}, to: {axis.values[-1]}}}"
-            yield "whether a path has other solutions", ["tcstudy", "path", *again, f"--set={span}"]
+            yield "whether a path has other solutions", ["tcstudy", "run", *again, f"--set={span}"]
     if study.mesh.levels > 1:
         yield "how exact these are", ["tcstudy", "converge", *again]
     elif not study.mesh.listed:
@@ -112,27 +131,24 @@ def _onward(options: argparse.Namespace, output: Path, failed: int) -> Iterator[
     yield "all of it on one page", ["tcstudy", "report", str(output)]
 
 
-@command(
-    "check a study and say what a run would do",
-    *STUDY,
-    shared.output_option("result file that a run would write"),
-    *MANNER,
-    shared.JOBS,
-)
-def plan(options: argparse.Namespace) -> int:
+def _dry_run(options: argparse.Namespace) -> int:
     """Every check that a run makes, and what the run would do."""
-    study, output = checked(options, planned=True)
+    study, output = checked(options)
+    if study.kind == "path":
+        from tcstudy.commands.sections import outside_the_sweep
+
+        study = outside_the_sweep(options, study)
     from tcstudy.data.provenance import already_there
     from tcstudy.reports.terminal.forecast import expected_words, forecast_text
     from tcstudy.study.expected import work_words
 
     forecast, expected = _planned(options, study)
-    steps = study.history.steps if study.history is not None else 0
     time = expected_words(**asdict(expected), at_most=study.mesh.open_ended)
     if options.json:
         print(_plan_json(study, output, forecast, expected))
     elif options.quiet:
-        print(f"{options.study}: {forecast.points} × {steps or study.mesh.levels} solutions: {time}")
+        does = forecast.asked or f"{forecast.points} × {study.mesh.levels} solutions"
+        print(f"{options.study}: {does}: {time}")
     else:
         more = [f"note: {text}" for text in already_there(output, study)]
         work = work_words(study, forecast.levels, options.jobs)
@@ -163,27 +179,3 @@ def _plan_json(study: Study, output: Path, forecast: Plan, expected: Resources) 
     axes = [{"name": axis_name(axis), "units": axis.units, "values": axis.labels} for axis in study.axes]
     about = {"kind": "plan", "title": study.title, "output": str(output), "axes": axes}
     return json_text({**about, "most_levels": study.mesh.levels, **asdict(forecast), **asdict(expected)})
-
-
-@command(
-    "join result files of one study that have different points of its sweep",
-    Option("files", type=shared.named, nargs="+", metavar="FILE.nc"),
-    Option("-o", "--output", type=shared.file_name, required=True, metavar="FILE", help="the file of all points"),
-    *MANNER,
-    Option("--force", action="store_true", help="replace the output if it is there"),
-)
-def merge(options: argparse.Namespace) -> int:
-    """Join result files of one study that have different points of its sweep."""
-    shared.check_manner(options)
-    output = options.output
-    if len(options.files) < 2:
-        fail("merge joins files; name two or more, for example tcstudy merge A.nc B.nc -o C.nc")
-    if output.exists() and not options.force:
-        fail(f"{output} exists; give another --output, or --force to replace it")
-    from tcstudy.study.grow import merge as join
-
-    points, failed, absent = join(options.files, output, options.words)
-    said = f"{points - failed} of {points} solutions of {len(options.files)} files; data in {output}"
-    lacks = f"\n  not run: {absent} places of the grid, whose points no file has" if absent else ""
-    say(options, output, lambda: said + lacks)
-    return SOME_FAILED if failed else OK

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 OK, SOME_FAILED, BAD_INPUT = 0, 1, 2
 """Exit codes of commands."""
+COMPLETED = {"bash": "_shtab_compgen_files", "zsh": "_files", "tcsh": "f"}
+"""How shells complete the name of a file, for shtab."""
 NARROWEST = 40
 """Characters below which nothing is fitted."""
 
@@ -52,7 +54,9 @@ class Command:
         """Tell the parser of the options."""
         parser.set_defaults(read=None, kept=self.kept, run=self.run)
         for option in self.options:
-            parser.add_argument(*option.flags, **option.told)
+            action = parser.add_argument(*option.flags, **option.told)
+            if option.told.get("type") in (named, file_name):
+                action.complete = COMPLETED  # type: ignore[attr-defined]  # where shtab looks for it
 
 
 def command(
@@ -128,7 +132,7 @@ ERROR = Option("--error", metavar="NAME", help=_ERROR)
 
 
 def output_option(what: str) -> Option:
-    return Option("--output", type=file_name, metavar="FILE", help=what)
+    return Option("-o", "--output", type=file_name, metavar="FILE", help=what)
 
 
 def plot_option(what: str) -> Option:
@@ -152,8 +156,10 @@ def spoken(options: argparse.Namespace) -> Iterator[None]:
         yield
 
 
-def say(options: argparse.Namespace, path: Path, text: Callable[[], str]) -> None:
+def say(options: argparse.Namespace, path: Path, text: Callable[[], str], more: Mapping[str, Any] = {}) -> None:
     """Print what a result file says in the manner asked for: its tables (`text`), one line, or one JSON object.
+
+    more: what the object has beside what every reader says of the file
 
     Raises StoreError where the file was changed after it was written and does not hold what it should.
     """
@@ -180,7 +186,7 @@ def say(options: argparse.Namespace, path: Path, text: Callable[[], str]) -> Non
             return
         from tcstudy.reports.export.brief import brief, json_text
 
-        found = brief(path)
+        found = {**brief(path), **more}
         print(json_text(found) if options.json else f"{path}: {found['verdict']}")
 
 
@@ -211,27 +217,25 @@ def point_of(options: argparse.Namespace) -> dict[str, str]:
 
 def checked(
     options: argparse.Namespace,
-    kind: Kind = "run",
-    swept: bool = True,
-    planned: bool = False,
+    kind: Kind | None = None,
     at_once: Callable[[Study], object] = id,
 ) -> tuple[Study, Path]:
     """The study and the file that is asked for or usual for this kind, found usable as is a picture; raises UserFault.
 
     The study is kept in the options, where cli finds the place of a later fault.
-    swept: whether the command uses the sweep;  planned: whether it only says what another one would do
+    kind:    of the results; None for what `run` does with the study
     at_once: called with the study as soon as it is read, before the rest of the program is imported
     """
     check_manner(options)
     from tcstudy.read.study import read_study
 
-    study = options.read = read_study(options.study, options.overrides, swept=swept)
+    study = options.read = read_study(options.study, options.overrides, swept=None if kind is None else True)
     at_once(study)
     from tcstudy.study.plan import check_kind, faults  # needs the mesher, a fault in the text does not
 
-    if not planned:
-        check_kind(study, kind, str(options.study))
-    output = options.output or usual_output("history" if study.history and kind != "fit" else kind, study)
+    kind = kind or study.kind
+    check_kind(study, kind, str(options.study))
+    output = options.output or usual_output(kind, study)
     if problems := faults(study, output):
         fail("\n".join(problems))
     if getattr(options, "plot", None) is not None:
@@ -260,7 +264,12 @@ def usual_output(kind: Kind, study: Study) -> Path:
     return output_of(study) if kind == "run" else measured_path(output_of(study), kind)
 
 
-def is_there(options: argparse.Namespace, kind: Kind, study: Study, output: Path, **asked: object) -> bool:
+THERE = "holds these results already; --force computes them again"
+
+
+def is_there(
+    options: argparse.Namespace, kind: Kind, study: Study, output: Path, noted: bool = True, **asked: object
+) -> bool:
     """Whether the output holds what the command would compute, which is then said; raises StoreError if it holds
     something else. With --force neither is asked."""
     if options.force:
@@ -268,8 +277,8 @@ def is_there(options: argparse.Namespace, kind: Kind, study: Study, output: Path
     from tcstudy.data.provenance import holds
 
     there = holds(output, kind, study, **asked)
-    if there:
-        note(options, f"{output} holds these results already; --force computes them again")
+    if there and noted:
+        note(options, f"{output} {THERE}")
     return there
 
 

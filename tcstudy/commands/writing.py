@@ -1,26 +1,23 @@
-"""tcstudy init, schema, completion: what helps to write a study."""
+"""tcstudy init: a study to begin with, and the schema that helps editors with it."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
 from pathlib import Path
 
-from tcstudy.commands.shared import OK, Option, command, fail, file_name, named, target
+from tcstudy.commands.shared import OK, Option, command, fail, file_name
 
 SCHEMA = "study.schema.json"
-SHELLS = ("bash", "zsh", "tcsh")
 _NEW = "the study (default: study.yaml); a file that is there is kept"
-_FORM = "json (default): the schema, draft 2020-12; markdown: the table of keys"
 STARTER = f"""\
 # yaml-language-server: $schema={SCHEMA}
 # A block that is pushed along a film which weakens as it slips.
 #
-#     tcstudy plan study.yaml      checks it and says what a run would do
-#     tcstudy run study.yaml       solves it; tcstudy show, draw and report read the results
+#     tcstudy run study.yaml --dry-run   checks it and says what a run would do
+#     tcstudy run study.yaml             solves it; tcstudy show, draw and report read the results
 #
 # Numbers are SI or carry their unit (20 MPa, 40 um); a quantity that varies in space is an expression in quotes,
-# "1e6*(1 + sin(pi*x))". `tcstudy schema --format markdown` lists all keys.
+# "1e6*(1 + sin(pi*x))". configs/README.md lists all keys.
 
 title: My first study
 
@@ -54,7 +51,7 @@ sweep:                              # every combination is solved
 def init(options: argparse.Namespace) -> int:
     """Write the starter study and say what comes next."""
     study = starter(options.file)
-    print(f"{study} written; next: tcstudy plan {study}, tcstudy run {study}")
+    print(f"{study} written; next: tcstudy run {study} --dry-run, tcstudy run {study}")
     return OK
 
 
@@ -74,42 +71,3 @@ def starter(study: Path) -> Path:
     except OSError as error:
         fail(f"{study}: cannot be written ({error.strerror or error}); name another file")
     return study
-
-
-@command(
-    "print the JSON Schema of a study file, or the table of its keys",
-    Option("--format", choices=("json", "markdown"), default="json", help=_FORM),
-)
-def schema(options: argparse.Namespace) -> int:
-    """Print the JSON Schema of a study file, for editors, or the table of its keys."""
-    if options.format == "json":
-        from tcstudy.read.schema import schema_text as text
-    else:
-        from tcstudy.read.schema import markdown as text
-    print(text(), end="")
-    return OK
-
-
-@command(
-    'print shell completion: eval "$(tcstudy completion bash)"',
-    Option("shell", choices=SHELLS, help="the shell that is to complete"),
-)
-def completion(options: argparse.Namespace) -> int:
-    """Print what makes a shell complete commands, options and file names."""
-    import shtab
-
-    parser = options.parser_of()
-    for action in _actions(parser):
-        if action.type in (named, file_name, target):
-            action.complete = shtab.FILE  # type: ignore[attr-defined]  # where shtab looks for it
-    print(shtab.complete(parser, shell=options.shell))
-    return OK
-
-
-def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """All options and arguments, those of the commands included."""
-    for action in parser._actions:  # the library has no public list
-        yield action
-        if isinstance(action, argparse._SubParsersAction):
-            for one in action.choices.values():
-                yield from _actions(one)

@@ -263,10 +263,10 @@ def holds(path: Path, kind: Kind, study: Study, **asked: Any) -> bool:
 
 def already_there(path: Path, study: Study) -> list[str]:
     """Notes on results that a run of the study would find in its output; a history goes on with what it finds."""
-    if study.history is not None:
+    if study.kind == "history":
         return []
     try:
-        there = holds(path, "run", study)
+        there = holds(path, study.kind, study, **({"data_sha256": study.fit.sha256} if study.fit else {}))
     except StoreError as error:
         return [f"a run would stop here: {error}"]
     return [f"{path} holds these results already; a run ends at once, --force computes them again"] if there else []

@@ -1,6 +1,6 @@
 """A finished run's file read back as the records that it was written of, block by block, to the bit.
 
-For studies that grow, are mended or are joined: what is read here goes through the one writer again. Not here: which
+For studies that grow or are mended: what is read here goes through the one writer again. Not here: which
 points of which study these are (`tcstudy.study.grow`), and the group `live`, which is made of the whole sweep.
 """
 
@@ -30,9 +30,6 @@ Values = NDArray[Any]
 
 VALUES = 2**22
 """Numbers of one variable that are in memory at a time."""
-SAME = 1e-9
-"""Difference of two solutions of one point, relative to the largest value of the level, that is none: blocks of other
-points round otherwise, and a solution is one to 1e-10."""
 
 
 def digest(path: Path) -> str:
@@ -148,54 +145,3 @@ def _on_line(group: netCDF4.Group | None, cut: tuple[slice, ...], rows: Places) 
     found: dict[str, Any] = {name: _flat(group[name][cut], 1)[rows] for name in ("u_T", "xi", "sticks")}
     fields = {v.name: _flat(group[v.name][cut], 1)[rows] for v in schema.FIELDS if v.name in group.variables}
     return found | {"fields": fields}
-
-
-def disagreement(first: Path, second: Path, rows: tuple[Places, Places]) -> tuple[int, str] | None:
-    """The first point that two files have solved otherwise: which of the rows, and what differs; None if all agree.
-
-    rows: places of the same points in either file, in its order
-    Compared are energy, mean temperature, u_T and xi of points that both have solved.
-    """
-    with opened(first) as one, opened(second) as two:
-        for level in range(one["status"].shape[-1]):
-            ok = [
-                _flat(nc["status"][..., level], 0)[at] == PointStatus.OK
-                for nc, at in zip((one, two), rows, strict=True)
-            ]
-            both = np.flatnonzero(ok[0] & ok[1])
-            kept = (rows[0][both], rows[1][both])
-            for name in ("energy", "theta_mean"):
-                pair = [_flat(nc[name][..., level], 0)[at] for nc, at in zip((one, two), kept, strict=True)]
-                if (worst := _apart(*pair)) is not None:
-                    return int(both[worst]), f"on level {level}: {name} {pair[0][worst]:.12g} | {pair[1][worst]:.12g}"
-            groups = [nc.groups[name] for nc in (one, two) if (name := f"level_{level}") in nc.groups]
-            if len(both) and (found := _on_lines(groups, kept)) is not None:
-                return int(both[found[0]]), f"on level {level}: {found[1]}"
-    return None
-
-
-def _on_lines(groups: list[netCDF4.Group], rows: tuple[Places, Places]) -> tuple[int, str] | None:
-    """As `disagreement`, of some nodes at a time: all points of them fit into memory."""
-    m = groups[0].dimensions["node"].size
-    points = max(int(np.prod(group["u_T"].shape[:-1])) for group in groups)
-    step = max(1, VALUES // max(1, points))
-    for name in ("u_T", "xi"):
-        for j in range(0, m, step):
-            pair = [_flat(group[name][..., j : j + step], 1)[at] for group, at in zip(groups, rows, strict=True)]
-            if (worst := _apart(*pair)) is not None:
-                row, node = np.unravel_index(worst, pair[0].shape)
-                values = " | ".join(f"{values[row, node]:.12g}" for values in pair)
-                return int(row), f"{name} at node {j + int(node)} {values}"
-    return None
-
-
-def _apart(one: Values, two: Values) -> int | None:
-    """Where two arrays differ most, if that is more than rounding; both unknown is no difference."""
-    if not one.size:
-        return None
-    gap = np.abs(one - two)
-    gap[np.isnan(one) & np.isnan(two)] = 0.0
-    gap[np.isnan(gap)] = np.inf
-    scale = max(float(np.nanmax(np.abs(values), initial=0.0)) for values in (one, two))
-    worst = int(np.argmax(gap))
-    return worst if gap.flat[worst] > SAME * scale else None

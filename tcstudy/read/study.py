@@ -32,10 +32,11 @@ REQUIRED = tuple(row.name for row in rows("").values() if row.required)
 OPTIONAL = tuple(name for name in rows("") if name not in REQUIRED)
 
 
-def read_study(path: str | Path, overrides: Sequence[str] = (), *, swept: bool = True) -> Study:
+def read_study(path: str | Path, overrides: Sequence[str] = (), *, swept: bool | None = True) -> Study:
     """The study in a file, with `--set` options key=value put in; raises StudyError with all its problems.
 
-    swept: whether the sweep is used, so that an option for a swept key would be lost; a path is of the scene outside it
+    swept: whether the sweep is used, so that an option for a swept key would be lost; None: unless the study is run as
+    a path, which is of the scene outside it
     """
     path = Path(path)
     return read_study_text(load_text(path), str(path), overrides, path, swept=swept)
@@ -47,7 +48,7 @@ def read_study_text(
     overrides: Sequence[str] = (),
     source: Path | None = None,
     *,
-    swept: bool = True,
+    swept: bool | None = True,
 ) -> Study:
     """The study in a text, called `name` in messages; raises StudyError with all its problems.
 
@@ -65,6 +66,8 @@ def read_study_text(
         ctx.named = read_parameters(ctx, root.child("parameters"))
     if len(ctx.errors) > before:  # every use of a name without a value would be one fault more
         raise StudyError(ctx.errors.problems)
+    if swept is None:
+        swept = not root.child("path") or bool(root.child("history") or root.child("fit"))
     sweep = _read_sweep(ctx, root, overrides if swept else ())
     said = with_sweep(overrides, sweep.written()) if sweep.tabled else overrides
 

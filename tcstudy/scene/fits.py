@@ -120,7 +120,7 @@ class FitMark:
 
 @dataclass(frozen=True)
 class FitPlan:
-    """A fit (`tcstudy fit`).
+    """A fit (section `fit`).
 
     given, measured: columns that the scene gets, and that are compared with its results
     parameters:      the numbers to find

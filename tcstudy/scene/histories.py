@@ -144,7 +144,7 @@ class HistoryLine:
 
 @dataclass(frozen=True)
 class HistoryPlan:
-    """The load history of every scene of a study (`tcstudy history`).
+    """The load history of every scene of a study (section `history`).
 
     lines:      one after the other, `repeat` times
     parameters: (key path, CF units, value in the scene) of every load that changes

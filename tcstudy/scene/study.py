@@ -144,7 +144,7 @@ Direction = Literal["both", "forward", "backward"]
 
 @dataclass(frozen=True)
 class PathPlan:
-    """The path of solutions along one parameter t in which the load is affine, l̃(t) = l̃₀ + t l̃₁ (`tcstudy path`).
+    """The path of solutions along one parameter t in which the load is affine, l̃(t) = l̃₀ + t l̃₁ (section `path`).
 
     parameter:  key path of t, e.g. ("heat", "theta_bar"), ("boundary", "top", "u_x"), ("loads", "f_x"); ("load",) is a
                 factor of all mechanical loads: f, g, pressure, force, moment
@@ -323,6 +323,11 @@ class Study:
         """One line: a whole study would fill pages."""
         axes = ", ".join(f"{axis.name} ({len(axis.values)})" for axis in self.axes) or "none"
         return f"Study({self.title!r}, sweep: {axes}, points: {len(self.scenes)}, levels: {self.mesh.levels})"
+
+    @property
+    def kind(self) -> Literal["run", "path", "history", "fit"]:
+        """What `run` does: the first of the sections fit, history, path that there is, else the sweep's points."""
+        return "fit" if self.fit else "history" if self.history else "path" if self.path else "run"
 
     @property
     def shape(self) -> tuple[int, ...]:

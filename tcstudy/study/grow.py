@@ -1,4 +1,4 @@
-"""Finished files that grow: points are added to them, failed ones solved again, several are joined.
+"""Finished files that grow: points are added to them, those that broke down are solved again.
 
 What a file has is read back as records and written again, to the bit; in a sweep over geometries every geometry is
 taken out of the file, grows by itself, and goes back. Not here: what makes two studies one but for their sweep
@@ -11,26 +11,22 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
-from itertools import chain, combinations
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.files import aside_of, check_writable
-from tcstudy.data.provenance import Provenance, collect, program, study_sha256, tell_stored
+from tcstudy.data.provenance import Provenance, program, study_sha256
 from tcstudy.data.reading import attributes, refuse_changed
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.store import write
-from tcstudy.data.stored import digest, disagreement, read_blocks, read_geometries, read_levels, read_status
-from tcstudy.data.variants import extract, write_variants
+from tcstudy.data.stored import digest, read_blocks, read_geometries, read_levels, read_status
+from tcstudy.data.variants import extract
 from tcstudy.data.writer import file_places
 from tcstudy.errors import StoreError, StudyError, shortened
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
-from tcstudy.study.plan import warnings
-from tcstudy.study.shared_points import LabelledPoints, places_in
+from tcstudy.study.shared_points import places_in
 from tcstudy.study.union import differences, union
 
 Places = NDArray[np.intp]
@@ -87,7 +83,7 @@ def stored_run(path: Path, source: Path | None = None) -> StoredRun:
         raise StoreError(f"{path} was computed for another geometry file; run its study again with --force")
     if study.mesh.open_ended:
         why = "its meshes follow from the solutions at all points of its sweep"
-        raise StoreError(f"{path} cannot be added to, mended or joined: {why}; run the whole study with --force")
+        raise StoreError(f"{path} cannot be added to or mended: {why}; run the whole study with --force")
     return StoredRun(path, study, str(found["history"]), str(path))
 
 
@@ -183,17 +179,14 @@ def appended(path: Path, new: Study) -> tuple[Study, Kept]:
     return _asked(file, union(file.study, new), new, again=file.status == PointStatus.NOT_RUN)
 
 
-def retried(path: Path, new: Study) -> tuple[Study, Kept]:
-    """The study of a finished file, and all it has but those points of `new` that have no solution.
+def all_but_broken(path: Path, study: Study) -> Kept | None:
+    """What the file of this very study has without the points that broke down unexpectedly; None if none did.
 
-    Raises StoreError if the file does not hold the study.
+    What failed by its own numbers would fail again; on meshes that follow from the solutions all points stay.
     """
-    file = _file_of(path, new)
-    asked = places_in(file.study, new, absent=-1)
-    if count := np.count_nonzero(asked < 0):
-        raise StoreError(f"{path} does not hold {count} of the study's {len(asked)} points; add them by --append")
-    whole = new if len(asked) == len(file.status) else file.study
-    return _asked(file, whole, new, again=file.status != PointStatus.OK)
+    if study.mesh.open_ended or not (broken := read_status(path) == PointStatus.ERROR).any():
+        return None
+    return _asked(stored_run(path, study.source), study, study, again=broken)[1]
 
 
 def _file_of(path: Path, new: Study) -> StoredRun:
@@ -212,84 +205,3 @@ def _asked(file: StoredRun, study: Study, new: Study, again: NDArray[np.bool_]) 
     todo[places_in(study, new)] = True
     todo[places] &= again
     return study, Kept(file, places, todo)
-
-
-def merge(files: Sequence[Path], output: Path, command: Sequence[str] = ("tcstudy.merge",)) -> tuple[int, int, int]:
-    """Write the points of several files of one study into one file, each from the first file that has it solved.
-
-    Returns how many solutions were sought, how many of them failed, and how many places of the sweep no file has.
-    Raises StoreError if the studies differ in more than their sweeps, or files have solved a point otherwise.
-    """
-    runs = [stored_run(path) for path in files]
-    study = runs[0].study
-    for run in runs[1:]:
-        if found := differences(runs[0].study, run.study):
-            what = f"{runs[0].path} and {run.path} hold different studies ({'; '.join(found[:5])})"
-            remedy = "run one of them again as the other is written, or both with what differs among the swept values"
-            raise StoreError(f"{what}, and only values of their sweep may differ; {remedy}")
-        study = union(study, run.study)
-    study = replace(study, title=runs[0].study.title, output=replace(study.output, live=False))
-    if problems := check_writable(output, sum(path.stat().st_size for path in files)):
-        raise StoreError("\n".join(problems))
-    points, failed = (_join_geometries if study.variants else _join)(study, runs, output, command)
-    tell_stored(output)
-    return points, failed, len(study.scenes) * study.mesh.levels - points
-
-
-def _join(study: Study, runs: Sequence[StoredRun], output: Path, command: Sequence[str]) -> tuple[int, int]:
-    """Write the file of a study with the points of runs of it; how many solutions were sought, how many failed."""
-    places = [run.places_in(study) for run in runs]
-    for k, j in combinations(range(len(runs)), 2):
-        _refuse_disagreement(study, (runs[k], places[k]), (runs[j], places[j]))
-    kept = _owned(study, runs, places)
-    levels: dict[int, LevelRecord] = {}
-    for one in kept:
-        levels |= {i: record for i, record in one.levels.items() if i not in levels}
-        for record in levels.values():
-            one.joined(record)
-    records = lambda: chain.from_iterable(one.blocks(study) for one in kept)  # noqa: E731
-    return write(output, study, [levels[i] for i in sorted(levels)], records, _after(study, runs, command))
-
-
-def _join_geometries(study: Study, runs: Sequence[StoredRun], output: Path, command: Sequence[str]) -> tuple[int, int]:
-    """The same of a sweep over geometries: one after the other is joined, then all of them."""
-    whole = _owned(study, runs, [run.places_in(study) for run in runs])
-    lost = [block for one in whole for block in one.without_geometry(study)]
-    files: list[Path | None] = []
-    with TemporaryDirectory(prefix=f"{aside_of(output).stem}.", suffix=".tmp", dir=output.parent) as name:
-        found = [one.of_geometries(study, Path(name)) for one in whole]
-        for number, variant in enumerate(study.variants):
-            having = [own[number].file for own in found if len(own[number].places)]
-            files.append(Path(name, f"{number}.nc") if having else None)
-            if variant.study is not None and having:
-                _join(variant.study, having, Path(name, f"{number}.nc"), command)
-        return write_variants(output, study, files, lost, _after(study, runs, command))
-
-
-def _after(study: Study, runs: Sequence[StoredRun], command: Sequence[str]) -> Provenance:
-    """The provenance of a join, with the histories of what it joins before its own."""
-    provenance = collect(study, command, remarks=warnings(study))
-    return replace(provenance, history="\n".join([*(run.history for run in runs), provenance.history]))
-
-
-def _owned(study: Study, runs: Sequence[StoredRun], places: Sequence[Places]) -> list[Kept]:
-    """Of every run the points that the file of all takes from it: the first that has solved one, or else has run it."""
-    owner = np.full((len(study.scenes), study.mesh.levels), -1, dtype=np.int32)
-    held = np.zeros(owner.shape, dtype=np.int8)
-    for k, (run, at) in enumerate(zip(runs, places, strict=True)):
-        status = np.zeros_like(held)
-        status[at] = run.status
-        better = (held == PointStatus.NOT_RUN) | ((held != PointStatus.OK) & (status == PointStatus.OK))
-        better &= status != PointStatus.NOT_RUN
-        owner[better], held[better] = k, status[better]
-    return [Kept(run, at, owner != k) for k, (run, at) in enumerate(zip(runs, places, strict=True))]
-
-
-def _refuse_disagreement(study: Study, one: tuple[StoredRun, Places], two: tuple[StoredRun, Places]) -> None:
-    """Raise StoreError if two files have other numbers for a point that both have."""
-    (run, places), (other, others) = one, two
-    shared, *rows = np.intersect1d(places, others, return_indices=True)
-    if len(shared) and (found := disagreement(run.path, other.path, (rows[0], rows[1]))) is not None:
-        row, what = found
-        name = LabelledPoints.of_study(study).describe(int(shared[row])) or "the point"
-        raise StoreError(f"{run.name} and {other.name} have other numbers for {name} {what}; run one of them anew")

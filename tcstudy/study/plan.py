@@ -39,7 +39,9 @@ class Plan:
     levels:          the mesh levels whose number is known beforehand, counted where their meshes are small
     left_out:        what is not computed, each with its reason
     notes:           what the user may want to know before starting
-    bytes:           expected size of the result file; the most to expect where an estimate decides about meshes
+    bytes:           expected size of the result file; the most to expect where an estimate decides about meshes; 0 for
+                     a path or a fit, which are small
+    asked:           what a run does in place of solving points, in words; empty for a sweep
     """
 
     points: int
@@ -49,6 +51,7 @@ class Plan:
     left_out: tuple[str, ...]
     notes: tuple[str, ...]
     bytes: int
+    asked: str = ""
 
 
 def plan(study: Study) -> Plan:
@@ -58,6 +61,9 @@ def plan(study: Study) -> Plan:
     """
     if study.variants:
         return of_geometries(study, [(one.study, plan(one.study)) for one in study.variants if one.study is not None])
+    if study.kind == "path" and (path := study.path) is not None:  # of one scene and one level
+        mesh = study.mesh if path.level is None else replace(study.mesh, levels=path.level + 1)
+        study = replace(study, scenes=(path.scene,), axes=(), mesh=mesh)
     ratios = {Level.ratio(s) for s in distinct(study.scenes, *of_stiffness(study.scenes))}
     heats = {
         (s.heat, tuple(one.k for one in s.material.all)) for s in distinct(study.scenes, *FELT) if needs_heat_solve(s)
@@ -70,7 +76,8 @@ def plan(study: Study) -> Plan:
         levels=levels,
         left_out=tuple(_left_out(study, bool(heats))),
         notes=tuple(_notes(study, levels)),
-        bytes=_bytes(study, levels),
+        bytes=0 if study.kind in ("path", "fit") else _bytes(study, levels),
+        asked=asked(study),
     )
 
 
@@ -133,7 +140,7 @@ def output_of(study: Study) -> Path:
 
 
 def output_beside(study: Study, kind: str) -> Path:
-    """Where `tcstudy path`, `history` and `fit` write: beside the results of a run, with "-path" added to the name."""
+    """Where a path, a history and a fit are written: beside the results of a sweep, with "-path" added to the name."""
     output = output_of(study)
     return output.with_name(f"{output.stem}-{kind}{output.suffix or '.nc'}")
 
@@ -147,11 +154,12 @@ def check_kind(study: Study, kind: str, name: str) -> None:
         command = "converge" if kind == "convergence" else kind
         raise UsageError(
             f"{name}: history: the study is a load history, and tcstudy {command} has no memory; use tcstudy "
-            "history, or --set history=null for its points without memory"
+            "run, or --set history=null for its points without memory"
         )
     if kind == "path" and study.path is not None and study.mesh.strategy.adapts:
         what = "the path is of one mesh, and adaptive meshes follow from the solutions of a run"
-        raise UsageError(f"{name}: path: {what}; give it others, for example --set 'mesh={{maxh: ..., levels: 3}}'")
+        remedy = "give it others, for example --set 'mesh={maxh: ..., levels: 3}', or solve points by --set path=null"
+        raise UsageError(f"{name}: path: {what}; {remedy}")
 
 
 def _left_out(study: Study, heat_solved: bool) -> list[str]:
@@ -224,20 +232,25 @@ def warnings(study: Study, text: bool = True) -> list[Remark]:
     return [Remark(note) for note in (*idle_notes(seen), *doubts(seen), *locking_notes(seen.scenes))]
 
 
-def _other_commands(study: Study) -> Iterator[str]:
-    """Sections that a run leaves alone, and the command that reads them."""
-    if study.path is not None:
-        path, units = study.path, f" {study.path.units}" if study.path.units != "1" else ""
-        span = f"from {path.begin:.6g}{units} to {path.end:.6g}{units}"
-        yield f"path along {path.name} {span}: follow it with tcstudy path"
-    if study.history is not None:
+def asked(study: Study) -> str:
+    """What a run does in place of solving points, in words; empty for a sweep."""
+    if study.kind == "fit" and study.fit is not None:
+        return f"fit of {', '.join(one.number.name for one in study.fit.parameters)} to {study.fit.file}"
+    if study.kind == "history" and study.history is not None:
         points = f" at each of {len(study.scenes)} points" if len(study.scenes) > 1 else ""
-        how = f"{study.history.steps} steps of {', '.join(study.history.names)}{points}"
-        alone = "" if study.fit is not None else ", and nothing else is computed of this study"
-        yield f"load history, {how}: tcstudy history follows it{alone}"
-    if study.fit is not None:
-        names = ", ".join(one.number.name for one in study.fit.parameters)
-        yield f"fit of {names} to {study.fit.file}: find them with tcstudy fit"
+        return f"load history, {study.history.steps} steps of {', '.join(study.history.names)}{points}"
+    if study.kind == "path" and (path := study.path) is not None:
+        units = f" {path.units}" if path.units != "1" else ""
+        return f"path along {path.name} from {path.begin:.6g}{units} to {path.end:.6g}{units}"
+    return ""
+
+
+def _other_commands(study: Study) -> Iterator[str]:
+    """What a run leaves alone, and what would do it."""
+    if study.kind != "run":
+        others = [name for name in ("history", "path") if getattr(study, name) is not None and name != study.kind]
+        left = f"section {others[0]}" if others else "points of the sweep"
+        yield f"{asked(study)}: run does this; for the {left} add --set {study.kind}=null"
     if study.exact is not None:
         yield "exact solution given: measure the errors against it with tcstudy converge"
 

@@ -73,6 +73,8 @@ def unknown(study: Study) -> str:
     """Why nobody can tell how long a run takes; empty if a trial tells."""
     if study.history is not None:
         return "a step of a history takes as long as what slips and jumps in it asks for"
+    if study.kind in ("path", "fit"):
+        return f"a {study.kind} takes as many steps as what slips and jumps on it asks for"
     if study.mesh.open_ended:
         return "the estimated error decides about the meshes"
     if not study.solver.in_blocks:

@@ -221,17 +221,14 @@ def make(name: str, scratch: Path) -> Path:
         scratch / f"{name}.nc",
         ROOT / "results" / f"gallery-{name}.png",
     )
-    if name in HISTORIES:
-        tcstudy.history(study, data)
-        tcstudy.draw(data, target)
-    elif name == "pull_fit":
-        tcstudy.fit(study, data)
+    if name in HISTORIES or name == "pull_fit":
+        tcstudy.run(study, data)
         tcstudy.draw(data, target)
     elif name == "thickness_map":
         tcstudy.run(study, data)
         tcstudy.draw(data, target, map=("H", "grading"), of="lambda_1")
     elif name == "pull_test":
-        tcstudy.path(study, data)
+        tcstudy.run(study, data)
         tcstudy.draw(data, target, response="friction")
     elif name == "singular":
         tcstudy.run(tcstudy.load(study, [FIELDS, "mesh.levels=8"]), data)

@@ -252,7 +252,7 @@ def complaint(text: str, folder: Path) -> tuple[int, str]:
     """Exit code of `tcstudy plan` on a text, and what is wrong with how it ended; "" if nothing is."""
     file = folder / "s.yaml"
     file.write_bytes(text.encode("utf-8", "surrogatepass"))
-    code, shown, said = tcstudy_command("plan", file, "--output", folder / "out.nc")
+    code, shown, said = tcstudy_command("run", file, "--dry-run", "--output", folder / "out.nc")
     if code == CRASHED:
         return -1, said
     if code not in (0, 2):

@@ -42,7 +42,7 @@ def _with_words(value: Any) -> Any:
 def test_the_schema_is_one_and_the_file_that_studies_name_is_it() -> None:
     jsonschema.Draft202012Validator.check_schema(schema())
     text = (ROOT / "configs" / "study.schema.json").read_text(encoding="utf-8")
-    assert text == schema_text(), "write it again: tcstudy schema > configs/study.schema.json"
+    assert text == schema_text(), "write it again: tcstudy init in a folder, its study.schema.json"
 
 
 @pytest.mark.parametrize("config", SHIPPED, ids=lambda path: path.stem)
@@ -100,7 +100,7 @@ def test_an_editor_says_at_once(old: str, new: str) -> None:
 
 def test_the_guide_has_the_table_of_keys() -> None:
     text = (ROOT / "configs" / "README.md").read_text(encoding="utf-8")
-    assert markdown() in text, "put it in again: tcstudy schema --format markdown"
+    assert markdown() in text, "put in again what `tcstudy.read.schema.markdown()` returns"
 
 
 def test_schema_and_guide_know_every_key() -> None:

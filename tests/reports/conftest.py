@@ -56,5 +56,5 @@ def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The fit of the gallery on a coarse mesh."""
     path, config = tmp_path_factory.mktemp("fit") / "pull.nc", Path(__file__).parents[2] / "configs" / "pull_fit.yaml"
-    assert main(["fit", str(config), "--set", "mesh.maxh=8 mm", "--set", "fit.starts=1", "--output", str(path)]) == 0
+    assert main(["run", str(config), "--set", "mesh.maxh=8 mm", "--set", "fit.starts=1", "--output", str(path)]) == 0
     return path

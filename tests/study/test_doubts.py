@@ -234,7 +234,7 @@ def test_a_file_that_is_no_step_is_told_in_one_line(tmp_path: Path, capfd: pytes
     """Without what the kernel itself would print."""
     (tmp_path / "plate.step").write_text("hello\n")
     (tmp_path / "study.yaml").write_text(STUDY)
-    done = tcstudy_command("plan", "study.yaml", cwd=tmp_path)
+    done = tcstudy_command("run", "study.yaml", "--dry-run", cwd=tmp_path)
     assert done[:2] == (2, "")
     assert tuple(capfd.readouterr()) == ("", "")
     assert done.stderr == (

@@ -85,7 +85,7 @@ def test_a_path_goes_through_the_solutions_of_runs(tmp_path: Path) -> None:
     """Pulled off a film whose strength grows and a shoe with a gap: every solved point lies on the path, none below."""
     coarse = one_point(FILMS).replace("maxh: 2 mm", "maxh: 8 mm")
     study = read_study_text(f"{coarse}path: {PULL}\n")
-    tcstudy.path(study, tmp_path / "path.nc")
+    tcstudy.run(study, tmp_path / "path.nc")
     path = xr.open_dataset(tmp_path / "path.nc")
     assert float(path["residual"].max()) < 1e-10
     assert path.attrs["end_status"] == "range_end"
@@ -111,7 +111,7 @@ def test_a_path_goes_through_the_solutions_of_runs(tmp_path: Path) -> None:
 def test_a_path_over_two_films_has_the_closed_form(tmp_path: Path) -> None:
     """Pulled over both films, which stick and slip only: the formula of the study on the whole path."""
     text = one_point("{film: {law: tresca, tau: 2 MPa}, shoe: {law: tresca, tau: 1 MPa}}")
-    tcstudy.path(read_study_text(f"{text}path: {PULL}\n"), tmp_path / "path.nc")
+    tcstudy.run(read_study_text(f"{text}path: {PULL}\n"), tmp_path / "path.nc")
     path = xr.open_dataset(tmp_path / "path.nc")
     assert not path.sizes["fold"]
     assert np.all(path["solution_unique"] == 1)

@@ -123,7 +123,7 @@ def test_what_the_mesh_does_to_the_numbers_is_said(tmp_path: Path) -> None:
     assert np.all(np.abs(bias) > 1.0)
     assert -shift / bias == pytest.approx([0.5, 0.5], abs=0.1)
     study = study_of(tmp_path, pulled(45), {"maxh: 5 mm": "maxh: 2 mm"})
-    tcstudy.fit(study, tmp_path / "fine.nc")
+    tcstudy.run(study, tmp_path / "fine.nc")
     assert "half its size would move" in fit_summary(tmp_path / "fine.nc")
     assert "fine enough" in fit_summary(tmp_path / "fine.nc")
 
@@ -234,7 +234,7 @@ def test_two_numbers_of_which_only_the_product_acts_are_named(tmp_path: Path) ->
     old = "friction.tau: {start: 2 MPa, within: [0.2 MPa, 20 MPa]}"
     for start in ("20 GPa", "900 GPa"):
         study = heated(tmp_path, text.replace(old, f"E: {{start: {start}, within: [10 GPa, 1000 GPa]}}"))
-        tcstudy.fit(study, tmp_path / "a.nc", force=True)
+        tcstudy.run(study, tmp_path / "a.nc", force=True)
         told = brief(tmp_path / "a.nc")
         found = [told["parameters"][name]["estimate"] for name in ("E", "alpha_T")]
         assert np.prod(found) == pytest.approx(200e9 * 12e-6, rel=0.01)
@@ -264,7 +264,7 @@ def test_a_slip_profile_finds_the_film(tmp_path: Path) -> None:
 def test_the_file_the_text_and_the_picture(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     study = heated(tmp_path)
-    tree = tcstudy.fit(study, tmp_path / "a.nc")
+    tree = tcstudy.run(study, tmp_path / "a.nc")
     assert tree["estimate"].shape == (2,)
     assert tree.attrs["data_sha256"]
     text = fit_summary(tmp_path / "a.nc")
@@ -281,4 +281,4 @@ def test_the_file_the_text_and_the_picture(tmp_path: Path) -> None:
     (tmp_path / "heated.csv").write_text("T [K],u [um],R [kN/m]\n" + "1,1,1\n2,2,2\n3,3,3\n", encoding="utf-8")
     other = read_study_text(HEATED, "heated.yaml", source=tmp_path / "heated.yaml")
     with pytest.raises(StoreError, match="table of data"):
-        tcstudy.fit(other, tmp_path / "a.nc")
+        tcstudy.run(other, tmp_path / "a.nc")

@@ -47,7 +47,7 @@ def test_one_solution_for_every_load_does_not_end_the_search(tmp_path: Path) -> 
     study = sheared(tmp_path, np.zeros(22))
     model = model_of(study, study.fit)
     assert model.level.lambda_1(model.scene(np.array(TRUE))) > max(law.omega for law in model.scene(TRUE).laws)
-    found = tcstudy.fit(sheared(tmp_path, model.compared(np.array(TRUE)).predicted), tmp_path / "a.nc")
+    found = tcstudy.run(sheared(tmp_path, model.compared(np.array(TRUE)).predicted), tmp_path / "a.nc")
     assert found["estimate"].values == pytest.approx(TRUE, rel=1e-6)
     tried, failed = int(found.attrs["starts_tried"]), int(found.attrs["starts_failed"])
     assert 1 < tried <= int(found.attrs["starts"]) == 5
@@ -60,9 +60,9 @@ def test_one_solution_for_every_load_does_not_end_the_search(tmp_path: Path) -> 
 
 
 def test_a_start_that_the_noise_explains_ends_the_search_and_an_assumed_noise_does_not(tmp_path: Path) -> None:
-    found = tcstudy.fit(heated(tmp_path), tmp_path / "a.nc")
+    found = tcstudy.run(heated(tmp_path), tmp_path / "a.nc")
     assert (found.attrs["starts_tried"], found.attrs["noise_assumed"]) == (1, "")
-    found = tcstudy.fit(heated(tmp_path, HEATED.replace("  noise: {", "  # {")), tmp_path / "b.nc")
+    found = tcstudy.run(heated(tmp_path, HEATED.replace("  noise: {", "  # {")), tmp_path / "b.nc")
     assert found["start_count"].values.tolist() == [5]  # all agree
     words = "u_T_max and friction_resultant are measured equally well, in parts of their ranges"
     assert found.attrs["noise_assumed"] == words

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
@@ -98,7 +97,7 @@ def test_append_of_other_values_leaves_the_rest_of_the_grid(file: Path, tmp_path
     assert tree["status"].sel(E=4, tau=0.01).values.tolist() == [0, 0]
     assert np.isnan(tree["level_1"]["u_T"].values[2, 0]).all()
     again = tcstudy.load(file, tree.attrs["overrides"].split("\n"))  # the file says which study it holds
-    filled = tcstudy.run(again, output, retry=True)
+    filled = tcstudy.run(again, output, append=True)
     assert np.all(filled["status"] == int(PointStatus.OK))
     same(old, filled)
 
@@ -113,14 +112,14 @@ def test_append_to_a_list(file: Path, tmp_path: Path) -> None:
     assert np.array_equal(tree["level_1"]["xi"].values[:2], old["level_1"]["xi"].values)
 
 
-def test_retry_solves_only_failed_points(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_solves_again_what_broke_down(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     output = tmp_path / "out.nc"
     with monkeypatch.context() as patch:
         Counted(patch, fail_at=0.02)
         old = tcstudy.run(study(file), output)
     assert old["status"].values[:, :, 0].tolist() == [[1, int(PointStatus.ERROR)]] * 2
     counted = Counted(monkeypatch)
-    tree = tcstudy.run(study(file), output, retry=True)
+    tree = tcstudy.run(study(file), output)
     assert counted.points == 2 * 2
     assert np.all(tree["status"] == int(PointStatus.OK))
     assert set(tree["reason"].values.ravel()) == {""}
@@ -128,7 +127,7 @@ def test_retry_solves_only_failed_points(file: Path, tmp_path: Path, monkeypatch
     xr.testing.assert_equal(*solved)
     assert np.array_equal(old["level_1"]["u_T"].values[:, 0], tree["level_1"]["u_T"].values[:, 0])
     before = output.read_bytes()
-    tcstudy.run(study(file), output, retry=True)
+    tcstudy.run(study(file), output)
     assert counted.points == 2 * 2
     assert output.read_bytes() == before
 
@@ -138,7 +137,6 @@ def test_retry_solves_only_failed_points(file: Path, tmp_path: Path, monkeypatch
     [
         (["--append", "--set", "material.nu=0.2"], "material.nu: 0.3 | 0.2"),
         (["--append", "--set", "mesh={maxh: 0.5, tolerance: 0.1}"], "mesh.tolerance: not given | 0.1"),
-        (["--retry", "failed", "--set", "sweep.tau=[0.01, 0.5]"], "does not hold 2 of the study's 4 points"),
         (["--append", "--force"], "give one of these"),
         (["--append", "--output", "none.nc"], "there is no file"),
     ],
@@ -169,72 +167,6 @@ def test_meshes_that_follow_from_the_points_cannot_be_kept(file: Path, tmp_path:
     tcstudy.run(study(file, "sweep={E: [1]}", mesh), tmp_path / "out.nc")
     with pytest.raises(tcstudy.StoreError, match="meshes follow from the solutions"):
         tcstudy.run(study(file, "sweep={E: [1, 2]}", mesh), tmp_path / "out.nc", append=True)
-
-
-def test_merge_is_the_union(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    one = tcstudy.run(study(file), tmp_path / "a.nc")
-    two = tcstudy.run(study(file, "sweep={E: [1, 4], tau: [0.01, 0.02]}"), tmp_path / "b.nc")
-    words = ["merge", *(str(tmp_path / name) for name in ("a.nc", "b.nc")), "-o", str(tmp_path / "c.nc")]
-    assert main(words) == 0
-    assert "12 of 12 solutions of 2 files" in capsys.readouterr().out
-    with tcstudy.open_results(tmp_path / "c.nc") as tree:
-        whole = tree.load()
-    assert whole["E"].values.tolist() == [1, 2, 4]
-    same(one, whole)
-    for name in ("energy", "friction_resultant"):
-        assert np.array_equal(whole[name].sel(E=4).values, two[name].sel(E=4).values)
-    with pytest.raises(SystemExit) as stop:
-        main(words)
-    assert stop.value.code == 2
-    assert "exists; give another --output" in capsys.readouterr().err
-    assert main([*words, "--force", "-q"]) == 0
-    assert capsys.readouterr().out.startswith(f"{tmp_path / 'c.nc'}: 6 of 6 solved")
-    assert main([*words, "--force", "--json"]) == 0
-    assert len(json.loads(capsys.readouterr().out)["points"]) == 6
-    again = tcstudy.load(file, whole.attrs["overrides"].split("\n"))
-    tcstudy.run(again, tmp_path / "c.nc")  # holds these results
-
-
-def test_merge_takes_solutions_in_place_of_failures(
-    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with monkeypatch.context() as patch:
-        Counted(patch, fail_at=0.02)
-        tcstudy.run(study(file), tmp_path / "a.nc")
-    good = tcstudy.run(study(file, "sweep={E: [2], tau: [0.02, 0.03]}"), tmp_path / "b.nc")
-    tree = tcstudy.merge([tmp_path / "a.nc", tmp_path / "b.nc"], tmp_path / "c.nc")
-    assert tree["status"].sel(level=0).values.tolist() == [[1, 1, 1], [1, 6, 0]]
-    assert np.array_equal(tree["energy"].values[0, 1:], good["energy"].values[0])
-    assert str(tree["reason"].sel(E=1, tau=0.02, level=0).item()) == "ArithmeticError: made to fail"
-
-
-def test_merge_refuses_what_is_not_one_study(
-    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    a, b, c = (tmp_path / f"{name}.nc" for name in "abc")
-    tcstudy.run(study(file, "sweep={E: [1]}", "friction.tau=0.01"), a)
-    tcstudy.run(study(file, "sweep={E: [2]}", "friction.tau=0.02"), b)
-    with pytest.raises(SystemExit) as stop:
-        main(["merge", str(a), str(b), "-o", str(c)])
-    assert stop.value.code == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert "hold different studies (friction.tau: 0.01 | 0.02), and only values of their sweep may differ; run" in line
-    original = protocol.solve_block
-
-    def shifted(*words: object) -> object:
-        answers = original(*words)  # type: ignore[arg-type]
-        answers.v[:, 0] += 1e-6
-        return answers
-
-    monkeypatch.setattr(protocol, "solve_block", shifted)
-    tcstudy.run(study(file, "sweep={E: [1, 3]}", "friction.tau=0.01"), b, force=True)
-    with pytest.raises(tcstudy.StoreError, match=r"other numbers for E = 1 on level 0: u_T at node 0 "):
-        tcstudy.merge([a, b], c)
-    assert not c.exists()
-    (tmp_path / "d.nc").write_bytes(b"no result")
-    with pytest.raises(tcstudy.StoreError, match="is no netCDF file"):
-        tcstudy.merge([a, tmp_path / "d.nc"], c)
-    assert not c.exists()
 
 
 PAUSED = """
@@ -290,26 +222,15 @@ def test_killed_it_leaves_the_old_file_and_goes_on(
     if how == "append":
         file.write_text(TEXT + "sweep: {E: [2, 1], tau: [0.01, 0.02, 0.03]}\n")
     before = output.read_bytes()
-    option = ["--append"] if how == "append" else ["--retry", "failed"]
+    option = ["--append"] if how == "append" else []
     killed(tmp_path, place, "run", str(file), "--output", str(output), "--jobs", "1", *option)
     assert output.read_bytes() == before
     assert output.with_name("out.nc.partial").exists()
     monkeypatch.setattr("tcstudy.study.workshop.POINTS", 1)
     counted = Counted(monkeypatch)
-    tree = tcstudy.run(file, output, append=how == "append", retry=how == "retry", jobs=1)
+    tree = tcstudy.run(file, output, append=how == "append", jobs=1)
     assert counted.points == (2 if place == "solve_block" else 0)  # two of four were finished
     assert np.all(tree["status"] == int(PointStatus.OK))
     rows = {"tau": [0]} if how == "retry" else {"tau": [0, 1]}
     xr.testing.assert_equal(old.to_dataset().isel(rows), tree.to_dataset().isel(rows))
     assert {path.name for path in tmp_path.iterdir()} == {"study.yaml", "out.nc"}
-
-
-def test_a_killed_merge_leaves_its_files_alone(file: Path, tmp_path: Path) -> None:
-    names = [tmp_path / f"{name}.nc" for name in "abc"]
-    tcstudy.run(study(file), names[0])
-    tcstudy.run(study(file, "sweep={E: [4], tau: [0.01, 0.02]}"), names[1])
-    before = [name.read_bytes() for name in names[:2]]
-    killed(tmp_path, "put_window", "merge", *map(str, names[:2]), "-o", str(names[2]))
-    assert not names[2].exists()
-    assert [name.read_bytes() for name in names[:2]] == before
-    assert tcstudy.merge(names[:2], names[2])["status"].values.tolist() == [[[1, 1]] * 2] * 3

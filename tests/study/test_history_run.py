@@ -248,10 +248,10 @@ def test_commands_without_memory_refuse_a_history(tmp_path: Path) -> None:
             "history": {"memory": "friction", "steps": [{"theta": 1.0, "in": 2, "name": "hot"}]},
         }
     )
-    for command in (tcstudy.run, tcstudy.converge, tcstudy.cost):
-        with pytest.raises(UsageError, match="has no memory; use tcstudy history, or --set history=null"):
+    for command in (tcstudy.converge, tcstudy.cost):
+        with pytest.raises(UsageError, match="has no memory; use tcstudy run, or --set history=null"):
             command(study, tmp_path / "no.nc")
-    tree = tcstudy.history(study, tmp_path / "yes.nc")
+    tree = tcstudy.run(study, tmp_path / "yes.nc")
     assert tree["step_name"].values.tolist() == ["start", "", "hot"]
     assert "load history" in " ".join(tcstudy.plan(study).notes)
 

@@ -36,9 +36,9 @@ def test_as_many_workers_as_pay(changes: tuple[str, ...], asked: int | None, exp
 def test_plan_says_who_solves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "study.yaml"
     file.write_text(RECTANGLE)
-    assert cli.main(["plan", str(file)]) == 0
+    assert cli.main(["run", str(file), "--dry-run"]) == 0
     assert "worker processes" not in capsys.readouterr().out
-    assert cli.main(["plan", str(file), "--jobs", "2"]) == 0
+    assert cli.main(["run", str(file), "--dry-run", "--jobs", "2"]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "contact problems solved by 2 worker processes (--jobs), or by those of a scheduler (--dask)" in said
 
@@ -46,7 +46,7 @@ def test_plan_says_who_solves(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 def test_plan_says_who_solves_geometries(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "study.yaml"
     file.write_text(RECTANGLE + "sweep: {body.rectangle.width: [1, 2, 3]}\n")
-    assert cli.main(["plan", str(file), "--jobs", "8"]) == 0
+    assert cli.main(["run", str(file), "--dry-run", "--jobs", "8"]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "3 geometries, each whole by one of 3 worker processes (--jobs), or by those of a scheduler" in said
 

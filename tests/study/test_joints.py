@@ -200,7 +200,7 @@ def test_files_of_paths_and_histories_say_what_lies_at_a_joint(tmp_path: Path) -
     shoe = "{law: saw-tooth, tau: 0.3, delta: 0.1, teeth: 3, drop: 0.5}"
     text = block(FALLING, shoe, 0.3, cut=0.3)
     path, history = tmp_path / "path.nc", tmp_path / "history.nc"
-    tcstudy.path(read_study_text(text + "path: {parameter: boundary.top.u_x, from: 0, to: 0.8}\n"), path)
+    tcstudy.run(read_study_text(text + "path: {parameter: boundary.top.u_x, from: 0, to: 0.8}\n"), path)
     followed = "history: {memory: friction, steps: [{boundary.top.u_x: 0.9}, {boundary.top.u_x: 1}]}\n"
     study = read_study_text(text + followed)
     execute_history(study, history)

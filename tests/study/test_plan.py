@@ -71,9 +71,10 @@ def test_notes_on_locking_and_down_jumps() -> None:
     assert plan(study_of(RECTANGLE, "loads.f=[0.01, 0]")).notes == ()
 
 
-def test_other_sections_are_named_with_their_command() -> None:
-    path = "path={parameter: load, from: 0, to: 2}"
-    assert "path along load from 0 to 2: follow it with tcstudy path" in plan(study_of(HEATED_BRACKET, path)).notes
+def test_a_section_is_run_before_the_sweep() -> None:
+    found = plan(study_of(HEATED_BRACKET, "path={parameter: load, from: 0, to: 2}"))
+    assert (found.asked, found.points) == ("path along load from 0 to 2", 1)
+    assert f"{found.asked}: run does this; for the points of the sweep add --set path=null" in found.notes
 
 
 def test_a_poisson_ratio_does_not_look_like_its_bound() -> None:

@@ -53,36 +53,17 @@ def test_files_of_geometries_grow_and_are_mended(tmp_path: Path, monkeypatch: py
     assert counted.points == 2 + 3  # the stop came when all were solved
     assert tree["status"].isel(level=0).sel(width=0.4).values.tolist() == [int(PointStatus.OK), 0]
     same(before, path, {"width": [0.4, 0.1], "E": [70e9]})
-    assert right(tcstudy.run(read_study_text(ONE), path, retry=True))
+    assert right(tcstudy.run(read_study_text(ONE), path, append=True))
     assert counted.points == 6
     same(before, path, {"width": [0.4, 0.1], "E": [70e9]})
     assert sorted(one.name for one in tmp_path.iterdir()) == ["before.nc", "out.nc"]
 
 
-def test_files_of_geometries_are_joined(tmp_path: Path) -> None:
-    """Also with a list, whose lengths are written otherwise."""
-    one, two, three = (tmp_path / f"{name}.nc" for name in "abc")
-    execute(read_study_text(ONE, "s", ["sweep={body.rectangle.width: [400 mm, 100 mm], E: [70 GPa, 35 GPa]}"]), one)
-    execute(read_study_text(ONE, "s", ["sweep={E: [70 GPa, 35 GPa], body.rectangle.width: [200 mm, 0.1]}"]), two)
-    tree = tcstudy.merge([one, two], three)
-    assert right(tree)
-    assert tree.attrs["history"].count("\n") == 2
-    same(one, three, {"width": [0.1, 0.4]})
-    two.unlink()
-    execute(read_study_text(ONE, "s", ["sweep={mode: list, points: [{body.rectangle.width: 10 cm, E: 1 GPa}]}"]), two)
-    tree = tcstudy.merge([one, two], three, force=True)
-    assert right(tree)
-    assert tree["geometry"].values.tolist() == [0, 0, 1, 1, 1]
-    assert sorted(one.name for one in tmp_path.iterdir()) == ["a.nc", "b.nc", "c.nc"]
-
-
-def test_what_is_refused_stays_so_in_a_join(tmp_path: Path) -> None:
-    one, two, three = (tmp_path / f"{name}.nc" for name in "abc")
-    execute(read_study_text(HOLED, "s", ["sweep={parameters.height: [10 mm, 20 mm]}"]), one)
-    execute(read_study_text(HOLED, "s", ["sweep={parameters.height: [8 mm, 10 mm, 20 mm]}"]), two)
-    tree = tcstudy.merge([one, two], three)
-    assert tree["geometry"].values.tolist() == [-1, -1, 2]  # 20 mm is the third of them
-    assert tree["status"].values[:2, 0].tolist() == [PointStatus.MESH_FAILED] * 2
-    assert all(str(words).startswith("body.holes[0]: the hole") for words in tree["reason"].values[:2, 0])
-    tree = tcstudy.run(read_study_text(HOLED, "s", ["sweep={parameters.height: [10 mm, 20 mm]}"]), one, retry=True)
-    assert tree["geometry"].values.tolist() == [-1, 1]
+def test_what_is_refused_stays_so_where_a_file_grows(tmp_path: Path) -> None:
+    path = tmp_path / "a.nc"
+    execute(read_study_text(HOLED, "s", ["sweep={parameters.height: [8 mm, 30 mm]}"]), path)
+    tree = tcstudy.run(read_study_text(HOLED, "s", ["sweep={parameters.height: [10 mm, 20 mm]}"]), path, append=True)
+    refused = int(PointStatus.MESH_FAILED)
+    assert tree["height"].values.tolist() == [0.008, 0.01, 0.02, 0.03]
+    assert tree["status"].values[:, 0].tolist() == [refused, refused, 1, 1]
+    assert str(tree["reason"].values[0, 0]).startswith("body.holes[0]: the hole")

@@ -67,13 +67,13 @@ def test_cost_and_path_are_of_one_geometry(tmp_path: Path, capsys: pytest.Captur
         tcstudy.cost(read_study_text(HOLED), tmp_path / "no.nc", runs=1)
     along = BAR + "path: {parameter: boundary.right.g_x, from: 0 Pa, to: 1 MPa}\n"
     along = along.replace("law: linear, k: 0", "law: tresca, tau: 10 kPa")
-    found = tcstudy.path(read_study_text(along), tmp_path / "path.nc").to_dataset()
-    alone = tcstudy.path(read_study_text(along, "s", ["sweep=null"]), tmp_path / "alone.nc").to_dataset()
+    found = tcstudy.run(read_study_text(along), tmp_path / "path.nc").to_dataset()
+    alone = tcstudy.run(read_study_text(along, "s", ["sweep=null"]), tmp_path / "alone.nc").to_dataset()
     assert float(found["x"].max()) == 0.2
     assert np.array_equal(found["u_T"], alone["u_T"])
     file = tmp_path / "along.yaml"
     file.write_text(along)
-    assert main(["path", str(file), "--output", str(tmp_path / "path.nc")]) == 0
+    assert main(["run", str(file), "--output", str(tmp_path / "path.nc")]) == 0
     said = capsys.readouterr().err
     assert "the values of width, E are not used" in said
     assert "holds these results already" in said

@@ -1,4 +1,4 @@
-"""The text of `tcstudy plan`."""
+"""The text of `tcstudy run --dry-run`."""
 
 from __future__ import annotations
 
@@ -21,14 +21,17 @@ def forecast_text(study: Study, plan: Any, more: Sequence[str], output: Path, wo
     steps, levels = study.history.steps if study.history is not None else 0, plan.levels
     most, up_to = ("at most ", "up to ") if study.mesh.open_ended else ("", "")
     lines = [study.title, ""]
-    for axis in study.axes:
+    for axis in study.axes if plan.bytes else ():
         words, units = scaled_labels(axis.labels, axis_attributes(axis))
         shown = ", ".join(words[:6])
         rest = f", … ({len(words)} values)" if len(words) > 6 else ""
         lines.append(f"  {axis_name(axis)}: {shown}{rest}" + (f" [{units}]" if units != "1" else ""))
     times = counted(steps, "step") if steps else f"{most}{counted(study.mesh.levels, 'level')}"
     solutions = counted(plan.points * (steps or study.mesh.levels), "solution")
-    lines.append(f"  {counted(plan.points, 'point')} × {times} = {most}{solutions}")
+    if plan.bytes:
+        lines.append(f"  {counted(plan.points, 'point')} × {times} = {most}{solutions}")
+    else:
+        lines.append(f"  {plan.asked}")
     fields = counted(plan.heat_solves, "temperature field") if plan.heat_solves else "no temperature field"
     lines.append(f"  per level: {counted(plan.factorisations, 'stiffness factorisation')}, {fields}")
     lines += [f"  {work}"] * bool(work)
@@ -39,7 +42,7 @@ def forecast_text(study: Study, plan: Any, more: Sequence[str], output: Path, wo
     lines += [f"  left out: {text}" for text in plan.left_out]
     lines += [f"  note: {text}" for text in plan.notes]
     lines += [f"  {text}" for text in more]
-    lines.append(f"  output: {output} ({up_to}about {plan.bytes / 1e6:.2g} MB)")
+    lines.append(f"  output: {output}" + (f" ({up_to}about {plan.bytes / 1e6:.2g} MB)" if plan.bytes else ""))
     lines += [f"  {time}"] * bool(time)
     return wrapped("\n".join(lines))
 

@@ -1,8 +1,8 @@
 """What a run shows while it works: a bar with the time left on a terminal, one plain line per event elsewhere.
 
-What `tcstudy path` shows while it works: one line that is written again and again, on a terminal only.
+What a path shows while it works: one line that is written again and again, on a terminal only.
 
-What `tcstudy plan` shows while it makes the meshes of many geometries to count them: the same.
+What a dry run shows while it makes the meshes of many geometries to count them: the same.
 
 What `tcstudy cost` shows while it works: one line with the time left on a terminal, a line per run elsewhere.
 """

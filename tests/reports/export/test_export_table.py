@@ -57,7 +57,7 @@ def test_failed_points_and_lists_have_rows(listed: Path, grid: Path, tmp_path: P
 
 def test_tables_of_paths_and_charts(tmp_path: Path) -> None:
     sections = FILM | {"mesh": {"maxh": 0.6, "levels": 3}}
-    along = tcstudy.path(tcstudy.Study.from_dict(sections), tmp_path / "path.nc")
+    along = tcstudy.run(tcstudy.Study.from_dict(sections), tmp_path / "path.nc")
     assert write_csv(tmp_path / "path.nc", tmp_path / "path.csv") == along.sizes["vertex"]
     errors = tcstudy.converge(tcstudy.Study.from_dict(sections), tmp_path / "errors.nc")
     assert write_csv(tmp_path / "errors.nc", tmp_path / "errors.csv") == errors.sizes["level"]
@@ -70,7 +70,7 @@ def test_tables_of_histories_and_fits(tmp_path: Path) -> None:
     sections: dict[str, Any] = FILM | {"mesh": {"maxh": 0.6}}
     history = {"memory": "friction", "steps": [{"boundary.top.u_x": 0.5, "in": 2}, {"boundary.top.u_x": 0.0}]}
     of = tcstudy.Study.from_dict(sections | {"history": history, "sweep": {"E": [1, 2]}})
-    tcstudy.history(of, tmp_path / "history.nc")
+    tcstudy.run(of, tmp_path / "history.nc")
     assert write_csv(tmp_path / "history.nc", tmp_path / "history.csv") == 8
     assert write_csv(tmp_path / "history.nc", tmp_path / "history.csv", {"E": 2}) == 4
     with open(tmp_path / "history.csv", newline="") as stream:
@@ -82,7 +82,7 @@ def test_tables_of_histories_and_fits(tmp_path: Path) -> None:
     data = {"file": "pull.csv", "columns": {"boundary.top.u_x": "u", "friction_resultant": "R"}}
     numbers = {"E": {"start": 1.0, "within": [0.01, 10.0]}}
     text = json.dumps(sections | {"fit": {"data": data, "parameters": numbers}})
-    tcstudy.fit(read_study_text(text, "fit.yaml", source=tmp_path / "fit.yaml"), tmp_path / "fit.nc")
+    tcstudy.run(read_study_text(text, "fit.yaml", source=tmp_path / "fit.yaml"), tmp_path / "fit.nc")
     assert write_csv(tmp_path / "fit.nc", tmp_path / "fit.csv") == 5
     with open(tmp_path / "fit.csv", newline="") as stream:
         assert [float(row["datum_given"]) for row in csv.DictReader(stream)] == [0.0, 0.1, 0.2, 0.3, 0.4]

@@ -10,7 +10,7 @@ import pytest
 
 import tcstudy
 from tcstudy.errors import UsageError
-from tcstudy.reports.terminal.sensitivity import sample, sensitivity_json, sensitivity_text, tables
+from tcstudy.reports.terminal.indices import indices_json, indices_text, sample, tables
 from tests.commands import CONFIGS, tcstudy_command
 from tests.verification.scenes import study_of
 
@@ -61,18 +61,14 @@ def test_a_body_that_sticks_has_the_indices_of_a_linear_function(tmp_path: Path)
 
 def test_sides_of_a_jump_are_told_apart(tmp_path: Path) -> None:
     file = finished(tmp_path, PAD)
-    text = sensitivity_text(file, "slip_length")
+    text = indices_text(file, "slip_length")
     assert "slip_length leaves a gap: " in text
     assert "Indices of the side on which a point lies" in text
     assert "Indices of slip_length" not in text
-    found = sensitivity_json(file, "slip_length")
+    found = indices_json(file, "slip_length")
     assert [table["caption"].split(":")[0] for table in found["tables"]][1:] == ["Below", "Above"]
     side = found["tables"][0]["total"]
     assert side["tau_s"]["value"] > 0.3
-    quiet = tcstudy_command("sensitivity", file, "-q")
-    largest = max(side, key=lambda name: side[name]["value"])
-    what = "Indices of the side on which a point lies"
-    assert quiet.stdout == f"{file}: {what}: {largest} has the largest, {side[largest]['value']:.3f} (total)\n"
 
 
 def test_the_example(tmp_path: Path) -> None:
@@ -81,9 +77,10 @@ def test_the_example(tmp_path: Path) -> None:
     ran = tcstudy_command("run", CONFIGS / "random_adhesive.yaml", *words)
     assert ran.returncode == 0, ran.stderr
     assert "160 of 160 solved" in ran.stdout
-    assert "tcstudy sensitivity" in tcstudy_command("run", CONFIGS / "random_adhesive.yaml", *words[:-1]).stdout
-    said = tcstudy_command("sensitivity", tmp_path / "pad.nc", "--of", "friction_resultant", "--json")
-    found = json.loads(said.stdout)
+    assert "tcstudy show" in tcstudy_command("run", CONFIGS / "random_adhesive.yaml", *words[:-1]).stdout
+    words = ("show", tmp_path / "pad.nc", "--of", "friction_resultant")
+    assert "  Indices of the side on which a point lies:" in tcstudy_command(*words).stdout
+    found = json.loads(tcstudy_command(*words, "--json").stdout)["indices"]
     side = {name: index["value"] for name, index in found["tables"][0]["total"].items()}
     assert "leaves a gap" in found["said"][-1]
     assert max(side, key=lambda name: side[name]) == "tau_s"
@@ -91,5 +88,6 @@ def test_the_example(tmp_path: Path) -> None:
 
 def test_points_without_a_design_have_no_indices(tmp_path: Path) -> None:
     file = finished(tmp_path, LINEAR.replace("saltelli, points: 128", "random, points: 3"))
-    with pytest.raises(UsageError, match="mode: saltelli, points: 256"):
-        sensitivity_text(file, "slip_length")
+    said = tcstudy_command("show", file, "--of", "slip_length")
+    assert said.returncode == 2
+    assert "no design for indices; run its study with sweep: {mode: saltelli, points: 256" in said.stderr

@@ -1,4 +1,4 @@
-"""What `tcstudy sensitivity` says: which swept parameter a stored number comes from, on either side of a gap apart."""
+"""Sobol indices of a design, as `tcstudy show` has them: which parameter a number comes from, by sides of a gap."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from tcstudy.errors import UsageError
 from tcstudy.read.node import hint
 from tcstudy.reports.terminal.tables import plain_table, wrapped
 from tcstudy.reports.text import number
-from tcstudy.scene.designs import SALTELLI
 
 Array = NDArray[np.float64]
 
@@ -31,7 +30,6 @@ class Sample:
     resolution: steps in which the number comes;  unique: whether every solution is certified to be the only one
     """
 
-    title: str
     of: str
     units: str
     names: tuple[str, ...]
@@ -50,11 +48,8 @@ class IndexTable:
 
 
 def sample(file: Path, of: str) -> Sample:
-    """Read a run's file. Raises UsageError if its sweep has no design for indices, or there is no such number."""
+    """Read the file of a run of a design for indices. Raises UsageError if there is no such number."""
     with reading(file), netCDF4.Dataset(file) as nc:
-        if getattr(nc, "design_mode", "") != SALTELLI:
-            remedy = f"run its study with sweep: {{mode: {SALTELLI}, points: 256, PARAMETER: {{uniform: [a, b]}}}}"
-            raise UsageError(f"{file}: its points are no design for indices; {remedy}")
         names = [name for name, one in nc.variables.items() if "distribution" in one.ncattrs()]
         by_point = {name: one for name, one in nc.variables.items() if one.dimensions == ("point", "level")}
         known = [name for name, one in by_point.items() if one.dtype == "f8"]
@@ -69,7 +64,6 @@ def sample(file: Path, of: str) -> Sample:
         group = nc.groups.get(f"level_{level}")
         step = float(np.max(group["c"][:])) if of == "slip_length" and group is not None else 0.0
         return Sample(
-            title=str(nc.title),
             of=of,
             units=str(nc[of].units),
             names=tuple(names),
@@ -113,11 +107,11 @@ def tables(one: Sample) -> tuple[list[str], list[IndexTable]]:
     return said, made
 
 
-def sensitivity_text(file: Path, of: str) -> str:
-    """The report."""
+def indices_text(file: Path, of: str) -> str:
+    """The tables of all indices, as text."""
     one = sample(file, of)
     said, made = tables(one)
-    lines = [one.title, "", *(f"  {line}" for line in said)]
+    lines = [f"  {line}" for line in said]
     for table in made:
         header = ["parameter", *(word for heading in table.columns for word in (heading, "from … to"))]
         found = [zip(e.value, e.low, e.high, strict=True) for e in table.columns.values()]
@@ -130,16 +124,7 @@ def sensitivity_text(file: Path, of: str) -> str:
     return wrapped("\n".join(lines))
 
 
-def sensitivity_line(file: Path, of: str) -> str:
-    """What matters most, in one line: of the first table, whose other columns explain less."""
-    one = sample(file, of)
-    table = tables(one)[1][0]
-    heading, index = list(table.columns.items())[-1]
-    first = int(np.nanargmax(index.value))
-    return f"{file}: {table.caption}: {one.names[first]} has the largest, {index.value[first]:.3f} ({heading})"
-
-
-def sensitivity_json(file: Path, of: str) -> dict[str, Any]:
+def indices_json(file: Path, of: str) -> dict[str, Any]:
     """The same, not rounded."""
     one = sample(file, of)
     said, made = tables(one)
@@ -149,4 +134,4 @@ def sensitivity_json(file: Path, of: str) -> dict[str, Any]:
         for heading, e in table.columns.items():
             rows = zip(one.names, e.value.tolist(), e.low.tolist(), e.high.tolist(), strict=True)
             found[-1][heading] = {name: {"value": v, "low": low, "high": high} for name, v, low, high in rows}
-    return {"kind": "sensitivity", "file": str(file), "title": one.title, "of": of, "said": said, "tables": found}
+    return {"of": of, "said": said, "tables": found}
