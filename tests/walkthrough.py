@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 import tcstudy
 
@@ -41,26 +42,35 @@ residual = float(tree["inclusion_residual"].max())
 print("largest inclusion residual", residual)
 assert residual <= 1e-10
 
-# 4. Matrices of your own: a softening spring under one mass, in units of your choice.
+# 4. Files of other values, joined and compared by xarray.
+one, two = FOLDER / "block.nc", FOLDER / "more.nc"
+tcstudy.run(study.with_({"sweep": {"tau_k": [20e3, 40e3]}}), two, jobs=1)
+with xr.open_dataset(one) as a, xr.open_dataset(two) as b:
+    whole, (shared, again) = a.combine_first(b), xr.align(a, b, join="inner")
+print("points of both", whole["tau_k"].values)
+assert whole["energy"].notnull().all()
+assert np.allclose(shared["energy"], again["energy"], rtol=1e-9)
+
+# 5. Matrices of your own: a softening spring under one mass, in units of your choice.
 problem = tcstudy.ContactProblem([[1.0]], [1.2], [1.0], tcstudy.law("slip-weakening", tau_s=1.0, tau_k=0.0, delta=4.0))
 answer = tcstudy.solve(problem)
 print("slip", answer.v[0])  # v + (1 − v/4) = 1.2
 assert np.isclose(answer.v[0], 4 / 15, rtol=1e-12)
 
-# 5. What is proved of it: the film falls by 1/4 a length, less than λ₁ = 1, so that the solution is the only one.
+# 6. What is proved of it: the film falls by 1/4 a length, less than λ₁ = 1, so that the solution is the only one.
 certificate = tcstudy.certify(problem, answer)
 print("margin to uniqueness", certificate.margin)
 assert certificate.unique
 assert np.isclose(certificate.margin, 0.75, rtol=1e-12)
 
-# 6. A brittle film, twice: equilibria on the branch from rest, through the fold where it lets go.
+# 7. A brittle film, twice: equilibria on the branch from rest, through the fold where it lets go.
 brittle = tcstudy.ContactProblem([[1.0]], [0.0], [1.0], tcstudy.law(points=[(0, 1), (0.5, 0)]))
 along = tcstudy.follow(brittle, [1.0], [0.0], t_max=2.0, direction="forward")
 print("load at the fold", along.t[1])
 assert np.isclose(along.t[1], 1.0, rtol=1e-12)
 assert not along.stable.all()
 
-# 7. What cannot be is refused in one line.
+# 8. What cannot be is refused in one line.
 try:
     tcstudy.ContactProblem([[1.0, 2.0], [2.0, 1.0]], [0, 0], [1, 1], tcstudy.law("tresca", tau=1.0))
 except tcstudy.UserFault as fault:

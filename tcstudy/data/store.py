@@ -261,7 +261,7 @@ def open_results(path: Path) -> xarray.DataTree:
 def load_root(path: Path, kind: Kind | None = None) -> xarray.Dataset:
     """The whole root group of a result file. Raises StoreError if it is none, or none of this kind."""
     if kind is not None and (found := kind_of(path)) != kind:
-        raise StoreError(f"{path} is a file of tcstudy {found}, not of tcstudy {kind}; use tcstudy show")
+        raise StoreError(f"{path} holds a {found}, not a {kind}; use tcstudy show")
     with open_results(path) as tree:
         return tree.to_dataset().load()
 

@@ -50,7 +50,7 @@ def read_table(ctx: Context, node: Node, parameter: Callable[[str, Node], Parame
     head, rows = lines[0], lines[1:]
     if len(rows) * (len(head) + 1) > MOST_VALUES:
         what = f"{path} has {len(rows)} × {len(head)} values, more than a study can keep"
-        ctx.errors.at(node, what, "use fewer points, or several studies and tcstudy merge")
+        ctx.errors.at(node, what, "use fewer points, or several studies, whose files xarray joins")
         return []
     for row in rows:
         if len(row) != len(head):

@@ -1,4 +1,4 @@
-"""Does a run take what `tcstudy plan` says? `python -m tests.benchmarks.forecasts [CONFIG …]`
+"""Does a run take what `tcstudy run --dry-run` says? `python -m tests.benchmarks.forecasts [CONFIG …]`
 
 Forecast and CPU seconds of one process, start and file included, for shipped studies, and their ratio.
 """
@@ -24,7 +24,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for name in parser.parse_args().configs:
             study, words = CONFIGS / f"{name}.yaml", [sys.executable, "-m", "tcstudy"]
-            planned = subprocess.run([*words, "plan", study, "--json"], capture_output=True, text=True, check=True)
+            planned = subprocess.run(
+                [*words, "run", study, "--dry-run", "--json"], capture_output=True, text=True, check=True
+            )
             said = json.loads(planned.stdout)
             before = resource.getrusage(resource.RUSAGE_CHILDREN)
             options = ["-q", "--jobs", "1", "--output", Path(folder, f"{name}.nc")]

@@ -2,7 +2,7 @@
 
 N studies (3,000 unless given) are made from the shipped ones and from one that uses every kind of key: keys renamed,
 dropped, given twice, values replaced by other types, units, huge numbers, NaN, texts with control characters, sections
-moved, lines and characters of the text lost. `tcstudy plan` is to exit with 0, or with 2 and one clear line for each
+moved, lines and characters of the text lost. A dry run is to exit with 0, or with 2 and one clear line for each
 fault: without a traceback, a warning or a control character. What does not is printed with its seed.
 """
 
@@ -249,7 +249,7 @@ def sources() -> list[str]:
 
 
 def complaint(text: str, folder: Path) -> tuple[int, str]:
-    """Exit code of `tcstudy plan` on a text, and what is wrong with how it ended; "" if nothing is."""
+    """Exit code of a dry run on a text, and what is wrong with how it ended; "" if nothing is."""
     file = folder / "s.yaml"
     file.write_bytes(text.encode("utf-8", "surrogatepass"))
     code, shown, said = tcstudy_command("run", file, "--dry-run", "--output", folder / "out.nc")

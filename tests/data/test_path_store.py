@@ -86,7 +86,7 @@ def test_a_path_is_told_from_a_run(file: Path, tmp_path: Path) -> None:
     assert load_root(file, "path").attrs["content"] == "path"
     with netCDF4.Dataset(tmp_path / "run.nc", "w") as nc:
         nc.setncatts({"source": "tcstudy 0.1.0", "finished": np.int32(1)})
-    with pytest.raises(StoreError, match="a file of tcstudy run, not of tcstudy path"):
+    with pytest.raises(StoreError, match="holds a run, not a path"):
         load_root(tmp_path / "run.nc", "path")
     with pytest.raises(StoreError, match="there is no file"):
         load_root(tmp_path / "none.nc", "path")

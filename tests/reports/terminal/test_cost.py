@@ -262,7 +262,7 @@ def test_the_kind_of_a_file(file: Path, tmp_path: Path) -> None:
 def test_a_file_of_another_command_is_refused(file: Path) -> None:
     with netCDF4.Dataset(file, "a") as nc:
         nc.setncattr("content", "path")
-    with pytest.raises(StoreError, match="not of tcstudy cost"):
+    with pytest.raises(StoreError, match="not a cost"):
         load_root(file, "cost")
 
 

@@ -343,7 +343,7 @@ TC.run = {
       else if (Number.isFinite(e)) out.push(`${what} changed by ${TC.percent(e)} with the last level, and nothing else by more; one level less takes about a quarter of the unknowns.`);
     }
     const open = [...Array(r.points).keys()].filter((k) => TC.run.proof(k, last) === "local" || TC.run.proof(k, last) === "nothing").length;
-    if (open) out.push(`For ${open} of ${r.points} points other solutions with less energy are not excluded: tcstudy path follows the equilibria on the branch from rest.`);
+    if (open) out.push(`For ${open} of ${r.points} points other solutions with less energy are not excluded: a section path follows the equilibria on the branch from rest.`);
     const several = [...Array(r.points).keys()].filter((k) => TC.run.several(k, last) > 1).length;
     if (several) out.push(`For ${several} points different starts led to different solutions; the stored one is that of ${TC.data.yaml.includes("branch:") ? "the branch that the study asks for" : "the least energy found"}.`);
     if (!TC.point.home(p).body) out.push("With output: {fields: true} the page also shows the body's temperature and deformation.");
