@@ -282,31 +282,27 @@ def cost(
     output: str | FilePath | None = None,
     *,
     at: Mapping[str, Any] | None = None,
-    runs: int = 5,
     force: bool = False,
 ) -> xarray.DataTree:
     """Accuracy against cost of mesh families and solvers at one sweep point, as `tcstudy cost` measures them.
 
-    at:   the point by its labels, {"alpha": 100}; the first unless named
-    runs: how often everything is timed
+    at: the point by its labels, {"alpha": 100}; the first unless named
 
     Raises StudyError, CostError (nothing to compare with), DrawError (no such point), GeometryFailed, StoreError.
     """
     from tcstudy.data.writer import sweep_points
     from tcstudy.reports.select_point import describe, locate
-    from tcstudy.study.cost import cost_to_file
+    from tcstudy.study.cost import RUNS, cost_to_file
 
-    if runs < 1:
-        raise UsageError(f"runs = {runs} measures nothing; give 1 or more")
     asked = _study(study)
     points = sweep_points(asked)
     where = locate(points, at, "study")
     words, index = describe(points, where), tuple(where.values())
 
     def work(target: FilePath) -> None:
-        cost_to_file(asked, index, words, runs, target, lambda what, left: None, ("tcstudy.cost",))
+        cost_to_file(asked, index, words, RUNS, target, lambda what, left: None, ("tcstudy.cost",))
 
-    return _loaded(_made("cost", asked, output, force, work, point=words, runs=runs))
+    return _loaded(_made("cost", asked, output, force, work, point=words, runs=RUNS))
 
 
 def _made(

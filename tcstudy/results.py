@@ -6,7 +6,7 @@ tcstudy.UserFault. Left out: making result files (`tcstudy.api`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -32,53 +32,45 @@ def draw(
     *,
     at: Mapping[str, Any] | None = None,
     level: int | None = None,
-    response: str | None = None,
-    error: str | None = None,
     x: str | None = None,
     y: str | None = None,
     by: str | None = None,
     map: tuple[str, str] | None = None,
     of: str | None = None,
     law: bool = False,
-    mesh: bool = False,
     size: str | tuple[float, float] | None = None,
-    font: float | None = None,
-    title: str | None = None,
 ) -> FilePath:
     """Draw a result file of any kind into a .png, .svg or .pdf file; returns its name. Needs matplotlib.
 
     at:       of a run or its convergence: the point by its labels, {"alpha": 100}; the first unless named
     level:    of a run: mesh level, −1 or nothing for the finest
-    response: of a path: "mean-slip", "max-slip" or "friction"
-    error:    of a cost chart: e.g. "u_L2"
+    y:        of a path "mean-slip", "max-slip" or "friction"; of a cost chart the error, e.g. "u_L2"
+    size:     "8x5cm" or (width, height) [inch]
 
     Of a run, in place of a point:
     x, y, by:  curves of the number y ("slip_length") over the parameter x, one for each value of the parameter `by`
     map, of:   a map of the number `of` over two parameters, map=("alpha", "theta_bar")
-    law, mesh: the friction law of a point with all its nodes on it; the mesh with the roles of the edges
-    size, font, title: of these: "8x5cm" or (width, height) [inch], size of letters [pt], the heading ("" for none)
+    law:       the friction law of a point with all its nodes on it
 
     Parameters that are not drawn have the value that `at` gives them, the first unless named. Raises StoreError,
     DrawError, UsageError.
     """
     from tcstudy.reports.figures.draw import Wanted, picture
 
-    wanted = Wanted(at, level, response, error, x, y, by, map, of, law, mesh, size, font, title)
+    wanted = Wanted(at, level, x, y, by, map, of, law, size)
     picture(FilePath(file), FilePath(target), wanted)
     return FilePath(target)
 
 
-def report(file: str | FilePath, target: str | FilePath | None = None, *, without: Sequence[str] = ()) -> FilePath:
+def report(file: str | FilePath, target: str | FilePath | None = None) -> FilePath:
     """Make one HTML page of a result file of any kind (FILE.html unless named); returns its name.
 
-    without: parts to leave out: "levels", "live", "body", "memory", "lines". Raises StoreError, PageError, UsageError.
+    Raises StoreError, PageError.
     """
-    from tcstudy.reports.page.write import LEAVE_OUT, write_page
+    from tcstudy.reports.page.write import write_page
 
-    if unknown := [part for part in without if part not in LEAVE_OUT]:
-        raise UsageError(f"without: there is no part {unknown[0]!r}; choose of {', '.join(LEAVE_OUT)}")
     page = FilePath(target) if target is not None else FilePath(file).with_suffix(".html")
-    return write_page(FilePath(file), page, tuple(without)).path
+    return write_page(FilePath(file), page).path
 
 
 def export(

@@ -78,7 +78,7 @@ def test_draw(folder: Path) -> None:
     assert "tau" in wrong.stderr
     assert wrong.stderr.count("\n") == 1
     assert not (folder / "b.png").exists()
-    words = ("--x", "tau", "--y", "slip_length", "--size", "8x5cm", "--font", "8", "--title", "Block")
+    words = ("--x", "tau", "--y", "slip_length", "--size", "12x9cm")
     curves = tcstudy_command("draw", "results/block.nc", "c.png", *words, cwd=folder)
     assert (curves.returncode, curves.stdout) == (0, "c.png: slip_length over tau, level 1\n"), curves.stderr
     law = tcstudy_command("draw", "results/block.nc", "l.png", "--law", "--at", "tau=0.01", cwd=folder)
@@ -280,7 +280,7 @@ PATH = "path={parameter: load, from: 0, to: 1}"
 
 @pytest.mark.parametrize(
     ("command", "options"),
-    [("converge", []), ("cost", ["--runs", "1"]), ("run", ["--set", PATH])],
+    [("converge", []), ("cost", []), ("run", ["--set", PATH])],
 )
 def test_other_commands_are_not_done_twice_either(folder: Path, command: str, options: list[str]) -> None:
     (folder / "block.yaml").write_text(STUDY.replace("maxh: 0.3", "maxh: 0.6"))

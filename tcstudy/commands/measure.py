@@ -7,7 +7,7 @@ from contextlib import closing
 from pathlib import Path
 
 from tcstudy.commands import shared
-from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, Option, at, checked, command, fail, note, say
+from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, at, checked, command, fail, note, say
 
 
 @command(
@@ -18,7 +18,6 @@ from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, Option, at, 
     *MANNER,
     shared.plot_option("draw the errors"),
     at("the point of tables and picture (default: orders of all, picture of the first)"),
-    shared.FULL,
     shared.FORCE,
 )
 def converge(options: argparse.Namespace) -> int:
@@ -41,8 +40,7 @@ def converge(options: argparse.Namespace) -> int:
         size = lambda h: with_unit(h, shared.length_unit(study), 3)  # noqa: E731
         failed = converge_to_file(study, path, lambda text: note(options, text), options.words, size)
     drawn = shared.plotted(options, path, at=point)
-    full = options.full or options.verbose
-    say(options, path, lambda: convergence_report(path, options.format, point, full))
+    say(options, path, lambda: convergence_report(path, options.format, point, options.verbose))
     return _end(options, drawn, path, failed)
 
 
@@ -50,45 +48,34 @@ def converge(options: argparse.Namespace) -> int:
     "chart accuracy against cost: meshes and solvers compared",
     *STUDY,
     shared.output_option("cost file (default: results/<study>.cost.nc)"),
-    Option("--runs", type=int, default=5, metavar="N", help="how often everything is timed (default: 5)"),
     shared.FORMAT,
     *MANNER,
     shared.plot_option("draw the chart"),
     at("sweep point (default: first)"),
-    shared.ERROR,
     shared.FORCE,
 )
 def cost(options: argparse.Namespace) -> int:
     """Accuracy against cost of mesh families and solvers, at one sweep point."""
-    from tcstudy.data.measured import MEASURES
-
-    names = [measure.name for measure in MEASURES]
-    if options.error is not None and options.error not in names:
-        fail(f"--error: there is no error {options.error!r}; choose one of {', '.join(names)}")
-    if options.runs < 1:
-        fail(f"--runs: {options.runs} runs measure nothing; give 1 or more")
     point = shared.point_of(options)
     study, path = checked(options, "cost")
     from tcstudy.data.writer import sweep_points
     from tcstudy.reports.select_point import describe, locate
     from tcstudy.reports.terminal.cost import cost_report
     from tcstudy.reports.terminal.progress import CostProgress
-    from tcstudy.study.cost import cost_to_file, unmeasured
+    from tcstudy.study.cost import RUNS, cost_to_file
 
     points = sweep_points(study)
     where = locate(points, point, "study")
     words = describe(points, where)
-    if options.error is not None and (lack := unmeasured(study, options.error)):
-        fail(f"--error: {options.error} {lack}")
-    if shared.is_there(options, "cost", study, path, point=words, runs=options.runs):
+    if shared.is_there(options, "cost", study, path, point=words, runs=RUNS):
         failed = shared.stored(path)[1]
     else:
-        note(options, f"time unknown until the first of {options.runs} runs has measured it")
+        note(options, f"time unknown until the first of {RUNS} runs has measured it")
         with closing(CostProgress()) as bar:
             progress = (lambda what, left: None) if options.quiet else bar
-            failed = cost_to_file(study, tuple(where.values()), words, options.runs, path, progress, options.words)
-    drawn = shared.plotted(options, path, error=options.error)
-    say(options, path, lambda: cost_report(path, options.format, options.error))
+            failed = cost_to_file(study, tuple(where.values()), words, RUNS, path, progress, options.words)
+    drawn = shared.plotted(options, path)
+    say(options, path, lambda: cost_report(path, options.format))
     return _end(options, drawn, path, failed)
 
 

@@ -14,8 +14,8 @@ from tcstudy.errors import StoreError, UsageError
 
 _OUTPUT = "folder of the fields (default: FILE), or the table (default: FILE.csv, FILE.json)"
 _TABLES = "of a convergence file: the point whose tables to show"
+_Y = "what the curves are of, e.g. slip_length; of a path mean-slip, max-slip or friction; of costs an error, e.g. u_L2"
 _INDICES = "of a run with mode: saltelli: the number whose Sobol indices to show (default: slip_length)"
-_WITHOUT = "leave out what makes a page large: levels, live, body, memory or lines (may be repeated)"
 
 
 @command(
@@ -23,7 +23,6 @@ _WITHOUT = "leave out what makes a page large: levels, live, body, memory or lin
     FILE,
     *MANNER,
     at(_TABLES),
-    shared.FULL,
     Option("--of", metavar="NUMBER", help=_INDICES),
 )
 def show(options: argparse.Namespace) -> int:
@@ -55,9 +54,9 @@ def _show(options: argparse.Namespace, file: Path) -> None:
     from tcstudy.reports.terminal.tables import wrapped
     from tcstudy.scene.designs import SALTELLI
 
-    point, full, kind = point_of(options), options.full or options.verbose, kind_of(file)
-    if (point or options.full) and kind != "convergence":
-        fail("--at and --full choose tables of a file of tcstudy converge, which this is not; leave them out")
+    point, full, kind = point_of(options), options.verbose, kind_of(file)
+    if point and kind != "convergence":
+        fail("--at chooses tables of a convergence file, which this is not; leave it out")
     drawn = kind == "run" and attributes(file).get("design_mode") == SALTELLI
     if options.of is not None and not drawn:
         remedy = f"run its study with sweep: {{mode: {SALTELLI}, points: 256, PARAMETER: {{uniform: [a, b]}}}}"
@@ -76,23 +75,18 @@ def _show(options: argparse.Namespace, file: Path) -> None:
 
 
 @command(
-    "draw a result file: a point, curves, a map, a law, a mesh, a path, errors, costs",
+    "draw a result file: a point, curves, a map, a law, a path, errors, costs",
     FILE,
     Option("picture", type=shared.file_name, metavar="PICTURE", help="a .png, .svg or .pdf file"),
     at("which point (may be repeated)"),
     Option("--level", type=int, metavar="N", help="mesh level (default: the finest)"),
-    shared.RESPONSE,
-    shared.ERROR,
     Option("--x", metavar="NAME", help="curves of a whole run over this swept parameter"),
-    Option("--y", metavar="NUMBER", help="what the curves are of, e.g. slip_length"),
+    Option("--y", metavar="NUMBER", help=_Y),
     Option("--by", metavar="NAME", help="a curve for each value of this swept parameter"),
     Option("--map", metavar="NAME,NAME", help="a map over two swept parameters"),
     Option("--of", metavar="NUMBER", help="what the map is of, e.g. u_T_max"),
     Option("--law", action="store_true", help="the friction law of a point with all its nodes on it"),
-    Option("--mesh", action="store_true", help="the mesh with the roles of the edges (with output.fields)"),
     Option("--size", metavar="WIDTHxHEIGHT", help="size of the picture, e.g. 8x5cm"),
-    Option("--font", type=float, metavar="PT", help="size of its letters"),
-    Option("--title", metavar="TEXT", help="its heading; '' for none"),
 )
 def draw(options: argparse.Namespace) -> int:
     """Draw a file of any kind."""
@@ -115,18 +109,15 @@ def draw(options: argparse.Namespace) -> int:
     "make one HTML page of a result file, for any browser, offline",
     FILE,
     Option("-o", "--output", type=shared.file_name, metavar="PAGE", help="the page (default: FILE.html)"),
-    Option("--without", action="append", default=[], metavar="PART", help=_WITHOUT),
 )
 def report(options: argparse.Namespace) -> int:
     """Make one HTML page of a file of any kind."""
-    from tcstudy.reports.page.write import LEAVE_OUT, write_page
+    from tcstudy.reports.page.write import write_page
 
-    if unknown := [part for part in options.without if part not in LEAVE_OUT]:
-        fail(f"--without: there is no part {unknown[0]!r}; choose of {', '.join(LEAVE_OUT)}")
     target = options.output or options.file.with_suffix(".html")
     if target.suffix.lower() not in (".html", ".htm"):
         fail(f"{target}: a page's name ends in .html; choose such a name")
-    print(write_page(options.file, target, tuple(options.without)).words)
+    print(write_page(options.file, target).words)
     return OK
 
 

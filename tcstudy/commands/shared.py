@@ -104,8 +104,6 @@ _SET = "replace a value of the study, e.g. --set heat.alpha=50 (may be repeated)
 _FORCE = "compute again what the result file holds already, and replace results of another study"
 _JOBS = "worker processes for contact problems, geometries, histories; 1 for none (default: as many as pay)"
 _DASK = "dask scheduler whose workers do that instead: tcp://host:port; local starts one with --jobs workers"
-_RESPONSE = "what a path is drawn over: the mean (default) or largest slip, or the friction resultant"
-_ERROR = "error that accuracy against cost is of, e.g. u_L2, xi_L2, friction_resultant (default: u_energy)"
 
 _QUIET = "print one line: what came of it"
 _VERBOSE = "print all columns and rows, whatever the width of the terminal"
@@ -117,18 +115,15 @@ MANNER = (
     Option("--json", action="store_true", help=_JSON),
 )
 """How a command prints what it has to say."""
-FULL = Option("--full", action="store_true", help="the tables of every sweep point, not the orders alone")
 STUDY = (
     Option("study", type=named, metavar="STUDY.yaml"),
     Option("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides", help=_SET),
 )
 FILE = Option("file", type=named, metavar="FILE.nc")
-FORMAT = Option("--format", choices=("text", "markdown", "latex"), default="text", help="form of the tables")
+FORMAT = Option("--format", choices=("text", "markdown"), default="text", help="form of the tables")
 FORCE = Option("--force", action="store_true", help=_FORCE)
 DASK = Option("--dask", metavar="ADDRESS", help=_DASK)
 JOBS = Option("--jobs", type=count, metavar="N", help=_JOBS)
-RESPONSE = Option("--response", choices=("mean-slip", "max-slip", "friction"), help=_RESPONSE)
-ERROR = Option("--error", metavar="NAME", help=_ERROR)
 
 
 def output_option(what: str) -> Option:

@@ -253,7 +253,7 @@ def holds(path: Path, kind: Kind, study: Study, **asked: Any) -> bool:
     elif found.get("study_sha256") != study_sha256(study):
         what = "holds the results of another study, or of this one with other values"
     elif differing := [name for name, value in asked.items() if found.get(name) != value]:
-        what = f"holds the results of another {'table of data' if 'data_sha256' in differing else '--at or --runs'}"
+        what = f"holds the results of another {'table of data' if 'data_sha256' in differing else '--at'}"
     elif found.get("program") != program():
         what = "holds this study as another version of the program or its libraries computed it"
     if what:

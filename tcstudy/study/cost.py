@@ -26,7 +26,6 @@ from tcstudy.errors import CostError, GeometryFailed, StoreError
 from tcstudy.exact.numbers import exact_friction_resultant
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.scene.families import TO_TOLERANCE
-from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import SOLVERS, Goal, Study
 from tcstudy.study.cost_curves import CostCurve, Progress, family_plan, first_run, time_again, walk
@@ -143,19 +142,10 @@ FINER = 10
 LARGEST = 1_500_000
 LEAST = 2
 """Unknowns of the reference over those of the finest mesh compared with it: FINER, but less for the sake of LARGEST."""
+RUNS = 5
+"""How often everything is timed."""
 SAME = 1e-8
 """Relative difference of two solvers' u_T that makes no difference to an error."""
-
-
-def unmeasured(study: Study, name: str) -> str:
-    """Why this error cannot be measured for the study, with the remedy; empty where nothing known speaks against it."""
-    if name in ("theta_L2", "theta_H1") and all(
-        not scene.material.expands for scene in distinct(study.scenes, "material")
-    ):
-        return "has no meaning, because beta is 0 and temperature does not load the body; choose an error of u or xi"
-    if name in ("xi_nodes", "xi_max") and study.exact is None:
-        return "needs an exact solution, since the nodes of the reference are others; choose xi_L2, or give exact"
-    return ""
 
 
 def errors_of(

@@ -81,8 +81,7 @@ def make_bases(folder: Path) -> None:
 def words_of(name: str, study: Path, output: Path) -> list[str]:
     """The command that makes a file."""
     command, *changes = FILES[name]
-    words = [command, str(study), "--output", str(output), *(f"--set={change}" for change in changes)]
-    return [*words, "--runs", "1"] if command == "cost" else words
+    return [command, str(study), "--output", str(output), *(f"--set={change}" for change in changes)]
 
 
 def flip(file: Path, draw: random.Random) -> None:

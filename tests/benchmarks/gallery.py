@@ -229,7 +229,7 @@ def make(name: str, scratch: Path) -> Path:
         tcstudy.draw(data, target, map=("H", "grading"), of="lambda_1")
     elif name == "pull_test":
         tcstudy.run(study, data)
-        tcstudy.draw(data, target, response="friction")
+        tcstudy.draw(data, target, y="friction")
     elif name == "singular":
         tcstudy.run(tcstudy.load(study, [FIELDS, "mesh.levels=8"]), data)
         tcstudy.draw(data, target)

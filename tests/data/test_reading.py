@@ -173,7 +173,7 @@ def test_a_file_holds_one_study_of_one_program(
     for kind, one, asked, what in (
         ("run", replace(study, overrides=()), {}, "another study, or of this one with other values"),
         ("path", study, {}, r"another command \(run\)"),
-        ("run", study, {"runs": 3}, "another --at or --runs"),
+        ("run", study, {"runs": 3}, "another --at"),
     ):
         with pytest.raises(StoreError, match=f"holds .*{what}.*; give another --output, or --force"):
             holds(written, kind, one, **asked)  # type: ignore[arg-type]

@@ -58,13 +58,13 @@ def test_convergence_of_every_geometry_is_that_of_its_own_study(tmp_path: Path) 
 def test_cost_and_path_are_of_one_geometry(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Cost of that of its point, or refused with the reason; a path of the body outside the sweep."""
     study = read_study_text(CHOSEN)
-    data = tcstudy.cost(study, tmp_path / "cost.nc", at={"H": 0.5}, runs=1).to_dataset()
+    data = tcstudy.cost(study, tmp_path / "cost.nc", at={"H": 0.5}).to_dataset()
     own = data.sel(family="uniform").isel(level=slice(3))
     alone = tcstudy.converge(read_study_text(CHOSEN, "s", ["parameters.H=0.5", "sweep=null"]), tmp_path / "one.nc")
     assert np.array_equal(own["n_dof"], alone["n_dof"])
     assert "H = 0.5" in data.attrs["point"]
     with pytest.raises(GeometryFailed, match=r"the hole touches .*; name another geometry by --at"):
-        tcstudy.cost(read_study_text(HOLED), tmp_path / "no.nc", runs=1)
+        tcstudy.cost(read_study_text(HOLED), tmp_path / "no.nc")
     along = BAR + "path: {parameter: boundary.right.g_x, from: 0 Pa, to: 1 MPa}\n"
     along = along.replace("law: linear, k: 0", "law: tresca, tau: 10 kPa")
     found = tcstudy.run(read_study_text(along), tmp_path / "path.nc").to_dataset()

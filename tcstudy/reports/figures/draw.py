@@ -16,7 +16,6 @@ from tcstudy.reports.figures.cost_plot import plot_cost
 from tcstudy.reports.figures.fit_figure import draw_fit
 from tcstudy.reports.figures.history_figure import draw_history
 from tcstudy.reports.figures.law_figure import law_figure, read_law
-from tcstudy.reports.figures.mesh_figure import mesh_figure, read_mesh
 from tcstudy.reports.figures.path_figure import draw_path
 from tcstudy.reports.figures.point_figure import draw_point
 from tcstudy.reports.figures.sweep_figure import curves_figure, map_figure
@@ -25,15 +24,15 @@ from tcstudy.reports.sweep import read_sweep
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-OF_RUN = ("x", "y", "by", "map", "of", "law", "mesh")
+OF_RUN = ("x", "y", "by", "map", "of", "law")
 """What chooses among the pictures of a run."""
-LOOK = ("size", "font", "title")
+LOOK = ("size",)
 """What all pictures take."""
 DRAWN_BY = {
     "run": ("at", "level", *OF_RUN, *LOOK),
-    "path": ("response", *LOOK),
+    "path": ("y", *LOOK),
     "convergence": ("at", *LOOK),
-    "cost": ("error", *LOOK),
+    "cost": ("y", *LOOK),
     "fit": LOOK,
     "history": ("at", "x", "y", *LOOK),
 }
@@ -46,33 +45,28 @@ class Wanted:
 
     at: Mapping[str, Any] | None = None
     level: int | None = None
-    response: str | None = None
-    error: str | None = None
     x: str | None = None
     y: str | None = None
     by: str | None = None
     map: tuple[str, str] | None = None
     of: str | None = None
     law: bool = False
-    mesh: bool = False
     size: str | tuple[float, float] | None = None
-    font: float | None = None
-    title: str | None = None
 
     def check(self, kind: str) -> None:
         """Raise UsageError for what does not go together or does not matter to a file of this kind."""
         if self.at and kind in ("path", "cost", "fit"):
-            raise UsageError(f"at: the file of tcstudy {kind} has one scene and no sweep points; leave it out")
+            raise UsageError(f"at: the file of a {kind} has one scene and no sweep points; leave it out")
         given = [name for name in vars(self) if getattr(self, name) not in (None, False)]
         for name in given:
             if name not in DRAWN_BY[kind] and not (name == "at" and not self.at):
                 raise UsageError(f"{name}: the picture of a {kind} file does not depend on it; leave it out")
-        if kind == "history":
+        if kind != "run":
             return
         for one, other in (("x", "y"), ("y", "x"), ("map", "of"), ("of", "map"), ("by", "x")):
             if one in given and other not in given:
                 raise UsageError(f"{one}: give {other}, too, for example {EXAMPLES[other]}")
-        modes = [name for name in ("x", "map", "law", "mesh") if name in given]
+        modes = [name for name in ("x", "map", "law") if name in given]
         if len(modes) > 1:
             raise UsageError(f"{modes[0]}: {modes[1]} is another picture; choose one of them")
 
@@ -91,8 +85,7 @@ def picture(file: Path, target: Path, wanted: Wanted | None = None) -> str:
     wanted.check(kind)
     size = style.size_in_inches(wanted.size) if isinstance(wanted.size, str) else wanted.size
     remarks = remarks_of(attributes(file))
-    bare = size is not None or wanted.title == ""  # a picture for a text, which has its own words
-    look = style.Look(size, wanted.font, wanted.title, () if bare else tuple(f"Warning: {one}" for one in remarks))
+    look = style.Look(size, remarks=() if size is not None else tuple(f"Warning: {one}" for one in remarks))
     tell(remarks)
     with reading(file), style.styled(look):
         figure, words = _drawn(file, kind, wanted, look)
@@ -103,13 +96,13 @@ def picture(file: Path, target: Path, wanted: Wanted | None = None) -> str:
 def _drawn(file: Path, kind: Kind, wanted: Wanted, look: style.Look) -> tuple[Figure, str]:
     match kind:
         case "path":
-            return draw_path(file, wanted.response or "mean-slip", look)
+            return draw_path(file, wanted.y or "mean-slip", look)
         case "history":
             return draw_history(file, wanted.at, wanted.x, wanted.y, look)
         case "fit":
             return draw_fit(file, look)
         case "cost":
-            return plot_cost(file, wanted.error, look)
+            return plot_cost(file, wanted.y, look)
         case "convergence":
             return plot_convergence(file, wanted.at, look)
     level = -1 if wanted.level is None else wanted.level
@@ -118,9 +111,6 @@ def _drawn(file: Path, kind: Kind, wanted: Wanted, look: style.Look) -> tuple[Fi
         laws = ", ".join(f"{edge}: {law.name}" if edge else law.name for edge, law in shown.laws)
         where = f"{shown.point.point or shown.point.title}, level {shown.point.level}"
         return law_figure(shown, look), f"law {laws}, {where}"
-    if wanted.mesh:
-        mesh = read_mesh(file, wanted.at, level)
-        return mesh_figure(mesh, look), f"mesh of level {mesh.level}, {len(mesh.body.triangles)} elements"
     if along := wanted.map or tuple(filter(None, (wanted.x, wanted.by))):
         sweep = read_sweep(file, along, wanted.of or wanted.y or "", wanted.at, level)
         over = " and ".join(one.name for one in sweep.parameters)

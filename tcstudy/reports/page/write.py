@@ -53,10 +53,8 @@ class Written:
         return f"{self.path}: {size}{left_out}"
 
 
-def write_page(path: Path, target: Path, left_out: tuple[str, ...] = ()) -> Written:
+def write_page(path: Path, target: Path) -> Written:
     """Write the page of a result file, replacing an old page in one step.
-
-    left_out: of LEAVE_OUT what the page shall not hold
 
     Raises StoreError if `path` is no complete result file or `target` cannot be written, PageError if the page would
     be larger than MOST or something else than a page would be lost.
@@ -65,7 +63,7 @@ def write_page(path: Path, target: Path, left_out: tuple[str, ...] = ()) -> Writ
         raise PageError("; ".join(faults))
     if target.is_file() and not target.read_bytes()[:200].lstrip().lower().startswith(b"<!doctype html"):
         raise PageError(f"{target} exists and is no page; it would be lost: choose another name with -o")
-    without = list(left_out)
+    without: list[str] = []
     with reading(path):
         stored = read(path)
         text = _fitting(stored, without)
@@ -76,7 +74,7 @@ def write_page(path: Path, target: Path, left_out: tuple[str, ...] = ()) -> Writ
         )
     replace_file(target, lambda aside: aside.write_bytes(text), sealed=False)
     tell(remarks_of(stored.data.attrs))
-    return Written(target, len(text), tuple(part for part in without if part not in left_out))
+    return Written(target, len(text), tuple(without))
 
 
 def _fitting(stored: Stored, without: list[str]) -> bytes:

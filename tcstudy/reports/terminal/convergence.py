@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -67,11 +66,9 @@ def parts(data: Any, point: Mapping[str, Value] | None = None, full: bool = True
         points = []
     for where in points:
         at = data.isel(where)
-        place = "".join(f"-{i}" for i in where.values())
         if where:
             yield Heading(describe(data, where))
-        for part in _point(at, data.attrs["reference"]):
-            yield replace(part, label=part.label + place) if isinstance(part, Table) else part
+        yield from _point(at, data.attrs["reference"])
     if points:
         yield LEGEND
     for note in filter(None, str(data.attrs["notes"]).split("\n")):
@@ -83,7 +80,7 @@ MARKS = {"exact": "exact", "slower": " <", "faster": " >", "pre_asymptotic": " ~
 OVERVIEW = (
     "Orders fitted over the levels. < slower and > faster than expected, ~ not yet settled (pre-asymptotic), exact: "
     f"all errors are rounding, {sentences.GUESS}: a guess from two levels, (order): some level was not solved. "
-    "Tables of a point: --at NAME=VALUE; of all: --full."
+    "Tables of a point: --at NAME=VALUE; of all: -v."
 )
 _RANKS = {"u_H1": 1, "xi_L2": 2, "u_L2": 3, "theta_H1": 4, "u_energy": 5, "theta_L2": 6, "u_T_L2": 7, "xi_nodes": 8}
 """Importance of errors where there is no room for all."""
@@ -93,7 +90,7 @@ def _overview(data: Any, points: list[dict[str, int]]) -> Iterator[Part]:
     """The orders of all points in one table, below the order expected of each error."""
     names = [name for _, _, group in GROUPS for name in group if shown(data, name)]
     if not names:
-        yield "There is no reference, and so no errors; what the numbers tend to: --full."
+        yield "There is no reference, and so no errors; what the numbers tend to: -v."
         return
     swept, rows = _swept(data), []
     for where in points:
@@ -105,7 +102,7 @@ def _overview(data: Any, points: list[dict[str, int]]) -> Iterator[Part]:
     rows.insert(0, (*first, *("…".join(dict.fromkeys(map(_fixed, e[[0, -1]]))) if len(e) else "–" for e in expected)))
     header = (*(headed(name, unit) for name, _, unit in swept), *(_BY_NAME[name].symbol for name in names))
     ranks = (*(0 for _ in swept), *(_RANKS.get(name, 9) for name in names))
-    yield Table("Orders of convergence", header, tuple(rows), label="orders", ranks=ranks)
+    yield Table("Orders of convergence", header, tuple(rows), ranks=ranks)
     yield OVERVIEW
 
 
@@ -139,7 +136,7 @@ def _levels(data: Any) -> Table:
             sizes = number(one["h_max"][i] / size), str(int(one["n_dof"][i])), str(int(one["n_contact"][i]))
             rows.append((*own, str(i), *sizes))
     header = (*(headed(name, unit) for name, _, unit in swept), "level", headed("h_max", unit))
-    return Table("Meshes", (*header, "dofs", "contact unknowns"), tuple(rows), label="meshes")
+    return Table("Meshes", (*header, "dofs", "contact unknowns"), tuple(rows))
 
 
 def _point(at: Any, reference: str) -> Iterator[Part]:
@@ -176,7 +173,7 @@ def _errors(at: Any, symbol: str, words: str, names: tuple[str, ...], reference:
         rows.append(tuple(row))
     caption = f"Relative error of {symbol} ({words}); reference: {reference.split(' (')[0]}"
     ranks = (0, *(0, 2, 1) * len(names))
-    return Table(caption, tuple(header), tuple(rows), label=f"error-{names[0].rsplit('_', 1)[0]}", ranks=ranks)
+    return Table(caption, tuple(header), tuple(rows), ranks=ranks)
 
 
 def _orders(at: Any, names: tuple[str, ...]) -> Table:
@@ -193,7 +190,7 @@ def _orders(at: Any, names: tuple[str, ...]) -> Table:
         reason = str(at[f"reason_{name}"].item())
         rows.append((_BY_NAME[name].symbol, order, fitted, expected, _word(verdict), reason))
     header = ("error", "order", "levels", "expected", "verdict", "reason of the expected order")
-    return Table("Orders of convergence", header, tuple(rows), label="orders", ranks=(0, 0, 3, 2, 1, 4))
+    return Table("Orders of convergence", header, tuple(rows), ranks=(0, 0, 3, 2, 1, 4))
 
 
 def _word(verdict: str) -> str:
@@ -222,7 +219,7 @@ def _numbers(at: Any, measures: list[Measure]) -> Table:
         header.append("order")
     rows = list(zip(*columns, strict=True))
     caption = "Numbers, extrapolated by Richardson's rule"
-    return Table(caption, tuple(header), tuple(rows if exact else rows[:-1]), label="numbers")
+    return Table(caption, tuple(header), tuple(rows if exact else rows[:-1]))
 
 
 def _uncertain(value: float, uncertainty: float) -> str:

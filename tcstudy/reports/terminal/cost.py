@@ -291,7 +291,7 @@ def _family(data: Any, family: str, found: list[Setting], measure: str) -> Table
         rows.append(tuple(row))
     notes = ("* on the front   † the study's own settings   (error) not solved",)
     ranks = (2, 0, 3, 0, *(1, 4) * len(solvers))
-    return Table(TITLES[family], tuple(header), tuple(rows), notes, f"cost-{family}", ranks)
+    return Table(TITLES[family], tuple(header), tuple(rows), notes, ranks)
 
 
 def _mark(setting: Setting) -> str:
@@ -311,4 +311,4 @@ def _front(data: Any, found: list[Setting]) -> Table:
         spent = [f"{time:.2g}" for time in stages(data, s).values()]
         rows.append((s.family, str(s.level), s.solver, _error(s), f"{s.time:.3g}", *spent))
     caption = "Worth their cost: nothing measured is both faster and more accurate"
-    return Table(caption, header, tuple(rows), label="front")
+    return Table(caption, header, tuple(rows))

@@ -1,17 +1,15 @@
-"""Tables as plain text, Markdown or LaTeX, from the same cells."""
+"""Tables as plain text or Markdown, from the same cells."""
 
 from __future__ import annotations
 
-import itertools
 import re
 import textwrap
-import unicodedata
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 
-FORMATS = ("text", "markdown", "latex")
+FORMATS = ("text", "markdown")
 
 WIDTH = 110
 """Characters of a line of running text."""
@@ -19,7 +17,7 @@ WIDTH = 110
 
 @dataclass(frozen=True)
 class Table:
-    """A table: caption, header and rows of equal length; `notes` stand below it; `label` is for LaTeX.
+    """A table: caption, header and rows of equal length; `notes` stand below it.
 
     ranks: as of `plain_table`
     """
@@ -28,7 +26,6 @@ class Table:
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     notes: tuple[str, ...] = ()
-    label: str = ""
     ranks: tuple[int, ...] = ()
 
 
@@ -60,8 +57,8 @@ def fitting(width: int | None) -> Iterator[None]:
 
 
 def render(parts: Sequence[Part], form: str) -> str:
-    """All parts in one of FORMATS. LaTeX needs the packages booktabs, amsmath and amssymb."""
-    one = {"text": _text, "markdown": _markdown, "latex": _latex}[form]
+    """All parts in one of FORMATS."""
+    one = {"text": _text, "markdown": _markdown}[form]
     return "\n\n".join(one(part) for part in parts) + "\n"
 
 
@@ -159,115 +156,3 @@ def _markdown(part: Part) -> str:
 
 def _cells(row: Sequence[str]) -> str:
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"
-
-
-def _latex(part: Part) -> str:
-    if isinstance(part, Heading):
-        return f"\\{'section' if part.level == 1 else 'subsection'}*{{{latex(part.text)}}}"
-    if isinstance(part, str):
-        return latex(part)
-    cells = list(zip(*part.rows, strict=True)) or [()] * len(part.header)
-    spec = "".join("r" if _numeric(column) else "l" for column in cells)
-    notes = " ".join(part.notes)
-    caption = latex(f"{part.caption}. {notes}".strip() if notes else part.caption)
-    lines = ["\\begin{table}[ht]", "\\centering", f"\\caption{{{caption}}}"]
-    if part.label:
-        lines.append(f"\\label{{tab:{_LABEL.sub('-', part.label)}}}")
-    lines += [f"\\begin{{tabular}}{{{spec}}}", "\\toprule", _latex_row(part.header), "\\midrule"]
-    lines += [_latex_row(row) for row in part.rows]
-    return "\n".join([*lines, "\\bottomrule", "\\end{tabular}", "\\end{table}"])
-
-
-def _latex_row(row: Sequence[str]) -> str:
-    """A row; its first cell is kept from being read as an option of the \\\\ before."""
-    cells = " & ".join(latex(cell) for cell in row)
-    return ("{}" if cells[:1] in ("[", "*") else "") + cells + r" \\"
-
-
-_LABEL = re.compile(r"[^A-Za-z0-9-]+")
-_SYMBOLS = {
-    **{"α": r"\alpha ", "β": r"\beta ", "γ": r"\gamma ", "δ": r"\delta ", "ε": r"\varepsilon ", "ζ": r"\zeta "},
-    **{"η": r"\eta ", "θ": r"\theta ", "ι": r"\iota ", "κ": r"\kappa ", "λ": r"\lambda ", "μ": r"\mu ", "ν": r"\nu "},
-    **{"ξ": r"\xi ", "π": r"\pi ", "ρ": r"\rho ", "σ": r"\sigma ", "τ": r"\tau ", "υ": r"\upsilon ", "φ": r"\varphi "},
-    **{"χ": r"\chi ", "ψ": r"\psi ", "ω": r"\omega ", "Γ": r"\Gamma ", "Δ": r"\Delta ", "Θ": r"\Theta "},
-    **{"Λ": r"\Lambda ", "Ξ": r"\Xi ", "Π": r"\Pi ", "Σ": r"\Sigma ", "Φ": r"\Phi ", "Ψ": r"\Psi ", "Ω": r"\Omega "},
-    **{"Γ_C": r"\Gamma_C", "Γ_θ": r"\Gamma_\theta", "u_T": "u_T", "u_N": "u_N"},
-    **{"∫": r"\int ", "±": r"\pm ", "≥": r"\ge ", "≤": r"\le ", "≲": r"\lesssim ", "·": r"\cdot ", "→": r"\to "},
-    **{"∞": r"\infty ", "−": "-", "°": r"^{\circ}", "⁻": "^{-}", "½": r"\tfrac12 ", "~": r"\sim ", "≈": r"\approx "},
-    **{"∝": r"\propto ", "µ": r"\mu ", "×": r"\times ", "∇": r"\nabla ", "∂": r"\partial ", "√": r"\surd "},
-    **{"′": r"^{\prime}", "‖": r"\Vert ", "|": r"\vert ", "<": "<", ">": ">", "Δ∫ξ": r"\Delta\int\xi "},
-    **{sign: f"^{{{digit}}}" for digit, sign in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")},
-    **{sign: f"_{{{digit}}}" for digit, sign in enumerate("₀₁₂₃₄₅₆₇₈₉")},
-}  # fmt: skip
-"""Signs in math mode."""
-_ESCAPED = {
-    **{sign: f"\\{sign}" for sign in "%_&#${}"},
-    **{"–": "--", "—": "---", "…": r"\ldots{}", "\\": r"\textbackslash{}", "^": r"\^{}", "─": "--"},
-}
-"""Signs in text."""
-_LATIN = "ßæøœłÆØŒŁı"
-"""Letters beside the accented ones that LaTeX has in every encoding."""
-_TOKEN = re.compile(
-    r"r\^(?P<power>[0-9.]+)|(?<![\w.])(?P<mantissa>[-−]?[0-9]+(?:\.[0-9]*)?)e(?P<exponent>[+-][0-9]+)|"
-    r"(?<![\w.)^$-])(?P<negative>-[0-9]+(?:\.[0-9]+)?)(?![\w])|(?<!\w)(?P<space>[HL])(?P<index>[¹²])|"
-    + "(?P<symbol>" + "|".join(re.escape(s) for s in sorted(_SYMBOLS, key=len, reverse=True)) + ")"
-    + "|(?P<escaped>" + "|".join(re.escape(s) for s in _ESCAPED) + r")|(?P<foreign>[^\x00-\x7F])"
-)  # fmt: skip
-
-
-def latex(text: str) -> str:
-    """Text with the signs of this package's reports written for LaTeX (inputenc utf8, amsmath and amssymb).
-
-    Letters with accents stay; other signs that LaTeX does not know by itself become their code, such as U+2713.
-    """
-    parts: list[tuple[bool, str]] = []
-    end = 0
-    for match in _TOKEN.finditer(" ".join(text.split())):
-        parts.append((False, match.string[end : match.start()]))
-        parts.append(_written(match))
-        end = match.end()
-    parts.append((False, " ".join(text.split())[end:]))
-    joined = ""
-    for math, group in itertools.groupby((part for part in parts if part[1]), key=lambda part: part[0]):
-        tokens = [part[1] for part in group]
-        joined += f"${_scripts(tokens)}$" if math else "".join(tokens)
-    return joined
-
-
-def _written(match: re.Match[str]) -> tuple[bool, str]:
-    """(whether in math mode, LaTeX) of one token."""
-    if match["power"]:
-        return True, f"r^{{{match['power']}}}"
-    if match["mantissa"]:
-        return True, f"{match['mantissa'].replace('−', '-')}\\cdot10^{{{int(match['exponent'])}}}"
-    if match["negative"]:
-        return True, match["negative"]
-    if match["space"]:
-        return True, f"{match['space']}^{{{'1' if match['index'] == '¹' else '2'}}}"
-    if match["symbol"]:
-        return True, _SYMBOLS[match["symbol"]]
-    if match["escaped"]:
-        return False, _ESCAPED[match["escaped"]]
-    sign = match["foreign"]
-    accented = sign.isalpha() and ord(sign) < 0x180 and unicodedata.normalize("NFD", sign)[0].isascii()
-    return False, sign if accented or sign in _LATIN else f"U+{ord(sign):04X}"
-
-
-def _scripts(tokens: Sequence[str]) -> str:
-    """Tokens in math mode; of exponents or indices that follow each other TeX takes only one for each sign."""
-    done: list[str] = []
-    taken: set[str] = set()
-    for token in tokens:
-        mark = token[0] if token[0] in "^_" else ""
-        if not mark:
-            taken = {sign for sign in "^_" if sign in token}
-        elif mark in taken and done[-1].startswith(mark):
-            done[-1] = f"{done[-1][:-1]}{token[2:]}"
-            continue
-        elif mark in taken:
-            done.append("{}")
-            taken = {mark}
-        else:
-            taken.add(mark)
-        done.append(token)
-    return "".join(done).strip()

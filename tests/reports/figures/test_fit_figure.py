@@ -26,4 +26,4 @@ def test_nothing_leaves_the_page_and_the_law_stands_below_where_it_is_narrow(fit
 
 
 def test_a_size_can_be_asked_for(fitted: Path, tmp_path: Path) -> None:
-    assert "fitted to pull_fit.csv" in picture(fitted, tmp_path / "p.svg", Wanted(size=(3.15, 6.0), font=8.0))
+    assert "fitted to pull_fit.csv" in picture(fitted, tmp_path / "p.svg", Wanted(size=(3.15, 6.0)))

@@ -18,12 +18,11 @@ from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.boundary_roles import runs, words
 from tcstudy.reports.figures.law_figure import LawPicture, curves, law_figure, read_law, slip_window
-from tcstudy.reports.figures.mesh_figure import MeshPicture, mesh_figure, read_mesh
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.stored_study import NamedEdge, law_of_nodes
 from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.study.execute import execute
-from tests.reports.figures.draw_cases import HEIGHT, WIDTH, crowded, example_laws, result
+from tests.reports.figures.draw_cases import HEIGHT, WIDTH, crowded, example_laws
 from tests.reports.figures.laws_picture import laws_figure
 
 BRITTLE = SHAPES["piecewise-linear"].build(points=[(0.0, 2e7), (1e-5, 2e7), (1e-5, 5e6)])
@@ -113,7 +112,6 @@ def test_every_node_stands_at_its_slip_and_traction(grid: Path) -> None:
 def test_no_text_overlaps_another(grid: Path, look: style.Look) -> None:
     with style.styled(look):
         assert crowded(law_figure(law_picture(grid), look)) == []
-        assert crowded(mesh_figure(mesh(grid), look)) == []
 
 
 def test_the_window_shows_the_nodes_and_the_law_near_them() -> None:
@@ -146,30 +144,13 @@ def edges() -> list[NamedEdge]:
     ]
 
 
-def mesh(grid: Path) -> MeshPicture:
+def test_the_boundary_is_cut_where_roles_change(grid: Path) -> None:
     body = read_picture(grid).body
     assert body
-    heated = np.array([[0.05, 0.02], [0.1, 0.02], [0.1, 0.05]])
-    return MeshPicture("Plate", 1, WIDTH / 8, "m", body, tuple(runs(body, edges())), (heated,))
-
-
-def test_the_boundary_is_cut_where_roles_change(grid: Path) -> None:
-    shown = mesh(grid)
-    by_name = {run.edge.name: run for run in shown.runs}
+    found = runs(body, edges())
+    by_name = {run.edge.name: run for run in found}
     assert sorted(by_name) == ["e0", "e1", "e2", "e3"]
-    assert len(shown.runs) == 4
-    assert np.all(shown.body.y[by_name["e0"].nodes] == 0.0)
+    assert len(found) == 4
+    assert np.all(body.y[by_name["e0"].nodes] == 0.0)
     assert len(by_name["e0"].nodes) == 9
     assert words(by_name["e1"]) == "e1: convection, traction"
-    with style.styled():
-        figure = mesh_figure(shown, style.Look())
-    named = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert named == ["clamped: e3", "contact: e0", "convection: e1 (traction)", "free: e2", "heated"]
-    assert "level 1:  64 elements,  45 nodes,  longest edge 25 mm" in [text.get_text() for text in figure.texts]
-
-
-def test_a_run_without_a_mesh(grid: Path, tmp_path: Path) -> None:
-    assert len(read_mesh(grid, None, 0).body.triangles) == 16
-    assert read_mesh(grid, None, 0).runs == ()
-    with pytest.raises(DrawError, match=r"kept no mesh; run it again with --set output.fields=true"):
-        read_mesh(result(tmp_path / "plate.nc", fields=False), None, -1)

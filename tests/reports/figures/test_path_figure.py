@@ -72,11 +72,11 @@ def test_stable_unstable_and_lowest_parts_are_told_apart(pad: Path) -> None:
 @pytest.mark.parametrize(("response", "name"), [("mean-slip", "a.svg"), ("max-slip", "a.png"), ("friction", "a.pdf")])
 def test_files(pad: Path, tmp_path: Path, response: str, name: str) -> None:
     target = tmp_path / name
-    assert str(target) in picture(pad, target, Wanted(response=response))
+    assert str(target) in picture(pad, target, Wanted(y=response))
     first = target.read_bytes()
     assert 5_000 < len(first) < 400_000
     if name == "a.svg":
-        picture(pad, target, Wanted(response=response))
+        picture(pad, target, Wanted(y=response))
         assert target.read_bytes() == first
 
 
@@ -87,7 +87,7 @@ def test_a_path_without_folds_loop_and_requests(plain: Path, tmp_path: Path) -> 
 
 def test_bad_wishes_are_named(pad: Path, tmp_path: Path) -> None:
     with pytest.raises(DrawError, match="use one of mean-slip"):
-        picture(pad, tmp_path / "a.png", Wanted(response="slip"))
+        picture(pad, tmp_path / "a.png", Wanted(y="slip"))
     with pytest.raises(DrawError, match="ends in"):
         picture(pad, tmp_path / "a.gif")
 

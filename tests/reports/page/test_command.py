@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from tcstudy.cli import main
-from tests.reports.page.unpacked import data_of
 
 
 def test_the_page_lies_beside_its_file(result: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -14,18 +13,9 @@ def test_the_page_lies_beside_its_file(result: Path, capsys: pytest.CaptureFixtu
     assert capsys.readouterr().out.startswith(f"{result.with_suffix('.html')}: ")
 
 
-def test_parts_are_left_out_when_asked(result: Path, tmp_path: Path) -> None:
-    assert main(["report", str(result), "-o", str(tmp_path / "p.html"), "--without", "body", "--without", "lines"]) == 0
-    found = data_of(tmp_path / "p.html")
-    assert found["body"] is None
-    assert found["lines"] == {}
-    assert found["without"] == ["body", "lines"]
-
-
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--without", "legs"], "there is no part 'legs'"),
         (["-o", "{dir}"], "a page's name ends in .html"),
         (["-o", "{dir}/folder.html"], "is a directory"),
         (["-o", "{nc}"], "a page's name ends in .html"),

@@ -170,7 +170,7 @@ def test_own_settings_that_failed_are_said_to_have_failed(file: Path) -> None:
     assert told[-1] == "The study's own settings (graded, level 3, bundle-newton) were not solved."
 
 
-@pytest.mark.parametrize("form", ["text", "markdown", "latex"])
+@pytest.mark.parametrize("form", ["text", "markdown"])
 def test_the_report_says_it_all(file: Path, form: str) -> None:
     text = cost_report(file, form)
     assert text.count("Wall time from the body") == 1
@@ -181,7 +181,7 @@ def test_the_report_says_it_all(file: Path, form: str) -> None:
         assert "(2.000e-02)" not in text  # the first solver was solved there
         assert "1.6*" in text
     other = cost_report(file, form, "xi_L2")
-    assert "3.200e-01" in other or r"3.200\cdot10^{-1}" in other
+    assert "3.200e-01" in other
 
 
 def test_an_error_that_is_not_there(file: Path) -> None:

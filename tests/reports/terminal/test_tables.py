@@ -1,14 +1,11 @@
-"""One table in three forms."""
+"""One table in two forms."""
 
-import pytest
-
-from tcstudy.reports.terminal.tables import Heading, Table, fitting, latex, plain_table, render, wrapped
+from tcstudy.reports.terminal.tables import Heading, Table, fitting, plain_table, render, wrapped
 
 TABLE = Table(
     "Error of u_T",
     ("level", "u_T in L²(Γ_C)", "verdict"),
     (("0", "1.250e-02", "too few"), ("10", "(3.1e-03)", "100 % & more")),
-    label="t",
 )
 
 
@@ -25,29 +22,6 @@ def test_markdown():
     assert "|--:|--:|:--|" in lines
     assert "| 10 | (3.1e-03) | 100 % & more |" in lines
     assert lines[-1] == "words"
-
-
-def test_latex():
-    text = render([Heading("Title", 1), TABLE], "latex")
-    assert r"\begin{tabular}{rrl}" in text
-    assert r"0 & $1.250\cdot10^{-2}$ & too few \\" in text
-    assert r"10 & ($3.1\cdot10^{-3}$) & 100 \% \& more \\" in text
-    assert r"level & $u_T$ in $L^{2}$($\Gamma_C$) & verdict \\" in text
-    assert text.isascii()
-
-
-@pytest.mark.parametrize(
-    ("plain", "tex"),
-    [
-        ("u ~ r^0.711", r"u $\sim$ $r^{0.711}$"),
-        ("a_b {c} #1 \\ ^", r"a\_b \{c\} \#1 \textbackslash{} \^{}"),
-        ("90° – h → 0", r"90$^{\circ}$ -- h $\to$ 0"),
-        ("∫ξ [MN m-1]", r"$\int \xi$ [MN m-1]"),
-        ("-3e-05 ± 2e+01", r"$-3\cdot10^{-5}$ $\pm$ $2\cdot10^{1}$"),
-    ],
-)
-def test_latex_signs(plain, tex):
-    assert latex(plain) == tex
 
 
 def test_columns_go_by_importance_and_are_named():
