@@ -55,7 +55,7 @@ class Command:
         parser.set_defaults(read=None, kept=self.kept, run=self.run)
         for option in self.options:
             action = parser.add_argument(*option.flags, **option.told)
-            if option.told.get("type") in (named, file_name):
+            if option.told.get("type") in (named, file_name, target):
                 action.complete = COMPLETED  # type: ignore[attr-defined]  # where shtab looks for it
 
 
