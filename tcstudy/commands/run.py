@@ -164,8 +164,8 @@ def _planned(options: argparse.Namespace, study: Study) -> tuple[Plan, Resources
     if not study.variants:
         return plan_and_resources(study)
     from tcstudy.reports.terminal.progress import PlanProgress
-    from tcstudy.study.errands import plans
     from tcstudy.study.jobs import Staff
+    from tcstudy.study.plan import plans
 
     with closing(Staff(1 if options.jobs == 1 else None)) as staff, closing(PlanProgress()) as progress:
         shown = (lambda made, _: made) if options.quiet else progress

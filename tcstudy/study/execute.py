@@ -1,7 +1,7 @@
 """Run a study into its result file: one body, or one geometry after the other and then one file of all.
 
-Where workers pay, each makes the mesh of a geometry and solves all its points (`errands`), and this process writes the
-file of each in the order of the study. Else, and where a geometry is long or large, its run is one like any other, with
+Where workers pay, each makes the mesh of a geometry and solves all its points, and this process writes the file of
+each in the order of the study. Else, and where a geometry is long or large, its run is one like any other, with
 a journal of its own and its blocks for the workers. Files lie in a folder beside the output; what is finished there
 stays, so that a stopped sweep goes on where it was. The folder goes when the file of all geometries stands.
 """
@@ -26,15 +26,15 @@ from tcstudy.data.store import write
 from tcstudy.data.variants import write_variants
 from tcstudy.data.writer import axis_problems
 from tcstudy.errors import GeometryFailed, StoreError, UserFault, tell
-from tcstudy.executors import Errand, in_order, unpacked
+from tcstudy.executors import SerialExecutor, in_order
 from tcstudy.scene.study import Study, Variant
-from tcstudy.study.errands import errand, solve_geometry
+from tcstudy.study.doubts import built_faults
 from tcstudy.study.expected import of_geometry
 from tcstudy.study.grow import Kept
-from tcstudy.study.jobs import Staff, forecast
+from tcstudy.study.jobs import Staff, forecast, submit
 from tcstudy.study.jobs import seconds as contact_seconds
 from tcstudy.study.plan import expected_bytes, faults, output_of, warnings
-from tcstudy.study.run import LevelWork, Quiet, Summary, Watcher, into_file, work_of
+from tcstudy.study.run import LevelWork, Quiet, Summary, Watcher, into_file, run, work_of
 from tcstudy.study.workshop import all_failed
 
 LONG, LARGE = 60.0, 2**28
@@ -116,17 +116,27 @@ def _geometries(
     return Summary(output, points, bad, one.resumed)
 
 
+Records = list[LevelRecord | BlockRecord]
+
+
+def solve_geometry(study: Study) -> Records:
+    """All records of the run of a study with one geometry, in their order. Raises GeometryFailed."""
+    for keys, what, remedy in built_faults(study):
+        raise GeometryFailed(f"{what}; {remedy}", tuple(map(str, keys)))
+    return list(run(study))
+
+
 class _NoAnswer(Exception):
     """A geometry broke down where it was worked, for no reason that its body or mesh gives."""
 
 
-def _answers(works: Sequence[_Geometry], staff: Staff) -> Iterator[tuple[_Geometry, Future[bytes] | None]]:
+def _answers(works: Sequence[_Geometry], staff: Staff) -> Iterator[tuple[_Geometry, Future[Records] | None]]:
     """The geometries in their order, each with the answer that a worker owes; None where this process does the work."""
     sent = [work for work in works if work.travels]
     expected = [of_geometry(work.study) for work in sent]
-    who = staff.errands(expected)
+    who = staff.whole(expected)
     pairs = zip(sent, expected, strict=True)
-    answers = in_order(who, (work.errand(one.seconds) for work, one in pairs)) if who is not None else iter(())
+    answers = in_order(who, (work.submit(who, one.seconds) for work, one in pairs)) if who is not None else iter(())
     for work in works:
         yield work, next(answers) if who is not None and work.travels else None
 
@@ -162,15 +172,15 @@ class _Geometry:
         took = sum(contact_seconds(self.study, level.n_contact) for level in forecast(self.study))
         return took < LONG and expected_bytes(self.study) < LARGE
 
-    def errand(self, seconds: float) -> Errand:
-        """All its work for a worker."""
+    def submit(self, executor: SerialExecutor, seconds: float) -> Future[Records]:
+        """Have all its work done by a worker."""
         name = f"geometry-{self.number} {self.variant.words}"
-        return errand(solve_geometry, self.study, name=name, seconds=seconds)
+        return submit(executor, solve_geometry, self.study, name=name, seconds=seconds)
 
-    def write(self, watcher: _OneSweep, command: Sequence[str], answer: Future[bytes]) -> None:
+    def write(self, watcher: _OneSweep, command: Sequence[str], answer: Future[Records]) -> None:
         """Its file, of what a worker found. Raises GeometryFailed, _NoAnswer, WorkersFailed."""
         try:
-            records: list[LevelRecord | BlockRecord] = unpacked(answer)
+            records = answer.result()
         except UserFault:
             raise
         except Exception as error:  # as of a block: one geometry must not end a sweep

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -26,7 +27,7 @@ from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect, study_sha256, tell
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import HistoryError, StoreError, StudyError, UserFault
-from tcstudy.executors import Errand, in_order, unpacked
+from tcstudy.executors import SerialExecutor, in_order
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
@@ -36,10 +37,9 @@ from tcstudy.scene.study import Study
 from tcstudy.solvers.history.memory import NodeState
 from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
 from tcstudy.solvers.history.steps import history
-from tcstudy.study.errands import errand
 from tcstudy.study.expected import of_history
 from tcstudy.study.history_scene import problem_of, step_derivatives
-from tcstudy.study.jobs import Staff
+from tcstudy.study.jobs import Staff, submit
 from tcstudy.study.plan import warnings
 from tcstudy.study.point import STATUS
 from tcstudy.study.run import level_record
@@ -175,16 +175,17 @@ def _steps(study: Study, level: Level, record: HistoryRecord, staff: Staff, buil
     """
     todo = [point for point in range(len(study.scenes)) if not _finished(record, point)]
     each = of_history(study, level.frames.n_dof, level.line.m)
-    who = staff.errands([each] * len(todo), built)
+    who = staff.whole([each] * len(todo), built)
     if who is None:
         for point in todo:
             for step in _follow(study, level, study.scenes[point], record, point):
                 yield point, step
         return
     key = study_sha256(study)
-    for point, answer in zip(todo, in_order(who, (_errand(study, key, record, point) for point in todo)), strict=True):
+    sent = (_submit(who, study, key, record, point) for point in todo)
+    for point, answer in zip(todo, in_order(who, sent), strict=True):
         try:
-            record.take(point, unpacked(answer))
+            record.take(point, answer.result())
         except UserFault:
             raise
         except Exception as error:  # as in `_follow`; of a worker that died
@@ -193,11 +194,13 @@ def _steps(study: Study, level: Level, record: HistoryRecord, staff: Staff, buil
         yield point, int(steps_done(record)[point]) - 1
 
 
-def _errand(study: Study, key: str, record: HistoryRecord, point: int) -> Errand:
-    """The rest of the history of one point; the study goes along with the first scene, which makes the level."""
+def _submit(
+    executor: SerialExecutor, study: Study, key: str, record: HistoryRecord, point: int
+) -> Future[HistoryRecord]:
+    """Have the rest of the history of one point followed; the first scene goes along, which makes the level."""
     pair = replace(study, scenes=(study.scenes[0], study.scenes[point]), axes=())
     row = record.of(point) if steps_done(record)[point] else None
-    return errand(follow_point, pair, key, row, name=f"history {point}")
+    return submit(executor, follow_point, pair, key, row, name=f"history {point}")
 
 
 _kept: dict[str, Level] = {}

@@ -10,16 +10,22 @@ import itertools
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TypeVar
 
 import numpy as np
 
-from tcstudy.executors import Cluster, Executor, Here, Processes, available
+from tcstudy.executors import TIMEOUT, DaskExecutor, Job, ProcessExecutor, SerialExecutor, available
+from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Clamped, Contact, Scene
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.shapes.edges import body_area, boundary_lengths
 
-Choice = Callable[[Study, int], Executor]
+T = TypeVar("T")
+Choice = Callable[[Study, int], SerialExecutor]
 """(study, contact unknowns of a level) → who solves its blocks."""
 POINT, NODE = 0.08e-3, 2.6e-6
 """Seconds that a point takes to the file, and more for each contact unknown (results/online.md, m = 11 to 176)."""
@@ -127,19 +133,19 @@ class Resources:
 
 
 SHARE = 0.5
-"""Of the memory of this machine, for workers with an errand each."""
+"""Of the memory of this machine, for workers with a geometry or a history each."""
 
 
-def crew(errands: Sequence[Resources], jobs: int | None, start: float = 0.0) -> int:
-    """Worker processes for errands, as many as pay and this machine has the memory for, or as the user asks.
+def crew(calls: Sequence[Resources], jobs: int | None, start: float = 0.0) -> int:
+    """Worker processes for calls, as many as pay and this machine has the memory for, or as the user asks.
 
     start: seconds that each needs before it works
     """
-    if not errands:
+    if not calls:
         return 1
-    memory = max(one.memory for one in errands)
-    most = len(errands) if jobs is not None else max(1, int(SHARE * _memory() / memory))
-    return max(1, min(len(errands), paying(sum(one.seconds for one in errands), jobs, start), most))
+    memory = max(one.memory for one in calls)
+    most = len(calls) if jobs is not None else max(1, int(SHARE * _memory() / memory))
+    return max(1, min(len(calls), paying(sum(one.seconds for one in calls), jobs, start), most))
 
 
 def _memory() -> float:
@@ -152,9 +158,9 @@ class Staff:
 
     def __init__(self, jobs: int | None = None, dask: str | None = None) -> None:
         """jobs: worker processes, None for as many as pay;  dask: address of a scheduler whose workers do it"""
-        self.jobs, self.dask, self._here = jobs, dask, Here()
-        self._cluster: Cluster | None = None
-        self._pool: Processes | None = None
+        self.jobs, self.dask = jobs, dask
+        self._cluster: DaskExecutor | None = None
+        self._pool: ProcessExecutor | None = None
 
     def early(self, study: Study) -> Staff:
         """Start workers of this machine at once where the levels promise to pay for them.
@@ -166,37 +172,68 @@ class Staff:
                 count = min(self.jobs or 1, len(study.variants) or len(study.scenes))
             else:
                 count = max((workers(study, one.n_contact, self.jobs) for one in forecast(study)), default=1)
-            self._of(count).warm() if count > 1 else None
+            if count > 1:
+                self._pool = ProcessExecutor(count).warm()
         return self
 
     def ready(self, study: Study) -> Staff:
         """The same, and connected to the scheduler. Raises WorkersFailed if it does not answer."""
         if self.dask is not None and self._cluster is None:
-            self._cluster = Cluster(self.dask, self.jobs)
+            self._cluster = DaskExecutor(self.dask, self.jobs)
         return self.early(study)
 
-    def blocks(self, study: Study, m: int) -> Executor:
+    def blocks(self, study: Study, m: int) -> SerialExecutor:
         """Who solves the blocks of a level with m contact unknowns."""
         if self._cluster is not None:
-            return self._cluster if study.solver.in_blocks else self._here
-        count = workers(study, m, self.jobs)
-        return self._here if count == 1 else self._of(count)
+            return self._cluster if study.solver.in_blocks else SerialExecutor()
+        return self._of(workers(study, m, self.jobs))
 
-    def errands(self, errands: Sequence[Resources], start: float = 0.0) -> Executor | None:
-        """Who runs errands that take so much, after `start` seconds; None where this process does without."""
+    def whole(self, calls: Sequence[Resources], start: float = 0.0) -> SerialExecutor | None:
+        """Who does calls that take so much, after `start` seconds; None where this process does without."""
         if self._cluster is not None:
-            return self._cluster if len(errands) > 1 else None
-        count = crew(errands, self.jobs, start)
+            return self._cluster if len(calls) > 1 else None
+        count = crew(calls, self.jobs, start)
         return self._of(count) if count > 1 else None
 
     def close(self) -> None:
         """End all workers, whatever they do."""
-        if self._pool is not None:
-            self._pool.close()
-        if self._cluster is not None:
-            self._cluster.close()
+        for executor in (self._pool, self._cluster):
+            if executor is not None:
+                executor.shutdown()
         self._pool = self._cluster = None
 
-    def _of(self, count: int) -> Processes:
-        self._pool = (self._pool or Processes(count)).grow(count)
+    def _of(self, count: int) -> SerialExecutor:
+        if count <= 1:
+            return SerialExecutor()
+        self._pool = (self._pool or ProcessExecutor(count)).grow(count)
         return self._pool
+
+
+SLOW = 50.0
+"""How many times the forecast a worker may take before it counts as hanging."""
+
+
+def submit(
+    executor: SerialExecutor, function: Callable[..., T], study: Study, *given: object, name: str, seconds: float = 0.0
+) -> Future[T]:
+    """Have function(study, *given) done by a worker anywhere; the file of a body, if any, travels as its content.
+
+    seconds: that it is expected to take
+    """
+    brep = study.scenes[0].body.brep
+    content = brep.path.read_bytes() if brep is not None else None
+    job = Job(_with_file, name, max(TIMEOUT, SLOW * seconds))
+    return executor.submit(job, content, function, study, *given)
+
+
+def _with_file(content: bytes | None, function: Callable[..., T], study: Study, *given: object) -> T:
+    """Call it with a study whose body is read from the content of its file, if it has one."""
+    if content is None:
+        return function(study, *given)
+    with TemporaryDirectory(prefix="tcstudy-") as folder:
+        body = study.scenes[0].body
+        assert body.brep is not None
+        path = Path(folder, body.brep.path.name)
+        path.write_bytes(content)
+        own = replace(body, brep=replace(body.brep, path=path))
+        return function(replace(study, scenes=Scenes.of(study.scenes).on(own)), *given)

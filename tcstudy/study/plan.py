@@ -16,6 +16,7 @@ from tcstudy.data.files import check_writable
 from tcstudy.data.provenance import Remark
 from tcstudy.errors import GeometryFailed, StoreError, UsageError, UserFault
 from tcstudy.exact.loads import description
+from tcstudy.executors import WorkerDied, in_order
 from tcstudy.offline.elastic import swept_parts
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import exchange_level
@@ -25,8 +26,8 @@ from tcstudy.scene.records import Contact
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import body_area, boundary_lengths
 from tcstudy.study.doubts import built_faults, doubts, locking_notes, unused
-from tcstudy.study.expected import meshing_seconds, rough_sizes, sizes
-from tcstudy.study.jobs import LevelForecast, forecast, refined
+from tcstudy.study.expected import counting, meshing_seconds, rough_sizes, sizes
+from tcstudy.study.jobs import LevelForecast, Staff, forecast, refined, submit
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,30 @@ def plan(study: Study) -> Plan:
         bytes=0 if study.kind in ("path", "fit") else _bytes(study, levels),
         asked=asked(study),
     )
+
+
+START = 2.0
+"""Seconds that a worker needs before it can make a mesh."""
+
+
+def plans(studies: Sequence[Study], staff: Staff) -> Iterator[Plan]:
+    """The forecasts of geometries in their order, whose meshes workers make where that pays.
+
+    Raises GeometryFailed, WorkersFailed.
+    """
+    expected = [counting(study) for study in studies] if len(studies) > 1 else []
+    who = staff.whole(expected, START)
+    if who is None:
+        yield from map(plan, studies)
+        return
+    pairs = zip(studies, expected, strict=True)
+    for answer in in_order(who, (submit(who, plan, study, name="plan", seconds=one.seconds) for study, one in pairs)):
+        try:
+            yield answer.result()
+        except WorkerDied as error:
+            raise GeometryFailed(
+                f"a geometry of the sweep cannot be meshed ({error}); plan it alone", ("sweep",)
+            ) from error
 
 
 def of_geometries(study: Study, found: Sequence[tuple[Study, Plan]]) -> Plan:

@@ -25,7 +25,7 @@ from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.store import Begun, write
 from tcstudy.errors import GeometryFailed
-from tcstudy.executors import Here
+from tcstudy.executors import SerialExecutor
 from tcstudy.fem.boundary import held_ends
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.fem.study_meshes import Meshes
@@ -147,7 +147,7 @@ def stages(
         clock = time.perf_counter()
         survey = meshes.survey(level) if isinstance(meshes, Family) else None
         times.estimate = time.perf_counter() - clock
-        who = executor(study, level.line.m) if executor is not None else Here()
+        who = executor(study, level.line.m) if executor is not None else SerialExecutor()
         workshop = Workshop(study, level, survey, who, times, todo=todo)
         if kept is not None and workshop.solutions is not None:
             for block in kept.blocks(study, i):

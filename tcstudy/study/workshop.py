@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.on_request import variables
 from tcstudy.data.records import BlockRecord, PointRecord, PointStatus, block_of
-from tcstudy.executors import Executor, Here, Solved, Task, WorkersFailed
+from tcstudy.executors import TIMEOUT, Job, SerialExecutor, WorkersFailed, timed
 from tcstudy.laws.composed import row_laws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.offline.level import CondensedBlock, Level
-from tcstudy.online import CondensedBody, Options
+from tcstudy.online import BlockAnswers, CondensedBody, Options, solve_block
 from tcstudy.refine.survey import Survey
 from tcstudy.scene.points import combinations, of_stiffness
 from tcstudy.scene.records import Scene
@@ -63,7 +63,7 @@ class Workshop:
     study: Study
     level: Level
     survey: Survey | None
-    executor: Executor = field(default_factory=Here)
+    executor: SerialExecutor = field(default_factory=SerialExecutor)
     times: Times = field(default_factory=Times)
     bodies: dict[object, CondensedBody] = field(default_factory=dict)
     todo: Places | None = None
@@ -92,7 +92,7 @@ class Workshop:
                 yield from self._finish(*waiting.popleft())
             known = finished.get(block.number)
             if known is None or not np.array_equal(known.points, block.points):
-                waiting.append((block, self._prepare(block, tries=2)))
+                waiting.append((block, self._prepare(block)))
             else:
                 waiting.append((block, known))
         while waiting:
@@ -104,11 +104,8 @@ class Workshop:
         more = self.survey is not None or output.fields or output.asks
         return (self.solutions is not None and block.wave != last.wave) or (more and block.ratio != last.ratio)
 
-    def _prepare(self, block: Block, tries: int = 1) -> Pending:
-        """Condense a block and hand it to the executor; what breaks down there is told where answers are due.
-
-        tries: workers that may die over it
-        """
+    def _prepare(self, block: Block) -> Pending:
+        """Condense a block and hand it to the executor; what breaks down there is told where answers are due."""
         if not self.study.solver.in_blocks:
             return partial(self._singly, block)
         try:
@@ -119,9 +116,12 @@ class Workshop:
             options = Options(self.study.solver.branch, self.study.solver.tolerance)
             loads, near = condensed.l_tilde / factor[:, None], self._beside(block)
             name = f"level-{self.level.mesh.level} points {block.points.min()}-{block.points.max()}"
-            task = Task(self._body(condensed, Level.ratio(scenes[0])), loads, laws, options, near, self.exact, name)
+            points, m = loads.shape
+            job = Job(timed, name, max(TIMEOUT, FACTORISATIONS / FLOPS * points * m**3 / 3.0))
+            body = self._body(condensed, Level.ratio(scenes[0]))
+            future = self.executor.submit(job, solve_block, body, loads, laws, options, near, self.exact)
             vanishing = np.array([scene.friction.vanishes for scene in scenes])
-            solved = partial(self._solved, block, condensed, laws, vanishing, self.executor.submit(task, tries))
+            solved = partial(self._solved, block, condensed, laws, vanishing, future)
         except Exception as error:  # as in solve_point
             broken: Future[BlockRecord] = Future()
             broken.set_exception(error)
@@ -169,7 +169,7 @@ class Workshop:
         if len(block.points) == 1:
             return all_failed(self.study, self.level.mesh.level, block.points, status, reason)
         halves = [replace(block, points=part) for part in np.array_split(block.points, 2)]
-        parts = [self._prepare(half, tries=1 + (len(half.points) == 1)) for half in halves]
+        parts = [self._prepare(half) for half in halves]
         points = [point for part in parts for point in part().one_by_one()]
         return block_of(points, self.study.shape, block.number)
 
@@ -179,11 +179,11 @@ class Workshop:
         condensed: CondensedBlock,
         laws: Laws,
         vanishing: NDArray[np.bool_],
-        future: Future[Solved],
+        future: Future[tuple[BlockAnswers, float]],
     ) -> BlockRecord:
         """The record of a block whose answers an executor owes; vanishing: (P,) whether a point has no friction."""
-        solved = future.result()
-        answers, factor = solved.answers, condensed.mu / condensed.mu[0]
+        answers, seconds = future.result()
+        factor = condensed.mu / condensed.mu[0]
         # no friction leaves a solution nothing but rounding of ξ; how far from 0 that is is its inclusion residual
         nothing = vanishing & (answers.status == Status.CONVERGED)
         xi = np.where(nothing[:, None], 0.0, answers.xi * factor[:, None])
@@ -197,7 +197,7 @@ class Workshop:
             points=block.points,
             status=STATUS[answers.status],
             reasons={row: reason for row, reason in enumerate(answers.reasons) if reason},
-            numbers=numbers | {"time_solve": np.full(count, solved.time / count)},
+            numbers=numbers | {"time_solve": np.full(count, seconds / count)},
             u_T=answers.v,
             xi=xi / condensed.c,
             sticks=sticks.astype(np.int8),
@@ -289,6 +289,8 @@ ENOUGH, MOST = 256, 2**18
 """Points from which a larger block is hardly cheaper by the point, and entries at most."""
 ESTIMATED = 16
 """Points of a block where the error of each is estimated, which takes longer than its solution."""
+FACTORISATIONS, FLOPS = 2000.0, 1e9
+"""A block may take the time of so many factorisations of Ã a point on a slow processor."""
 FIELDS = 2**22
 """Numbers of whole-body fields that a block holds at most."""
 

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect
 from tcstudy.data.store import write
-from tcstudy.executors.protocol import keep_freed_memory
+from tcstudy.executors.pool import keep_freed_memory
 from tcstudy.laws import shapes
 from tcstudy.laws.laws import Laws
 from tcstudy.online import BlockAnswers, CondensedBody

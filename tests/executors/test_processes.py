@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import Future
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +16,13 @@ import pytest
 
 from tcstudy.data.journal import COMMIT_SECONDS
 from tcstudy.data.records import BlockRecord, PointStatus
-from tcstudy.executors import Executor, Here, Processes, WorkersFailed
+from tcstudy.errors import GeometryFailed
+from tcstudy.executors import Job, ProcessExecutor, SerialExecutor, WorkerDied, WorkersFailed, in_order
 from tcstudy.scene.study import Study
 from tcstudy.study import workshop
 from tcstudy.study.execute import execute
 from tcstudy.study.run import run
+from tests.executors.calls import harm, treat
 from tests.verification.scenes import RECTANGLE, study_of
 
 SWEPT = RECTANGLE + "\nsweep: {friction.tau: [0.005, 0.01, 0.02, 0.03]}\n"
@@ -34,13 +37,13 @@ def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def pool() -> Iterator[Processes]:
-    workers = Processes(2)
+def pool() -> Iterator[ProcessExecutor]:
+    workers = ProcessExecutor(2)
     yield workers
-    workers.close()
+    workers.shutdown()
 
 
-def solved(study: Study, executor: Executor) -> list[BlockRecord]:
+def solved(study: Study, executor: SerialExecutor) -> list[BlockRecord]:
     records = run(study, executor=lambda study, m: executor)
     return [record for record in records if isinstance(record, BlockRecord)]
 
@@ -65,39 +68,81 @@ def assert_same(some: list[BlockRecord], others: list[BlockRecord]) -> None:
         ("mesh={maxh: 0.5, levels: 2, family: adaptive}",),
     ],
 )
-def test_workers_find_the_same_to_the_bit(pool: Processes, changes: tuple[str, ...]) -> None:
+def test_workers_find_the_same_to_the_bit(pool: ProcessExecutor, changes: tuple[str, ...]) -> None:
     study = study_of(SWEPT.replace("levels: 3", "levels: 2"), *changes)
-    assert_same(solved(study, pool), solved(study, Here()))
+    assert_same(solved(study, pool), solved(study, SerialExecutor()))
 
 
-@pytest.mark.parametrize("what", ["once-kill", "once-crash", "once-hang"])
-def test_a_block_whose_worker_dies_once_is_solved_all_the_same(tmp_path: Path, what: str) -> None:
-    study = study_of(SWEPT, "mesh.levels=1")
-    limit = 10.0 if what == "once-hang" else None
-    workers = Processes(2, limit, worker=(CRUEL, what, str(TAU), str(tmp_path / "pids")))
+DEATHS = [
+    ("kill", "signal SIGKILL, perhaps for want of memory"),
+    ("crash", "signal SIGSEGV"),
+    ("exit", "it ended with exit code 3"),
+    ("hang", "no answer within 3 s"),
+]
+
+
+@pytest.mark.parametrize(("what", "words"), DEATHS)
+def test_a_call_whose_worker_dies_is_tried_once_more_and_then_told(tmp_path: Path, what: str, words: str) -> None:
+    """And takes nothing along: the calls before and after it are answered, those of other workers too."""
+    once, always = tmp_path / "once", tmp_path / "always"
+    workers = ProcessExecutor(2)
     try:
-        assert_same(solved(study, workers), solved(study, Here()))
+        around = [workers.submit(divmod, i, 3) for i in range(6)]
+        mended, lost = (workers.submit(Job(treat, "", 3.0), what, seen, seen == once) for seen in (once, always))
+        around += [workers.submit(divmod, i, 3) for i in range(6, 12)]
+        assert mended.result() == int(once.read_text().split()[1])
+        with pytest.raises(WorkerDied, match=f"^the worker process that solved this died: {words}$"):
+            lost.result()
+        assert [call.result() for call in around] == [divmod(i, 3) for i in range(12)]
     finally:
-        workers.close()
-    assert len((tmp_path / "pids").read_text().split()) == 2
+        workers.shutdown()
+    assert len(set(once.read_text().split())) == len(set(always.read_text().split())) == 2
 
 
-@pytest.mark.parametrize(
-    ("what", "words"), [("kill", "signal SIGKILL"), ("crash", "signal SIGSEGV"), ("exhaust", "MemoryError")]
-)
-def test_a_point_that_kills_its_workers_is_recorded_and_the_rest_goes_on(tmp_path: Path, what: str, words: str) -> None:
+def test_what_a_call_raises_arrives(pool: ProcessExecutor) -> None:
+    """As it was, with its keys, or in words where it cannot be packed; the worker stays."""
+    with pytest.raises(GeometryFailed, match="no such body") as fault:
+        pool.submit(harm, "fault").result()
+    assert fault.value.keys == ("body", "file")
+    with pytest.raises(RuntimeError, match="Stubborn: 1 and 2"):
+        pool.submit(harm, "stubborn").result()
+    with pytest.raises(MemoryError):
+        pool.submit(harm, "exhaust").result()
+    with pytest.raises(ZeroDivisionError):
+        list(pool.map(divmod, [1, 2], [1, 0]))
+
+
+def test_no_more_calls_are_under_way_than_the_executor_likes() -> None:
+    sent: list[int] = []
+
+    class Three(SerialExecutor):
+        ahead = 3  # type: ignore[assignment]
+
+    def calls(count: int) -> Iterator[Future[tuple[int, int]]]:
+        for i in range(count):
+            sent.append(i)
+            yield Three().submit(divmod, i, 2)
+
+    found = []
+    for answer in in_order(Three(), calls(9)):
+        found.append(answer.result())
+        assert len(sent) - len(found) <= 3
+    assert found == [divmod(i, 2) for i in range(9)]
+
+
+def test_a_point_that_kills_its_workers_is_recorded_and_the_rest_goes_on(tmp_path: Path) -> None:
     study = study_of(SWEPT, "mesh.levels=1")
-    workers = Processes(2, worker=(CRUEL, what, str(TAU), str(tmp_path / "pids")))
+    workers = ProcessExecutor(2, command=(CRUEL, "kill", str(TAU), str(tmp_path / "pids")))
     try:
         first, second = solved(study, workers)
     finally:
-        workers.close()
+        workers.shutdown()
     row = int(np.flatnonzero(first.points == 1)[0])
     assert first.status[row] == PointStatus.ERROR
-    assert words in first.reasons[row]
+    assert "signal SIGKILL" in first.reasons[row]
     assert np.all(np.delete(first.status, row) == PointStatus.OK)
-    assert len((tmp_path / "pids").read_text().split()) == (2 if what == "exhaust" else 4)  # block: 2, point: 2
-    expected = solved(study, Here())
+    assert len((tmp_path / "pids").read_text().split()) == 4  # block: 2, point: 2
+    expected = solved(study, SerialExecutor())
     assert_same([second], expected[1:])
     assert first.u_T is not None
     assert expected[0].u_T is not None
@@ -106,28 +151,28 @@ def test_a_point_that_kills_its_workers_is_recorded_and_the_rest_goes_on(tmp_pat
 
 @pytest.mark.parametrize("warm", [False, True])
 def test_workers_that_never_start_end_the_run(warm: bool) -> None:
-    workers = Processes(2, worker=("-c", "raise SystemExit(3)"))
+    workers = ProcessExecutor(2, command=("-c", "raise SystemExit(3)"))
     try:
         if warm:
             workers.warm()
         with pytest.raises(WorkersFailed, match=r"exit code 3.*--jobs 1"):
             solved(study_of(SWEPT, "mesh.levels=1"), workers)
     finally:
-        workers.close()
+        workers.shutdown()
 
 
 def test_warm_workers_are_there_before_the_first_task() -> None:
-    workers = Processes(2).warm()
+    workers = ProcessExecutor(2).warm()
     try:
         deadline = time.monotonic() + 60
-        while len(workers._workers) < 2 and time.monotonic() < deadline:
+        while len(workers._alive) < 2 and time.monotonic() < deadline:
             time.sleep(0.01)
-        early = {worker.process.pid for worker in workers._workers.values()}
+        early = {worker.process.pid for worker in workers._alive}
         study = study_of(SWEPT, "mesh.levels=1")
-        assert_same(solved(study, workers), solved(study, Here()))
-        assert {worker.process.pid for worker in workers._workers.values()} == early
+        assert_same(solved(study, workers), solved(study, SerialExecutor()))
+        assert {worker.process.pid for worker in workers._alive} == early
     finally:
-        workers.close()
+        workers.shutdown()
     assert all(gone(pid) for pid in early)
 
 
@@ -141,7 +186,7 @@ from tcstudy.study import workshop
 from tcstudy.study import jobs
 from tcstudy.study.execute import execute
 workshop.POINTS = 2
-jobs.Processes = partial(jobs.Processes, worker=tuple(sys.argv[3:]))
+jobs.ProcessExecutor = partial(jobs.ProcessExecutor, command=tuple(sys.argv[3:]))
 try:
     execute(read_study(Path(sys.argv[1])), Path(sys.argv[2]), jobs=2)
 except KeyboardInterrupt:

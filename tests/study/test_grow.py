@@ -18,8 +18,8 @@ import tcstudy
 from tcstudy.cli import main
 from tcstudy.data.journal import COMMIT_SECONDS
 from tcstudy.data.records import PointStatus
-from tcstudy.executors import protocol
 from tcstudy.laws.laws import Laws
+from tcstudy.study import workshop
 from tests.verification.scenes import RECTANGLE
 
 TEXT = RECTANGLE.replace("maxh: 0.1, levels: 3", "maxh: 0.5, levels: 2").replace(
@@ -57,7 +57,7 @@ class Counted:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, fail_at: float = np.nan) -> None:
         self.points = 0
-        original = protocol.solve_block
+        original = workshop.solve_block
 
         def solve(body: object, loads: np.ndarray, laws: Laws, *options: object) -> object:
             self.points += len(loads)
@@ -65,7 +65,7 @@ class Counted:
                 raise ArithmeticError("made to fail")
             return original(body, loads, laws, *options)  # type: ignore[arg-type]
 
-        monkeypatch.setattr(protocol, "solve_block", solve)
+        monkeypatch.setattr(workshop, "solve_block", solve)
 
 
 @pytest.mark.parametrize("more", ["", "output.fields=true", "solver.branch=continued"])
@@ -174,11 +174,10 @@ import sys, time
 from pathlib import Path
 from tcstudy import cli
 from tcstudy.data import store
-from tcstudy.executors import protocol
 from tcstudy.study import workshop
 workshop.POINTS = 1
 place, reached, calls = sys.argv[1], Path(sys.argv[2]), 0
-module = {"solve_block": protocol, "put_window": store}[place]
+module = {"solve_block": workshop, "put_window": store}[place]
 original = getattr(module, place)
 def pausing(*words, **more):
     global calls

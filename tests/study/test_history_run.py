@@ -15,10 +15,11 @@ import xarray as xr
 import tcstudy
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import StoreError, UsageError
+from tcstudy.executors import ProcessExecutor
 from tcstudy.read.study import read_study_text
 from tcstudy.study import history_run, jobs
 from tcstudy.study.history_run import execute_history
-from tests.study.test_errands import kill_one
+from tests.study.test_whole_geometries import kill_one
 
 BLOCK = """
 body: {rectangle: {width: 0.4 m, height: 0.1 m}}
@@ -103,7 +104,7 @@ import os, signal, sys, time
 from pathlib import Path
 from tcstudy.read.study import read_study_text
 from tcstudy.study.history_run import execute_history
-from tests.study.test_errands import kill_one
+from tests.study.test_whole_geometries import kill_one
 
 def stop(point, points, step, steps):
     if step == 4:
@@ -148,13 +149,15 @@ SWEPT = (
 )
 CRUEL = """
 import os
-from tcstudy.executors import protocol, worker
-solve = protocol.Errand.solve
-def cruel(self):
-    if self.name == "history 1":
+from tcstudy.executors import worker
+from tcstudy.study import history_run
+follow = history_run.follow_point
+def cruel(study, *given):
+    first, own = study.scenes
+    if 1.1 < own.material.beta / first.material.beta < 1.3 and own.friction == first.friction:
         os.kill(os.getpid(), 9)
-    return solve(self)
-protocol.Errand.solve = cruel
+    return follow(study, *given)
+history_run.follow_point = cruel
 worker.main()
 """
 
@@ -166,7 +169,7 @@ def test_workers_find_the_same_histories_and_one_that_kills_them_is_told(
     study, told = read_study_text(SWEPT, "study.yaml"), []
     execute_history(study, tmp_path / "a.nc", jobs=1)
     with monkeypatch.context() as patched:
-        patched.setattr(jobs, "Processes", partial(jobs.Processes, worker=("-c", CRUEL)))
+        patched.setattr(jobs, "ProcessExecutor", partial(ProcessExecutor, command=("-c", CRUEL)))
         summary = execute_history(study, tmp_path / "b.nc", lambda *at: told.append(at), jobs=2)
     assert (summary.points, summary.ended) == (6, 1)
     assert [point for point, *_ in told] == [0, 1, 2, 3, 4, 5]

@@ -16,7 +16,6 @@ import xarray as xr
 import tcstudy
 from tcstudy.data.journal import COMMIT_SECONDS
 from tcstudy.data.records import PointStatus
-from tcstudy.executors import protocol
 from tcstudy.fem import heat_forms as heat
 from tcstudy.laws.laws import Laws
 from tcstudy.offline import elastic as elastic_module
@@ -95,14 +94,14 @@ def test_a_constant_temperature_loads_the_body(tmp_path: Path) -> None:
 
 
 def test_a_failing_point_is_recorded_and_the_rest_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    original = protocol.solve_block
+    original = workshop.solve_block
 
     def fail_once(body: object, loads: object, laws: Laws, *options: object) -> object:
         if np.any(laws.scales[laws.index] == 0.01):
             raise ArithmeticError("made to fail")
         return original(body, loads, laws, *options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(protocol, "solve_block", fail_once)
+    monkeypatch.setattr(workshop, "solve_block", fail_once)
     data = run(tmp_path, SWEPT).to_dataset()
     assert np.all(data["status"].sel(tau=0.01) == int(PointStatus.ERROR))
     assert np.all(data["status"].drop_sel(tau=0.01) == int(PointStatus.OK))
@@ -127,11 +126,10 @@ import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent in the background hands down one that is ignored
 from pathlib import Path
 from tcstudy.read.study import read_study
-from tcstudy.executors import protocol
 from tcstudy.study import workshop
 from tcstudy.study.execute import execute
 workshop.POINTS = 1
-original = protocol.solve_block
+original = workshop.solve_block
 calls = 0
 def slow(*a, **k):
     global calls
@@ -140,7 +138,7 @@ def slow(*a, **k):
         Path(sys.argv[3]).touch()
         time.sleep(60)
     return original(*a, **k)
-protocol.solve_block = slow
+workshop.solve_block = slow
 try:
     execute(read_study(Path(sys.argv[1])), Path(sys.argv[2]))
 except KeyboardInterrupt:
