@@ -51,7 +51,7 @@ def test_plan_says_who_solves_geometries(tmp_path: Path, capsys: pytest.CaptureF
     assert "3 geometries, each whole by one of 3 worker processes (--jobs), or by those of a scheduler" in said
 
 
-def test_errands_get_the_workers_that_pay_and_have_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_whole_calls_get_the_workers_that_pay_and_have_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     each = [jobs.Resources(5.0, 1e9)] * 10
     assert jobs.crew(each, None) == 4
     assert jobs.crew(each, None, start=20.0) == 2
