@@ -70,7 +70,7 @@ def _command(arguments: list[str]) -> int:
     if named is None and arguments and not arguments[0].startswith("-"):
         word = arguments[0]
         if word in FORMER:
-            rest = shlex.join(arguments[1:]) or "FILE"
+            rest = printable(shlex.join(arguments[1:])) or "FILE"
             print(f"tcstudy: {word} is now: {FORMER[word].format(rest)}", file=sys.stderr)
             raise SystemExit(BAD_INPUT)
         near = difflib.get_close_matches(word.lower(), MODULES, n=1, cutoff=0.55)

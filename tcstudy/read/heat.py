@@ -15,7 +15,7 @@ from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, deepest, hint
 from tcstudy.scene.keys import rows
 from tcstudy.scene.records import Body, EdgeHeat, Heat, Material, Point, Role, Scalar, exchanges
-from tcstudy.shapes.snapping import snapped
+from tcstudy.shapes.faults import snapped
 
 Boundary = tuple[tuple[str, Role], ...]
 

@@ -11,7 +11,7 @@ import netCDF4
 import numpy as np
 import pytest
 
-from tcstudy.data import store, windows
+from tcstudy.data import store
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, PointStatus, block_of
 from tcstudy.data.schema import FileVariable
@@ -87,7 +87,7 @@ def test_a_long_sweep_comes_back_whatever_the_passes(
         yield from blocks
 
     for name, value in (("MEMORY", memory), ("CHUNK", 2**15)):
-        monkeypatch.setattr(windows, name, value)
+        monkeypatch.setattr(store, name, value)
     monkeypatch.setattr(store, "MEMORY", memory)
     output.parent.mkdir(exist_ok=True)
     growing = store.Begun(output, long, begun)
@@ -130,9 +130,8 @@ def test_what_comes_in_the_order_of_the_file_is_written_at_once(
     whole = block_of([point for block in blocks for point in block.one_by_one()], long.shape)
     order = np.argsort(whole.points)
     parts = [_rows(whole, rows) for rows in np.array_split(order, 40)]
-    monkeypatch.setattr(windows, "CHUNK", 2**15)
-    for module in (windows, store):
-        monkeypatch.setattr(module, "MEMORY", 600_000)
+    monkeypatch.setattr(store, "CHUNK", 2**15)
+    monkeypatch.setattr(store, "MEMORY", 600_000)
     output.parent.mkdir(exist_ok=True)
     growing = store.Begun(output, long)
     for record in (levels[0], *parts):

@@ -145,7 +145,8 @@ def counted(monkeypatch: pytest.MonkeyPatch, *changes: str) -> tuple[int, Level]
     calls = []
     original = conduction.modes
     monkeypatch.setattr(conduction, "modes", lambda *args: calls.append(1) or original(*args))  # type: ignore[func-returns-value]
-    study = study_of(bracket(NONE_HELD).replace("0.01,", '"h/80",').replace("40,", '"50*h",'), *changes)
+    text = bracket(NONE_HELD).replace("0.01,", '"h/80",').replace("40,", '"50*h",')
+    study = study_of(text + "parameters: {h: 0.8}\n", *changes)
     mesh = next(mesh_family(build(study.scenes[0].body), study.mesh))
     level = Level(mesh, study.scenes[0], study.scenes)
     for scene in study.scenes:
@@ -155,8 +156,8 @@ def counted(monkeypatch: pytest.MonkeyPatch, *changes: str) -> tuple[int, Level]
 
 def test_alpha_whose_ratios_are_kept_share_one_set_of_modes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Named by one parameter, all α vary together; one that varies by itself asks for modes of its own."""
-    together = ["heat.alpha=h", "parameters={h: 0.8}", "sweep={parameters.h: {geomspace: [0.01, 100, 12]}}"]
-    apart = ["heat.alpha=h", "parameters={h: 0.8}", "sweep={boundary.curve.heat.alpha: [1, 2, 3]}"]
+    together = ["heat.alpha=h", "sweep={parameters.h: {geomspace: [0.01, 100, 12]}}"]
+    apart = ["heat.alpha=h", "sweep={boundary.curve.heat.alpha: [1, 2, 3]}"]
     assert counted(monkeypatch, *together)[0] == 1
     assert counted(monkeypatch, *apart)[0] == 3
 

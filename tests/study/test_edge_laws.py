@@ -18,7 +18,7 @@ D, SHOE = 80e6, 0.05
 
 
 def solved(text: str, tmp_path: Path, name: str = "a") -> xr.DataTree:
-    tcstudy.run(read_study_text(text), tmp_path / f"{name}.nc")
+    tcstudy.run(read_study_text(text, "s", ["path=null"]), tmp_path / f"{name}.nc")
     return xr.open_datatree(tmp_path / f"{name}.nc")
 
 

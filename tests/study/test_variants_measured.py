@@ -74,6 +74,6 @@ def test_cost_and_path_are_of_one_geometry(tmp_path: Path, capsys: pytest.Captur
     file = tmp_path / "along.yaml"
     file.write_text(along)
     assert main(["run", str(file), "--output", str(tmp_path / "path.nc")]) == 0
-    said = capsys.readouterr().err
+    said = "".join(capsys.readouterr())
     assert "the values of width, E are not used" in said
     assert "holds these results already" in said

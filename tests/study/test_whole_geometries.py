@@ -25,6 +25,7 @@ from tcstudy.read.study import read_study, read_study_text
 from tcstudy.reports.terminal.progress import PlanProgress
 from tcstudy.study import expected, jobs
 from tcstudy.study.execute import execute, solve_geometry
+from tcstudy.study.grow import all_but_broken
 from tcstudy.study.jobs import Staff, submit
 from tcstudy.study.plan import plans
 from tcstudy.study.run import LevelWork, Quiet, run
@@ -122,9 +123,7 @@ def test_a_geometry_that_kills_its_workers_is_told_and_the_rest_goes_on(
         )
         assert told in str(tree["reason"].sel(s=1.5).values[0, 0])
     study = read_study_text(BARS)
-    from tcstudy.study.grow import retried
-
-    execute(*(retried(path, study)[:1]), path, jobs=2, kept=retried(path, study)[1])
+    execute(study, path, jobs=2, kept=all_but_broken(path, study))
     assert_same(alone, path)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.laws import along
+from tcstudy.laws import composed
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.page.container import Container
@@ -76,7 +76,7 @@ def test_strengths_by_point_and_a_joint_which_has_none(tmp_path: Path, monkeypat
     study = read_study_text(EDGES)
     tcstudy.run(study, tmp_path / "out.nc")
     line = read_picture(tmp_path / "out.nc", {"boundary_top_u_x": 0.2, "strength": 0.5}, 0).line
-    monkeypatch.setattr(along, "total", None)  # no mixture is made for what is not drawn
+    monkeypatch.setattr(composed, "total", None)  # no mixture is made for what is not drawn
     kept: list[np.ndarray] = []
     monkeypatch.setattr(Container, "array", lambda _, values, kind="": kept.append(np.array(values)))
     monkeypatch.setattr(Container, "rows", lambda _, rows: np.array(rows))
