@@ -45,7 +45,7 @@ def draw(
     at:       of a run or its convergence: the point by its labels, {"alpha": 100}; the first unless named
     level:    of a run: mesh level, −1 or nothing for the finest
     y:        of a path "mean-slip", "max-slip" or "friction"; of a cost chart the error, e.g. "u_L2"
-    size:     "8x5cm" or (width, height) [inch]
+    size:     "8x10cm" or (width, height) [inch]
 
     Of a run, in place of a point:
     x, y, by:  curves of the number y ("slip_length") over the parameter x, one for each value of the parameter `by`

@@ -41,7 +41,7 @@ def test_run_path_converge_draw_and_report(study: tcstudy.Study, tmp_path: Path)
     assert "status" in errors
     assert tcstudy.draw(tmp_path / "run.nc", tmp_path / "run.png", level=0).stat().st_size > 1000
     assert tcstudy.draw(tmp_path / "path.nc", tmp_path / "path.svg").exists()
-    assert tcstudy.draw(tmp_path / "run.nc", tmp_path / "law.pdf", law=True, size="12x9cm").exists()
+    assert tcstudy.draw(tmp_path / "run.nc", tmp_path / "law.pdf", law=True, size="8x10cm").exists()
     with pytest.raises(tcstudy.UserFault, match="x: law is another picture"):
         tcstudy.draw(tmp_path / "run.nc", tmp_path / "law.png", law=True, x="a", y="b")
     assert tcstudy.report(tmp_path / "run.nc") == tmp_path / "run.html"

@@ -78,7 +78,7 @@ def test_draw(folder: Path) -> None:
     assert "tau" in wrong.stderr
     assert wrong.stderr.count("\n") == 1
     assert not (folder / "b.png").exists()
-    words = ("--x", "tau", "--y", "slip_length", "--size", "12x9cm")
+    words = ("--x", "tau", "--y", "slip_length", "--size", "8x10cm")
     curves = tcstudy_command("draw", "results/block.nc", "c.png", *words, cwd=folder)
     assert (curves.returncode, curves.stdout) == (0, "c.png: slip_length over tau, level 1\n"), curves.stderr
     law = tcstudy_command("draw", "results/block.nc", "l.png", "--law", "--at", "tau=0.01", cwd=folder)

@@ -86,7 +86,7 @@ def _show(options: argparse.Namespace, file: Path) -> None:
     Option("--map", metavar="NAME,NAME", help="a map over two swept parameters"),
     Option("--of", metavar="NUMBER", help="what the map is of, e.g. u_T_max"),
     Option("--law", action="store_true", help="the friction law of a point with all its nodes on it"),
-    Option("--size", metavar="WIDTHxHEIGHT", help="size of the picture, e.g. 8x5cm"),
+    Option("--size", metavar="WIDTHxHEIGHT", help="size of the picture, e.g. 8x10cm"),
 )
 def draw(options: argparse.Namespace) -> int:
     """Draw a file of any kind."""

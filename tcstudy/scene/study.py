@@ -181,7 +181,7 @@ class PathPlan:
         return ".".join(self.parameter)
 
 
-SEPARABLE, BUNDLE = SOLVERS = ("separable-newton", "bundle-newton")
+SEPARABLE, _ = SOLVERS = ("separable-newton", "bundle-newton")
 """Names that a study may give under `solver`."""
 
 Branch = Literal["lowest", "continued", "from-zero"]

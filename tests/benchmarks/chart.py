@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from tcstudy.reports.figures.style import INK, PALE, SHADE, WIDTH, inches, save, styled
+from tcstudy.reports.figures.style import INK, PALE, SHADE, WIDTH, save, styled
 from tests.benchmarks.measure import NOT_RUN
+from tests.benchmarks.panels import inches
 from tests.benchmarks.problems import BODY_RATIO, WEAKENING
 from tests.benchmarks.stability_draw import fewer_colours
 from tests.benchmarks.summary import cell, columns, lowest, residual, solved, wrong_claims

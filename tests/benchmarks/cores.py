@@ -18,7 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from tcstudy.reports.figures.style import INK, WIDTH, inches, save, styled
+from tcstudy.reports.figures.style import INK, WIDTH, save, styled
+from tests.benchmarks.panels import inches
 
 ROOT = Path(__file__).parents[2]
 RUNS, RATIOS, SIZES = 2, (25_600, 51_200, 102_400), (10**4, 10**5, 10**6)

@@ -18,7 +18,8 @@ import xarray as xr
 from PIL import Image
 
 import tcstudy
-from tcstudy.reports.figures.style import BLUE, INK, PALE, VERMILLION, WIDTH, inches, save, styled
+from tcstudy.reports.figures.style import BLUE, INK, PALE, VERMILLION, WIDTH, save, styled
+from tests.benchmarks.panels import inches
 from tests.verification.gallery_forms import Law, bar, ring_slip
 
 if TYPE_CHECKING:

@@ -36,11 +36,12 @@ from tcstudy.executors.pool import keep_freed_memory
 from tcstudy.laws import shapes
 from tcstudy.laws.laws import Laws
 from tcstudy.online import BlockAnswers, CondensedBody
-from tcstudy.reports.figures.style import INK, WIDTH, inches, save, styled
+from tcstudy.reports.figures.style import INK, WIDTH, save, styled
 from tcstudy.scene.study import Study
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.study.run import Stage, stages
 from tests.benchmarks.blocks import Single, differences, said, solved_alone
+from tests.benchmarks.panels import inches
 from tests.online.rows import solve_points
 
 T = TypeVar("T")

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from tcstudy.reports.figures.style import INK, SHADE, inches, save, styled
+from tcstudy.reports.figures.style import INK, SHADE, save, styled
+from tests.benchmarks.panels import inches
 from tests.benchmarks.peers import RESULTS
 from tests.benchmarks.stability_draw import COLOURS, OUTCOMES, SAID
 from tests.benchmarks.stability_measure import LEFT_OUT, Row, read

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from tcstudy.reports.figures.style import INK, PALE, SHADE, WIDTH, inches, save, styled
+from tcstudy.reports.figures.style import INK, PALE, SHADE, WIDTH, save, styled
+from tests.benchmarks.panels import inches
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,4 +1,4 @@
-"""The sheet of every picture, of any size with any letters: heading, facts, panels, keys and colour bars.
+"""The sheet of every picture, of any size: heading, facts, panels, keys and colour bars.
 
 matplotlib's constrained layout finds the places. Heading, facts, titles and labels are wrapped to the room that they
 have: it does not look how long they are.
@@ -46,7 +46,6 @@ class Sheet:
     facts, feet: what stands below the heading and at the foot of the sheet
     rows:        names of the panels in rows of these usual heights [inch], as of Figure.subplot_mosaic; on a narrow
                  sheet all stand below each other
-    All lengths grow with the letters, unless a size is asked for.
     """
 
     def __init__(
@@ -61,23 +60,21 @@ class Sheet:
         from matplotlib.figure import Figure
 
         self.look, self.em, scale = look, look.letters / 72.0, look.letters / style.USUAL
-        self.width = look.size[0] if look.size else style.WIDTH * scale
+        self.width = look.size[0] if look.size else style.WIDTH
         self.wide = look.columns(self.width - 2 * EDGE * self.em)
         if self.wide < NARROW:
             own = {name: high for row, high in zip(rows, heights, strict=True) for name in row if name != "."}
             rows, heights = [[name] for name in own], list(own.values())
         self._labels: dict[Axes, tuple[str, ...]] = {}
-        head: list[tuple[str, float, dict[str, Any]]] = []
-        if look.title != "":
-            head += self._lines(heading if look.title is None else look.title, LARGE, fontweight="bold")
-            head += [line for fact in facts for line in self._lines(fact, SMALL)]
+        head = self._lines(heading, LARGE, fontweight="bold")
+        head += [line for fact in facts for line in self._lines(fact, SMALL)]
         foot = [line for text in (*feet, *look.remarks) for line in self._lines(text, SMALL)]
         above, below = (LINE * self.em * sum(size for _, size, _ in lines) for lines in (head, foot))
         least = above + below + scale * (SMALLEST * sum(heights) + ROOM * len(heights))
-        self.height = look.size[1] if look.size else least + (1.0 - SMALLEST) * scale * sum(heights)
+        self.height = look.size[1] if look.size else least + (1.0 - SMALLEST) * sum(heights)
         if self.height < least:
             least *= 2.54
-            raise DrawError(f"size: {least:.1f} cm is the least height of this picture with such width and letters")
+            raise DrawError(f"size: {least:.1f} cm is the least height of this picture with such a width")
         self.heights = heights
         self.figure = Figure((self.width, self.height), dpi=look.dpi, layout="constrained")
         self._write(head, EDGE * self.em)
@@ -136,7 +133,7 @@ class Sheet:
                 if any(axes.get_aspect() != "auto" and axes.get_adjustable() == "box" for axes in figure.axes):
                     engine.execute(figure)  # labels were measured beside a panel that its shape had made smaller
             except UserWarning as error:
-                raise DrawError("size: panels find no room; ask for a larger picture or smaller letters") from error
+                raise DrawError("size: panels find no room; ask for a larger picture") from error
         figure.set_layout_engine("none")
         left, bottom, width, height = self._rect  # keys have their margins towards the panels alone
         across, up = (0.5 * APART * SMALL * self.em / side for side in (self.width, self.height))

@@ -21,7 +21,6 @@ from tcstudy.scene import key
 from tcstudy.scene.key import GREEK
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
@@ -48,8 +47,8 @@ HEAT = "YlOrRd"
 """Colour map of the body: light enough for dark lines and letters on most of its range."""
 
 
-USUAL = 9.5
-"""Usual size of letters [pt]."""
+USUAL, LEAST = 9.5, 7.0
+"""Usual size of letters [pt]; of those in a small picture, the least that journals print."""
 
 _STYLE: dict[Any, Any] = {
     "font.size": USUAL,
@@ -76,8 +75,6 @@ _STYLE: dict[Any, Any] = {
 
 LARGEST, SMALLEST = 40.0, 1.0
 """Width and height that a picture may have [inch]."""
-LETTERS = (4.0, 40.0)
-"""Sizes of letters that a picture may have [pt]."""
 INCHES = {"cm": 1 / 2.54, "mm": 1 / 25.4, "in": 1.0}
 
 
@@ -86,24 +83,16 @@ class Look:
     """What is asked of the looks of a picture.
 
     size:  width and height [inch], None for the usual one
-    font:  size of its letters [pt], None for the usual one
-    title: its heading, None for the title of the study, "" for no heading at all
     remarks: lines below everything else
     """
 
     size: tuple[float, float] | None = None
-    font: float | None = None
-    title: str | None = None
     remarks: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        if self.font is not None and not LETTERS[0] <= self.font <= LETTERS[1]:
-            raise UsageError(f"font: letters of {self.font:g} pt cannot be read; give {LETTERS[0]:g} to {LETTERS[1]:g}")
 
     @property
     def letters(self) -> float:
-        """The size of the letters [pt]."""
-        return self.font or USUAL
+        """The size of the letters [pt], which shrink with a picture narrower than the usual one."""
+        return max(LEAST, USUAL * min(1.0, self.size[0] / WIDTH)) if self.size else USUAL
 
     @property
     def dpi(self) -> int:
@@ -116,11 +105,11 @@ class Look:
 
 
 def size_in_inches(text: str) -> tuple[float, float]:
-    """Width and height [inch] of a text such as "8x5cm"; raises UsageError if it is no size of a picture."""
+    """Width and height [inch] of a text such as "8x10cm"; raises UsageError if it is no size of a picture."""
     match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(cm|mm|in)?\s*[x×]\s*(\d+\.?\d*|\.\d+)\s*(cm|mm|in)\s*", text)
     if match is None:
         raise UsageError(
-            f"size: {text!r} is none; write width x height with a unit, for example 8x5cm, 80x50mm or 3.2x2in"
+            f"size: {text!r} is none; write width x height with a unit, for example 8x10cm, 80x100mm or 3.2x4in"
         )
     width, height = float(match[1]) * INCHES[match[2] or match[4]], float(match[3]) * INCHES[match[4]]
     if not all(SMALLEST <= side <= LARGEST for side in (width, height)):
@@ -192,12 +181,6 @@ def save(figure: Figure, target: Path, dpi: int = DPI) -> None:
         replace_file(target, lambda aside: aside.write_bytes(buffer.getvalue()), sealed=False)
     except StoreError as error:
         raise DrawError(str(error)) from error
-
-
-def inches(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
-    """New axes at a place counted in inches from the lower left corner."""
-    across, up = figure.get_size_inches()
-    return figure.add_axes((left / across, bottom / up, width / across, height / up))
 
 
 NARROW = 100.0

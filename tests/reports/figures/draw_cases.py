@@ -201,8 +201,8 @@ def example_laws() -> tuple[Laws, ...]:
     return tuple(shape.build(**parameters[name]) for name, shape in SHAPES.items())
 
 
-LOOKS = [style.Look(), style.Look((3.15, 8.0), 7.0), style.Look((6.7, 9.5), 10.5), style.Look(font=8.0, title="")]
-"""Usual, of one column of a paper, of a page with large letters, without a heading."""
+LOOKS = [style.Look(), style.Look((3.15, 8.0)), style.Look((6.7, 9.5))]
+"""Usual, of one column of a paper, of a page."""
 
 
 def off_the_page(figure: Figure) -> list[str]:

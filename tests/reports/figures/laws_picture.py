@@ -10,6 +10,7 @@ from tcstudy.laws.laws import Laws
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.law_figure import CURVE_STYLE, DOWN_STYLE, UP_STYLE, draw_law, slip_range
 from tcstudy.reports.text import number
+from tests.benchmarks.panels import inches
 from tests.reports.figures.draw_cases import example_laws
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def laws_figure(laws: Sequence[Laws]) -> Figure:
     for i, law in enumerate(laws):
         row, column = divmod(i, COLUMNS)
         bottom = FOOT + (rows - 1 - row) * HIGH + 0.35
-        axes = style.inches(figure, column * across + 0.5, bottom, across - 0.65, HIGH - 0.75)
+        axes = inches(figure, column * across + 0.5, bottom, across - 0.65, HIGH - 0.75)
         reach = slip_range(law) or 1.0
         draw_law(axes, law, (-reach, reach), 1.0, 1.0, {})
         for axis in (axes.xaxis, axes.yaxis):

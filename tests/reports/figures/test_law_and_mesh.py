@@ -26,7 +26,7 @@ from tests.reports.figures.draw_cases import HEIGHT, WIDTH, crowded, example_law
 from tests.reports.figures.laws_picture import laws_figure
 
 BRITTLE = SHAPES["piecewise-linear"].build(points=[(0.0, 2e7), (1e-5, 2e7), (1e-5, 5e6)])
-SMALL = style.Look(style.size_in_inches("9x7cm"), 7.0)
+SMALL = style.Look(style.size_in_inches("8x7cm"))
 
 
 def law_picture(grid: Path) -> LawPicture:

@@ -18,7 +18,7 @@ from tcstudy.reports.sentences import different_energies
 from tcstudy.reports.sweep import SweepPicture, read_sweep
 from tests.reports.figures.draw_cases import crowded, png_size
 
-SMALL = style.Look(style.size_in_inches("8x6cm"), 7.0)
+SMALL = style.Look(style.size_in_inches("8x6cm"))
 
 
 def swept(grid: Path, *along: str, level: int = -1) -> SweepPicture:
@@ -78,7 +78,7 @@ def test_drawn_points_are_not_joined(grid: Path) -> None:
             assert curves_figure(one, style.Look()).axes[0].lines[0].get_linestyle() == style_of_line
 
 
-@pytest.mark.parametrize("look", [style.Look(), SMALL, replace(SMALL, title="A longer heading, wrapped where it ends")])
+@pytest.mark.parametrize("look", [style.Look(), SMALL])
 def test_no_text_overlaps_another(grid: Path, look: style.Look) -> None:
     with style.styled(look):
         for figure in (curves_figure(swept(grid, "alpha", "friction"), look),
@@ -86,16 +86,16 @@ def test_no_text_overlaps_another(grid: Path, look: style.Look) -> None:
             assert crowded(figure) == []
 
 
-def test_size_letters_and_heading(grid: Path, tmp_path: Path) -> None:
+def test_size_and_letters(grid: Path, tmp_path: Path) -> None:
     said = picture(grid, tmp_path / "a.png", Wanted(x="alpha", y="slip_length", size=(6.0, 4.0)))
     assert said == f"{tmp_path / 'a.png'}: slip_length over alpha, friction = tresca (its first value), level 1"
     assert png_size(tmp_path / "a.png") == (1800, 1200)
-    assert style.size_in_inches("80 x 50 mm") == pytest.approx(style.size_in_inches("8x5cm")) == (8 / 2.54, 5 / 2.54)
+    assert style.size_in_inches("80 x 100 mm") == pytest.approx(style.size_in_inches("8x10cm")) == (8 / 2.54, 10 / 2.54)
     for text in ("8x5", "x5cm", "0x5cm", "9000x5cm", "-8x5cm"):
         with pytest.raises(UsageError, match="size: "):
             style.size_in_inches(text)
-    with pytest.raises(UsageError, match="font: letters of 2 pt"):
-        style.Look(font=2.0)
+    sizes = (2.0, 6.0, 20.0)
+    assert [style.Look((width, 4.0)).letters for width in sizes] == [7.0, 7.125, style.USUAL]  # the least in print
 
 
 @pytest.mark.parametrize(
