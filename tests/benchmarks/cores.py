@@ -29,11 +29,9 @@ PAUSE = 0.2
 ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 """Modules compiled once, as where the package is installed: three processes that compile them cost 0.5 s."""
 ENVIRONMENT["OPENBLAS_NUM_THREADS"] = "1"
-COARSE = ("mesh", "{maxh: 20 mm, levels: 1}")
-WORDS = (
-    ("mesh", "{maxh: 2 mm, levels: 1, refine: 3}"),
-    ("friction", "{law: slip-weakening, tau_s: 40 MPa, tau_k: 10 MPa, delta: 40 um}"),
-)
+QUICK = str(ROOT / "configs" / "quickstart.yaml")
+COARSE, FINE = "{maxh: 20 mm, levels: 1}", "{maxh: 2 mm, levels: 1, refine: 3}"
+LAW = "friction={law: slip-weakening, tau_s: 40 MPa, tau_k: 10 MPa}"
 RUN = """
 import sys, time
 from tcstudy.cli import main
@@ -77,13 +75,16 @@ class Taken:
         return self.alone + 0.5 * (self.beside + self.workers)
 
 
+def changes(mesh: str, alphas: int, surroundings: int, deltas: int) -> list[str]:
+    """What makes the quickstart the study that is measured, a sweep of so many values each."""
+    grid = f"alpha: {{linspace: [100, 400, {alphas}]}}, theta_bar: {{linspace: [0, 20, {surroundings}]}}"
+    return [f"mesh={mesh}", LAW, f"sweep={{{grid}, friction.delta: {{linspace: [20 um, 60 um, {deltas}]}}}}"]
+
+
 def run(folder: Path, jobs: int, points: int) -> Taken:
     """One run in a process of its own."""
-    grid = "alpha: {linspace: [100, 400, 40]}, theta_bar: {linspace: [0, 20, 40]}"
-    sweep = f"{{{grid}, friction.delta: {{linspace: [20 um, 60 um, {max(2, points // 1600)}]}}}}"
-    words = [f"--set={key}={value}" for key, value in (*WORDS, ("sweep", sweep))]
-    study = str(ROOT / "configs" / "quickstart.yaml")
-    command = [sys.executable, "-c", RUN, "run", study, *words, f"--output={folder / 'cores.nc'}", "-q", "--force"]
+    words = [f"--set={change}" for change in changes(FINE, 40, 40, max(2, points // 1600))]
+    command = [sys.executable, "-c", RUN, "run", QUICK, *words, f"--output={folder / 'cores.nc'}", "-q", "--force"]
     before, since = os.times(), time.perf_counter()
     done = subprocess.run(
         [*command, f"--jobs={jobs}"], env=ENVIRONMENT, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True
@@ -139,12 +140,9 @@ def held(process: int) -> float:
 def memory(points: int) -> tuple[float, float]:
     """(wall seconds, largest number of bytes held) of a run with two workers, m = 11."""
     side = round(points ** (1.0 / 3.0))
-    grid = f"alpha: {{linspace: [100, 400, {side}]}}, theta_bar: {{linspace: [0, 20, {side}]}}"
-    sweep = f"{{{grid}, friction.delta: {{linspace: [20 um, 60 um, {side}]}}}}"
-    words = [f"--set={key}={value}" for key, value in (COARSE, WORDS[1], ("sweep", sweep))]
-    study = str(ROOT / "configs" / "quickstart.yaml")
+    words = [f"--set={change}" for change in changes(COARSE, side, side, side)]
     with TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "tcstudy", "run", study, *words, f"--output={Path(folder) / 'm.nc'}", "-q"]
+        command = [sys.executable, "-m", "tcstudy", "run", QUICK, *words, f"--output={Path(folder) / 'm.nc'}", "-q"]
         since, most = time.perf_counter(), 0.0
         running = subprocess.Popen([*command, "--jobs=2"], env=ENVIRONMENT, cwd=ROOT, stdout=subprocess.PIPE)
         while running.poll() is None:

@@ -180,7 +180,7 @@ def studies() -> Iterator[Study]:
 
     config = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
     mesh = ["mesh.maxh=18.5 mm", f"mesh.levels={max(WHOLE) + 1}"]
-    softening = "friction={law: slip-weakening, tau_s: 40 MPa, tau_k: 10 MPa, delta: 40 um}"
+    softening = "friction={law: slip-weakening, tau_s: 40 MPa, tau_k: 10 MPa}"
     grid = "alpha: {linspace: [100, 400, 10]}, theta_bar: {linspace: [0, 20, %d]}"
     deltas = "friction.delta: {linspace: [20 um, 60 um, 10]}"
     yield tcstudy.load(config, [*mesh, softening, f"sweep={{{grid % 10}, {deltas}}}"])
@@ -188,7 +188,9 @@ def studies() -> Iterator[Study]:
         config, [*mesh, "sweep.alpha={linspace: [100, 400, 10]}", "sweep.theta_bar={linspace: [0, 20, 25]}"]
     )
     drawn = ", ".join(f"{name}: {{uniform: {ends}}}" for name, ends in DRAWN.items())
-    yield tcstudy.load(config, [*mesh, softening, f"sweep={{mode: random, points: 1000, seed: 7, {drawn}}}"])
+    yield tcstudy.load(
+        config, [*mesh, "friction={law: slip-weakening}", f"sweep={{mode: random, points: 1000, seed: 7, {drawn}}}"]
+    )
 
 
 def whole(progress: Callable[[str], None]) -> xr.Dataset:
