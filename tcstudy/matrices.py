@@ -22,7 +22,7 @@ from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import SHAPES
-from tcstudy.scene.study import BRANCHES, SOLVERS, Branch, Direction
+from tcstudy.scene.study import BRANCHES, BUNDLE, SEPARABLE, SOLVERS, Branch, Direction
 from tcstudy.solvers import certificates
 from tcstudy.solvers.certificates import Certificate
 from tcstudy.solvers.contact import Answer, solve_contact
@@ -107,6 +107,7 @@ def solve(
 
     solver:    "separable-newton" or "bundle-newton"
     tolerance: largest inclusion residual, strict; None for 1e-10 or what rounding to doubles allows
+    max_iterations: of bundle-newton alone, None for its own limit
     branch:    "lowest" (the lowest found from all starts and by a search for less), "continued" (from the neighbour) or
                "from-zero"
     neighbour: (m,) solution of a neighbouring problem [m], if there is one
@@ -121,6 +122,8 @@ def solve(
         raise ProblemError(f"tolerance = {tolerance!r} must lie between 0 and 1; leave it out for 1e-10")
     if max_iterations is not None and max_iterations < 1:
         raise ProblemError(f"max_iterations = {max_iterations} leaves nothing to do; give 1 or more")
+    if max_iterations is not None and solver == SEPARABLE:
+        raise ProblemError(f"max_iterations is of {BUNDLE} alone; leave it out, or give solver={BUNDLE!r}")
     return solve_contact(problem.plain, solver, tolerance, max_iterations, branch, start)
 
 

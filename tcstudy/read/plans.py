@@ -17,7 +17,7 @@ from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT, affine_numbers, path_scene, sweepable
 from tcstudy.scene.records import Clamped, Convection, Loaded, Rigid, Scalar, Scene, exchanges, resultant
-from tcstudy.scene.study import Goal, MeshPlan, OutputPlan, PathPlan, Quantity, SolverPlan
+from tcstudy.scene.study import BUNDLE, Goal, MeshPlan, OutputPlan, PathPlan, Quantity, SolverPlan
 from tcstudy.scene.units import LENGTH, LINE_FORCE, NONE, TEMPERATURE, Dimension
 
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
@@ -130,6 +130,8 @@ def read_solver(ctx: Context, node: Node | None) -> SolverPlan:
     names = given.pop("name", SolverPlan().names)
     if len(set(names)) < len(names):
         ctx.errors.at(fields.values["name"], "names a solver twice", "name each solver once")
+    if BUNDLE not in names and "max_iterations" in fields.values:
+        ctx.errors.at(fields.values["max_iterations"], f"is of {BUNDLE} alone", f"remove it, or choose name: {BUNDLE}")
     return SolverPlan(names, **given)
 
 

@@ -156,7 +156,7 @@ _NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.]*\w)")
 
 _REMEDIES = {
     PointStatus.NOT_RUN: "run the study again to resume it",
-    PointStatus.NOT_CONVERGED: "raise solver.max_iterations, or try the other solver",
+    PointStatus.NOT_CONVERGED: "try the other solver",
     PointStatus.INCLUSION_VIOLATED: "raise solver.tolerance, check the units, or coarsen the mesh",
     PointStatus.SINGULAR: "check that the body is held and that the material is elastic",
     PointStatus.MESH_FAILED: "change mesh.maxh, and look at the body for slits and slivers",

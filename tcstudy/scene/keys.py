@@ -227,7 +227,7 @@ ROWS: tuple[Key, ...] = (
         "solver",
         Key("name", "one or more", "of the solver", words=SOLVERS, example=SOLVERS[0], default=_SOLVER.names[0]),
         Key("tolerance", "number", "largest inclusion residual, strict", example="1e-10", above=0.0, below=1.0),
-        Key("max_iterations", "integer", "of one solve", least=1),
+        Key("max_iterations", "integer", "of one solve by bundle-newton", least=1),
         Key("branch", "choice", "which solution is stored", words=BRANCHES, default=_SOLVER.branch),
     ),
     *in_section(

@@ -181,7 +181,7 @@ class PathPlan:
         return ".".join(self.parameter)
 
 
-SEPARABLE, _ = SOLVERS = ("separable-newton", "bundle-newton")
+SEPARABLE, BUNDLE = SOLVERS = ("separable-newton", "bundle-newton")
 """Names that a study may give under `solver`."""
 
 Branch = Literal["lowest", "continued", "from-zero"]
@@ -201,7 +201,7 @@ class SolverPlan:
 
     names:          solvers; the first one's solution is stored, the others are compared with it
     tolerance:      largest inclusion residual of an accepted solution, strict; None for 1e-10 or what rounding allows
-    max_iterations: iteration limit of the method, None for its own
+    max_iterations: iteration limit of bundle-newton, None for its own
     branch:         which solution is stored where several are found: the lowest found ("lowest": starts at
                     zero, at the frictionless solution and at the neighbouring sweep point), the one that continues
                     the neighbour's ("continued"), or the one from zero ("from-zero")
@@ -215,7 +215,7 @@ class SolverPlan:
     @property
     def in_blocks(self) -> bool:
         """Whether points are solved together."""
-        return self.names == (SEPARABLE,) and self.max_iterations is None
+        return self.names == (SEPARABLE,)
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from tcstudy.solvers.loop import Outcome, Status, iterate
 from tcstudy.solvers.problem import ContactProblem
 from tcstudy.solvers.search import escape
 from tcstudy.solvers.separable.finish import Refined, finish, refined
-from tcstudy.solvers.separable.newton import COARSEST, ITERATIONS, SeparableNewton
+from tcstudy.solvers.separable.newton import COARSEST, SeparableNewton
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
@@ -87,6 +87,7 @@ def solve_contact(
     """Find v with 0 ∈ Ãv − l̃ + ∂Ψ(v) and an inclusion residual that is accepted.
 
     tolerance: largest inclusion residual, strict; None for 1e-10 or what rounding allows (scene/study.py)
+    max_iterations: steps of bundle-newton, None for its own limit; separable-newton has one of its own
     branch:    "lowest": of the solutions found from zero, from the frictionless solution, from the neighbour, beside
                the exact one and, unless the best of them seems global or the solver is bundle-newton, by the escape
                phase the lowest found; "continued": from the neighbour, without leaving its basin on purpose,
@@ -100,7 +101,6 @@ def solve_contact(
     """
     if solver not in SOLVERS:
         raise ValueError(f"unknown solver {solver!r}; use one of {', '.join(SOLVERS)}")
-    run = _separable if solver == SEPARABLE else _bundle
     acceptance = Acceptance(tolerance)
     accuracy = min(ACCURACY, acceptance.aim)
     answers: list[Answer] = []
@@ -109,12 +109,16 @@ def solve_contact(
         if stay and problem.inclusion_residual(x0) <= acceptance.aim:
             outcome = _unmoved(problem, x0)  # a descent would leave one that is no minimum
         else:
-            outcome = run(problem, x0, accuracy, max_iterations, stay, log)
+            outcome = (
+                _separable(problem, x0, accuracy, stay, log)
+                if solver == SEPARABLE
+                else _bundle(problem, x0, accuracy, max_iterations, log)
+            )
         answers.append(replace(_judge(problem, outcome, acceptance), start=start))
         if branch != "lowest" and answers[-1].status == Status.CONVERGED:
             break
     if branch == "lowest" and solver == SEPARABLE:
-        answers += _escape(problem, _together(answers), acceptance, max_iterations, log)
+        answers += _escape(problem, _together(answers), acceptance, log)
     if branch == "lowest" and exact is not None:
         outcome = _unmoved(problem, finish(problem, exact)[0])
         answers.append(replace(_judge(problem, outcome, acceptance), start=EXACT))
@@ -136,31 +140,27 @@ def _starts(problem: ContactProblem, branch: Branch, neighbour: Array | None) ->
     yield from known if branch != "continued" else []
 
 
-def _escape(
-    problem: ContactProblem, best: Answer, acceptance: Acceptance, max_iterations: int | None, log: Log | None
-) -> list[Answer]:
+def _escape(problem: ContactProblem, best: Answer, acceptance: Acceptance, log: Log | None) -> list[Answer]:
     """What the escape phase finds, if it has any business; where rounding decides or the data are bad it has none."""
     if best.status not in (Status.CONVERGED, Status.ITERATION_LIMIT, Status.STALLED):
         return []
 
     def solve(changed: ContactProblem, x0: Array, accuracy: float) -> Outcome:
-        return _separable(changed, x0, accuracy, max_iterations, True, log)
+        return _separable(changed, x0, accuracy, True, log)
 
     known = best.v if best.status == Status.CONVERGED else None
     found = escape(problem, known, min(ACCURACY, acceptance.aim), solve)
     return [] if found is None else [replace(_judge(problem, found, acceptance), start=ESCAPE)]
 
 
-def _separable(
-    problem: ContactProblem, x0: Array, accuracy: float, max_iterations: int | None, stay: bool, log: Log | None
-) -> Outcome:
+def _separable(problem: ContactProblem, x0: Array, accuracy: float, stay: bool, log: Log | None) -> Outcome:
     coarsest = 0 if stay else COARSEST  # coarse copies of the problem would look for a lower basin
-    method = SeparableNewton(accuracy, max_iterations or ITERATIONS, coarsest)
+    method = SeparableNewton(accuracy, coarsest=coarsest)
     return iterate(method, replace(problem, law=problem.law.without_narrow_pieces), x0, log)
 
 
 def _bundle(
-    problem: ContactProblem, x0: Array, accuracy: float, max_iterations: int | None, _: bool, log: Log | None
+    problem: ContactProblem, x0: Array, accuracy: float, max_iterations: int | None, log: Log | None
 ) -> Outcome:
     from tcstudy.solvers.bundle.contact import solve_with_bundle  # needs the QP library
 

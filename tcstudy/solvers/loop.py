@@ -87,7 +87,7 @@ def iterate(method: Method, problem: Any, x0: NDArray[np.float64], log: Callable
         if iteration < method.max_iterations:
             state = method.step(problem, state)
     reason = (
-        f"no solution within {method.max_iterations} iterations; allow more (max_iterations), "
-        "start from a neighbouring solution, or use another solver"
+        f"no solution within {method.max_iterations} iterations; start from a neighbouring solution, "
+        "use another solver, or allow bundle-newton more (max_iterations)"
     )
     return method.outcome(problem, state, Status.ITERATION_LIMIT, reason, method.max_iterations)

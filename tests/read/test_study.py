@@ -146,8 +146,8 @@ def test_heat_loads_and_plans() -> None:
     assert study.scenes[0].f == (0.0, -77e3)
     assert (study.solver, study.output) == (SolverPlan(("bundle-newton",)), OutputPlan(Path("out.nc")))
     assert (study.title, study.institution) == ("T", "here")
-    study = plain(more="solver: {tolerance: 1e-8, max_iterations: 7}\noutput: {fields: true}\n")
-    assert study.solver == SolverPlan(tolerance=1e-8, max_iterations=7)
+    study = plain(more="solver: {name: bundle-newton, tolerance: 1e-8, max_iterations: 7}\noutput: {fields: true}\n")
+    assert study.solver == SolverPlan(("bundle-newton",), tolerance=1e-8, max_iterations=7)
     assert study.output == OutputPlan(None, True)
 
 

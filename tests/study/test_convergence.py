@@ -63,7 +63,7 @@ def test_a_run_stores_the_energy_on_the_exact_solutions_branch(tmp_path: Path) -
     """Together in a block and one by one: the exact solution is a start, and not the least; without one NaN stands."""
     together, singly = (
         tcstudy.run(read_study_text(FALLING_FILM, "study", ["mesh.levels=2", *own]), tmp_path / f"{len(own)}.nc")
-        for own in ([], ["solver={name: separable-newton, max_iterations: 300}"])
+        for own in ([], ["solver=[separable-newton, bundle-newton]"])
     )
     for tree in (together, singly):
         energy = tree["start_energy"].isel(level=1)

@@ -111,7 +111,7 @@ def test_a_failing_point_is_recorded_and_the_rest_goes_on(tmp_path: Path, monkey
 
 def test_too_few_iterations_is_a_status_with_a_remedy(tmp_path: Path) -> None:
     rough = "friction={law: saw-tooth, delta: 0.002, teeth: 40, drop: 0.9, decay: 0.97}"
-    options = "solver={name: separable-newton, max_iterations: 1}"
+    options = "solver={name: bundle-newton, max_iterations: 1}"
     text = SWEPT.replace("friction.tau: [0.005, 0.01, 0.02]", "friction.tau: [0.01, 0.015, 0.02]")
     data = run(tmp_path, text, rough, options).to_dataset()
     bad = data["status"] == int(PointStatus.NOT_CONVERGED)
