@@ -167,10 +167,9 @@ def test_unwritable_output(folder: Path) -> None:
 @pytest.mark.parametrize(
     "words",
     [
-        *(f"{name} block.yaml --output=" for name in ("run", "plan", "converge", "cost", "path", "history", "fit")),
-        *(f"{name} block.yaml --plot=" for name in ("converge", "cost", "path", "fit")),
+        *(f"{name} block.yaml --output=" for name in ("run", "converge", "cost")),
+        *(f"{name} block.yaml --plot=" for name in ("converge", "cost")),
         *("draw block.nc ", "report block.nc --output=", "export block.nc --csv --output=", "init "),
-        "merge a.nc b.nc --output=",
     ],
 )
 def test_what_cannot_name_an_output_is_refused_in_one_line(words: str, name: str, folder: Path) -> None:

@@ -75,6 +75,10 @@ def test_bad_matrices_are_refused_in_one_line(given: tuple[object, object, objec
         (lambda: tcstudy.law("tresca", mu=1.0), "no such parameter"),
         (lambda: tcstudy.law(points=[(0, -1.0)]), "law piecewise-linear"),
         (lambda: tcstudy.solve(tcstudy.ContactProblem(A, [0, 0], [1, 1], LAW), "newton"), "there is no solver"),
+        (
+            lambda: tcstudy.solve(tcstudy.ContactProblem(A, [0, 0], [1, 1], LAW), max_iterations=5),
+            "is of bundle-newton",
+        ),
         (lambda: tcstudy.certify(tcstudy.ContactProblem(A, [0, 0], [1, 1], LAW), [1.0]), "v has the shape"),
         (lambda: tcstudy.follow(tcstudy.ContactProblem(A, [0, 0], [1, 1], LAW), [1, 0], [5, 5]), "no path"),
         (lambda: tcstudy.ContactProblem(A, [0, 0], [1, 1], "tresca"), "law is a str"),
