@@ -221,7 +221,7 @@ class LawPieces:
     @Fact
     def falls(self) -> Array:
         """(…) steepest fall ω = −inf (b(s₁)−b(s₂))/(s₁−s₂) ≥ 0; infinite with a down-jump (method §5) [Pa/m]."""
-        steepest = np.maximum(0.0, -np.min(self.end_slopes.astype(float), axis=(0, -1)))
+        steepest = 0.0 + np.maximum(0.0, -np.min(self.end_slopes.astype(float), axis=(0, -1)))
         return np.asarray(np.where(np.any(self.kinds == DOWN, axis=-1), np.inf, steepest))
 
     @Fact
