@@ -10,7 +10,13 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-QUIET = {**os.environ, "DASK_DISTRIBUTED__LOGGING__DISTRIBUTED": "critical", "OPENBLAS_NUM_THREADS": "1"}
+QUIET = {
+    **os.environ,
+    "DASK_DISTRIBUTED__LOGGING__DISTRIBUTED": "critical",
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONPATH": os.pathsep.join(filter(None, [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])),
+}
+"""Workers run the program that is tested, not one that is installed, and find the calls of these tests."""
 
 
 def free_port() -> int:
